@@ -1,0 +1,33 @@
+"""Ground floor: poses, lines, the sensor, the robot, measured points and errors (numpy and scipy only)."""
+
+from geometry.errors import InputError, MissingDependencyError, NoAnswerError, PerceptronEmuError
+from geometry.field_of_view import field_of_view, inside_polygon
+from geometry.lines import cross_plane_x0, distance_to_line
+from geometry.points import AxisPoints, SurfacePoints
+from geometry.pose import Pose, exp_so3, log_so3, nearest_rotation, quaternion_wxyz, skew, stack_poses
+from geometry.robot import PARAMETERS, RobotModel, RobotUncertainty
+from geometry.sensor import SensorModel
+
+__all__ = [
+    "PARAMETERS",
+    "AxisPoints",
+    "InputError",
+    "MissingDependencyError",
+    "NoAnswerError",
+    "PerceptronEmuError",
+    "Pose",
+    "RobotModel",
+    "RobotUncertainty",
+    "SensorModel",
+    "SurfacePoints",
+    "cross_plane_x0",
+    "distance_to_line",
+    "exp_so3",
+    "field_of_view",
+    "inside_polygon",
+    "log_so3",
+    "nearest_rotation",
+    "quaternion_wxyz",
+    "skew",
+    "stack_poses",
+]

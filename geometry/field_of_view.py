@@ -1,0 +1,108 @@
+"""The part of the laser sheet that is lit by the fan and seen by the camera, as a polygon."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geometry.errors import InputError
+from geometry.sensor import SensorModel
+
+Array = NDArray[np.float64]
+
+MAX_DISTANCE_MM = 5000.0  # beyond this no line sensor measures; it closes a field of view that is open to the horizon
+
+
+def field_of_view(sensor: SensorModel, margin_px: float = 0.0, samples_per_side: int = 24) -> Array:
+    """The field of view in the laser plane: a polygon (N, 2) of (y, z) [mm] in order around it.
+
+    margin_px: strip along the image's border that is left out. Raises InputError where the camera sees nothing of the lit sheet.
+    """
+    border = _image_border(sensor, margin_px, samples_per_side)
+    rays = np.column_stack([_undistort(sensor, border), np.ones(len(border))]) @ sensor.T_sensor_camera.R.T
+    centre = sensor.camera_centre_mm
+    # homogeneous point of the sheet on each ray: (y, z, 1) · w with w > 0 in front of the camera
+    w = -rays[:, 0] / centre[0]
+    homogeneous = np.column_stack([centre[1] * w + rays[:, 1], centre[2] * w + rays[:, 2], w])
+    polygon = _clip(homogeneous, np.array([0.0, 0.0, 1.0]), 1.0 / MAX_DISTANCE_MM)
+    for half_plane in _fan_half_planes(sensor):
+        polygon = _clip(polygon, half_plane, 0.0)
+    if len(polygon) < 3:
+        raise InputError(
+            "the camera sees nothing of the lit laser sheet: check [camera.pose], [camera] and [laser] fan_deg of the sensor"
+        )
+    return np.asarray(polygon[:, :2] / polygon[:, 2:])
+
+
+def inside_polygon(points: Array, polygon: Array) -> NDArray[np.bool_]:
+    """Whether each point (..., 2) lies inside the simple polygon (N, 2) (crossing number)."""
+    p = np.asarray(points, dtype=float)[..., None, :]
+    a, b = polygon, np.roll(polygon, -1, axis=0)
+    straddles = (a[:, 1] > p[..., 1]) != (b[:, 1] > p[..., 1])
+    slope = (b[:, 0] - a[:, 0]) / np.where(b[:, 1] == a[:, 1], 1.0, b[:, 1] - a[:, 1])
+    left = p[..., 0] < a[:, 0] + slope * (p[..., 1] - a[:, 1])
+    return np.asarray(np.sum(straddles & left, axis=-1) % 2 == 1)
+
+
+def _image_border(s: SensorModel, margin_px: float, n: int) -> Array:
+    low, right, bottom = margin_px - 0.5, s.width_px - 0.5 - margin_px, s.height_px - 0.5 - margin_px
+    corners = np.array([[low, low], [right, low], [right, bottom], [low, bottom]])
+    t = np.arange(n)[:, None] / n
+    sides = [a + t * (b - a) for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True)]
+    return np.concatenate(sides)
+
+
+def _undistort(s: SensorModel, uv_px: Array) -> Array:
+    """Normalised image coordinates (N, 2) of distorted pixels, by Gauss-Newton with a numeric Jacobian."""
+    goal = (uv_px - [s.cx_px, s.cy_px]) / [s.fx_px, s.fy_px]
+    xy, step = goal.copy(), 1e-6
+    if not any(s.distortion):
+        return xy
+    for _ in range(30):
+        f = _distort(xy, s.distortion14) - goal
+        j = np.stack([(_distort(xy + step * e, s.distortion14) - goal - f) / step for e in np.eye(2)], -1)
+        delta = np.linalg.solve(j, f[..., None])[..., 0]
+        xy -= delta
+        if np.max(np.abs(delta)) < 1e-12:
+            break
+    return xy
+
+
+def _distort(xy: Array, k: Array) -> Array:
+    """OpenCV's rational, tangential, thin-prism and tilt model on normalised coordinates (N, 2)."""
+    x, y = xy[:, 0], xy[:, 1]
+    r2 = x * x + y * y
+    radial = (1 + r2 * (k[0] + r2 * (k[1] + r2 * k[4]))) / (1 + r2 * (k[5] + r2 * (k[6] + r2 * k[7])))
+    xd = x * radial + 2 * k[2] * x * y + k[3] * (r2 + 2 * x * x) + r2 * (k[8] + r2 * k[9])
+    yd = y * radial + k[2] * (r2 + 2 * y * y) + 2 * k[3] * x * y + r2 * (k[10] + r2 * k[11])
+    (sx, sy), (cx, cy) = np.sin(k[12:14]), np.cos(k[12:14])
+    rotation = np.array([[cy, 0, -sy], [0, 1, 0], [sy, 0, cy]]) @ np.array([[1, 0, 0], [0, cx, sx], [0, -sx, cx]])
+    shear = np.array([[rotation[2, 2], 0, -rotation[0, 2]], [0, rotation[2, 2], -rotation[1, 2]], [0, 0, 1]])
+    tilted = np.column_stack([xd, yd, np.ones(len(xd))]) @ (shear @ rotation).T
+    return np.asarray(tilted[:, :2] / tilted[:, 2:])
+
+
+def _fan_half_planes(s: SensorModel) -> list[Array]:
+    """Half-planes n · (y, z, 1) ≥ 0 whose intersection is the fan."""
+    half = s.fan_rad / 2
+    out = []
+    for sign in (-1.0, 1.0):
+        n = np.array([sign * np.cos(half), np.sin(half)])
+        out.append(np.array([*n, -n @ s.laser_origin_mm[1:]]))
+    return [*out, np.array([0.0, 1.0, -s.laser_origin_mm[2]])]
+
+
+def _clip(polygon: Array, n: Array, limit: float) -> Array:
+    """Sutherland-Hodgman: the part of the homogeneous polygon (N, 3) with n · p ≥ limit."""
+    if len(polygon) == 0:
+        return polygon
+    d = polygon @ n - limit
+    out: list[Array] = []
+    for i, p in enumerate(polygon):
+        j = (i + 1) % len(polygon)
+        if d[i] >= 0:
+            out.append(p)
+        if (d[i] >= 0) != (d[j] >= 0):
+            t = d[i] / (d[i] - d[j])
+            out.append(p + t * (polygon[j] - p))
+    return np.array(out).reshape(-1, 3)
