@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from difflib import get_close_matches
+
 
 class PerceptronEmuError(Exception):
     """Base of every error that the project raises on purpose."""
@@ -17,3 +20,9 @@ class NoAnswerError(PerceptronEmuError):
 
 class MissingDependencyError(PerceptronEmuError):
     """An optional library or system component is absent; the message says how to get it (exit code 2)."""
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """A suggestion to stand after a wrong ``word``: ': did you mean "…"?', or nothing where no known word is near."""
+    close = get_close_matches(word.lower(), names := {k.lower(): k for k in known}, n=1, cutoff=0.6)
+    return f': did you mean "{names[close[0]]}"?' if close else ""

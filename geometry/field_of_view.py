@@ -16,7 +16,8 @@ MAX_DISTANCE_MM = 5000.0  # beyond this no line sensor measures; it closes a fie
 def field_of_view(sensor: SensorModel, margin_px: float = 0.0, samples_per_side: int = 24) -> Array:
     """The field of view in the laser plane: a polygon (N, 2) of (y, z) [mm] in order around it.
 
-    margin_px: strip along the image's border that is left out. Raises InputError where the camera sees nothing of the lit sheet.
+    margin_px: strip along the image's border that is left out.
+    Raises InputError where the camera sees nothing of the lit sheet.
     """
     border = _image_border(sensor, margin_px, samples_per_side)
     rays = np.column_stack([_undistort(sensor, border), np.ones(len(border))]) @ sensor.T_sensor_camera.R.T
@@ -29,7 +30,7 @@ def field_of_view(sensor: SensorModel, margin_px: float = 0.0, samples_per_side:
         polygon = _clip(polygon, half_plane, 0.0)
     if len(polygon) < 3:
         raise InputError(
-            "the camera sees nothing of the lit laser sheet: check [camera.pose], [camera] and [laser] fan_deg of the sensor"
+            "the camera sees nothing of the lit laser sheet: check [camera.pose], [camera] and [laser] fan_deg"
         )
     return np.asarray(polygon[:, :2] / polygon[:, 2:])
 

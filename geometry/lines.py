@@ -11,8 +11,8 @@ Array = NDArray[np.float64]
 def cross_plane_x0(points: ArrayLike, directions: ArrayLike) -> tuple[Array, Array]:
     """Where lines cross the plane x = 0.
 
-    points, directions: (..., 3) [mm], any frame whose x = 0 is the laser plane; a direction's length is its line's unit.
-    Returns the crossing points (..., 3), NaN for a line parallel to the plane, and the parameter s with p = point + s · direction.
+    points, directions: (..., 3) [mm], any frame whose x = 0 is the laser plane; directions of any length.
+    Returns the crossing points (..., 3), NaN for a line parallel to the plane, and s with p = point + s · direction.
     """
     p, d = np.asarray(points, dtype=float), np.asarray(directions, dtype=float)
     parallel = np.abs(d[..., 0]) < 1e-12 * np.linalg.norm(d, axis=-1)

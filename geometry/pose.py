@@ -172,7 +172,10 @@ class Pose:
     @overload
     def __matmul__(self, other: Array) -> Array: ...
     def __matmul__(self, other: Pose | Array) -> Pose | Array:
-        """Compose with a pose (batches broadcast), or map points: a single pose maps (..., 3), a batch (N) maps (N, ..., 3)."""
+        """Compose with a pose (batches broadcast), or map points.
+
+        A single pose maps points (..., 3), a batch (N) maps (N, ..., 3).
+        """
         if isinstance(other, Pose):
             return Pose(self.R @ other.R, (self.R @ other.t[..., None])[..., 0] + self.t)
         p = np.asarray(other, dtype=float)

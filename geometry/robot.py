@@ -88,7 +88,7 @@ class RobotModel:
         return np.asarray(self.sign * q + self.theta_offset)
 
     def link_poses(self, joints: ArrayLike) -> Pose:
-        """Poses (..., n + 1) of the base end of the chain and of every link frame, in the base; the hand tool is not in it."""
+        """Poses (..., n + 1) in the base of the chain's base end and of every link frame, without T_last_hand."""
         theta = self.joint_angles(joints)
         batch = theta.shape[:-1]
         here = Pose(
@@ -141,7 +141,7 @@ class RobotModel:
         return np.stack(columns, -2)
 
     def joint_jacobian(self, joints: ArrayLike) -> Array:
-        """Change of the hand's pose with every joint reading, twists in the hand's axes (..., 6, n) [mm/rad, rad/rad]."""
+        """Change of the hand's pose with the joint readings: twists in the hand's axes (..., 6, n) [mm/rad, rad/rad]."""
         j = self.parameter_jacobian(joints)[..., 0, :] * self.sign
         return j if self.coupling is None else np.asarray(j @ self.coupling)
 

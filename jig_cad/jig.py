@@ -1,0 +1,162 @@
+"""The string jig: lines between anchors, its symmetry, its tolerance (DESIGN.md section 3)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geometry import InputError, Pose
+from geometry.errors import did_you_mean
+
+Array = NDArray[np.float64]
+
+ANCHORS = ("Ab", "At", "Bb", "Bt", "Cb", "Ct")  # b: bottom plate, t: top plate
+STRINGS = {
+    "A": ("Ab", "At"),
+    "B": ("Bb", "Bt"),
+    "C": ("Cb", "Ct"),
+    "B'": ("At", "Bb"),
+    "C'": ("Ab", "Ct"),
+    "D'": ("Bb", "Ct"),
+}
+DEFAULT_STRINGS = ("A", "B", "C", "B'", "C'")
+MIN_SLENDERNESS = 10.0  # a string is at least this many diameters long, a side at least this many tolerances
+
+_HALF_TURN = {"B": "C", "C": "B", "B'": "C'", "C'": "B'"}
+
+
+def nominal_anchors(side_mm: float, height_mm: float) -> Array:
+    """Anchors (6, 3) [mm] in {J}, in the order of ANCHORS, of a regular pillar."""
+    depth, half = np.sqrt(3) / 2 * side_mm, side_mm / 2
+    bottom = np.array([[0, 0, 0], [0, -half, depth], [0, half, depth]])
+    top = bottom + np.array([height_mm, 0, 0])
+    return np.stack([bottom, top], 1).reshape(6, 3)
+
+
+@dataclass(frozen=True, eq=False)
+class Jig:
+    """Strings between the anchors of a triangular pillar, in {J} [mm].
+
+    {J}: origin at the bottom anchor of string A, x up the pillar, z into it.
+    tolerance_mm: full width; every anchor lies within ± half of it in y and z.
+    anchors_mm: (6, 3) in the order of ANCHORS. measured: whether they were measured.
+    """
+
+    side_mm: float
+    height_mm: float
+    string_diameter_mm: float
+    tolerance_mm: float
+    strings: tuple[str, ...]
+    anchors_mm: Array = field(repr=False)
+    measured: bool = False
+    name: str = ""
+
+    @staticmethod
+    def nominal(
+        side_mm: float = 100.0,
+        height_mm: float = 100.0,
+        string_diameter_mm: float = 0.3,
+        tolerance_mm: float = 0.1,
+        strings: tuple[str, ...] = DEFAULT_STRINGS,
+        name: str = "",
+    ) -> Jig:
+        """The jig as drawn: the paper's five strings unless told otherwise."""
+        anchors = nominal_anchors(side_mm, height_mm)
+        return Jig(side_mm, height_mm, string_diameter_mm, tolerance_mm, tuple(strings), anchors, name=name)
+
+    def __post_init__(self) -> None:
+        """InputError where the numbers can not be a jig."""
+        _check_sizes(self)
+        _check_strings(self)
+        _check_anchors(self)
+
+    @cached_property
+    def starts(self) -> Array:
+        """First anchors of the strings (S, 3) [mm], in the order of ``strings``."""
+        return self.anchors_mm[[ANCHORS.index(STRINGS[s][0]) for s in self.strings]]
+
+    @cached_property
+    def ends(self) -> Array:
+        """Second anchors of the strings (S, 3) [mm]."""
+        return self.anchors_mm[[ANCHORS.index(STRINGS[s][1]) for s in self.strings]]
+
+    @cached_property
+    def lengths(self) -> Array:
+        """Lengths of the strings between their anchors (S,) [mm]."""
+        return np.asarray(np.linalg.norm(self.ends - self.starts, axis=-1))
+
+    @cached_property
+    def directions(self) -> Array:
+        """Unit vectors (S, 3) from starts to ends."""
+        return (self.ends - self.starts) / self.lengths[:, None]
+
+    @property
+    def nominal_anchors_mm(self) -> Array:
+        """The anchors (6, 3) [mm] as drawn, whatever was measured."""
+        return nominal_anchors(self.side_mm, self.height_mm)
+
+    @property
+    def half_turn(self) -> Pose:
+        """The map (x, y, z) → (h - x, -y, z), which carries the nominal jig onto itself."""
+        return Pose(np.diag([-1.0, -1.0, 1.0]), np.array([self.height_mm, 0.0, 0.0]))
+
+
+def half_turn_label(label: str) -> str:
+    """The string onto which the half turn carries ``label``."""
+    if label not in STRINGS:
+        raise InputError(f'there is no string "{label}"{did_you_mean(label, STRINGS)}')
+    return _HALF_TURN.get(label, label)
+
+
+def sample_tolerance(jig: Jig, rng: np.random.Generator) -> Jig:
+    """The jig with every anchor moved uniformly within ± half of its tolerance in y and z: one made jig."""
+    shift = np.zeros((6, 3))
+    shift[:, 1:] = rng.uniform(-0.5, 0.5, (6, 2)) * jig.tolerance_mm
+    return replace(jig, anchors_mm=jig.anchors_mm + shift, measured=False)
+
+
+def _check_sizes(jig: Jig) -> None:
+    for key in ("side_mm", "height_mm", "string_diameter_mm"):
+        value = getattr(jig, key)
+        if not (np.isfinite(value) and value > 0):
+            raise InputError(f"the jig's {key} = {value:g}: must be a positive, finite number of millimetres")
+    if not (np.isfinite(jig.tolerance_mm) and jig.tolerance_mm >= 0):
+        raise InputError(f"the jig's tolerance_mm = {jig.tolerance_mm:g}: must be 0 or a positive, finite number")
+    limit = min(jig.side_mm, jig.height_mm) / MIN_SLENDERNESS
+    for key in ("string_diameter_mm", "tolerance_mm"):
+        if getattr(jig, key) > limit:
+            raise InputError(
+                f"the jig's {key} = {getattr(jig, key):g} is too large for side_mm = {jig.side_mm:g} and "
+                f"height_mm = {jig.height_mm:g}: at most {limit:g} would leave strings that are lines"
+            )
+
+
+def _check_strings(jig: Jig) -> None:
+    if not jig.strings:
+        raise InputError("the jig has no strings: strings must name at least one")
+    for label in jig.strings:
+        if label not in STRINGS:
+            raise InputError(
+                f'the jig\'s strings name "{label}"{did_you_mean(label, STRINGS)}; known are {", ".join(STRINGS)}'
+            )
+        if jig.strings.count(label) > 1:
+            raise InputError(f'the jig\'s strings name "{label}" more than once')
+
+
+def _check_anchors(jig: Jig) -> None:
+    if np.shape(jig.anchors_mm) != (6, 3):
+        raise InputError(f"the jig needs anchors of shape (6, 3), not {np.shape(jig.anchors_mm)}")
+    if not np.all(np.isfinite(jig.anchors_mm)):
+        bad = ANCHORS[int(np.argmin(np.all(np.isfinite(jig.anchors_mm), axis=1)))]
+        raise InputError(f"the jig's anchor {bad} holds a number that is not finite")
+    shortest = MIN_SLENDERNESS * jig.string_diameter_mm
+    for label, length in zip(jig.strings, jig.lengths, strict=True):
+        if length < shortest:
+            first, second = STRINGS[label]
+            raise InputError(
+                f"string {label} is only {length:g} mm long: anchors {first} and {second} must lie at least "
+                f"{shortest:g} mm apart (are the anchors in millimetres?)"
+            )
