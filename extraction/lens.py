@@ -29,14 +29,15 @@ class Rays:
 
 
 def undistort(sensor: SensorModel, uv_px: Array) -> Rays:
-    """Rays of the pixels ``uv_px`` (N, 2), exact to rounding; the inverse of `cv2.projectPoints` in the camera frame."""
+    """Rays of the pixels ``uv_px`` (N, 2), exact to rounding: what `cv2.projectPoints` does, inverted."""
     focal = np.array([sensor.fx_px, sensor.fy_px])
     seen = (np.asarray(uv_px, dtype=float) - [sensor.cx_px, sensor.cy_px]) / focal
     if not any(sensor.distortion):
         return Rays(seen, np.broadcast_to(np.diag(1 / focal), (len(seen), 2, 2)).copy())
     k = sensor.distortion14
     with np.errstate(all="ignore"):  # pixels outside the model's domain run to NaN and are reported as such
-        flat, flat_by_seen = _projective(np.linalg.inv(_tilt(k[12], k[13])), seen)
+        unbend = np.asarray(np.linalg.inv(_tilt(k[12], k[13])), dtype=float)
+        flat, flat_by_seen = _projective(unbend, seen)
         xy, inverse = _solve(flat, k)
         jacobian = inverse @ (flat_by_seen / focal)
         valid = np.all(np.isfinite(jacobian), axis=(1, 2))
