@@ -1,7 +1,8 @@
 """Ground floor: poses, lines, the sensor, the robot, measured points and errors (numpy and scipy only)."""
 
-from geometry.errors import InputError, MissingDependencyError, NoAnswerError, PerceptronEmuError
+from geometry.errors import InputError, MissingDependencyError, NoAnswerError, PerceptronEmuError, did_you_mean
 from geometry.field_of_view import field_of_view, inside_polygon
+from geometry.inverse_kinematics import InverseKinematics, all_solutions, inverse_kinematics
 from geometry.lines import cross_plane_x0, distance_to_line
 from geometry.points import AxisPoints, SurfacePoints
 from geometry.pose import Pose, exp_so3, log_so3, nearest_rotation, quaternion_wxyz, skew, stack_poses
@@ -12,6 +13,7 @@ __all__ = [
     "PARAMETERS",
     "AxisPoints",
     "InputError",
+    "InverseKinematics",
     "MissingDependencyError",
     "NoAnswerError",
     "PerceptronEmuError",
@@ -20,11 +22,14 @@ __all__ = [
     "RobotUncertainty",
     "SensorModel",
     "SurfacePoints",
+    "all_solutions",
     "cross_plane_x0",
+    "did_you_mean",
     "distance_to_line",
     "exp_so3",
     "field_of_view",
     "inside_polygon",
+    "inverse_kinematics",
     "log_so3",
     "nearest_rotation",
     "quaternion_wxyz",

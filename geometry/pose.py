@@ -54,23 +54,25 @@ def log_so3(rotation: ArrayLike) -> Array:
 
 
 def quaternion_wxyz(rotation: ArrayLike) -> Array:
-    """Unit quaternions (..., 4), w first and w ≥ 0, of rotation matrices (..., 3, 3) (Bar-Itzhack 2000)."""
+    """Unit quaternions (..., 4), w first and w ≥ 0, of rotation matrices (..., 3, 3) (Shepperd 1978)."""
     r = np.asarray(rotation, dtype=float)
-    k = np.empty((*r.shape[:-2], 4, 4))
+    qq = np.empty((*r.shape[:-2], 4, 4))  # 4 q qᵀ: every element is linear in R
     trace = np.trace(r, axis1=-2, axis2=-1)
-    k[..., 1:, 1:] = r + np.swapaxes(r, -1, -2)
-    k[..., (1, 2, 3), (1, 2, 3)] -= trace[..., None]
-    k[..., 0, 0] = trace
+    qq[..., 1:, 1:] = r + np.swapaxes(r, -1, -2)
+    qq[..., (1, 2, 3), (1, 2, 3)] += 1 - trace[..., None]
+    qq[..., 0, 0] = 1 + trace
     cross = np.stack([r[..., 2, 1] - r[..., 1, 2], r[..., 0, 2] - r[..., 2, 0], r[..., 1, 0] - r[..., 0, 1]], -1)
-    k[..., 0, 1:] = k[..., 1:, 0] = cross
-    q = np.linalg.eigh(k)[1][..., -1]
-    return np.asarray(q * np.where(q[..., :1] < 0, -1.0, 1.0))
+    qq[..., 0, 1:] = qq[..., 1:, 0] = cross
+    largest = np.argmax(np.diagonal(qq, axis1=-2, axis2=-1), axis=-1)
+    q = np.take_along_axis(qq, largest[..., None, None], axis=-2)[..., 0, :]
+    return np.asarray(q / np.linalg.norm(q, axis=-1, keepdims=True) * np.where(q[..., :1] < 0, -1.0, 1.0))
 
 
 def nearest_rotation(matrix: ArrayLike) -> Array:
     """The rotation (..., 3, 3) nearest to ``matrix`` in the Frobenius norm (orthogonal Procrustes)."""
     u, _, vt = np.linalg.svd(np.asarray(matrix, dtype=float))
-    u = u * np.stack([np.ones_like(d := np.linalg.det(u @ vt)), np.ones_like(d), np.sign(d)], -1)[..., None, :]
+    last = np.where(np.linalg.det(u @ vt) < 0, -1.0, 1.0)
+    u[..., :, 2] *= last[..., None]
     return np.asarray(u @ vt)
 
 
@@ -84,18 +86,27 @@ class Pose:
     R: Array
     t: Array
 
+    __array_ufunc__ = None  # numpy on the left of @ is an error, not an array of objects
+
     @staticmethod
     def identity() -> Pose:
         """The pose that changes nothing."""
         return Pose(np.eye(3), np.zeros(3))
 
     @staticmethod
-    def from_matrix(matrix: ArrayLike, atol: float = 1e-6) -> Pose:
-        """Pose of homogeneous matrices (..., 4, 4) [mm]; InputError where the rotation is off by more than ``atol``."""
+    def from_matrix(matrix: ArrayLike, atol: float = 1e-4) -> Pose:
+        """Pose of homogeneous matrices (..., 4, 4) [mm], made orthogonal to the last digit.
+
+        InputError where the rotation is off by more than ``atol`` (the default forgives files of five decimals).
+        """
         m = np.asarray(matrix, dtype=float)
         if m.shape[-2:] != (4, 4):
-            raise InputError(f"a transform must be 4 × 4, not {' × '.join(map(str, m.shape))}")
+            raise InputError(f"a transform must be 4 × 4, not {' × '.join(map(str, m.shape)) or 'a single number'}")
         check_rotation(m[..., :3, :3], atol)
+        if not np.all(np.isfinite(m[..., :3, 3])):
+            raise InputError("a transform's translation holds a number that is not finite")
+        if np.any(m[..., 3, :] != [0, 0, 0, 1]):
+            raise InputError("a transform's last row must be 0, 0, 0, 1 (is the matrix transposed?)")
         return Pose(nearest_rotation(m[..., :3, :3]), m[..., :3, 3].copy())
 
     @staticmethod
@@ -110,7 +121,10 @@ class Pose:
     def from_quaternion_wxyz(quaternion: ArrayLike, translation_mm: ArrayLike) -> Pose:
         """Pose of quaternions (..., 4), w first, normalised here, and a translation (..., 3) [mm]."""
         q = np.asarray(quaternion, dtype=float)
-        q = q / np.linalg.norm(q, axis=-1, keepdims=True)
+        norm = np.linalg.norm(q, axis=-1, keepdims=True)
+        if not np.all(np.isfinite(norm) & (norm > 0)):
+            raise InputError("a quaternion must be four finite numbers, w first, that are not all 0")
+        q = q / norm
         w, v = q[..., 0, None, None], q[..., 1:]
         k = skew(v)
         return Pose(np.eye(3) + 2 * w * k + 2 * (k @ k), np.array(translation_mm, dtype=float))
@@ -149,10 +163,11 @@ class Pose:
         """Rotations about fixed X, Y, Z (..., 3) [deg], R = Rz·Ry·Rx; at |Y| = 90° X is set to 0."""
         r = self.R
         cos_y = np.hypot(r[..., 0, 0], r[..., 1, 0])
-        locked = cos_y < 1e-9
-        x = np.where(locked, 0.0, np.arctan2(r[..., 2, 1], r[..., 2, 2]))
-        z = np.where(locked, np.arctan2(-r[..., 0, 1], r[..., 1, 1]), np.arctan2(r[..., 1, 0], r[..., 0, 0]))
-        return np.rad2deg(np.stack([x, np.arctan2(-r[..., 2, 0], cos_y), z], -1))
+        x = np.where(cos_y < 1e-9, 0.0, np.arctan2(r[..., 2, 1], r[..., 2, 2]))
+        # Z from the second column of R·Rx⁻¹, which keeps its digits however small cos Y is
+        s, c = np.sin(x), np.cos(x)
+        z = np.arctan2(r[..., 0, 2] * s - r[..., 0, 1] * c, r[..., 1, 1] * c - r[..., 1, 2] * s)
+        return np.asarray(np.rad2deg(np.stack([x, np.arctan2(-r[..., 2, 0], cos_y), z], -1)))
 
     @property
     def adjoint(self) -> Array:

@@ -8,12 +8,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from geometry.errors import InputError
-from geometry.pose import Pose, exp_so3
+from geometry.pose import Pose
 
 Array = NDArray[np.float64]
 
 PARAMETERS = ("theta", "d", "a", "alpha", "beta")  # order of the rows wherever DH parameters are stacked
-_Z, _X, _Y = np.eye(3)[2], np.eye(3)[0], np.eye(3)[1]
+CONVENTIONS = ("standard", "modified")
+_COLUMNS = ("theta_offset", "d", "a", "alpha", "beta", "sign", "min_rad", "max_rad")
 
 
 @dataclass(frozen=True)
@@ -64,49 +65,43 @@ class RobotModel:
 
     def __post_init__(self) -> None:
         """InputError where the table can not be an arm."""
-        n = len(self.d)
-        for name in ("theta_offset", "a", "alpha", "beta", "sign", "min_rad", "max_rad"):
-            if getattr(self, name).shape != (n,):
-                raise InputError(f"the robot's {name} has {len(getattr(self, name))} values for {n} joints")
-        if self.convention not in ("standard", "modified"):
-            raise InputError(f'robot convention "{self.convention}": must be "standard" or "modified"')
-        if self.coupling is not None and self.coupling.shape != (n, n):
-            raise InputError(f"[coupling] matrix must be {n} × {n}")
+        _check(self)
 
     @property
     def n_joints(self) -> int:
         """The number of joints."""
         return len(self.d)
 
+    @property
+    def readings_to_angles(self) -> Array:
+        """The matrix M (n, n) of θ = M q + theta_offset: signs and coupling."""
+        coupling = np.eye(self.n_joints) if self.coupling is None else self.coupling
+        return np.asarray(self.sign[:, None] * coupling)
+
     def joint_angles(self, joints: ArrayLike) -> Array:
         """DH angles θ (..., n) [rad] of the joint readings (..., n) [rad]."""
         q = np.asarray(joints, dtype=float)
         if q.shape[-1:] != (self.n_joints,):
             raise InputError(f"{q.shape[-1] if q.ndim else 0} joint values for a robot of {self.n_joints} joints")
-        if self.coupling is not None:
-            q = q @ self.coupling.T
-        return np.asarray(self.sign * q + self.theta_offset)
+        return np.asarray(q @ self.readings_to_angles.T + self.theta_offset)
 
     def link_poses(self, joints: ArrayLike) -> Pose:
         """Poses (..., n + 1) in the base of the chain's base end and of every link frame, without T_last_hand."""
-        theta = self.joint_angles(joints)
-        batch = theta.shape[:-1]
-        here = Pose(
-            np.broadcast_to(self.T_base_first.R, (*batch, 3, 3)), np.broadcast_to(self.T_base_first.t, (*batch, 3))
-        )
-        poses = [here]
+        links = self._links(self.joint_angles(joints))
+        batch = links.t.shape[:-2]
+        rotations = np.empty((*batch, self.n_joints + 1, 3, 3))
+        translations = np.empty((*batch, self.n_joints + 1, 3))
+        rotations[..., 0, :, :], translations[..., 0, :] = self.T_base_first.R, self.T_base_first.t
         for i in range(self.n_joints):
-            here = here @ self._link(i, theta[..., i])
-            poses.append(here)
-        return Pose(np.stack([p.R for p in poses], -3), np.stack([p.t for p in poses], -2))
+            before = rotations[..., i, :, :]
+            rotations[..., i + 1, :, :] = before @ links.R[..., i, :, :]
+            moved = (before @ links.t[..., i, :, None])[..., 0]
+            translations[..., i + 1, :] = moved + translations[..., i, :]
+        return Pose(rotations, translations)
 
     def hand_pose(self, joints: ArrayLike) -> Pose:
         """T_base_hand (...) of the joint readings (..., n) [rad]."""
-        theta = self.joint_angles(joints)
-        here = self.T_base_first @ self._link(0, theta[..., 0])
-        for i in range(1, self.n_joints):
-            here = here @ self._link(i, theta[..., i])
-        return here @ self.T_last_hand
+        return self.link_poses(joints)[..., -1] @ self.T_last_hand
 
     def parameter_jacobian(self, joints: ArrayLike) -> Array:
         """Change of the hand's pose with θ, d, a, α, β of every link, as twists in the hand's own axes.
@@ -115,35 +110,35 @@ class RobotModel:
         fifth axis: T(Φ + ΔΦ) ≈ T(Φ) · Exp(J ΔΦ). Source: the columns J_θ, J_d, J_a, J_α of the paper's Eq. (1).
         """
         frames = self.link_poses(joints)
-        hand = self.hand_pose(joints)
+        hand = frames[..., -1] @ self.T_last_hand
         before, after = frames[..., :-1], frames[..., 1:]
+        # axis direction in the base, and a point on it, of the joint's z, the link's x and Hayati's y
         if self.convention == "standard":
-            x_axis = after @ Pose(_ry(-self.beta), np.zeros((self.n_joints, 3)))  # the frame between Rx and Ry
-            axes = {
-                "theta": (before, _Z),
-                "d": (before, _Z),
-                "a": (x_axis, _X),
-                "alpha": (x_axis, _X),
-                "beta": (after, _Y),
-            }
+            x = (after.R @ _rotations("y", -self.beta))[..., 0]
+            z_axis, x_axis, y_axis = (before.R[..., 2], before.t), (x, after.t), (after.R[..., 1], after.t)
         else:
-            y_axis = (
-                before @ Pose(_rx(self.alpha), np.zeros((self.n_joints, 3))) @ Pose(np.eye(3), self.a[:, None] * _X)
-            )
-            axes = {
-                "theta": (after, _Z),
-                "d": (after, _Z),
-                "a": (before, _X),
-                "alpha": (before, _X),
-                "beta": (y_axis, _Y),
-            }
-        columns = [_twist(hand, *axes[name], rotation=name not in ("d", "a")) for name in PARAMETERS]
+            turned = before.R @ _rotations("x", self.alpha)
+            y_at = before.t + before.R[..., 0] * self.a[:, None]
+            z_axis, x_axis, y_axis = (after.R[..., 2], after.t), (before.R[..., 0], before.t), (turned[..., 1], y_at)
+        columns = [
+            _rotating(hand, *z_axis),
+            _sliding(hand, z_axis[0]),
+            _sliding(hand, x_axis[0]),
+            _rotating(hand, *x_axis),
+            _rotating(hand, *y_axis),
+        ]
         return np.stack(columns, -2)
 
     def joint_jacobian(self, joints: ArrayLike) -> Array:
-        """Change of the hand's pose with the joint readings: twists in the hand's axes (..., 6, n) [mm/rad, rad/rad]."""
-        j = self.parameter_jacobian(joints)[..., 0, :] * self.sign
-        return j if self.coupling is None else np.asarray(j @ self.coupling)
+        """Change of the hand's pose with the joint readings: twists in the hand's axes (..., 6, n) [mm, rad per rad]."""
+        return self.pose_and_jacobian(joints)[1]
+
+    def pose_and_jacobian(self, joints: ArrayLike) -> tuple[Pose, Array]:
+        """T_base_hand (...) and joint_jacobian (..., 6, n) of the readings (..., n) [rad], for the price of one chain."""
+        frames = self.link_poses(joints)
+        hand = frames[..., -1] @ self.T_last_hand
+        axis = frames[..., :-1] if self.convention == "standard" else frames[..., 1:]
+        return hand, np.asarray(_rotating(hand, axis.R[..., 2], axis.t) @ self.readings_to_angles)
 
     def corrected(self, delta: ArrayLike) -> RobotModel:
         """The model with ``delta`` (5, n) [rad, mm] added to its PARAMETERS rows."""
@@ -162,39 +157,62 @@ class RobotModel:
         q = np.asarray(joints, dtype=float)
         return np.asarray(np.all((q >= self.min_rad) & (q <= self.max_rad), axis=-1))
 
-    def _link(self, i: int, theta: Array) -> Pose:
-        rz, along_z = _rz(theta), np.array([0, 0, self.d[i]])
-        rx, ry, along_x = _rx(self.alpha[i]), _ry(self.beta[i]), np.array([self.a[i], 0, 0])
+    def _links(self, theta: Array) -> Pose:
+        """The links (..., n) at the DH angles θ (..., n)."""
+        rz, fixed = _rotations("z", theta), _rotations("x", self.alpha) @ _rotations("y", self.beta)
         if self.convention == "standard":
-            return Pose(rz @ rx @ ry, rz @ along_x + along_z)
-        fixed = rx @ ry
-        return Pose(fixed @ rz, np.broadcast_to(along_x + fixed @ along_z, (*theta.shape, 3)))
+            along = np.stack([self.a * np.cos(theta), self.a * np.sin(theta), np.broadcast_to(self.d, theta.shape)], -1)
+            return Pose(rz @ fixed, along)
+        offset = fixed[:, :, 2] * self.d[:, None]
+        offset[:, 0] += self.a
+        return Pose(fixed @ rz, np.broadcast_to(offset, (*theta.shape, 3)))
 
 
-def _twist(hand: Pose, frame: Pose, axis: Array, *, rotation: bool) -> Array:
-    """Twists (..., 6, n) in the hand's axes of unit motions along or about ``axis`` of the frames (..., n)."""
-    direction = frame.R @ axis
-    to_hand = np.swapaxes(hand.R, -1, -2)[..., None, :, :]
-    if rotation:
-        linear = np.cross(direction, hand.t[..., None, :] - frame.t)
-        twist = np.concatenate([(to_hand @ v[..., None])[..., 0] for v in (linear, direction)], -1)
-    else:
-        linear = (to_hand @ direction[..., None])[..., 0]
-        twist = np.concatenate([linear, np.zeros_like(linear)], -1)
-    return np.swapaxes(twist, -1, -2)
+def _check(robot: RobotModel) -> None:
+    n = len(robot.d)
+    if n == 0:
+        raise InputError("the robot has no joints: at least one [[joint]] is needed")
+    for name in _COLUMNS:
+        column = getattr(robot, name)
+        if column.shape != (n,):
+            raise InputError(f"the robot's {name} has {column.size} values for {n} joints")
+        if not np.all(np.isfinite(column)):
+            raise InputError(f"joint {int(np.argmin(np.isfinite(column))) + 1}: {name} is not a finite number")
+    if np.any(bad := np.abs(robot.sign) != 1):
+        raise InputError(f"joint {int(np.argmax(bad)) + 1}: sign = {robot.sign[np.argmax(bad)]:g}, must be 1 or -1")
+    if np.any(bad := robot.min_rad >= robot.max_rad):
+        raise InputError(f"joint {int(np.argmax(bad)) + 1}: the lower limit must be below the upper one")
+    if robot.convention not in CONVENTIONS:
+        raise InputError(f'robot convention "{robot.convention}": must be "standard" or "modified"')
+    if robot.coupling is not None:
+        _check_coupling(robot.coupling, n)
 
 
-def _about(axis: Array, angle: ArrayLike) -> Array:
-    return exp_so3(np.asarray(angle, dtype=float)[..., None] * axis)
+def _check_coupling(coupling: Array, n: int) -> None:
+    if coupling.shape != (n, n) or not np.all(np.isfinite(coupling)):
+        raise InputError(f"[coupling] matrix must be {n} × {n} finite numbers")
+    if np.linalg.cond(coupling) > 1e6:
+        raise InputError("[coupling] matrix is singular: two joints would move the same way")
 
 
-def _rz(angle: ArrayLike) -> Array:
-    return _about(_Z, angle)
+def _rotating(hand: Pose, axis: Array, point: Array) -> Array:
+    """Twists (..., 6, n) in the hand's axes of unit rotations about axes (..., n, 3) through points (..., n, 3)."""
+    linear = np.cross(axis, hand.t[..., None, :] - point)
+    twists = np.stack([linear, axis], -2) @ hand.R[..., None, :, :]
+    return np.moveaxis(twists.reshape(*twists.shape[:-2], 6), -1, -2)
 
 
-def _rx(angle: ArrayLike) -> Array:
-    return _about(_X, angle)
+def _sliding(hand: Pose, axis: Array) -> Array:
+    """Twists (..., 6, n) in the hand's axes of unit motions along axes (..., n, 3)."""
+    linear = axis @ hand.R
+    return np.moveaxis(np.concatenate([linear, np.zeros_like(linear)], -1), -1, -2)
 
 
-def _ry(angle: ArrayLike) -> Array:
-    return _about(_Y, angle)
+def _rotations(axis: str, angle: Array) -> Array:
+    """Rotations (..., 3, 3) about one coordinate axis by angles (...) [rad]."""
+    i, j, k = {"x": (0, 1, 2), "y": (1, 2, 0), "z": (2, 0, 1)}[axis]
+    out, c, s = np.zeros((*angle.shape, 3, 3)), np.cos(angle), np.sin(angle)
+    out[..., i, i] = 1.0
+    out[..., j, j] = out[..., k, k] = c
+    out[..., j, k], out[..., k, j] = -s, s
+    return out

@@ -11,8 +11,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from geometry import InputError
-from geometry.errors import did_you_mean
+from geometry import InputError, did_you_mean
 from jig_cad.jig import ANCHORS, DEFAULT_STRINGS, STRINGS, Jig, nominal_anchors
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]

@@ -8,8 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import InputError, Pose
-from geometry.errors import did_you_mean
+from geometry import InputError, Pose, did_you_mean
 
 Array = NDArray[np.float64]
 
