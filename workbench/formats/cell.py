@@ -1,0 +1,160 @@
+"""A cell dataset as a folder: cell.toml and the files it names, read into one value and written from it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from pydantic import Field, field_validator
+
+from geometry import InputError, Pose, RobotModel
+from jig_cad import Jig, jig_from_table
+from jig_cad.files import JigTable
+from workbench.formats.frames_csv import FrameRow, read_frames
+from workbench.formats.points_csv import FramePoints, read_points
+from workbench.formats.robot_file import read_robot
+from workbench.formats.sensor_file import ATOL_ROTATION, Sensor, read_sensor
+from workbench.formats.strict import Matrix4, Section, Text, Vector3, suggestion, validate
+from workbench.formats.toml_text import TomlSource, read_toml
+from workbench.formats.truth_file import Truth, read_truth
+
+
+class ScpSection(Section):
+    """[scp_initial]: T_hand_sensor by design; rotations about fixed X, Y, Z, R = Rz·Ry·Rx."""
+
+    rotation_deg: Vector3
+    translation_mm: Vector3
+
+
+class LocationSection(Section):
+    """[locations.NAME]: where the jig stands, if known; decides the half turn."""
+
+    T_base_jig: Matrix4
+
+
+class CellFile(Section):
+    """The keys of cell.toml; files are named relative to it."""
+
+    sensor: Text
+    jig: Text
+    robot: Text
+    frames: Text
+    points: Text | None = None
+    scp_initial: ScpSection
+    locations: dict[str, LocationSection] = Field(default_factory=dict)
+
+    @field_validator("locations", mode="before")
+    @classmethod
+    def _without_name(cls, value: object) -> object:
+        if isinstance(value, dict) and isinstance(value.get("name"), str):
+            return {k: v for k, v in value.items() if k != "name"}
+        return value
+
+
+@dataclass(frozen=True, eq=False)
+class Cell:
+    """A cell dataset: sensor, jig, robot, design SCP, frames; images stay on disk until they are needed.
+
+    points: by frame number, where a points.csv stands in place of images. T_base_jig: by location, where given.
+    """
+
+    folder: Path
+    sensor: Sensor
+    jig: Jig
+    robot: RobotModel
+    frames: tuple[FrameRow, ...]
+    T_hand_sensor_design: Pose
+    T_base_jig: dict[str, Pose] = field(default_factory=dict)
+    points: dict[int, FramePoints] | None = None
+    truth: Truth | None = None
+    name: str = ""
+
+
+def read_cell(path: Path) -> Cell:
+    """The dataset of a folder or of its cell.toml; InputError names file, line and key. Images are not opened here."""
+    source = read_toml(_cell_path(path))
+    file = validate(CellFile, source)
+    folder = source.path.parent
+    robot = read_robot(_named(folder, file.robot, source, "robot"))
+    frames_path = _named(folder, file.frames, source, "frames")
+    frames = read_frames(frames_path, robot.n_joints)
+    _check_location_names(file, frames, source)
+    truth = folder / "truth.json"
+    return Cell(
+        folder=folder,
+        sensor=read_sensor(_named(folder, file.sensor, source, "sensor")),
+        jig=read_jig_file(_named(folder, file.jig, source, "jig")),
+        robot=robot,
+        frames=frames,
+        T_hand_sensor_design=Pose.from_fixed_xyz_deg(file.scp_initial.rotation_deg, file.scp_initial.translation_mm),
+        T_base_jig={name: _pose(source, name, given) for name, given in file.locations.items()},
+        points=_points(folder, file, frames, frames_path),
+        truth=read_truth(truth) if truth.exists() else None,
+        name=file.name,
+    )
+
+
+def read_jig_file(path: Path) -> Jig:
+    """The jig of a jig.toml; InputError names file, line and key."""
+    source = read_toml(path)
+    validate(JigTable, source, _without_names(source.data))
+    return jig_from_table(_without_names(source.data), str(path))
+
+
+def _without_names(data: dict[str, object]) -> dict[str, object]:
+    """The tables without the ``name`` that is welcome in every one."""
+    return {k: {n: w for n, w in v.items() if n != "name"} if isinstance(v, dict) else v for k, v in data.items()}
+
+
+def _cell_path(path: Path) -> Path:
+    if path.is_dir():
+        if not (path / "cell.toml").exists():
+            raise InputError(f"{path}: the folder holds no cell.toml; `perceptron-emu init FOLDER` writes a first one")
+        return path / "cell.toml"
+    return path
+
+
+def _named(folder: Path, name: str, source: TomlSource, key: str) -> Path:
+    path = folder / name
+    if not name or not path.is_file():
+        raise InputError(f'{source.where((key,))}: {key} = "{name}", but {path} is no file')
+    return path
+
+
+def _pose(source: TomlSource, name: str, given: LocationSection) -> Pose:
+    try:
+        if not np.allclose(given.T_base_jig[3], (0, 0, 0, 1), rtol=0, atol=1e-9):
+            raise InputError("the last row of a 4 × 4 transform is 0, 0, 0, 1")
+        return Pose.from_matrix(given.T_base_jig, ATOL_ROTATION)
+    except InputError as error:
+        raise InputError(
+            f"{source.where(('locations', name, 'T_base_jig'))}: [locations.{name}] T_base_jig: {error}"
+        ) from None
+
+
+def _check_location_names(file: CellFile, frames: tuple[FrameRow, ...], source: TomlSource) -> None:
+    seen = list(dict.fromkeys(row.location for row in frames))
+    for name in file.locations:
+        if name not in seen:
+            near = suggestion(name, seen)
+            raise InputError(f"{source.where(('locations', name))}: no frame was taken at location {name}{near}")
+
+
+def _points(
+    folder: Path, file: CellFile, frames: tuple[FrameRow, ...], frames_path: Path
+) -> dict[int, FramePoints] | None:
+    """Points in place of images: named in cell.toml, or points.csv where not one of the images exists."""
+    path = folder / (file.points or "points.csv")
+    has_images = any(row.image and (folder / row.image).exists() for row in frames)
+    if file.points is None and (has_images or not path.exists()):
+        for row in frames:
+            if not row.image:
+                raise InputError(f"{frames_path}, line {row.line}, column image: is empty, and there is no points.csv")
+        return None
+    points = read_points(path)
+    known = {row.frame for row in frames}
+    strangers = sorted(set(points) - known)
+    if strangers:
+        raise InputError(f"{path}: frame {strangers[0]} stands in no row of {frames_path.name}")
+    return points
