@@ -1,0 +1,96 @@
+"""Normal equations of the bundle: unknowns common to all frames, and a jig pose a location, eliminated by Schur."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.linearise import Linearised
+from calib.problem import Problem
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Normal:
+    """Hessian and gradient of half the cost: common unknowns (C) = SCP 6, robot P, anchors 12; jigs (L, 6).
+
+    common (C, C), cross (L, C, 6), jigs (L, 6, 6); gradient_common (C,), gradient_jigs (L, 6).
+    """
+
+    common: Array
+    cross: Array
+    jigs: Array
+    gradient_common: Array
+    gradient_jigs: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """A step of the common unknowns (C,) and the jigs (L, 6); ``decrement`` is its squared length in units of σ."""
+
+    common: Array
+    jigs: Array
+    decrement: float
+
+
+def normal_equations(problem: Problem, lin: Linearised, white: Array) -> Normal:
+    """Accumulate over frames; ``white`` (F, 2M, 2M) whitens the residuals."""
+    f, rows = white.shape[:2]
+    hand = lin.hand.reshape(f, rows, 6)
+    robot = hand @ problem.chain.parameter_jacobian
+    parts = (lin.scp.reshape(f, rows, 6), robot, lin.anchors.reshape(f, rows, 12))
+    columns = white @ np.concatenate([*parts, lin.jig.reshape(f, rows, 6), lin.residual.reshape(f, rows, 1)], -1)
+    a, b, r = columns[..., :-7], columns[..., -7:-1], columns[..., -1:]
+    c = a.shape[-1]
+    flat = a.reshape(f * rows, c)
+    b_t = np.swapaxes(b, -1, -2)
+    at_location = (np.arange(problem.n_locations)[:, None] == problem.location).astype(float)  # (L, F)
+    cross = (at_location @ (np.swapaxes(a, -1, -2) @ b).reshape(f, -1)).reshape(-1, c, 6)
+    jigs = (at_location @ (b_t @ b).reshape(f, -1)).reshape(-1, 6, 6)
+    return Normal(flat.T @ flat, cross, jigs, flat.T @ r.reshape(-1), at_location @ (b_t @ r)[..., 0])
+
+
+def with_prior(normal: Normal, sigma: Array, value: Array) -> Normal:
+    """Add priors of the common unknowns: mean 0, ``sigma`` (C,), 0 where fixed and infinite where free."""
+    weight = np.where(sigma > 0, 1 / np.where(sigma > 0, sigma, 1.0) ** 2, 0.0)
+    return Normal(
+        normal.common + np.diag(weight),
+        normal.cross,
+        normal.jigs,
+        normal.gradient_common + weight * value,
+        normal.gradient_jigs,
+    )
+
+
+def reduced(normal: Normal, damping: float = 0.0) -> tuple[Array, Array]:
+    """Schur complement on the common unknowns (C, C), and cross · jigs⁻¹ (L, C, 6)."""
+    jigs = normal.jigs * (1 + damping * np.eye(6))
+    gain = np.swapaxes(np.linalg.solve(jigs, np.swapaxes(normal.cross, -1, -2)), -1, -2)
+    common = normal.common * (1 + damping * np.eye(len(normal.common)))
+    return common - np.einsum("lci,ldi->cd", gain, normal.cross), gain
+
+
+def solve(normal: Normal, free: NDArray[np.bool_], damping: float) -> Step:
+    """Levenberg-Marquardt step of the ``free`` (C,) common unknowns and all jigs (columns scaled by their own norm)."""
+    schur, gain = reduced(normal, damping)
+    gradient = normal.gradient_common - np.einsum("lci,li->c", gain, normal.gradient_jigs)
+    common = np.zeros(len(free))
+    common[free] = -scaled_solve(schur[np.ix_(free, free)], gradient[free])
+    jigs_gradient = normal.gradient_jigs + np.einsum("lci,c->li", normal.cross, common)
+    jigs = -np.linalg.solve(normal.jigs * (1 + damping * np.eye(6)), jigs_gradient[..., None])[..., 0]
+    total = normal.gradient_common @ common + float(np.sum(normal.gradient_jigs * jigs))
+    return Step(common, jigs, max(0.0, -float(total)))
+
+
+def scaled_solve(matrix: Array, right: Array) -> Array:
+    """Solve a symmetric system after scaling its diagonal to one; by least squares where it is singular."""
+    scale = 1 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    scaled = matrix * scale[:, None] * scale
+    shape = (slice(None), *(None,) * (right.ndim - 1))
+    try:
+        return np.asarray(scale[shape] * np.linalg.solve(scaled, scale[shape] * right))
+    except np.linalg.LinAlgError:
+        return np.asarray(scale[shape] * (np.linalg.pinv(scaled, rcond=1e-14, hermitian=True) @ (scale[shape] * right)))
