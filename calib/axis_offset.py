@@ -24,6 +24,6 @@ def axis_points(
 ) -> tuple[Array, Array]:
     """Axis crossings (N, 2) [mm] and covariances (N, 2, 2) of labelled spots.
 
-    surface: N spots, one a label. T_sensor_jig: gives the strings' directions; 1° of error moves the axis by about 1 % of a radius.
+    surface: N spots, one a label. T_sensor_jig: for the strings' directions; 1° moves the axis by 0.01 radius or so.
     """
     raise NotImplementedError

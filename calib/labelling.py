@@ -17,8 +17,8 @@ LabelReason = Literal["no_spots", "too_few_spots", "not_labelled"]
 class LabelledFrame:
     """One frame's strings: axis points in the order of the jig's strings, and the pose that explains them.
 
-    candidates: poses that explain the same labels (the mirror), most likely first. cost: χ² of the chosen pose, anchors'
-    tolerance included, at ``dof``. reason: why nothing was labelled, or None.
+    candidates: poses that explain the same labels (the mirror), most likely first. cost: χ² of the chosen pose,
+    anchors' tolerance included, at ``dof``. reason: why nothing was labelled, or None.
     """
 
     axis: AxisPoints = field(default_factory=AxisPoints.empty)
