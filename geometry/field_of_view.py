@@ -46,6 +46,8 @@ def inside_polygon(points: Array, polygon: Array) -> NDArray[np.bool_]:
 
 
 def _image_border(s: SensorModel, margin_px: float, n: int) -> Array:
+    if not 0 <= margin_px < min(s.width_px, s.height_px) / 2:
+        raise InputError(f"margin_px = {margin_px:g}: must lie between 0 and half of the image's shorter side")
     low, right, bottom = margin_px - 0.5, s.width_px - 0.5 - margin_px, s.height_px - 0.5 - margin_px
     corners = np.array([[low, low], [right, low], [right, bottom], [low, bottom]])
     t = np.arange(n)[:, None] / n
@@ -54,19 +56,37 @@ def _image_border(s: SensorModel, margin_px: float, n: int) -> Array:
 
 
 def _undistort(s: SensorModel, uv_px: Array) -> Array:
-    """Normalised image coordinates (N, 2) of distorted pixels, by Gauss-Newton with a numeric Jacobian."""
+    """Normalised image coordinates (N, 2) of distorted pixels, followed outwards from the image's centre.
+
+    Where the lens model folds back before it reaches a pixel, no ray belongs to that pixel: the last one before the
+    fold, in the same direction, is returned.
+    """
     goal = (uv_px - [s.cx_px, s.cy_px]) / [s.fx_px, s.fy_px]
-    xy, step = goal.copy(), 1e-6
     if not any(s.distortion):
-        return xy
-    for _ in range(30):
-        f = _distort(xy, s.distortion14) - goal
-        j = np.stack([(_distort(xy + step * e, s.distortion14) - goal - f) / step for e in np.eye(2)], -1)
-        delta = np.linalg.solve(j, f[..., None])[..., 0]
-        xy -= delta
-        if np.max(np.abs(delta)) < 1e-12:
-            break
+        return goal
+    xy, reached, step = np.zeros_like(goal), np.zeros(len(goal)), np.full(len(goal), 1 / 8)
+    while np.any(todo := (reached < 1) & (step > 1e-6)):
+        t = np.minimum(reached[todo] + step[todo], 1.0)
+        found, good = _newton(xy[todo], t[:, None] * goal[todo], s.distortion14)
+        index = np.flatnonzero(todo)
+        xy[index[good]], reached[index[good]] = found[good], t[good]
+        step[index[~good]] /= 2
     return xy
+
+
+def _newton(start: Array, goal: Array, k: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Solve distort(xy) = goal (N, 2) near ``start``; True where it was reached without crossing a fold."""
+    xy, h = start.copy(), 1e-6
+    for _ in range(8):
+        f = _distort(xy, k) - goal
+        j = np.stack([(_distort(xy + h * e, k) - _distort(xy - h * e, k)) / (2 * h) for e in np.eye(2)], -1)
+        det = np.linalg.det(j)
+        unfolded = det > 1e-3
+        j[~unfolded] = np.eye(2)
+        xy = xy - np.where(unfolded[:, None], np.linalg.solve(j, f[..., None])[..., 0], 0.0)
+        xy = np.clip(xy, -20.0, 20.0)  # no lens sees 87° off its axis; keeps a lost iterate finite
+    left = np.max(np.abs(_distort(xy, k) - goal), axis=-1)
+    return xy, unfolded & (left < 1e-12)
 
 
 def _distort(xy: Array, k: Array) -> Array:

@@ -15,7 +15,7 @@ def cross_plane_x0(points: ArrayLike, directions: ArrayLike) -> tuple[Array, Arr
     Returns the crossing points (..., 3), NaN for a line parallel to the plane, and s with p = point + s · direction.
     """
     p, d = np.asarray(points, dtype=float), np.asarray(directions, dtype=float)
-    parallel = np.abs(d[..., 0]) < 1e-12 * np.linalg.norm(d, axis=-1)
+    parallel = np.abs(d[..., 0]) <= 1e-12 * np.linalg.norm(d, axis=-1)
     s = np.where(parallel, np.nan, -p[..., 0] / np.where(parallel, 1.0, d[..., 0]))
     return p + s[..., None] * d, s
 

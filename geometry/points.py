@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
+from geometry.errors import InputError
 
 Array = NDArray[np.float64]
 
@@ -33,6 +35,11 @@ class SurfacePoints:
     sigma_px: Array
     amplitude_dn: Array
 
+    def __post_init__(self) -> None:
+        """InputError where the columns differ in length."""
+        shapes = {"uv_px": (2,), "cov_uv_px2": (2, 2), "yz_mm": (2,), "cov_yz_mm2": (2, 2), "sigma_px": (2,)}
+        _check_columns(self, len(self.score), {**shapes, "axis_rad": (), "amplitude_dn": ()})
+
     def __len__(self) -> int:
         """The number of spots."""
         return len(self.score)
@@ -57,7 +64,11 @@ class AxisPoints:
     spot: NDArray[np.intp]
     yz_mm: Array
     cov_yz_mm2: Array
-    flag: tuple[str, ...] = field(default=())
+    flag: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        """InputError where the columns differ in length."""
+        _check_columns(self, len(self.label), {"spot": (), "yz_mm": (2,), "cov_yz_mm2": (2, 2)})
 
     def __len__(self) -> int:
         """The number of points."""
@@ -72,3 +83,11 @@ class AxisPoints:
     def empty() -> AxisPoints:
         """No points."""
         return AxisPoints((), np.zeros(0, dtype=np.intp), np.zeros((0, 2)), np.zeros((0, 2, 2)), ())
+
+
+def _check_columns(points: SurfacePoints | AxisPoints, n: int, shapes: dict[str, tuple[int, ...]]) -> None:
+    for name, shape in shapes.items():
+        if np.shape(getattr(points, name)) != (n, *shape):
+            raise InputError(f"{name} has shape {np.shape(getattr(points, name))}, {n} points need {(n, *shape)}")
+    if len(points.flag) != n:
+        raise InputError(f"{len(points.flag)} flags for {n} points: every point needs one, empty where it is trusted")

@@ -130,11 +130,11 @@ class RobotModel:
         return np.stack(columns, -2)
 
     def joint_jacobian(self, joints: ArrayLike) -> Array:
-        """Change of the hand's pose with the joint readings: twists in the hand's axes (..., 6, n) [mm, rad per rad]."""
+        """Change of the hand's pose with the readings: twists in the hand's axes (..., 6, n) [mm, rad per rad]."""
         return self.pose_and_jacobian(joints)[1]
 
     def pose_and_jacobian(self, joints: ArrayLike) -> tuple[Pose, Array]:
-        """T_base_hand (...) and joint_jacobian (..., 6, n) of the readings (..., n) [rad], for the price of one chain."""
+        """T_base_hand (...) and joint_jacobian (..., 6, n) of the readings (..., n) [rad], from one chain."""
         frames = self.link_poses(joints)
         hand = frames[..., -1] @ self.T_last_hand
         axis = frames[..., :-1] if self.convention == "standard" else frames[..., 1:]

@@ -14,7 +14,6 @@ Array = NDArray[np.float64]
 
 DISTORTION_LENGTHS = (0, 4, 5, 8, 12, 14)
 BIT_DEPTHS = (8, 10, 12, 14, 16)
-MIN_TRIANGULATION_RAD = np.deg2rad(1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,14 +85,13 @@ def _check_camera(s: SensorModel) -> None:
     if len(s.distortion) not in DISTORTION_LENGTHS:
         raise InputError(f"distortion has {len(s.distortion)} terms: OpenCV's model takes 0, 4, 5, 8, 12 or 14")
     check_rotation(s.T_sensor_camera.R)
-    axis = s.T_sensor_camera.R[:, 2]
     if abs(s.T_sensor_camera.t[0]) < 1e-6:
         raise InputError(
             "the camera's centre lies in the laser plane x = 0: it sees the sheet edge-on and measures no depth"
         )
-    if abs(axis[0]) < np.sin(MIN_TRIANGULATION_RAD) and _rays_hit_nowhere(s):
+    if _rays_hit_nowhere(s):
         raise InputError(
-            "the camera looks parallel to the laser plane x = 0 and never sees it: turn [camera.pose] towards the sheet"
+            "the camera looks along or away from the laser plane x = 0 and never sees it: turn [camera.pose] towards it"
         )
 
 
