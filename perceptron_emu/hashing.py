@@ -1,0 +1,40 @@
+"""Counter-based randomness: the same key and the same place give the same number, in any order and on any thread."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit, uint64
+from numpy.typing import NDArray
+from scipy.special import ndtri
+
+# Standard normal deviates at the middles of 2^16 equal slices of probability, scaled to unit variance
+_DEVIATES = ndtri((np.arange(65536) + 0.5) / 65536)
+NORMAL = (_DEVIATES / _DEVIATES.std()).astype(np.float32)
+
+
+@njit(cache=True, inline="always")
+def mix(counter, key):  # type: ignore[no-untyped-def]
+    """64 well mixed bits of a counter under a key (splitmix64's finaliser; Steele, Lea & Flood 2014)."""
+    z = uint64(counter) * uint64(0x9E3779B97F4A7C15) + uint64(key)
+    z = (z ^ (z >> uint64(30))) * uint64(0xBF58476D1CE4E5B9)
+    z = (z ^ (z >> uint64(27))) * uint64(0x94D049BB133111EB)
+    return z ^ (z >> uint64(31))
+
+
+def white_noise(row: int, column: int, rows: int, columns: int, key: int) -> NDArray[np.complex64]:
+    """Complex circular Gaussian noise of unit power on part of an endless grid."""
+    out = np.empty((rows, columns), np.complex64)
+    _white_noise(out, row, column, np.uint64(key & 0xFFFFFFFFFFFFFFFF), NORMAL)
+    return out
+
+
+@njit(cache=True, fastmath=True)
+def _white_noise(out, row, column, key, normal):  # type: ignore[no-untyped-def]
+    low = uint64(0xFFFF)
+    scale = np.float32(math.sqrt(0.5))
+    for i in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            bits = mix((uint64(row + i + 0x40000000) << uint64(32)) | uint64(column + j + 0x40000000), key)
+            out[i, j] = complex(scale * normal[bits & low], scale * normal[(bits >> uint64(16)) & low])

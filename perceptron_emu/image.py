@@ -1,0 +1,76 @@
+"""Light on the chip: nodes drawn in pieces, each multiplied by its speckle, summed to mean electrons."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geometry import SensorModel
+from perceptron_emu.config import EmulatorConfig
+from perceptron_emu.deposit import REACH, deposit
+from perceptron_emu.optics import defocus_radius_px, sharp_sigma_px
+from perceptron_emu.projection import project, to_camera
+from perceptron_emu.samples import Samples
+from perceptron_emu.speckle import contrast, grain_px, oversampling, speckle_field
+
+Array = NDArray[np.float64]
+Float32 = NDArray[np.float32]
+
+_DISC = [(0.0, 0.0)] + [
+    (r * math.cos(a), r * math.sin(a))
+    for r, n in ((0.4, 6), (0.8, 12))
+    for a in np.arange(n) * (2 * math.pi / n) + (0.0 if n == 6 else math.pi / 12)
+]
+
+
+def draw(electrons: Float32, samples: Samples, sensor: SensorModel, config: EmulatorConfig, key: int) -> None:
+    """Add the light of the nodes to the image of mean electrons (H, W).
+
+    key: 64 random bits of this frame's speckle.
+    """
+    if len(samples.electrons) == 0:
+        return
+    uv = project(sensor, samples.xyz_mm)
+    sigma = np.full(len(uv), sharp_sigma_px(config.optics, sensor, config.laser.wavelength_nm))
+    uv, sigma, weight, group = _defocused(uv, sigma, samples, sensor, config)
+    order = np.argsort(group, kind="stable")
+    uv, sigma, weight, group = uv[order], sigma[order], weight[order], group[order]
+    ends = np.flatnonzero(np.diff(group)) + 1
+    for piece in np.split(np.arange(len(group)), ends):
+        _draw_piece(electrons, uv[piece], weight[piece], sigma[piece], sensor, config, key)
+
+
+def _defocused(uv, sigma, samples, sensor, config):  # type: ignore[no-untyped-def]
+    """Nodes spread over the disc of defocus; a disc much smaller than the blur is folded into σ (σ² + R²/4)."""
+    weight, group = samples.electrons, samples.group
+    if not config.optics.defocus:
+        return uv, sigma, weight, group
+    radius = defocus_radius_px(config.optics, sensor, to_camera(sensor, samples.xyz_mm))
+    if np.max(radius) < 0.5 * np.min(sigma):
+        return uv, np.sqrt(sigma**2 + radius**2 / 4), weight, group
+    disc = np.array(_DISC) / math.sqrt(4 * np.mean(np.sum(np.array(_DISC) ** 2, 1)) / 2)
+    n = len(disc)
+    uv = (uv[:, None] + radius[:, None, None] * disc).reshape(-1, 2)
+    return uv, np.repeat(sigma, n), np.repeat(weight / n, n), np.repeat(group, n)
+
+
+def _draw_piece(electrons, uv, weight, sigma, sensor, config, key):  # type: ignore[no-untyped-def]
+    """One group of nodes: drawn on sub-pixels, multiplied by speckle, summed over each pixel."""
+    height, width = electrons.shape
+    reach = REACH * np.max(sigma) + 1
+    u0, v0 = (max(0, math.floor(c)) for c in np.min(uv, 0) - reach)
+    u1, v1 = (min(n - 1, math.ceil(c)) for n, c in zip((width, height), np.max(uv, 0) + reach, strict=True))
+    if u0 > u1 or v0 > v1:
+        return
+    q = oversampling(config, sensor) if config.speckle.enabled else 1
+    rows, columns = v1 - v0 + 1, u1 - u0 + 1
+    fine = np.zeros((rows * q, columns * q), np.float32)
+    u, v = ((uv[:, i] - o + 0.5) * q - 0.5 for i, o in ((0, u0), (1, v0)))
+    deposit(fine, u, v, weight, sigma * q)
+    if config.speckle.enabled:
+        grain = grain_px(config, sensor) * q
+        fine *= speckle_field((v0 * q, u0 * q), fine.shape, grain, contrast(config), key)
+        fine = fine.reshape(rows, q, columns, q).sum((1, 3))
+    electrons[v0 : v1 + 1, u0 : u1 + 1] += fine

@@ -1,0 +1,81 @@
+"""A scene to an image with its truth."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from perceptron_emu.camera import expose
+from perceptron_emu.config import EmulatorConfig
+from perceptron_emu.image import draw
+from perceptron_emu.occlusion import hidden_by_cylinder
+from perceptron_emu.projection import project
+from perceptron_emu.samples import Samples, join
+from perceptron_emu.scene import Material, Scene
+from perceptron_emu.strings import Cylinders, LitStrings, cylinders, light_strings
+from perceptron_emu.transport import Light
+from perceptron_emu.truth import Frame, FrameTruth, StringTruth
+
+Array = NDArray[np.float64]
+
+
+def render(scene: Scene, config: EmulatorConfig | None = None, rng: np.random.Generator | None = None) -> Frame:
+    """The image that the sensor delivers of the scene, and what is known of it.
+
+    rng draws two keys, for speckle and for the chip's noise; the same state gives the same bytes. Without config: its defaults; without rng: seed 0.
+    """
+    config = config or EmulatorConfig()
+    rng = np.random.default_rng(0) if rng is None else rng
+    speckle_key, noise_key = (int(k) for k in rng.integers(0, 2**63, 2))
+    sensor = scene.sensor
+    electrons = np.zeros((sensor.height_px, sensor.width_px), np.float32)
+    samples, truths = _strings(scene, config)
+    draw(electrons, samples, sensor, config, speckle_key)
+    image = expose(electrons, config.noise, sensor, config.exposure.time_ms * 1e-3, noise_key)
+    return Frame(image, FrameTruth(scene.T_sensor_jig if scene.jig else None, truths))
+
+
+def _strings(scene: Scene, config: EmulatorConfig) -> tuple[Samples, tuple[StringTruth, ...]]:
+    """Lit nodes of all strings and the truth of each."""
+    if scene.jig is None:
+        return Samples.none(), ()
+    strings = cylinders(scene.jig, scene.T_sensor_jig)
+    surface = config.surface
+    material = scene.string_material or Material(surface.diffuse, surface.specular, surface.roughness)
+    lit = light_strings(strings, material, scene.sensor, config, Light(scene.sensor, config))
+    seen = lit.electrons * _unhidden(strings, lit, scene)
+    truths, parts = [], []
+    for i, label in enumerate(strings.labels):
+        keep = seen[i] > 0
+        truths.append(
+            _truth(label, strings.crossing[i, 1:], lit.xyz_mm[i][keep], seen[i][keep], lit.electrons[i].sum(), scene)
+        )
+        parts.append(Samples(lit.xyz_mm[i][keep], seen[i][keep], np.full(int(keep.sum()), i)))
+    return join(parts), tuple(truths)
+
+
+def _unhidden(strings: Cylinders, lit: LitStrings, scene: Scene) -> Array:
+    """1 where a node (S, T, K) is reached by the laser and seen by the camera past the other strings and solids, else 0."""
+    clear = np.ones(lit.electrons.shape)
+    emitter = lit.xyz_mm.copy()
+    emitter[..., 1:] = scene.sensor.laser_origin_mm[1:]
+    for j in range(len(strings.labels)):
+        others = [i for i in range(len(strings.labels)) if i != j]
+        cylinder = strings.starts[j], strings.directions[j], strings.lengths[j], strings.radius
+        for source in (emitter[others], np.broadcast_to(scene.sensor.camera_centre_mm, emitter[others].shape)):
+            clear[others] *= ~hidden_by_cylinder(lit.xyz_mm[others], source, *cylinder)
+    return clear
+
+
+def _truth(label: str, axis: Array, xyz: Array, electrons: Array, unhidden: float, scene: Scene) -> StringTruth:
+    """Truth of one string from its seen nodes (N, 3) and their light (N,)."""
+    nothing = np.full(2, np.nan)
+    uv = project(scene.sensor, xyz) if len(xyz) else np.zeros((0, 2))
+    size = np.array([scene.sensor.width_px, scene.sensor.height_px])
+    inside = np.all((uv > -0.5) & (uv < size - 0.5), axis=1)
+    xyz, uv, electrons = xyz[inside], uv[inside], electrons[inside]
+    total = float(electrons.sum())
+    if total == 0:
+        return StringTruth(label, axis, nothing, nothing, 0.0)
+    surface, image = electrons @ xyz[:, 1:] / total, electrons @ uv / total
+    return StringTruth(label, axis, surface, image, float(total / unhidden), total)

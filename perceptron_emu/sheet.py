@@ -1,0 +1,69 @@
+"""The laser's light: a Gaussian sheet across, a fan along."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geometry import SensorModel, field_of_view
+from perceptron_emu.config import LaserConfig
+
+Array = NDArray[np.float64]
+
+
+def half_width_mm(laser: LaserConfig, sensor: SensorModel, distance_mm: Array) -> Array:
+    """1/e² half-width w of the sheet [mm] at a distance (...) [mm] from the emitter.
+
+    w(s) = w₀ √(1 + (M² λ (s − s₀) / (π w₀²))²). Source: ISO 11146-1; Siegman, Lasers (1986), chapter 17.
+    """
+    waist = laser.waist_um * 1e-3
+    if not laser.divergence:
+        return np.full_like(distance_mm, waist)
+    rayleigh = np.pi * waist**2 / (laser.m2 * laser.wavelength_nm * 1e-6)
+    return np.asarray(waist * np.sqrt(1 + ((distance_mm - waist_distance_mm(laser, sensor)) / rayleigh) ** 2))
+
+
+def waist_distance_mm(laser: LaserConfig, sensor: SensorModel) -> float:
+    """Distance of the waist from the emitter [mm]: as configured, or the middle of the field of view."""
+    return laser.waist_distance_mm or _middle_of_view_mm(sensor)
+
+
+@lru_cache(maxsize=32)
+def _middle_of_view_mm(sensor: SensorModel) -> float:
+    distance = np.linalg.norm(field_of_view(sensor) - sensor.laser_origin_mm[1:], axis=1)
+    return float((distance.min() + distance.max()) / 2)
+
+
+def across(x_mm: Array, half_width: Array) -> Array:
+    """Density across the sheet [1/mm], ∫ dx = 1: √(2/π)/w · exp(−2x²/w²)."""
+    return np.asarray(np.sqrt(2 / np.pi) / half_width * np.exp(-2 * (x_mm / half_width) ** 2))
+
+
+def along(laser: LaserConfig, fan_rad: float, angle: Array) -> Array:
+    """Density of power over the fan's angle [1/rad], ∫ dφ = 1 over the fan.
+
+    gaussian: exp(−2φ²/φ₀²) cut at the fan's edge, where it has fallen to edge_fraction of its middle.
+    powell: flat with a quadratic fall to edge_fraction at the edge, closed by a Gaussian shoulder of 2 % of the fan
+    (a Powell lens's data sheet gives the edge intensity; "uniform" is cut at ≥ 80 %). uniform: flat, cut sharply.
+    """
+    half = fan_rad / 2
+    t = np.abs(angle) / half
+    if laser.profile == "uniform":
+        return np.where(t <= 1, 1 / fan_rad, 0.0)
+    if laser.profile == "gaussian":
+        shape = np.where(t <= 1, laser.edge_fraction ** (t * t), 0.0)
+    else:
+        shoulder = np.exp(-0.5 * (np.maximum(t - 1, 0) / 0.02) ** 2)
+        shape = (1 - (1 - laser.edge_fraction) * np.minimum(t, 1) ** 2) * shoulder
+    return np.asarray(shape / (fan_rad * _fan_norm(laser.profile, laser.edge_fraction)))
+
+
+@lru_cache(maxsize=64)
+def _fan_norm(profile: str, edge: float) -> float:
+    """Mean of the profile's shape over the fan, its shoulders included."""
+    if profile == "gaussian":
+        t = (np.arange(4096) + 0.5) / 4096
+        return float(np.mean(edge ** (t * t)))
+    return 1 - (1 - edge) / 3 + edge * 0.02 * float(np.sqrt(np.pi / 2))

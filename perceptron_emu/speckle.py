@@ -1,0 +1,84 @@
+"""Speckle: the interference pattern that multiplies the mean light on the chip."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import scipy.fft
+from numpy.typing import NDArray
+
+from geometry import SensorModel
+from perceptron_emu.config import EmulatorConfig
+from perceptron_emu.hashing import white_noise
+from perceptron_emu.optics import working_f_number
+
+Float32 = NDArray[np.float32]
+
+HALO = 2.5  # grains beyond the box over which the amplitude's point spread is not cut
+
+
+def grain_px(config: EmulatorConfig, sensor: SensorModel) -> float:
+    """Grain on the chip λ F# (1 + m), in pixels (Goodman, Speckle Phenomena in Optics, 2007; Dorsch et al. 1994)."""
+    working = working_f_number(config.optics, sensor)
+    return config.laser.wavelength_nm * 1e-3 * working / config.optics.pixel_um
+
+
+def contrast(config: EmulatorConfig) -> float:
+    """Contrast σ_I/⟨I⟩ of the pattern before the pixel averages it.
+
+    1/√2 where the surface depolarises (two independent patterns), times [1 + (4π σ_h Δλ/λ²)²]^(−1/4) for light of bandwidth Δλ (its σ)
+    scattered over the rms depth σ_h (Goodman 2007, section 6.3; Parry 1974).
+    """
+    speckle, laser = config.speckle, config.laser
+    if speckle.contrast is not None:
+        return speckle.contrast
+    sigma_nm = laser.bandwidth_nm / math.sqrt(8 * math.log(2))
+    phase = 4 * math.pi * speckle.roughness_um * 1e3 * sigma_nm / laser.wavelength_nm**2
+    polarisation = 1.0 if speckle.polarised else math.sqrt(0.5)
+    return float(polarisation * (1 + 2 * phase**2) ** -0.25)
+
+
+def oversampling(config: EmulatorConfig, sensor: SensorModel) -> int:
+    """Sub-pixels a pixel's side needs: the pattern's intensity is band-limited at two samples a grain."""
+    return int(np.clip(math.ceil(2 / grain_px(config, sensor)), 1, 8))
+
+
+def speckle_field(origin: tuple[int, int], shape: tuple[int, int], grain: float, strength: float, key: int) -> Float32:
+    """Speckle intensity of mean 1 on a part of an endless sub-pixel grid.
+
+    origin: (row, column) of the part's first cell on the grid, shape: its (rows, columns); parts that overlap agree.
+    grain: λF#(1 + m) in cells. strength: contrast. Each pattern is |white complex noise seen through a circular pupil|²; their weights w add
+    up to 1 and their squares to strength². Source: Goodman 2007, section 3.2 and 3.3.
+    """
+    halo = math.ceil(HALO * grain)
+    full = tuple(scipy.fft.next_fast_len(n + 2 * halo) for n in shape)
+    pupil = _pupil(full, grain)
+    total = np.zeros(shape, np.float32)
+    for number, weight in enumerate(_weights(strength)):
+        noise = white_noise(origin[0] - halo, origin[1] - halo, full[0], full[1], key + 0x51_7C_C1 * (number + 1))
+        field = scipy.fft.ifft2(scipy.fft.fft2(noise, overwrite_x=True) * pupil, overwrite_x=True)
+        inner = field[halo : halo + shape[0], halo : halo + shape[1]]
+        total += np.float32(weight) * (inner.real**2 + inner.imag**2)
+    return total
+
+
+def _weights(strength: float) -> list[float]:
+    """Non-negative weights of the fewest independent patterns whose sum has the contrast: Σw = 1, Σw² = strength²."""
+    n = max(1, math.ceil(1 / max(strength, 0.05) ** 2 - 1e-9))
+    if n == 1:
+        return [1.0]
+    # n − 1 weights a and one b = 1 − (n − 1)a
+    m = n - 1
+    root = math.sqrt(max(m * ((m + 1) * strength**2 - 1), 0.0))
+    a = (m + root) / (m * (m + 1))
+    return [a] * m + [max(0.0, 1 - m * a)]
+
+
+def _pupil(shape: tuple[int, int], grain: float) -> Float32:
+    """Transfer function (rows, columns) of a circular pupil of diameter 1/grain cycles a cell, scaled to mean power 1."""
+    fy, fx = np.fft.fftfreq(shape[0])[:, None], np.fft.fftfreq(shape[1])[None, :]
+    # a soft rim one frequency cell wide, so that the pupil's area does not jump with the box's size
+    radius, cell = 0.5 / grain, 0.5 * (1 / shape[0] + 1 / shape[1])
+    pupil = np.clip((radius - np.hypot(fy, fx)) / cell + 0.5, 0, 1)
+    return np.asarray(pupil / math.sqrt(np.mean(pupil**2)), np.float32)
