@@ -1,0 +1,231 @@
+"""Candidates for string spots: peaks that stand above their surroundings, and the shape of the region around each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from extraction.compiled import compiled
+from extraction.config import DetectConfig
+from extraction.preprocess import BLOCK_PX, Image32, Prepared
+
+Array = NDArray[np.float64]
+
+RING_PX = 13  # half side of the square ring whose median is a peak's background
+PEAK_RADIUS_PX = 2
+MAX_REGION_PX = 6000
+
+# rows of the region table
+PEAK_U, PEAK_V, SMOOTH_PEAK, RING, RING_NOISE, AREA, MEAN_U, MEAN_V, COV_UU, COV_UV, COV_VV, LENGTH, WIDTH, STATE = (
+    range(14)
+)
+COLUMNS = 14
+# values of STATE
+WHOLE, ESCAPED, JOINED = 0, 1, 2
+
+
+@dataclass(frozen=True, eq=False)
+class Candidates:
+    """Peaks of the blurred image, brightest first, and why each was refused ("" while it stands).
+
+    peak_uv_px: brightest pixel (N, 2). height_dn, ring_dn, ring_noise_dn: over its surroundings, those, their spread (N,).
+    mean_uv_px, cov_uv_px2: first and second moments of the region above `region_level` of the height (N, 2), (N, 2, 2).
+    area_px, length_px, width_px: of that region, along and across its long axis (N,).
+    owner: index of the candidate whose region a pixel belongs to, -1 for none (H, W).
+    """
+
+    peak_uv_px: Array
+    height_dn: Array
+    ring_dn: Array
+    ring_noise_dn: Array
+    mean_uv_px: Array
+    cov_uv_px2: Array
+    area_px: Array
+    length_px: Array
+    width_px: Array
+    reason: tuple[str, ...]
+    owner: NDArray[np.int32]
+
+    def __len__(self) -> int:
+        """The number of candidates, refused ones included."""
+        return len(self.reason)
+
+
+def find_candidates(prepared: Prepared, config: DetectConfig, mm_per_px: float) -> Candidates:
+    """Peaks above the noise, with the shape of their regions and the reason of each refusal.
+
+    mm_per_px: scale of the laser sheet in the image, for the limits of size that are given in mm.
+    """
+    peaks = _peaks(prepared.smooth, prepared.background, prepared.noise, BLOCK_PX, config.threshold, PEAK_RADIUS_PX)
+    order = np.argsort(-prepared.smooth[peaks[:, 1], peaks[:, 0]], kind="stable")[: config.max_candidates]
+    length = max(config.min_length_px, config.max_length_mm / mm_per_px)
+    width = max(config.min_width_px, config.max_width_mm / mm_per_px)
+    least = max(config.min_height_dn, 0.0)
+    owner = np.full(prepared.smooth.shape, -1, np.int32)
+    table = _regions(
+        prepared.smooth,
+        owner,
+        peaks[order],
+        config.threshold,
+        least,
+        config.region_level,
+        length,
+        float(prepared.noise.min()),
+    )
+    reasons = _reasons(table, config, length, width)
+    cov = table[:, [COV_UU, COV_UV, COV_UV, COV_VV]].reshape(-1, 2, 2)
+    return Candidates(
+        table[:, :2], table[:, SMOOTH_PEAK] - table[:, RING], table[:, RING], table[:, RING_NOISE], table[:, [MEAN_U, MEAN_V]],
+        cov, table[:, AREA], table[:, LENGTH], table[:, WIDTH], reasons, owner,
+    )  # fmt: skip
+
+
+def _reasons(table: Array, config: DetectConfig, length_px: float, width_px: float) -> tuple[str, ...]:
+    """Why each peak is refused, "" where it is not."""
+    height = table[:, SMOOTH_PEAK] - table[:, RING]
+    reasons = np.full(len(table), "", dtype=object)
+    reasons[table[:, WIDTH] > width_px] = "too_wide"
+    reasons[(table[:, LENGTH] > length_px) | (table[:, STATE] == ESCAPED)] = "too_long"
+    reasons[table[:, STATE] == JOINED] = "part_of_brighter"
+    reasons[height < config.min_height_dn] = "too_faint"
+    reasons[height < config.threshold * table[:, RING_NOISE]] = "in_the_noise"
+    return tuple(reasons)
+
+
+@compiled
+def _peaks(
+    smooth: Image32, background: Image32, noise: Image32, block: int, threshold: float, radius: int
+) -> NDArray[np.int64]:  # noqa: PLR0913
+    """Pixels (N, 2) that are the largest within ``radius`` and stand ``threshold`` · noise above the background."""
+    rows, columns = smooth.shape
+    h, w = background.shape
+    found = []
+    for j in range(rows):
+        bj = min(j // block, h - 1)
+        for bi in range(w):
+            limit = background[bj, bi] + threshold * noise[bj, bi]
+            for i in range(bi * block, columns if bi == w - 1 else (bi + 1) * block):
+                if smooth[j, i] > limit and _is_peak(smooth, j, i, radius):
+                    found.append((i, j))
+    out = np.zeros((len(found), 2), np.int64)
+    for k in range(len(found)):
+        out[k, 0], out[k, 1] = found[k]
+    return out
+
+
+@compiled
+def _is_peak(smooth: Image32, j: int, i: int, radius: int) -> bool:
+    """Whether no pixel within ``radius`` is larger; of equal ones the first in reading order counts."""
+    rows, columns = smooth.shape
+    here = smooth[j, i]
+    for y in range(max(0, j - radius), min(rows, j + radius + 1)):
+        for x in range(max(0, i - radius), min(columns, i + radius + 1)):
+            other = smooth[y, x]
+            if other > here or (other == here and (y < j or (y == j and x < i))):
+                return False
+    return True
+
+
+@compiled
+def _ring(smooth: Image32, j: int, i: int, radius: int, least_noise: float) -> tuple[float, float]:
+    """Median of a square ring around the pixel, and the spread of its lower half about it as a standard deviation."""
+    rows, columns = smooth.shape
+    values = np.empty(8 * radius + 8, np.float32)
+    count = 0
+    top, bottom = max(0, j - radius), min(rows - 1, j + radius)
+    left, right = max(0, i - radius), min(columns - 1, i + radius)
+    for x in range(left, right + 1):
+        values[count], values[count + 1] = smooth[top, x], smooth[bottom, x]
+        count += 2
+    for y in range(top + 1, bottom):
+        values[count], values[count + 1] = smooth[y, left], smooth[y, right]
+        count += 2
+    ordered = np.sort(values[:count])
+    median = ordered[count // 2]
+    spread = 0.5 * (ordered[(count * 84) // 100] - ordered[(count * 16) // 100])
+    return float(median), max(float(spread), least_noise)
+
+
+@compiled
+def _regions(
+    smooth: Image32,
+    owner: NDArray[np.int32],
+    peaks: NDArray[np.int64],
+    threshold: float,
+    least: float,
+    level: float,
+    length: float,
+    noise: float,
+) -> Array:  # noqa: PLR0913
+    """The region table (N, COLUMNS), in the order of ``peaks`` (brightest first)."""
+    stack = np.empty((MAX_REGION_PX + 8, 2), np.int64)
+    table = np.zeros((len(peaks), COLUMNS))
+    for k in range(len(peaks)):
+        i, j = peaks[k]
+        row = table[k]
+        row[PEAK_U], row[PEAK_V], row[SMOOTH_PEAK] = i, j, smooth[j, i]
+        row[RING], row[RING_NOISE] = _ring(smooth, j, i, RING_PX, noise)
+        height = row[SMOOTH_PEAK] - row[RING]
+        if owner[j, i] >= 0:
+            row[STATE] = JOINED
+        elif height >= threshold * row[RING_NOISE] and height >= least:
+            _grow(smooth, owner, stack, k, row, row[RING] + level * height, 2.0 * length)
+    return table
+
+
+@compiled
+def _grow(
+    smooth: Image32, owner: NDArray[np.int32], stack: NDArray[np.int64], k: int, row: Array, level: float, reach: float
+) -> None:  # noqa: PLR0913
+    """Flood from the peak down to ``level``; write the region's moments and extents to its row of the table."""
+    rows, columns = smooth.shape
+    i0, j0 = int(row[PEAK_U]), int(row[PEAK_V])
+    stack[0, 0], stack[0, 1] = i0, j0
+    owner[j0, i0] = k
+    size, done, state = 1, 0, WHOLE
+    sums = np.zeros(6)
+    while done < size:
+        i, j = stack[done]
+        done += 1
+        x, y, weight = float(i - i0), float(j - j0), float(smooth[j, i]) - level
+        sums[0] += weight
+        sums[1] += weight * x
+        sums[2] += weight * y
+        sums[3] += weight * x * x
+        sums[4] += weight * x * y
+        sums[5] += weight * y * y
+        if abs(x) > reach or abs(y) > reach or size >= MAX_REGION_PX:
+            state = ESCAPED
+            continue
+        for b, a in ((j - 1, i), (j + 1, i), (j, i - 1), (j, i + 1)):
+            if 0 <= b < rows and 0 <= a < columns and owner[b, a] != k and smooth[b, a] > level:
+                if owner[b, a] >= 0:
+                    state = max(state, JOINED) if state != ESCAPED else ESCAPED
+                    continue
+                owner[b, a] = k
+                stack[size, 0], stack[size, 1] = a, b
+                size += 1
+    _shape(stack[:size], sums, row)
+    row[STATE] = state
+
+
+@compiled
+def _shape(pixels: NDArray[np.int64], sums: Array, row: Array) -> None:
+    """Moments from their sums, and the extents of the pixels along and across the long axis."""
+    i0, j0 = row[PEAK_U], row[PEAK_V]
+    total = max(sums[0], 1e-12)
+    u, v = sums[1] / total, sums[2] / total
+    uu, uv, vv = sums[3] / total - u * u, sums[4] / total - u * v, sums[5] / total - v * v
+    row[AREA], row[MEAN_U], row[MEAN_V] = len(pixels), i0 + u, j0 + v
+    row[COV_UU], row[COV_UV], row[COV_VV] = uu, uv, vv
+    angle = 0.5 * np.arctan2(2.0 * uv, uu - vv)
+    cosine, sine = np.cos(angle), np.sin(angle)
+    low_a, high_a, low_c, high_c = 0.0, 0.0, 0.0, 0.0
+    for n in range(len(pixels)):
+        x, y = pixels[n, 0] - i0, pixels[n, 1] - j0
+        along, across = cosine * x + sine * y, cosine * y - sine * x
+        low_a, high_a = min(low_a, along), max(high_a, along)
+        low_c, high_c = min(low_c, across), max(high_c, across)
+    row[LENGTH], row[WIDTH] = high_a - low_a + 1.0, high_c - low_c + 1.0
