@@ -1,0 +1,5 @@
+"""`python -m workbench` is `perceptron-emu`."""
+
+from workbench.main import main
+
+main()

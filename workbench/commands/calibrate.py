@@ -1,0 +1,64 @@
+"""Solve the sensor's pose in the hand from a dataset."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from workbench.console import progress_bar, say_on_stdout, standard_output
+
+EXIT_NO_ANSWER = 3
+
+
+class Method(StrEnum):
+    """How the SCP is solved."""
+
+    BUNDLE = "bundle"
+    PAPER = "paper"
+
+
+class Model(StrEnum):
+    """What is estimated."""
+
+    SCP = "scp"
+    OFFSETS = "scp+offsets"
+    FULL = "full"
+
+
+def command(
+    dataset: Annotated[Path, typer.Argument(help="Folder of a cell dataset, or its cell.toml.")],
+    method: Annotated[
+        Method | None, typer.Option(help="A bundle over raw points (default), or the paper's own iteration.")
+    ] = None,
+    model: Annotated[
+        Model | None, typer.Option(help="The SCP alone (default), with joint offsets, or with the full DH table.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
+    out: Annotated[Path | None, typer.Option(help="Folder for result.json, points.csv and fig7.png.")] = None,
+    config: Annotated[list[Path] | None, typer.Option(help="Settings TOML; may be given more than once.")] = None,
+) -> None:
+    """Solve the sensor's pose in the hand (SCP) from a cell dataset, emulated or recorded."""
+    from workbench.formats import read_cell
+    from workbench.formats.settings_file import read_settings
+    from workbench.pipeline import observe, solve
+    from workbench.results.as_json import calibration_object, json_text
+    from workbench.results.as_text import print_calibration
+
+    settings = read_settings(config or [], method=method and method.value, model=model and model.value)
+    cell = read_cell(dataset)
+    with progress_bar("extracting", len(cell.frames)) as progress:
+        observed = observe(cell, settings.extraction, progress)
+    result = solve(cell, observed, settings.calib)
+    if out is not None:
+        from workbench.results.folder import write_results
+
+        write_results(out, cell, observed, result, settings)
+    if as_json:
+        say_on_stdout(json_text(calibration_object(result, observed.complaints)))
+    else:
+        print_calibration(standard_output(), result, observed.complaints)
+    if not result.verdict.trustworthy:
+        raise typer.Exit(EXIT_NO_ANSWER)

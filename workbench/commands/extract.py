@@ -1,0 +1,68 @@
+"""Find string points and write them as CSV."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from workbench.console import progress_bar, say_on_stdout, standard_error
+
+if TYPE_CHECKING:
+    from workbench.extracting import Extracted
+
+
+def command(
+    inputs: Annotated[
+        list[Path], typer.Argument(metavar="DATASET|IMAGES", help="A cell dataset, or image files or their folder.")
+    ],
+    sensor: Annotated[Path | None, typer.Option(help="sensor.toml; needed for bare images.")] = None,
+    jig: Annotated[Path | None, typer.Option(help="jig.toml; without it, bare images give unlabelled spots.")] = None,
+    csv: Annotated[Path | None, typer.Option(help="File for the points; default: standard output.")] = None,
+    overlay: Annotated[Path | None, typer.Option(help="Folder for pictures of what was detected.")] = None,
+    config: Annotated[list[Path] | None, typer.Option(help="Settings TOML; may be given more than once.")] = None,
+) -> None:
+    """Find the string points of stripe images: pixel, surface point, axis point, σ and label of each, as CSV."""
+    from workbench.extracting import extract_inputs
+    from workbench.formats import points_text
+    from workbench.formats.atomic import write_text
+    from workbench.formats.settings_file import read_settings
+    from workbench.points_table import rows
+
+    settings = read_settings(config or [])
+    with progress_bar("extracting", len(inputs)) as progress:
+        extracted = extract_inputs(inputs, sensor, jig, settings, progress)
+    for line in _remarks(extracted):
+        standard_error().print(line, soft_wrap=True, markup=False)
+    text = points_text(rows(extracted.tables))
+    if overlay is not None:
+        _overlays(extracted, overlay)
+    if csv is None:
+        say_on_stdout(text.rstrip("\n"))
+    else:
+        write_text(csv, text)
+        labelled = sum(len(t.axis) for t in extracted.tables)
+        spots = sum(len(t.points) for t in extracted.tables)
+        standard_error().print(f"{csv}: {labelled} labelled of {spots} spots in {len(extracted.tables)} frames")
+
+
+def _remarks(extracted: Extracted) -> Iterator[str]:
+    for table in extracted.tables:
+        if table.frame in extracted.complaints:
+            yield f"warning: frame {table.frame}: {extracted.complaints[table.frame]}"
+        elif table.reason:
+            yield f"warning: frame {table.frame}: {table.reason}, {len(table.points)} spots ({table.image or 'points'})"
+
+
+def _overlays(extracted: Extracted, folder: Path) -> None:
+    from workbench.formats import read_image
+    from workbench.results.overlay import save_overlays
+
+    with progress_bar("overlays", len(extracted.tables)) as progress:
+        for i, table in enumerate(extracted.tables, start=1):
+            path = extracted.paths.get(table.frame)
+            if path is not None and table.frame not in extracted.complaints:
+                save_overlays(folder, read_image(path, extracted.sensor), extracted.sensor, table)
+            progress(i, len(extracted.tables))

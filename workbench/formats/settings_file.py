@@ -1,0 +1,49 @@
+"""Settings files: extraction's tables as `tune` saves them, and calibration's keys under [calib]."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, Field, create_model
+
+from calib import CalibConfig
+from extraction.config import ExtractionConfig
+from workbench.formats.strict import Section, validate
+from workbench.formats.toml_text import read_toml
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What the two stages of the chain are told."""
+
+    extraction: ExtractionConfig = field(default_factory=ExtractionConfig)
+    calib: CalibConfig = field(default_factory=CalibConfig)
+
+
+def _file_model() -> type[BaseModel]:
+    """Extraction's tables at the top of the file and [calib] beside them."""
+    tables: dict[str, Any] = {name: (f.annotation, f.get_default(call_default_factory=True)) for name, f in _tables()}
+    return create_model(
+        "SettingsFile", __base__=Section, calib=(CalibConfig, Field(default_factory=CalibConfig)), **tables
+    )
+
+
+def _tables() -> list[tuple[str, Any]]:
+    return list(ExtractionConfig.model_fields.items())
+
+
+def read_settings(paths: Sequence[Path], **calib: Any) -> Settings:
+    """Settings of files, later ones over earlier, and of ``calib`` keys over all; None leaves a key alone."""
+    tables: dict[str, dict[str, Any]] = {}
+    for path in paths:
+        source = read_toml(path)
+        validate(_file_model(), source)
+        for name, table in source.data.items():
+            if isinstance(table, dict):
+                tables.setdefault(name, {}).update({k: v for k, v in table.items() if k != "name"})
+    given = {k: v for k, v in calib.items() if v is not None}
+    own = CalibConfig.model_validate({**tables.pop("calib", {}), **given})
+    return Settings(ExtractionConfig.model_validate(tables), own)

@@ -1,0 +1,65 @@
+"""The rows of extract's CSV: every spot, labelled where the jig explains it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from geometry import AxisPoints, Pose, SurfacePoints
+
+
+@dataclass(frozen=True, eq=False)
+class FrameTable:
+    """One frame's spots and labels. reason: why nothing was labelled, or None. T_sensor_jig: where the jig was seen."""
+
+    frame: int
+    image: str
+    points: SurfacePoints
+    axis: AxisPoints
+    reason: str | None = None
+    T_sensor_jig: Pose | None = None
+
+
+def rows(tables: Sequence[FrameTable]) -> list[dict[str, object]]:
+    """Rows by column name, frame by frame: labelled points in the jig's order, then unlabelled spots by score."""
+    out: list[dict[str, object]] = []
+    for table in tables:
+        taken = {int(i) for i in table.axis.spot}
+        out += [_labelled(table, i) for i in range(len(table.axis))]
+        out += [_unlabelled(table, i) for i in range(len(table.points)) if i not in taken]
+    return out
+
+
+def _labelled(table: FrameTable, i: int) -> dict[str, object]:
+    axis, spot = table.axis, int(table.axis.spot[i])
+    row: dict[str, object] = {"frame": table.frame, "label": axis.label[i]}
+    row |= {"y_mm": float(axis.yz_mm[i, 0]), "z_mm": float(axis.yz_mm[i, 1])} | _sigmas(axis.cov_yz_mm2[i])
+    flag = axis.flag[i] if i < len(axis.flag) else ""
+    if spot < 0:
+        return row | {"flag": flag}
+    return row | _seen(table.points, spot) | {"flag": flag or table.points.flag[spot]}
+
+
+def _unlabelled(table: FrameTable, i: int) -> dict[str, object]:
+    row: dict[str, object] = {"frame": table.frame, "label": "", "flag": table.points.flag[i]}
+    return row | _seen(table.points, i) | _sigmas(table.points.cov_yz_mm2[i])
+
+
+def _seen(points: SurfacePoints, i: int) -> dict[str, object]:
+    return {
+        "u_px": float(points.uv_px[i, 0]),
+        "v_px": float(points.uv_px[i, 1]),
+        "y_surface_mm": float(points.yz_mm[i, 0]),
+        "z_surface_mm": float(points.yz_mm[i, 1]),
+        "score": float(points.score[i]),
+    }
+
+
+def _sigmas(covariance: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> dict[str, object]:
+    return {
+        "sigma_y_mm": float(np.sqrt(covariance[0, 0])),
+        "sigma_z_mm": float(np.sqrt(covariance[1, 1])),
+        "cov_yz_mm2": float(covariance[0, 1]),
+    }
