@@ -1,4 +1,12 @@
-"""From the lit surface that the camera sees to the axis of the string."""
+"""From the lit surface that the camera sees to the axis of the string.
+
+Derivation. A point of the string is X = X₀ + s d + r n(φ), with X₀ the axis's crossing of the sheet x = 0, d the string's
+unit direction and n(φ) ⊥ d. The sheet's irradiance depends on x alone, so at a fixed φ the light is centred on x = 0:
+its centroid along s is the point c(φ) = X₀ + r (n - d nₓ/dₓ), which lies in the sheet whatever the sheet's thickness.
+Seen from the camera, φ counts with w(φ) = f(n, l, v) (n·l)₊ (n·v)₊: cosine of incidence, reflectance f, foreshortening.
+Over one string the projection is affine to r/distance ≈ 1e-3, so the spot's centroid is the image of Σ w c / Σ w, and
+the camera's ray through it meets the sheet in that very point. The offset from the axis is that mean less X₀.
+"""
 
 from __future__ import annotations
 
@@ -8,10 +16,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.config import CalibConfig
+from calib.surface_config import SurfaceConfig
 from geometry import Pose, SensorModel, SurfacePoints
 from jig_cad import Jig
 
 Array = NDArray[np.float64]
+
+# Plausible threads: weight, albedo, reflectance at normal incidence, GGX α; matte, satin, polished, bare wire. Their mean
+# stands between the extremes, a Lambertian thread and a purely specular one.
+THREADS = np.array(
+    [
+        [0.35, 0.60, 0.00, 0.5],
+        [0.15, 0.50, 0.05, 0.3],
+        [0.10, 0.30, 0.05, 0.15],
+        [0.20, 0.10, 0.30, 0.3],
+        [0.20, 0.02, 0.60, 0.2],
+    ]
+)
+NODES = 48  # Gauss-Legendre; the narrowest lobe above spans several nodes
 
 
 def axis_points(
@@ -26,4 +48,67 @@ def axis_points(
 
     surface: N spots, one a label. T_sensor_jig: for the strings' directions; 1° moves the axis by 0.01 radius or so.
     """
-    raise NotImplementedError
+    index = [jig.strings.index(label) for label in labels]
+    directions = jig.directions[index] @ T_sensor_jig.R.T
+    radius = jig.string_diameter_mm / 2
+    offset, spread = surface_offset(surface.yz_mm, directions, radius, sensor, config.surface)
+    return surface.yz_mm - offset, surface.cov_yz_mm2 + spread
+
+
+def surface_offset(
+    yz_mm: Array, directions: Array, radius_mm: float, sensor: SensorModel, surface: SurfaceConfig
+) -> tuple[Array, Array]:
+    """Lit-surface centroid less axis, both in the sheet: mean (..., 2) [mm] and covariance (..., 2, 2) over what is unknown.
+
+    yz_mm: spots (..., 2). directions: of the strings in {P} (..., 3), unit length, either sense.
+    """
+    threads = np.array([[1.0, surface.diffuse, surface.specular, surface.roughness]]) if surface.known else THREADS
+    each = centroid_offsets(yz_mm, directions, sensor, threads[:, 1:]) * radius_mm  # (..., K, 2)
+    weight = threads[:, 0] / threads[:, 0].sum()
+    mean = np.einsum("...ki,k->...i", each, weight)
+    rest = each - mean[..., None, :]
+    spread = np.einsum("...ki,...kj,k->...ij", rest, rest, weight)
+    return mean, spread + surface.diameter_sigma**2 * mean[..., :, None] * mean[..., None, :]
+
+
+def centroid_offsets(yz_mm: Array, directions: Array, sensor: SensorModel, threads: Array) -> Array:
+    """Lit-surface centroid less axis (..., K, 2) in radii, for each of K threads (albedo, reflectance, GGX α)."""
+    point = np.concatenate([np.zeros_like(yz_mm[..., :1]), yz_mm], -1)
+    light = _unit(sensor.laser_origin_mm - point)
+    view = _unit(sensor.camera_centre_mm - point)
+    l_across, v_across = (_unit(u - np.sum(u * directions, -1, keepdims=True) * directions) for u in (light, view))
+    middle = _unit(l_across + v_across)
+    side = np.cross(directions, middle)
+    half_angle = np.arccos(np.clip(np.sum(l_across * v_across, -1), -1, 1)) / 2
+    nodes, weights = np.polynomial.legendre.leggauss(NODES)
+    phi = (np.pi / 2 - half_angle)[..., None] * nodes  # lit and seen: within a right angle of both
+    n = np.cos(phi)[..., None] * middle[..., None, :] + np.sin(phi)[..., None] * side[..., None, :]  # (..., Q, 3)
+    w = weights * _radiance(n, light[..., None, :], view[..., None, :], threads)  # (..., K, Q)
+    dx = directions[..., :1]
+    slope = directions[..., 1:] / np.where(np.abs(dx) < 1e-6, 1e-6, dx)
+    in_sheet = n[..., 1:] - slope[..., None, :] * n[..., :1]
+    return np.asarray(w @ in_sheet / np.maximum(w.sum(-1)[..., None], 1e-300))
+
+
+def _radiance(n: Array, light: Array, view: Array, threads: Array) -> Array:
+    """Light sent to the camera per unit of arc (..., K, Q).
+
+    Lambert beside a GGX lobe (Walter et al. 2007) with Schlick's Fresnel reflectance.
+    """
+    albedo, f0, alpha = (threads[:, i][:, None] for i in range(3))
+    half = _unit(light + view)
+    nl, nv, nh = (np.maximum(np.sum(n * u, -1), 0.0)[..., None, :] for u in (light, view, half))
+    a2 = alpha**2
+    density = a2 / (np.pi * (nh**2 * (a2 - 1) + 1) ** 2)
+    fresnel = f0 + (1 - f0) * (1 - np.sum(half * light, -1)[..., None, :]) ** 5
+    glossy = np.where(f0 > 0, density * fresnel * _masking(nl, a2) * _masking(nv, a2) / 4, 0.0)
+    return np.asarray(albedo / np.pi * nl * nv + glossy)
+
+
+def _masking(cosine: Array, a2: Array) -> Array:
+    """Smith's G₁ for GGX."""
+    return 2 * cosine / np.maximum(cosine + np.sqrt(a2 + (1 - a2) * cosine**2), 1e-300)
+
+
+def _unit(v: Array) -> Array:
+    return v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-300)

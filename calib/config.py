@@ -6,6 +6,8 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from calib.surface_config import LabellingConfig, SurfaceConfig
+
 Method = Literal["bundle", "paper"]
 Model = Literal["scp", "scp+offsets", "full"]
 
@@ -21,6 +23,8 @@ class CalibConfig(BaseModel):
     )
 
     # surface to axis and labels
+    surface: SurfaceConfig = SurfaceConfig()
+    labelling: LabellingConfig = LabellingConfig()
     relabel_rounds: int = Field(
         2, ge=0, description="how often labels and axis offsets are redone with the solved chain"
     )
