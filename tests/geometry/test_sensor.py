@@ -1,0 +1,158 @@
+"""The sensor's checks, its field of view and lens model against OpenCV, points and lines."""
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given, settings
+
+from geometry import (
+    AxisPoints,
+    InputError,
+    Pose,
+    SurfacePoints,
+    cross_plane_x0,
+    did_you_mean,
+    distance_to_line,
+    field_of_view,
+    inside_polygon,
+)
+from geometry.field_of_view import MAX_DISTANCE_MM
+from tests.geometry.strategies import SEEDS, line_sensor
+
+LENSES = {
+    "none": (),
+    "four": (-0.2, 0.12, 8e-4, -6e-4),
+    "five": (-0.25, 0.14, 1e-3, -5e-4, -0.03),
+    "rational": (0.8, -0.3, 5e-4, 2e-4, 0.05, 0.95, -0.2, 0.02),
+    "prism": (-0.2, 0.1, 1e-4, 2e-4, 0.0, 0.0, 0.0, 0.0, 2e-3, -1e-3, 1e-3, 5e-4),
+    "tilted": (-0.2, 0.15, 1e-3, -2e-3, 0.05, 0.01, -0.02, 0.01, 1e-3, -1e-3, 2e-3, 1e-3, 0.12, -0.15),
+}
+
+
+def by_opencv(sensor, yz_mm: np.ndarray) -> np.ndarray:  # type: ignore[no-untyped-def]
+    """Pixels (N, 2) of points of the sheet, by cv2.projectPoints."""
+    T_camera_sensor = sensor.T_sensor_camera.inverse()
+    xyz = np.column_stack([np.zeros(len(yz_mm)), yz_mm])
+    rvec = cv2.Rodrigues(T_camera_sensor.R)[0]
+    uv, _ = cv2.projectPoints(xyz, rvec, T_camera_sensor.t, sensor.camera_matrix, sensor.distortion14)
+    return np.asarray(uv[:, 0])
+
+
+@pytest.mark.parametrize("lens", LENSES)
+@given(seed=SEEDS)
+@settings(max_examples=10)
+def test_field_of_view_is_what_opencv_projects_into_the_image(lens: str, seed: int) -> None:
+    """Random points of the lit fan: inside the polygon exactly where OpenCV puts them into the image, 0.5 px apart."""
+    sensor = line_sensor(distortion=LENSES[lens])
+    polygon = field_of_view(sensor)
+    low, high = polygon.min(0) - 30, np.minimum(polygon.max(0) + 30, 900)
+    points = np.random.default_rng(seed).uniform(low, high, (400, 2))
+    u, v = by_opencv(sensor, points).T
+    border = np.minimum.reduce([u + 0.5, sensor.width_px - 0.5 - u, v + 0.5, sensor.height_px - 0.5 - v])
+    half = sensor.fan_rad / 2
+    fan = points[:, 1] * np.sin(half) - np.abs(points[:, 0]) * np.cos(half)
+    clear = (np.abs(border) > 0.5) & (np.abs(fan) > 0.5)
+    expected = (border > 0) & (fan > 0)
+    np.testing.assert_array_equal(inside_polygon(points, polygon)[clear], expected[clear])
+
+
+@pytest.mark.parametrize("lens", LENSES)
+def test_the_corners_of_the_field_are_the_corners_of_the_image(lens: str) -> None:
+    sensor = line_sensor(distortion=LENSES[lens], fan_rad=np.deg2rad(120))
+    u, v = by_opencv(sensor, field_of_view(sensor)).T
+    on_border = np.minimum.reduce([np.abs(u + 0.5), np.abs(u - 1279.5), np.abs(v + 0.5), np.abs(v - 1023.5)])
+    assert on_border.max() < 1e-8
+
+
+def test_a_margin_takes_its_strip_off() -> None:
+    u, v = by_opencv(sensor := line_sensor(fan_rad=2.0), field_of_view(sensor, margin_px=20.0)).T
+    np.testing.assert_allclose([u.min(), u.max(), v.min(), v.max()], [19.5, 1259.5, 19.5, 1003.5], rtol=0, atol=1e-8)
+    with pytest.raises(InputError, match="margin_px"):
+        field_of_view(sensor, margin_px=600.0)
+
+
+def test_a_view_open_to_the_horizon_is_closed() -> None:
+    """A camera that looks along the sheet sees it to infinity; the polygon ends and stays finite."""
+    rotation = Pose.from_fixed_xyz_deg([0, 0, 90], [0, 0, 0]).R  # optical axis parallel to the sheet
+    polygon = field_of_view(line_sensor(T_sensor_camera=Pose(rotation, np.array([120.0, 0, 0]))))
+    assert np.all(np.isfinite(polygon))
+    assert 0.9 * MAX_DISTANCE_MM < polygon[:, 1].max() < 1.1 * MAX_DISTANCE_MM
+
+
+def test_a_lens_that_folds_back_ends_the_view_at_the_fold() -> None:
+    """With k1 = -2 the radius comes to rest at r = 1/√6 and no pixel beyond 0.27 f has a ray."""
+    sensor = line_sensor(fx_px=1500.0, fy_px=1500.0, distortion=(-2.0, 0, 0, 0, 0), fan_rad=2.5)
+    polygon = field_of_view(sensor)
+    T_camera_sensor = sensor.T_sensor_camera.inverse()
+    ray = T_camera_sensor @ np.column_stack([np.zeros(len(polygon)), polygon])
+    radius = np.hypot(*(ray[:, :2] / ray[:, 2:]).T)
+    assert radius.max() <= 1 / np.sqrt(6)
+    assert radius.max() > 0.4
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"width_px": 0}, "image size"),
+        ({"bit_depth": 9}, "bit_depth 9"),
+        ({"black_level": 255.0}, "black_level"),
+        ({"black_level": -1.0}, "black_level"),
+        ({"fx_px": -1.0}, "must be positive"),
+        ({"cx_px": np.nan}, "not finite"),
+        ({"distortion": (0.1, 0.2, 0.3)}, "3 terms"),
+        ({"T_sensor_camera": Pose(np.diag([1.0, 1, -1]), np.array([120.0, 0, 0]))}, "reflection"),
+        ({"T_sensor_camera": Pose(np.eye(3), np.zeros(3))}, "edge-on"),
+        ({"laser_origin_mm": np.array([1.0, 0, 0])}, "x must be 0"),
+        ({"laser_origin_mm": np.zeros(2)}, "three finite"),
+        ({"fan_rad": 4.0}, "between 0 and 180"),
+    ],
+)
+def test_numbers_that_are_no_sensor_are_refused(change: dict[str, object], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        replace(line_sensor(), **change)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("angle_deg", [0.0, 20.0, 60.0])
+def test_a_camera_that_looks_away_from_the_sheet_is_refused(angle_deg: float) -> None:
+    good = line_sensor()
+    away = Pose.from_fixed_xyz_deg([0, 40 + angle_deg, 0], [0, 0, 0]).R @ good.T_sensor_camera.R
+    with pytest.raises(InputError, match=r"turn \[camera\.pose\]"):
+        replace(good, T_sensor_camera=Pose(away, good.T_sensor_camera.t))
+
+
+def test_a_fan_that_the_camera_does_not_see_is_refused() -> None:
+    with pytest.raises(InputError, match="sees nothing"):
+        field_of_view(line_sensor(laser_origin_mm=np.array([0.0, 2000.0, 0.0]), fan_rad=0.1))
+
+
+@given(SEEDS)
+def test_crossings_lie_on_the_line_and_in_the_plane(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    points, directions = rng.normal(size=(2, 5, 3)) * 100
+    crossing, s = cross_plane_x0(points, directions)
+    steep = np.abs(directions[:, 0]) > 1.0
+    np.testing.assert_allclose(crossing[steep, 0], 0, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(crossing, points + s[:, None] * directions, rtol=0, atol=1e-9)
+    unit = directions / np.linalg.norm(directions, axis=-1, keepdims=True)
+    np.testing.assert_allclose(distance_to_line(crossing, points, unit)[steep], 0, rtol=0, atol=1e-7)
+
+
+def test_lines_parallel_to_the_plane_do_not_cross_it() -> None:
+    crossing, s = cross_plane_x0([[1.0, 2, 3], [1.0, 2, 3]], [[0.0, 1, 1], [0.0, 0, 0]])
+    assert np.all(np.isnan(crossing))
+    assert np.all(np.isnan(s))
+
+
+def test_points_of_unequal_columns_are_refused() -> None:
+    assert len(SurfacePoints.empty()) == len(AxisPoints.empty()) == 0
+    with pytest.raises(InputError, match="2 points need"):
+        replace(SurfacePoints.empty(), score=np.ones(2))
+    with pytest.raises(InputError, match="flags"):
+        AxisPoints(("A",), np.zeros(1, dtype=np.intp), np.zeros((1, 2)), np.zeros((1, 2, 2)), ())
+
+
+def test_suggestions_come_only_where_something_is_near() -> None:
+    assert did_you_mean("heigth_mm", ["side_mm", "height_mm"]) == ': did you mean "height_mm"?'
+    assert did_you_mean("zebra", ["side_mm", "height_mm"]) == ""
