@@ -18,10 +18,9 @@ PEAK_RADIUS_PX = 2
 MAX_REGION_PX = 6000
 
 # rows of the region table
-PEAK_U, PEAK_V, SMOOTH_PEAK, RING, RING_NOISE, AREA, MEAN_U, MEAN_V, COV_UU, COV_UV, COV_VV, LENGTH, WIDTH, STATE = (
-    range(14)
-)
-COLUMNS = 14
+PEAK_U, PEAK_V, SMOOTH_PEAK, RING, RING_NOISE, UNEVEN = range(6)
+AREA, MEAN_U, MEAN_V, COV_UU, COV_UV, COV_VV, LENGTH, WIDTH, STATE = range(6, 15)
+COLUMNS = 15
 # values of STATE
 WHOLE, ESCAPED, JOINED = 0, 1, 2
 
@@ -30,8 +29,9 @@ WHOLE, ESCAPED, JOINED = 0, 1, 2
 class Candidates:
     """Peaks of the blurred image, brightest first, and why each was refused ("" while it stands).
 
-    peak_uv_px: brightest pixel (N, 2). height_dn, ring_dn, ring_noise_dn: over its surroundings, those, their spread (N,).
-    mean_uv_px, cov_uv_px2: first and second moments of the region above `region_level` of the height (N, 2), (N, 2, 2).
+    peak_uv_px: brightest pixel (N, 2). height_dn: over its surroundings; ring_dn, ring_noise_dn, uneven_dn: those,
+    their spread, and how much one side is brighter than the other (N,).
+    mean_uv_px, cov_uv_px2: moments (N, 2), (N, 2, 2) of the region above `region_level` of the height.
     area_px, length_px, width_px: of that region, along and across its long axis (N,).
     owner: index of the candidate whose region a pixel belongs to, -1 for none (H, W).
     """
@@ -40,6 +40,7 @@ class Candidates:
     height_dn: Array
     ring_dn: Array
     ring_noise_dn: Array
+    uneven_dn: Array
     mean_uv_px: Array
     cov_uv_px2: Array
     area_px: Array
@@ -77,8 +78,8 @@ def find_candidates(prepared: Prepared, config: DetectConfig, mm_per_px: float) 
     reasons = _reasons(table, config, length, width)
     cov = table[:, [COV_UU, COV_UV, COV_UV, COV_VV]].reshape(-1, 2, 2)
     return Candidates(
-        table[:, :2], table[:, SMOOTH_PEAK] - table[:, RING], table[:, RING], table[:, RING_NOISE], table[:, [MEAN_U, MEAN_V]],
-        cov, table[:, AREA], table[:, LENGTH], table[:, WIDTH], reasons, owner,
+        table[:, [PEAK_U, PEAK_V]], table[:, SMOOTH_PEAK] - table[:, RING], table[:, RING], table[:, RING_NOISE],
+        table[:, UNEVEN], table[:, [MEAN_U, MEAN_V]], cov, table[:, AREA], table[:, LENGTH], table[:, WIDTH], reasons, owner,
     )  # fmt: skip
 
 
@@ -97,18 +98,18 @@ def _reasons(table: Array, config: DetectConfig, length_px: float, width_px: flo
 @compiled
 def _peaks(
     smooth: Image32, background: Image32, noise: Image32, block: int, threshold: float, radius: int
-) -> NDArray[np.int64]:  # noqa: PLR0913
+) -> NDArray[np.int64]:
     """Pixels (N, 2) that are the largest within ``radius`` and stand ``threshold`` · noise above the background."""
     rows, columns = smooth.shape
     h, w = background.shape
-    found = []
+    found = [(0, 0) for _ in range(0)]
     for j in range(rows):
         bj = min(j // block, h - 1)
         for bi in range(w):
             limit = background[bj, bi] + threshold * noise[bj, bi]
             for i in range(bi * block, columns if bi == w - 1 else (bi + 1) * block):
                 if smooth[j, i] > limit and _is_peak(smooth, j, i, radius):
-                    found.append((i, j))
+                    found.append((i, j))  # noqa: PERF401 - numba compiles no list.extend of a generator
     out = np.zeros((len(found), 2), np.int64)
     for k in range(len(found)):
         out[k, 0], out[k, 1] = found[k]
@@ -129,23 +130,39 @@ def _is_peak(smooth: Image32, j: int, i: int, radius: int) -> bool:
 
 
 @compiled
-def _ring(smooth: Image32, j: int, i: int, radius: int, least_noise: float) -> tuple[float, float]:
-    """Median of a square ring around the pixel, and the spread of its lower half about it as a standard deviation."""
+def _ring(smooth: Image32, j: int, i: int, radius: int, least_noise: float, row: Array) -> None:
+    """Background, its spread and its unevenness from eight sectors of a square ring around the pixel.
+
+    The background is the brighter side's where an edge passes (third brightest sector); the spread that of the median
+    sector, so that an edge or a neighbour in a few sectors does not count as noise.
+    """
     rows, columns = smooth.shape
-    values = np.empty(8 * radius + 8, np.float32)
-    count = 0
-    top, bottom = max(0, j - radius), min(rows - 1, j + radius)
-    left, right = max(0, i - radius), min(columns - 1, i + radius)
-    for x in range(left, right + 1):
-        values[count], values[count + 1] = smooth[top, x], smooth[bottom, x]
-        count += 2
-    for y in range(top + 1, bottom):
-        values[count], values[count + 1] = smooth[y, left], smooth[y, right]
-        count += 2
-    ordered = np.sort(values[:count])
-    median = ordered[count // 2]
-    spread = 0.5 * (ordered[(count * 84) // 100] - ordered[(count * 16) // 100])
-    return float(median), max(float(spread), least_noise)
+    total, square, count = np.zeros(8), np.zeros(8), np.zeros(8)
+    pivot = smooth[j, i]
+    for y in range(max(0, j - radius), min(rows - 1, j + radius) + 1):
+        step = 1 if abs(y - j) == radius else 2 * radius
+        for x in range(i - radius, i + radius + 1, step):
+            if 0 <= x < columns:
+                a, b = x - i, y - j
+                sector = (0 if abs(a) > abs(b) else 1) + (2 if a > 0 else 0) + (4 if b > 0 else 0)
+                value = smooth[y, x] - pivot
+                total[sector] += value
+                square[sector] += value * value
+                count[sector] += 1.0
+    mean, spread = np.empty(8), np.empty(8)
+    seen = 0
+    for k in range(8):
+        if count[k] > 3.0:
+            mean[seen] = total[k] / count[k]
+            spread[seen] = np.sqrt(max(square[k] / count[k] - mean[seen] ** 2, 0.0))
+            seen += 1
+    if seen == 0:
+        row[RING], row[RING_NOISE] = pivot, np.inf
+        return
+    mean, spread = np.sort(mean[:seen]), np.sort(spread[:seen])
+    row[RING] = pivot + mean[(5 * seen) // 8]
+    row[RING_NOISE] = max(spread[(seen - 1) // 2], least_noise)
+    row[UNEVEN] = mean[(6 * seen) // 8] - mean[seen // 8]
 
 
 @compiled
@@ -158,7 +175,7 @@ def _regions(
     level: float,
     length: float,
     noise: float,
-) -> Array:  # noqa: PLR0913
+) -> Array:
     """The region table (N, COLUMNS), in the order of ``peaks`` (brightest first)."""
     stack = np.empty((MAX_REGION_PX + 8, 2), np.int64)
     table = np.zeros((len(peaks), COLUMNS))
@@ -166,7 +183,7 @@ def _regions(
         i, j = peaks[k]
         row = table[k]
         row[PEAK_U], row[PEAK_V], row[SMOOTH_PEAK] = i, j, smooth[j, i]
-        row[RING], row[RING_NOISE] = _ring(smooth, j, i, RING_PX, noise)
+        _ring(smooth, j, i, RING_PX, noise, row)
         height = row[SMOOTH_PEAK] - row[RING]
         if owner[j, i] >= 0:
             row[STATE] = JOINED
@@ -178,7 +195,7 @@ def _regions(
 @compiled
 def _grow(
     smooth: Image32, owner: NDArray[np.int32], stack: NDArray[np.int64], k: int, row: Array, level: float, reach: float
-) -> None:  # noqa: PLR0913
+) -> None:
     """Flood from the peak down to ``level``; write the region's moments and extents to its row of the table."""
     rows, columns = smooth.shape
     i0, j0 = int(row[PEAK_U]), int(row[PEAK_V])

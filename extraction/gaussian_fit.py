@@ -31,7 +31,7 @@ STEP_TOLERANCE = 2e-3  # a step below this share of its own standard deviation e
 
 
 @compiled_fast
-def _weights_and_sums(  # noqa: PLR0913 - a compiled kernel takes arrays, not objects
+def _weights_and_sums(
     data: Array, use: Mask, p: Array, n: int, noise: Array, weight: Array, fisher: Array, score: Array
 ) -> float:
     """Fill the weights 1/V and the sums of Fisher scoring in the basis g·(1, x, y, x²/2, xy, y²/2), 1, x₀, y₀; → χ²."""
@@ -157,7 +157,7 @@ def _moved(p: Array, q: Array, n: int, out: Array) -> bool:
 
 
 @compiled
-def fit_window(data: Array, use: Mask, start: Array, n: int, noise: Array, max_iterations: int, out: Array) -> float:  # noqa: PLR0913
+def fit_window(data: Array, use: Mask, start: Array, n: int, noise: Array, max_iterations: int, out: Array) -> float:
     """Fit one spot in ``data`` (rows, columns) over the pixels ``use``; the compiled core of every ML localisation.
 
     start: the nine parameters. n: 7 with a constant, 9 with a sloped background. noise: v₀, g, m, k².

@@ -71,7 +71,8 @@ def localise(
     shape = np.linalg.inv(table[:, [3, 4, 4, 5]].reshape(-1, 2, 2)) - PIXEL_VARIANCE_PX2 * np.eye(2)
     return Spots(
         table[:, :2], table[:, [9, 10, 10, 11]].reshape(-1, 2, 2), table[:, 2], shape,
-        table[:, 12] / np.maximum(table[:, 16], 1.0), table[:, 15].astype(np.intp), table[:, 17] > 0, table[:, 14] > 0, index,
+        table[:, 12] / np.maximum(table[:, 16], 1.0), table[:, 15].astype(np.intp), table[:, 17] > 0, table[:, 14] > 0,
+        index,
     )  # fmt: skip
 
 
@@ -86,7 +87,7 @@ def _start_shape(candidates: Candidates, k: int, config: ExtractionConfig) -> Ar
     return np.asarray((vectors * np.maximum(values, 0.3)) @ vectors.T)
 
 
-def _fit(  # noqa: PLR0913
+def _fit(
     prepared: Prepared, candidates: Candidates, k: int, sensor: SensorModel, noise: NoiseModel, config: ExtractionConfig
 ) -> tuple[Array]:
     shape = _start_shape(candidates, k, config)
@@ -109,9 +110,10 @@ def _fit(  # noqa: PLR0913
     ring_variance = (candidates.ring_noise_dn[k] / np.sum(prepared.kernel**2)) ** 2
     v0 = max(noise.least_variance_dn2, min(ring_variance, 25 * noise.least_variance_dn2))
     model = np.array([v0, noise.gain_dn_per_e, candidates.ring_dn[k], noise.speckle_contrast**2])
+    terms = 9 if candidates.uneven_dn[k] > 4.0 * candidates.ring_noise_dn[k] else 7
     out = np.zeros(18)
-    out[14] = fit_window(data, ~(clipped | other), start, 7, model, config.localise.max_iterations, out)
+    out[14] = fit_window(data, ~(clipped | other), start, terms, model, config.localise.max_iterations, out)
     out[0] += left
     out[1] += top
-    out[15], out[16], out[17] = np.sum(clipped), np.sum(~(clipped | other)) - 7, np.any(other)
+    out[15], out[16], out[17] = np.sum(clipped), np.sum(~(clipped | other)) - terms, np.any(other)
     return (out,)

@@ -13,6 +13,7 @@ from extraction.config import ExtractionConfig
 from extraction.localise import Spots, localise, noise_model
 from extraction.preprocess import Image32, Prepared, check_image, prepare
 from extraction.rectify import image_to_sheet, propagate
+from extraction.score import flag_spots, score_spots
 from extraction.stages import Stages
 from geometry import SensorModel, SurfacePoints
 
@@ -84,7 +85,7 @@ def _to_sheet(
     prepared: Prepared, candidates: Candidates, spots: Spots, sensor: SensorModel, config: ExtractionConfig
 ) -> _Extraction:
     kept = np.flatnonzero([candidates.reason[k] == "" for k in spots.candidate])
-    score = _score(candidates, spots, config)
+    score = score_spots(candidates, spots, config)
     kept = kept[np.argsort(-score[kept], kind="stable")]
     kept = kept[score[kept] >= config.localise.min_score][: config.localise.max_spots]
     yz, jacobian = image_to_sheet(sensor, spots.uv_px[kept])
@@ -94,29 +95,12 @@ def _to_sheet(
     long = vectors[:, :, 1]
     axis = np.arctan2(long[:, 1], long[:, 0])
     axis = np.where(axis > np.pi / 2, axis - np.pi, np.where(axis <= -np.pi / 2, axis + np.pi, axis))
-    flags = tuple(_flag(spots, int(n)) for n in kept)
+    flags = flag_spots(spots)
     points = SurfacePoints(
-        spots.uv_px[kept], spots.cov_uv_px2[kept], yz, propagate(jacobian, spots.cov_uv_px2[kept]), score[kept], flags,
+        spots.uv_px[kept], spots.cov_uv_px2[kept], yz, propagate(jacobian, spots.cov_uv_px2[kept]), score[kept], tuple(flags[n] for n in kept),
         axis, np.sqrt(values[:, ::-1]), spots.amplitude_dn[kept],
     )  # fmt: skip
     return _Extraction(prepared, candidates, points, spots.candidate[kept])
-
-
-def _flag(spots: Spots, n: int) -> str:
-    if spots.saturated[n] > 0:
-        return "saturated"
-    return "crowded" if spots.crowded[n] else ""
-
-
-def _score(candidates: Candidates, spots: Spots, config: ExtractionConfig) -> Array:
-    """How much each spot looks like a lit string, in [0, 1]: strong, narrow, short, well described by its model."""
-    k = spots.candidate
-    strength = candidates.height_dn[k] / (config.detect.threshold * np.maximum(candidates.ring_noise_dn[k], 1e-9))
-    values = np.maximum(np.linalg.eigvalsh(spots.shape_px2), 0.0)
-    width, length = np.sqrt(values[:, 0]), np.sqrt(values[:, 1])
-    narrow = 1.0 / (1.0 + (width / 3.0) ** 4)
-    short = 1.0 / (1.0 + (length / 5.0) ** 4)
-    return np.asarray((1.0 - np.exp(-strength / 3.0)) * narrow * short)
 
 
 def _why_empty(candidates: Candidates) -> str:

@@ -69,13 +69,16 @@ def prepare(image: Image, config: DetectConfig) -> Prepared:
     """Blur the image with the matched filter and measure background and noise block by block."""
     radius = max(1, int(np.ceil(2.4 * config.blur_sigma_px)))
     kernel = cv2.getGaussianKernel(2 * radius + 1, config.blur_sigma_px, cv2.CV_64F)
-    smooth = np.asarray(cv2.sepFilter2D(image, cv2.CV_32F, kernel, kernel, borderType=cv2.BORDER_REFLECT_101))
+    blurred = cv2.sepFilter2D(image, cv2.CV_32F, kernel, kernel, borderType=cv2.BORDER_REFLECT_101)
+    smooth = np.asarray(blurred, dtype=np.float32)
     mean, variance = _block_moments(smooth, BLOCK_PX)
     # a spot or a stripe lies in the minority of 5 × 5 blocks; the blurred quantisation error is the least noise
-    background = cv2.medianBlur(mean, 5)
+    background = np.asarray(cv2.medianBlur(mean, 5), dtype=np.float32)
     floor = QUANTISATION_VARIANCE * float(np.sum(kernel**2)) ** 2
     noise = np.sqrt(np.maximum(cv2.medianBlur(variance, 5), np.float32(floor)))
-    return Prepared(image, smooth, kernel[:, 0], np.asarray(background), np.asarray(noise, dtype=np.float32))
+    return Prepared(
+        image, smooth, np.asarray(kernel[:, 0], dtype=np.float64), background, np.asarray(noise, np.float32)
+    )
 
 
 @compiled
