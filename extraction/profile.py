@@ -1,0 +1,69 @@
+"""A laser stripe as measured: peaks in the image, points of the laser plane, with their covariance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+SATURATED, SHAPE, EDGE = 1, 2, 4  # bits of a point's flag: clipped pixels, not one Gaussian, cut by border or neighbour
+_FLAG_NAMES = {SATURATED: "saturated", SHAPE: "shape", EDGE: "edge"}
+
+
+@dataclass(frozen=True, eq=False)
+class StripePeaks:
+    """Points of a stripe in the image, ordered along it section by section.
+
+    section: image column, or row, of each point (N,). uv_px: the point (N, 2). normal: unit vector (N, 2) along which it
+    was localised. sigma_px: standard deviation along it (N,); across it the point is exact by definition:
+    it lies on its section.
+    amplitude_dn: peak above the background (N,). width_px: Gaussian σ of the stripe (N,). background_dn (N,).
+    chi2_per_dof: of the section's fit (N,). flag: bits, see `flag_names` (N,).
+    """
+
+    section: NDArray[np.int32]
+    uv_px: Array
+    normal: Array
+    sigma_px: Array
+    amplitude_dn: Array
+    width_px: Array
+    background_dn: Array
+    chi2_per_dof: Array
+    flag: NDArray[np.uint8]
+
+    def __len__(self) -> int:
+        """The number of points."""
+        return len(self.section)
+
+    def __getitem__(self, chosen: NDArray[np.intp] | NDArray[np.bool_]) -> StripePeaks:
+        """The chosen points, in that order."""
+        return StripePeaks(**{name: getattr(self, name)[chosen] for name in self.__dataclass_fields__})
+
+    @property
+    def cov_uv_px2(self) -> Array:
+        """Covariance (N, 2, 2) of rank one: along the normal alone."""
+        return (self.sigma_px**2)[:, None, None] * self.normal[:, :, None] * self.normal[:, None, :]
+
+@dataclass(frozen=True, eq=False)
+class Profile:
+    """A stripe in the laser plane: peaks, their points (y, z) in {P} (N, 2) [mm] and covariance (N, 2, 2), rank one."""
+
+    peaks: StripePeaks
+    yz_mm: Array
+    cov_yz_mm2: Array
+
+    def __len__(self) -> int:
+        """The number of points."""
+        return len(self.yz_mm)
+
+    def __getitem__(self, chosen: NDArray[np.intp] | NDArray[np.bool_]) -> Profile:
+        """The chosen points, in that order."""
+        return Profile(self.peaks[chosen], self.yz_mm[chosen], self.cov_yz_mm2[chosen])
+
+
+def flag_names(flag: int) -> str:
+    """The reasons for doubt of one point, "" for none, joined by "+"."""
+    return "+".join(name for bit, name in _FLAG_NAMES.items() if flag & bit)

@@ -1,0 +1,143 @@
+"""A laser stripe's profile: detect, measure the noise, localise, select, carry into the laser plane."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter
+
+from extraction import stripe_fit as fit
+from extraction.preprocess import check_image
+from extraction.profile import EDGE, SATURATED, SHAPE, Profile, StripePeaks
+from extraction.rectify import image_to_sheet, propagate
+from extraction.sheet_table import sheet_table
+from extraction.stripe_config import StripeConfig
+from extraction.stripe_detect import Candidates, detect
+from extraction.stripe_noise import estimate_noise
+from extraction.stripe_normal import localise_along_normal
+from extraction.stripe_select import select
+from extraction.stripe_view import StripeView, stripe_view
+from geometry import SensorModel
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+_SAMPLE = 160  # sections that are fitted first, for the noise and the width
+_WIDTH_PX = 1.5  # expected before anything is known
+_WIDTH_ERROR = 0.25  # relative, of the width expected from neighbouring sections; it steadies faint sections only
+
+
+def extract_profile(
+    image: NDArray[np.generic],
+    sensor: SensorModel,
+    config: StripeConfig | None = None,
+    laser_off: NDArray[np.generic] | None = None,
+    mask: Mask | None = None,
+) -> Profile:
+    """The stripe of ``image`` (H, W) as points (y, z) of the laser plane with covariance, section by section.
+
+    laser_off: the same view without laser, subtracted. mask: True where pixels may be used (H, W).
+    Points whose rays miss the sheet are left out. InputError where the image does not fit the sensor.
+    """
+    config = config or StripeConfig()
+    check_image(image, sensor)
+    if config.direction == "auto":
+        config = config.model_copy(update={"direction": depth_direction(sensor)})
+    peaks = detect_stripe(image, config, laser_off, mask, sensor.saturation_dn, sensor.black_level)
+    yz, jacobian = sheet_table(sensor).lookup(peaks.uv_px)
+    seen = np.isfinite(yz).all(axis=1)
+    return Profile(peaks, yz, propagate(jacobian, peaks.cov_uv_px2))[seen]
+
+
+def depth_direction(sensor: SensorModel) -> str:
+    """The image axis along which depth moves a point more, at the image's middle: "columns" for v, "rows" for u."""
+    middle = np.array([[(sensor.width_px - 1) / 2, (sensor.height_px - 1) / 2]])
+    jacobian = image_to_sheet(sensor, middle)[1][0]
+    if not np.isfinite(jacobian).all():
+        return "columns"
+    px_per_mm = np.linalg.inv(jacobian)[:, 1]
+    return "columns" if abs(px_per_mm[1]) >= abs(px_per_mm[0]) else "rows"
+
+
+def detect_stripe(
+    image: NDArray[np.generic],
+    config: StripeConfig | None = None,
+    laser_off: NDArray[np.generic] | None = None,
+    mask: Mask | None = None,
+    clip_dn: float | None = None,
+    black_dn: float = 0.0,
+) -> StripePeaks:
+    """The stripe's peaks in the image, one a section unless ``select = "all"``; direction "auto" means columns here.
+
+    image: uint8 or uint16 (H, W). clip_dn: grey level from which a pixel is clipped, the type's largest if absent.
+    """
+    config = config or StripeConfig()
+    view = stripe_view(image, config, laser_off, mask, clip_dn, black_dn)
+    found = detect(view.grey, config.threshold_sigma, config.surround_px, config.max_peaks)
+    noise, widths = _look_ahead(view, found, config)
+    fits = _fit(view, found, widths, _WIDTH_ERROR, noise, config)
+    good = np.flatnonzero(_acceptable(fits, config))
+    fits, section = fits[good], found.section[good]
+    chosen = select(config.select, section, fits[:, fit.CENTRE], fits[:, fit.AMPLITUDE], config.jump_px, config.max_gap)
+    peaks = _peaks(view, section[chosen], fits[chosen], config)
+    return localise_along_normal(view, peaks, noise, config) if config.along_normal else peaks
+
+
+def _look_ahead(view: StripeView, found: Candidates, config: StripeConfig) -> tuple[fit.NoiseModel, Array]:
+    """The frame's noise, and the width to be expected at each candidate, from every n-th of them."""
+    some = np.arange(0, len(found), max(1, len(found) // _SAMPLE))
+    guess = np.full(len(some), min(max(_WIDTH_PX, config.min_width_px), config.max_width_px))
+    first = fit.NoiseModel(max(found.noise_dn**2, 1 / 12), 0.0, 0.0, view.black_dn)
+    fits = _fit(view, found.take(some), guess, np.inf, first, config)
+    good = _acceptable(fits, config)
+    section = found.section[some[good]]
+    noise = estimate_noise(view.grey, section, fits[good], view.black_dn, config)
+    if not good.any():
+        return noise, np.full(len(found), _WIDTH_PX)
+    steady = median_filter(fits[good, fit.WIDTH], size=min(9, int(good.sum())), mode="nearest")
+    return noise, np.interp(found.section, section, steady)
+
+
+def _fit(
+    view: StripeView, found: Candidates, widths: Array, width_error: float, noise: fit.NoiseModel, config: StripeConfig
+) -> Array:
+    place = (found.section, found.centre_px, found.low, found.high)
+    limits = (view.clip_dn, config.min_width_px, config.max_width_px)
+    return np.asarray(
+        fit.fit_sections(view.grey, view.left_out, place, (widths, width_error), limits, noise.as_array())
+    )
+
+
+def _acceptable(fits: Array, config: StripeConfig) -> Mask:
+    """Which fits are a peak of a stripe: converged, high enough, neither too narrow nor too wide."""
+    width = fits[:, fit.WIDTH]
+    return np.asarray(
+        (fits[:, fit.CONVERGED] > 0)
+        & (fits[:, fit.AMPLITUDE] >= config.min_amplitude_dn)
+        & (fits[:, fit.SNR] >= config.min_snr)
+        & (width >= config.min_width_px)
+        & (width <= config.max_width_px)
+        & np.isfinite(fits[:, fit.VARIANCE])
+    )
+
+
+def _peaks(view: StripeView, section: NDArray[np.int32], fits: Array, config: StripeConfig) -> StripePeaks:
+    chi2 = fits[:, fit.CHI2] / np.maximum(fits[:, fit.DOF], 1)
+    near_border = np.minimum(fits[:, fit.CENTRE] - fits[:, fit.LOW], fits[:, fit.HIGH] - 1 - fits[:, fit.CENTRE])
+    flag = (
+        SATURATED * (fits[:, fit.CLIPPED] > 0)
+        + SHAPE * (chi2 > config.max_chi2_per_dof)
+        + EDGE * (near_border < 1.5 * fits[:, fit.WIDTH])
+    )
+    zero = np.zeros(len(section))
+    return StripePeaks(
+        section=section + np.int32(view.first_section),
+        uv_px=view.uv_px(section.astype(float), fits[:, fit.CENTRE]),
+        normal=view.directions(zero, zero + 1),
+        sigma_px=np.sqrt(fits[:, fit.VARIANCE]),
+        amplitude_dn=fits[:, fit.AMPLITUDE],
+        width_px=fits[:, fit.WIDTH],
+        background_dn=fits[:, fit.BACKGROUND],
+        chi2_per_dof=chi2,
+        flag=flag.astype(np.uint8),
+    )
