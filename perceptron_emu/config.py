@@ -21,10 +21,10 @@ class LaserConfig(Section):
 
     wavelength_nm: float = Field(660.0, ge=200, le=2000)
     bandwidth_nm: float = Field(0.5, gt=0, le=200, description="spectral full width at half maximum")
-    power_mw: float = Field(30.0, gt=0, description="optical power in the whole fan")
-    waist_um: float = Field(160.0, gt=0, description="1/e² half-width across the sheet at the waist")
+    power_mw: float = Field(10.0, gt=0, description="optical power in the whole fan")
+    waist_um: float = Field(200.0, gt=0, description="1/e² half-width across the sheet at the waist")
     waist_distance_mm: float | None = Field(
-        None, gt=0, description="from the emitter along a ray; default: the middle of the field of view"
+        None, gt=0, description="from the emitter along a ray; default: where the camera looks"
     )
     m2: float = Field(1.2, ge=1, description="beam quality M²")
     divergence: bool = Field(True, description="false: the sheet has its waist's width everywhere")
@@ -36,7 +36,7 @@ class OpticsConfig(Section):
     """[optics]: lens, stop, filter and what they do to the image."""
 
     pixel_um: float = Field(5.3, gt=0, le=100, description="pixel pitch")
-    f_number: float = Field(8.0, ge=0.5, le=64)
+    f_number: float = Field(4.0, ge=0.5, le=64)
     blur_px: float = Field(0.75, gt=0.2, le=20, description="σ of the lens's own Gaussian blur in focus")
     diffraction: bool = True
     defocus: bool = Field(False, description="thin-lens blur; a tilted chip (τx, τy) is taken into account")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from perceptron_emu.bodies import hidden_by_solid
 from perceptron_emu.camera import expose
 from perceptron_emu.config import EmulatorConfig
 from perceptron_emu.image import draw
@@ -13,6 +14,7 @@ from perceptron_emu.projection import project
 from perceptron_emu.samples import Samples, join
 from perceptron_emu.scene import Material, Scene
 from perceptron_emu.strings import Cylinders, LitStrings, cylinders, light_strings
+from perceptron_emu.stripes import light_solids
 from perceptron_emu.transport import Light
 from perceptron_emu.truth import Frame, FrameTruth, StringTruth
 
@@ -27,22 +29,23 @@ def render(scene: Scene, config: EmulatorConfig | None = None, rng: np.random.Ge
     config = config or EmulatorConfig()
     rng = np.random.default_rng(0) if rng is None else rng
     speckle_key, noise_key = (int(k) for k in rng.integers(0, 2**63, 2))
-    sensor = scene.sensor
+    sensor, light = scene.sensor, Light(scene.sensor, config)
     electrons = np.zeros((sensor.height_px, sensor.width_px), np.float32)
-    samples, truths = _strings(scene, config)
-    draw(electrons, samples, sensor, config, speckle_key)
+    strings = cylinders(scene.jig, scene.T_sensor_jig) if scene.jig else None
+    samples, truths = _strings(scene, strings, config, light)
+    stripes = light_solids(scene, strings, config, light)
+    draw(electrons, join([samples, stripes]), sensor, config, speckle_key)
     image = expose(electrons, config.noise, sensor, config.exposure.time_ms * 1e-3, noise_key)
     return Frame(image, FrameTruth(scene.T_sensor_jig if scene.jig else None, truths))
 
 
-def _strings(scene: Scene, config: EmulatorConfig) -> tuple[Samples, tuple[StringTruth, ...]]:
+def _strings(scene: Scene, strings: Cylinders | None, config: EmulatorConfig, light: Light) -> tuple[Samples, tuple[StringTruth, ...]]:
     """Lit nodes of all strings and the truth of each."""
-    if scene.jig is None:
+    if strings is None:
         return Samples.none(), ()
-    strings = cylinders(scene.jig, scene.T_sensor_jig)
     surface = config.surface
     material = scene.string_material or Material(surface.diffuse, surface.specular, surface.roughness)
-    lit = light_strings(strings, material, scene.sensor, config, Light(scene.sensor, config))
+    lit = light_strings(strings, material, scene.sensor, config, light)
     seen = lit.electrons * _unhidden(strings, lit, scene)
     truths, parts = [], []
     for i, label in enumerate(strings.labels):
@@ -64,6 +67,12 @@ def _unhidden(strings: Cylinders, lit: LitStrings, scene: Scene) -> Array:
         cylinder = strings.starts[j], strings.directions[j], strings.lengths[j], strings.radius
         for source in (emitter[others], np.broadcast_to(scene.sensor.camera_centre_mm, emitter[others].shape)):
             clear[others] *= ~hidden_by_cylinder(lit.xyz_mm[others], source, *cylinder)
+    flat, emitter = lit.xyz_mm.reshape(-1, 3), emitter.reshape(-1, 3)
+    open_ = clear.reshape(-1)
+    for solid in scene.solids:
+        for source in (emitter, np.broadcast_to(scene.sensor.camera_centre_mm, emitter.shape)):
+            todo = np.flatnonzero(open_)
+            open_[todo] = ~hidden_by_solid(solid, flat[todo], source[todo])
     return clear
 
 

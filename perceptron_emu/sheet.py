@@ -12,6 +12,8 @@ from perceptron_emu.config import LaserConfig
 
 Array = NDArray[np.float64]
 
+MAX_DISTANCE_MM = 5000.0  # an optical axis that meets the sheet farther off says nothing about where to focus
+
 
 def half_width_mm(laser: LaserConfig, sensor: SensorModel, distance_mm: Array) -> Array:
     """1/e² half-width w of the sheet [mm] at a distance (...) [mm] from the emitter.
@@ -26,14 +28,19 @@ def half_width_mm(laser: LaserConfig, sensor: SensorModel, distance_mm: Array) -
 
 
 def waist_distance_mm(laser: LaserConfig, sensor: SensorModel) -> float:
-    """Distance of the waist from the emitter [mm]: as configured, or the middle of the field of view."""
-    return laser.waist_distance_mm or _middle_of_view_mm(sensor)
+    """Distance of the waist from the emitter [mm]: as configured, or where the camera's axis meets the sheet."""
+    return laser.waist_distance_mm or axis_meets_sheet_mm(sensor)
 
 
 @lru_cache(maxsize=32)
-def _middle_of_view_mm(sensor: SensorModel) -> float:
-    distance = np.linalg.norm(field_of_view(sensor) - sensor.laser_origin_mm[1:], axis=1)
-    return float((distance.min() + distance.max()) / 2)
+def axis_meets_sheet_mm(sensor: SensorModel) -> float:
+    """Distance from the emitter [mm] of the point where the optical axis meets the sheet; the near end of the view where it does not."""
+    centre, axis = sensor.camera_centre_mm, sensor.T_sensor_camera.R[:, 2]
+    reach = -centre[0] / axis[0] if axis[0] else -1.0
+    distance = float(np.linalg.norm(centre + reach * axis - sensor.laser_origin_mm))
+    if 0 < reach and distance < MAX_DISTANCE_MM:
+        return distance
+    return float(np.min(np.linalg.norm(field_of_view(sensor) - sensor.laser_origin_mm[1:], axis=1)))
 
 
 def across(x_mm: Array, half_width: Array) -> Array:
