@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.problem import Problem
-from geometry import Pose
+from geometry import InputError, Pose, RobotModel
 
 Array = NDArray[np.float64]
 
@@ -33,6 +33,7 @@ class Linearised:
 
     scp (F, M, 2, 6): by ξ of T_hand_sensor·Exp(ξ). jig (F, M, 2, 6): by η of T_base_jig·Exp(η) of the frame's location.
     hand (F, M, 2, 6): by ζ of T_base_hand·Exp(ζ). anchors (F, M, 2, 12): by the anchors' y, z.
+    parameters (F, 6, P): twists ζ by the robot's parameters.
     """
 
     residual: Array
@@ -40,6 +41,7 @@ class Linearised:
     jig: Array
     hand: Array
     anchors: Array
+    parameters: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,18 +101,15 @@ def linearise(problem: Problem, state: State) -> Linearised:
     across = g @ T_sensor_jig.R[:, None, :, 1:]  # (F, M, 2, 2): by y and z of a shift in {J}
     anchors = share[..., None, :, None] * across[..., :, None, :]
     residual = (crossing.xyz_mm[..., 1:] - problem.points.yz_mm) * present
-    return Linearised(residual, -twist, jig, hand, anchors.reshape(*twist.shape[:3], 12))
+    return Linearised(residual, -twist, jig, hand, anchors.reshape(*twist.shape[:3], 12), _parameters(problem, state))
 
 
 def moved(problem: Problem, state: State, scp: Array, jigs: Array, parameters: Array, anchors: Array) -> State:
     """The state after steps: SCP twist (6,), jig twists (L, 6), parameter steps (P,), anchor steps (12,)."""
     values = state.parameters + parameters
     hand = state.T_base_hand
-    robot, joints = problem.chain.robot, problem.chain.joints_rad
-    if np.any(parameters) and robot is not None and joints is not None:
-        delta = np.zeros((5, robot.n_joints))
-        delta[problem.chain.parameters[:, 0], problem.chain.parameters[:, 1]] = values
-        hand = robot.corrected(delta).hand_pose(joints)
+    if np.any(parameters) and problem.chain.robot is not None:
+        hand = corrected_robot(problem, values).hand_pose(problem.chain.joints_rad)
     return replace(
         state,
         T_hand_sensor=state.T_hand_sensor @ Pose.exp(scp),
@@ -119,3 +118,21 @@ def moved(problem: Problem, state: State, scp: Array, jigs: Array, parameters: A
         anchors=state.anchors + anchors.reshape(6, 2),
         T_base_hand=hand,
     )
+
+
+def corrected_robot(problem: Problem, parameters: Array) -> RobotModel:
+    """The robot with the parameters' (P,) corrections; InputError where only poses are known."""
+    robot = problem.chain.robot
+    if robot is None:
+        raise InputError("robot parameters need joint readings, but only hand poses are given: use model scp")
+    delta = np.zeros((5, robot.n_joints))
+    delta[problem.chain.parameters[:, 0], problem.chain.parameters[:, 1]] = parameters
+    return robot.corrected(delta)
+
+
+def _parameters(problem: Problem, state: State) -> Array:
+    chain = problem.chain
+    if not np.any(state.parameters) or chain.joints_rad is None:
+        return chain.parameter_jacobian
+    jacobian = corrected_robot(problem, state.parameters).parameter_jacobian(chain.joints_rad)
+    return np.asarray(jacobian[:, :, chain.parameters[:, 0], chain.parameters[:, 1]])

@@ -40,7 +40,7 @@ def normal_equations(problem: Problem, lin: Linearised, white: Array) -> Normal:
     """Accumulate over frames; ``white`` (F, 2M, 2M) whitens the residuals."""
     f, rows = white.shape[:2]
     hand = lin.hand.reshape(f, rows, 6)
-    robot = hand @ problem.chain.parameter_jacobian
+    robot = hand @ lin.parameters
     parts = (lin.scp.reshape(f, rows, 6), robot, lin.anchors.reshape(f, rows, 12))
     columns = white @ np.concatenate([*parts, lin.jig.reshape(f, rows, 6), lin.residual.reshape(f, rows, 1)], -1)
     a, b, r = columns[..., :-7], columns[..., -7:-1], columns[..., -1:]

@@ -77,7 +77,7 @@ class DesignSolved:
 
 @dataclass(frozen=True, eq=False)
 class Distances:
-    """The paper's Fig. 7 for one location: frames with all strings, and the jig origin's distance from the base [mm]."""
+    """The paper's Fig. 7 for one location: frames with all strings, the jig origin's distance from the base [mm]."""
 
     frame: tuple[int, ...]
     design_mm: Array
@@ -109,25 +109,25 @@ class CalibrationResult:
     method: str
     model: str
     verdict: Verdict
-    chi2_per_dof: float | None
-    T_hand_sensor: Pose | None
     T_hand_sensor_design: Pose
-    covariance: Array | None
-    sigma_rotation_deg: Array | None
-    sigma_translation_mm: Array | None
     locations: dict[str, LocationResult]
     frames: tuple[FrameResult, ...]
-    robot: RobotModel
+    robot: RobotModel | None
     robot_delta: Array
     robot_sigma: Array
-    anchors_delta_mm: Array  # (6, 3)
-    anchors_sigma_mm: Array  # (6, 3)
-    converged: bool
-    iterations: int
-    initial_cost: float | None
-    final_cost: float | None
-    degrees_of_freedom: int
-    condition: float | None  # scaled condition number of the SCP, nuisances marginalised
-    noise: dict[str, float] = field(default_factory=dict)  # σ used, and which of them were estimated
+    chi2_per_dof: float | None = None
+    T_hand_sensor: Pose | None = None
+    covariance: Array | None = None
+    sigma_rotation_deg: Array | None = None
+    sigma_translation_mm: Array | None = None
+    anchors_delta_mm: Array = field(default_factory=lambda: np.zeros((6, 3)))
+    anchors_sigma_mm: Array = field(default_factory=lambda: np.zeros((6, 3)))
+    converged: bool = False
+    iterations: int = 0
+    initial_cost: float | None = None
+    final_cost: float | None = None
+    degrees_of_freedom: int = 0
+    condition: float | None = None  # scaled condition number of the SCP, nuisances marginalised
+    noise: dict[str, float] = field(default_factory=dict)  # σ that made the weights
     weak_directions: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()

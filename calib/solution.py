@@ -1,0 +1,140 @@
+"""One solve of the labelled frames: starts, robust bundle, uncertainty, and what the data say of the answer."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.bundle import solve_bundle
+from calib.config import CalibConfig
+from calib.linearise import corrected_robot
+from calib.problem import Problem, pad_points, pose_chain, robot_chain
+from calib.robust import RobustResult, solve_robust
+from calib.starts import chain_start, hand_eye_start
+from calib.stations import Station
+from calib.uncertainty import Uncertainty, uncertainty
+from geometry import InputError, Pose, RobotModel, stack_poses
+from jig_cad import Jig
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """The answer to the used calibrate frames (stations, in order; locations by name in ``names``).
+
+    Ts_sensor_jig: each frame's own pose, of its candidates the one that agrees with the others. explained: χ² per
+    degree of freedom once all robot errors are free within their priors.
+    """
+
+    problem: Problem
+    stations: tuple[Station, ...]
+    names: tuple[str, ...]
+    robust: RobustResult
+    uncertainty: Uncertainty
+    Ts_sensor_jig: Pose
+    dof: int
+    explained: float
+
+    @property
+    def T_hand_sensor(self) -> Pose:
+        """The solved SCP."""
+        return self.robust.bundle.state.T_hand_sensor
+
+    @property
+    def chi2_per_dof(self) -> float:
+        """Cost per degree of freedom: the noise of points and joints and the anchors' tolerance, no robot errors."""
+        return self.robust.bundle.cost / max(self.dof, 1)
+
+    @property
+    def outlier_share(self) -> float:
+        """Share of the points that the solution left out."""
+        out = self.robust.outlier | self.robust.frame_outlier[:, None]
+        return float(out[self.problem.points.present].mean())
+
+    @property
+    def robot(self) -> RobotModel | None:
+        """The robot with its corrections."""
+        state = self.robust.bundle.state
+        if self.problem.chain.robot is None or not np.any(state.parameters):
+            return self.problem.chain.robot
+        return corrected_robot(self.problem, state.parameters)
+
+    @property
+    def T_base_jig(self) -> dict[str, Pose]:
+        """The solved jig poses by location."""
+        return {n: self.robust.bundle.state.Ts_base_jig[i] for i, n in enumerate(self.names)}
+
+
+def make_problem(
+    used: tuple[Station, ...], names: tuple[str, ...], jig: Jig, robot: RobotModel | None, config: CalibConfig
+) -> Problem:
+    """The bundle's problem of labelled frames."""
+    joints = [s.observation.joints_rad for s in used]
+    if robot is not None and all(q is not None for q in joints):
+        chain = robot_chain(robot, np.array(joints), float(np.deg2rad(config.beta_sigma_deg)))
+    else:
+        sigma = [config.hand_sigma_mm or 0.05] * 3 + [np.deg2rad(config.hand_sigma_deg or 0.005)] * 3
+        chain = pose_chain(stack_poses([s.T_base_hand for s in used]), np.diag(np.square(sigma)))
+    location = np.array([names.index(s.observation.location) for s in used], dtype=np.intp)
+    anchor_sigma = 0.0 if jig.measured else jig.tolerance_mm / np.sqrt(12)  # uniform within the full width
+    points = pad_points([s.axis for s in used])
+    return Problem(points, chain, location, len(names), jig.anchors_mm, float(anchor_sigma))
+
+
+def estimated_parameters(problem: Problem, model: str) -> Mask:
+    """Which robot parameters (P,) a model estimates; InputError where there is no robot to correct."""
+    rows = problem.chain.parameters[:, 0]
+    if model == "scp":
+        return np.zeros(len(rows), dtype=bool)
+    if problem.chain.robot is None:
+        raise InputError(
+            f"model {model} corrects the robot's table and needs joint readings j1_deg …, but these frames give hand "
+            "poses T_base_hand only: use model scp"
+        )
+    return np.asarray(rows == 0) if model == "scp+offsets" else np.ones(len(rows), dtype=bool)
+
+
+def solve_stations(
+    used: tuple[Station, ...], jig: Jig, robot: RobotModel | None, T_hand_sensor: Pose, config: CalibConfig
+) -> Solution:
+    """Solve the bundle of labelled calibrate frames, from the SCP given or, where that fails, from a closed form."""
+    names = tuple(dict.fromkeys(s.observation.location for s in used))
+    problem = make_problem(used, names, jig, robot, config)
+    estimated = estimated_parameters(problem, config.model)
+    candidates = [s.candidates for s in used]
+    start, own = chain_start(problem, T_hand_sensor, candidates)
+    robust = solve_robust(problem, start, estimated, config.outlier_chi2, config.max_outlier_share)
+    if _doubtful(robust):
+        other = hand_eye_start(problem.chain.T_base_hand, own, problem.location)
+        if other is not None:
+            start, again = chain_start(problem, other, candidates)
+            second = solve_robust(problem, start, estimated, config.outlier_chi2, config.max_outlier_share)
+            if _score(second) < _score(robust):
+                robust, own = second, again
+    counted = problem.points.present & ~robust.bundle.removed
+    dof = 2 * int(counted.sum()) - 6 - 6 * problem.n_locations
+    return Solution(
+        problem, used, names, robust, uncertainty(robust.bundle), own, dof, _explained(problem, robust, dof)
+    )
+
+
+def _doubtful(robust: RobustResult) -> bool:
+    return not robust.bundle.converged or bool(np.mean(robust.outlier) > 0.05 or np.any(robust.frame_outlier))
+
+
+def _score(robust: RobustResult) -> tuple[bool, int, float]:
+    out = robust.outlier | robust.frame_outlier[:, None]
+    return not robust.bundle.converged, int(out.sum()), robust.bundle.cost
+
+
+def _explained(problem: Problem, robust: RobustResult, dof: int) -> float:
+    every = np.ones(len(problem.chain.parameter_sigma), dtype=bool)
+    result = robust.bundle
+    if not len(every) or np.array_equal(result.free[6:-12], every):
+        return result.cost / max(dof, 1)
+    full = solve_bundle(problem, result.state, every, result.removed, max_iterations=20)
+    return full.cost / max(dof, 1)

@@ -1,0 +1,217 @@
+"""The judgement on the data and on the answer, with advice."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2 as chi2_law
+
+from calib.config import CalibConfig
+from calib.result import Verdict
+from calib.solution import Solution
+from geometry import Pose, log_so3
+
+Array = NDArray[np.float64]
+
+_SAME_MM, _SAME_DEG = 1.0, 0.1
+_MISFIT_TAIL = 1e-4
+_GROSS_CHI2 = 30.0  # with all robot errors free within their priors
+_UNOBSERVABLE_MM, _UNOBSERVABLE_DEG = 20.0, 5.0  # σ from noise alone
+_WEAK_MM, _WEAK_DEG = 1.0, 0.3
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """How the hand moved between the frames of a location (the largest location counts).
+
+    frames, pairs: used frames, and frames beyond each location's first. distinct: that many differ by more than a
+    millimetre or a tenth of a degree. rotation_deg: largest relative rotation; second_deg: rms rotation about the
+    axis at right angles to the main one; lever_mm: spread of the jig's origin in the sensor frame.
+    """
+
+    frames: int
+    pairs: int
+    distinct: int
+    rotation_deg: float
+    second_deg: float
+    lever_mm: float
+
+
+def motion(Ts_base_hand: Pose, Ts_sensor_jig: Pose, location: NDArray[np.intp]) -> Motion:
+    """Summarise the relative motions of the used frames."""
+    pairs = distinct = 0
+    vectors, lever = [np.zeros((0, 3))], 0.0
+    for name in np.unique(location):
+        index = np.flatnonzero(location == name)
+        hands = Ts_base_hand[index]
+        relative = hands[:1].inverse() @ hands
+        different = _distinct(relative)
+        pairs, distinct = pairs + len(index) - 1, distinct + different - 1
+        i, j = np.triu_indices(len(index), 1)
+        if len(i):
+            vectors.append(log_so3(np.swapaxes(hands.R[i], -1, -2) @ hands.R[j]))
+        origins = Ts_sensor_jig[index].t
+        lever = max(lever, float(np.max(np.linalg.norm(origins - origins.mean(axis=0), axis=-1))))
+    every = np.concatenate(vectors)
+    if not len(every):
+        return Motion(len(location), pairs, distinct, 0.0, 0.0, lever)
+    rms = np.linalg.svd(every / np.sqrt(len(every)), compute_uv=False)
+    largest = np.max(np.linalg.norm(every, axis=-1))
+    second = rms[1] if len(rms) > 1 else 0.0
+    return Motion(len(location), pairs, distinct, float(np.rad2deg(largest)), float(np.rad2deg(second)), lever)
+
+
+def _distinct(relative: Pose) -> int:
+    """How many of the poses differ from all before them."""
+    kept: list[int] = []
+    for i in range(len(relative)):
+        if not kept:
+            kept.append(i)
+            continue
+        step = relative[kept].inverse() @ relative[i]
+        far = (np.linalg.norm(step.t, axis=-1) > _SAME_MM) | (
+            np.linalg.norm(log_so3(step.R), axis=-1) > np.deg2rad(_SAME_DEG)
+        )
+        if np.all(far):
+            kept.append(i)
+    return len(kept)
+
+
+def judge_motion(m: Motion, config: CalibConfig) -> Verdict | None:
+    """What can be said before solving: too few, too alike, too little rotation; None where nothing is wrong."""
+    if m.pairs < 2:
+        return Verdict(
+            "too_few_poses",
+            f"{m.frames} usable calibrate frames give {m.pairs} relative motions: at least 2 are needed, that is "
+            "3 frames of one jig location, and 7 or more are advised; take more configurations",
+        )
+    if m.distinct < 2:
+        return Verdict(
+            "poses_not_distinct",
+            f"only {m.distinct + 1} of {m.frames} configurations differ by more than {_SAME_MM:g} mm or "
+            f"{_SAME_DEG:g}°: move the robot between the frames of a location",
+        )
+    if m.rotation_deg < config.min_rotation_deg or m.second_deg < config.min_rotation_deg / 6:
+        return Verdict(
+            "rotation_too_small",
+            f"the hand turns by at most {m.rotation_deg:.2g}° between the frames of a location, and by "
+            f"{m.second_deg:.2g}° rms about a second axis: turn it by 20° or more about two axes "
+            "(joints given in radians under a degree header look like this, too)",
+        )
+    return None
+
+
+def misfit_limit(dof: int, config: CalibConfig) -> float:
+    """χ² per degree of freedom above which chance is no explanation (and never below the configured limit)."""
+    return max(config.misfit_chi2, float(chi2_law.isf(_MISFIT_TAIL, max(dof, 1))) / max(dof, 1))
+
+
+def judge_solution(solution: Solution, moved: Motion, config: CalibConfig) -> Verdict:
+    """The verdict on a solved bundle, the gravest first."""
+    return (
+        _not_converged(solution)
+        or _outliers(solution, config)
+        or _not_observable(solution)
+        or _misfit(solution, config)
+        or _weak(solution, config)
+        or Verdict("ok", _ok_text(solution, moved))
+    )
+
+
+def _not_converged(s: Solution) -> Verdict | None:
+    bundle = s.robust.bundle
+    if bundle.converged and np.all(np.isfinite(s.uncertainty.scp)):
+        return None
+    return Verdict(
+        "not_converged",
+        f"the bundle did not settle in {bundle.iterations} iterations: check scp_initial, the labels and the joint columns",
+    )
+
+
+def _outliers(s: Solution, config: CalibConfig) -> Verdict | None:
+    share = s.outlier_share
+    if share > config.max_outlier_share:
+        return Verdict(
+            "outliers",
+            f"{share:.0%} of the points contradict the rest (limit {config.max_outlier_share:.0%}): check the labels, the "
+            "jig's size, which location each frame names, and the joint columns (order, sign, degrees)",
+        )
+    if s.explained > _GROSS_CHI2:
+        return Verdict(
+            "outliers",
+            f"the frames contradict one another far beyond all noise and the robot's stated uncertainty (χ² {s.explained:.3g} "
+            "per degree of freedom even with all DH parameters free within their priors): check the DH table, the jig's "
+            "size, the labels, the locations and the joint columns",
+        )
+    return None
+
+
+def _not_observable(s: Solution) -> Verdict | None:
+    noise = s.uncertainty.noise_covariance[:6, :6]
+    sigma_mm, sigma_deg = _largest_sigmas(noise)
+    if np.isfinite(s.uncertainty.condition) and sigma_mm < _UNOBSERVABLE_MM and sigma_deg < _UNOBSERVABLE_DEG:
+        return None
+    return Verdict(
+        "not_observable",
+        f"the frames leave a direction of the SCP open (σ {sigma_mm:.3g} mm, {sigma_deg:.3g}° from noise alone, condition "
+        f"{s.uncertainty.condition:.3g}): {direction_in_words(noise)}; turn the hand about a second axis and vary the views",
+    )
+
+
+def _misfit(s: Solution, config: CalibConfig) -> Verdict | None:
+    if s.chi2_per_dof <= misfit_limit(s.dof, config):
+        return None
+    helps = s.explained < 0.5 * s.chi2_per_dof
+    advice = (
+        f"robot errors explain it (χ² {s.explained:.3g} with all DH parameters free within their priors): try --model full"
+        if helps
+        else "robot errors within their stated uncertainty do not explain it: check the jig's size and the noise given"
+    )
+    return Verdict(
+        "model_misfit",
+        f"χ² per degree of freedom is {s.chi2_per_dof:.3g}, far from 1: the residuals exceed the noise of points and "
+        f"joints; {advice}. The σ given carry the robot's uncertainty",
+    )
+
+
+def _weak(s: Solution, config: CalibConfig) -> Verdict | None:
+    noise = s.uncertainty.noise_covariance[:6, :6]
+    sigma_mm, sigma_deg = _largest_sigmas(noise)
+    if s.uncertainty.condition < config.weak_condition and sigma_mm < _WEAK_MM and sigma_deg < _WEAK_DEG:
+        return None
+    return Verdict(
+        "weak",
+        f"a direction of the SCP is poorly determined (σ {sigma_mm:.2g} mm, {sigma_deg:.2g}°, condition "
+        f"{s.uncertainty.condition:.3g}): {direction_in_words(noise)}; add frames with larger rotations about other axes",
+    )
+
+
+def _ok_text(s: Solution, moved: Motion) -> str:
+    return (
+        f"{moved.frames} frames at {s.problem.n_locations} locations, rotations up to {moved.rotation_deg:.0f}°: "
+        f"the residuals agree with the noise (χ² {s.chi2_per_dof:.2f} per degree of freedom)"
+    )
+
+
+def _largest_sigmas(covariance: Array) -> tuple[float, float]:
+    """Largest σ of the translation [mm] and the rotation [deg] in any direction."""
+    return (
+        float(np.sqrt(np.linalg.eigvalsh(covariance[:3, :3])[-1])),
+        float(np.rad2deg(np.sqrt(np.linalg.eigvalsh(covariance[3:, 3:])[-1]))),
+    )
+
+
+def direction_in_words(covariance: Array) -> str:
+    """The weakest direction of the SCP (covariance (6, 6), sensor axes) by its largest parts."""
+    scale = np.array([1.0] * 3 + [300.0] * 3)  # a rotation moves what the sensor sees, some 300 mm away
+    values, vectors = np.linalg.eigh(covariance * scale[:, None] * scale)
+    weakest = vectors[:, -1]
+    names = ("x", "y", "z")
+    parts = [
+        f"{'translation along' if i < 3 else 'rotation about'} {names[i % 3]} of the sensor"
+        for i in np.argsort(-np.abs(weakest))
+        if abs(weakest[i]) > 0.4
+    ]
+    return "mostly " + " with ".join(parts) + f" (σ {np.sqrt(max(values[-1], 0.0)):.2g} mm at 300 mm)"
