@@ -63,20 +63,20 @@ def _marks(s: Station, solution: Solution | None) -> tuple[str | None, list[str]
     if solution is None or s not in solution.stations:
         return s.reason, flags
     i = solution.stations.index(s)
-    out = solution.robust.outlier[i]
+    out = solution.outlier[i]
     flags = ["outlier" if out[k] else f for k, f in enumerate(flags)]
-    return ("outlier" if solution.robust.frame_outlier[i] else s.reason), flags
+    return ("outlier" if solution.frame_outlier[i] else s.reason), flags
 
 
 def _with_solution(empty: CalibrationResult, solution: Solution) -> CalibrationResult:
-    bundle, found = solution.robust.bundle, solution.uncertainty
+    bundle, found = solution.bundle, solution.uncertainty
     rotation, translation = printed_sigmas(solution.T_hand_sensor, found.scp)
     chain = solution.problem.chain
     delta, sigma = empty.robot_delta.copy(), empty.robot_sigma.copy()
     rows, joints = chain.parameters.T
     posterior = np.sqrt(np.diag(found.covariance))
-    delta[rows, joints] = bundle.state.parameters
-    sigma[rows, joints] = np.where(bundle.free[6:-12], posterior[6:-12], chain.parameter_sigma)
+    delta[rows, joints] = solution.parameters
+    sigma[rows, joints] = np.where(solution.applied, posterior[6:-12], chain.parameter_sigma)
     anchors, anchors_sigma = np.zeros((6, 3)), np.zeros((6, 3))
     anchors[:, 1:], anchors_sigma[:, 1:] = bundle.state.anchors, posterior[-12:].reshape(6, 2)
     return replace(

@@ -18,12 +18,12 @@ _NULL_EIGENVALUE = 1e-8
 
 def weak_directions(solution: Solution) -> tuple[str, ...]:
     """Estimated robot parameters that the data do not determine, why, and what holds them (their priors)."""
-    bundle = solution.robust.bundle
-    estimated = bundle.free[6:-12]
+    bundle = solution.bundle
+    estimated = solution.applied
     if not np.any(estimated):
         return ()
     labels = [f"{NAMES[r]}{j + 1}" for r, j in solution.problem.chain.parameters[estimated]]
-    full, no_jigs, no_scp = _informations(bundle)
+    full, no_jigs, no_scp = _informations(bundle, estimated)
     by_jigs = np.diag(no_jigs) < _NULL * np.diag(full)
     by_scp = ~by_jigs & (np.diag(no_scp) < _NULL * np.diag(full))
     out = []
@@ -38,9 +38,9 @@ def weak_directions(solution: Solution) -> tuple[str, ...]:
     return tuple(out)
 
 
-def _informations(bundle: BundleResult) -> tuple[Array, Array, Array]:
+def _informations(bundle: BundleResult, estimated: NDArray[np.bool_]) -> tuple[Array, Array, Array]:
     """Information of the data alone on the estimated robot parameters: raw, without jigs and anchors, without SCP too."""
-    robot = np.flatnonzero(bundle.free[6:-12]) + 6
+    robot = np.flatnonzero(estimated) + 6
     anchors = np.flatnonzero(bundle.free[-12:]) + len(bundle.free) - 12
     prior = np.diag(1 / bundle.prior_sigma[robot] ** 2)
     schur, _ = reduced(bundle.normal)

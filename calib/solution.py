@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import chi2 as chi2_law
 
-from calib.bundle import solve_bundle
+from calib.bundle import BundleResult, solve_bundle
 from calib.config import CalibConfig
 from calib.linearise import corrected_robot
 from calib.problem import Problem, pad_points, pose_chain, robot_chain
@@ -21,52 +22,59 @@ from jig_cad import Jig
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
+_MISFIT_TAIL = 1e-4
+
 
 @dataclass(frozen=True, eq=False)
 class Solution:
     """The answer to the used calibrate frames (stations, in order; locations by name in ``names``).
 
-    Ts_sensor_jig: each frame's own pose, of its candidates the one that agrees with the others. explained: χ² per
-    degree of freedom once all robot errors are free within their priors.
+    bundle: the solve that answers. applied: robot parameters (P,) that its robot takes over. outlier (F, M),
+    frame_outlier (F,): what was left out. Ts_sensor_jig: each frame's own pose, of its candidates the one that agrees
+    with the others. chi2_per_dof: of the model's own fit, by the noise of points and joints and the anchors' tolerance.
+    explained: the same once all robot errors are free within their priors.
     """
 
     problem: Problem
     stations: tuple[Station, ...]
     names: tuple[str, ...]
-    robust: RobustResult
+    bundle: BundleResult
+    applied: Mask
+    outlier: Mask
+    frame_outlier: Mask
     uncertainty: Uncertainty
     Ts_sensor_jig: Pose
     dof: int
+    chi2_per_dof: float
     explained: float
 
     @property
     def T_hand_sensor(self) -> Pose:
         """The solved SCP."""
-        return self.robust.bundle.state.T_hand_sensor
-
-    @property
-    def chi2_per_dof(self) -> float:
-        """Cost per degree of freedom: the noise of points and joints and the anchors' tolerance, no robot errors."""
-        return self.robust.bundle.cost / max(self.dof, 1)
+        return self.bundle.state.T_hand_sensor
 
     @property
     def outlier_share(self) -> float:
         """Share of the points that the solution left out."""
-        out = self.robust.outlier | self.robust.frame_outlier[:, None]
+        out = self.outlier | self.frame_outlier[:, None]
         return float(out[self.problem.points.present].mean())
+
+    @property
+    def parameters(self) -> Array:
+        """Corrections (P,) of the robot that belong to the answer."""
+        return np.where(self.applied, self.bundle.state.parameters, 0.0)
 
     @property
     def robot(self) -> RobotModel | None:
         """The robot with its corrections."""
-        state = self.robust.bundle.state
-        if self.problem.chain.robot is None or not np.any(state.parameters):
+        if self.problem.chain.robot is None or not np.any(self.applied):
             return self.problem.chain.robot
-        return corrected_robot(self.problem, state.parameters)
+        return corrected_robot(self.problem, self.parameters)
 
     @property
     def T_base_jig(self) -> dict[str, Pose]:
         """The solved jig poses by location."""
-        return {n: self.robust.bundle.state.Ts_base_jig[i] for i, n in enumerate(self.names)}
+        return {n: self.bundle.state.Ts_base_jig[i] for i, n in enumerate(self.names)}
 
 
 def make_problem(
@@ -101,25 +109,54 @@ def estimated_parameters(problem: Problem, model: str) -> Mask:
 def solve_stations(
     used: tuple[Station, ...], jig: Jig, robot: RobotModel | None, T_hand_sensor: Pose, config: CalibConfig
 ) -> Solution:
-    """Solve the bundle of labelled calibrate frames, from the SCP given or, where that fails, from a closed form."""
+    """Solve the bundle of labelled calibrate frames, from the SCP given or, where that fails, from a closed form.
+
+    Outliers are sought with all robot errors free within their priors. Model scp then tries the robot as it stands: if
+    the residuals agree, that is the answer, with the robot's uncertainty considered in its covariance; if they do not,
+    robot errors are real and belong in the weights as well, which marginalising them does (Schmidt's estimate).
+    """
     names = tuple(dict.fromkeys(s.observation.location for s in used))
     problem = make_problem(used, names, jig, robot, config)
-    estimated = estimated_parameters(problem, config.model)
+    applied = estimated_parameters(problem, config.model)
+    robust, own = _robust(problem, used, T_hand_sensor, config)
+    every, removed = robust.bundle, robust.bundle.removed
+    dof = 2 * int((~removed).sum()) - 6 - 6 * problem.n_locations
+    model = every if np.all(applied) else _fit_model(problem, every, applied)
+    chi2, explained = model.cost / max(dof, 1), every.cost / max(dof, 1)
+    marginal = config.model == "scp" and chi2 > misfit_limit(dof, config.misfit_chi2)
+    answer = every if marginal else model
+    outlier, frame_outlier = robust.outlier, robust.frame_outlier
+    found = uncertainty(answer)
+    return Solution(problem, used, names, answer, applied, outlier, frame_outlier, found, own, dof, chi2, explained)
+
+
+def misfit_limit(dof: int, least: float) -> float:
+    """χ² per degree of freedom above which chance is no explanation, and never below ``least``."""
+    return max(least, float(chi2_law.isf(_MISFIT_TAIL, max(dof, 1))) / max(dof, 1))
+
+
+def _robust(
+    problem: Problem, used: tuple[Station, ...], T_hand_sensor: Pose, config: CalibConfig
+) -> tuple[RobustResult, Pose]:
+    every = np.ones(len(problem.chain.parameter_sigma), dtype=bool)
     candidates = [s.candidates for s in used]
     start, own = chain_start(problem, T_hand_sensor, candidates)
-    robust = solve_robust(problem, start, estimated, config.outlier_chi2, config.max_outlier_share)
-    if _doubtful(robust):
-        other = hand_eye_start(problem.chain.T_base_hand, own, problem.location)
-        if other is not None:
-            start, again = chain_start(problem, other, candidates)
-            second = solve_robust(problem, start, estimated, config.outlier_chi2, config.max_outlier_share)
-            if _score(second) < _score(robust):
-                robust, own = second, again
-    counted = problem.points.present & ~robust.bundle.removed
-    dof = 2 * int(counted.sum()) - 6 - 6 * problem.n_locations
-    return Solution(
-        problem, used, names, robust, uncertainty(robust.bundle), own, dof, _explained(problem, robust, dof)
-    )
+    robust = solve_robust(problem, start, every, config.outlier_chi2, config.max_outlier_share)
+    if not _doubtful(robust):
+        return robust, own
+    other = hand_eye_start(problem.chain.T_base_hand, own, problem.location)
+    if other is None:
+        return robust, own
+    start, again = chain_start(problem, other, candidates)
+    second = solve_robust(problem, start, every, config.outlier_chi2, config.max_outlier_share)
+    return (second, again) if _score(second) < _score(robust) else (robust, own)
+
+
+def _fit_model(problem: Problem, every: BundleResult, applied: Mask) -> BundleResult:
+    """The bundle with only the ``applied`` robot parameters as unknowns."""
+    none = np.zeros_like(every.state.parameters)
+    start = replace(every.state, parameters=none, T_base_hand=problem.chain.T_base_hand)
+    return solve_bundle(problem, start, applied, every.removed)
 
 
 def _doubtful(robust: RobustResult) -> bool:
@@ -129,12 +166,3 @@ def _doubtful(robust: RobustResult) -> bool:
 def _score(robust: RobustResult) -> tuple[bool, int, float]:
     out = robust.outlier | robust.frame_outlier[:, None]
     return not robust.bundle.converged, int(out.sum()), robust.bundle.cost
-
-
-def _explained(problem: Problem, robust: RobustResult, dof: int) -> float:
-    every = np.ones(len(problem.chain.parameter_sigma), dtype=bool)
-    result = robust.bundle
-    if not len(every) or np.array_equal(result.free[6:-12], every):
-        return result.cost / max(dof, 1)
-    full = solve_bundle(problem, result.state, every, result.removed, max_iterations=20)
-    return full.cost / max(dof, 1)

@@ -6,17 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2 as chi2_law
 
 from calib.config import CalibConfig
 from calib.result import Verdict
-from calib.solution import Solution
+from calib.solution import Solution, misfit_limit
 from geometry import Pose, log_so3
 
 Array = NDArray[np.float64]
 
 _SAME_MM, _SAME_DEG = 1.0, 0.1
-_MISFIT_TAIL = 1e-4
 _GROSS_CHI2 = 30.0  # with all robot errors free within their priors
 _UNOBSERVABLE_MM, _UNOBSERVABLE_DEG = 20.0, 5.0  # σ from noise alone
 _WEAK_MM, _WEAK_DEG = 1.0, 0.3
@@ -103,11 +101,6 @@ def judge_motion(m: Motion, config: CalibConfig) -> Verdict | None:
     return None
 
 
-def misfit_limit(dof: int, config: CalibConfig) -> float:
-    """χ² per degree of freedom above which chance is no explanation (and never below the configured limit)."""
-    return max(config.misfit_chi2, float(chi2_law.isf(_MISFIT_TAIL, max(dof, 1))) / max(dof, 1))
-
-
 def judge_solution(solution: Solution, moved: Motion, config: CalibConfig) -> Verdict:
     """The verdict on a solved bundle, the gravest first."""
     return (
@@ -121,7 +114,7 @@ def judge_solution(solution: Solution, moved: Motion, config: CalibConfig) -> Ve
 
 
 def _not_converged(s: Solution) -> Verdict | None:
-    bundle = s.robust.bundle
+    bundle = s.bundle
     if bundle.converged and np.all(np.isfinite(s.uncertainty.scp)):
         return None
     return Verdict(
@@ -161,9 +154,9 @@ def _not_observable(s: Solution) -> Verdict | None:
 
 
 def _misfit(s: Solution, config: CalibConfig) -> Verdict | None:
-    if s.chi2_per_dof <= misfit_limit(s.dof, config):
+    if s.chi2_per_dof <= misfit_limit(s.dof, config.misfit_chi2):
         return None
-    helps = s.explained < 0.5 * s.chi2_per_dof
+    helps = s.explained <= misfit_limit(s.dof, config.misfit_chi2)
     advice = (
         f"robot errors explain it (χ² {s.explained:.3g} with all DH parameters free within their priors): try --model full"
         if helps
