@@ -1,11 +1,11 @@
 """From the lit surface that the camera sees to the axis of the string.
 
-Derivation. A point of the string is X = X₀ + s d + r n(φ), with X₀ the axis's crossing of the sheet x = 0, d the string's
-unit direction and n(φ) ⊥ d. The sheet's irradiance depends on x alone, so at a fixed φ the light is centred on x = 0:
-its centroid along s is the point c(φ) = X₀ + r (n - d nₓ/dₓ), which lies in the sheet whatever the sheet's thickness.
-Seen from the camera, φ counts with w(φ) = f(n, l, v) (n·l)₊ (n·v)₊: cosine of incidence, reflectance f, foreshortening.
-Over one string the projection is affine to r/distance ≈ 1e-3, so the spot's centroid is the image of Σ w c / Σ w, and
-the camera's ray through it meets the sheet in that very point. The offset from the axis is that mean less X₀.
+Derivation. A point of the string is X = X₀ + s d + r n(φ), with X₀ the axis's crossing of the sheet x = 0, d the
+string's unit direction and n(φ) ⊥ d. The sheet's irradiance depends on x alone, so at a fixed φ the light is centred
+on x = 0: its centroid along s is the point c(φ) = X₀ + r (n - d nₓ/dₓ), in the sheet whatever the sheet's thickness.
+Seen from the camera, φ counts with w(φ) = f(n, l, v) (n·l)₊ (n·v)₊: cosine of incidence, reflectance f,
+foreshortening. Over one string the projection is affine to r/distance ≈ 1e-3, so the spot's centroid is the image of
+Σ w c / Σ w, and the camera's ray through it meets the sheet in that very point. The offset is that mean less X₀.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from jig_cad import Jig
 
 Array = NDArray[np.float64]
 
-# Plausible threads: weight, albedo, reflectance at normal incidence, GGX α; matte, satin, polished, bare wire. Their mean
-# stands between the extremes, a Lambertian thread and a purely specular one.
+# Plausible threads: weight, albedo, reflectance at normal incidence, GGX α; matte, satin, polished, bare wire. Their
+# mean stands between the extremes, a Lambertian thread and a purely specular one.
 THREADS = np.array(
     [
         [0.35, 0.60, 0.00, 0.5],
@@ -58,7 +58,7 @@ def axis_points(
 def surface_offset(
     yz_mm: Array, directions: Array, radius_mm: float, sensor: SensorModel, surface: SurfaceConfig
 ) -> tuple[Array, Array]:
-    """Lit-surface centroid less axis, both in the sheet: mean (..., 2) [mm] and covariance (..., 2, 2) over what is unknown.
+    """Lit-surface centroid less axis, in the sheet: mean (..., 2) [mm] and covariance (..., 2, 2) over what is unknown.
 
     yz_mm: spots (..., 2). directions: of the strings in {P} (..., 3), unit length, either sense.
     """
@@ -111,4 +111,4 @@ def _masking(cosine: Array, a2: Array) -> Array:
 
 
 def _unit(v: Array) -> Array:
-    return v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-300)
+    return np.asarray(v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-300))

@@ -6,7 +6,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 
 class SurfaceConfig(BaseModel):
-    """What is known of the strings' surface; where nothing is, plausible threads are averaged and their spread is a σ."""
+    """What is known of the strings' surface; where nothing is, plausible threads are averaged, their spread a σ."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -26,6 +26,10 @@ class LabellingConfig(BaseModel):
 
     guess_sigma_mm: float = Field(4.0, gt=0, description="σ of a guess's position, at the jig, per axis")
     guess_sigma_deg: float = Field(1.5, gt=0, description="σ of a guess's rotation per axis")
+    scp_sigma_mm: float = Field(3.0, gt=0, description="σ of the design SCP's translation per axis")
+    scp_sigma_deg: float = Field(2.0, gt=0, description="σ of the design SCP's rotation per axis")
+    robot_sigma_mm: float = Field(1.0, gt=0, description="σ of the robot's position from one configuration to another")
+    robot_sigma_deg: float = Field(0.1, gt=0, description="σ of the robot's rotation from one configuration to another")
     floor_mm: float = Field(
         0.02, ge=0, description="σ added to every spot in labelling: what its covariance leaves out"
     )
