@@ -33,39 +33,30 @@ def build_bvh(triangles: Array) -> Bvh:
 def blocked(bvh: Bvh, origins: Array, targets: Array) -> Mask:
     """Whether a triangle cuts the open segment from origins (N, 3) to targets (N, 3) or (3,) [mm]."""
     origins = np.ascontiguousarray(origins, dtype=float)
-    targets = np.ascontiguousarray(np.broadcast_to(targets, origins.shape), dtype=float)
+    targets = np.array(np.broadcast_to(targets, origins.shape), dtype=float)  # a copy: never a read-only view
     return np.asarray(_blocked(bvh.boxes, bvh.children, bvh.triangles, origins, targets))
 
 
-@njit(cache=True)
-def _build(low, high):  # type: ignore[no-untyped-def]
-    n = len(low)
-    order = np.arange(n)
-    boxes = np.empty((max(1, 2 * n), 6))
-    children = np.empty((max(1, 2 * n), 2), np.int64)
-    stack = np.empty((128, 3), np.int64)
-    stack[0] = (0, 0, n)
-    top, used = 1, 1
-    while top > 0:
-        top -= 1
-        node, first, last = stack[top]
-        for k in range(3):
-            lo, hi = np.inf, -np.inf
-            for i in range(first, last):
-                lo, hi = min(lo, low[order[i], k]), max(hi, high[order[i], k])
-            boxes[node, k], boxes[node, 3 + k] = lo, hi
+def _build(low: Array, high: Array) -> tuple[NDArray[np.int64], Array, NDArray[np.int64]]:
+    """Leaf order (T,), boxes and children of the hierarchy over boxes low, high (T, 3)."""
+    order, middle = np.arange(len(low)), low + high
+    boxes, children = [np.zeros(6)], [(0, 0)]
+    todo = [(0, 0, len(low))]
+    while todo:
+        node, first, last = todo.pop()
+        mine = order[first:last]
+        boxes[node] = np.concatenate([low[mine].min(0), high[mine].max(0)])
         if last - first <= LEAF:
             children[node] = (-1 - first, last - first)
             continue
-        axis = np.argmax(boxes[node, 3:] - boxes[node, :3])
-        part = order[first:last].copy()
-        order[first:last] = part[np.argsort(low[part, axis] + high[part, axis])]
-        middle = (first + last) // 2
+        axis = int(np.argmax(boxes[node][3:] - boxes[node][:3]))
+        order[first:last] = mine[np.argsort(middle[mine, axis], kind="stable")]
+        half, used = (first + last) // 2, len(boxes)
         children[node] = (used, used + 1)
-        stack[top] = (used, first, middle)
-        stack[top + 1] = (used + 1, middle, last)
-        top, used = top + 2, used + 2
-    return order, boxes[:used].copy(), children[:used].copy()
+        todo += [(used, first, half), (used + 1, half, last)]
+        boxes += [np.zeros(6)] * 2
+        children += [(0, 0)] * 2
+    return order, np.array(boxes), np.array(children)
 
 
 @njit(cache=True)

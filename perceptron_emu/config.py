@@ -21,7 +21,7 @@ class LaserConfig(Section):
 
     wavelength_nm: float = Field(660.0, ge=200, le=2000)
     bandwidth_nm: float = Field(0.5, gt=0, le=200, description="spectral full width at half maximum")
-    power_mw: float = Field(10.0, gt=0, description="optical power in the whole fan")
+    power_mw: float = Field(3.5, gt=0, description="optical power in the whole fan")
     waist_um: float = Field(200.0, gt=0, description="1/e² half-width across the sheet at the waist")
     waist_distance_mm: float | None = Field(
         None, gt=0, description="from the emitter along a ray; default: where the camera looks"
@@ -80,7 +80,7 @@ class AmbientConfig(Section):
     """[ambient]: room light that shows the scene dimly."""
 
     enabled: bool = True
-    irradiance_mw_m2_nm: float = Field(0.3, ge=0, description="spectral irradiance on a surface facing the light")
+    irradiance_mw_m2_nm: float = Field(2.0, ge=0, description="spectral irradiance on a surface facing the light")
     direction: tuple[float, float, float] = Field((0.5, -0.2, 0.8), description="light travels along, in {P}")
     fill: float = Field(0.25, ge=0, le=1, description="part of it that comes from everywhere")
 
@@ -105,7 +105,7 @@ class NoiseConfig(Section):
 class ExposureConfig(Section):
     """[exposure]: time, and how often."""
 
-    time_ms: float = Field(1.0, gt=0, le=60_000)
+    time_ms: float = Field(2.0, gt=0, le=60_000)
     hdr_ratios: tuple[float, ...] = Field(
         (), description="further exposures as factors of time_ms, merged into one image"
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from perceptron_emu.ambient import ambient_electrons
 from perceptron_emu.bodies import hidden_by_solid
 from perceptron_emu.camera import expose
 from perceptron_emu.config import EmulatorConfig
@@ -30,21 +31,24 @@ def render(scene: Scene, config: EmulatorConfig | None = None, rng: np.random.Ge
     rng = np.random.default_rng(0) if rng is None else rng
     speckle_key, noise_key = (int(k) for k in rng.integers(0, 2**63, 2))
     sensor, light = scene.sensor, Light(scene.sensor, config)
-    electrons = np.zeros((sensor.height_px, sensor.width_px), np.float32)
     strings = cylinders(scene.jig, scene.T_sensor_jig) if scene.jig else None
-    samples, truths = _strings(scene, strings, config, light)
+    surface = config.surface
+    thread = scene.string_material or Material(surface.diffuse, surface.specular, surface.roughness)
+    if config.ambient.enabled:
+        electrons = ambient_electrons(scene, strings, thread, config, light)
+    else:
+        electrons = np.zeros((sensor.height_px, sensor.width_px), np.float32)
+    samples, truths = _strings(scene, strings, thread, config, light)
     stripes = light_solids(scene, strings, config, light)
     draw(electrons, join([samples, stripes]), sensor, config, speckle_key)
     image = expose(electrons, config.noise, sensor, config.exposure.time_ms * 1e-3, noise_key)
     return Frame(image, FrameTruth(scene.T_sensor_jig if scene.jig else None, truths))
 
 
-def _strings(scene: Scene, strings: Cylinders | None, config: EmulatorConfig, light: Light) -> tuple[Samples, tuple[StringTruth, ...]]:
+def _strings(scene: Scene, strings: Cylinders | None, material: Material, config: EmulatorConfig, light: Light) -> tuple[Samples, tuple[StringTruth, ...]]:
     """Lit nodes of all strings and the truth of each."""
     if strings is None:
         return Samples.none(), ()
-    surface = config.surface
-    material = scene.string_material or Material(surface.diffuse, surface.specular, surface.roughness)
     lit = light_strings(strings, material, scene.sensor, config, light)
     seen = lit.electrons * _unhidden(strings, lit, scene)
     truths, parts = [], []

@@ -41,42 +41,41 @@ def cut_plane(triangles, normals, x):  # type: ignore[no-untyped-def]
     return ends[:n], normal[:n], owner[:n]
 
 
-@njit(cache=True)
-def first_reached(ends, origin, fan_rad):  # type: ignore[no-untyped-def]
+def first_reached(ends: Array, origin: Array, fan_rad: float) -> tuple[NDArray[np.int64], Array]:
     """The pieces of segments (n, 2, 2) as (y, z) [mm] that rays from the origin (2,) reach first within the fan about +z.
 
-    Returns which segment (m,) and where along it the piece lies (m, 2), in [0, 1]. Source: the angular sweep of planar visibility.
+    Returns which segment (m,) and where along it the piece lies (m, 2), in [0, 1]. Source: the angular sweep of planar
+    visibility (Suri & O'Rourke 1986): between two neighbouring ends the nearest segment does not change.
     """
-    n = len(ends)
-    low, high = np.empty(n), np.empty(n)
-    for i in range(n):
-        a = math.atan2(ends[i, 0, 0] - origin[0], ends[i, 0, 1] - origin[1])
-        b = math.atan2(ends[i, 1, 0] - origin[0], ends[i, 1, 1] - origin[1])
-        low[i], high[i] = min(a, b), max(a, b)
-        if high[i] - low[i] > math.pi:  # passes behind the emitter
-            low[i], high[i] = 10.0, 10.0
-    grid = int(fan_rad / GRID_RAD) + 2
-    breaks = np.empty(2 * n + grid)
-    breaks[:n], breaks[n : 2 * n] = low, high
-    breaks[2 * n :] = np.linspace(-fan_rad / 2, fan_rad / 2, grid)
-    breaks.sort()
-    by_start = np.argsort(low)
-    active = np.empty(n, np.int64)
-    n_active, following = 0, 0
+    towards = ends - origin
+    angle = np.sort(np.arctan2(towards[..., 0], towards[..., 1]), axis=1)
+    angle[angle[:, 1] - angle[:, 0] > np.pi] = 10.0  # passes behind the emitter
+    grid = np.linspace(-fan_rad / 2, fan_rad / 2, int(fan_rad / GRID_RAD) + 2)
+    breaks = np.sort(np.concatenate([angle.ravel(), grid]))
+    breaks = breaks[(breaks >= grid[0]) & (breaks <= grid[-1])]
+    by_start = np.argsort(angle[:, 0], kind="stable")
     which, where = np.empty(len(breaks), np.int64), np.empty((len(breaks), 2))
-    m = 0
+    m = _sweep(ends, np.array(origin), angle, breaks, by_start, which, where)
+    return which[:m], where[:m]
+
+
+@njit(cache=True)
+def _sweep(ends, origin, angle, breaks, by_start, which, where):  # type: ignore[no-untyped-def]
+    """Fill which and where from the angular order; the number of pieces."""
+    active = np.empty(len(ends), np.int64)
+    n_active, following, m = 0, 0, 0
     for k in range(len(breaks) - 1):
         a, b = breaks[k], breaks[k + 1]
-        if a < -fan_rad / 2 or b > fan_rad / 2 or b - a < 1e-12:
+        if b - a < 1e-12:
             continue
         middle = (a + b) / 2
-        while following < n and low[by_start[following]] < middle:
+        while following < len(ends) and angle[by_start[following], 0] < middle:
             active[n_active] = by_start[following]
             n_active, following = n_active + 1, following + 1
         best, best_distance, kept = -1, np.inf, 0
         for j in range(n_active):
             i = active[j]
-            if high[i] <= middle:
+            if angle[i, 1] <= middle:
                 continue
             active[kept] = i
             kept += 1
@@ -92,7 +91,7 @@ def first_reached(ends, origin, fan_rad):  # type: ignore[no-untyped-def]
         else:
             which[m], where[m, 0], where[m, 1] = best, from_, to
             m += 1
-    return which[:m], where[:m]
+    return m
 
 
 @njit(cache=True, inline="always")

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from geometry import SensorModel
@@ -156,25 +155,17 @@ def _nodes(faces, ends, normals, owner, where, count, x, step, sensor):  # type:
     return LitPoints(xyz, normal, area, faces.solid[owner[piece]])
 
 
-@njit(cache=True)
-def _gauss_nodes(ends, normals, where, count):  # type: ignore[no-untyped-def]
+def _gauss_nodes(ends: Array, normals: Array, where: Array, count: Index) -> tuple[Array, Array, Array, Index]:
     """Two Gauss-Legendre nodes on each of count equal parts of every piece: (y, z), normal, length [mm], piece."""
-    total = 2 * count.sum()
-    yz, normal = np.empty((total, 2)), np.empty((total, 3))
-    length, piece = np.empty(total), np.empty(total, np.int64)
-    offset = 0.5 / np.sqrt(3.0)
-    n = 0
-    for i in range(len(count)):
-        e = ends[i, 1] - ends[i, 0]
-        whole = np.sqrt(e[0] ** 2 + e[1] ** 2) * abs(where[i, 1] - where[i, 0])
-        for j in range(2 * count[i]):
-            inner = (j // 2 + 0.5 + (offset if j % 2 else -offset)) / count[i]
-            s = where[i, 0] + inner * (where[i, 1] - where[i, 0])
-            yz[n] = ends[i, 0] + s * e
-            normal[n] = normals[i, 0] + s * (normals[i, 1] - normals[i, 0])
-            length[n], piece[n] = whole / (2 * count[i]), i
-            n += 1
-    return yz, normal, length, piece
+    piece = np.repeat(np.arange(len(count)), 2 * count)
+    first = np.cumsum(2 * count) - 2 * count
+    number = np.arange(len(piece)) - first[piece]
+    inner = (number // 2 + 0.5 + np.where(number % 2, 0.5, -0.5) / np.sqrt(3)) / count[piece]
+    s = (where[piece, 0] + inner * (where[piece, 1] - where[piece, 0]))[:, None]
+    along = ends[:, 1] - ends[:, 0]
+    length = np.linalg.norm(along, axis=1) * np.abs(where[:, 1] - where[:, 0]) / np.maximum(2 * count, 1)
+    normal = normals[piece, 0] + s * (normals[piece, 1] - normals[piece, 0])
+    return ends[piece, 0] + s * along[piece], normal, length[piece], piece
 
 
 def _seen(points: LitPoints, scene: Scene, strings: Cylinders | None, light: Light) -> Samples:
