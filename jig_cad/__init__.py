@@ -1,5 +1,8 @@
 """The string jig: lines, anchors, tolerances; solids as meshes; drawings, STL and GLB."""
 
+from importlib import import_module
+from typing import TYPE_CHECKING
+
 from jig_cad.files import jig_from_table, jig_text, read_jig, write_jig
 from jig_cad.jig import (
     ANCHORS,
@@ -11,16 +14,40 @@ from jig_cad.jig import (
     sample_tolerance,
 )
 
+if TYPE_CHECKING:
+    from jig_cad.drawing import drawing_svg
+    from jig_cad.export import export_jig
+    from jig_cad.solids import PillarDesign, jig_solids
+
 __all__ = [
     "ANCHORS",
     "DEFAULT_STRINGS",
     "STRINGS",
     "Jig",
+    "PillarDesign",
+    "drawing_svg",
+    "export_jig",
     "half_turn_label",
     "jig_from_table",
+    "jig_solids",
     "jig_text",
     "nominal_anchors",
     "read_jig",
     "sample_tolerance",
     "write_jig",
 ]
+
+# meshes take most of a second to import, and calibration needs none
+_LAZY = {
+    "PillarDesign": "jig_cad.solids",
+    "jig_solids": "jig_cad.solids",
+    "export_jig": "jig_cad.export",
+    "drawing_svg": "jig_cad.drawing",
+}
+
+
+def __getattr__(name: str) -> object:
+    """The names that need trimesh, imported when first used."""
+    if name in _LAZY:
+        return getattr(import_module(_LAZY[name]), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

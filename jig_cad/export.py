@@ -1,0 +1,57 @@
+"""The jig as files: STL and GLB of its solids, SVG drawing for its maker."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trimesh
+
+from geometry import InputError, did_you_mean
+from jig_cad.drawing import drawing_svg
+from jig_cad.files import write_atomic
+from jig_cad.jig import Jig
+from jig_cad.solids import PillarDesign, jig_solids
+
+FORMATS = (".stl", ".glb", ".svg")
+
+# glTF is in metres with +Y up and +Z to the viewer: x of {J} goes up and the front, -z of {J}, faces the viewer
+_GLTF_JIG = np.array([[0, 0.001, 0, 0], [0.001, 0, 0, 0], [0, 0, -0.001, 0], [0, 0, 0, 1]])
+_COLOURS = {"bottom": (150, 155, 160, 255), "top": (150, 155, 160, 255), "post": (190, 195, 200, 255)}
+_STRING_COLOUR = (235, 225, 190, 255)
+
+
+def export_jig(jig: Jig, path: str | os.PathLike[str], design: PillarDesign | None = None) -> None:
+    """Write the jig to ``path``, whole or not at all; its ending chooses the format.
+
+    .stl: all solids in one mesh, {J} [mm]. .glb: a scene of named solids, each in {J} [mm] under a node "jig" that
+    turns and scales them to glTF's metres, Y up. .svg: the drawing with dimensions, at 1:1.
+    """
+    goal = Path(path)
+    suffix = goal.suffix.lower()
+    if suffix not in FORMATS:
+        near = did_you_mean(suffix, FORMATS)
+        raise InputError(f'{goal}: unknown ending "{suffix}"{near}; the jig is written as {", ".join(FORMATS)}')
+    if suffix == ".svg":
+        write_atomic(goal, drawing_svg(jig, design).encode())
+    elif suffix == ".stl":
+        write_atomic(goal, _stl(jig, design))
+    else:
+        write_atomic(goal, _glb(jig, design))
+
+
+def _stl(jig: Jig, design: PillarDesign | None) -> bytes:
+    whole: Any = trimesh.util.concatenate(list(jig_solids(jig, design).values()))
+    return bytes(whole.export(file_type="stl"))
+
+
+def _glb(jig: Jig, design: PillarDesign | None) -> bytes:
+    scene: Any = trimesh.Scene()
+    scene.graph.update(frame_to="jig", frame_from=scene.graph.base_frame, matrix=_GLTF_JIG)
+    for name, mesh in jig_solids(jig, design).items():
+        visual: Any = mesh.visual
+        visual.face_colors = _COLOURS.get(name.split()[0], _STRING_COLOUR)
+        scene.add_geometry(mesh, node_name=name, geom_name=name, parent_node_name="jig")
+    return bytes(scene.export(file_type="glb"))
