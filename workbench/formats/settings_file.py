@@ -23,8 +23,8 @@ class Settings:
     calib: CalibConfig = field(default_factory=CalibConfig)
 
 
-def _file_model() -> type[BaseModel]:
-    """Extraction's tables at the top of the file and [calib] beside them."""
+def settings_model() -> type[BaseModel]:
+    """The strict model of a settings file: extraction's tables at its top and [calib] beside them."""
     tables: dict[str, Any] = {name: (f.annotation, f.get_default(call_default_factory=True)) for name, f in _tables()}
     return create_model(
         "SettingsFile", __base__=Section, calib=(CalibConfig, Field(default_factory=CalibConfig)), **tables
@@ -40,7 +40,7 @@ def read_settings(paths: Sequence[Path], **calib: Any) -> Settings:
     tables: dict[str, dict[str, Any]] = {}
     for path in paths:
         source = read_toml(path)
-        validate(_file_model(), source)
+        validate(settings_model(), source)
         for name, table in source.data.items():
             if isinstance(table, dict):
                 tables.setdefault(name, {}).update({k: v for k, v in table.items() if k != "name"})
