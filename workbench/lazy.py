@@ -12,6 +12,7 @@ COMMANDS = {
     "demo": "The paper's experiment in emulation: render, extract, calibrate, compare with Table 1 and Fig. 7.",
     "calibrate": "Solve the sensor's pose in the hand from a cell dataset.",
     "extract": "Find string points in images and write them as CSV.",
+    "tune": "Tune detection on saved stripe images: the process window in the browser, or a search with --auto.",
     "pose": "All jig poses that fit the points of a frame, with their likelihoods.",
     "render": "Record a cell in emulation: plan configurations and render images with truth.",
     "jig": "Show a string jig, or export it as STL, GLB or drawing.",

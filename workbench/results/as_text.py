@@ -51,7 +51,7 @@ def _scp_table(result: CalibrationResult) -> Table:
 
 def _scp_rows(table: Table, what: str, unit: str, design: object, solved: object, sigma: object) -> None:
     """Three rows; what could not be solved shows a dash."""
-    d = np.asarray(design, dtype=float)
+    d = np.round(np.asarray(design, dtype=float), 9) + 0.0  # no minus zero
     s = np.full(3, np.nan) if solved is None else np.asarray(solved, dtype=float)
     e = np.full(3, np.nan) if sigma is None else np.asarray(sigma, dtype=float)
     for i, axis in enumerate(AXES):

@@ -1,0 +1,62 @@
+"""What stands around the strings of a jig: its plates and posts, and walls; and whether they hide a string."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geometry import Pose, SensorModel
+from jig_cad import Jig
+from jig_cad.solids import jig_solids
+from perceptron_emu import ALUMINIUM, BLACK_PLATE, Solid, panel
+from perceptron_emu.bodies import hidden_by_solid
+from perceptron_emu.occlusion import hidden_by_strings
+from perceptron_emu.strings import cylinders
+from workbench.planning import SeesAll
+
+Array = NDArray[np.float64]
+
+REACH_MM = 0.6  # half the thickness of sheet that must reach every string: its Gaussian is spent well inside
+SAMPLES = 7
+STEPS = np.linspace(-REACH_MM, REACH_MM, SAMPLES)
+
+
+def jig_bodies(jig: Jig) -> tuple[Solid, ...]:
+    """Plates (black) and posts (bare aluminium) of a jig, in its own axes."""
+    meshes = jig_solids(jig, strings=False)
+    return tuple(
+        Solid(m, ALUMINIUM if name.startswith("post") else BLACK_PLATE, name=name) for name, m in meshes.items()
+    )
+
+
+def wall_behind(jig: Jig, distance_mm: float, size_mm: float = 900.0, turn_deg: float = 0.0) -> Solid:
+    """A matte wall beyond the pillar, ``distance_mm`` behind its back strings, turned about the vertical."""
+    turn = np.deg2rad(turn_deg)
+    c, s = np.cos(turn), np.sin(turn)
+    R = np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
+    centre = np.array([jig.height_mm / 2, 0.0, np.sqrt(3) / 2 * jig.side_mm + distance_mm])
+    return panel(size_mm, size_mm, Pose(R, centre), name="wall")
+
+
+def sees_all_strings(sensor: SensorModel, jig: Jig, solids: tuple[Solid, ...]) -> SeesAll:
+    """A test that nothing stands between the strings' points and the emitter or the camera at a pose T_sensor_jig.
+
+    solids: in jig axes. Every string is tried on a piece REACH_MM to either side of the sheet, a little off its axis.
+    """
+    own = np.repeat(np.arange(len(jig.strings)), SAMPLES)
+
+    def sees_all(T_sensor_jig: Pose) -> bool:
+        placed = [Solid(s.mesh, s.material, T_sensor_jig @ s.T_sensor_mesh, s.name) for s in solids]
+        strings = cylinders(jig, T_sensor_jig)
+        along = strings.directions / np.abs(strings.directions[:, :1])  # a step of 1 mm across the sheet
+        points = (strings.crossing[:, None] + STEPS[:, None] * along[:, None]).reshape(-1, 3)
+        for source in (sensor.laser_origin_mm, sensor.camera_centre_mm):
+            towards = (source - points) / np.linalg.norm(source - points, axis=-1, keepdims=True)
+            surface = points + jig.string_diameter_mm / 2 * towards
+            if np.any(hidden_by_strings(strings, surface, source, own)):
+                return False
+            if any(np.any(hidden_by_solid(s, surface, np.broadcast_to(source, surface.shape))) for s in placed):
+                return False
+        return True
+
+    return sees_all
