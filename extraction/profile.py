@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 SATURATED, SHAPE, EDGE = 1, 2, 4  # bits of a point's flag: clipped pixels, not one Gaussian, cut by border or neighbour
 _FLAG_NAMES = {SATURATED: "saturated", SHAPE: "shape", EDGE: "edge"}
@@ -17,9 +18,9 @@ _FLAG_NAMES = {SATURATED: "saturated", SHAPE: "shape", EDGE: "edge"}
 class StripePeaks:
     """Points of a stripe in the image, ordered along it section by section.
 
-    section: image column, or row, of each point (N,). uv_px: the point (N, 2). normal: unit vector (N, 2) along which it
-    was localised. sigma_px: standard deviation along it (N,); across it the point is exact by definition:
-    it lies on its section.
+    section: image column, or row, of each point (N,). uv_px: the point (N, 2). normal: unit vector (N, 2)
+    along which it was localised. sigma_px: standard deviation along it (N,); across it the point is exact by
+    definition: it lies on its section.
     amplitude_dn: peak above the background (N,). width_px: Gaussian σ of the stripe (N,). background_dn (N,).
     chi2_per_dof: of the section's fit (N,). flag: bits, see `flag_names` (N,).
     """
@@ -38,7 +39,7 @@ class StripePeaks:
         """The number of points."""
         return len(self.section)
 
-    def __getitem__(self, chosen: NDArray[np.intp] | NDArray[np.bool_]) -> StripePeaks:
+    def __getitem__(self, chosen: NDArray[np.intp] | Mask) -> StripePeaks:
         """The chosen points, in that order."""
         return StripePeaks(**{name: getattr(self, name)[chosen] for name in self.__dataclass_fields__})
 
@@ -46,6 +47,7 @@ class StripePeaks:
     def cov_uv_px2(self) -> Array:
         """Covariance (N, 2, 2) of rank one: along the normal alone."""
         return (self.sigma_px**2)[:, None, None] * self.normal[:, :, None] * self.normal[:, None, :]
+
 
 @dataclass(frozen=True, eq=False)
 class Profile:
@@ -59,7 +61,7 @@ class Profile:
         """The number of points."""
         return len(self.yz_mm)
 
-    def __getitem__(self, chosen: NDArray[np.intp] | NDArray[np.bool_]) -> Profile:
+    def __getitem__(self, chosen: NDArray[np.intp] | Mask) -> Profile:
         """The chosen points, in that order."""
         return Profile(self.peaks[chosen], self.yz_mm[chosen], self.cov_yz_mm2[chosen])
 
@@ -67,3 +69,12 @@ class Profile:
 def flag_names(flag: int) -> str:
     """The reasons for doubt of one point, "" for none, joined by "+"."""
     return "+".join(name for bit, name in _FLAG_NAMES.items() if flag & bit)
+
+
+def flag_bits(names: str) -> int:
+    """The inverse of `flag_names`; ValueError for a name that is none."""
+    known = {name: bit for bit, name in _FLAG_NAMES.items()}
+    unknown = [name for name in names.split("+") if name and name not in known]
+    if unknown:
+        raise ValueError(f"unknown flag {unknown[0]!r}, known are {', '.join(known)}")
+    return sum(known[name] for name in names.split("+") if name)

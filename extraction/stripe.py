@@ -22,9 +22,9 @@ from geometry import SensorModel
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-_SAMPLE = 160  # sections that are fitted first, for the noise and the width
+_SAMPLE = 320  # sections that are fitted first, for the noise and the width
 _WIDTH_PX = 1.5  # expected before anything is known
-_WIDTH_ERROR = 0.25  # relative, of the width expected from neighbouring sections; it steadies faint sections only
+_WIDTH_ERROR = 0.12  # relative, of the width expected from neighbouring sections; it steadies faint sections only
 
 
 def extract_profile(
@@ -45,7 +45,7 @@ def extract_profile(
         config = config.model_copy(update={"direction": depth_direction(sensor)})
     peaks = detect_stripe(image, config, laser_off, mask, sensor.saturation_dn, sensor.black_level)
     yz, jacobian = sheet_table(sensor).lookup(peaks.uv_px)
-    seen = np.isfinite(yz).all(axis=1)
+    seen: Mask = np.asarray(np.isfinite(yz).all(axis=1))
     return Profile(peaks, yz, propagate(jacobian, peaks.cov_uv_px2))[seen]
 
 
@@ -78,6 +78,7 @@ def detect_stripe(
     fits = _fit(view, found, widths, _WIDTH_ERROR, noise, config)
     good = np.flatnonzero(_acceptable(fits, config))
     fits, section = fits[good], found.section[good]
+    noise = _settle(noise, fits, config)
     chosen = select(config.select, section, fits[:, fit.CENTRE], fits[:, fit.AMPLITUDE], config.jump_px, config.max_gap)
     peaks = _peaks(view, section[chosen], fits[chosen], config)
     return localise_along_normal(view, peaks, noise, config) if config.along_normal else peaks
@@ -96,6 +97,21 @@ def _look_ahead(view: StripeView, found: Candidates, config: StripeConfig) -> tu
         return noise, np.full(len(found), _WIDTH_PX)
     steady = median_filter(fits[good, fit.WIDTH], size=min(9, int(good.sum())), mode="nearest")
     return noise, np.interp(found.section, section, steady)
+
+
+def _settle(noise: fit.NoiseModel, fits: Array, config: StripeConfig) -> fit.NoiseModel:
+    """The noise scaled to what all sections say, ``fits`` with it in place: the few first ones leave some per cent.
+
+    Only where all of the noise is estimated, and robustly: sections that are no Gaussian peak keep their high χ².
+    """
+    if len(fits) < _SAMPLE or (config.read_noise_dn, config.gain_dn_per_e, config.speckle_contrast) != (None,) * 3:
+        return noise
+    ratio = fits[:, fit.CHI2] / np.maximum(fits[:, fit.DOF], 1)
+    usual = ratio <= 3 * np.median(ratio)
+    scale = float(np.sum(fits[usual, fit.CHI2]) / np.sum(fits[usual, fit.DOF]))
+    fits[:, fit.CHI2] /= scale
+    fits[:, fit.VARIANCE] *= scale
+    return noise.scaled(scale)
 
 
 def _fit(

@@ -11,8 +11,8 @@ from extraction.compiled import compiled
 
 IntArray = NDArray[np.int32]
 
-_SAMPLES = 20000  # of the response, for its robust spread
-_ROWS_SUMMED = 12  # pixels in a response's centre: 4 rows × 3 columns
+_SAMPLES = 8000  # of the response, for its robust spread
+_PIXELS_SUMMED = 12  # pixels in a response's centre: 4 rows × 3 columns
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,8 +37,8 @@ class Candidates:
 
     def take(self, chosen: NDArray[np.intp]) -> Candidates:
         """The chosen candidates."""
-        parts = (self.section, self.centre_px, self.low, self.high)
-        return Candidates(*(part[chosen] for part in parts), self.threshold_dn, self.noise_dn)
+        low, high = self.low[chosen], self.high[chosen]
+        return Candidates(self.section[chosen], self.centre_px[chosen], low, high, self.threshold_dn, self.noise_dn)
 
 
 def detect(image: NDArray[np.generic], threshold_sigma: float, surround_px: int, max_peaks: int) -> Candidates:
@@ -56,19 +56,24 @@ def detect(image: NDArray[np.generic], threshold_sigma: float, surround_px: int,
     response = np.empty_like(sums)
     _sum_windows(image, sums)
     _subtract_surround(sums, max(2, surround_px // 2), response)
-    sample = response[:: max(1, response.size // _SAMPLES // 16 + 1), 3::16].ravel().astype(float)
-    middle = np.median(sample)
-    spread = max(1.4826 * float(np.median(np.abs(sample - middle))), np.sqrt(2 * _ROWS_SUMMED / 12))
-    threshold = max(float(middle), 0.0) + threshold_sigma * spread
+    sample = response[:: response.size // _SAMPLES // 16 + 1, width // 2 % 16 :: 16].ravel()
+    middle = _median(sample)
+    spread = max(1.4826 * _median(np.abs(sample - sample.dtype.type(middle))), float(np.sqrt(2 * _PIXELS_SUMMED / 12)))
+    threshold = max(middle, 0.0) + threshold_sigma * spread
     found = np.empty((width, max_peaks, 2), dtype=np.int32)
     counts = _peaks(response, threshold, found)
-    return _group(_flatten(found, counts), threshold / _ROWS_SUMMED, spread / _ROWS_SUMMED, height)
+    return _group(_flatten(found, counts), threshold / _PIXELS_SUMMED, spread / _PIXELS_SUMMED, height)
+
+
+def _median(values: IntArray) -> float:
+    middle = len(values) // 2
+    return float(np.partition(values, middle)[middle])
 
 
 def _group(peaks: IntArray, threshold: float, noise: float, height: int) -> Candidates:
     """Candidates of (section, window, response) rows ordered by section, then window."""
     section = np.ascontiguousarray(peaks[:, 0])
-    centre = 2.0 * peaks[:, 1] + 1.5
+    centre = 2 * peaks[:, 1].astype(np.float64) + 1.5
     low, high = np.zeros(len(peaks), dtype=np.int32), np.full(len(peaks), height, dtype=np.int32)
     same = section[1:] == section[:-1]
     middle = np.ceil((centre[1:] + centre[:-1]) / 2).astype(np.int32)
@@ -113,7 +118,7 @@ def _peaks(response: IntArray, threshold: float, found: IntArray) -> IntArray:
             if largest > threshold:
                 for c in range(start, stop):
                     if response[r, c] > threshold and _is_peak(response, r, c):
-                        _keep(found[c], counts, c, r, response[r, c])
+                        _keep(found, counts, c, r, response[r, c])
     return counts
 
 
@@ -124,34 +129,36 @@ def _is_peak(response: IntArray, r: int, c: int) -> bool:
     for k in range(max(r - 2, 0), r):
         if response[k, c] >= here:
             return False
+    answer = True
     for k in range(r + 1, min(r + 3, len(response))):
-        if response[k, c] > here:
-            return False
-    return True
+        answer = answer and response[k, c] <= here
+    return answer
 
 
 @compiled
-def _keep(peaks: IntArray, counts: IntArray, c: int, row: int, response: int) -> None:
-    """Append a peak to its column; where the column is full the weakest goes."""
+def _keep(found: IntArray, counts: IntArray, c: int, row: int, response: int) -> None:
+    """Append a peak to column ``c``; where the column is full the weakest goes."""
     n = counts[c]
-    if n == len(peaks):
+    if n == found.shape[1]:
         weakest = 0
         for k in range(1, n):
-            if peaks[k, 1] < peaks[weakest, 1]:
+            if found[c, k, 1] < found[c, weakest, 1]:
                 weakest = k
-        if peaks[weakest, 1] >= response:
+        if found[c, weakest, 1] >= response:
             return
         for k in range(weakest, n - 1):
-            peaks[k] = peaks[k + 1]
+            found[c, k, 0], found[c, k, 1] = found[c, k + 1, 0], found[c, k + 1, 1]
         n -= 1
-    peaks[n, 0], peaks[n, 1] = row, response
+    found[c, n, 0], found[c, n, 1] = row, response
     counts[c] = n + 1
 
 
 @compiled
 def _flatten(found: IntArray, counts: IntArray) -> IntArray:
-    out = np.empty((counts.sum(), 3), dtype=np.int32)
-    n = 0
+    total = 0
+    for c in range(len(counts)):
+        total += counts[c]
+    out, n = np.empty((total, 3), dtype=np.int32), 0
     for c in range(len(counts)):
         for k in range(counts[c]):
             out[n, 0], out[n, 1], out[n, 2] = c, found[c, k, 0], found[c, k, 1]

@@ -35,6 +35,12 @@ class NoiseModel:
         """What the kernels take (4,)."""
         return np.array([self.read_variance_dn2, self.gain_dn, self.speckle**2, self.black_dn])
 
+    def scaled(self, factor: float) -> NoiseModel:
+        """The model with all variances multiplied by ``factor``."""
+        return NoiseModel(
+            factor * self.read_variance_dn2, factor * self.gain_dn, np.sqrt(factor) * self.speckle, self.black_dn
+        )
+
 
 @compiled
 def fit_sections(
@@ -54,9 +60,11 @@ def fit_sections(
     section, start, low, high = place
     out = np.zeros((len(section), 12))
     y, use, work = np.empty(len(image)), np.empty(len(image), dtype=np.bool_), np.empty(TERMS)
-    p, bell, x = np.empty(4), np.empty(len(image)), np.arange(len(image)).astype(np.float64)
+    p, bell, x = np.empty(4), np.empty(len(image)), np.empty(len(image))
+    for k in range(len(image)):
+        x[k] = k
     for i in range(len(section)):
-        centre, half = int(start[i] + 0.5), max(4, int(math.ceil(4 * widths[0][i] + 1)))
+        centre, half = int(start[i] + 0.5), max(4, int(3.5 * widths[0][i] + 2.5))
         prior = (widths[0][i], 1.0 / (widths[0][i] * widths[1]) ** 2)
         for _ in range(3):  # the window follows the width and the centre that it finds
             lo, hi = max(low[i], centre - half), min(high[i], centre + half + 1)
@@ -66,7 +74,7 @@ def fit_sections(
                 break
             _guess(y, hi - lo, start[i] - lo, widths[0][i], p)
             out[i, CONVERGED] = climb(x, y, use, hi - lo, p, bell, limits, noise, prior, work)
-            wanted = max(4, int(math.ceil(4 * p[2] + 1)))
+            wanted = max(4, int(3.5 * p[2] + 2.5))
             if abs(wanted - half) <= 1 + half // 4 and abs(int(lo + p[0] + 0.5) - centre) <= 2:
                 break
             half, centre = min(wanted, int(4 * limits[2]) + 2), min(max(int(lo + p[0] + 0.5), low[i]), high[i] - 1)

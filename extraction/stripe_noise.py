@@ -13,6 +13,7 @@ Array = NDArray[np.float64]
 
 QUANTISATION_DN2 = 1.0 / 12.0
 _ROUNDS = 4  # of reweighting; the weights need not be exact
+_SIGNIFICANT = 9.0  # of a likelihood ratio: three σ
 _MISFIT = 4.0  # a section whose χ² is that many times the median is no Gaussian peak and says nothing on noise
 
 
@@ -31,8 +32,12 @@ def estimate_noise(
     if None in variances and len(fits) >= 8:
         free = [i for i, v in enumerate(variances) if v is None]
         terms, squares = _squared_residuals(image, section, fits, black_dn)
-        found = _non_negative(terms, squares, np.array([0.0 if v is None else v for v in variances]), free)
-        variances = list(found)
+        start = np.array([0.0 if v is None else v for v in variances])
+        variances = list(_non_negative(terms, squares, start, free))
+        if 2 in free and len(free) > 1:
+            camera = _non_negative(terms, squares, start, free[:-1])
+            if not _explains_more(terms, squares, camera, np.array(variances)):
+                variances = list(camera)
     a, c, k2 = (0.0 if v is None else float(v) for v in variances)
     return NoiseModel(max(a, QUANTISATION_DN2), c, float(np.sqrt(k2)), black_dn)
 
@@ -53,8 +58,9 @@ def _squared_residuals(
     signal = fits[:, AMPLITUDE, None] * bell
     mean = signal + fits[:, BACKGROUND, None]
     slopes = np.stack([signal * t, bell, signal * t * t, np.ones_like(t)], -1) * inside[..., None]
-    normal = np.einsum("mni,mnj->mij", slopes, slopes)
-    leverage = np.einsum("mni,mij,mnj->mn", slopes, np.linalg.pinv(normal), slopes)
+    normal = np.swapaxes(slopes, 1, 2) @ slopes
+    normal[:, range(4), range(4)] *= 1 + 1e-9
+    leverage = np.sum((slopes @ np.linalg.inv(normal)) * slopes, axis=-1)
     keep = inside & (leverage < 0.8)
     squares = (y - mean)[keep] ** 2 / (1 - leverage[keep])
     return np.column_stack([np.ones(keep.sum()), np.maximum(mean[keep] - black_dn, 0), signal[keep] ** 2]), squares
@@ -69,3 +75,10 @@ def _non_negative(terms: Array, squares: Array, variances: Array, free: list[int
         out[free] = nnls(terms[:, free] * weight[:, None], goal * weight)[0]
         weight = 1 / np.maximum(terms @ out, QUANTISATION_DN2)
     return out
+
+
+def _explains_more(terms: Array, squares: Array, camera: Array, speckled: Array) -> bool:
+    """Whether speckle is significant: without it the flanks, where the position comes from, are weighted better."""
+    weight = 1 / np.maximum(terms @ camera, QUANTISATION_DN2)
+    misfit = [float(np.sum((weight * (squares - terms @ v)) ** 2)) / 2 for v in (camera, speckled)]
+    return misfit[0] - misfit[1] > _SIGNIFICANT

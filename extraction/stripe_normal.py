@@ -30,7 +30,9 @@ def localise_along_normal(view: StripeView, peaks: StripePeaks, noise: NoiseMode
     own = peaks.uv_px - view.origin_px
     slope = _slopes(own[:, across], own[:, along])
     limits = (view.clip_dn, config.min_width_px, config.max_width_px)
-    start = np.column_stack([own[:, across], own[:, along], slope, peaks.amplitude_dn, peaks.width_px, peaks.background_dn])
+    start = np.column_stack(
+        [own[:, across], own[:, along], slope, peaks.amplitude_dn, peaks.width_px, peaks.background_dn]
+    )
     answer = _fit_normals(view.grey, view.left_out, start, limits, noise.as_array())
     good = answer[:, 0] > 0
     length = np.hypot(1.0, slope)
@@ -80,7 +82,7 @@ def _fit_normals(
     x, y, bell = np.empty(most), np.empty(most), np.empty(most)
     use, p, work = np.ones(most, dtype=np.bool_), np.empty(4), np.empty(TERMS)
     for i in range(len(start)):
-        slope, length = start[i, 2], np.hypot(1.0, start[i, 2])
+        length = np.hypot(1.0, start[i, 2])
         width = max(start[i, 4] / length, limits[1])  # a section sees the stripe wider by the secant
         reach = 4 * width + 1
         n = _collect(grey, left_out, start[i], reach, limits[0], x, y)

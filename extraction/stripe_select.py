@@ -12,14 +12,16 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 
-def select(rule: Selection, section: NDArray[np.int32], place: Array, height: Array, jump: float, max_gap: int) -> Indices:
+def select(
+    rule: Selection, section: NDArray[np.int32], place: Array, height: Array, jump: float, max_gap: int
+) -> Indices:
     """Indices of the chosen peaks, at most one a section unless the rule is "all".
 
     section: non-decreasing (N,). place: position along the section [px] (N,). height: amplitude [DN] (N,).
     jump, max_gap: of "continuous", see `StripeConfig`.
     """
     everything = np.arange(len(section))
-    if rule == "all" or len(section) == 0:
+    if rule == "all" or len(section) == 0 or (rule != "continuous" and np.all(section[1:] > section[:-1])):
         return everything
     if rule == "continuous":
         worth = np.minimum(height / np.median(height), 1.5)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -63,7 +64,7 @@ def stripe_view(
     part = (slice(v0, v1), slice(u0, u1))
     grey, left_out = image[part], _NO_MASK if mask is None else ~mask[part]
     if laser_off is not None:
-        bright = grey >= clip
+        bright = np.greater_equal(grey, clip)
         left_out = bright if mask is None else left_out | bright
         signed = np.int16 if grey.dtype == np.uint8 else np.int32
         grey, clip, black_dn = grey.astype(signed) - laser_off[part].astype(signed), np.inf, 0.0
@@ -71,7 +72,7 @@ def stripe_view(
     return StripeView(_oriented(grey, turned), _oriented(left_out, turned), clip, black_dn, (u0, v0), turned)
 
 
-def _oriented(a: NDArray[np.generic], turned: bool) -> NDArray[np.generic]:
+def _oriented(a: NDArray[Any], turned: bool) -> NDArray[Any]:
     if a.size == 0 or not turned:
         return np.ascontiguousarray(a)
     return cv2.transpose(np.ascontiguousarray(a)) if a.dtype != bool else np.ascontiguousarray(a.T)
@@ -87,7 +88,9 @@ def _check(image: NDArray[np.generic], laser_off: NDArray[np.generic] | None, ma
             f"{image.dtype} {image.shape}"
         )
     if mask is not None and (mask.shape != image.shape or mask.dtype != np.bool_):
-        raise InputError(f"the mask is {mask.dtype} {mask.shape}: it must be boolean and as large as the image {image.shape}")
+        raise InputError(
+            f"the mask is {mask.dtype} {mask.shape}: it must be boolean and as large as the image {image.shape}"
+        )
 
 
 def _region(config: StripeConfig, shape: tuple[int, ...]) -> tuple[int, int, int, int]:
@@ -96,6 +99,6 @@ def _region(config: StripeConfig, shape: tuple[int, ...]) -> tuple[int, int, int
     u0, v0, u1, v1 = config.region_px
     if not (0 <= u0 < u1 <= shape[1] and 0 <= v0 < v1 <= shape[0]):
         raise InputError(
-            f"region_px = {list(config.region_px)} (u0, v0, u1, v1) must lie within the image of {shape[1]} × {shape[0]} px"
+            f"region_px = {list(config.region_px)} (u0, v0, u1, v1) must lie in the image of {shape[1]} × {shape[0]} px"
         )
     return u0, v0, u1, v1
