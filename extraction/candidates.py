@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,6 +53,12 @@ class Candidates:
         """The number of candidates, refused ones included."""
         return len(self.reason)
 
+    def refused(self, index: NDArray[np.intp], reasons: NDArray[np.object_]) -> Candidates:
+        """The same, with the reasons of the candidates ``index`` (N,) replaced by ``reasons`` (N,)."""
+        every = np.array(self.reason, dtype=object)
+        every[index] = reasons
+        return replace(self, reason=tuple(every))
+
 
 def find_candidates(prepared: Prepared, config: DetectConfig, mm_per_px: float) -> Candidates:
     """Peaks above the noise, with the shape of their regions and the reason of each refusal.
@@ -79,7 +85,8 @@ def find_candidates(prepared: Prepared, config: DetectConfig, mm_per_px: float) 
     cov = table[:, [COV_UU, COV_UV, COV_UV, COV_VV]].reshape(-1, 2, 2)
     return Candidates(
         table[:, [PEAK_U, PEAK_V]], table[:, SMOOTH_PEAK] - table[:, RING], table[:, RING], table[:, RING_NOISE],
-        table[:, UNEVEN], table[:, [MEAN_U, MEAN_V]], cov, table[:, AREA], table[:, LENGTH], table[:, WIDTH], reasons, owner,
+        table[:, UNEVEN], table[:, [MEAN_U, MEAN_V]], cov, table[:, AREA], table[:, LENGTH], table[:, WIDTH], reasons,
+        owner,
     )  # fmt: skip
 
 

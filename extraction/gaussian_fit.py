@@ -98,7 +98,7 @@ def _chi2(data: Array, use: Mask, p: Array, weight: Array) -> float:
 
 
 @compiled
-def _cholesky(fisher: Array, damping: float, n: int, out: Array) -> bool:
+def cholesky(fisher: Array, damping: float, n: int, out: Array) -> bool:
     """Lower factor of fisher + damping · diag(fisher), leading n × n; False where it is not positive definite."""
     for i in range(n):
         for j in range(i + 1):
@@ -117,7 +117,7 @@ def _cholesky(fisher: Array, damping: float, n: int, out: Array) -> bool:
 
 
 @compiled
-def _solve(factor: Array, right: Array, n: int, out: Array) -> None:
+def solve(factor: Array, right: Array, n: int, out: Array) -> None:
     """Out = (L Lᵀ)⁻¹ right, leading n."""
     for i in range(n):
         total = right[i]
@@ -170,8 +170,8 @@ def fit_window(data: Array, use: Mask, start: Array, n: int, noise: Array, max_i
     chi2 = _weights_and_sums(data, use, p, n, noise, weight, fisher, score)
     while iteration < max_iterations:
         iteration += 1
-        if _cholesky(fisher, damping, n, factor):
-            _solve(factor, score, n, q)
+        if cholesky(fisher, damping, n, factor):
+            solve(factor, score, n, q)
             decrement = 0.0  # the step's length in standard deviations, squared
             for k in range(n):
                 decrement += q[k] * score[k]
@@ -198,13 +198,13 @@ def fit_window(data: Array, use: Mask, start: Array, n: int, noise: Array, max_i
 def _position_covariance(p: Array, fisher: Array, factor: Array, n: int, out: Array) -> None:
     """Write the inverse Fisher information's (u, v) block to out[9:12]; infinite where it has none."""
     out[9], out[10], out[11] = np.inf, 0.0, np.inf
-    if not _cholesky(fisher, 0.0, n, factor):
+    if not cholesky(fisher, 0.0, n, factor):
         return
     unit, first, second = np.zeros(9), np.zeros(9), np.zeros(9)
     unit[1] = 1.0
-    _solve(factor, unit, n, first)
+    solve(factor, unit, n, first)
     unit[1], unit[2] = 0.0, 1.0
-    _solve(factor, unit, n, second)
+    solve(factor, unit, n, second)
     # (q₁, q₂) = A · P · (du, dv) with P the spot's precision matrix
     det = (p[3] * p[5] - p[4] * p[4]) * p[2]
     s00, s01, s11 = p[5] / det, -p[4] / det, p[3] / det

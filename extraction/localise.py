@@ -1,4 +1,4 @@
-"""Positions of the candidates: maximum likelihood of an oriented Gaussian, or the parabola through the blurred peak."""
+"""Positions of the candidates by maximum likelihood of an oriented Gaussian, with their covariance."""
 
 from __future__ import annotations
 
@@ -7,14 +7,19 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from extraction import spot_noise as sn
 from extraction.candidates import Candidates
 from extraction.config import ExtractionConfig
-from extraction.gaussian_fit import PIXEL_VARIANCE_PX2, fit_window
+from extraction.fit_frame import CLIPPED, CONVERGED, FOREIGN, NOISE, fit_frame
+from extraction.gaussian_fit import PIXEL_VARIANCE_PX2
+from extraction.noise import NoiseModel, speckle_contrast
 from extraction.preprocess import Prepared
-from geometry import SensorModel
 
 Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+
+MIN_START_VARIANCE_PX2 = 0.3
+SLOPE_SIGMA = 4.0  # surroundings that differ by more across the spot are fitted with a slope
+MAX_RING_VARIANCE = 25.0  # of the frame's noise: an uneven ring is not noise
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,18 +27,20 @@ class Spots:
     """Localised spots of one image.
 
     uv_px (N, 2), cov_uv_px2 (N, 2, 2): position. amplitude_dn (N,): peak above the background.
-    shape_px2 (N, 2, 2): covariance of the spot's light, the pixel's own share taken off. chi2_per_pixel (N,).
-    saturated (N,): number of pixels left out as clipped. converged (N,). candidate (N,): index into the candidates.
+    shape_px2 (N, 2, 2): covariance of the spot's light, the pixel's own share taken off.
+    skew_sigma (N,): asymmetry along the long axis over what noise and speckle make of it.
+    clipped, foreign (N,): pixels left out as saturated, and as part of something else.
+    converged (N,). candidate (N,): index into the candidates.
     """
 
     uv_px: Array
     cov_uv_px2: Array
     amplitude_dn: Array
     shape_px2: Array
-    chi2_per_pixel: Array
-    saturated: NDArray[np.intp]
-    crowded: Mask
-    converged: Mask
+    skew_sigma: Array
+    clipped: NDArray[np.intp]
+    foreign: NDArray[np.intp]
+    converged: NDArray[np.bool_]
     candidate: NDArray[np.intp]
 
     def __len__(self) -> int:
@@ -41,79 +48,64 @@ class Spots:
         return len(self.candidate)
 
 
-@dataclass(frozen=True)
-class NoiseModel:
-    """Noise of a pixel: V = variance around the spot + gain · signal + speckle² · signal² [DN²]."""
-
-    least_variance_dn2: float
-    gain_dn_per_e: float
-    speckle_contrast: float
-
-
-def noise_model(prepared: Prepared, sensor: SensorModel, config: ExtractionConfig) -> NoiseModel:
-    """The frame's noise: the least variance of a raw pixel, shot gain and speckle contrast."""
-    gain = sensor.saturation_dn / config.noise.full_well_e
-    if config.noise.read_noise_dn is not None:
-        least = config.noise.read_noise_dn**2
-    else:
-        attenuation = float(np.sum(prepared.kernel**2))
-        least = (float(np.median(prepared.noise)) / attenuation) ** 2
-    return NoiseModel(max(least, 1.0 / 12.0), gain, config.noise.speckle_contrast)
-
-
-def localise(
-    prepared: Prepared, candidates: Candidates, sensor: SensorModel, noise: NoiseModel, config: ExtractionConfig
-) -> Spots:
+def localise(prepared: Prepared, candidates: Candidates, noise: NoiseModel, config: ExtractionConfig) -> Spots:
     """Localise every candidate that was not refused."""
     index = np.flatnonzero([reason == "" for reason in candidates.reason])
-    fits = [_fit(prepared, candidates, int(k), sensor, noise, config) for k in index]
-    table = np.array([f[0] for f in fits]).reshape(-1, 18)
+    shapes = _start_shapes(candidates.cov_uv_px2[index], config)
+    ring = (candidates.ring_noise_dn[index] / np.sum(prepared.kernel**2)) ** 2
+    variance = np.clip(ring, noise.variance_dn2, MAX_RING_VARIANCE * noise.variance_dn2)
+    gain, weight = np.full(len(index), noise.gain_dn_per_e), np.full(len(index), noise.speckle_weight**2)
+    noises = np.column_stack([variance, gain, candidates.ring_dn[index], weight])
+    uneven = candidates.uneven_dn[index] > SLOPE_SIGMA * candidates.ring_noise_dn[index]
+    table = fit_frame(
+        prepared.image, candidates.owner, index, _windows(candidates.mean_uv_px[index], shapes, prepared, config),
+        _starts(candidates, index, shapes, config), noises, np.where(uneven, 9, 7), noise.saturation_dn,
+        max(noise.speckle_grain_px, 1e-3), config.localise.max_iterations,
+    )  # fmt: skip
+    return _spots(table, index, noise, config)
+
+
+def _spots(table: Array, index: NDArray[np.intp], noise: NoiseModel, config: ExtractionConfig) -> Spots:
+    """The table of `fit_frame` by name, the speckle's share of the covariance at the contrast that the image shows."""
+    about = table[:, NOISE:]
+    contrast2 = speckle_contrast(table, noise) ** 2
+    cov = about[:, [0, 1, 1, 2]] + contrast2 * about[:, [3, 4, 4, 5]]
+    skew = about[:, sn.SKEW] / np.sqrt(about[:, sn.SKEW_CAMERA] + contrast2 * about[:, sn.SKEW_SPECKLE])
     shape = np.linalg.inv(table[:, [3, 4, 4, 5]].reshape(-1, 2, 2)) - PIXEL_VARIANCE_PX2 * np.eye(2)
+    converged = (table[:, CONVERGED] > 0) & np.all(np.isfinite(cov), axis=1)
     return Spots(
-        table[:, :2], table[:, [9, 10, 10, 11]].reshape(-1, 2, 2), table[:, 2], shape,
-        table[:, 12] / np.maximum(table[:, 16], 1.0), table[:, 15].astype(np.intp), table[:, 17] > 0, table[:, 14] > 0,
-        index,
+        table[:, :2], cov.reshape(-1, 2, 2), table[:, 2], shape, skew, table[:, CLIPPED].astype(np.intp),
+        table[:, FOREIGN].astype(np.intp), converged, index,
     )  # fmt: skip
 
 
-def _start_shape(candidates: Candidates, k: int, config: ExtractionConfig) -> Array:
-    """Covariance (2, 2) of the spot on the raw image from the region's moments on the blurred one."""
+def _start_shapes(region_cov: Array, config: ExtractionConfig) -> Array:
+    """Covariances (N, 2, 2) of the spots on the raw image from their regions' moments on the blurred one."""
     level = config.detect.region_level
     t = np.log(1.0 / level)
     # second moment of a Gaussian's part above `level`, weighted by what stands above, as a share of its variance
     share = (1.0 - (1.0 + t) * level - 0.5 * level * t * t) / (1.0 - level - level * t)
-    blurred = candidates.cov_uv_px2[k] / share
-    values, vectors = np.linalg.eigh(blurred - config.detect.blur_sigma_px**2 * np.eye(2))
-    return np.asarray((vectors * np.maximum(values, 0.3)) @ vectors.T)
+    values, vectors = np.linalg.eigh(region_cov / share - config.detect.blur_sigma_px**2 * np.eye(2))
+    values = np.maximum(values, MIN_START_VARIANCE_PX2)
+    return np.asarray(np.einsum("nij,nj,nkj->nik", vectors, values, vectors))
 
 
-def _fit(
-    prepared: Prepared, candidates: Candidates, k: int, sensor: SensorModel, noise: NoiseModel, config: ExtractionConfig
-) -> tuple[Array]:
-    shape = _start_shape(candidates, k, config)
-    u, v = candidates.mean_uv_px[k]
-    half = np.ceil(config.localise.window_sigma * np.sqrt(np.diag(shape)) + 2.0)
-    half = np.clip(half, 4, config.localise.max_half_window_px).astype(int)
+def _windows(centre: Array, shapes: Array, prepared: Prepared, config: ExtractionConfig) -> NDArray[np.int64]:
+    """Left, top, right, bottom (N, 4) around the spots, inside the image."""
     rows, columns = prepared.image.shape
-    left, right = max(0, round(u) - half[0]), min(columns, round(u) + half[0] + 1)
-    top, bottom = max(0, round(v) - half[1]), min(rows, round(v) + half[1] + 1)
-    data = prepared.image[top:bottom, left:right].astype(np.float64)
-    owner = candidates.owner[top:bottom, left:right]
-    clipped = data >= sensor.saturation_dn
-    other = (owner >= 0) & (owner != k)
-    precision = np.linalg.inv(shape)
-    start = np.zeros(9)
+    half = np.ceil(config.localise.window_sigma * np.sqrt(np.diagonal(shapes, axis1=1, axis2=2)) + 2.0)
+    half = np.clip(half, 4, config.localise.max_half_window_px)
+    low, high = np.rint(centre) - half, np.rint(centre) + half + 1
+    return np.hstack([np.maximum(low, 0), np.minimum(high, [columns, rows])]).astype(np.int64)
+
+
+def _starts(candidates: Candidates, index: NDArray[np.intp], shapes: Array, config: ExtractionConfig) -> Array:
+    """Start parameters (N, 9) of the fits, in image pixels."""
+    starts = np.zeros((len(index), 9))
+    blurred = shapes + config.detect.blur_sigma_px**2 * np.eye(2)
     # the blur lowered the peak by √(det Σ / det (Σ + blur))
-    blurred = shape + config.detect.blur_sigma_px**2 * np.eye(2)
-    height = candidates.height_dn[k] * np.sqrt(np.linalg.det(blurred) / np.linalg.det(shape))
-    start[:7] = u - left, v - top, height, precision[0, 0], precision[0, 1], precision[1, 1], candidates.ring_dn[k]
-    ring_variance = (candidates.ring_noise_dn[k] / np.sum(prepared.kernel**2)) ** 2
-    v0 = max(noise.least_variance_dn2, min(ring_variance, 25 * noise.least_variance_dn2))
-    model = np.array([v0, noise.gain_dn_per_e, candidates.ring_dn[k], noise.speckle_contrast**2])
-    terms = 9 if candidates.uneven_dn[k] > 4.0 * candidates.ring_noise_dn[k] else 7
-    out = np.zeros(18)
-    out[14] = fit_window(data, ~(clipped | other), start, terms, model, config.localise.max_iterations, out)
-    out[0] += left
-    out[1] += top
-    out[15], out[16], out[17] = np.sum(clipped), np.sum(~(clipped | other)) - terms, np.any(other)
-    return (out,)
+    height = candidates.height_dn[index] * np.sqrt(np.linalg.det(blurred) / np.linalg.det(shapes))
+    precision = np.linalg.inv(shapes)
+    starts[:, :2], starts[:, 2], starts[:, 6] = candidates.mean_uv_px[index], height, candidates.ring_dn[index]
+    starts[:, 3], starts[:, 4], starts[:, 5] = precision[:, 0, 0], precision[:, 0, 1], precision[:, 1, 1]
+    return starts

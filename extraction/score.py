@@ -14,6 +14,8 @@ Array = NDArray[np.float64]
 WIDTH_SPREAD = 0.3  # ln: strings of one jig differ in width by their distance and focus only
 FAINT_SHARE = 0.1  # of the typical height, where a spot is half as likely
 LEAST_LIKENESS = 0.3  # a spot unlike all others of its image is doubted, not lost
+MAX_MOVE = 1.5  # of the fitted centre from the region's, in spot widths, beside one pixel
+SKEW_SIGMA = 4.0  # asymmetry along the long axis that noise and speckle do not make
 CONSENSUS = 3  # spots that make a typical width and height
 
 
@@ -24,7 +26,7 @@ def score_spots(candidates: Candidates, spots: Spots, config: ExtractionConfig) 
     values = np.maximum(np.linalg.eigvalsh(spots.shape_px2).reshape(-1, 2), 1e-4)
     width, length = np.sqrt(values[:, 0]), np.sqrt(values[:, 1])
     own = (1.0 - np.exp(-((strength / 2.5) ** 2))) / ((1.0 + (width / 4.0) ** 4) * (1.0 + (length / 6.0) ** 4))
-    own = np.where(spots.saturated > 0, 0.5 * own, own)
+    own = np.where(spots.clipped > 0, 0.5 * own, own)
     return np.asarray(own * _likeness(own, width, spots.amplitude_dn))
 
 
@@ -48,9 +50,25 @@ def _weighted_median(values: Array, weight: Array) -> float:
     return float(values[order][np.searchsorted(cumulative, 0.5 * cumulative[-1])])
 
 
-def flag_spots(spots: Spots) -> tuple[str, ...]:
-    """The reason for doubt of each spot, "" where there is none."""
+def refuse_spots(
+    candidates: Candidates, spots: Spots, score: Array, yz_mm: Array, config: ExtractionConfig
+) -> NDArray[np.object_]:
+    """Why each localised spot (N,) is no string spot after all, "" while it may be one."""
+    reasons = np.full(len(spots), "", dtype=object)
+    width2 = np.linalg.eigvalsh(spots.shape_px2).reshape(-1, 2)[:, 0]
+    moved = np.linalg.norm(spots.uv_px - candidates.mean_uv_px[spots.candidate], axis=1)
+    reasons[score < config.localise.min_score] = "low_score"
+    reasons[~np.all(np.isfinite(yz_mm), axis=1)] = "not_in_the_sheet"
+    reasons[moved > MAX_MOVE * np.sqrt(np.trace(spots.shape_px2, axis1=1, axis2=2)) + 1.0] = "fit_wandered"
+    reasons[~(width2 > config.localise.min_sigma_px**2)] = "pixel_spike"
+    reasons[~spots.converged] = "fit_failed"
+    return reasons
+
+
+def flag_spots(spots: Spots) -> NDArray[np.object_]:
+    """The reason for doubt of each spot (N,), "" where there is none."""
     flags = np.full(len(spots), "", dtype=object)
-    flags[spots.crowded] = "crowded"
-    flags[spots.saturated > 0] = "saturated"
-    return tuple(flags)
+    flags[np.abs(spots.skew_sigma) > SKEW_SIGMA] = "partly_hidden"
+    flags[spots.foreign > 0] = "crowded"
+    flags[spots.clipped > 0] = "saturated"
+    return flags

@@ -8,8 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from extraction.candidates import Candidates
-from extraction.preprocess import Image, Image32
-from geometry import SurfacePoints
+from extraction.preprocess import Image, Image32, Prepared
+from geometry import SensorModel, SurfacePoints
+
+FLOODED_SHARE = 0.5  # of clipped pixels, above which the image is said to be saturated
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,3 +30,17 @@ class Stages:
     points: SurfacePoints
     candidate: NDArray[np.intp]
     reason: str
+
+
+def why_empty(prepared: Prepared, candidates: Candidates, sensor: SensorModel) -> str:
+    """One sentence on why an image gave no spot."""
+    image = prepared.image
+    if image.min() == image.max():
+        return f"the image is blank: every pixel holds grey level {int(image.min())}"
+    if np.mean(image >= sensor.saturation_dn) > FLOODED_SHARE:
+        return f"more than half of the image is saturated ({sensor.saturation_dn}): lower the exposure"
+    if not len(candidates):
+        return "nothing stands above the noise: no laser in the image, or it is too dark"
+    counts = {reason: candidates.reason.count(reason) for reason in dict.fromkeys(candidates.reason)}
+    listed = ", ".join(f"{number} {reason}" for reason, number in sorted(counts.items(), key=lambda c: -c[1]))
+    return f"none of {len(candidates)} candidates is a string spot: {listed}"
