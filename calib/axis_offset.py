@@ -11,6 +11,7 @@ foreshortening. Over one string the projection is affine to r/distance ≈ 1e-3,
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,7 +81,7 @@ def centroid_offsets(yz_mm: Array, directions: Array, sensor: SensorModel, threa
     middle = _unit(l_across + v_across)
     side = np.cross(directions, middle)
     half_angle = np.arccos(np.clip(np.sum(l_across * v_across, -1), -1, 1)) / 2
-    nodes, weights = np.polynomial.legendre.leggauss(NODES)
+    nodes, weights = _nodes()
     phi = (np.pi / 2 - half_angle)[..., None] * nodes  # lit and seen: within a right angle of both
     n = np.cos(phi)[..., None] * middle[..., None, :] + np.sin(phi)[..., None] * side[..., None, :]  # (..., Q, 3)
     w = weights * _radiance(n, light[..., None, :], view[..., None, :], threads)  # (..., K, Q)
@@ -88,6 +89,12 @@ def centroid_offsets(yz_mm: Array, directions: Array, sensor: SensorModel, threa
     slope = directions[..., 1:] / np.where(np.abs(dx) < 1e-6, 1e-6, dx)
     in_sheet = n[..., 1:] - slope[..., None, :] * n[..., :1]
     return np.asarray(w @ in_sheet / np.maximum(w.sum(-1)[..., None], 1e-300))
+
+
+@lru_cache(maxsize=1)
+def _nodes() -> tuple[Array, Array]:
+    nodes, weights = np.polynomial.legendre.leggauss(NODES)
+    return nodes, weights
 
 
 def _radiance(n: Array, light: Array, view: Array, threads: Array) -> Array:

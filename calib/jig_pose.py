@@ -36,7 +36,7 @@ def jig_pose(
     index = string_indices(axis, jig)
     starts, directions = jig.starts[index], jig.directions[index]
     problem = PoseProblem(starts, directions, axis.yz_mm, whitening(axis.cov_yz_mm2))
-    solution = _distinct(solve_poses(problem, _starts(problem, guess), max_iterations=60))
+    solution = _distinct(solve_poses(problem, _starts(problem, guess), max_iterations=30))
     chi2 = _chi2_with_tolerance(solution, axis, jig, index, anchor_sigma_mm)
     along = solution.along_mm / jig.lengths[index]
     possible = np.all((along > -BEYOND) & (along < 1 + BEYOND), axis=-1)

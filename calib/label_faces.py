@@ -162,13 +162,13 @@ def _rise(length: Array, width: float, tolerance_mm: float) -> tuple[Array, Arra
 
 def _sharing_first(t: Triples) -> tuple[IntArray, IntArray]:
     """All ordered pairs of triples with the same first end and different second ends."""
+    if len(t.i) == 0:
+        return t.i, t.i
     order = np.argsort(t.i, kind="stable")
-    first, counts = np.unique(t.i[order], return_counts=True)
+    _, counts = np.unique(t.i[order], return_counts=True)
     start = np.concatenate([[0], np.cumsum(counts)[:-1]])
     a = [np.repeat(order[s : s + n], n) for s, n in zip(start, counts, strict=True)]
     b = [np.tile(order[s : s + n], n) for s, n in zip(start, counts, strict=True)]
-    if len(first) == 0:
-        return np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp)
     left, right = np.concatenate(a), np.concatenate(b)
     different = t.j[left] != t.j[right]
     return left[different], right[different]

@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 from calib.axis_offset import axis_points, surface_offset
 from calib.config import CalibConfig
 from calib.crossings import crossings
-from calib.jig_pose import anchor_sigma, jig_pose
+from calib.jig_pose import anchor_sigma, jig_pose, whitening
 from calib.jig_pose_types import JigPoseCandidate, JigPoseResult
 from calib.label_evidence import Hypotheses, Prior, Spots, weigh
 from calib.label_faces import five_spot_labels
 from calib.label_gates import DETECTED, gated_labels
+from calib.pose_solver import PoseProblem, solve_poses
 from geometry import AxisPoints, NoAnswerError, Pose, SensorModel, SurfacePoints, skew
 from jig_cad import Jig, half_turn_label
 
@@ -179,12 +180,12 @@ def _refine(
     names = tuple(jig.strings[i] for i in index)
     spots = labels[index]
     chosen = take(points, spots)
-    for _ in range(2):
-        yz, cov = axis_points(chosen, names, jig, sensor, T, config)
-        axis = AxisPoints(names, spots, yz, cov, chosen.flag)
-        pose = jig_pose(axis, jig, guess)
-        T = pose.T_sensor_jig
-    return axis, pose
+    yz, cov = axis_points(chosen, names, jig, sensor, T, config)
+    problem = PoseProblem(jig.starts[index], jig.directions[index], yz, whitening(cov))
+    T = solve_poses(problem, T, max_iterations=8, tolerance=1e-4).T_sensor_jig
+    yz, cov = axis_points(chosen, names, jig, sensor, T, config)
+    axis = AxisPoints(names, spots, yz, cov, chosen.flag)
+    return axis, jig_pose(axis, jig, guess)
 
 
 def _misfit(pose: JigPoseResult, config: CalibConfig) -> bool:

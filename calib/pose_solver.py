@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.crossings import crossings, crossings_jacobian
-from geometry import Pose
+from calib.crossings import crossings_jacobian
+from geometry import Pose, exp_so3
 
 Array = NDArray[np.float64]
 
@@ -50,59 +50,56 @@ def solve_poses(problem: PoseProblem, start: Pose, max_iterations: int = 30, tol
     """
     T = Pose(np.array(start.R), np.array(start.t))
     damping = np.full(T.t.shape[:-1], 1e-4)
-    residual, jacobian = _linearise(problem, T)
-    cost = np.sum(residual**2, -1)
+    yz, along, residual, jacobian = _linearise(problem, T)
+    cost = _square(residual)
     converged = np.zeros(cost.shape, dtype=bool)
     for _ in range(max_iterations):
         step = _step(jacobian, residual, damping)
-        trial = T @ Pose.exp(step)
-        trial_cost = np.sum(_residual(problem, trial) ** 2, -1)
-        better = np.isfinite(trial_cost) & (trial_cost <= cost) & ~converged
+        trial = Pose(T.R @ exp_so3(step[..., 3:]), T.t + (T.R @ step[..., :3, None])[..., 0])
+        new = _linearise(problem, trial)
+        new_cost = _square(new[2])
+        better = (new_cost <= cost) & ~converged  # False for NaN
+        small = np.max(np.abs(step), axis=-1) < np.where(better, tolerance, 1e3 * tolerance)
         T = Pose(np.where(better[..., None, None], trial.R, T.R), np.where(better[..., None], trial.t, T.t))
+        yz, along, residual, jacobian = (
+            np.where(better.reshape(*better.shape, *(1,) * (n.ndim - better.ndim)), n, o)
+            for n, o in zip(new, (yz, along, residual, jacobian), strict=True)
+        )
+        cost = np.where(better, new_cost, cost)
         damping = np.clip(np.where(better, damping * 0.05, damping * 8), 1e-14, 1e8)
-        small = np.all(np.abs(step) < np.where(better[..., None], tolerance, 1e3 * tolerance), axis=-1)
         converged |= small | (damping >= 1e8)  # a tiny step that no longer helps is rounding at the minimum
         if np.all(converged):
             break
-        residual, jacobian = _linearise(problem, T)
-        cost = np.sum(residual**2, -1)
-    residual, jacobian = _linearise(problem, T)
-    yz, along = crossings(T, problem.starts, problem.directions)
-    return PoseSolution(T, np.sum(residual**2, -1), jacobian, yz, along, converged)
+    return PoseSolution(T, cost, jacobian, yz, along, converged)
+
+
+def _square(v: Array) -> Array:
+    return np.asarray(np.einsum("...i,...i->...", v, v))
 
 
 def _step(jacobian: Array, residual: Array, damping: Array) -> Array:
-    norms = np.linalg.norm(jacobian, axis=-2)
+    """Damped Gauss-Newton step (..., 6) in unit columns, no turn longer than MAX_TURN_RAD."""
+    norms = np.sqrt(np.einsum("...ij,...ij->...j", jacobian, jacobian))
     scale = 1.0 / np.where(norms > 0, norms, 1.0)
     scaled = jacobian * scale[..., None, :]
-    normal = np.swapaxes(scaled, -1, -2) @ scaled
+    transposed = np.swapaxes(scaled, -1, -2)
+    normal = transposed @ scaled
     normal[..., range(6), range(6)] += damping[..., None]
-    gradient = np.swapaxes(scaled, -1, -2) @ residual[..., None]
-    step = -np.linalg.solve(normal, gradient)[..., 0] * scale
-    turn = np.linalg.norm(step[..., 3:], axis=-1)
+    step = -np.linalg.solve(normal, transposed @ residual[..., None])[..., 0] * scale
+    turn = np.sqrt(_square(step[..., 3:]))
     return np.asarray(step * np.minimum(1.0, MAX_TURN_RAD / np.maximum(turn, 1e-300))[..., None])
 
 
-def _residual(problem: PoseProblem, T: Pose) -> Array:
-    yz, _ = crossings(T, problem.starts, problem.directions)
-    return _whiten(problem, T, yz)
-
-
-def _whiten(problem: PoseProblem, T: Pose, yz: Array) -> Array:
-    flat = (yz - problem.yz_mm).reshape(*yz.shape[:-2], -1)
-    residual = np.asarray((problem.whitening @ flat[..., None])[..., 0])
-    if problem.prior is None:
-        return residual
-    mean, root = problem.prior
-    return np.concatenate([residual, (root @ (mean.inverse() @ T).log()[..., None])[..., 0]], -1)
-
-
-def _linearise(problem: PoseProblem, T: Pose) -> tuple[Array, Array]:
-    yz, _, jacobian = crossings_jacobian(T, problem.starts, problem.directions)
+def _linearise(problem: PoseProblem, T: Pose) -> tuple[Array, Array, Array, Array]:
+    """Crossings, distances along the strings, whitened residual (..., rows) and its Jacobian (..., rows, 6)."""
+    yz, along, jacobian = crossings_jacobian(T, problem.starts, problem.directions)
     whitened = problem.whitening @ jacobian.reshape(*jacobian.shape[:-3], -1, 6)
-    residual = _whiten(problem, T, yz)
+    flat = (yz - problem.yz_mm).reshape(*yz.shape[:-2], -1)
+    residual = (problem.whitening @ flat[..., None])[..., 0]
     if problem.prior is not None:
         # d log(T_prior⁻¹ T Exp(ξ)) = Jr⁻¹ ξ ≈ ξ: the prior is wide, its curvature is not needed
-        root = np.broadcast_to(problem.prior[1], (*whitened.shape[:-2], 6, 6))
-        whitened = np.concatenate([whitened, root], -2)
-    return residual, whitened
+        mean, root = problem.prior
+        departure = (root @ (mean.inverse() @ T).log()[..., None])[..., 0]
+        residual = np.concatenate([residual, departure], -1)
+        whitened = np.concatenate([whitened, np.broadcast_to(root, (*whitened.shape[:-2], 6, 6))], -2)
+    return yz, along, np.asarray(residual), np.asarray(whitened)

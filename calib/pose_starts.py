@@ -16,7 +16,7 @@ GRID_KEPT = 24
 
 
 def pencil_starts(starts: Array, directions: Array, yz_mm: Array) -> Pose:
-    """Starting poses T_sensor_jig (..., 4) from at least five strings, two faces of the pillar among them.
+    """Starting poses T_sensor_jig (..., 3) from at least five strings, two faces of the pillar among them.
 
     The plane carries (y, z) to {J} by c = t + M (y, z): linear in nine unknowns, two equations a string. Strings of
     one face share a line of the plane, so that five leave a pencil of planes x₀ + μ n about the line through the two
@@ -30,7 +30,7 @@ def pencil_starts(starts: Array, directions: Array, yz_mm: Array) -> Pose:
     g0, g1, g2 = m0t @ m0 - np.eye(2), m0t @ m1 + m1t @ m0, m1t @ m1  # MᵀM - I by powers of μ
     square = 2 * (_dot(g1, g1) + 2 * _dot(g0, g2))
     cubic = np.stack([4 * _dot(g2, g2), 6 * _dot(g1, g2), square, 2 * _dot(g0, g1)], -1)
-    mu = np.concatenate([_cubic_roots(cubic), np.zeros((*cubic.shape[:-1], 1))], -1)
+    mu = _cubic_roots(cubic)
     x = base[..., None, :] + mu[..., None] * direction[..., None, :]
     return _poses(x)
 
