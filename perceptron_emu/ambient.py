@@ -29,8 +29,8 @@ def ambient_electrons(
 ) -> Float32:
     """Mean electrons (H, W) that the room's light brings, passed through the interference filter.
 
-    A surface of albedo ρ under the irradiance E Δλ (directional part by Lambert's cosine, the rest from everywhere, no shadows) has the
-    radiance L = ρ E Δλ/π; on the chip it gives π L T cos⁴α/(4 F²) (1 + m)⁻².
+    A surface of albedo ρ under the irradiance E Δλ (directional part by Lambert's cosine, the rest from everywhere,
+    no shadows) has the radiance L = ρ E Δλ/π; on the chip it gives π L T cos⁴α/(4 F²) (1 + m)⁻².
     """
     sensor = scene.sensor
     triangles, level = _faces(scene, strings, material, config)

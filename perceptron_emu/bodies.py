@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import weakref
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import trimesh
@@ -48,7 +49,9 @@ def hidden_by_solid(solid: Solid, points: Array, sources: Array) -> NDArray[np.b
 
 
 def corner_normals(mesh: trimesh.Trimesh) -> Array:
-    """Unit normals (T, 3, 3) at the triangles' corners: the mean, by area, of the faces there that are nearly parallel."""
+    """Unit normals (T, 3, 3) at the triangles' corners: the mean, by area, of the faces there that are nearly
+    parallel.
+    """
     triangles = np.asarray(mesh.triangles, dtype=float)
     area = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     face = area / np.maximum(np.linalg.norm(area, axis=1, keepdims=True), 1e-300)
@@ -56,7 +59,7 @@ def corner_normals(mesh: trimesh.Trimesh) -> Array:
     order = np.argsort(corners, kind="stable")
     bounds = np.flatnonzero(np.diff(corners[order], prepend=-1, append=-1))
     out = np.repeat(face[:, None], 3, 1).reshape(-1, 3)
-    for first, last in zip(bounds[:-1], bounds[1:], strict=True):
+    for first, last in pairwise(bounds):
         members = order[first:last]
         f = face[members // 3]
         near = (f @ f.T) > SMOOTH_COS

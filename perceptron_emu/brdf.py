@@ -13,7 +13,8 @@ Array = NDArray[np.float64]
 def brdf(material: Material, normal: Array, to_light: Array, to_camera: Array) -> Array:
     """Bidirectional reflectance (...) [1/sr] for unit vectors (..., 3).
 
-    Lambert's ρ/π and a microfacet lobe D·G·F/(4 cos θᵢ cos θₒ): GGX distribution, Smith's separable shadowing, Schlick's Fresnel.
+    Lambert's ρ/π and a microfacet lobe D·G·F/(4 cos θᵢ cos θₒ): GGX distribution, Smith's separable shadowing,
+    Schlick's Fresnel.
     Source: Walter, Marschner, Li & Torrance, "Microfacet Models for Refraction through Rough Surfaces", 2007.
     """
     diffuse = np.full(normal.shape[:-1], material.diffuse / np.pi)

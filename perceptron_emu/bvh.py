@@ -16,7 +16,9 @@ LEAF = 4
 
 @dataclass(frozen=True, eq=False)
 class Bvh:
-    """Boxes (M, 6) of low and high corners, children (M, 2) or, in leaves, (−1 − first, count), triangles (T, 3, 3) in leaf order."""
+    """Boxes (M, 6) of low and high corners, children (M, 2) or, in leaves, (−1 − first, count), triangles (T, 3, 3)
+    in leaf order.
+    """
 
     boxes: Array
     children: NDArray[np.int64]
@@ -27,13 +29,15 @@ def build_bvh(triangles: Array) -> Bvh:
     """Hierarchy over triangles (T, 3, 3) [mm], split at the median along the longest side."""
     triangles = np.ascontiguousarray(triangles, dtype=float)
     order, boxes, children = _build(triangles.min(1), triangles.max(1))
-    return Bvh(boxes, children, np.ascontiguousarray(triangles[order]))
+    return Bvh(boxes, children, triangles[order].copy())
 
 
 def blocked(bvh: Bvh, origins: Array, targets: Array) -> Mask:
     """Whether a triangle cuts the open segment from origins (N, 3) to targets (N, 3) or (3,) [mm]."""
-    origins = np.ascontiguousarray(origins, dtype=float)
-    targets = np.array(np.broadcast_to(targets, origins.shape), dtype=float)  # a copy: never a read-only view
+    origins = np.array(origins, dtype=float, order="C")
+    targets = np.array(
+        np.broadcast_to(targets, origins.shape), dtype=float, order="C"
+    )  # a copy: never a read-only view
     return np.asarray(_blocked(bvh.boxes, bvh.children, bvh.triangles, origins, targets))
 
 

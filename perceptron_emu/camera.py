@@ -24,16 +24,20 @@ def gain_dn_per_e(noise: NoiseConfig, sensor: SensorModel) -> float:
 def expose(electrons: Float32, noise: NoiseConfig, sensor: SensorModel, time_s: float, key: int) -> Image:
     """The image (H, W) that the chip delivers for mean photo-electrons (H, W).
 
-    key: 64 random bits; with the pixel's number they give its noise (counter-based, hence the same on every machine and thread).
-    y = K·(clip(n) + read) + black, quantised; n has the mean μ·(1 + PRNU) + dark + DSNU and Poisson's variance and skewness.
+    key: 64 random bits; with the pixel's number they give its noise (counter-based, hence the same on every machine
+    and thread).
+    y = K·(clip(n) + read) + black, quantised; n has the mean μ·(1 + PRNU) + dark + DSNU and Poisson's variance and
+    skewness.
     Source: EMVA Standard 1288, release 4.0 linear, section 2.
     """
     out = np.empty(electrons.shape, np.uint8 if sensor.bit_depth == 8 else np.uint16)
     gain = gain_dn_per_e(noise, sensor)
     if not noise.enabled:
-        grey = np.minimum(electrons, noise.full_well_e) * gain + sensor.black_level
-        np.clip(np.floor(grey + 0.5), 0, sensor.saturation_dn, out=out, casting="unsafe")
-        return out
+        grey = np.minimum(electrons, np.float32(noise.full_well_e))
+        grey *= np.float32(gain)
+        grey += np.float32(sensor.black_level + 0.5)
+        np.clip(grey, 0, sensor.saturation_dn, out=grey)
+        return grey.astype(out.dtype)
     _expose(electrons.ravel(), out.ravel(), NORMAL, np.uint64(key), np.uint64(noise.pattern_seed * 2 + 1), gain,
             sensor.black_level, float(sensor.saturation_dn), noise.full_well_e, noise.read_noise_e,
             noise.dark_current_e_s * time_s, noise.dsnu_e, noise.prnu, noise.shot)  # fmt: skip

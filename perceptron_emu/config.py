@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
@@ -19,97 +19,111 @@ class Section(BaseModel):
 class LaserConfig(Section):
     """[laser] beside origin_mm and fan_deg: the light of the sheet."""
 
-    wavelength_nm: float = Field(660.0, ge=200, le=2000)
-    bandwidth_nm: float = Field(0.5, gt=0, le=200, description="spectral full width at half maximum")
-    power_mw: float = Field(3.5, gt=0, description="optical power in the whole fan")
-    waist_um: float = Field(200.0, gt=0, description="1/e² half-width across the sheet at the waist")
-    waist_distance_mm: float | None = Field(
-        None, gt=0, description="from the emitter along a ray; default: where the camera looks"
-    )
-    m2: float = Field(1.2, ge=1, description="beam quality M²")
-    divergence: bool = Field(True, description="false: the sheet has its waist's width everywhere")
+    wavelength_nm: Annotated[float, Field(ge=200, le=2000)] = 660.0
+    bandwidth_nm: Annotated[float, Field(gt=0, le=200, description="spectral full width at half maximum")] = 0.5
+    power_mw: Annotated[float, Field(gt=0, description="optical power in the whole fan")] = 3.5
+    waist_um: Annotated[float, Field(gt=0, description="1/e² half-width across the sheet at the waist")] = 200.0
+    waist_distance_mm: Annotated[
+        float | None, Field(gt=0, description="from the emitter along a ray; default: where the camera looks")
+    ] = None
+    m2: Annotated[float, Field(ge=1, description="beam quality M²")] = 1.2
+    divergence: Annotated[bool, Field(description="false: the sheet has its waist's width everywhere")] = True
     profile: Literal["powell", "gaussian", "uniform"] = "powell"
-    edge_fraction: float = Field(0.8, gt=0, le=1, description="angular power density at the fan's edge over its middle")
+    edge_fraction: Annotated[
+        float, Field(gt=0, le=1, description="angular power density at the fan's edge over its middle")
+    ] = 0.8
 
 
 class OpticsConfig(Section):
     """[optics]: lens, stop, filter and what they do to the image."""
 
-    pixel_um: float = Field(5.3, gt=0, le=100, description="pixel pitch")
-    f_number: float = Field(4.0, ge=0.5, le=64)
-    blur_px: float = Field(0.75, gt=0.2, le=20, description="σ of the lens's own Gaussian blur in focus")
+    pixel_um: Annotated[float, Field(gt=0, le=100, description="pixel pitch")] = 5.3
+    f_number: Annotated[float, Field(ge=0.5, le=64)] = 4.0
+    blur_px: Annotated[float, Field(gt=0.2, le=20, description="σ of the lens's own Gaussian blur in focus")] = 0.75
     diffraction: bool = True
-    defocus: bool = Field(False, description="thin-lens blur; a tilted chip (τx, τy) is taken into account")
-    focus_distance_mm: float | None = Field(
-        None, gt=0, description="in focus on the optical axis, from the camera's centre; default: the sheet on the axis"
-    )
+    defocus: Annotated[bool, Field(description="thin-lens blur; a tilted chip (τx, τy) is taken into account")] = False
+    focus_distance_mm: Annotated[
+        float | None,
+        Field(
+            gt=0, description="in focus on the optical axis, from the camera's centre; default: the sheet on the axis"
+        ),
+    ] = None
     vignetting: bool = True
-    transmission: float = Field(0.85, gt=0, le=1, description="of the lens")
-    filter_peak: float = Field(0.9, gt=0, le=1, description="peak transmission of the interference filter")
-    filter_centre_nm: float | None = Field(
-        None, gt=0, description="at normal incidence; default: the laser's wavelength"
-    )
-    filter_fwhm_nm: float = Field(25.0, gt=0, description="pass band; widen to 1000 for no filter")
-    filter_index: float = Field(2.0, gt=1, description="effective index that rules the shift with angle")
+    transmission: Annotated[float, Field(gt=0, le=1, description="of the lens")] = 0.85
+    filter_peak: Annotated[float, Field(gt=0, le=1, description="peak transmission of the interference filter")] = 0.9
+    filter_centre_nm: Annotated[
+        float | None, Field(gt=0, description="at normal incidence; default: the laser's wavelength")
+    ] = None
+    filter_fwhm_nm: Annotated[float, Field(gt=0, description="pass band; widen to 1000 for no filter")] = 25.0
+    filter_index: Annotated[float, Field(gt=1, description="effective index that rules the shift with angle")] = 2.0
 
 
 class SurfaceConfig(Section):
     """[surface]: the strings' thread, unless the scene says otherwise."""
 
-    diffuse: float = Field(0.6, ge=0, le=1, description="albedo of the matte part")
-    specular: float = Field(
-        0.05, ge=0, le=1, description="reflectance of the glossy part at normal incidence; 0: matte"
-    )
-    roughness: float = Field(0.35, ge=0.02, le=1, description="GGX α of the glossy part")
+    diffuse: Annotated[float, Field(ge=0, le=1, description="albedo of the matte part")] = 0.6
+    specular: Annotated[
+        float, Field(ge=0, le=1, description="reflectance of the glossy part at normal incidence; 0: matte")
+    ] = 0.05
+    roughness: Annotated[float, Field(ge=0.02, le=1, description="GGX α of the glossy part")] = 0.35
 
 
 class SpeckleConfig(Section):
     """[speckle]: interference of the laser's light on a rough surface."""
 
     enabled: bool = True
-    contrast: float | None = Field(
-        None, ge=0, le=1, description="before the pixel averages; default: from polarisation, bandwidth and depth"
-    )
-    polarised: bool = Field(False, description="surface keeps polarisation (metal); otherwise two independent patterns")
-    roughness_um: float = Field(
-        30.0, ge=0, description="rms depth that the light is scattered from; with the bandwidth"
-    )
+    contrast: Annotated[
+        float | None,
+        Field(ge=0, le=1, description="before the pixel averages; default: from polarisation, bandwidth and depth"),
+    ] = None
+    polarised: Annotated[
+        bool, Field(description="surface keeps polarisation (metal); otherwise two independent patterns")
+    ] = False
+    roughness_um: Annotated[
+        float, Field(ge=0, description="rms depth that the light is scattered from; with the bandwidth")
+    ] = 30.0
 
 
 class AmbientConfig(Section):
     """[ambient]: room light that shows the scene dimly."""
 
     enabled: bool = True
-    irradiance_mw_m2_nm: float = Field(2.0, ge=0, description="spectral irradiance on a surface facing the light")
-    direction: tuple[float, float, float] = Field((0.5, -0.2, 0.8), description="light travels along, in {P}")
-    fill: float = Field(0.25, ge=0, le=1, description="part of it that comes from everywhere")
+    irradiance_mw_m2_nm: Annotated[
+        float, Field(ge=0, description="spectral irradiance on a surface facing the light")
+    ] = 2.0
+    direction: Annotated[tuple[float, float, float], Field(description="light travels along, in {P}")] = (
+        0.5,
+        -0.2,
+        0.8,
+    )
+    fill: Annotated[float, Field(ge=0, le=1, description="part of it that comes from everywhere")] = 0.25
 
 
 class NoiseConfig(Section):
     """[noise]: the camera by EMVA 1288's linear model."""
 
     enabled: bool = True
-    quantum_efficiency: float = Field(0.45, gt=0, le=1)
-    full_well_e: float = Field(10_000.0, gt=10)
-    gain_dn_per_e: float | None = Field(
-        None, gt=0, description="default: the full well fills the grey levels above black"
-    )
-    read_noise_e: float = Field(14.0, ge=0)
-    dark_current_e_s: float = Field(50.0, ge=0)
-    dsnu_e: float = Field(2.0, ge=0, description="σ of the pixels' own offsets")
-    prnu: float = Field(0.008, ge=0, le=0.5, description="σ of the pixels' own gains")
-    pattern_seed: int = Field(1, ge=0, description="which camera: its fixed pattern")
+    quantum_efficiency: Annotated[float, Field(gt=0, le=1)] = 0.45
+    full_well_e: Annotated[float, Field(gt=10)] = 10_000.0
+    gain_dn_per_e: Annotated[
+        float | None, Field(gt=0, description="default: the full well fills the grey levels above black")
+    ] = None
+    read_noise_e: Annotated[float, Field(ge=0)] = 14.0
+    dark_current_e_s: Annotated[float, Field(ge=0)] = 50.0
+    dsnu_e: Annotated[float, Field(ge=0, description="σ of the pixels' own offsets")] = 2.0
+    prnu: Annotated[float, Field(ge=0, le=0.5, description="σ of the pixels' own gains")] = 0.008
+    pattern_seed: Annotated[int, Field(ge=0, description="which camera: its fixed pattern")] = 1
     shot: bool = True
 
 
 class ExposureConfig(Section):
     """[exposure]: time, and how often."""
 
-    time_ms: float = Field(2.0, gt=0, le=60_000)
-    hdr_ratios: tuple[float, ...] = Field(
-        (), description="further exposures as factors of time_ms, merged into one image"
-    )
-    laser_on: bool = Field(True, description="false: the ambient-only partner frame")
+    time_ms: Annotated[float, Field(gt=0, le=60_000)] = 2.0
+    hdr_ratios: Annotated[
+        tuple[float, ...], Field(description="further exposures as factors of time_ms, merged into one image")
+    ] = ()
+    laser_on: Annotated[bool, Field(description="false: the ambient-only partner frame")] = True
 
 
 class MotionConfig(Section):
@@ -117,7 +131,7 @@ class MotionConfig(Section):
 
     velocity_mm_s: tuple[float, float, float] = (0.0, 0.0, 0.0)
     angular_deg_s: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    samples: int = Field(9, ge=1, le=200)
+    samples: Annotated[int, Field(ge=1, le=200)] = 9
 
 
 class EmulatorConfig(Section):
@@ -134,7 +148,9 @@ class EmulatorConfig(Section):
 
     @classmethod
     def sections(cls) -> dict[str, tuple[str, ...]]:
-        """The emulator's keys by table, so that a reader of sensor.toml can tell them from the geometry's and from mistakes."""
+        """The emulator's keys by table, so that a reader of sensor.toml can tell them from the geometry's and from
+        mistakes.
+        """
         sections = {name: field.annotation for name, field in cls.model_fields.items()}
         return {
             name: tuple(s.model_fields)
@@ -144,7 +160,8 @@ class EmulatorConfig(Section):
 
     @classmethod
     def from_tables(cls, tables: Mapping[str, Any]) -> EmulatorConfig:
-        """The configuration in the tables of a sensor.toml; keys and tables that are not the emulator's are passed over.
+        """The configuration in the tables of a sensor.toml; keys and tables that are not the emulator's are passed
+        over.
 
         Raises InputError naming table and key where a value can not be.
         """

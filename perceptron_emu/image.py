@@ -42,7 +42,9 @@ def draw(electrons: Float32, samples: Samples, sensor: SensorModel, config: Emul
         _draw_piece(electrons, uv[piece], weight[piece], sigma[piece], sensor, config, key)
 
 
-def _defocused(uv, sigma, samples, sensor, config):  # type: ignore[no-untyped-def]
+def _defocused(
+    uv: Array, sigma: Array, samples: Samples, sensor: SensorModel, config: EmulatorConfig
+) -> tuple[Array, Array, Array, NDArray[np.int64]]:
     """Nodes spread over the disc of defocus; a disc much smaller than the blur is folded into σ (σ² + R²/4)."""
     weight, group = samples.electrons, samples.group
     if not config.optics.defocus:
@@ -56,7 +58,15 @@ def _defocused(uv, sigma, samples, sensor, config):  # type: ignore[no-untyped-d
     return uv, np.repeat(sigma, n), np.repeat(weight / n, n), np.repeat(group, n)
 
 
-def _draw_piece(electrons, uv, weight, sigma, sensor, config, key):  # type: ignore[no-untyped-def]
+def _draw_piece(
+    electrons: Float32,
+    uv: Array,
+    weight: Array,
+    sigma: Array,
+    sensor: SensorModel,
+    config: EmulatorConfig,
+    key: int,
+) -> None:
     """One group of nodes: drawn on sub-pixels, multiplied by speckle, summed over each pixel."""
     height, width = electrons.shape
     reach = REACH * np.max(sigma) + 1

@@ -34,10 +34,11 @@ def focal_length_mm(optics: OpticsConfig, sensor: SensorModel) -> float:
 
 
 def gather_sr(optics: OpticsConfig, sensor: SensorModel, camera_mm: Array, wavelength_nm: float) -> Array:
-    """Solid angle of the entrance pupil seen from points (..., 3) [mm] of the camera frame, times the lens's and filter's transmission [sr].
+    """Solid angle of the entrance pupil seen from points (..., 3) [mm] of the camera frame, times the lens's and
+    filter's transmission [sr].
 
-    Ω = (π D²/4) cos α / r². With the foreshortened area of a pixel's footprint this gives the cos⁴ law, which is divided out where
-    vignetting is off.
+    Ω = (π D²/4) cos α / r². With the foreshortened area of a pixel's footprint this gives the cos⁴ law, which is
+    divided out where vignetting is off.
     """
     pupil = focal_length_mm(optics, sensor) / optics.f_number
     distance = np.linalg.norm(camera_mm, axis=-1)
@@ -51,10 +52,10 @@ def gather_sr(optics: OpticsConfig, sensor: SensorModel, camera_mm: Array, wavel
 def filter_transmission(optics: OpticsConfig, wavelength_nm: float, cosine: Array, laser_nm: float) -> Array:
     """Transmission of the interference filter at the angle whose cosine is given.
 
-    Its centre moves to λ₀ √(1 − (sin θ/n)²) (Macleod, Thin-Film Optical Filters); the pass band is a Gaussian of order 4 (flat top).
+    Its centre moves to λ₀ √(1 − (sin θ/n)²) (Macleod, Thin-Film Optical Filters); the pass band is a Gaussian of
+    order 4 (flat top).
     """
-    centre = optics.filter_centre_nm or laser_nm
-    centre = centre * np.sqrt(1 - (1 - cosine**2) / optics.filter_index**2)
+    centre = (optics.filter_centre_nm or laser_nm) * np.sqrt(1 - (1 - cosine**2) / optics.filter_index**2)
     off = (wavelength_nm - centre) / (optics.filter_fwhm_nm / 2)
     return np.asarray(optics.filter_peak * np.exp(-np.log(2) * off**4))
 
@@ -75,7 +76,8 @@ def defocus_radius_px(optics: OpticsConfig, sensor: SensorModel, camera_mm: Arra
     """Radius (...) [px] of the blur disc of points (..., 3) [mm] of the camera frame.
 
     Thin lens: the point at depth u is sharp at v' = f u/(u − f), the chip lies at v along the axis, on a tilted chip
-    different in every pixel; the disc's diameter is D |v − v'|/v'. A Scheimpflug tilt that fits the sheet makes it vanish.
+    different in every pixel; the disc's diameter is D |v − v'|/v'. A Scheimpflug tilt that fits the sheet makes it
+    vanish.
     """
     if not optics.defocus:
         return np.zeros(camera_mm.shape[:-1])

@@ -10,7 +10,7 @@ from perceptron_emu.bodies import hidden_by_solid
 from perceptron_emu.camera import expose
 from perceptron_emu.config import EmulatorConfig
 from perceptron_emu.image import draw
-from perceptron_emu.occlusion import hidden_by_cylinder
+from perceptron_emu.occlusion import hidden_by_strings
 from perceptron_emu.projection import project
 from perceptron_emu.samples import Samples, join
 from perceptron_emu.scene import Material, Scene
@@ -25,7 +25,8 @@ Array = NDArray[np.float64]
 def render(scene: Scene, config: EmulatorConfig | None = None, rng: np.random.Generator | None = None) -> Frame:
     """The image that the sensor delivers of the scene, and what is known of it.
 
-    rng draws two keys, for speckle and for the chip's noise; the same state gives the same bytes. Without config: its defaults; without rng: seed 0.
+    rng draws two keys, for speckle and for the chip's noise; the same state gives the same bytes. Without config: its
+    defaults; without rng: seed 0.
     """
     config = config or EmulatorConfig()
     rng = np.random.default_rng(0) if rng is None else rng
@@ -45,7 +46,9 @@ def render(scene: Scene, config: EmulatorConfig | None = None, rng: np.random.Ge
     return Frame(image, FrameTruth(scene.T_sensor_jig if scene.jig else None, truths))
 
 
-def _strings(scene: Scene, strings: Cylinders | None, material: Material, config: EmulatorConfig, light: Light) -> tuple[Samples, tuple[StringTruth, ...]]:
+def _strings(
+    scene: Scene, strings: Cylinders | None, material: Material, config: EmulatorConfig, light: Light
+) -> tuple[Samples, tuple[StringTruth, ...]]:
     """Lit nodes of all strings and the truth of each."""
     if strings is None:
         return Samples.none(), ()
@@ -62,22 +65,19 @@ def _strings(scene: Scene, strings: Cylinders | None, material: Material, config
 
 
 def _unhidden(strings: Cylinders, lit: LitStrings, scene: Scene) -> Array:
-    """1 where a node (S, T, K) is reached by the laser and seen by the camera past the other strings and solids, else 0."""
-    clear = np.ones(lit.electrons.shape)
-    emitter = lit.xyz_mm.copy()
-    emitter[..., 1:] = scene.sensor.laser_origin_mm[1:]
-    for j in range(len(strings.labels)):
-        others = [i for i in range(len(strings.labels)) if i != j]
-        cylinder = strings.starts[j], strings.directions[j], strings.lengths[j], strings.radius
-        for source in (emitter[others], np.broadcast_to(scene.sensor.camera_centre_mm, emitter[others].shape)):
-            clear[others] *= ~hidden_by_cylinder(lit.xyz_mm[others], source, *cylinder)
-    flat, emitter = lit.xyz_mm.reshape(-1, 3), emitter.reshape(-1, 3)
-    open_ = clear.reshape(-1)
-    for solid in scene.solids:
-        for source in (emitter, np.broadcast_to(scene.sensor.camera_centre_mm, emitter.shape)):
-            todo = np.flatnonzero(open_)
-            open_[todo] = ~hidden_by_solid(solid, flat[todo], source[todo])
-    return clear
+    """1 where a node (S, T, K) is reached by the laser and seen by the camera past other strings and solids, else 0."""
+    points = lit.xyz_mm.reshape(-1, 3)
+    own = np.repeat(np.arange(len(strings.labels)), lit.electrons[0].size)
+    todo = np.flatnonzero(lit.electrons)
+    emitter = points.copy()
+    emitter[:, 1:] = scene.sensor.laser_origin_mm[1:]
+    for source in (emitter, np.broadcast_to(scene.sensor.camera_centre_mm, points.shape)):
+        todo = todo[~hidden_by_strings(strings, points[todo], source[todo], own[todo])]
+        for solid in scene.solids:
+            todo = todo[~hidden_by_solid(solid, points[todo], source[todo])]
+    clear = np.zeros(len(points))
+    clear[todo] = 1
+    return clear.reshape(lit.electrons.shape)
 
 
 def _truth(label: str, axis: Array, xyz: Array, electrons: Array, unhidden: float, scene: Scene) -> StringTruth:

@@ -14,8 +14,8 @@ Array = NDArray[np.float64]
 class Samples:
     """Quadrature nodes of the lit and seen surface.
 
-    xyz_mm: (N, 3) [mm] in {P}. electrons: (N,) mean signal that each node brings to the chip. group: (N,) numbers of what they belong to;
-    nodes of a group are drawn in one piece of image.
+    xyz_mm: (N, 3) [mm] in {P}. electrons: (N,) mean signal that each node brings to the chip. group: (N,) numbers of
+    what they belong to; nodes of a group are drawn in one piece of image.
     """
 
     xyz_mm: Array

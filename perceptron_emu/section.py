@@ -15,7 +15,9 @@ GRID_RAD = 2e-3  # breakpoints at least this close, so that bodies that interpen
 
 @njit(cache=True)
 def cut_plane(triangles, normals, x):  # type: ignore[no-untyped-def]
-    """Where triangles (T, 3, 3) [mm] cut the plane of constant x: ends (n, 2, 2) as (y, z) [mm], normals there (n, 2, 3), triangle numbers (n,)."""
+    """Where triangles (T, 3, 3) [mm] cut the plane of constant x: ends (n, 2, 2) as (y, z) [mm], normals there (n, 2,
+    3), triangle numbers (n,).
+    """
     count = 0
     for i in range(len(triangles)):
         lo = min(triangles[i, 0, 0], triangles[i, 1, 0], triangles[i, 2, 0])
@@ -42,7 +44,8 @@ def cut_plane(triangles, normals, x):  # type: ignore[no-untyped-def]
 
 
 def first_reached(ends: Array, origin: Array, fan_rad: float) -> tuple[NDArray[np.int64], Array]:
-    """The pieces of segments (n, 2, 2) as (y, z) [mm] that rays from the origin (2,) reach first within the fan about +z.
+    """The pieces of segments (n, 2, 2) as (y, z) [mm] that rays from the origin (2,) reach first within the fan about
+    +z.
 
     Returns which segment (m,) and where along it the piece lies (m, 2), in [0, 1]. Source: the angular sweep of planar
     visibility (Suri & O'Rourke 1986): between two neighbouring ends the nearest segment does not change.

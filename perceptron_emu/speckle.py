@@ -27,8 +27,8 @@ def grain_px(config: EmulatorConfig, sensor: SensorModel) -> float:
 def contrast(config: EmulatorConfig) -> float:
     """Contrast σ_I/⟨I⟩ of the pattern before the pixel averages it.
 
-    1/√2 where the surface depolarises (two independent patterns), times [1 + (4π σ_h Δλ/λ²)²]^(−1/4) for light of bandwidth Δλ (its σ)
-    scattered over the rms depth σ_h (Goodman 2007, section 6.3; Parry 1974).
+    1/√2 where the surface depolarises (two independent patterns), times [1 + (4π σ_h Δλ/λ²)²]^(−1/4) for light of
+    bandwidth Δλ (its σ) scattered over the rms depth σ_h (Goodman 2007, section 6.3; Parry 1974).
     """
     speckle, laser = config.speckle, config.laser
     if speckle.contrast is not None:
@@ -48,8 +48,8 @@ def speckle_field(origin: tuple[int, int], shape: tuple[int, int], grain: float,
     """Speckle intensity of mean 1 on a part of an endless sub-pixel grid.
 
     origin: (row, column) of the part's first cell on the grid, shape: its (rows, columns); parts that overlap agree.
-    grain: λF#(1 + m) in cells. strength: contrast. Each pattern is |white complex noise seen through a circular pupil|²; their weights w add
-    up to 1 and their squares to strength². Source: Goodman 2007, section 3.2 and 3.3.
+    grain: λF#(1 + m) in cells. strength: contrast. Each pattern is |white complex noise seen through a circular
+    pupil|²; their weights w add up to 1 and their squares to strength². Source: Goodman 2007, section 3.2 and 3.3.
     """
     halo = math.ceil(HALO * grain)
     full = tuple(scipy.fft.next_fast_len(n + 2 * halo) for n in shape)
@@ -76,7 +76,9 @@ def _weights(strength: float) -> list[float]:
 
 
 def _pupil(shape: tuple[int, int], grain: float) -> Float32:
-    """Transfer function (rows, columns) of a circular pupil of diameter 1/grain cycles a cell, scaled to mean power 1."""
+    """Transfer function (rows, columns) of a circular pupil of diameter 1/grain cycles a cell, scaled to mean power
+    1.
+    """
     fy, fx = np.fft.fftfreq(shape[0])[:, None], np.fft.fftfreq(shape[1])[None, :]
     # a soft rim one frequency cell wide, so that the pupil's area does not jump with the box's size
     radius, cell = 0.5 / grain, 0.5 * (1 / shape[0] + 1 / shape[1])

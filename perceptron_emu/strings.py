@@ -12,14 +12,12 @@ from jig_cad import Jig
 from perceptron_emu.config import EmulatorConfig
 from perceptron_emu.optics import sharp_sigma_px
 from perceptron_emu.scene import Material
-from perceptron_emu.sheet import half_width_mm
+from perceptron_emu.sheet import SHEET_REACH, STEP, half_width_mm
 from perceptron_emu.transport import Light
 
 Array = NDArray[np.float64]
 
-ARC_NODES = 20
-SHEET_REACH = 3.6  # standard deviations of the sheet's thickness to either side: 3e-4 of the light lies beyond
-STEP = 0.7  # trapezoid step over a Gaussian's σ: relative error 2 exp(−2π²/0.49) = 7e-18
+ARC_NODES = 12
 MAX_LENGTH_NODES = 400
 
 
@@ -66,8 +64,10 @@ def light_strings(
 ) -> LitStrings:
     """Nodes over the lit and seen arc of every string, with the light that each sends to the camera.
 
-    The power on a surface element is P f(φ)/s · g(x) · cos θᵢ dA; a pixel's share of it ∝ f_r cos θₒ Ω. Along the axis the nodes are
-    equally spaced (the sheet is Gaussian there), around it Gauss-Legendre over exactly the arc that emitter and camera both reach.
+    The power on a surface element is P f(φ)/s · g(x) · cos θᵢ dA; a pixel's share of it ∝ f_r cos θₒ Ω. Along the
+    axis the nodes are
+    equally spaced (the sheet is Gaussian there), around it Gauss-Legendre over exactly the arc that emitter and
+    camera both reach.
     """
     middle = np.where(
         np.isnan(strings.crossing), strings.starts + strings.directions * strings.lengths[:, None] / 2, strings.crossing
@@ -85,7 +85,9 @@ def light_strings(
 
 
 def _arc(strings: Cylinders, middle: Array, sensor: SensorModel) -> tuple[Array, Array]:
-    """Outward normals (S, K, 3) over the arc that is lit and seen, and weights (S, K) [rad]; weight 0 where there is none."""
+    """Outward normals (S, K, 3) over the arc that is lit and seen, and weights (S, K) [rad]; weight 0 where there is
+    none.
+    """
     d = strings.directions
     first = np.cross(d, np.where(np.abs(d[:, 2:]) < 0.9, [[0, 0, 1.0]], [[0, 1.0, 0]]))
     first /= np.linalg.norm(first, axis=1, keepdims=True)
@@ -108,7 +110,9 @@ def _arc(strings: Cylinders, middle: Array, sensor: SensorModel) -> tuple[Array,
 def _axis_nodes(
     strings: Cylinders, middle: Array, normal: Array, sensor: SensorModel, config: EmulatorConfig
 ) -> tuple[Array, Array]:
-    """Parameters t (S, T, K) [mm] along the axes, centred where each line of the arc crosses x = 0, and steps (S,) [mm]."""
+    """Parameters t (S, T, K) [mm] along the axes, centred where each line of the arc crosses x = 0, and steps (S,)
+    [mm].
+    """
     slope = np.maximum(np.abs(strings.directions[:, 0]), 1e-9)
     sigma = half_width_mm(config.laser, sensor, np.linalg.norm(middle - sensor.laser_origin_mm, axis=1)) / 2 / slope
     reach = np.minimum(SHEET_REACH * sigma, strings.lengths)

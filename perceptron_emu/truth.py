@@ -16,10 +16,12 @@ Array = NDArray[np.float64]
 class StringTruth:
     """One string of a frame.
 
-    axis_mm: (y, z) (2,) where the string's axis crosses the laser plane. surface_mm: (y, z) (2,) of the centroid of its lit and seen surface, weighted
-    by the light that reaches the camera. image_px: (u, v) (2,) of the noise-free spot's centroid. visible_fraction: the part of the spot's light,
-    in [0, 1], that shadows, occluders and the image's border leave. Where nothing is seen, surface_mm and image_px are NaN.
-    electrons: the spot's mean signal before noise.
+    axis_mm: (y, z) (2,) where the string's axis crosses the laser plane. surface_mm: (y, z) (2,) of the centroid of
+    its lit and seen surface, weighted
+    by the light that reaches the camera. image_px: (u, v) (2,) of the noise-free spot's centroid. visible_fraction:
+    the part of the spot's light,
+    in [0, 1], that shadows, occluders and the image's border leave. Where nothing is seen, surface_mm and image_px
+    are NaN. electrons: the spot's mean signal before noise.
     """
 
     label: str
@@ -32,7 +34,9 @@ class StringTruth:
 
 @dataclass(frozen=True, eq=False)
 class FrameTruth:
-    """T_sensor_jig: the jig's pose in {P}, None without a jig. strings: one entry per string of the jig, in its order."""
+    """T_sensor_jig: the jig's pose in {P}, None without a jig. strings: one entry per string of the jig, in its
+    order.
+    """
 
     T_sensor_jig: Pose | None
     strings: tuple[StringTruth, ...] = ()

@@ -1,0 +1,61 @@
+"""The triangles that the sheet can reach, and the planes that the sheet is cut into."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geometry import SensorModel
+from perceptron_emu.bodies import body_of
+from perceptron_emu.config import EmulatorConfig
+from perceptron_emu.scene import Scene
+from perceptron_emu.sheet import SHEET_REACH, STEP, axis_meets_sheet_mm, half_width_mm
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+MAX_PLANES = 61
+
+
+@dataclass(frozen=True, eq=False)
+class Faces:
+    """Triangles (T, 3, 3) [mm] in {P}, unit normals at their corners (T, 3, 3), the solid each belongs to (T,)."""
+
+    triangles: Array
+    normals: Array
+    solid: Index
+
+
+def faces_in_sheet(scene: Scene, config: EmulatorConfig) -> Faces:
+    """The faces of all solids that come near enough to x = 0 to be lit."""
+    reach = SHEET_REACH * _widest_mm(scene.sensor, config) / 2
+    triangles, normals, owner = [np.zeros((0, 3, 3))], [np.zeros((0, 3, 3))], [np.zeros(0, dtype=np.int64)]
+    for number, solid in enumerate(scene.solids):
+        pose, body = solid.T_sensor_mesh, body_of(solid)
+        x = body.triangles @ pose.R[0] + pose.t[0]
+        near = (x.min(1) <= reach) & (x.max(1) >= -reach)
+        triangles.append(body.triangles[near] @ pose.R.T + pose.t)
+        normals.append(body.normals[near] @ pose.R.T)
+        owner.append(np.full(int(near.sum()), number))
+    return Faces(np.concatenate(triangles), np.concatenate(normals), np.concatenate(owner))
+
+
+def sheet_planes(faces: Faces, sensor: SensorModel, config: EmulatorConfig) -> tuple[Array, float]:
+    """Equally spaced planes x of the sheet (K,) [mm] and their spacing, close enough for its Gaussian where it is
+    thinnest.
+    """
+    distance = np.linalg.norm(faces.triangles[..., 1:] - sensor.laser_origin_mm[1:], axis=-1)
+    ends = np.array([distance.min(), distance.max(), axis_meets_sheet_mm(sensor)])
+    width = half_width_mm(config.laser, sensor, ends)
+    thin, thick = float(width.min()) / 2, float(min(width.max(), _widest_mm(sensor, config))) / 2
+    n = int(np.clip(np.ceil(2 * SHEET_REACH * thick / (STEP * thin)), 9, MAX_PLANES)) | 1
+    planes = np.linspace(-SHEET_REACH * thick, SHEET_REACH * thick, n)
+    return planes, float(planes[1] - planes[0])
+
+
+def _widest_mm(sensor: SensorModel, config: EmulatorConfig) -> float:
+    """A half-width [mm] that the sheet does not exceed within twice the working distance."""
+    middle = axis_meets_sheet_mm(sensor)
+    return float(np.max(half_width_mm(config.laser, sensor, np.array([0.0, middle / 2, 2 * middle]))))
