@@ -20,14 +20,45 @@ class _Section(BaseModel):
 class NoiseConfig(_Section):
     """The camera's and the speckle's noise; what is None is estimated from the frame itself."""
 
-    read_noise_dn: float | None = Field(default=None, ge=0, description="camera noise without light [DN]")
-    gain_dn_per_e: float | None = Field(default=None, ge=0, description="shot noise: grey levels per electron")
-    full_well_e: float = Field(default=10_000.0, gt=0, description="electrons at saturation, where no gain is given")
-    speckle_contrast: float | None = Field(
-        default=None, ge=0, le=1, description="standard deviation of a pixel's speckle over its signal"
+    read_noise_dn: float | None = Field(
+        default=None,
+        ge=0,
+        description="camera noise without light [DN]",
+        json_schema_extra=_slider(0, 20, search=False),
     )
-    speckle_weight: float = Field(default=0.4, ge=0, le=1, description="contrast by which the fit weighs bright pixels")
-    speckle_grain_px: float = Field(default=0.55, ge=0, le=5, description="the speckle's Gaussian correlation length")
+    gain_dn_per_e: float | None = Field(
+        default=None,
+        ge=0,
+        description="shot noise: grey levels per electron",
+        json_schema_extra=_slider(0.001, 1, log=True, search=False),
+    )
+    full_well_e: float = Field(
+        default=10_000.0,
+        gt=0,
+        description="electrons at saturation, where no gain is given",
+        json_schema_extra=_slider(500, 200_000, log=True, search=False),
+    )
+    speckle_contrast: float | None = Field(
+        default=None,
+        ge=0,
+        le=1,
+        description="standard deviation of a pixel's speckle over its signal",
+        json_schema_extra=_slider(0, 1, search=False),
+    )
+    speckle_weight: float = Field(
+        default=0.4,
+        ge=0,
+        le=1,
+        description="contrast by which the fit weighs bright pixels",
+        json_schema_extra=_slider(0, 1, basic=True),
+    )
+    speckle_grain_px: float = Field(
+        default=0.55,
+        ge=0,
+        le=5,
+        description="the speckle's Gaussian correlation length",
+        json_schema_extra=_slider(0, 3),
+    )
 
 
 class DetectConfig(_Section):
