@@ -52,6 +52,7 @@ def _serve(request: Request, port: int, browser: bool) -> None:
             raise
         hint = "the process window needs its extra: pip install 'perceptron-emu[window]'"
         raise MissingDependencyError(hint) from None
+
     def announce(address: str) -> None:
         say_on_stdout(f"process window: {address}  (Ctrl+C ends it)")
         sys.stdout.flush()

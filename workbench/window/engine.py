@@ -1,0 +1,176 @@
+"""What the window computes for one image: detection stages, labels and, where truth is known, errors."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel
+
+from geometry import AxisPoints, Pose, SensorModel, SurfacePoints
+from workbench.formats.images import Image
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A region that was looked at: its box and, where it was rejected, why, in words and numbers."""
+
+    u_px: float
+    v_px: float
+    box_px: tuple[float, float, float, float]  # u0, v0, u1, v1
+    reason: str  # "" where it was accepted
+    text: str
+    measured: dict[str, float] = field(default_factory=dict)
+    parameter: str = ""  # key of the parameter that rejected it
+
+
+@dataclass(frozen=True, eq=False)
+class StageView:
+    """The stages of one image. ``background`` (H, W) [DN]; ``mask`` (H, W) non-zero where something is lit."""
+
+    background: Array
+    mask: NDArray[np.uint8]
+    candidates: tuple[Candidate, ...]
+    points: SurfacePoints
+    reason: str = ""  # why there is no spot, where there is none
+
+
+@dataclass(frozen=True, eq=False)
+class Labels:
+    """Labelled axis points of one image, the jig's pose, or the reason why there is none."""
+
+    axis: AxisPoints
+    T_sensor_jig: Pose | None
+    reason: str = ""
+
+
+class Engine(Protocol):
+    """Detection and labelling as the window needs them; the tests put a fake in its place."""
+
+    model: type[BaseModel]
+    sensor: SensorModel
+
+    @property
+    def strings(self) -> tuple[str, ...]:
+        """Names of the jig's strings; empty where no jig is known: nothing is labelled then."""
+        ...
+
+    @property
+    def epoch(self) -> int:
+        """Counts what the engine learned meanwhile that changes labels."""
+        ...
+
+    def stages(self, image: Image, config: BaseModel) -> StageView:
+        """All stages of one image; InputError where the image does not fit the sensor."""
+        ...
+
+    def label(self, index: int, points: SurfacePoints) -> Labels:
+        """Names of the spots of image ``index`` by the jig's geometry."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class FrameOutcome:
+    """Everything about one image under one set of parameters; ``error`` is set where it could not be processed."""
+
+    index: int
+    hash: str
+    view: StageView | None
+    labels: Labels | None
+    error: str
+    seconds: float
+
+
+def process(engine: Engine, image: Image, config: BaseModel, index: int, hash_: str) -> FrameOutcome:
+    """Run detection and labelling on one image."""
+    start = time.perf_counter()
+    view = engine.stages(image, config)
+    labels = engine.label(index, view.points) if engine.strings else None
+    return FrameOutcome(index, hash_, view, labels, "", time.perf_counter() - start)
+
+
+def badge(outcome: FrameOutcome, strings: tuple[str, ...]) -> str:
+    """``all``, ``some``, ``none`` or ``error``: how many of the jig's strings were found (without a jig: any spot)."""
+    if outcome.error or outcome.view is None:
+        return "error"
+    if not strings:
+        return "all" if len(outcome.view.points) else "none"
+    found = len(outcome.labels.axis) if outcome.labels else 0
+    return "all" if found >= len(strings) else "some" if found else "none"
+
+
+def as_json(outcome: FrameOutcome, strings: tuple[str, ...]) -> dict[str, Any]:
+    """The outcome for the page; images are asked for separately, as bytes."""
+    answer: dict[str, Any] = {
+        "index": outcome.index,
+        "hash": outcome.hash,
+        "badge": badge(outcome, strings),
+        "error": outcome.error,
+        "ms": round(outcome.seconds * 1000, 1),
+        "candidates": [],
+        "spots": [],
+        "labelled": 0,
+        "reason": "",
+    }
+    if outcome.view is None:
+        return answer
+    answer["candidates"] = [_candidate(c) for c in outcome.view.candidates]
+    answer["spots"] = _spots(outcome.view.points, outcome.labels)
+    answer["labelled"] = len(outcome.labels.axis) if outcome.labels else 0
+    answer["reason"] = outcome.view.reason or (outcome.labels.reason if outcome.labels else "")
+    return answer
+
+
+def _candidate(c: Candidate) -> dict[str, Any]:
+    return {
+        "u": _round(c.u_px),
+        "v": _round(c.v_px),
+        "box": [_round(x) for x in c.box_px],
+        "reason": c.reason,
+        "text": c.text,
+        "measured": {k: finite(v) for k, v in c.measured.items()},
+        "parameter": c.parameter,
+    }
+
+
+def _spots(points: SurfacePoints, labels: Labels | None) -> list[dict[str, Any]]:
+    axis_of = {int(s): i for i, s in enumerate(labels.axis.spot)} if labels else {}
+    sigma_uv = np.sqrt(np.maximum(points.cov_uv_px2[:, [0, 1], [0, 1]], 0))
+    spots = []
+    for i in range(len(points)):
+        spot = {
+            "u": _round(points.uv_px[i, 0]),
+            "v": _round(points.uv_px[i, 1]),
+            "su": _round(sigma_uv[i, 0]),
+            "sv": _round(sigma_uv[i, 1]),
+            "surface": [_round(x) for x in points.yz_mm[i]],
+            "cov": [_round(x, 8) for x in points.cov_yz_mm2[i].ravel()],
+            "score": _round(points.score[i]),
+            "flag": points.flag[i],
+            "angle": _round(points.axis_rad[i]),
+            "width": [_round(x) for x in points.sigma_px[i]],
+            "peak": _round(points.amplitude_dn[i], 1),
+            "label": "",
+            "axis": None,
+        }
+        if labels and i in axis_of:
+            k = axis_of[i]
+            flag = labels.axis.flag[k] if k < len(labels.axis.flag) else ""
+            axis = [_round(x) for x in labels.axis.yz_mm[k]]
+            spot |= {"label": labels.axis.label[k], "axis": axis, "flag": flag or points.flag[i]}
+        spots.append(spot)
+    return spots
+
+
+def finite(x: float) -> float | None:
+    """The number, or None where JSON has no word for it."""
+    return float(x) if np.isfinite(x) else None
+
+
+def _round(x: float, digits: int = 4) -> float | None:
+    return round(float(x), digits) if np.isfinite(x) else None

@@ -1,0 +1,42 @@
+"""One long piece of work at a time, started by a click and looked at while it runs."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from typing import Any
+
+from geometry import PerceptronEmuError
+
+
+class Job:
+    """Runs a function in a thread; its state is idle, running, done or failed."""
+
+    def __init__(self) -> None:
+        """Nothing has been started."""
+        self._lock = threading.Lock()
+        self._state: dict[str, Any] = {"state": "idle"}
+
+    def start(self, hash_: str, work: Callable[[], dict[str, Any]]) -> bool:
+        """Start ``work``; False where something runs already."""
+        with self._lock:
+            if self._state["state"] == "running":
+                return False
+            self._state = {"state": "running", "hash": hash_}
+        threading.Thread(target=self._run, args=(hash_, work), name="job", daemon=True).start()
+        return True
+
+    def state(self) -> dict[str, Any]:
+        """The state, with the result where there is one."""
+        with self._lock:
+            return dict(self._state)
+
+    def _run(self, hash_: str, work: Callable[[], dict[str, Any]]) -> None:
+        try:
+            ended = {"state": "done", "hash": hash_, "result": work()}
+        except PerceptronEmuError as error:
+            ended = {"state": "failed", "hash": hash_, "error": str(error)}
+        except Exception as error:  # noqa: BLE001 - a fault in one job must not leave the page waiting for ever
+            ended = {"state": "failed", "hash": hash_, "error": f"internal error: {type(error).__name__}: {error}"}
+        with self._lock:
+            self._state = ended

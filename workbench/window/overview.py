@@ -1,0 +1,40 @@
+"""What the page is told when it opens."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from geometry import field_of_view
+from workbench.window import settings
+from workbench.window.parameters import panel
+from workbench.window.session import Session
+
+
+def overview(session: Session) -> dict[str, Any]:
+    """The folder, its images, the sensor, the parameters and what can be done with them."""
+    opened = session.opened
+    sensor, engine = opened.engine.sensor, opened.engine
+    return {
+        "title": opened.title,
+        "folder": str(opened.pictures.root),
+        "images": [
+            {"name": opened.pictures.name(i), "frame": f.frame, "location": f.location, "role": f.role}
+            for i, f in enumerate(opened.frames)
+        ],
+        "sensor": {
+            "name": sensor.name,
+            "width": sensor.width_px,
+            "height": sensor.height_px,
+            "saturation": sensor.saturation_dn,
+            "field_of_view": field_of_view(sensor).tolist(),
+        },
+        "strings": list(engine.strings),
+        "panel": panel(engine.model),
+        "defaults": engine.model().model_dump(mode="json"),
+        "start": opened.start.model_dump(mode="json"),
+        "has_truth": bool(opened.truth),
+        "can_calibrate": opened.calibrate is not None,
+        "no_calibration": opened.no_calibration,
+        "settings_folder": str(opened.settings_folder),
+        "settings": settings.names(opened.settings_folder),
+    }

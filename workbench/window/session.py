@@ -1,0 +1,137 @@
+"""One opened folder: its images, the engine, truth, and the answers that were computed lately."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import OrderedDict
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel
+
+from geometry import PerceptronEmuError
+from workbench.window.engine import Engine, FrameOutcome, as_json, process
+from workbench.window.parameters import Configuration
+from workbench.window.pictures import Pictures, Stamp
+from workbench.window.truth import Comparison, TrueString, compare, comparison_json
+
+_Key = tuple[int, str, int, Stamp]  # image, parameters, epoch of the engine, state of the file
+KEPT_OUTCOMES = 8  # with their stage images, some 12 MB each
+
+
+@dataclass(frozen=True)
+class FrameInfo:
+    """What the dataset says of one image."""
+
+    frame: int
+    location: str = ""
+    role: str = ""
+
+
+Calibrate = Callable[[BaseModel], dict[str, Any]]
+
+
+@dataclass(frozen=True, eq=False)
+class Opened:
+    """Everything about the folder that does not change while the window is open.
+
+    calibrate: runs the calibration with given parameters; None where it can not, and ``no_calibration`` says why.
+    to_toml, from_toml: the settings file that the other commands take. command: the equivalent command line.
+    prepare: slow work that makes labels better, done in the background first.
+    """
+
+    title: str
+    pictures: Pictures
+    engine: Engine
+    frames: tuple[FrameInfo, ...]
+    truth: Mapping[int, tuple[TrueString, ...]]
+    start: BaseModel
+    settings_folder: Path
+    to_toml: Callable[[BaseModel, dict[str, Any]], str]
+    from_toml: Callable[[str, str], BaseModel]
+    command: Callable[[str], str]
+    calibrate: Calibrate | None = None
+    no_calibration: str = ""
+    prepare: Callable[[], None] | None = None
+
+
+@dataclass(eq=False)
+class Session:
+    """The opened folder and its recent answers; safe to use from several threads."""
+
+    opened: Opened
+    _lock: threading.Lock = field(default_factory=threading.Lock)
+    _kept: OrderedDict[_Key, FrameOutcome] = field(default_factory=OrderedDict)
+    _one_at_a_time: threading.Lock = field(default_factory=threading.Lock)
+    first_answer: threading.Event = field(default_factory=threading.Event)
+    _waiting: int = 0
+    _last_interactive: float = 0.0
+
+    @contextmanager
+    def interactive(self) -> Iterator[None]:
+        """Mark work that a person waits for; background work stands aside meanwhile."""
+        with self._lock:
+            self._waiting += 1
+        try:
+            yield
+        finally:
+            with self._lock:
+                self._waiting -= 1
+                self._last_interactive = time.monotonic()
+            self.first_answer.set()
+
+    def idle_for(self) -> float:
+        """Seconds since the last interactive work ended; 0 while some is under way."""
+        with self._lock:
+            return 0.0 if self._waiting else time.monotonic() - self._last_interactive
+
+    def outcome(self, index: int, configuration: Configuration) -> FrameOutcome:
+        """Process one image for the screen, or give the kept answer; equal questions at one time are worked on once."""
+        with self._one_at_a_time:
+            return self._outcome(index, configuration, keep=True)
+
+    def background_outcome(self, index: int, configuration: Configuration) -> FrameOutcome:
+        """As `outcome`, but nothing is kept and nobody waits for it."""
+        return self._outcome(index, configuration, keep=False)
+
+    def _outcome(self, index: int, configuration: Configuration, keep: bool) -> FrameOutcome:
+        """The outcome; an image that can not be processed gives its error as one."""
+        opened = self.opened
+        try:
+            key = (index, configuration.hash, opened.engine.epoch, opened.pictures.stamp(index))
+            with self._lock:
+                if key in self._kept:
+                    self._kept.move_to_end(key)
+                    return self._kept[key]
+            image = opened.pictures.read(index)
+            outcome = process(opened.engine, image, configuration.model, index, configuration.hash)
+        except PerceptronEmuError as error:
+            return FrameOutcome(index, configuration.hash, None, None, str(error), 0.0)
+        if keep:
+            self._keep(key, outcome)
+        return outcome
+
+    def _keep(self, key: _Key, outcome: FrameOutcome) -> None:
+        with self._lock:
+            self._kept[key] = outcome
+            while len(self._kept) > KEPT_OUTCOMES:
+                self._kept.popitem(last=False)
+
+    def comparison(self, outcome: FrameOutcome) -> Comparison | None:
+        """The outcome against the image's truth, where both exist."""
+        strings = self.opened.truth.get(outcome.index)
+        if strings is None or outcome.view is None:
+            return None
+        return compare(strings, outcome.view.points, outcome.labels)
+
+    def row(self, outcome: FrameOutcome) -> dict[str, Any]:
+        """The outcome and its comparison with truth for the page."""
+        strings = self.opened.engine.strings
+        compared = self.comparison(outcome)
+        return as_json(outcome, strings) | {
+            "truth": comparison_json(compared, bool(strings)) if compared else None,
+        }

@@ -1,0 +1,1 @@
+"""The static page; a package so that its files are installed with the program."""

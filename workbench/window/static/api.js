@@ -1,0 +1,69 @@
+// Talking to the server. Every answer about parameters carries their hash; the callers drop those that are stale.
+
+export class Refused extends Error {
+  constructor(message, problems = {}, status = 0) {
+    super(message);
+    this.problems = problems;
+    this.status = status;
+  }
+}
+
+async function failure(response) {
+  const text = await response.text();
+  try {
+    const body = JSON.parse(text);
+    return new Refused(body.error || text, body.problems, response.status);
+  } catch {
+    return new Refused(text || response.statusText, {}, response.status);
+  }
+}
+
+async function fetched(path, options) {
+  try {
+    return await fetch(path, options);
+  } catch (error) {
+    if (error.name === "AbortError") throw error;
+    throw new Refused("The program does not answer any more: start it again");
+  }
+}
+
+export async function get(path) {
+  const response = await fetched("api/" + path);
+  if (!response.ok) throw await failure(response);
+  return response.json();
+}
+
+const asked = (body, signal) => ({
+  method: "POST",
+  headers: { "content-type": "application/json" },
+  body: JSON.stringify(body),
+  signal,
+});
+
+export async function post(name, body, signal) {
+  const response = await fetched("api/" + name, asked(body, signal));
+  if (response.status === 409) return { ...(await response.json()), conflict: true };
+  if (!response.ok) throw await failure(response);
+  return response.json();
+}
+
+export async function pixels(path, body, signal) {
+  // Grey levels with their size: { width, height, values, hash }.
+  const response = await fetched("api/" + path, body ? asked(body, signal) : { signal });
+  if (!response.ok) throw await failure(response);
+  const head = (name) => Number(response.headers.get(name));
+  const buffer = await response.arrayBuffer();
+  const values = head("x-bytes") === 2 ? new Uint16Array(buffer) : new Uint8Array(buffer);
+  return { width: head("x-width"), height: head("x-height"), values, hash: response.headers.get("x-hash") };
+}
+
+const hashes = new Map();
+
+export async function hashOf(text) {
+  if (!hashes.has(text)) {
+    if (hashes.size > 200) hashes.clear();
+    const digest = await crypto.subtle.digest("SHA-256", new TextEncoder().encode(text));
+    hashes.set(text, [...new Uint8Array(digest)].map((b) => b.toString(16).padStart(2, "0")).join("").slice(0, 16));
+  }
+  return hashes.get(text);
+}

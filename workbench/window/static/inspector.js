@@ -1,0 +1,124 @@
+// What stands under the pointer: profile, peak, width, score, σ; for a rejected candidate the reason.
+
+import { $, clear, el, fitCanvas, number, style } from "./dom.js";
+import { nameOf } from "./overlay.js";
+import { known, reveal } from "./params.js";
+import { sample } from "./picture.js";
+
+const REACH = 18, STEP = 0.25;
+
+// Grey levels along two directions through (u, v); angle in radians.
+export function drawProfile(image, u, v, angle, names, saturation) {
+  const { context, width, height } = fitCanvas($("profile"));
+  context.clearRect(0, 0, width, height);
+  if (!image || u === null) {
+    context.fillStyle = style("--quiet");
+    context.font = "12px system-ui, sans-serif";
+    context.textAlign = "center";
+    context.fillText("Point at the picture to see grey levels along and across", width / 2, height / 2);
+    return;
+  }
+  const curves = [0, Math.PI / 2].map((turn) => curve(image, u, v, angle + turn));
+  const top = Math.max(8, ...curves.flat().map((p) => p[1]));
+  const x = (s) => 36 + (width - 46) * (s + REACH) / (2 * REACH), y = (g) => height - 18 - (height - 34) * g / (top * 1.05);
+  axes(context, x, y, top, width, height);
+  if (top > 0.8 * saturation) mark(context, x, y(saturation), "saturation");
+  [style("--accent"), style("--changed")].forEach((colour, i) => {
+    context.strokeStyle = colour;
+    context.lineWidth = 1.6;
+    context.beginPath();
+    curves[i].forEach(([s, g]) => context.lineTo(x(s), y(g)));
+    context.stroke();
+    context.fillStyle = colour;
+    context.font = "11px system-ui, sans-serif";
+    context.textAlign = "right";
+    context.fillText(names[i], width - 12, 18 + 14 * i);
+  });
+}
+
+function curve(image, u, v, angle) {
+  const points = [];
+  for (let s = -REACH; s <= REACH; s += STEP) {
+    const g = sample(image, u + s * Math.cos(angle), v + s * Math.sin(angle));
+    if (g !== null) points.push([s, g]);
+  }
+  return points;
+}
+
+function axes(context, x, y, top, width, height) {
+  context.strokeStyle = style("--edge");
+  context.fillStyle = style("--quiet");
+  context.font = "10.5px system-ui, sans-serif";
+  context.lineWidth = 1;
+  const step = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10000, 20000].find((s) => s * 4 >= top) ?? 20000;
+  for (let g = 0; g <= top * 1.05; g += step) {
+    context.globalAlpha = 0.5;
+    context.beginPath();
+    context.moveTo(36, y(g));
+    context.lineTo(width - 10, y(g));
+    context.stroke();
+    context.globalAlpha = 1;
+    context.textAlign = "right";
+    context.fillText(g, 31, y(g) + 3.5);
+  }
+  context.textAlign = "center";
+  for (const s of [-15, -10, -5, 0, 5, 10, 15]) context.fillText(String(s).replace("-", "−"), x(s), height - 5);
+  context.textAlign = "left";
+  context.fillText("DN", 4, 12);
+  context.textAlign = "right";
+  context.fillText("px", width - 4, height - 5);
+}
+
+function mark(context, x, y, text) {
+  context.strokeStyle = style("--bad");
+  context.setLineDash([4, 3]);
+  context.beginPath();
+  context.moveTo(x(-REACH), y);
+  context.lineTo(x(REACH), y);
+  context.stroke();
+  context.setLineDash([]);
+  context.fillStyle = style("--bad");
+  context.textAlign = "left";
+  context.fillText(text, x(-REACH) + 4, y + 11);
+}
+
+const fact = (name, value) => el("div", {}, el("dt", {}, name), el("dd", {}, value));
+
+export function showSpot(s, truth) {
+  const sigma = (k) => number(Math.sqrt(Math.max(s.cov[k], 0)), 4);
+  const facts = [
+    fact("peak", `${number(s.peak, 1)} DN`), fact("score", number(s.score, 3)),
+    fact("width", `${number(2.355 * s.width[1], 2)} px`), fact("length", `${number(2.355 * s.width[0], 2)} px`),
+    fact("u", `${number(s.u, 3)} ± ${number(s.su, 3)}`), fact("v", `${number(s.v, 3)} ± ${number(s.sv, 3)}`),
+    fact("y", `${number(s.surface[0], 3)} mm`), fact("σ y", `${sigma(0)} mm`),
+    fact("z", `${number(s.surface[1], 3)} mm`), fact("σ z", `${sigma(3)} mm`),
+  ];
+  if (s.axis) facts.push(fact("axis y", `${number(s.axis[0], 3)} mm`), fact("axis z", `${number(s.axis[1], 3)} mm`));
+  if (truth?.mm) facts.push(fact(`error y (${truth.of})`, `${number(truth.mm[0], 3)} mm`), fact("error z", `${number(truth.mm[1], 3)} mm`));
+  clear($("inspector"),
+    el("h2", {}, s.label ? `String ${nameOf(s.label)}` : "Spot without a label"),
+    s.flag ? el("p", { class: "why" }, `Doubtful: ${s.flag.replaceAll("_", " ")}`) : null,
+    el("dl", { class: "facts" }, facts));
+}
+
+export function showCandidate(c) {
+  const p = known(c.parameter);
+  const facts = Object.entries(c.measured).map(([name, value]) => fact(name, number(value, 2)));
+  clear($("inspector"),
+    el("h2", {}, c.reason ? `Rejected: ${c.reason.replaceAll("_", " ")}` : "Accepted candidate"),
+    c.text ? el("p", { class: c.reason ? "why" : "" }, c.text) : null,
+    el("dl", { class: "facts" }, facts),
+    p ? el("p", {}, el("button", { id: "reveal", onclick: () => reveal(c.parameter) }, `Go to “${p.title}”`)) : null);
+}
+
+export function showNothing(answer) {
+  if (!answer) { clear($("inspector")); return; }
+  const rejected = answer.candidates.filter((c) => c.reason);
+  const reasons = Object.entries(Object.groupBy(rejected, (c) => c.reason)).map(([r, list]) => fact(r.replaceAll("_", " "), list.length));
+  const t = answer.truth?.statistics;
+  const facts = [fact("spots", answer.spots.length), fact("labelled", answer.labelled), fact("rejected", rejected.length), ...reasons];
+  if (t) facts.push(
+    fact("visible", t.visible), fact("missed", t.missed), fact("false", t.false), fact("mislabelled", t.mislabelled),
+    fact("rms", `${number(t.rms)} mm`), fact("bias y, z", t.bias.map((x) => number(x)).join(", ")), fact("scatter y, z", t.scatter.map((x) => number(x)).join(", ")));
+  clear($("inspector"), el("h2", {}, "This image"), answer.reason ? el("p", { class: "why" }, answer.reason.replaceAll("_", " ")) : null, el("dl", { class: "facts" }, facts));
+}

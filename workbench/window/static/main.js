@@ -1,0 +1,89 @@
+// The page's beginning: fetch the session, build the parts, wire the keys.
+
+import { get } from "./api.js";
+import { openCalibration } from "./calibration.js";
+import { $ } from "./dom.js";
+import { askCommand, askLoad, askSave, showKeys } from "./files.js";
+import { buildPanel } from "./params.js";
+import { startSheet } from "./sheet.js";
+import { begin, dirty, redo, state, undo } from "./state.js";
+import { buildStrip, go } from "./strip.js";
+import { buildStage, show, stage } from "./stage.js";
+import { TABS, selectTab } from "./tabs.js";
+
+async function start() {
+  theme(localStorage.getItem("theme") ?? (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light"));
+  try {
+    begin(await get("session"));
+  } catch (error) {
+    $("notice").hidden = false;
+    $("notice").textContent = error.message;
+    return;
+  }
+  const { session } = state;
+  $("title").textContent = session.title;
+  $("title").title = session.folder;
+  document.title = `${session.title} · Process window`;
+  $("truth-switch").hidden = !session.has_truth;
+  $("calibrate").disabled = !session.can_calibrate;
+  $("calibrate").title = session.can_calibrate ? "Run pose and calibration on what is found (C)" : session.no_calibration;
+  buildPanel();
+  buildStrip();
+  buildStage();
+  startSheet();
+  buttons();
+  selectTab(session.strings.length ? "labels" : "spots");
+  show();
+}
+
+function theme(name) {
+  document.documentElement.dataset.theme = name;
+  localStorage.setItem("theme", name);
+  stage.redraw?.();
+}
+
+function buttons() {
+  $("load").onclick = askLoad;
+  $("save").onclick = askSave;
+  $("command").onclick = askCommand;
+  $("keys").onclick = showKeys;
+  $("theme").onclick = () => theme(document.documentElement.dataset.theme === "dark" ? "light" : "dark");
+  $("calibrate").onclick = openCalibration;
+  window.addEventListener("keydown", key);
+  window.addEventListener("beforeunload", (event) => { if (dirty()) event.preventDefault(); });
+}
+
+const typing = (node) => node.matches("input:not([type=range]):not([type=checkbox]), select, textarea");
+
+function key(event) {
+  if ($("dialog").open) return;
+  const control = event.ctrlKey || event.metaKey;
+  const name = event.key.length === 1 ? event.key.toLowerCase() : event.key;
+  const wanted = control ? CONTROL[name] : event.altKey || typing(event.target) ? null : PLAIN[event.key] ?? PLAIN[name];
+  if (!wanted) return;
+  event.preventDefault();
+  wanted(event);
+}
+
+const CONTROL = { z: (e) => (e.shiftKey ? redo() : undo()), y: redo, s: askSave, o: askLoad };
+const PLAIN = {
+  "j": () => go(state.index + 1), "k": () => go(state.index - 1),
+  "PageDown": () => go(state.index + 1), "PageUp": () => go(state.index - 1),
+  "f": () => stage.view().fit(), "0": () => stage.view().fit(), "1": () => stage.one(),
+  "+": () => stage.view().zoom(1.25), "=": () => stage.view().zoom(1.25), "-": () => stage.view().zoom(0.8),
+  "t": () => $("truth").click(), "c": () => $("calibrate").click(), "?": showKeys,
+  "/": () => $("filter").focus(), "e": () => $("expert").click(), "b": (e) => brightness(e.shiftKey ? -0.1 : 0.1),
+  "[": () => step(-1), "]": () => step(1),
+};
+
+function brightness(by) {
+  $("bright").value = Number($("bright").value) + by;
+  $("bright").dispatchEvent(new Event("input"));
+}
+
+function step(by) {
+  const shown = TABS.map((t) => t.id);
+  selectTab(shown[(shown.indexOf(state.view) + by + shown.length) % shown.length]);
+}
+
+start();

@@ -1,0 +1,184 @@
+// The parameters panel, built from the groups that the server made from the configuration model.
+
+import { $, clear, el } from "./dom.js";
+import { canRedo, canUndo, change, listen, read, redo, replace, settle, state, undo } from "./state.js";
+
+const SLIDER = 1000;
+const rows = new Map();
+
+export function buildPanel() {
+  clear($("panel"), state.session.panel.map(group));
+  $("filter").addEventListener("input", show);
+  $("expert").addEventListener("change", show);
+  $("reset-all").addEventListener("click", () => replace(state.session.defaults));
+  $("undo").addEventListener("click", undo);
+  $("redo").addEventListener("click", redo);
+  listen((what) => what === "parameters" && update());
+  update();
+  show();
+  explain(null);
+}
+
+function group({ title, parameters }) {
+  const count = el("small");
+  const body = parameters.map(row);
+  const node = el("details", { class: "group", open: true }, el("summary", {}, title, count), body);
+  node.addEventListener("toggle", () => node.open);
+  rows.get(parameters[0].key).count = { node: count, keys: parameters.map((p) => p.key), group: node };
+  return node;
+}
+
+function row(p) {
+  const id = "p-" + p.key;
+  const control = controls(p, id);
+  const problem = el("div", { class: "problem", hidden: true });
+  const reset = el("button", {
+    class: "reset", title: "Back to the default", "aria-label": `Reset ${p.title}`,
+    onclick: () => change(p.key, structuredClone(p.default), true),
+  }, "↺");
+  const unit = el("span", { class: "unit" }, p.unit);
+  const node = el("div", { class: "parameter", title: p.help, data: { key: p.key } },
+    el("div", { class: "line" },
+      el("label", { class: "word", htmlFor: id }, p.title),
+      el("span", { class: "value" }, reset, control.value, unit)),
+    control.slider, problem);
+  for (const event of ["focusin", "pointerenter"]) node.addEventListener(event, () => explain(p));
+  rows.set(p.key, { p, node, problem, ...control });
+  return node;
+}
+
+function controls(p, id) {
+  if (p.kind === "boolean") {
+    const box = el("input", { id, type: "checkbox", onchange: () => change(p.key, box.checked, true) });
+    return { value: box, slider: null, put: (v) => { box.checked = v; } };
+  }
+  if (p.kind === "choice") {
+    const list = el("select", { id, onchange: () => change(p.key, p.choices[list.selectedIndex], true) },
+      p.choices.map((c) => el("option", {}, String(c))));
+    return { value: list, slider: null, put: (v) => { list.selectedIndex = p.choices.indexOf(v); } };
+  }
+  if (p.kind !== "number" && p.kind !== "integer") return textual(p, id);
+  return p.nullable ? optional(p, id) : numeric(p, id);
+}
+
+function textual(p, id) {
+  const box = el("input", { id, type: "text", spellcheck: false, onchange: () => {
+    let value = box.value;
+    if (p.kind === "array" || (p.nullable && value === "")) {
+      try { value = value === "" ? null : JSON.parse(value); } catch { /* the server says what is wrong */ }
+    }
+    change(p.key, value, true);
+  } });
+  return { value: box, slider: null, put: (v) => { box.value = typeof v === "string" ? v : v === null ? "" : JSON.stringify(v); } };
+}
+
+function numeric(p, id, read_ = (v) => v) {
+  const toSlider = (v) => p.log
+    ? SLIDER * Math.log(Math.max(v, p.min) / p.min) / Math.log(p.max / p.min)
+    : SLIDER * (v - p.min) / (p.max - p.min);
+  const fromSlider = (s) => {
+    const raw = p.log ? p.min * (p.max / p.min) ** (s / SLIDER) : p.min + (p.max - p.min) * s / SLIDER;
+    if (p.kind === "integer") return Math.round(raw);
+    return p.log ? Number(raw.toPrecision(3)) : Number((Math.round(raw / p.step) * p.step).toPrecision(8));
+  };
+  const box = el("input", { id, type: "number", step: "any", "aria-description": p.help });
+  const slider = el("input", { type: "range", min: 0, max: SLIDER, step: 1, "aria-label": `${p.title} slider` });
+  box.addEventListener("input", () => box.value !== "" && change(p.key, Number(box.value), false));
+  box.addEventListener("change", settle);
+  slider.addEventListener("input", () => change(p.key, fromSlider(Number(slider.value)), false));
+  slider.addEventListener("change", settle);
+  slider.addEventListener("keydown", (event) => nudge(event, p, slider));
+  return { value: box, slider, put: (v) => {
+    const value = read_(v);
+    if (document.activeElement !== box || Number(box.value) !== value) box.value = value ?? "";
+    if (value !== null) slider.value = toSlider(value);
+  } };
+}
+
+function nudge(event, p, slider) {
+  // Arrow keys move integers by one and other sliders by a hundredth of their way.
+  const sign = { ArrowRight: 1, ArrowUp: 1, ArrowLeft: -1, ArrowDown: -1 }[event.key];
+  if (!sign || p.kind !== "integer" || p.log) return;
+  event.preventDefault();
+  change(p.key, Math.min(p.max, Math.max(p.min, read(p.key) + sign)), true);
+  slider.focus();
+}
+
+function optional(p, id) {
+  const inner = numeric(p, id);
+  let kept = p.default ?? (p.log ? Math.sqrt(p.min * p.max) : (p.min + p.max) / 2);
+  const auto = el("input", { type: "checkbox", "aria-label": `${p.title} automatic`, onchange: () => {
+    change(p.key, auto.checked ? null : p.kind === "integer" ? Math.round(kept) : kept, true);
+  } });
+  const value = el("span", { class: "value" }, el("label", { class: "check" }, auto, "auto"), inner.value);
+  return { value, slider: inner.slider, put: (v) => {
+    auto.checked = v === null;
+    inner.value.disabled = inner.slider.disabled = v === null;
+    if (v !== null) kept = v;
+    inner.put(v);
+  } };
+}
+
+const same = (a, b) => JSON.stringify(a) === JSON.stringify(b);
+
+function update() {
+  for (const { p, node, put } of rows.values()) {
+    const value = read(p.key);
+    put(value);
+    node.classList.toggle("changed", !same(value, p.default));
+  }
+  for (const { count } of rows.values()) {
+    if (!count) continue;
+    const changed = count.keys.filter((k) => !same(read(k), rows.get(k).p.default)).length;
+    count.node.textContent = changed ? `${changed} changed` : "";
+  }
+  $("undo").disabled = !canUndo();
+  $("redo").disabled = !canRedo();
+}
+
+function show() {
+  const words = $("filter").value.toLowerCase().trim();
+  const expert = $("expert").checked;
+  for (const { p, node } of rows.values()) {
+    const found = `${p.title} ${p.key} ${p.help}`.toLowerCase().includes(words);
+    const shown = words ? found : expert || p.level === "basic" || node.classList.contains("changed");
+    node.hidden = !shown;
+  }
+  for (const { count } of rows.values()) {
+    if (count) count.group.hidden = count.keys.every((k) => rows.get(k).node.hidden);
+  }
+}
+
+function explain(p) {
+  if (!p) {
+    clear($("help"), "Point at a parameter to read what it does.");
+    return;
+  }
+  const range = "min" in p ? ` · slider ${p.min} … ${p.max} ${p.unit}` : "";
+  const preset = p.default === null ? "auto" : typeof p.default === "object" ? JSON.stringify(p.default) : p.default;
+  clear($("help"), el("b", {}, p.title), p.help ? p.help + " " : "", el("br"), el("code", {}, p.key), ` · default ${preset}${range}`);
+}
+
+export function problems(found) {
+  for (const [key, { node, problem }] of rows) {
+    node.classList.toggle("wrong", key in found);
+    problem.hidden = !(key in found);
+    problem.textContent = found[key] ?? "";
+    if (key in found) node.hidden = false;
+  }
+}
+
+export function reveal(key) {
+  const found = rows.get(key);
+  if (!found) return;
+  found.node.hidden = false;
+  found.node.closest("details").hidden = false;
+  found.node.closest("details").open = true;
+  found.node.scrollIntoView({ block: "center" });
+  found.node.classList.add("flash");
+  setTimeout(() => found.node.classList.remove("flash"), 1200);
+  (found.slider ?? found.node.querySelector("input, select")).focus();
+  explain(found.p);
+}
+
+export const known = (key) => rows.get(key)?.p;

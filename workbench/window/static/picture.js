@@ -1,0 +1,79 @@
+// The grey levels on the canvas: brightness, the mask's colour, pixel values when they are large enough.
+
+const cache = new Map();
+const KEPT = 6;
+
+export function keep(index, image) {
+  cache.delete(index);
+  cache.set(index, image);
+  if (cache.size > KEPT) cache.delete(cache.keys().next().value);
+}
+
+export const kept = (index) => cache.get(index);
+export const forget = (index) => cache.delete(index);
+
+function levels(floor, top, gamma) {
+  const table = new Uint8ClampedArray(top + 1);
+  for (let i = floor; i <= top; i++) table[i] = 255 * ((i - floor) / (top - floor || 1)) ** gamma;
+  return table;
+}
+
+// The dark level of the frame: the median of every 97th pixel.
+function dark(image) {
+  image.dark ??= image.values.filter((_, i) => i % 97 === 0).sort()[Math.floor(image.values.length / 194)] ?? 0;
+  return image.dark;
+}
+
+// The image as a bitmap to draw from; brightness 0 is linear, above it the darkest are lifted and the dark level is black.
+export function paint(image, saturation, brightness, mask) {
+  const surface = image.surface ?? (image.surface = new OffscreenCanvas(image.width, image.height));
+  const key = `${saturation} ${brightness}`;
+  if (image.painted === key && image.mask === mask) return surface;
+  const floor = brightness > 0 ? Math.min(dark(image), saturation - 1) : 0;
+  const table = levels(floor, saturation, 1 / (1 + 3 * brightness));
+  const data = new ImageData(image.width, image.height);
+  const out = new Uint32Array(data.data.buffer);
+  const values = image.values, lit = mask?.values;
+  for (let i = 0; i < out.length; i++) {
+    const g = table[values[i] > saturation ? saturation : values[i]];
+    out[i] = lit && lit[i] ? 0xff33c2ff : 0xff000000 | (g << 16) | (g << 8) | g;
+  }
+  surface.getContext("2d").putImageData(data, 0, 0);
+  image.painted = key;
+  image.mask = mask;
+  return surface;
+}
+
+export function draw(context, view, image, surface, width, height) {
+  context.imageSmoothingEnabled = view.scale < 1;
+  context.imageSmoothingQuality = "medium";
+  const [x, y] = view.toScreen(-0.5, -0.5); // pixel (0, 0) is the centre of the first pixel
+  context.drawImage(surface, x, y, image.width * view.scale, image.height * view.scale);
+  if (view.scale >= 26) values(context, view, image, width, height);
+}
+
+function values(context, view, image, width, height) {
+  const [u0, v0] = view.toContent(0, 0).map((x) => Math.max(0, Math.floor(x)));
+  const [u1, v1] = view.toContent(width, height).map((x) => Math.ceil(x));
+  context.font = "10px ui-monospace, Menlo, Consolas, monospace";
+  context.textAlign = "center";
+  context.textBaseline = "middle";
+  for (let v = v0; v <= Math.min(v1, image.height - 1); v++) {
+    for (let u = u0; u <= Math.min(u1, image.width - 1); u++) {
+      const value = image.values[v * image.width + u];
+      const [a, b] = view.toScreen(u, v);
+      context.fillStyle = "rgb(0 0 0 / .45)";
+      context.fillRect(a - 11, b - 6, 22, 12);
+      context.fillStyle = "#e8edf2";
+      context.fillText(value, a, b + 0.5);
+    }
+  }
+}
+
+// The grey level at (u, v) between pixels, or null outside.
+export function sample(image, u, v) {
+  const i = Math.floor(u), j = Math.floor(v);
+  if (i < 0 || j < 0 || i >= image.width - 1 || j >= image.height - 1) return null;
+  const a = u - i, b = v - j, k = j * image.width + i, w = image.width, p = image.values;
+  return (1 - b) * ((1 - a) * p[k] + a * p[k + 1]) + b * ((1 - a) * p[k + w] + a * p[k + w + 1]);
+}

@@ -1,0 +1,192 @@
+// All images under the current parameters: contact sheet and table, before and after against the last saved set.
+
+import { hashOf, post } from "./api.js";
+import { $, clear, el, number } from "./dom.js";
+import { colourOf } from "./overlay.js";
+import { listen, state, text } from "./state.js";
+import { WORDS, badgeText, go, setBadge } from "./strip.js";
+import { onTab, selectTab } from "./tabs.js";
+import { refresh } from "./stage.js";
+
+const survey = { text: "", savedText: "", now: [], saved: [], total: 0, statistics: null, before: null, epoch: 0 };
+let form = "sheet", order = { column: "index", down: false }, waiting = 0, busy = false;
+const pictures = new Map();
+
+export function startSheet() {
+  listen(() => poke(0));
+  onTab((id) => { if (id === "sheet") render(); });
+  poke(0);
+}
+
+function poke(delay) {
+  clearTimeout(waiting);
+  waiting = setTimeout(poll, delay);
+}
+
+async function poll() {
+  if (busy) { poke(60); return; }
+  busy = true;
+  const config = text(), saved = state.savedText;
+  try {
+    if (survey.text !== config) Object.assign(survey, { text: config, now: [], statistics: null });
+    if (survey.savedText !== saved) Object.assign(survey, { savedText: saved, saved: [], before: null });
+    const answer = await post("survey", { config, saved, since: survey.now.length, since_saved: survey.saved.length });
+    await take(answer, config, saved);
+  } catch { /* wrong parameters or a lost server: the picture says so */ }
+  busy = false;
+  const done = survey.now.length >= survey.total && survey.saved.length >= survey.total;
+  poke(text() !== config ? 0 : done ? 3000 : 220);
+}
+
+async function take({ now, saved, epoch }, config, savedText) {
+  if (now.hash !== (await hashOf(config)) || saved.hash !== (await hashOf(savedText))) return; // stale: dropped
+  if (config !== text()) return;
+  if (epoch !== survey.epoch) { // the robot chain was solved meanwhile: everything is labelled anew
+    Object.assign(survey, { epoch, now: [], saved: [] });
+    refresh();
+    poke(0);
+    return;
+  }
+  survey.total = now.total;
+  survey.now.push(...now.rows.filter((r) => r.index >= survey.now.length));
+  survey.saved.push(...saved.rows.filter((r) => r.index >= survey.saved.length));
+  survey.statistics = now.statistics ?? null;
+  survey.before = saved.statistics ?? null;
+  now.rows.forEach(setBadge);
+  Object.assign(document.documentElement.dataset, { surveyed: survey.now.length, surveyHash: now.hash });
+  summary();
+  if (state.view === "sheet") render();
+}
+
+const count = (rows, kind) => rows.filter((r) => r.badge === kind).length;
+
+function summary() {
+  const { now, total, statistics: s, before } = survey;
+  const chips = [];
+  const chip = (kind, words) => chips.push(el("span", { class: `chip ${kind}` }, words));
+  if (now.length < total) chip("", `${now.length} of ${total} images`);
+  if (count(now, "all")) chip("good", `${count(now, "all")} all found`);
+  if (count(now, "some")) chip("warn", `${count(now, "some")} some`);
+  if (count(now, "none")) chip("bad", `${count(now, "none")} none`);
+  if (count(now, "error")) chip("bad", `${count(now, "error")} errors`);
+  if (s && s.rms !== null) {
+    const gain = before && before.rms !== null && now.length === total ? s.rms - before.rms : 0;
+    const change = Math.abs(gain) >= 0.0005 ? ` (${gain > 0 ? "+" : "−"}${Math.abs(gain).toFixed(3)})` : "";
+    chip(gain > 0.0005 ? "bad" : gain < -0.0005 ? "good" : "", `rms ${number(s.rms)} mm${change}`);
+    chip(s.missed ? "warn" : "", `${s.missed} missed`);
+    chip(s.false ? "warn" : "", `${s.false} false`);
+  }
+  clear($("summary"), chips);
+}
+
+function render() {
+  const { now, total, saved } = survey;
+  const choice = (id, title) => el("button", { "aria-pressed": form === id, onclick: () => { form = id; render(); } }, title);
+  const lost = saved.filter((b) => now[b.index] && now[b.index].labelled < b.labelled).length;
+  const won = saved.filter((b) => now[b.index] && now[b.index].labelled > b.labelled).length;
+  clear($("sheet"),
+    el("div", { class: "page-head" },
+      el("span", { class: "choice" }, choice("sheet", "Contact sheet"), choice("table", "Table")),
+      now.length < total ? el("progress", { max: total, value: now.length }) : null,
+      el("span", {}, `${now.length} of ${total} images with the parameters as they stand; change against the last saved set: `,
+        el("span", { class: won ? "better" : "" }, `${won} gained`), ", ", el("span", { class: lost ? "worse" : "" }, `${lost} lost strings`))),
+    form === "sheet" ? el("div", { class: "cards" }, now.map(card)) : table());
+  if (form === "sheet") now.forEach(drawCard);
+}
+
+function delta(after, before, digits, lowerIsBetter) {
+  if (before === undefined || before === null || after === null || after === undefined) return null;
+  const change = after - before;
+  if (Math.abs(change) < 0.5 * 10 ** -digits) return null;
+  const better = lowerIsBetter ? change < 0 : change > 0;
+  return el("span", { class: better ? "better" : "worse" }, ` ${change > 0 ? "+" : "−"}${Math.abs(change).toFixed(digits)}`);
+}
+
+const openImage = (index) => { go(index); selectTab(state.session.strings.length ? "labels" : "spots"); };
+
+function card(row) {
+  const image = state.session.images[row.index], before = survey.saved[row.index], t = row.truth?.statistics;
+  return el("button", { class: "card", data: { index: row.index }, onclick: () => openImage(row.index) },
+    el("canvas", { width: 340, height: 272, data: { card: row.index } }),
+    el("span", { class: `badge ${row.badge}` }, badgeText(row)),
+    el("div", { class: "name" }, el("b", {}, image.name.split("/").pop()), el("span", {}, image.location)),
+    el("div", { class: "note" }, row.error || [
+      `${row.labelled} of ${row.spots.length} spots labelled`, delta(row.labelled, before?.labelled, 0, false),
+      t && t.rms !== null ? ` · ${number(t.rms)} mm` : null, t ? delta(t.rms, before?.truth?.statistics.rms, 3, true) : null,
+    ].filter((x) => x !== null)));
+}
+
+function drawCard(row) {
+  const canvas = $("sheet").querySelector(`canvas[data-card="${row.index}"]`);
+  let picture = pictures.get(row.index);
+  if (!picture) {
+    picture = new Image();
+    picture.src = `api/thumbnail/${row.index}`;
+    pictures.set(row.index, picture);
+  }
+  if (!picture.complete) { picture.addEventListener("load", () => drawCard(row), { once: true }); return; }
+  if (!canvas || !picture.naturalWidth) return;
+  const { sensor } = state.session, context = canvas.getContext("2d");
+  const scale = Math.min(canvas.width / sensor.width, canvas.height / sensor.height);
+  context.drawImage(picture, 0, 0, sensor.width * scale, sensor.height * scale);
+  context.lineWidth = 1.5;
+  for (const s of row.spots) {
+    context.strokeStyle = s.label ? colourOf(s.label) : "#8b96a1";
+    context.beginPath();
+    context.arc((s.u + 0.5) * scale, (s.v + 0.5) * scale, s.label ? 6 : 4, 0, 2 * Math.PI);
+    context.stroke();
+  }
+}
+
+const COLUMNS = [
+  { id: "index", title: "image", left: true, of: (r) => r.index, cell: (r) => state.session.images[r.index].name },
+  { id: "location", title: "at", left: true, of: (r) => state.session.images[r.index].location },
+  { id: "badge", title: "found", of: (r) => ["error", "none", "some", "all"].indexOf(r.badge), cell: (r) => el("span", { class: `badge ${r.badge}`, title: r.error || WORDS[r.badge] }, badgeText(r)) },
+  { id: "labelled", title: "labelled", of: (r) => r.labelled, before: (r) => r.labelled, digits: 0 },
+  { id: "spots", title: "spots", of: (r) => r.spots.length, before: (r) => r.spots.length, digits: 0, neutral: true },
+  { id: "rejected", title: "rejected", of: (r) => r.candidates, digits: 0, neutral: true },
+  { id: "missed", title: "missed", truth: true, of: (r) => r.truth?.statistics.missed, digits: 0, lower: true },
+  { id: "false", title: "false", truth: true, of: (r) => r.truth?.statistics.false, digits: 0, lower: true },
+  { id: "mislabelled", title: "mislabelled", truth: true, of: (r) => r.truth?.statistics.mislabelled, digits: 0, lower: true },
+  { id: "rms", title: "rms [mm]", truth: true, of: (r) => r.truth?.statistics.rms, digits: 4, lower: true },
+  { id: "bias_y", title: "bias y", truth: true, of: (r) => r.truth?.statistics.bias[0], digits: 4, neutral: true },
+  { id: "bias_z", title: "bias z", truth: true, of: (r) => r.truth?.statistics.bias[1], digits: 4, neutral: true },
+  { id: "ms", title: "ms", of: (r) => r.ms, digits: 0, neutral: true },
+  { id: "reason", title: "remark", left: true, of: (r) => (r.error || r.reason || "").replaceAll("_", " ") },
+];
+
+function table() {
+  const columns = COLUMNS.filter((c) => !c.truth || state.session.has_truth);
+  const by = columns.find((c) => c.id === order.column) ?? columns[0];
+  const rows = [...survey.now].sort((a, b) => compare(by.of(a), by.of(b)) * (order.down ? -1 : 1));
+  const head = columns.map((c) => el("th", { class: c.left ? "left" : "", "aria-sort": order.column === c.id ? (order.down ? "descending" : "ascending") : null },
+    el("button", { onclick: () => { order = { column: c.id, down: order.column === c.id && !order.down }; render(); } }, c.title)));
+  return el("table", { class: "wide" }, el("thead", {}, el("tr", {}, head)),
+    el("tbody", {}, total(columns), rows.map((r) => el("tr", { class: "go", tabIndex: 0, data: { index: r.index }, onclick: () => openImage(r.index),
+      onkeydown: (e) => e.key === "Enter" && openImage(r.index) },
+    columns.map((c) => el("td", { class: c.left ? "left" : "" }, cell(c, r)))))));
+}
+
+function compare(a, b) {
+  return typeof a === "string" ? String(a).localeCompare(b) : (a ?? Infinity) - (b ?? Infinity);
+}
+
+function cell(c, r) {
+  if (c.cell) return c.cell(r);
+  const value = c.of(r), before = survey.saved[r.index];
+  if (c.digits === undefined) return value;
+  return [number(value, c.digits), before && !c.neutral ? delta(value, c.of(before), c.digits, c.lower) : null].filter((x) => x !== null);
+}
+
+function total(columns) {
+  const s = survey.statistics, b = survey.before, sum = (rows, f) => rows.reduce((n, r) => n + f(r), 0);
+  const same = survey.saved.length === survey.now.length;
+  const values = {
+    index: "total", labelled: [sum(survey.now, (r) => r.labelled), same ? delta(sum(survey.now, (r) => r.labelled), sum(survey.saved, (r) => r.labelled), 0, false) : null],
+    spots: sum(survey.now, (r) => r.spots.length), rejected: sum(survey.now, (r) => r.candidates ?? 0),
+    missed: s && [s.missed, same && b ? delta(s.missed, b.missed, 0, true) : null], false: s && [s.false, same && b ? delta(s.false, b.false, 0, true) : null],
+    mislabelled: s?.mislabelled, rms: s && [number(s.rms, 4), same && b ? delta(s.rms, b.rms, 4, true) : null],
+    bias_y: s && number(s.bias[0], 4), bias_z: s && number(s.bias[1], 4), reason: s && s.scatter[0] !== null ? `scatter ${number(s.scatter[0], 4)}, ${number(s.scatter[1], 4)} mm` : "",
+  };
+  return el("tr", { class: "total" }, columns.map((c) => el("td", { class: c.left ? "left" : "" }, [values[c.id] ?? ""].flat().filter((x) => x !== null))));
+}

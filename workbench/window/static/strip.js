@@ -1,0 +1,46 @@
+// The image strip: thumbnails with a badge each.
+
+import { $, clear, el } from "./dom.js";
+import { state } from "./state.js";
+import { show } from "./stage.js";
+
+export const WORDS = { all: "all found", some: "some found", none: "none found", error: "error" };
+const SIGNS = { all: "✓", none: "0", error: "!" };
+
+export function buildStrip() {
+  clear($("strip"), state.session.images.map((image, i) => el("button", {
+    title: image.name, data: { index: i }, onclick: () => go(i),
+    "aria-label": `Image ${image.frame}, ${image.name}`,
+  },
+  el("img", { src: `api/thumbnail/${i}`, alt: "", loading: "lazy", decoding: "async" }),
+  el("span", { class: "badge", data: { badge: "" } }, "…"),
+  el("span", { class: "name" }, el("b", {}, image.name.split("/").pop()), el("span", {}, image.location)))));
+}
+
+export function go(index) {
+  if (index < 0 || index >= state.session.images.length) return;
+  state.index = index;
+  state.selected = null;
+  show();
+}
+
+export function mark() {
+  for (const button of $("strip").children) {
+    const current = Number(button.dataset.index) === state.index;
+    if (current && button.getAttribute("aria-current") !== "true") button.scrollIntoView({ block: "nearest" });
+    button.setAttribute("aria-current", current);
+  }
+}
+
+export function badgeText(row) {
+  return row.badge === "some" ? String(row.labelled) : SIGNS[row.badge];
+}
+
+export function setBadge(row) {
+  const button = $("strip").children[row.index];
+  const node = button.querySelector(".badge");
+  node.className = `badge ${row.badge}`;
+  node.dataset.badge = row.badge;
+  node.textContent = badgeText(row);
+  button.title = `${state.session.images[row.index].name}: ${row.error || WORDS[row.badge]}`;
+}
