@@ -54,7 +54,7 @@ def light_solids(scene: Scene, strings: Cylinders | None, config: EmulatorConfig
     if len(faces.triangles) == 0:
         return Samples.none()
     planes, step = sheet_planes(faces, scene.sensor, config)
-    pieces = _in_view(_lit_pieces(faces, strings, planes, scene.sensor), scene.sensor)
+    pieces = _in_view(faces, _lit_pieces(faces, strings, planes, scene.sensor), scene.sensor)
     return _seen(faces, pieces, step, scene, strings, config, light)
 
 
@@ -91,14 +91,17 @@ def _silhouettes(strings: Cylinders, x: float, origin: Array) -> Array:
     return np.asarray(np.stack([centre - half * across, centre + half * across], 1)[reached])
 
 
-def _in_view(pieces: Pieces, sensor: SensorModel) -> Pieces:
-    """The pieces whose box in the image touches it."""
-    uv = project(sensor, pieces.ends)
-    behind = np.any(np.isnan(uv), axis=(1, 2))
+def _in_view(faces: Faces, pieces: Pieces, sensor: SensorModel) -> Pieces:
+    """The pieces that turn the lit side to the camera and whose box in the image touches it."""
+    corner, normal = faces.triangles[pieces.face, 0], _face_normals(faces)[pieces.face]
+    to_laser = np.einsum("ij,ij->i", normal[:, 1:], sensor.laser_origin_mm[1:] - corner[:, 1:])
+    to_laser += normal[:, 0] * (pieces.ends[:, 0, 0] - corner[:, 0])  # the sheet's rays keep their x
+    keep = to_laser * np.einsum("ij,ij->i", normal, sensor.camera_centre_mm - corner) > 0
+    uv = project(sensor, pieces.ends[keep])
     size = np.array([sensor.width_px, sensor.height_px]) - 1 + MARGIN_PX
     with np.errstate(invalid="ignore"):
         touches = np.all((uv.max(1) > -MARGIN_PX) & (uv.min(1) < size), axis=1)
-    keep = touches | behind
+    keep[keep] = touches | np.any(np.isnan(uv), axis=(1, 2))
     return Pieces(pieces.ends[keep], pieces.normals[keep], pieces.face[keep])
 
 
@@ -160,9 +163,12 @@ def _length_mm(pieces: Pieces) -> Array:
     return np.asarray(np.linalg.norm(pieces.ends[:, 1] - pieces.ends[:, 0], axis=1))
 
 
-def _plane_sine(faces: Faces, pieces: Pieces) -> Array:
-    """√(1 − nₓ²) of each piece's face: the width that the sheet's spacing dx has on it is dx over this."""
+def _face_normals(faces: Faces) -> Array:
     t = faces.triangles
     normal = np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0])
-    normal_x = normal[:, 0] / np.maximum(np.linalg.norm(normal, axis=1), 1e-300)
-    return np.asarray(np.sqrt(np.maximum(1 - normal_x**2, 1e-12))[pieces.face])
+    return np.asarray(normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300))
+
+
+def _plane_sine(faces: Faces, pieces: Pieces) -> Array:
+    """√(1 − nₓ²) of each piece's face: the width that the sheet's spacing dx has on it is dx over this."""
+    return np.asarray(np.sqrt(np.maximum(1 - _face_normals(faces)[pieces.face, 0] ** 2, 1e-12)))
