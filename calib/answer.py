@@ -97,15 +97,6 @@ def _with_solution(empty: CalibrationResult, solution: Solution) -> CalibrationR
         final_cost=bundle.cost,
         degrees_of_freedom=solution.dof,
         condition=found.condition,
-        noise=_noise(solution),
+        noise=solution.noise | {"explained_chi2_per_dof": solution.explained},
         weak_directions=weak_directions(solution),
     )
-
-
-def _noise(solution: Solution) -> dict[str, float]:
-    """The standard deviations that made the weights."""
-    out = {"anchor_sigma_mm": solution.problem.anchor_sigma_mm, "explained_chi2_per_dof": solution.explained}
-    robot = solution.problem.chain.robot
-    if robot is not None:
-        out["joint_sigma_deg"] = float(np.rad2deg(robot.uncertainty.joint_sigma_rad))
-    return out

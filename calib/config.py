@@ -30,7 +30,9 @@ class CalibConfig(BaseModel):
     )
 
     # noise
-    estimate_point_noise: bool = Field(False, description="scale the points' covariance by what the residuals show")
+    noise: Literal["auto", "given"] = Field(
+        "auto", description="auto: where the residuals contradict the noise stated, it is estimated from them"
+    )
     hand_sigma_mm: float | None = Field(
         None, gt=0, description="noise of given hand poses; None: estimated from the data"
     )

@@ -16,6 +16,7 @@ from calib.robust import RobustResult, solve_robust
 from calib.starts import chain_start, hand_eye_start
 from calib.stations import Station
 from calib.uncertainty import Uncertainty, uncertainty
+from calib.weighing import stated_cost, weigh
 from geometry import InputError, Pose, RobotModel, stack_poses
 from jig_cad import Jig
 
@@ -32,7 +33,7 @@ class Solution:
     bundle: the solve that answers. applied: robot parameters (P,) that its robot takes over. outlier (F, M),
     frame_outlier (F,): what was left out. Ts_sensor_jig: each frame's own pose, of its candidates the one that agrees
     with the others. chi2_per_dof: of the model's own fit, by the noise of points and joints and the anchors' tolerance.
-    explained: the same once all robot errors are free within their priors.
+    explained: the same once all robot errors are free within their priors. noise: the σ that made the weights.
     """
 
     problem: Problem
@@ -47,6 +48,7 @@ class Solution:
     dof: int
     chi2_per_dof: float
     explained: float
+    noise: dict[str, float]
 
     @property
     def T_hand_sensor(self) -> Pose:
@@ -111,23 +113,35 @@ def solve_stations(
 ) -> Solution:
     """Solve the bundle of labelled calibrate frames, from the SCP given or, where that fails, from a closed form.
 
-    Outliers are sought with all robot errors free within their priors. Model scp then tries the robot as it stands: if
-    the residuals agree, that is the answer, with the robot's uncertainty considered in its covariance; if they do not,
-    robot errors are real and belong in the weights as well, which marginalising them does (Schmidt's estimate).
+    Outliers and noise are judged with all robot errors free within their priors, so that a misfit of the nominal robot
+    is not taken for either. χ² is by the stated noise of the points, whatever the data say of it.
     """
     names = tuple(dict.fromkeys(s.observation.location for s in used))
     problem = make_problem(used, names, jig, robot, config)
     applied = estimated_parameters(problem, config.model)
     robust, own = _robust(problem, used, T_hand_sensor, config)
     every, removed = robust.bundle, robust.bundle.removed
+    weighed = weigh(problem, every, config)
+    if weighed.changed:
+        every = solve_bundle(weighed.problem, every.state, every.free[6:-12], removed)
+    model = every if np.all(applied) else _fit_model(weighed.problem, every, applied)
     dof = 2 * int((~removed).sum()) - 6 - 6 * problem.n_locations
-    model = every if np.all(applied) else _fit_model(problem, every, applied)
-    chi2, explained = model.cost / max(dof, 1), every.cost / max(dof, 1)
-    marginal = config.model == "scp" and chi2 > misfit_limit(dof, config.misfit_chi2)
-    answer = every if marginal else model
-    outlier, frame_outlier = robust.outlier, robust.frame_outlier
-    found = uncertainty(answer)
-    return Solution(problem, used, names, answer, applied, outlier, frame_outlier, found, own, dof, chi2, explained)
+    chi2, explained = (stated_cost(weighed.stated, fit) / max(dof, 1) for fit in (model, every))
+    return Solution(
+        weighed.problem,
+        used,
+        names,
+        model,
+        applied,
+        robust.outlier,
+        robust.frame_outlier,
+        uncertainty(model),
+        own,
+        dof,
+        chi2,
+        explained,
+        weighed.noise,
+    )
 
 
 def misfit_limit(dof: int, least: float) -> float:

@@ -68,7 +68,9 @@ def label(
             spots = [s.observation.points for s in open_ones]
             found = label_location(spots, hands, T_hand_sensor, jig, sensor, config, T_base_jig.get(name), refined)
             for s, f in zip(open_ones, found, strict=True):
-                poses = [c.T_sensor_jig for c in f.candidates] or ([f.T_sensor_jig] if f.T_sensor_jig else [])
+                poses = [c.T_sensor_jig for c in f.candidates] or (
+                    [f.T_sensor_jig] if f.T_sensor_jig is not None else []
+                )
                 reason = f.reason or (None if poses else "not_labelled")
                 out[s.observation.frame] = replace(s, axis=f.axis, candidates=stack_poses(poses), reason=reason)
     return tuple(out[s.observation.frame] for s in ready)
