@@ -12,10 +12,15 @@ from workbench.pipeline import Observed, solve
 from workbench.points_table import FrameTable
 
 
-def label_dataset(cell: Cell, observed: Observed, config: CalibConfig | None = None) -> list[FrameTable]:
-    """Every frame's spots with labels; the chain is the solved one where the dataset gives a trustworthy solution."""
+def label_dataset(
+    cell: Cell, observed: Observed, config: CalibConfig | None = None, result: CalibrationResult | None = None
+) -> list[FrameTable]:
+    """Every frame's spots with labels; the chain is the solved one where the dataset gives a trustworthy solution.
+
+    result: of the same observations, where it is known already.
+    """
     config = config or CalibConfig()
-    result = _solution(cell, observed, config)
+    result = _solution(cell, observed, config) if result is None else _trusted(result)
     labels: dict[int, LabelledFrame] = {}
     for location in observed.observations.locations:
         labels |= _label_one_location(cell, observed.observations, location, result, config)
@@ -34,9 +39,12 @@ def label_image(frame: int, image: str, points: SurfacePoints, jig: Jig, sensor:
 
 def _solution(cell: Cell, observed: Observed, config: CalibConfig) -> CalibrationResult | None:
     try:
-        result = solve(cell, observed, config)
+        return _trusted(solve(cell, observed, config))
     except NoAnswerError:
         return None
+
+
+def _trusted(result: CalibrationResult) -> CalibrationResult | None:
     return result if result.verdict.trustworthy and result.T_hand_sensor is not None else None
 
 

@@ -39,17 +39,20 @@ class ViewLimits:
 
     tilt_deg: largest turn about the pillar and up or down. roll_deg: largest turn about the sensor's own depth axis.
     height: where up the pillar the sheet may aim, as parts of its height. margin_px: strip along the image's border
-    kept free. separation_mm: least distance between two strings' points. clearance_mm: least distance of the sensor's
-    emitter and camera from the jig's box. end_mm: least distance of a point from its string's ends.
+    kept free. separation_mm: least distance between two
+    strings' points as emitter and camera see them. clearance_mm: least distance of the sensor's
+    emitter and camera from the jig's box. end_mm: least distance of a point from its string's ends. mounting_deg: how
+    far the sensor may be turned from where it is believed to be; all of the above must hold all the same.
     """
 
     tilt_deg: float = 32.0
     roll_deg: float = 35.0
     height: tuple[float, float] = (0.3, 0.7)
-    margin_px: float = 30.0
-    separation_mm: float = 4.0
+    margin_px: float = 15.0
+    separation_mm: float = 2.5
     clearance_mm: float = 60.0
     end_mm: float = 6.0
+    mounting_deg: float = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,13 +135,17 @@ def feasible_views(problem: ViewProblem, wanted: int, rng: np.random.Generator, 
     tally = Tally() if tally is None else tally
     polygon = field_of_view(problem.sensor, problem.limits.margin_px)
     depths = _depth_range(polygon, 1.15 * problem.jig.side_mm)
+    turns = _turns(problem.limits.mounting_deg)
     joints: list[Array] = []
     poses: list[Pose] = []
     seed: Array | None = None
     for _ in range(MAX_BATCHES):
         T_sensor_jig = _sample_views(problem.jig, depths, problem.limits, rng).inverse()
         tally.tried += BATCH
-        T_sensor_jig = T_sensor_jig[_measurable(problem, T_sensor_jig, polygon, tally)]
+        good = np.ones(BATCH, dtype=bool)
+        for turn in turns:
+            good &= _measurable(problem, turn @ T_sensor_jig, polygon, good, tally)
+        T_sensor_jig = T_sensor_jig[good]
         if len(T_sensor_jig) == 0:
             continue
         goals = problem.T_base_jig @ T_sensor_jig.inverse() @ problem.T_hand_sensor.inverse()
@@ -148,7 +155,7 @@ def feasible_views(problem: ViewProblem, wanted: int, rng: np.random.Generator, 
             continue
         reached, q = _reach(problem.robot, goals, seed, rng, tally)
         for i in np.flatnonzero(reached):
-            if problem.sees_all is not None and not problem.sees_all(T_sensor_jig[i]):
+            if problem.sees_all is not None and not all(problem.sees_all(turn @ T_sensor_jig[i]) for turn in turns):
                 tally.refuse("hidden by strings, posts or plates", np.array([True]))
                 continue
             joints.append(q[i])
@@ -208,21 +215,48 @@ def _depth_range(polygon: Array, width: float) -> tuple[float, float]:
     return float(wide[0]), float(min(wide[-1], 1.5 * wide[0]))
 
 
-def _measurable(problem: ViewProblem, T_sensor_jig: Pose, polygon: Array, tally: Tally) -> Mask:
+def _turns(mounting_deg: float) -> list[Pose]:
+    """No turn, and turns of the sensor by ``mounting_deg`` either way about each of its axes."""
+    if mounting_deg == 0:
+        return [Pose.identity()]
+    axes = np.concatenate([np.eye(3), -np.eye(3)]) * np.deg2rad(mounting_deg)
+    return [Pose.identity(), *(Pose(exp_so3(w), np.zeros(3)) for w in axes)]
+
+
+def _measurable(problem: ViewProblem, T_sensor_jig: Pose, polygon: Array, still: Mask, tally: Tally) -> Mask:
     """Views (N) in which every string crosses the sheet well inside the field of view and apart from the others."""
     sensor, jig, limits = problem.sensor, problem.jig, problem.limits
     starts, directions = T_sensor_jig @ jig.starts[None], (T_sensor_jig.R[:, None] @ jig.directions[..., None])[..., 0]
     points, along = cross_plane_x0(starts, directions)
     crosses = np.all((along > limits.end_mm) & (along < jig.lengths - limits.end_mm), axis=1)
     seen = np.all(inside_polygon(np.nan_to_num(points[..., 1:], nan=1e9), polygon), axis=1)
-    gaps = np.linalg.norm(points[:, :, None] - points[:, None], axis=-1) + np.eye(len(jig.strings)) * 1e9
-    apart = np.min(gaps, axis=(1, 2)) > limits.separation_mm
+    apart = _separation(sensor, points) > limits.separation_mm
     clear = _clearance(sensor, jig, T_sensor_jig) > limits.clearance_mm
-    for why, mask in (("with a string beyond its ends", crosses), ("out of the field of view", seen)):
-        tally.refuse(why, ~mask)
-    tally.refuse("with two strings too near each other", crosses & seen & ~apart)
-    tally.refuse("with the sensor too near the jig", crosses & seen & apart & ~clear)
-    return np.asarray(crosses & seen & apart & clear)
+    tests = {
+        "with a string beyond its ends": crosses,
+        "out of the field of view": seen,
+        "with two strings too near each other": apart,
+        "with the sensor too near the jig": clear,
+    }
+    for why, fulfilled in tests.items():  # a view is refused once, for the first test it fails
+        tally.refuse(why, still & ~fulfilled)
+        still = still & fulfilled
+    return np.asarray(still)
+
+
+def _separation(sensor: SensorModel, points: Array) -> Array:
+    """Least distance (N) [mm] of any two points (N, S, 3) across the rays of the emitter and of the camera.
+
+    Two strings of one face of the pillar stand behind each other wherever that face points at the emitter.
+    """
+    least = np.full(len(points), np.inf)
+    for source in (sensor.laser_origin_mm, sensor.camera_centre_mm):
+        ray = points - source
+        distance = np.linalg.norm(ray, axis=-1, keepdims=True)
+        unit = ray / distance
+        across = np.linalg.norm(np.cross(unit[:, :, None], unit[:, None]), axis=-1) * distance
+        least = np.minimum(least, np.min(across + np.eye(points.shape[1]) * 1e9, axis=(1, 2)))
+    return least
 
 
 def _clearance(sensor: SensorModel, jig: Jig, T_sensor_jig: Pose) -> Array:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,6 +20,7 @@ Array = NDArray[np.float64]
 
 REACH_MM = 0.6  # half the thickness of sheet that must reach every string: its Gaussian is spent well inside
 SAMPLES = 7
+SHADOW_RADIUS_MM = 1.0  # strings stand wider in the way than they are: the sensor is not quite where it is believed
 STEPS = np.linspace(-REACH_MM, REACH_MM, SAMPLES)
 
 
@@ -47,7 +50,7 @@ def sees_all_strings(sensor: SensorModel, jig: Jig, solids: tuple[Solid, ...]) -
 
     def sees_all(T_sensor_jig: Pose) -> bool:
         placed = [Solid(s.mesh, s.material, T_sensor_jig @ s.T_sensor_mesh, s.name) for s in solids]
-        strings = cylinders(jig, T_sensor_jig)
+        strings = replace(cylinders(jig, T_sensor_jig), radius=SHADOW_RADIUS_MM)
         along = strings.directions / np.abs(strings.directions[:, :1])  # a step of 1 mm across the sheet
         points = (strings.crossing[:, None] + STEPS[:, None] * along[:, None]).reshape(-1, 3)
         for source in (sensor.laser_origin_mm, sensor.camera_centre_mm):

@@ -112,7 +112,8 @@ def demo_sensor() -> Sensor:
         fan_rad=float(np.deg2rad(44.0)),
         name="nominal laser-line sensor, 300 mm stand-off",
     )
-    return Sensor(model, EmulatorConfig(), {})
+    emulation = {"exposure": {"time_ms": 0.5}}  # the strings peak between some 30 and 200 of 255 grey levels
+    return Sensor(model, EmulatorConfig.model_validate(emulation), emulation)
 
 
 def _jig_pose(origin_mm: tuple[float, float, float], turn_deg: float) -> Pose:

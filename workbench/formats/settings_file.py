@@ -11,6 +11,7 @@ from pydantic import BaseModel, Field, create_model
 
 from calib import CalibConfig
 from extraction.config import ExtractionConfig
+from workbench.formats.sensor_file import toml_value
 from workbench.formats.strict import Section, validate
 from workbench.formats.toml_text import read_toml
 
@@ -47,3 +48,12 @@ def read_settings(paths: Sequence[Path], **calib: Any) -> Settings:
     given = {k: v for k, v in calib.items() if v is not None}
     own = CalibConfig.model_validate({**tables.pop("calib", {}), **given})
     return Settings(ExtractionConfig.model_validate(tables), own)
+
+
+def settings_text(settings: Settings) -> str:
+    """The resolved settings as TOML; a key without a value is left out."""
+    lines = ["# every parameter as it was used"]
+    for name, table in {**settings.extraction.model_dump(), "calib": settings.calib.model_dump()}.items():
+        lines.append(f"[{name}]")
+        lines += [f"{key} = {toml_value(value)}" for key, value in table.items() if value is not None]
+    return "\n".join(lines) + "\n"

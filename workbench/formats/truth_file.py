@@ -62,9 +62,7 @@ def read_truth(path: Path) -> Truth:
 
 def write_truth(path: Path, truth: Truth) -> None:
     """Write a truth.json atomically."""
-    data = truth.model_dump(
-        exclude={"frames": {"__all__": {"name": True, "points": {"__all__": {"name"}}}}}
-    )
+    data = truth.model_dump(exclude={"frames": {"__all__": {"name": True, "points": {"__all__": {"name"}}}}})
     write_text(path, json.dumps(data, indent=1, allow_nan=False) + "\n")
 
 

@@ -1,0 +1,59 @@
+"""The demo from start to end: record, extract, calibrate, compare with what is true and with the paper."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from pathlib import Path
+
+from calib import CalibrationResult
+from workbench.demo.experiment import paper_experiment
+from workbench.formats import Cell, read_cell, read_image
+from workbench.formats.settings_file import Settings
+from workbench.labels import label_dataset
+from workbench.pipeline import Observed, observe, solve
+from workbench.points_table import FrameTable
+from workbench.recording import record
+from workbench.results.folder import write_results
+from workbench.results.overlay import save_overlays
+
+Bar = Callable[[str, int], AbstractContextManager[Callable[[int, int], None]]]
+
+
+@dataclass(frozen=True, eq=False)
+class DemoResult:
+    """What the demo shows."""
+
+    cell: Cell
+    observed: Observed
+    result: CalibrationResult
+
+
+def run_demo(out: Path, seed: int, settings: Settings, bar: Bar) -> DemoResult:
+    """Record the experiment into ``out`` and calibrate it by the same path as recorded data."""
+    with bar("planning", 1):
+        experiment = paper_experiment(seed)
+    with bar("rendering", len(experiment.configurations)) as progress:
+        record(out, experiment.cell, experiment.true, experiment.configurations, seed, progress)
+    cell = read_cell(out)
+    with bar("extracting", len(cell.frames)) as progress:
+        observed = observe(cell, settings.extraction, progress)
+    with bar("calibrating", 1):
+        result = solve(cell, observed, settings.calib)
+        write_results(out, cell, observed, result, settings)
+    tables = label_dataset(cell, observed, settings.calib, result)
+    with bar("overlays", len(tables)) as progress:
+        _overlays(out / "overlays", cell, tables, progress)
+    return DemoResult(cell, observed, result)
+
+
+def _overlays(folder: Path, cell: Cell, tables: list[FrameTable], progress: Callable[[int, int], None]) -> None:
+    def one(table: FrameTable) -> Path:
+        image = read_image(cell.folder / table.image, cell.sensor.model)
+        return save_overlays(folder, image, cell.sensor.model, table)
+
+    with ThreadPoolExecutor(2) as pool:
+        for done, _ in enumerate(pool.map(one, tables), start=1):
+            progress(done, len(tables))

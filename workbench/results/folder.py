@@ -1,0 +1,23 @@
+"""The files beside a result: the JSON, the points, the picture of Fig. 7 and the settings that led to them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from calib import CalibrationResult
+from workbench.formats import Cell, points_text
+from workbench.formats.atomic import write_text
+from workbench.formats.settings_file import Settings, settings_text
+from workbench.labels import label_dataset
+from workbench.pipeline import Observed
+from workbench.points_table import rows
+from workbench.results.as_json import calibration_object, json_text
+from workbench.results.fig7 import write_fig7
+
+
+def write_results(out: Path, cell: Cell, observed: Observed, result: CalibrationResult, settings: Settings) -> None:
+    """Write result.json, points.csv, fig7.png and settings.toml into ``out``."""
+    write_text(out / "result.json", json_text(calibration_object(result, observed.complaints)) + "\n")
+    write_text(out / "points.csv", points_text(rows(label_dataset(cell, observed, settings.calib, result))))
+    write_fig7(out / "fig7.png", result)
+    write_text(out / "settings.toml", settings_text(settings))
