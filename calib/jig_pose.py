@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 
 MIN_STRINGS = 3
 SAME_MM, SAME_RAD = 0.05, 1e-3  # nearer minima are one
+VALLEY_RAD, VALLEY_CHI2 = 0.01, 0.1
 AMBIGUOUS_CHI2 = 16.0  # another pose within this of the best one can not be told from it by the points
 WEAK_MM = 1.0  # σ of the anchors above which a direction is weak
 WEAK_CONDITION = 1e3
@@ -50,6 +51,24 @@ def jig_pose(
     return JigPoseResult(candidates, 2 * len(axis) - 6, condition, weak, ambiguity)
 
 
+def pose_near(axis: AxisPoints, jig: Jig, guess: Pose, root_information: Array) -> JigPoseResult:
+    """The pose next to a guess of known uncertainty: for points that do not determine one on their own.
+
+    root_information: (6, 6) of ξ in T = guess · Exp(ξ). dof counts what the points themselves check.
+    """
+    index = string_indices(axis, jig)
+    white = whitening(axis.cov_yz_mm2)
+    problem = PoseProblem(
+        jig.starts[index], jig.directions[index], axis.yz_mm[None], white[None], (guess, root_information)
+    )
+    solution = _distinct(solve_poses(problem, Pose(guess.R[None], guess.t[None])))
+    chi2 = _chi2_with_tolerance(solution, axis, jig, index, None)
+    candidate = _candidate(solution, axis, 0, 1.0, float(chi2[0]))
+    own = solution.jacobian[0, : 2 * len(axis)]
+    rank = int(np.sum(_scaled_singular_values(own) > 1.0 / WEAK_CONDITION))
+    return JigPoseResult((candidate,), 2 * len(axis) - rank, scaled_condition(own), weak_directions(candidate, jig))
+
+
 def string_indices(axis: AxisPoints, jig: Jig) -> NDArray[np.intp]:
     """Index (N,) into the jig's strings of every labelled point; NoAnswerError where too few or unknown."""
     unknown = [label for label in axis.label if label not in jig.strings]
@@ -74,9 +93,13 @@ def whitening(cov: Array) -> Array:
 
 def scaled_condition(jacobian: Array) -> float:
     """Condition number of a Jacobian (rows, 6) whose columns are scaled to unit norm; inf where singular."""
+    s = _scaled_singular_values(jacobian)
+    return float(s[0] / s[-1]) if len(s) == 6 and s[-1] > 0 else float("inf")
+
+
+def _scaled_singular_values(jacobian: Array) -> Array:
     norms = np.linalg.norm(jacobian, axis=0)
-    s = np.linalg.svd(jacobian / np.where(norms > 0, norms, 1.0), compute_uv=False)
-    return float(s[0] / s[-1]) if s[-1] > 0 else float("inf")
+    return np.asarray(np.linalg.svd(jacobian / np.where(norms > 0, norms, 1.0), compute_uv=False))
 
 
 def weak_directions(candidate: JigPoseCandidate, jig: Jig) -> tuple[WeakDirection, ...]:
@@ -127,16 +150,19 @@ def _distinct(solution: PoseSolution) -> PoseSolution:
     kept: list[int] = []
     T = solution.T_sensor_jig
     for i in np.argsort(solution.cost, kind="stable"):
-        if usable[i] and not any(_same(T[int(i)], T[k]) for k in kept):
+        if usable[i] and not any(_same(T[int(i)], T[k], solution.jacobian[k]) for k in kept):
             kept.append(int(i))
     k = np.array(kept)
     s = solution
     return PoseSolution(T[k], s.cost[k], s.jacobian[k], s.yz_mm[k], s.along_mm[k], s.converged[k])
 
 
-def _same(a: Pose, b: Pose) -> bool:
-    xi = (a.inverse() @ b).log()
-    return bool(np.linalg.norm(xi[:3]) < SAME_MM and np.linalg.norm(xi[3:]) < SAME_RAD)
+def _same(a: Pose, b: Pose, jacobian: Array) -> bool:
+    """Whether two poses are one minimum: almost equal, or nearby on the floor of a flat valley."""
+    xi = (b.inverse() @ a).log()
+    turn = np.linalg.norm(xi[3:])
+    equal = np.linalg.norm(xi[:3]) < SAME_MM and turn < SAME_RAD
+    return bool(equal or (turn < VALLEY_RAD and np.sum((jacobian @ xi) ** 2) < VALLEY_CHI2))
 
 
 def _chi2_with_tolerance(

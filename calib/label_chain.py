@@ -18,8 +18,8 @@ Array = NDArray[np.float64]
 class Chain:
     """Hand poses of a location's frames, the SCP, and how wrong both may be.
 
-    Ts_base_hand: (N). scp_covariance: of ξ in T = T_hand_sensor · Exp(ξ) (6, 6). robot_covariance: of every hand pose, in
-    its sensor's axes (6, 6).
+    Ts_base_hand: (N). scp_covariance: of ξ in T = T_hand_sensor · Exp(ξ) (6, 6). robot_covariance: of every hand
+    pose, in its sensor's axes (6, 6).
     """
 
     Ts_base_hand: Pose
@@ -42,7 +42,8 @@ class Chain:
     def from_frame(self, i: int, T_sensor_jig: Pose, covariance: Array, j: int) -> Prior:
         """Jig pose of frame j by that of frame i.
 
-        With the SCP wrong by ξ: T_j = Exp(-ξ) G Exp(ξ) T_i ≈ G T_i · Exp(Ad(T_j⁻¹) (Ad(G) - 1) ξ), G the sensor's motion.
+        With the SCP wrong by ξ and G the sensor's motion:
+        T_j = Exp(-ξ) G Exp(ξ) T_i ≈ G T_i · Exp(Ad(T_j⁻¹) (Ad(G) - 1) ξ).
         """
         sensors = self.Ts_base_sensor
         G = sensors[j].inverse() @ sensors[i]

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from calib.config import CalibConfig
 from calib.label_chain import Chain, mahalanobis2
 from calib.label_evidence import Prior
-from calib.labelling import LabelledFrame, half_turned, label_spots, with_pose
+from calib.label_refine import LabelledFrame, half_turned, with_pose
+from calib.labelling import label_spots
 from geometry import Pose, SensorModel, SurfacePoints
 from jig_cad import Jig
 

@@ -33,8 +33,6 @@ class LabellingConfig(BaseModel):
     floor_mm: float = Field(
         0.02, ge=0, description="σ added to every spot in labelling: what its covariance leaves out"
     )
-    max_chi2_per_dof: float = Field(
-        6.0, gt=1, description="a labelling whose χ² per degree of freedom is larger is none"
-    )
+    min_probability: float = Field(1e-5, gt=0, lt=1, description="a labelling whose χ² is less probable is none")
     max_tilt_deg: float = Field(65.0, gt=0, lt=90, description="between the pillar and the laser plane's normal")
     max_candidates: int = Field(40, ge=3, description="spots considered, best score first")
