@@ -209,6 +209,10 @@ class Pose:
             batch = (*batch, Ellipsis)
         return Pose(self.R[(*batch, slice(None), slice(None))], self.t[(*batch, slice(None))])
 
+    def __bool__(self) -> bool:
+        """A pose is there, however many it holds: ``pose or other`` asks for None alone."""
+        return True
+
     def __len__(self) -> int:
         """How many poses the first batch axis holds."""
         if self.t.ndim == 1:
