@@ -92,7 +92,7 @@ def _look_ahead(view: StripeView, found: Candidates, config: StripeConfig) -> tu
     fits = _fit(view, found.take(some), guess, np.inf, first, config)
     good = _acceptable(fits, config)
     section = found.section[some[good]]
-    noise = estimate_noise(view.grey, section, fits[good], view.black_dn, config)
+    noise = estimate_noise(view, section, fits[good], config)
     if not good.any():
         return noise, np.full(len(found), _WIDTH_PX)
     steady = median_filter(fits[good, fit.WIDTH], size=min(9, int(good.sum())), mode="nearest")

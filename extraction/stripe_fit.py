@@ -113,7 +113,9 @@ def _guess(y: Array, n: int, start: float, width: float, p: Array) -> None:
         three = y[k - 1] + y[k] + y[k + 1]
         if three > best:
             best, peak = three, k
-    p[0], p[1], p[2], p[3] = peak, max(best / 3 - background, 0.5), width, background
+    amplitude = max(best / 3 - background, 0.5)
+    shift = 0.25 * width * width * (y[peak + 1] - y[peak - 1]) / amplitude  # half of what a noiseless peak asks for
+    p[0], p[1], p[2], p[3] = peak + min(max(shift, -0.5), 0.5), amplitude, width, background
 
 
 @compiled

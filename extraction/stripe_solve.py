@@ -12,6 +12,7 @@ from extraction.compiled import compiled
 Array = NDArray[np.float64]
 
 STEPS = 30
+_SINGULAR = 1e-12
 TERMS = 15  # of the normal equations: F's upper triangle by rows (10), gradient (4), χ²
 _ATOL_PX = 5e-4  # last step of centre and width; the error after it is far smaller
 
@@ -116,50 +117,49 @@ def _normal_equations(
 
 
 @compiled
-def _factor(work: Array, u: Array) -> bool:
-    """Cholesky F = UᵀU, U's upper triangle by rows (10,); False where F is not positive definite."""
-    u[0] = work[0]
-    if not u[0] > 0:
+def factor(work: Array, u: Array) -> bool:
+    """F = UᵀDU by rows, D's reciprocals on the diagonal (10,); False where F is not positive definite."""
+    if not work[0] > 0:
         return False
-    u[0] = math.sqrt(u[0])
-    u[1], u[2], u[3] = work[1] / u[0], work[2] / u[0], work[3] / u[0]
-    u[4] = work[4] - u[1] * u[1]
-    if not u[4] > 1e-12 * work[4]:
+    u[0] = 1 / work[0]
+    u[1], u[2], u[3] = work[1] * u[0], work[2] * u[0], work[3] * u[0]
+    d1 = work[4] - u[1] * work[1]
+    if not d1 > _SINGULAR * work[4]:
         return False
-    u[4] = math.sqrt(u[4])
-    u[5], u[6] = (work[5] - u[1] * u[2]) / u[4], (work[6] - u[1] * u[3]) / u[4]
-    u[7] = work[7] - u[2] * u[2] - u[5] * u[5]
-    if not u[7] > 1e-12 * work[7]:
+    u[4] = 1 / d1
+    e12, e13 = work[5] - u[1] * work[2], work[6] - u[1] * work[3]
+    u[5], u[6] = e12 * u[4], e13 * u[4]
+    d2 = work[7] - u[2] * work[2] - u[5] * e12
+    if not d2 > _SINGULAR * work[7]:
         return False
-    u[7] = math.sqrt(u[7])
-    u[8] = (work[8] - u[2] * u[3] - u[5] * u[6]) / u[7]
-    u[9] = work[9] - u[3] * u[3] - u[6] * u[6] - u[8] * u[8]
-    if not u[9] > 1e-12 * work[9]:
+    u[7] = 1 / d2
+    e23 = work[8] - u[2] * work[3] - u[5] * e13
+    u[8] = e23 * u[7]
+    d3 = work[9] - u[3] * work[3] - u[6] * e13 - u[8] * e23
+    if not d3 > _SINGULAR * work[9]:
         return False
-    u[9] = math.sqrt(u[9])
+    u[9] = 1 / d3
     return True
 
 
 @compiled
-def _back(u: Array, b0: float, b1: float, b2: float, b3: float, x: Array) -> None:
-    """Solve UᵀU x = b."""
-    y0 = b0 / u[0]
-    y1 = (b1 - u[1] * y0) / u[4]
-    y2 = (b2 - u[2] * y0 - u[5] * y1) / u[7]
-    y3 = (b3 - u[3] * y0 - u[6] * y1 - u[8] * y2) / u[9]
-    x[3] = y3 / u[9]
-    x[2] = (y2 - u[8] * x[3]) / u[7]
-    x[1] = (y1 - u[5] * x[2] - u[6] * x[3]) / u[4]
-    x[0] = (y0 - u[1] * x[1] - u[2] * x[2] - u[3] * x[3]) / u[0]
+def back(u: Array, b0: float, b1: float, b2: float, b3: float, x: Array) -> None:
+    """Solve UᵀDU x = b."""
+    y1 = b1 - u[1] * b0
+    y2 = b2 - u[2] * b0 - u[5] * y1
+    x[3] = (b3 - u[3] * b0 - u[6] * y1 - u[8] * y2) * u[9]
+    x[2] = y2 * u[7] - u[8] * x[3]
+    x[1] = y1 * u[4] - u[5] * x[2] - u[6] * x[3]
+    x[0] = b0 * u[0] - u[1] * x[1] - u[2] * x[2] - u[3] * x[3]
 
 
 @compiled
 def _solve(work: Array, step: Array) -> bool:
     """The scoring step F⁻¹ g; False where F is singular."""
     u = np.empty(10)
-    if not _factor(work, u):
+    if not factor(work, u):
         return False
-    _back(u, work[10], work[11], work[12], work[13], step)
+    back(u, work[10], work[11], work[12], work[13], step)
     return True
 
 
@@ -167,7 +167,7 @@ def _solve(work: Array, step: Array) -> bool:
 def centre_variance(work: Array) -> float:
     """Variance of the centre, a diagonal term of F⁻¹; infinite where singular."""
     u, x = np.empty(10), np.empty(4)
-    if not _factor(work, u):
+    if not factor(work, u):
         return np.inf
-    _back(u, 1.0, 0.0, 0.0, 0.0, x)
+    back(u, 1.0, 0.0, 0.0, 0.0, x)
     return float(x[0])

@@ -99,17 +99,19 @@ def test_rays_that_miss_the_sheet_are_nan_in_both_ways():
     yz, jacobian = image_to_sheet(sensor, uv)
     missed = np.isnan(yz).any(axis=1)
     assert missed.sum() == 1
-    assert np.isnan(jacobian[missed]).all() and np.isfinite(jacobian[~missed]).all()
+    assert np.isnan(jacobian[missed]).all()
+    assert np.isfinite(jacobian[~missed]).all()
     np.testing.assert_allclose(SheetTable.build(sensor).lookup(uv)[0], yz, atol=ATOL_TABLE_MM)
 
 
 def test_pixels_beyond_the_fold_of_the_lens_are_nan_not_another_branch():
-    """k1 = -1 folds at r = 1/√3, seen radius 0.385: beyond it no ray exists, and within none of another branch is given."""
+    """k1 = -1 folds at r = 1/√3, seen radius 0.385: no ray exists beyond it, and within it none of another branch."""
     sensor = make_sensor((-1.0, 0.0, 0.0, 0.0))
     seen = np.array([0.1, 0.3, 0.38, 0.39, 0.8])
     uv = np.column_stack([641.5 + 2300 * seen, np.full(5, 509.5)])
     xy = undistort(sensor, uv).xy
-    assert np.isfinite(xy[:3]).all() and np.isnan(xy[3:]).all()
+    assert np.isfinite(xy[:3]).all()
+    assert np.isnan(xy[3:]).all()
     assert (xy[:3, 0] < 1 / np.sqrt(3)).all()
     np.testing.assert_allclose(xy[:3, 0] * (1 - xy[:3, 0] ** 2), seen[:3], atol=1e-12)
 
@@ -148,7 +150,8 @@ def test_wrong_shape_is_refused(uv):
 def test_empty_and_nan_input():
     sensor = make_sensor(DISTORTIONS["tilted"])
     yz, jacobian = image_to_sheet(sensor, np.zeros((0, 2)))
-    assert yz.shape == (0, 2) and jacobian.shape == (0, 2, 2)
+    assert yz.shape == (0, 2)
+    assert jacobian.shape == (0, 2, 2)
     assert np.isnan(image_to_sheet(sensor, np.array([[np.nan, 1.0]]))[0]).all()
     assert np.isnan(sheet_table(sensor).lookup(np.array([[np.nan, 1.0]]))[0]).all()
 
