@@ -33,7 +33,7 @@ class Candidate:
 class StageView:
     """The stages of one image. ``background`` (H, W) [DN]; ``mask`` (H, W) non-zero where something is lit."""
 
-    background: Array
+    background: NDArray[np.floating[Any]]
     mask: NDArray[np.uint8]
     candidates: tuple[Candidate, ...]
     points: SurfacePoints

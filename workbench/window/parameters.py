@@ -101,6 +101,7 @@ def _control(path: tuple[str, ...], field: Schema, nullable: bool, default: Any)
         "level": field.get("level", "expert" if field.get("expert") else "basic"),
         "default": default,
         "nullable": nullable,
+        "search": bool(field.get("search", False)),
     }
     if kind in ("number", "integer"):
         control |= _range(field, default, kind)
@@ -125,11 +126,15 @@ def _kind(field: Schema) -> str:
 def _range(field: Schema, default: Any, kind: str) -> dict[str, Any]:
     """Bounds of the slider (ui_min, ui_max where the model says so), its step, and whether it is logarithmic."""
     size = abs(float(default)) if isinstance(default, int | float) and default else 1.0
-    low = field.get("ui_min", field.get("minimum", field.get("exclusiveMinimum", 0.0)))
-    high = field.get("ui_max", field.get("maximum", field.get("exclusiveMaximum", max(4 * size, low + 4 * size))))
+    low = _first(field, ("ui_min", "minimum", "exclusiveMinimum"), 0.0)
+    high = _first(field, ("ui_max", "maximum", "exclusiveMaximum"), max(4 * size, low + 4 * size))
     log = bool(field.get("log", low > 0 and high / low >= 1000))
     step = field.get("step", 1 if kind == "integer" else _nice_step((high - low) / 200))
     return {"min": low, "max": high, "step": step, "log": log and low > 0}
+
+
+def _first(field: Schema, names: tuple[str, ...], otherwise: float) -> float:
+    return next((float(field[n]) for n in names if field.get(n) is not None), otherwise)
 
 
 def _nice_step(raw: float) -> float:

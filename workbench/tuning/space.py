@@ -1,0 +1,80 @@
+"""The search space, from the configuration model's own ranges."""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from pydantic import BaseModel
+
+from workbench.window.parameters import panel
+
+
+@dataclass(frozen=True)
+class Dimension:
+    """One parameter that the search may move."""
+
+    key: str
+    kind: str  # "number" or "integer"
+    low: float
+    high: float
+    log: bool
+
+
+class Suggests(Protocol):
+    """A trial, as far as the space needs it."""
+
+    def suggest_float(self, name: str, low: float, high: float, *, log: bool = False) -> float:
+        """A number between ``low`` and ``high``."""
+        ...
+
+    def suggest_int(self, name: str, low: int, high: int, *, log: bool = False) -> int:
+        """A whole number between ``low`` and ``high``."""
+        ...
+
+
+def space(model: type[BaseModel]) -> tuple[Dimension, ...]:
+    """Every parameter that the model marks for search, with the range of its slider."""
+    controls = [p for group in panel(model) for p in group["parameters"]]
+    return tuple(
+        Dimension(p["key"], p["kind"], p["min"], p["max"], p["log"])
+        for p in controls
+        if p["search"] and p["kind"] in ("number", "integer")
+    )
+
+
+def suggest(trial: Suggests, dimensions: tuple[Dimension, ...], base: BaseModel) -> BaseModel:
+    """``base`` with every dimension as the trial suggests it."""
+    values: dict[str, float] = {}
+    for d in dimensions:
+        if d.kind == "integer":
+            values[d.key] = trial.suggest_int(d.key, int(d.low), int(d.high), log=d.log)
+        else:
+            values[d.key] = trial.suggest_float(d.key, d.low, d.high, log=d.log)
+    return with_values(base, values)
+
+
+def values_of(config: BaseModel, dimensions: tuple[Dimension, ...]) -> dict[str, float]:
+    """Where ``config`` stands in the space, clipped to it."""
+    table = config.model_dump()
+    out = {}
+    for d in dimensions:
+        here: Any = table
+        for part in d.key.split("."):
+            here = here[part]
+        clipped = min(max(float(here), d.low), d.high)
+        out[d.key] = round(clipped) if d.kind == "integer" else clipped
+    return out
+
+
+def with_values(base: BaseModel, values: dict[str, float]) -> BaseModel:
+    """``base`` with some parameters replaced, checked by the model."""
+    table = copy.deepcopy(base.model_dump())
+    for key, value in values.items():
+        *path, last = key.split(".")
+        here: Any = table
+        for part in path:
+            here = here[part]
+        here[last] = value
+    return type(base).model_validate(table)
