@@ -1,0 +1,170 @@
+"""What came out of a trial against its truth, as table rows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib import CalibConfig, CalibrationResult, Observations
+from calib.labelling import label_frame
+from geometry import Pose
+from jig_cad import Jig, half_turn_label
+from perceptron_emu import Frame
+from workbench.campaign.emulated import VERIFY, EmulatedCell
+from workbench.scoring import FrameScore, score_frame
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class FrameOutcome:
+    """One frame's labelled points (N) and its own pose."""
+
+    used: bool
+    reason: str | None
+    label: tuple[str, ...]
+    uv_px: Array
+    yz_mm: Array
+    T_sensor_jig: Pose | None
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """All frames, and the calibration where one was run."""
+
+    frames: tuple[FrameOutcome, ...]
+    result: CalibrationResult | None
+
+
+def labelled_only(observations: Observations, jig: Jig, config: CalibConfig) -> Outcome:
+    """Every frame labelled by itself from the jig's geometry alone, no robot."""
+    out = []
+    for frame in observations.frames:
+        found = label_frame(frame.points, jig, observations.sensor, None, config)
+        uv = frame.points.uv_px[found.axis.spot] if len(found.axis) else np.zeros((0, 2))
+        out.append(
+            FrameOutcome(found.reason is None, found.reason, found.axis.label, uv, found.axis.yz_mm, found.T_sensor_jig)
+        )
+    return Outcome(tuple(out), None)
+
+
+def calibrated(result: CalibrationResult) -> Outcome:
+    """Every frame as calibration used it."""
+    frames = tuple(
+        FrameOutcome(f.used, f.reason, f.points.label, f.points.uv_px, f.points.yz_mm, f.T_sensor_jig)
+        for f in result.frames
+    )
+    return Outcome(frames, result)
+
+
+def frame_rows(emulated: EmulatedCell, frames: Sequence[Frame], outcome: Outcome) -> list[dict[str, Any]]:
+    """A row a frame; the rows' ``_score`` holds what the trial's row sums up."""
+    rows = []
+    for configuration, frame, answer in zip(emulated.configurations, frames, outcome.frames, strict=True):
+        truth = frame.truth
+        true_pose = truth.T_sensor_jig or Pose.identity()
+        found = answer if outcome.result is not None else _as_turned(answer, true_pose, emulated.cell.jig)
+        score = score_frame(truth.strings, found.label, found.uv_px, found.yz_mm)
+        row: dict[str, Any] = {
+            "frame": configuration.frame,
+            "location": configuration.location,
+            "role": configuration.role,
+            "used": found.used,
+            "reason": found.reason,
+            "joints_deg": np.rad2deg(configuration.reading_rad).tolist(),
+            "T_sensor_jig_true": true_pose.matrix.ravel().tolist(),
+            "tilt_deg": _tilt_deg(true_pose),
+            "visible": score.visible,
+            "found": score.found,
+            "false_points": score.false,
+            "mislabelled": score.mislabelled,
+            "_score": score,
+        }
+        rows.append(row | _errors(score) | _pose_error(found.T_sensor_jig, true_pose))
+    return rows
+
+
+def _as_turned(found: FrameOutcome, true_pose: Pose, jig: Jig) -> FrameOutcome:
+    """A frame labelled by itself, named as its truth is: points alone can never tell the half turn."""
+    if found.T_sensor_jig is None or found.T_sensor_jig.R[0, 0] * true_pose.R[0, 0] > 0:
+        return found
+    turned = found.T_sensor_jig @ jig.half_turn
+    return replace(found, label=tuple(half_turn_label(n) for n in found.label), T_sensor_jig=turned)
+
+
+def trial_row(emulated: EmulatedCell, rows: Sequence[dict[str, Any]], outcome: Outcome) -> dict[str, Any]:
+    """The trial's row: sums over frames, and the calibration against the true SCP."""
+    errors = np.concatenate([r["_score"].error_mm for r in rows]) if rows else np.zeros((0, 2))
+    row: dict[str, Any] = {
+        "frames_used": sum(r["used"] for r in rows),
+        "spots_visible": sum(r["visible"] for r in rows),
+        "spots_found": sum(r["found"] for r in rows),
+        "points_false": sum(r["false_points"] for r in rows),
+        "points_mislabelled": sum(r["mislabelled"] for r in rows),
+        "tilt_max_deg": max((r["tilt_deg"] for r in rows), default=None),
+        "pose_rms_mm": _rms([r["pose_error_mm"] for r in rows]),
+        "pose_rms_deg": _rms([r["pose_error_deg"] for r in rows]),
+        "T_hand_sensor_true": emulated.true.T_hand_sensor.matrix.ravel().tolist(),
+    }
+    if len(errors):
+        bias, rms = errors.mean(axis=0), np.sqrt(np.mean(errors**2, axis=0))
+        row |= {"point_bias_y_mm": bias[0], "point_bias_z_mm": bias[1]}
+        row |= {"point_rms_y_mm": rms[0], "point_rms_z_mm": rms[1]}
+    if outcome.result is None:
+        return row | {"verdict": "ok" if row["frames_used"] == len(rows) else "not_labelled"}
+    return row | _calibration(outcome.result, emulated.true.T_hand_sensor)
+
+
+def _calibration(result: CalibrationResult, true: Pose) -> dict[str, Any]:
+    row: dict[str, Any] = {"verdict": result.verdict.code, "message": result.verdict.text}
+    row["chi2_per_dof"] = result.chi2_per_dof
+    check = result.locations.get(VERIFY)
+    if check is not None:
+        row["verify_max_deviation_mm"] = check.max_deviation_mm.solved
+        row["verify_point_rms_mm"] = check.point_rms_mm.solved
+    if result.T_hand_sensor is None or result.covariance is None:
+        return row
+    xi = (result.T_hand_sensor.inverse() @ true).log()
+    cov = result.covariance
+    return row | {
+        "error_mm": float(np.linalg.norm(result.T_hand_sensor.t - true.t)),
+        "error_deg": float(np.rad2deg(np.linalg.norm(xi[3:]))),
+        "nees": float(xi @ np.linalg.solve(cov, xi)),
+        "error": xi.tolist(),
+        "covariance": cov.ravel().tolist(),
+        "T_hand_sensor": result.T_hand_sensor.matrix.ravel().tolist(),
+        "sigma_mm": float(np.sqrt(np.trace(cov[:3, :3]))),
+        "sigma_deg": float(np.rad2deg(np.sqrt(np.trace(cov[3:, 3:])))),
+    }
+
+
+def _errors(score: FrameScore) -> dict[str, float]:
+    if not len(score.error_mm):
+        return {}
+    bias, rms = score.error_mm.mean(axis=0), np.sqrt(np.mean(score.error_mm**2, axis=0))
+    return {"bias_y_mm": bias[0], "bias_z_mm": bias[1], "rms_y_mm": rms[0], "rms_z_mm": rms[1]}
+
+
+def _pose_error(found: Pose | None, true: Pose) -> dict[str, float | None]:
+    """Distance of the jig's origin and angle; None where the frame has no pose of its own."""
+    if found is None:
+        return {"pose_error_mm": None, "pose_error_deg": None}
+    xi = (found.inverse() @ true).log()
+    return {
+        "pose_error_mm": float(np.linalg.norm(found.t - true.t)),
+        "pose_error_deg": float(np.rad2deg(np.linalg.norm(xi[3:]))),
+    }
+
+
+def _tilt_deg(T_sensor_jig: Pose) -> float:
+    """Angle between the laser plane's normal and the pillar."""
+    return float(np.rad2deg(np.arccos(min(1.0, abs(T_sensor_jig.R[0, 0])))))
+
+
+def _rms(values: Sequence[float | None]) -> float | None:
+    known = np.array([v for v in values if v is not None], dtype=float)
+    return float(np.sqrt(np.mean(known**2))) if len(known) else None

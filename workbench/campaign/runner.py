@@ -1,0 +1,53 @@
+"""Run what of a plan is not done yet, and merge the tables."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from workbench.campaign.engines import default_workers, run_dask, run_local
+from workbench.campaign.plan import Plan
+from workbench.campaign.shard import run_shard
+from workbench.campaign.store import Store, open_store
+
+Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True)
+class RunSummary:
+    """A finished run. resumed: trials that an earlier start of the same run had done."""
+
+    folder: Path
+    trials: int
+    resumed: int
+
+
+def run_campaign(
+    plan: Plan, folder: Path, workers: int | None = None, dask: str | None = None, progress: Progress | None = None
+) -> RunSummary:
+    """Run ``plan`` into ``folder``, going on where an earlier start stopped.
+
+    workers: processes of this machine, default all its cores. dask: address of a scheduler in their place. progress is
+    told the trials done and the trials in all. The tables are the same bytes whatever the workers, timings apart.
+    """
+    store = open_store(folder, plan)
+    missing = store.missing()
+    done = store.trials - _count(store, missing)
+    resumed = done
+    work = partial(run_shard, plan)
+    if progress:
+        progress(done, store.trials)
+    results = run_dask(work, missing, dask) if dask else run_local(work, missing, workers or default_workers())
+    for result in results if missing else ():
+        store.save(result)
+        done += len(store.trials_of(result.shard))
+        if progress:
+            progress(done, store.trials)
+    store.merge()
+    return RunSummary(folder, store.trials, resumed)
+
+
+def _count(store: Store, shards: list[int]) -> int:
+    return sum(len(store.trials_of(s)) for s in shards)

@@ -1,0 +1,135 @@
+"""One complete pixel-to-transform trial in memory: the same code as single runs."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any
+
+import cv2
+import numpy as np
+
+from calib import FrameObservation, Observations, calibrate
+from extraction import extract
+from geometry import PerceptronEmuError, SurfacePoints
+from perceptron_emu import Frame, render
+from workbench.campaign.emulated import EmulatedCell, emulated_cell
+from workbench.campaign.outcome import Outcome, calibrated, frame_rows, labelled_only, trial_row
+from workbench.campaign.settings import TrialSettings
+from workbench.recording import Configuration, frame_scene
+
+PNG_FASTEST = [cv2.IMWRITE_PNG_COMPRESSION, 1]
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """What a trial leaves: its row, its frames' rows, seconds by stage, kept images by name."""
+
+    row: dict[str, Any]
+    frames: list[dict[str, Any]] = field(default_factory=list)
+    timings: dict[str, float] = field(default_factory=dict)
+    images: dict[str, bytes] = field(default_factory=dict)
+
+
+def run_trial(settings: TrialSettings, run: str, seed: np.random.SeedSequence, *, keep_images: bool = False) -> Trial:
+    """Render, extract and (run "pose": label; "calibrate": solve) one cell drawn by ``seed``.
+
+    A trial from which no answer follows is a row too: its verdict says why.
+    """
+    clock = _Clock()
+    settings = one_frame(settings) if run == "extract" else settings
+    try:
+        with clock("plan_s"):
+            emulated = emulated_cell(settings, _cell_rng(seed))
+        frames, points = _measure(emulated, settings, seed, clock)
+        with clock("calibrate_s"):
+            observations = _observations(emulated, points)
+            outcome = _answer(observations, emulated, settings, run)
+    except PerceptronEmuError as error:
+        return Trial({"verdict": "no_answer", "message": str(error)}, timings=clock.seconds)
+    rows = frame_rows(emulated, frames, outcome)
+    images = {f"{c.frame:03d}.png": _png(f) for c, f in zip(emulated.configurations, frames, strict=True)}
+    return Trial(trial_row(emulated, rows, outcome), rows, clock.seconds, images if keep_images else {})
+
+
+def _answer(observations: Observations, emulated: EmulatedCell, settings: TrialSettings, run: str) -> Outcome:
+    if run != "calibrate":
+        return labelled_only(observations, emulated.cell.jig, settings.calib)
+    return calibrated(calibrate(observations, emulated.cell.jig, emulated.cell.robot, settings.calib))
+
+
+def trial_frames(
+    settings: TrialSettings, run: str, seed: np.random.SeedSequence
+) -> Iterator[tuple[Configuration, Frame]]:
+    """The frames of a trial alone, the same bytes as when it was run; none where no configurations were found."""
+    settings = one_frame(settings) if run == "extract" else settings
+    try:
+        emulated = emulated_cell(settings, _cell_rng(seed))
+    except PerceptronEmuError:
+        return
+    for configuration in emulated.configurations:
+        yield configuration, render_frame(emulated, configuration, seed)
+
+
+def one_frame(settings: TrialSettings) -> TrialSettings:
+    """The same settings with a single frame, for trials of extraction alone."""
+    poses = settings.poses.model_copy(update={"locations": 1, "per_location": 1, "verify": 0})
+    return settings.model_copy(update={"poses": poses})
+
+
+def _cell_rng(seed: np.random.SeedSequence) -> np.random.Generator:
+    """The generator of the trial's cell; not by ``spawn``, which remembers how often it was asked."""
+    return np.random.default_rng(np.random.SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, 0)))
+
+
+def frame_rng(seed: np.random.SeedSequence, frame: int) -> np.random.Generator:
+    """The generator of one frame's noise: a function of the trial's seed and the frame's number alone."""
+    key = (*seed.spawn_key, 1000 + frame)
+    return np.random.default_rng(np.random.SeedSequence(seed.entropy, spawn_key=key))
+
+
+def render_frame(emulated: EmulatedCell, configuration: Configuration, seed: np.random.SeedSequence) -> Frame:
+    """One frame of the trial, the same bytes whenever it is made."""
+    scene = frame_scene(emulated.cell, emulated.true, configuration)
+    return render(scene, emulated.cell.sensor.emulator, frame_rng(seed, configuration.frame))
+
+
+def _measure(
+    emulated: EmulatedCell, settings: TrialSettings, seed: np.random.SeedSequence, clock: _Clock
+) -> tuple[list[Frame], list[SurfacePoints]]:
+    frames, points = [], []
+    for configuration in emulated.configurations:
+        with clock("render_s"):
+            frames.append(render_frame(emulated, configuration, seed))
+        with clock("extract_s"):
+            points.append(extract(frames[-1].image, emulated.cell.sensor.model, settings.extraction))
+    return frames, points
+
+
+def _observations(emulated: EmulatedCell, points: list[SurfacePoints]) -> Observations:
+    frames = tuple(
+        FrameObservation(c.frame, c.location, c.role, p, joints_rad=c.reading_rad)  # type: ignore[arg-type]
+        for c, p in zip(emulated.configurations, points, strict=True)
+    )
+    return Observations(frames, emulated.cell.sensor.model, emulated.cell.T_hand_sensor_design)
+
+
+def _png(frame: Frame) -> bytes:
+    return bytes(cv2.imencode(".png", frame.image, PNG_FASTEST)[1])
+
+
+class _Clock:
+    """Seconds spent by stage."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+
+    @contextmanager
+    def __call__(self, stage: str) -> Iterator[None]:
+        start = time.perf_counter()
+        try:
+            yield
+        finally:
+            self.seconds[stage] = self.seconds.get(stage, 0.0) + time.perf_counter() - start
