@@ -4,7 +4,7 @@ from perceptron_emu.config import EmulatorConfig
 from perceptron_emu.projection import project
 from perceptron_emu.render import render
 from perceptron_emu.scene import ALUMINIUM, BLACK_PLATE, MATTE, WALL, Material, Scene, Solid, panel
-from perceptron_emu.truth import Frame, FrameTruth, StringTruth
+from perceptron_emu.truth import Frame, FrameTruth, SheetCurve, StringTruth
 
 __all__ = [
     "ALUMINIUM",
@@ -16,6 +16,7 @@ __all__ = [
     "FrameTruth",
     "Material",
     "Scene",
+    "SheetCurve",
     "Solid",
     "StringTruth",
     "panel",

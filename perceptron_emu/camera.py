@@ -15,10 +15,12 @@ from perceptron_emu.hashing import NORMAL, mix
 Float32 = NDArray[np.float32]
 Image = NDArray[np.uint8] | NDArray[np.uint16]
 
+FULL_WELL_OVER_RANGE = 1.03  # a saturated pixel then gives the largest grey level, its noise notwithstanding
+
 
 def gain_dn_per_e(noise: NoiseConfig, sensor: SensorModel) -> float:
-    """System gain K [DN/e⁻]."""
-    return noise.gain_dn_per_e or (sensor.saturation_dn - sensor.black_level) / noise.full_well_e
+    """System gain K [DN/e⁻]: as configured, or such that the converter is full a little before the pixel is."""
+    return noise.gain_dn_per_e or FULL_WELL_OVER_RANGE * (sensor.saturation_dn - sensor.black_level) / noise.full_well_e
 
 
 def expose(electrons: Float32, noise: NoiseConfig, sensor: SensorModel, time_s: float, key: int) -> Image:

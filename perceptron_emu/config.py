@@ -90,7 +90,7 @@ class AmbientConfig(Section):
     enabled: bool = True
     irradiance_mw_m2_nm: Annotated[
         float, Field(ge=0, description="spectral irradiance on a surface facing the light")
-    ] = 2.0
+    ] = 6.0
     direction: Annotated[tuple[float, float, float], Field(description="light travels along, in {P}")] = (
         0.5,
         -0.2,
@@ -110,24 +110,32 @@ class NoiseConfig(Section):
     ] = None
     read_noise_e: Annotated[float, Field(ge=0)] = 14.0
     dark_current_e_s: Annotated[float, Field(ge=0)] = 50.0
-    dsnu_e: Annotated[float, Field(ge=0, description="σ of the pixels' own offsets")] = 2.0
+    dsnu_e: Annotated[float, Field(ge=0, description="σ of the pixels' own offsets")] = 6.0
+    adc_bits: Annotated[
+        Literal[8, 10, 12, 14, 16] | None, Field(description="of one exposure of an HDR image; default: the image's")
+    ] = None
     prnu: Annotated[float, Field(ge=0, le=0.5, description="σ of the pixels' own gains")] = 0.008
     pattern_seed: Annotated[int, Field(ge=0, description="which camera: its fixed pattern")] = 1
     shot: bool = True
 
 
 class ExposureConfig(Section):
-    """[exposure]: time, and how often."""
+    """[exposure]: time, shutter, and how often."""
 
     time_ms: Annotated[float, Field(gt=0, le=60_000)] = 2.0
+    laser_on: Annotated[bool, Field(description="false: the ambient-only partner of a frame")] = True
     hdr_ratios: Annotated[
-        tuple[float, ...], Field(description="further exposures as factors of time_ms, merged into one image")
+        tuple[Annotated[float, Field(gt=0, le=1)], ...],
+        Field(max_length=8, description="further, shorter exposures as parts of time_ms, merged into one image"),
     ] = ()
-    laser_on: Annotated[bool, Field(description="false: the ambient-only partner frame")] = True
+    shutter: Literal["global", "rolling"] = "global"
+    row_time_us: Annotated[float, Field(ge=0, description="a rolling shutter's delay from row to row")] = 20.0
 
 
 class MotionConfig(Section):
-    """[motion]: the hand's velocity during the exposure, in the sensor's own axes."""
+    """[motion]: the sensor's velocity during the exposure, along and about its own axes; the pose is that at
+    mid-exposure.
+    """
 
     velocity_mm_s: tuple[float, float, float] = (0.0, 0.0, 0.0)
     angular_deg_s: tuple[float, float, float] = (0.0, 0.0, 0.0)

@@ -38,3 +38,8 @@ def _white_noise(out, row, column, key, normal):  # type: ignore[no-untyped-def]
         for j in range(out.shape[1]):
             bits = mix((uint64(row + i + 0x40000000) << uint64(32)) | uint64(column + j + 0x40000000), key)
             out[i, j] = complex(scale * normal[bits & low], scale * normal[(bits >> uint64(16)) & low])
+
+
+def mix_keys(key: int, number: int) -> int:
+    """A key of 63 bits for the given part of what ``key`` stands for."""
+    return int(np.random.SeedSequence([key, number]).generate_state(1, np.uint64)[0] >> np.uint64(1))

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import SensorModel
+from geometry import Pose, SensorModel
 from perceptron_emu.config import EmulatorConfig
 from perceptron_emu.deposit import REACH, deposit
 from perceptron_emu.optics import defocus_radius_px, sharp_sigma_px
@@ -25,10 +25,18 @@ _DISC = [(0.0, 0.0)] + [
 ]
 
 
-def draw(electrons: Float32, samples: Samples, sensor: SensorModel, config: EmulatorConfig, key: int) -> None:
+def draw(
+    electrons: Float32,
+    samples: Samples,
+    sensor: SensorModel,
+    config: EmulatorConfig,
+    key: int,
+    drift: Pose | None = None,
+) -> None:
     """Add the light of the nodes to the image of mean electrons (H, W).
 
-    key: 64 random bits of this frame's speckle.
+    key: 64 random bits of this frame's speckle. drift: how far the scene has moved in {P} since the speckle's own
+    moment; the pattern moves with the surface.
     """
     if len(samples.electrons) == 0:
         return
@@ -39,7 +47,17 @@ def draw(electrons: Float32, samples: Samples, sensor: SensorModel, config: Emul
     uv, sigma, weight, group = uv[order], sigma[order], weight[order], group[order]
     ends = np.flatnonzero(np.diff(group)) + 1
     for piece in np.split(np.arange(len(group)), ends):
-        _draw_piece(electrons, uv[piece], weight[piece], sigma[piece], sensor, config, key)
+        shift = _speckle_shift(samples.xyz_mm[samples.group == group[piece[0]]], sensor, drift)
+        _draw_piece(electrons, uv[piece], weight[piece], sigma[piece], sensor, config, key, shift)
+
+
+def _speckle_shift(xyz_mm: Array, sensor: SensorModel, drift: Pose | None) -> Array:
+    """How far (2,) [px] the image of the surface at the nodes' middle has moved."""
+    if drift is None or not np.any(drift.log()):
+        return np.zeros(2)
+    there = xyz_mm.mean(0)
+    shift = project(sensor, there) - project(sensor, drift.inverse() @ there)
+    return np.asarray(np.nan_to_num(shift))
 
 
 def _defocused(
@@ -66,6 +84,7 @@ def _draw_piece(
     sensor: SensorModel,
     config: EmulatorConfig,
     key: int,
+    shift_px: Array,
 ) -> None:
     """One group of nodes: drawn on sub-pixels, multiplied by speckle, summed over each pixel."""
     height, width = electrons.shape
@@ -81,6 +100,7 @@ def _draw_piece(
     deposit(fine, u, v, weight, sigma * q)
     if config.speckle.enabled:
         grain = grain_px(config, sensor) * q
-        fine *= speckle_field((v0 * q, u0 * q), fine.shape, grain, contrast(config), key)
+        moved = np.round(shift_px * q).astype(int)
+        fine *= speckle_field((v0 * q - moved[1], u0 * q - moved[0]), fine.shape, grain, contrast(config), key)
         fine = fine.reshape(rows, q, columns, q).sum((1, 3))
     electrons[v0 : v1 + 1, u0 : u1 + 1] += fine

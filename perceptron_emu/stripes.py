@@ -25,6 +25,8 @@ Index = NDArray[np.int64]
 
 TILE_PX = 64  # stripes are drawn in tiles of this side
 FIRST_STRIPE_GROUP = 1_000
+TILES_A_ROW = 2048
+GROUPS_A_SOLID = TILES_A_ROW**2
 BLOCKER = -1  # owner of a string's silhouette: it takes light and gives none here
 OFF_SURFACE_MM = 1e-4
 NODE_STEP = 1.5  # length of image, in σ of the blur, that a pair of Gauss nodes covers: ripple 4e-5
@@ -54,11 +56,12 @@ def light_solids(scene: Scene, strings: Cylinders | None, config: EmulatorConfig
     if len(faces.triangles) == 0:
         return Samples.none()
     planes, step = sheet_planes(faces, scene.sensor, config)
-    pieces = _in_view(faces, _lit_pieces(faces, strings, planes, scene.sensor), scene.sensor)
+    pieces = _in_view(faces, lit_pieces(faces, strings, planes, scene.sensor), scene.sensor)
     return _seen(faces, pieces, step, scene, strings, config, light)
 
 
-def _lit_pieces(faces: Faces, strings: Cylinders | None, planes: Array, sensor: SensorModel) -> Pieces:
+def lit_pieces(faces: Faces, strings: Cylinders | None, planes: Array, sensor: SensorModel) -> Pieces:
+    """What the laser reaches first in the planes of constant x."""
     found = []
     origin = np.array(sensor.laser_origin_mm[1:])
     for x in planes:
@@ -132,7 +135,7 @@ def _seen(
     if strings is not None:
         seen = seen[~hidden_by_strings(strings, start[seen], sensor.camera_centre_mm)]
     tile = np.floor(uv[seen] / TILE_PX).astype(np.int64) + 8
-    group = FIRST_STRIPE_GROUP + (number[seen] * 2048 + tile[:, 1]) * 2048 + tile[:, 0]
+    group = FIRST_STRIPE_GROUP + number[seen] * GROUPS_A_SOLID + tile[:, 1] * TILES_A_ROW + tile[:, 0]
     return Samples(xyz[seen], electrons[seen], group)
 
 
