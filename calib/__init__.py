@@ -1,4 +1,4 @@
-"""From labelled string points and robot readings to the sensor centre position, with its uncertainty. Knows no image."""
+"""From string points and robot readings to the sensor centre position, with its uncertainty. Knows no image."""
 
 from calib.calibrate import calibrate
 from calib.config import CalibConfig

@@ -1,24 +1,55 @@
-"""The answer of calibrate, put together from the solution, the figures and the verdict."""
+"""The answer of calibrate, put together from an estimate, the figures and the verdict."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calib.assemble import Chains, by_location, frame_distances, frame_result, location_figures
 from calib.config import CalibConfig
-from calib.identifiability import weak_directions
 from calib.observation import Observations
 from calib.result import CalibrationResult, FrameResult, LocationResult, Verdict
-from calib.solution import Solution
 from calib.stations import Station
 from calib.uncertainty import printed_sigmas
-from geometry import RobotModel
+from geometry import Pose, RobotModel
 from jig_cad import Jig
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """What a method says: the SCP with its covariance, and which frames and points it left out.
+
+    reasons: why a used frame was left out after all, by its number. outliers: its outlying points (N,), by its number.
+    The other fields are those of CalibrationResult.
+    """
+
+    T_hand_sensor: Pose
+    covariance: Array
+    robot: RobotModel | None
+    robot_delta: Array
+    robot_sigma: Array
+    chi2_per_dof: float
+    degrees_of_freedom: int
+    converged: bool
+    iterations: int
+    initial_cost: float
+    final_cost: float
+    condition: float
+    noise: dict[str, float]
+    reasons: dict[int, str] = field(default_factory=dict)
+    outliers: dict[int, Mask] = field(default_factory=dict)
+    anchors_delta_mm: Array = field(default_factory=lambda: np.zeros((6, 3)))
+    anchors_sigma_mm: Array = field(default_factory=lambda: np.zeros((6, 3)))
+    weak_directions: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+_OWN = ("reasons", "outliers")  # the other fields go into the result as they are
 
 
 def answer(
@@ -28,11 +59,11 @@ def answer(
     robot: RobotModel | None,
     config: CalibConfig,
     verdict: Verdict,
-    solution: Solution | None,
+    estimate: Estimate | None,
 ) -> CalibrationResult:
-    """Everything that calibrate says; ``solution`` is None where the data were refused."""
+    """Everything that calibrate says; ``estimate`` is None where the data were refused."""
     design = observations.T_hand_sensor_design
-    solved = None if solution is None else (solution.T_hand_sensor, solution.robot)
+    solved = None if estimate is None else (estimate.T_hand_sensor, estimate.robot)
     locations, frames = dict[str, LocationResult](), dict[int, FrameResult]()
     for name, group in by_location(observations, ready).items():
         figures = location_figures(group, jig, Chains((design, robot), solved))
@@ -40,7 +71,7 @@ def answer(
         locations[name] = figures.result
         for s in group:
             number = s.observation.frame
-            reason, flags = _marks(s, solution)
+            reason, flags = _marks(s, estimate)
             frames[number] = frame_result(s, reason, flags, distances.get(number), figures.own.get(number))
     n = 0 if robot is None else robot.n_joints
     empty = CalibrationResult(
@@ -54,49 +85,19 @@ def answer(
         robot_delta=np.zeros((5, n)),
         robot_sigma=np.zeros((5, n)),
     )
-    return empty if solution is None else _with_solution(empty, solution)
+    if estimate is None:
+        return empty
+    rotation, translation = printed_sigmas(estimate.T_hand_sensor, estimate.covariance)
+    taken = {f.name: getattr(estimate, f.name) for f in fields(Estimate) if f.name not in _OWN}
+    return replace(empty, **taken, sigma_rotation_deg=rotation, sigma_translation_mm=translation)
 
 
-def _marks(s: Station, solution: Solution | None) -> tuple[str | None, list[str]]:
+def _marks(s: Station, estimate: Estimate | None) -> tuple[str | None, list[str]]:
     """Why a frame does not count, and its points' flags with the outliers of the solution marked."""
     flags = list(s.axis.flag) if s.axis.flag else [""] * len(s.axis)
-    if solution is None or s not in solution.stations:
+    if estimate is None:
         return s.reason, flags
-    i = solution.stations.index(s)
-    out = solution.outlier[i]
-    flags = ["outlier" if out[k] else f for k, f in enumerate(flags)]
-    return ("outlier" if solution.frame_outlier[i] else s.reason), flags
-
-
-def _with_solution(empty: CalibrationResult, solution: Solution) -> CalibrationResult:
-    bundle, found = solution.bundle, solution.uncertainty
-    rotation, translation = printed_sigmas(solution.T_hand_sensor, found.scp)
-    chain = solution.problem.chain
-    delta, sigma = empty.robot_delta.copy(), empty.robot_sigma.copy()
-    rows, joints = chain.parameters.T
-    posterior = np.sqrt(np.diag(found.covariance))
-    delta[rows, joints] = solution.parameters
-    sigma[rows, joints] = np.where(solution.applied, posterior[6:-12], chain.parameter_sigma)
-    anchors, anchors_sigma = np.zeros((6, 3)), np.zeros((6, 3))
-    anchors[:, 1:], anchors_sigma[:, 1:] = bundle.state.anchors, posterior[-12:].reshape(6, 2)
-    return replace(
-        empty,
-        chi2_per_dof=solution.chi2_per_dof,
-        T_hand_sensor=solution.T_hand_sensor,
-        covariance=found.scp,
-        sigma_rotation_deg=rotation,
-        sigma_translation_mm=translation,
-        robot=solution.robot,
-        robot_delta=delta,
-        robot_sigma=sigma,
-        anchors_delta_mm=anchors,
-        anchors_sigma_mm=anchors_sigma,
-        converged=bundle.converged,
-        iterations=bundle.iterations,
-        initial_cost=bundle.initial_cost,
-        final_cost=bundle.cost,
-        degrees_of_freedom=solution.dof,
-        condition=found.condition,
-        noise=solution.noise | {"explained_chi2_per_dof": solution.explained},
-        weak_directions=weak_directions(solution),
-    )
+    out = estimate.outliers.get(s.observation.frame)
+    if out is not None:
+        flags = ["outlier" if out[k] else f for k, f in enumerate(flags)]
+    return s.reason or estimate.reasons.get(s.observation.frame), flags

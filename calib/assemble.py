@@ -49,14 +49,12 @@ def location_figures(group: Sequence[Station], jig: Jig, chains: Chains) -> Loca
     solved_sensors = _sensors(usable, chains.solved) if chains.solved else None
     sensors = solved_sensors if solved_sensors is not None else design_sensors
     points = pad_points([s.axis for s in usable])
-    start, _ = agreeing_pose([t @ s.candidates for t, s in zip(sensors, usable, strict=True)])
+    start, _ = agreeing_pose([sensors[i] @ s.candidates for i, s in enumerate(usable)])
     fit = fit_location(points, sensors, jig.anchors_mm, start)
-    design_start, _ = agreeing_pose([t @ s.candidates for t, s in zip(design_sensors, usable, strict=True)])
+    design_start, _ = agreeing_pose([design_sensors[i] @ s.candidates for i, s in enumerate(usable)])
     design_fit = fit_location(points, design_sensors, jig.anchors_mm, design_start)
-    own = {
-        s.observation.frame: _own_pose(s, jig, t.inverse() @ fit.T_base_jig)
-        for s, t in zip(usable, sensors, strict=True)
-    }
+    guesses = sensors.inverse() @ fit.T_base_jig
+    own = {s.observation.frame: _own_pose(s, jig, guesses[i]) for i, s in enumerate(usable)}
     complete = [i for i, s in enumerate(usable) if set(s.axis.label) == set(jig.strings)]
     own_stack = stack_poses([own[usable[i].observation.frame] for i in complete])
     origins = (design_sensors[complete] @ own_stack).t

@@ -2,21 +2,35 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.answer import answer
+from calib.answer import Estimate, answer
 from calib.assemble import Chains, by_location, location_figures
 from calib.config import CalibConfig
+from calib.estimate import bundle_estimate, bundle_facts
 from calib.observation import Observations
+from calib.paper_estimate import paper_estimate, paper_frames
 from calib.result import CalibrationResult, Verdict
-from calib.solution import Solution, solve_stations
+from calib.solution import solve_stations
 from calib.stations import Station, label, stations
-from calib.verdict import judge_motion, judge_solution, motion
+from calib.verdict import Facts, judge, judge_motion, motion
 from geometry import InputError, Pose, RobotModel, stack_poses
 from jig_cad import Jig
 
 Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """What calibrate was given, its defaults filled in."""
+
+    observations: Observations
+    jig: Jig
+    robot: RobotModel | None
+    config: CalibConfig
 
 
 def calibrate(
@@ -27,48 +41,47 @@ def calibrate(
     robot: its nominal table; None where every frame has T_base_hand. Raises InputError where the input can not be used
     at all; data from which no trustworthy answer follows give a result whose verdict says why.
     """
-    config = config or CalibConfig()
     if not observations.frames:
         raise InputError("the dataset has no frames")
-    design, given = observations.T_hand_sensor_design, observations.T_base_jig
-    ready = label(stations(observations, robot), observations.sensor, design, given, jig, config)
-    verdict, solution = _solve(ready, jig, robot, design, config)
-    for _ in range(config.relabel_rounds if any(s.observation.axis is None for s in ready) else 0):
-        if solution is None or not verdict.trustworthy:
+    p = Problem(observations, jig, robot, config or CalibConfig())
+    design = observations.T_hand_sensor_design
+    ready = label(stations(observations, robot), observations.sensor, design, observations.T_base_jig, jig, p.config)
+    verdict, estimate = _solve(p, ready, design)
+    spots = any(f.axis is None for f in observations.frames)
+    for _ in range(p.config.relabel_rounds if spots else 0):
+        if estimate is None or not verdict.trustworthy:
             break
-        T_base_jig = _jigs(observations, ready, jig, solution) | given
-        again = label(
-            stations(observations, solution.robot),
-            observations.sensor,
-            solution.T_hand_sensor,
-            T_base_jig,
-            jig,
-            config,
-            refined=True,
-        )
-        ready = again
-        verdict, solution = _solve(ready, jig, robot, solution.T_hand_sensor, config)
-    return answer(observations, ready, jig, robot, config, verdict, solution)
+        ready = _relabel(p, ready, estimate)
+        verdict, estimate = _solve(p, ready, estimate.T_hand_sensor)
+    return answer(observations, ready, jig, robot, p.config, verdict, estimate)
 
 
-def _solve(
-    ready: tuple[Station, ...], jig: Jig, robot: RobotModel | None, T_hand_sensor: Pose, config: CalibConfig
-) -> tuple[Verdict, Solution | None]:
-    """Solve the usable calibrate frames, or say why they can not be."""
+def _solve(p: Problem, ready: tuple[Station, ...], T_hand_sensor: Pose) -> tuple[Verdict, Estimate | None]:
+    """Solve the usable calibrate frames by the method asked for, or say why they can not be."""
     used = tuple(s for s in ready if s.observation.role == "calibrate" and s.usable)
+    papers = paper_frames(used, p.jig) if p.config.method == "paper" else None
+    used = used if papers is None else papers.stations
     names = list(dict.fromkeys(s.observation.location for s in used))
     place = np.array([names.index(s.observation.location) for s in used], dtype=np.intp)
     firsts = stack_poses([s.candidates[0] for s in used])
     moved = motion(stack_poses([s.T_base_hand for s in used]), firsts, place)
-    verdict = judge_motion(moved, config)
+    verdict = judge_motion(moved, p.config)
     if verdict is not None:
         return verdict, None
-    solution = solve_stations(used, jig, robot, T_hand_sensor, config)
-    return judge_solution(solution, moved, config), solution
+    estimate: Estimate
+    facts: Facts
+    if papers is not None:
+        estimate, facts = paper_estimate(papers, p.jig, p.robot, T_hand_sensor, p.config)
+    else:
+        solution = solve_stations(used, p.jig, p.robot, T_hand_sensor, p.config)
+        estimate, facts = bundle_estimate(solution), bundle_facts(solution)
+    return judge(facts, moved, p.config), estimate
 
 
-def _jigs(observations: Observations, ready: tuple[Station, ...], jig: Jig, solution: Solution) -> dict[str, Pose]:
-    """Jig poses of all locations by the solved chain."""
-    chains = Chains((observations.T_hand_sensor_design, solution.robot), (solution.T_hand_sensor, solution.robot))
-    fits = {n: location_figures(g, jig, chains).fit for n, g in by_location(observations, ready).items()}
-    return {n: f.T_base_jig for n, f in fits.items() if f is not None} | solution.T_base_jig
+def _relabel(p: Problem, ready: tuple[Station, ...], estimate: Estimate) -> tuple[Station, ...]:
+    """Labels and axis points again, with the solved chain; given jig poses still decide the half turn."""
+    chains = Chains((p.observations.T_hand_sensor_design, p.robot), (estimate.T_hand_sensor, estimate.robot))
+    fits = {n: location_figures(g, p.jig, chains).fit for n, g in by_location(p.observations, ready).items()}
+    T_base_jig = {n: f.T_base_jig for n, f in fits.items() if f is not None}
+    fresh = stations(p.observations, estimate.robot)
+    return label(fresh, p.observations.sensor, estimate.T_hand_sensor, T_base_jig, p.jig, p.config, refined=True)

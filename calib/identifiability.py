@@ -39,7 +39,7 @@ def weak_directions(solution: Solution) -> tuple[str, ...]:
 
 
 def _informations(bundle: BundleResult, estimated: NDArray[np.bool_]) -> tuple[Array, Array, Array]:
-    """Information of the data alone on the estimated robot parameters: raw, without jigs and anchors, without SCP too."""
+    """Information of the data alone on the estimated parameters: raw, without jigs and anchors, without SCP too."""
     robot = np.flatnonzero(estimated) + 6
     anchors = np.flatnonzero(bundle.free[-12:]) + len(bundle.free) - 12
     prior = np.diag(1 / bundle.prior_sigma[robot] ** 2)

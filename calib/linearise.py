@@ -108,8 +108,9 @@ def moved(problem: Problem, state: State, scp: Array, jigs: Array, parameters: A
     """The state after steps: SCP twist (6,), jig twists (L, 6), parameter steps (P,), anchor steps (12,)."""
     values = state.parameters + parameters
     hand = state.T_base_hand
-    if np.any(parameters) and problem.chain.robot is not None:
-        hand = corrected_robot(problem, values).hand_pose(problem.chain.joints_rad)
+    joints = problem.chain.joints_rad
+    if np.any(parameters) and joints is not None:
+        hand = corrected_robot(problem, values).hand_pose(joints)
     return replace(
         state,
         T_hand_sensor=state.T_hand_sensor @ Pose.exp(scp),

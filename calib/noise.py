@@ -24,7 +24,7 @@ _LOG_TOLERANCE = 0.01  # of a variance; far below its own uncertainty
 def deviance(problem: Problem, result: BundleResult) -> float:
     """Minus twice the restricted log-likelihood (up to a constant) of ``problem``'s noise, at the linearised solution.
 
-    All unknowns are integrated out: log|S| + log|H| + the cost once they are solved for. Source: Patterson & Thompson 1971.
+    All unknowns are integrated out: log|S| + log|H| + the cost once they are solved for (Patterson & Thompson 1971).
     """
     lin: Linearised = result.lin
     covariance = frame_covariance(problem, lin, removal(result.removed), problem.chain.noise)

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2 as chi2_law
 
 from calib.bundle import BundleResult, solve_bundle
 from calib.config import CalibConfig
@@ -22,8 +21,6 @@ from jig_cad import Jig
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-
-_MISFIT_TAIL = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,11 +139,6 @@ def solve_stations(
         explained,
         weighed.noise,
     )
-
-
-def misfit_limit(dof: int, least: float) -> float:
-    """χ² per degree of freedom above which chance is no explanation, and never below ``least``."""
-    return max(least, float(chi2_law.isf(_MISFIT_TAIL, max(dof, 1))) / max(dof, 1))
 
 
 def _robust(

@@ -23,10 +23,10 @@ def chain_start(problem: Problem, T_hand_sensor: Pose, candidates: Sequence[Pose
     Ts_base_sensor = problem.chain.T_base_hand @ T_hand_sensor
     jigs, chosen = [], dict[int, Pose]()
     for location in range(problem.n_locations):
-        frames = np.flatnonzero(problem.location == location)
+        frames = [int(f) for f in np.flatnonzero(problem.location == location)]
         jig, choice = agreeing_pose([Ts_base_sensor[f] @ candidates[f] for f in frames])
         jigs.append(jig)
-        chosen |= {int(f): candidates[f][c] for f, c in zip(frames, choice, strict=True)}
+        chosen |= {f: candidates[f][c] for f, c in zip(frames, choice, strict=True)}
     own = stack_poses([chosen[f] for f in range(problem.n_frames)])
     return initial_state(problem, T_hand_sensor, stack_poses(jigs)), own
 
@@ -51,4 +51,4 @@ def hand_eye_start(Ts_base_hand: Pose, Ts_sensor_jig: Pose, location: NDArray[np
         return None
     R = nearest_rotation(moment)
     rows, right = (A.R - np.eye(3)).reshape(-1, 3), ((R @ B.t[..., None])[..., 0] - A.t).reshape(-1)
-    return Pose(R, np.linalg.lstsq(rows, right, rcond=None)[0])
+    return Pose(R, np.asarray(np.linalg.lstsq(rows, right, rcond=None)[0]))

@@ -1,4 +1,4 @@
-"""Frames made ready to solve: the robot's pose, labelled axis points, candidate poses of the jig, or a reason why not."""
+"""Frames made ready to solve: hand pose, labelled axis points, candidate poses of the jig, or a reason why not."""
 
 from __future__ import annotations
 

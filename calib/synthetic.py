@@ -8,21 +8,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.observation import FrameObservation, Observations, Role
-from geometry import AxisPoints, Pose, RobotModel, SensorModel, cross_plane_x0, exp_so3
-from jig_cad import ANCHORS, STRINGS, Jig, sample_tolerance
+from geometry import AxisPoints, NoAnswerError, Pose, RobotModel, SensorModel, cross_plane_x0, exp_so3, stack_poses
+from jig_cad import Jig, sample_tolerance
 
 Array = NDArray[np.float64]
 
 DESIGN = Pose.from_fixed_xyz_deg([0.0, 0.0, 20.0], [-17.0, -76.0, 117.0])  # the paper's Table 1
 TRUTH = Pose.from_fixed_xyz_deg([-1.5241, 1.5871, 22.5287], [-16.8786, -75.5423, 116.5369])
-DEFAULT_PLACES = (("A", "calibrate", 7), ("B", "calibrate", 7), ("C", "calibrate", 7), ("D", "verify", 7))
+DEFAULT_PLACES: tuple[tuple[str, Role, int], ...] = (
+    ("A", "calibrate", 7),
+    ("B", "calibrate", 7),
+    ("C", "calibrate", 7),
+    ("D", "verify", 7),
+)
 
 
 @dataclass(frozen=True)
 class Layout:
     """Where the jig stands and how the sensor looks at it; ranges are uniform [low, high]."""
 
-    places: tuple[tuple[str, Role, int], ...] = DEFAULT_PLACES  # type: ignore[assignment]
+    places: tuple[tuple[str, Role, int], ...] = DEFAULT_PLACES
     standoff_mm: tuple[float, float] = (270.0, 310.0)
     tilt_deg: tuple[float, float] = (8.0, 26.0)  # of the sheet against the pillar's cross-section
     swing_deg: float = 25.0  # about the pillar, to either side
@@ -59,7 +64,9 @@ def industrial_arm() -> RobotModel:
     """A six-axis arm of 2.5 m reach (FACTS: IRB 6640-180/2.55), standard DH, mm and radians."""
     theta = np.deg2rad([0.0, -90.0, 0.0, 0.0, 0.0, 180.0])
     alpha = np.deg2rad([-90.0, 0.0, -90.0, 90.0, -90.0, 0.0])
-    return RobotModel.from_dh(theta, [780.0, 0, 0, 1142, 0, 200], [320.0, 1075, 200, 0, 0, 0], alpha, name="six-axis arm")
+    return RobotModel.from_dh(
+        theta, [780.0, 0, 0, 1142, 0, 200], [320.0, 1075, 200, 0, 0, 0], alpha, name="six-axis arm"
+    )
 
 
 def default_sensor() -> SensorModel:
@@ -78,7 +85,10 @@ def random_cell(
 ) -> Cell:
     """A cell with jig places and configurations drawn at random such that every view shows every string."""
     layout, jig, robot = layout or Layout(), jig or Jig.nominal(), robot or industrial_arm()
-    T_base_jig, location, role, joints = {}, [], [], []
+    T_base_jig: dict[str, Pose] = {}
+    location: list[str] = []
+    role: list[Role] = []
+    joints: list[Array] = []
     for name, what, count in layout.places:
         place, readings = _place(rng, layout, jig, robot, T_hand_sensor, count)
         T_base_jig[name] = place
@@ -136,6 +146,44 @@ def observe(cell: Cell, made: Cell, rng: np.random.Generator, noise: Noise) -> O
     return Observations(frames, default_sensor(), cell.design)
 
 
+def pose_cell(
+    rng: np.random.Generator, layout: Layout | None = None, jig: Jig | None = None
+) -> tuple[Pose, Pose, Pose]:
+    """A cell without a robot: T_hand_sensor, and Ts_base_hand and Ts_base_jig of every frame, all drawn at random."""
+    layout, jig = layout or Layout(), jig or Jig.nominal()
+    near = DESIGN @ Pose.exp(rng.normal(size=6) * np.array([2.0] * 3 + [0.03] * 3))
+    jigs = [Pose(exp_so3(rng.uniform(-2, 2, 3)), rng.uniform(-1500, 1500, 3)) for _ in layout.places]
+    repeat = [p for p, (_, _, count) in zip(jigs, layout.places, strict=True) for _ in range(count)]
+    Ts_base_jig = stack_poses(repeat)
+    return near, Ts_base_jig @ views(rng, layout, jig, len(repeat)) @ near.inverse(), Ts_base_jig
+
+
+def views(rng: np.random.Generator, layout: Layout, jig: Jig, count: int) -> Pose:
+    """Poses T_jig_sensor (count) from which the sheet crosses every string well between its anchors."""
+    found = _views(rng, layout, jig, 4 * count)
+    while len(found) < count:
+        more = _views(rng, layout, jig, 4 * count)
+        found = Pose(np.concatenate([found.R, more.R]), np.concatenate([found.t, more.t]))
+    return found[:count]
+
+
+def _views(rng: np.random.Generator, layout: Layout, jig: Jig, n: int) -> Pose:
+    direction, tilt = rng.uniform(0, 2 * np.pi, n), np.deg2rad(rng.uniform(*layout.tilt_deg, n))
+    sheet = exp_so3(np.stack([np.zeros(n), tilt * np.cos(direction), tilt * np.sin(direction)], -1))
+    swing = exp_so3(np.deg2rad(rng.uniform(-1, 1, n) * layout.swing_deg)[:, None] * np.array([1.0, 0.0, 0.0]))
+    turned = (rng.random(n) < 0.5) & layout.half_turns
+    roll = np.where(turned[:, None, None], np.diag([-1.0, -1.0, 1.0]), np.eye(3))
+    aim = np.stack(
+        [jig.height_mm * rng.uniform(0.35, 0.65, n), rng.uniform(-10, 10, n), np.full(n, 0.58 * jig.side_mm)], -1
+    )
+    R = swing @ sheet @ roll
+    T_jig_sensor = Pose(R, aim - R[..., 2] * rng.uniform(*layout.standoff_mm, n)[:, None])
+    to_sensor = T_jig_sensor.inverse()
+    starts, ends = (to_sensor @ np.broadcast_to(p, (n, *p.shape)) for p in (jig.starts, jig.ends))
+    fraction = cross_plane_x0(starts, ends - starts)[1]
+    return T_jig_sensor[np.flatnonzero(np.all((fraction > 0.05) & (fraction < 0.95), axis=1))]
+
+
 def _place(
     rng: np.random.Generator, layout: Layout, jig: Jig, robot: RobotModel, T_hand_sensor: Pose, count: int
 ) -> tuple[Pose, list[Array]]:
@@ -148,32 +196,15 @@ def _place(
         z = np.array([np.cos(outward), np.sin(outward), 0.0])
         x = np.array([0.0, 0.0, 1.0])
         place = Pose(np.column_stack([x, np.cross(z, x), z]) @ exp_so3(rng.uniform(-0.3, 0.3, 3)), t)
+        targets = place @ views(rng, layout, jig, 10 * count) @ T_hand_sensor.inverse()
         readings: list[Array] = []
-        for _ in range(40 * count):
-            target = place @ _view(rng, layout, jig) @ T_hand_sensor.inverse()
-            q = _reach(robot, target, rng)
+        for i in range(len(targets)):
+            q = _reach(robot, targets[i], rng)
             if q is not None:
                 readings.append(q)
             if len(readings) == count:
                 return place, readings
-    raise RuntimeError("no place of the jig can be reached with this layout")
-
-
-def _view(rng: np.random.Generator, layout: Layout, jig: Jig) -> Pose:
-    """A pose T_jig_sensor from which the sheet crosses every string between its anchors."""
-    while True:
-        direction = rng.uniform(0, 2 * np.pi)
-        tilt = np.deg2rad(rng.uniform(*layout.tilt_deg))
-        sheet = exp_so3(tilt * np.array([0.0, np.cos(direction), np.sin(direction)]))
-        swing = exp_so3(np.deg2rad(rng.uniform(-1, 1) * layout.swing_deg) * np.array([1.0, 0.0, 0.0]))
-        roll = np.diag([-1.0, -1.0, 1.0]) if layout.half_turns and rng.random() < 0.5 else np.eye(3)
-        aim = np.array([jig.height_mm * rng.uniform(0.35, 0.65), rng.uniform(-10, 10), 0.58 * jig.side_mm])
-        R = swing @ sheet @ roll
-        T_jig_sensor = Pose(R, aim - R @ np.array([0.0, 0.0, rng.uniform(*layout.standoff_mm)]))
-        starts, ends = T_jig_sensor.inverse() @ jig.starts, T_jig_sensor.inverse() @ jig.ends
-        crossing = cross_plane_x0(starts, ends - starts)[1]
-        if np.all((crossing > 0.05) & (crossing < 0.95)):
-            return T_jig_sensor
+    raise NoAnswerError("no place of the jig can be reached with this layout")
 
 
 def _reach(robot: RobotModel, target: Pose, rng: np.random.Generator) -> Array | None:
@@ -191,19 +222,3 @@ def _reach(robot: RobotModel, target: Pose, rng: np.random.Generator) -> Array |
         step = J.T @ np.linalg.solve(J @ J.T + damping * np.eye(6), error / scale)
         q = q + step * min(1.0, 0.5 / max(float(np.max(np.abs(step))), 1e-12))
     return None
-
-
-__all__ = [
-    "ANCHORS",
-    "STRINGS",
-    "Cell",
-    "Layout",
-    "Noise",
-    "axis_points",
-    "default_sensor",
-    "dh_errors",
-    "industrial_arm",
-    "made_cell",
-    "observe",
-    "random_cell",
-]

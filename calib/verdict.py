@@ -6,15 +6,17 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import chi2 as chi2_law
 
 from calib.config import CalibConfig
 from calib.result import Verdict
-from calib.solution import Solution, misfit_limit
 from geometry import Pose, log_so3
 
 Array = NDArray[np.float64]
 
 _SAME_MM, _SAME_DEG = 1.0, 0.1
+_MISFIT_TAIL = 1e-4
+_LEVER_MM = 5.0
 _GROSS_CHI2 = 30.0  # with all robot errors free within their priors
 _UNOBSERVABLE_MM, _UNOBSERVABLE_DEG = 20.0, 5.0  # σ from noise alone
 _WEAK_MM, _WEAK_DEG = 1.0, 0.3
@@ -101,90 +103,127 @@ def judge_motion(m: Motion, config: CalibConfig) -> Verdict | None:
     return None
 
 
-def judge_solution(solution: Solution, moved: Motion, config: CalibConfig) -> Verdict:
-    """The verdict on a solved bundle, the gravest first."""
+def misfit_limit(dof: int, least: float) -> float:
+    """χ² per degree of freedom above which chance is no explanation, and never below ``least``."""
+    return max(least, float(chi2_law.isf(_MISFIT_TAIL, max(dof, 1))) / max(dof, 1))
+
+
+@dataclass(frozen=True, eq=False)
+class Facts:
+    """What a solved calibration is judged by.
+
+    explained: χ² per degree of freedom with all robot errors free within their priors, NaN where not known.
+    noise_covariance (6, 6): of the SCP from noise alone. outlier_share: of the points.
+    """
+
+    converged: bool
+    iterations: int
+    chi2_per_dof: float
+    explained: float
+    dof: int
+    condition: float
+    noise_covariance: Array
+    outlier_share: float
+    locations: int
+
+
+def judge(f: Facts, moved: Motion, config: CalibConfig) -> Verdict:
+    """The verdict on a solved calibration, the gravest first."""
     return (
-        _not_converged(solution)
-        or _outliers(solution, config)
-        or _not_observable(solution)
-        or _misfit(solution, config)
-        or _weak(solution, config)
-        or Verdict("ok", _ok_text(solution, moved))
+        _not_converged(f)
+        or _outliers(f, config)
+        or _lever(moved, config)
+        or _not_observable(f)
+        or _misfit(f, config)
+        or _weak(f, config)
+        or Verdict("ok", _ok_text(f, moved))
     )
 
 
-def _not_converged(s: Solution) -> Verdict | None:
-    bundle = s.bundle
-    if bundle.converged and np.all(np.isfinite(s.uncertainty.scp)):
+def _not_converged(f: Facts) -> Verdict | None:
+    if f.converged and np.all(np.isfinite(f.noise_covariance)):
         return None
     return Verdict(
         "not_converged",
-        f"the bundle did not settle in {bundle.iterations} iterations: check scp_initial, the labels and the joint columns",
+        f"the iteration did not settle in {f.iterations} steps: check scp_initial, the labels and the joint columns",
     )
 
 
-def _outliers(s: Solution, config: CalibConfig) -> Verdict | None:
-    share = s.outlier_share
-    if share > config.max_outlier_share:
+def _outliers(f: Facts, config: CalibConfig) -> Verdict | None:
+    if f.outlier_share > config.max_outlier_share:
         return Verdict(
             "outliers",
-            f"{share:.0%} of the points contradict the rest (limit {config.max_outlier_share:.0%}): check the labels, the "
-            "jig's size, which location each frame names, and the joint columns (order, sign, degrees)",
+            f"{f.outlier_share:.0%} of the points contradict the rest (limit {config.max_outlier_share:.0%}): check "
+            "the labels, the jig's size, which location each frame names, and the joint columns (order, sign, degrees)",
         )
-    if s.explained > _GROSS_CHI2:
+    if f.explained > _GROSS_CHI2:
         return Verdict(
             "outliers",
-            f"the frames contradict one another far beyond all noise and the robot's stated uncertainty (χ² {s.explained:.3g} "
-            "per degree of freedom even with all DH parameters free within their priors): check the DH table, the jig's "
-            "size, the labels, the locations and the joint columns",
+            "the frames contradict one another far beyond all noise and the robot's stated uncertainty (χ² "
+            f"{f.explained:.3g} per degree of freedom even with all DH parameters free within their priors): check "
+            "the DH table, the jig's size, the labels, the locations and the joint columns",
         )
     return None
 
 
-def _not_observable(s: Solution) -> Verdict | None:
-    noise = s.uncertainty.noise_covariance[:6, :6]
-    sigma_mm, sigma_deg = _largest_sigmas(noise)
-    if np.isfinite(s.uncertainty.condition) and sigma_mm < _UNOBSERVABLE_MM and sigma_deg < _UNOBSERVABLE_DEG:
+def _lever(moved: Motion, config: CalibConfig) -> Verdict | None:
+    """Positions alone lose the rotation where the jig's origin stands still in the sensor; whole points do not."""
+    if config.method != "paper" or moved.lever_mm > _LEVER_MM:
+        return None
+    return Verdict(
+        "lever_constant",
+        f"the jig's origin stays within {moved.lever_mm:.2g} mm of one point of the sensor frame, where positions alone "
+        "can not show the rotation: vary where the sensor sees the jig by some centimetres, or use --method bundle",
+    )
+
+
+def _not_observable(f: Facts) -> Verdict | None:
+    sigma_mm, sigma_deg = _largest_sigmas(f.noise_covariance)
+    if np.isfinite(f.condition) and sigma_mm < _UNOBSERVABLE_MM and sigma_deg < _UNOBSERVABLE_DEG:
         return None
     return Verdict(
         "not_observable",
-        f"the frames leave a direction of the SCP open (σ {sigma_mm:.3g} mm, {sigma_deg:.3g}° from noise alone, condition "
-        f"{s.uncertainty.condition:.3g}): {direction_in_words(noise)}; turn the hand about a second axis and vary the views",
+        f"the frames leave a direction of the SCP open (σ {sigma_mm:.3g} mm, {sigma_deg:.3g}° from noise alone, "
+        f"condition {f.condition:.3g}): {direction_in_words(f.noise_covariance)}; turn the hand about a second axis and "
+        "vary the views",
     )
 
 
-def _misfit(s: Solution, config: CalibConfig) -> Verdict | None:
-    if s.chi2_per_dof <= misfit_limit(s.dof, config.misfit_chi2):
+def _misfit(f: Facts, config: CalibConfig) -> Verdict | None:
+    limit = misfit_limit(f.dof, config.misfit_chi2)
+    if f.chi2_per_dof <= limit:
         return None
-    helps = s.explained <= misfit_limit(s.dof, config.misfit_chi2)
-    advice = (
-        f"robot errors explain it (χ² {s.explained:.3g} with all DH parameters free within their priors): try --model full"
-        if helps
-        else "robot errors within their stated uncertainty do not explain it: check the jig's size and the noise given"
-    )
+    if np.isnan(f.explained):
+        advice = "--method bundle with --model full can tell robot errors from noise"
+    elif f.explained <= limit and config.model != "full":
+        advice = (
+            f"robot errors explain it (χ² {f.explained:.3g} with DH parameters free in their priors): try --model full"
+        )
+    else:
+        advice = "robot errors of the stated size do not explain it: check the jig's size and the noise given"
     return Verdict(
         "model_misfit",
-        f"χ² per degree of freedom is {s.chi2_per_dof:.3g}, far from 1: the residuals exceed the noise of points and "
+        f"χ² per degree of freedom is {f.chi2_per_dof:.3g}, far from 1: the residuals exceed the noise of points and "
         f"joints; {advice}. The σ given carry the robot's uncertainty",
     )
 
 
-def _weak(s: Solution, config: CalibConfig) -> Verdict | None:
-    noise = s.uncertainty.noise_covariance[:6, :6]
-    sigma_mm, sigma_deg = _largest_sigmas(noise)
-    if s.uncertainty.condition < config.weak_condition and sigma_mm < _WEAK_MM and sigma_deg < _WEAK_DEG:
+def _weak(f: Facts, config: CalibConfig) -> Verdict | None:
+    sigma_mm, sigma_deg = _largest_sigmas(f.noise_covariance)
+    if f.condition < config.weak_condition and sigma_mm < _WEAK_MM and sigma_deg < _WEAK_DEG:
         return None
     return Verdict(
         "weak",
-        f"a direction of the SCP is poorly determined (σ {sigma_mm:.2g} mm, {sigma_deg:.2g}°, condition "
-        f"{s.uncertainty.condition:.3g}): {direction_in_words(noise)}; add frames with larger rotations about other axes",
+        f"a direction of the SCP is poorly determined (σ {sigma_mm:.2g} mm, {sigma_deg:.2g}° from noise alone, "
+        f"condition {f.condition:.3g}): {direction_in_words(f.noise_covariance)}; add frames with larger rotations about "
+        "other axes",
     )
 
 
-def _ok_text(s: Solution, moved: Motion) -> str:
+def _ok_text(f: Facts, moved: Motion) -> str:
     return (
-        f"{moved.frames} frames at {s.problem.n_locations} locations, rotations up to {moved.rotation_deg:.0f}°: "
-        f"the residuals agree with the noise (χ² {s.chi2_per_dof:.2f} per degree of freedom)"
+        f"{moved.frames} frames at {f.locations} locations, rotations up to {moved.rotation_deg:.0f}°: "
+        f"the residuals agree with the noise (χ² {f.chi2_per_dof:.2f} per degree of freedom)"
     )
 
 

@@ -42,7 +42,7 @@ def removal(removed: Mask) -> Array:
 def deletion_chi2(problem: Problem, lin: Linearised, removed: Mask, hand_noise: Array) -> Array:
     """Squared Mahalanobis distance (F, M), 2 degrees, of every point from what its frame's other points say of it.
 
-    Source: the deletion residual; with Q = S⁻¹, point i differs from its prediction by Q_ii⁻¹ (Q r)_i of covariance Q_ii⁻¹.
+    Source: the deletion residual; with Q = S⁻¹, point i is off by Q_ii⁻¹ (Q r)_i of covariance Q_ii⁻¹.
     """
     f, m = removed.shape
     inflation = removal(removed)
@@ -53,7 +53,7 @@ def deletion_chi2(problem: Problem, lin: Linearised, removed: Mask, hand_noise: 
     covariance = np.linalg.inv(blocks)
     error = (covariance @ q[..., None])[..., 0]
     covariance = covariance - problem.points.cov_mm2 * (inflation - 1)[..., None, None]
-    return np.einsum("fmi,fmi->fm", error, np.linalg.solve(covariance, error[..., None])[..., 0])
+    return np.asarray(np.einsum("fmi,fmi->fm", error, np.linalg.solve(covariance, error[..., None])[..., 0]))
 
 
 def frame_chi2(problem: Problem, lin: Linearised, removed: Mask, hand_noise: Array) -> tuple[Array, Array]:

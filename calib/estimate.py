@@ -1,0 +1,59 @@
+"""The bundle's solution as an estimate."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from calib.answer import Estimate
+from calib.identifiability import weak_directions
+from calib.solution import Solution
+from calib.verdict import Facts
+
+
+def bundle_estimate(solution: Solution) -> Estimate:
+    """What the bundle says of SCP, robot, anchors, frames and points."""
+    bundle, found, chain = solution.bundle, solution.uncertainty, solution.problem.chain
+    n = 0 if chain.robot is None else chain.robot.n_joints
+    delta, sigma = np.zeros((5, n)), np.zeros((5, n))
+    rows, joints = chain.parameters.T
+    posterior = np.sqrt(np.diag(found.covariance))
+    delta[rows, joints] = solution.parameters
+    sigma[rows, joints] = np.where(solution.applied, posterior[6:-12], chain.parameter_sigma)
+    anchors, anchors_sigma = np.zeros((6, 3)), np.zeros((6, 3))
+    anchors[:, 1:], anchors_sigma[:, 1:] = bundle.state.anchors, posterior[-12:].reshape(6, 2)
+    numbers = [s.observation.frame for s in solution.stations]
+    return Estimate(
+        T_hand_sensor=solution.T_hand_sensor,
+        covariance=found.scp,
+        robot=solution.robot,
+        robot_delta=delta,
+        robot_sigma=sigma,
+        chi2_per_dof=solution.chi2_per_dof,
+        degrees_of_freedom=solution.dof,
+        converged=bundle.converged,
+        iterations=bundle.iterations,
+        initial_cost=bundle.initial_cost,
+        final_cost=bundle.cost,
+        condition=found.condition,
+        noise=solution.noise | {"explained_chi2_per_dof": solution.explained},
+        reasons={k: "outlier" for k, out in zip(numbers, solution.frame_outlier, strict=True) if out},
+        outliers={k: out for k, out in zip(numbers, solution.outlier, strict=True) if np.any(out)},
+        anchors_delta_mm=anchors,
+        anchors_sigma_mm=anchors_sigma,
+        weak_directions=weak_directions(solution),
+    )
+
+
+def bundle_facts(solution: Solution) -> Facts:
+    """What the bundle is judged by."""
+    return Facts(
+        solution.bundle.converged,
+        solution.bundle.iterations,
+        solution.chi2_per_dof,
+        solution.explained,
+        solution.dof,
+        solution.uncertainty.condition,
+        solution.uncertainty.noise_covariance[:6, :6],
+        solution.outlier_share,
+        solution.problem.n_locations,
+    )

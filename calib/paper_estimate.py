@@ -1,0 +1,176 @@
+"""The paper's method from labelled frames to an estimate: closed-form poses, the iteration, and a true covariance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.answer import Estimate
+from calib.closed_form import LABELS, closed_forms
+from calib.config import CalibConfig
+from calib.linearise import Linearised, initial_state, linearise
+from calib.paper_scp import PaperProblem, PaperResult, PaperSettings, pairs, solve_paper
+from calib.problem import Problem
+from calib.solution import make_problem
+from calib.starts import chain_start
+from calib.stations import Station
+from calib.verdict import Facts
+from calib.weights import frame_covariance, removal
+from geometry import AxisPoints, Pose, RobotModel
+from jig_cad import Jig
+
+Array = NDArray[np.float64]
+
+_STEP_MM = 1e-4  # of the numeric derivative of the closed form
+_H1_SLACK_MM = 2.0  # sign candidates that disagree in h₁ by this much more than the best are none
+
+
+@dataclass(frozen=True, eq=False)
+class PaperFrames:
+    """The frames that have a closed form, their points in the order of LABELS (F, 5, 2), and why others have none."""
+
+    stations: tuple[Station, ...]
+    yz_mm: Array
+    reasons: dict[int, str]
+
+
+def paper_frames(used: tuple[Station, ...], jig: Jig) -> PaperFrames:
+    """Leave out frames without the five strings, and those where noise makes a/l > 1, so that θ = acos(a/l) is none."""
+    kept, points, reasons = [], [], dict[int, str]()
+    for s in used:
+        number, given = s.observation.frame, dict(zip(s.axis.label, s.axis.yz_mm, strict=True))
+        if any(label not in given for label in LABELS):
+            reasons[number] = "too_few_spots"
+            continue
+        yz = np.array([given[label] for label in LABELS])
+        if not closed_forms(yz, jig.side_mm, jig.height_mm).defined:
+            reasons[number] = "no_closed_form"
+            continue
+        kept.append(s)
+        points.append(yz)
+    return PaperFrames(tuple(kept), np.array(points).reshape(-1, 5, 2), reasons)
+
+
+def paper_estimate(
+    frames: PaperFrames, jig: Jig, robot: RobotModel | None, T_hand_sensor: Pose, config: CalibConfig
+) -> tuple[Estimate, Facts]:
+    """Run the paper's iteration on the frames' closed-form poses."""
+    used = frames.stations
+    names = tuple(dict.fromkeys(s.observation.location for s in used))
+    problem = make_problem(tuple(_in_order(s, frames.yz_mm[i]) for i, s in enumerate(used)), names, jig, robot, config)
+    forms = closed_forms(frames.yz_mm, jig.side_mm, jig.height_mm)
+    choice, own = _signs(problem, T_hand_sensor, forms.T_sensor_jig, forms.h1_disagreement_mm)
+    offsets = _offset_joints(problem, config)
+    paper = PaperProblem(
+        own.t, problem.chain.T_base_hand, problem.location, problem.chain.robot, problem.chain.joints_rad, offsets
+    )
+    settings = PaperSettings(config.paper_damping, config.paper_switch, config.paper_tolerance)
+    result = solve_paper(paper, T_hand_sensor, settings)
+    derivative = _derivative(frames.yz_mm, jig, choice)
+    noise, robot_part, chi2, dof = _uncertainty(problem, result, own, derivative)
+    left = len(frames.reasons)
+    delta = np.zeros((5, 0 if robot is None else robot.n_joints))
+    delta[0, list(offsets)] = result.offsets_rad
+    corrected = robot.corrected(delta) if robot is not None and offsets else robot
+    facts = Facts(
+        result.converged, result.iterations, chi2, float("nan"), dof, result.condition, noise, 0.0, problem.n_locations
+    )
+    estimate = Estimate(
+        T_hand_sensor=result.T_hand_sensor,
+        covariance=noise + robot_part,
+        chi2_per_dof=chi2,
+        degrees_of_freedom=dof,
+        converged=result.converged,
+        iterations=result.iterations,
+        initial_cost=float(result.history[0] ** 2 * len(result.residual)) if len(result.history) else 0.0,
+        final_cost=float(result.residual @ result.residual),
+        condition=result.condition,
+        noise={},
+        reasons=frames.reasons,
+        notes=(f"{left} frames were left out: without all five strings, or with a/l > 1",) if left else (),
+        robot=corrected,
+        robot_delta=delta,
+        robot_sigma=np.zeros_like(delta),
+    )
+    return estimate, facts
+
+
+def _in_order(s: Station, yz_mm: Array) -> Station:
+    """The station with its points in the order of LABELS."""
+    index = [s.axis.label.index(label) for label in LABELS]
+    flag = tuple(s.axis.flag[i] for i in index) if s.axis.flag else ()
+    axis = AxisPoints(LABELS, s.axis.spot[index], yz_mm, s.axis.cov_yz_mm2[index], flag)
+    return Station(s.observation, s.T_base_hand, axis, s.candidates, s.reason)
+
+
+def _signs(problem: Problem, T_hand_sensor: Pose, poses: Pose, h1_mm: Array) -> tuple[NDArray[np.intp], Pose]:
+    """Which sign candidate (F,) each frame has: Eq. (7) rules out most, the other frames and the SCP the mirror."""
+    candidates, indices = [], []
+    for i in range(problem.n_frames):
+        likely = np.flatnonzero(h1_mm[i] <= np.min(h1_mm[i]) + _H1_SLACK_MM)
+        candidates.append(poses[i][likely])
+        indices.append(likely)
+    _, own = chain_start(problem, T_hand_sensor, candidates)
+    nearest = [int(np.argmin(np.linalg.norm(c.t - own.t[i], axis=-1))) for i, c in enumerate(candidates)]
+    return np.array([indices[i][k] for i, k in enumerate(nearest)], dtype=np.intp), own
+
+
+def _offset_joints(problem: Problem, config: CalibConfig) -> tuple[int, ...]:
+    robot = problem.chain.robot
+    if robot is None or config.paper_joint_offsets == 0:
+        return ()
+    return tuple(range(robot.n_joints - config.paper_joint_offsets, robot.n_joints - 1))
+
+
+def _derivative(yz_mm: Array, jig: Jig, choice: NDArray[np.intp]) -> Array:
+    """Change of the closed form's jig origin with the points (F, 3, 10), central differences."""
+    step = np.zeros((10, 5, 2))
+    step.reshape(10, 10)[np.arange(10), np.arange(10)] = _STEP_MM
+    rows = np.arange(len(yz_mm))[:, None]
+    columns = np.broadcast_to(choice[:, None], (len(yz_mm), 10))
+    above, below = (
+        closed_forms(yz_mm[:, None] + sign * step, jig.side_mm, jig.height_mm).T_sensor_jig.t[
+            rows, np.arange(10), columns
+        ]
+        for sign in (1.0, -1.0)
+    )
+    return np.swapaxes(above - below, -1, -2) / (2 * _STEP_MM)
+
+
+def _uncertainty(
+    problem: Problem, result: PaperResult, own: Pose, derivative: Array
+) -> tuple[Array, Array, float, int]:
+    """Covariances (6, 6) of ξ through C⁺: of points, joints and anchors; of the robot. χ² without the robot."""
+    jigs = (problem.chain.T_base_hand @ result.T_hand_sensor @ own)[_firsts(problem)]
+    lin = linearise(problem, initial_state(problem, result.T_hand_sensor, jigs))
+    base = problem.chain.T_base_hand.R @ result.T_hand_sensor.R
+    to_origin = base @ derivative  # (F, 3, 10): from the points to x
+    noise, anchors, robot = _origin_errors(problem, lin, to_origin)
+    first, other = pairs(problem.location)
+    difference = np.eye(problem.n_frames)[first] - np.eye(problem.n_frames)[other]  # (D, F)
+    independent = np.einsum("af,fij,bf->aibj", difference, noise, difference).reshape(len(result.residual), -1)
+    shared, dh = (np.tensordot(difference, g, 1).reshape(len(result.residual), -1) for g in (anchors, robot))
+    stochastic = independent + shared @ shared.T
+    gain = np.linalg.pinv(result.jacobian)[:6]
+    dof = len(result.residual) - result.jacobian.shape[1]
+    chi2 = float(result.residual @ np.linalg.lstsq(stochastic, result.residual, rcond=None)[0])
+    return gain @ stochastic @ gain.T, gain @ dh @ dh.T @ gain.T, chi2 / max(dof, 1), dof
+
+
+def _firsts(problem: Problem) -> list[int]:
+    return [int(np.flatnonzero(problem.location == k)[0]) for k in range(problem.n_locations)]
+
+
+def _origin_errors(problem: Problem, lin: Linearised, to_origin: Array) -> tuple[Array, Array, Array]:
+    """Errors of x: covariance of its own noise (F, 3, 3), columns by anchors (F, 3, 12) and robot (F, 3, P).
+
+    An error of the hand's pose moves the points that are seen as well as the chain; both act on x as if the points were
+    exact and the jig had moved, so that one covariance of the points carries it.
+    """
+    f = problem.n_frames
+    points = frame_covariance(problem, lin, removal(~problem.points.present), problem.chain.noise)
+    anchors = to_origin @ lin.anchors.reshape(f, 10, 12) * problem.anchor_sigma_mm
+    robot = to_origin @ (lin.hand.reshape(f, 10, 6) @ lin.parameters) * problem.chain.parameter_sigma
+    return to_origin @ points @ np.swapaxes(to_origin, -1, -2), anchors, robot
