@@ -23,6 +23,7 @@ class AnchorsTable(BaseModel):
 
     model_config = ConfigDict(extra="forbid", strict=True)
 
+    name: str = ""
     Ab: Point | None = None
     At: Point | None = None
     Bb: Point | None = None
