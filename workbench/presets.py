@@ -1,26 +1,33 @@
-"""Presets that ship with the package: sensors, jigs and robots as files, by name."""
+"""Files and presets by name: what a user may give where a sensor, jig or robot is asked for."""
 
 from __future__ import annotations
 
-from importlib.resources import files
 from pathlib import Path
 
-from geometry import InputError
-from workbench.formats.strict import suggestion
+import assets
+from geometry import RobotModel
+from jig_cad import Jig
+from workbench.formats import Sensor, read_jig_file, read_robot, read_sensor
 
 
-def preset_names(kind: str) -> tuple[str, ...]:
-    """Names of the presets of a kind: "sensors", "jigs" or "robots"."""
-    return tuple(sorted(p.stem for p in _folder(kind).glob("*.toml")))
+def preset_path(kind: str, name: str) -> Path:
+    """The file ``name``, or the preset of that name where there is no such file and it does not look like one."""
+    path = Path(name)
+    if path.exists() or path.suffix or "/" in name:
+        return path
+    return assets.path(kind, name)
 
 
-def preset(kind: str, name: str) -> Path:
-    """The file of a preset; InputError with a suggestion where there is none of that name."""
-    names = preset_names(kind)
-    if name not in names:
-        raise InputError(f"no {kind.removesuffix('s')} preset is called {name}{suggestion(name, names)}")
-    return _folder(kind) / f"{name}.toml"
+def find_jig(name: str) -> Jig:
+    """A jig by file or preset."""
+    return read_jig_file(preset_path("jigs", name))
 
 
-def _folder(kind: str) -> Path:
-    return Path(str(files("assets"))) / kind
+def find_sensor(name: str) -> Sensor:
+    """A sensor by file or preset."""
+    return read_sensor(preset_path("sensors", name))
+
+
+def find_robot(name: str) -> RobotModel:
+    """A robot by file or preset."""
+    return read_robot(preset_path("robots", name))

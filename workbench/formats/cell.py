@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from pydantic import Field, field_validator
@@ -28,9 +29,10 @@ class ScpSection(Section):
 
 
 class LocationSection(Section):
-    """[locations.NAME]: where the jig stands, if known; decides the half turn."""
+    """[locations.NAME]: where the jig stands, if known; decides the half turn. role: of views to be planned."""
 
     T_base_jig: Matrix4
+    role: Literal["calibrate", "verify"] | None = None
 
 
 class CellFile(Section):
@@ -39,7 +41,7 @@ class CellFile(Section):
     sensor: Text
     jig: Text
     robot: Text
-    frames: Text
+    frames: Text | None = None
     points: Text | None = None
     scp_initial: ScpSection
     locations: dict[str, LocationSection] = Field(default_factory=dict)
@@ -57,6 +59,7 @@ class Cell:
     """A cell dataset: sensor, jig, robot, design SCP, frames; images stay on disk until they are needed.
 
     points: by frame number, where a points.csv stands in place of images. T_base_jig: by location, where given.
+    roles: of the locations in cell.toml that say one.
     """
 
     folder: Path
@@ -68,18 +71,22 @@ class Cell:
     T_base_jig: dict[str, Pose] = field(default_factory=dict)
     points: dict[int, FramePoints] | None = None
     truth: Truth | None = None
+    roles: dict[str, str] = field(default_factory=dict)
     name: str = ""
 
 
-def read_cell(path: Path) -> Cell:
-    """The dataset of a folder or of its cell.toml; InputError names file, line and key. Images are not opened here."""
+def read_cell(path: Path, *, recorded: bool = True) -> Cell:
+    """The dataset of a folder or of its cell.toml; InputError names file, line and key. Images are not opened here.
+
+    recorded: whether frames must be there; a cell that is yet to be recorded has none.
+    """
     source = read_toml(_cell_path(path))
     file = validate(CellFile, source)
     folder = source.path.parent
     robot = read_robot(_named(folder, file.robot, source, "robot"))
-    frames_path = _named(folder, file.frames, source, "frames")
-    frames = read_frames(frames_path, robot.n_joints)
-    _check_location_names(file, frames, source)
+    frames, frames_path = _frames(folder, file, source, robot, recorded=recorded)
+    if frames:
+        _check_location_names(file, frames, source)
     truth = folder / "truth.json"
     return Cell(
         folder=folder,
@@ -89,10 +96,25 @@ def read_cell(path: Path) -> Cell:
         frames=frames,
         T_hand_sensor_design=Pose.from_fixed_xyz_deg(file.scp_initial.rotation_deg, file.scp_initial.translation_mm),
         T_base_jig={name: _pose(source, name, given) for name, given in file.locations.items()},
-        points=_points(folder, file, frames, frames_path),
+        points=_points(folder, file, frames, frames_path) if recorded else None,
         truth=read_truth(truth) if truth.exists() else None,
+        roles={name: given.role for name, given in file.locations.items() if given.role},
         name=file.name,
     )
+
+
+def _frames(
+    folder: Path, file: CellFile, source: TomlSource, robot: RobotModel, *, recorded: bool
+) -> tuple[tuple[FrameRow, ...], Path]:
+    if file.frames is None:
+        if recorded:
+            raise InputError(f"{source.path}: the key frames is missing, it names the frames.csv")
+        return (), folder
+    path = folder / file.frames
+    if not recorded and not path.exists():
+        return (), path
+    path = _named(folder, file.frames, source, "frames")
+    return read_frames(path, robot.n_joints, may_be_empty=not recorded), path
 
 
 def read_jig_file(path: Path) -> Jig:

@@ -36,18 +36,18 @@ class FrameRow:
     line: int = 0
 
 
-def read_frames(path: Path, n_joints: int) -> tuple[FrameRow, ...]:
+def read_frames(path: Path, n_joints: int, *, may_be_empty: bool = False) -> tuple[FrameRow, ...]:
     """The rows of frames.csv for a robot of ``n_joints`` joints; InputError names line and column."""
     joints = tuple(f"j{i}_deg" for i in range(1, MAX_JOINTS + 1))
     known = ("frame", "image", "location", "role", *joints, *POSE_COLUMNS)
     table = read_table(path, known, ("frame", "location", "role"))
     poses = _check_motion_columns(table, n_joints)
     rows = tuple(_row(row, n_joints, poses=poses) for row in table.rows)
-    if not rows:
+    if not rows and not may_be_empty:
         raise InputError(f"{path}: holds a header but no frames")
     _check_numbers(path, rows)
     _check_locations(path, rows)
-    if not poses:
+    if rows and not poses:
         _check_degrees(path, rows)
     return rows
 

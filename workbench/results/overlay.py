@@ -45,7 +45,8 @@ def save_overlays(folder: Path, image: NDArray[np.generic], sensor: SensorModel,
 
 def brighten(image: NDArray[np.generic], sensor: SensorModel) -> Picture:
     """8 bits with dark levels lifted, so that dim spots can be seen."""
-    level = (image.astype(np.float32) - sensor.black_level) / (sensor.saturation_dn - sensor.black_level)
+    dark = float(np.median(image[::4, ::4]))
+    level = (image.astype(np.float32) - dark) / max(sensor.saturation_dn - dark, 1.0)
     return np.asarray(255 * np.clip(level, 0, 1) ** GAMMA).astype(np.uint8)
 
 
