@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.problem import Points
-from geometry import Pose, skew
+from geometry import Pose, skew, stack_poses
 
 Array = NDArray[np.float64]
 
 _ITERATIONS = 30
 _STEP_MM = 1e-9
+_MEAN_ITERATIONS = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +80,8 @@ def agreeing_pose(candidates: Sequence[Pose], reach_mm: float = 100.0) -> tuple[
     limit = np.median(np.sort(nearest, axis=None)[: max(1, nearest.size // 2)]) * 10 + 1e-9
     best = int(np.argmin(np.sum(np.minimum(nearest, limit), axis=1)))
     choice = [int(np.argmin(d[best])) for d in distances]
-    return mean_pose([c[i] for c, i, n in zip(candidates, choice, nearest[best], strict=True) if n <= limit]), choice
+    agreeing = [c[i] for c, i, n in zip(candidates, choice, nearest[best], strict=True) if n <= limit]
+    return mean_pose(stack_poses(agreeing)), choice
 
 
 def pose_distance(a: Pose, b: Pose, reach_mm: float = 100.0) -> Array:
@@ -89,9 +91,12 @@ def pose_distance(a: Pose, b: Pose, reach_mm: float = 100.0) -> Array:
     return np.asarray(np.hypot(np.linalg.norm(a.t - b.t, axis=-1), reach_mm * angle))
 
 
-def mean_pose(poses: Sequence[Pose]) -> Pose:
-    """The mean of poses that lie near one another (mean in the tangent space of the first, iterated)."""
+def mean_pose(poses: Pose) -> Pose:
+    """The mean of poses (N) that lie near one another (mean in the tangent space of the first, iterated)."""
     here = poses[0]
-    for _ in range(5):
-        here = here @ Pose.exp(np.mean([(here.inverse() @ p).log() for p in poses], axis=0))
+    for _ in range(_MEAN_ITERATIONS):
+        step = np.mean((here.inverse() @ poses).log(), axis=0)
+        here = here @ Pose.exp(step)
+        if np.max(np.abs(step)) < _STEP_MM:
+            break
     return here

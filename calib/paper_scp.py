@@ -38,7 +38,7 @@ class PaperProblem:
 
 @dataclass(frozen=True)
 class PaperSettings:
-    """λ while the scaled step is longer than ``switch``, then 0; stop below ``tolerance``; sign -1 is the mended step."""
+    """λ while the scaled step exceeds ``switch``, then 0; stop below ``tolerance``; sign -1 is the mended step."""
 
     damping: float = 1e-3
     switch: float = 1e-3
@@ -97,7 +97,7 @@ def differences(problem: PaperProblem, T_hand_sensor: Pose, offsets_rad: Array) 
 
 
 def origins(problem: PaperProblem, T_hand_sensor: Pose, offsets_rad: Array) -> tuple[Array, Array]:
-    """Jig origins x (F, 3) [mm] in the base by the chain, and their Jacobian (F, 3, K) by the SCP's ξ and the offsets."""
+    """Jig origins x (F, 3) [mm] in the base by the chain, and their Jacobian (F, 3, K) by ξ and the offsets."""
     hand, joints, robot = problem.Ts_base_hand, problem.joints_rad, problem.robot
     chosen = list(problem.offset_joints)
     if chosen and robot is not None and joints is not None:
@@ -117,7 +117,8 @@ def origins(problem: PaperProblem, T_hand_sensor: Pose, offsets_rad: Array) -> t
 
 def pairs(location: Index) -> tuple[Index, Index]:
     """For every frame but a location's first: the first frame, and the frame."""
-    firsts = np.array([int(np.flatnonzero(location == name)[0]) for name in location], dtype=np.intp)
+    _, first, inverse = np.unique(location, return_index=True, return_inverse=True)
+    firsts = first[inverse]
     other = np.flatnonzero(firsts != np.arange(len(location)))
     return firsts[other], other
 

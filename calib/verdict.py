@@ -172,7 +172,7 @@ def _lever(moved: Motion, config: CalibConfig) -> Verdict | None:
         return None
     return Verdict(
         "lever_constant",
-        f"the jig's origin stays within {moved.lever_mm:.2g} mm of one point of the sensor frame, where positions alone "
+        f"the jig's origin stays within {moved.lever_mm:.2g} mm of one point of the sensor, where positions alone "
         "can not show the rotation: vary where the sensor sees the jig by some centimetres, or use --method bundle",
     )
 
@@ -184,8 +184,8 @@ def _not_observable(f: Facts) -> Verdict | None:
     return Verdict(
         "not_observable",
         f"the frames leave a direction of the SCP open (σ {sigma_mm:.3g} mm, {sigma_deg:.3g}° from noise alone, "
-        f"condition {f.condition:.3g}): {direction_in_words(f.noise_covariance)}; turn the hand about a second axis and "
-        "vary the views",
+        f"condition {f.condition:.3g}): {direction_in_words(f.noise_covariance)}; turn the hand about a second axis "
+        "and vary the views",
     )
 
 
@@ -215,8 +215,8 @@ def _weak(f: Facts, config: CalibConfig) -> Verdict | None:
     return Verdict(
         "weak",
         f"a direction of the SCP is poorly determined (σ {sigma_mm:.2g} mm, {sigma_deg:.2g}° from noise alone, "
-        f"condition {f.condition:.3g}): {direction_in_words(f.noise_covariance)}; add frames with larger rotations about "
-        "other axes",
+        f"condition {f.condition:.3g}): {direction_in_words(f.noise_covariance)}; add frames with larger rotations "
+        "about other axes",
     )
 
 
