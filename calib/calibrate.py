@@ -14,7 +14,7 @@ from calib.estimate import bundle_estimate, bundle_facts
 from calib.observation import Observations
 from calib.paper_estimate import paper_estimate, paper_frames
 from calib.result import CalibrationResult, Verdict
-from calib.solution import solve_stations
+from calib.solution import make_problem, solve_problem
 from calib.stations import Station, label, stations
 from calib.verdict import Facts, judge, judge_motion, motion
 from geometry import InputError, Pose, RobotModel, stack_poses
@@ -73,8 +73,9 @@ def _solve(p: Problem, ready: tuple[Station, ...], T_hand_sensor: Pose) -> tuple
     if papers is not None:
         estimate, facts = paper_estimate(papers, p.jig, p.robot, T_hand_sensor, p.config)
     else:
-        solution = solve_stations(used, p.jig, p.robot, T_hand_sensor, p.config)
-        estimate, facts = bundle_estimate(solution), bundle_facts(solution)
+        problem = make_problem(used, p.jig, p.robot, p.config)
+        solution = solve_problem(problem, [s.candidates for s in used], T_hand_sensor, p.config)
+        estimate, facts = bundle_estimate(solution, used), bundle_facts(solution)
     return judge(facts, moved, p.config), estimate
 
 

@@ -7,11 +7,12 @@ import numpy as np
 from calib.answer import Estimate
 from calib.identifiability import weak_directions
 from calib.solution import Solution
+from calib.stations import Station
 from calib.verdict import Facts
 
 
-def bundle_estimate(solution: Solution) -> Estimate:
-    """What the bundle says of SCP, robot, anchors, frames and points."""
+def bundle_estimate(solution: Solution, used: tuple[Station, ...]) -> Estimate:
+    """What the bundle says of SCP, robot, anchors, and the ``used`` frames and their points."""
     bundle, found, chain = solution.bundle, solution.uncertainty, solution.problem.chain
     n = 0 if chain.robot is None else chain.robot.n_joints
     delta, sigma = np.zeros((5, n)), np.zeros((5, n))
@@ -21,7 +22,7 @@ def bundle_estimate(solution: Solution) -> Estimate:
     sigma[rows, joints] = np.where(solution.applied, posterior[6:-12], chain.parameter_sigma)
     anchors, anchors_sigma = np.zeros((6, 3)), np.zeros((6, 3))
     anchors[:, 1:], anchors_sigma[:, 1:] = bundle.state.anchors, posterior[-12:].reshape(6, 2)
-    numbers = [s.observation.frame for s in solution.stations]
+    numbers = [s.observation.frame for s in used]
     return Estimate(
         T_hand_sensor=solution.T_hand_sensor,
         covariance=found.scp,

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,8 +16,9 @@ from calib.weights import frame_covariance, removal
 
 Array = NDArray[np.float64]
 
-_MAX_EVALUATIONS = 120
-_LOG_TOLERANCE = 0.01  # of a variance; far below its own uncertainty
+_MAX_EVALUATIONS = 80
+_LOG_TOLERANCE = 0.02  # of a variance; far below its own uncertainty
+_SCORE_STEP = 0.3
 
 
 def deviance(problem: Problem, result: BundleResult) -> float:
@@ -53,25 +53,51 @@ def with_noise(problem: Problem, point_scale: float, hand_noise: Array) -> Probl
     return replace(problem, points=points, chain=replace(problem.chain, noise=hand_noise))
 
 
-def estimate_noise(
-    problem: Problem, result: BundleResult, components: Sequence[Array], start: Array, points: bool
-) -> Array:
-    """Variances that make the residuals most likely: of the points (where ``points``), then of each hand component.
+@dataclass(frozen=True, eq=False)
+class Variances:
+    """Noise as variances to be found: of the points (a factor), then of each component of the hand poses' noise.
 
-    components: covariances (F, 6, 6) of unit variance whose sum, each times its variance, is the hand poses' noise.
-    start: first guess of the same variances, the points' one included (their factor; kept where ``points`` is false).
+    components: covariances (F, 6, 6) of unit variance, whose sum, each times its variance, is the hand poses' noise.
+    value: (1 + K,). free: which of them the data may change.
     """
-    free = np.ones(len(start), dtype=bool)
-    free[0] = points
 
-    def of(log_variance: Array) -> float:
-        values = start.copy()
-        values[free] = np.exp(log_variance)
-        hand = np.einsum("k,kfij->fij", values[1:], np.array(components))
-        return deviance(with_noise(problem, values[0], hand), result)
+    components: tuple[Array, ...]
+    value: Array
+    free: NDArray[np.bool_]
 
-    options = {"maxfev": _MAX_EVALUATIONS, "xatol": _LOG_TOLERANCE, "fatol": 1e-3}
-    found = minimize(of, np.log(start[free]), method="Nelder-Mead", options=options)
-    out = start.copy()
-    out[free] = np.exp(found.x)
-    return out
+    def problem(self, problem: Problem, log_free: Array) -> Problem:
+        """The problem with the free variances at exp(``log_free``)."""
+        value = self.at(log_free)
+        return with_noise(problem, value[0], np.einsum("k,kfij->fij", value[1:], np.array(self.components)))
+
+    def at(self, log_free: Array) -> Array:
+        """All variances (1 + K,) with the free ones at exp(``log_free``)."""
+        value = self.value.copy()
+        value[self.free] = np.exp(log_free)
+        return value
+
+
+def contradiction(problem: Problem, result: BundleResult, variances: Variances) -> float:
+    """About how much deviance the free variances would gain (a score test by finite differences)."""
+    start = np.log(variances.value[variances.free])
+
+    def of(x: Array) -> float:
+        return deviance(variances.problem(problem, x), result)
+
+    middle, gain = of(start), 0.0
+    for e in np.eye(len(start)) * _SCORE_STEP:
+        above, below = of(start + e), of(start - e)
+        curvature = max((above + below - 2 * middle) / _SCORE_STEP**2, 1.0)
+        gain += ((above - below) / (2 * _SCORE_STEP)) ** 2 / curvature
+    return float(gain)
+
+
+def estimate_noise(problem: Problem, result: BundleResult, variances: Variances) -> Array:
+    """Variances (1 + K,) that make the residuals most likely, the solution's linearisation held."""
+
+    def of(log_free: Array) -> float:
+        return deviance(variances.problem(problem, log_free), result)
+
+    start = np.log(variances.value[variances.free])
+    options = {"maxfev": _MAX_EVALUATIONS, "xatol": _LOG_TOLERANCE, "fatol": 1e-2}
+    return variances.at(minimize(of, start, method="Nelder-Mead", options=options).x)

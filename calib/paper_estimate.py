@@ -58,8 +58,7 @@ def paper_estimate(
 ) -> tuple[Estimate, Facts]:
     """Run the paper's iteration on the frames' closed-form poses."""
     used = frames.stations
-    names = tuple(dict.fromkeys(s.observation.location for s in used))
-    problem = make_problem(tuple(_in_order(s, frames.yz_mm[i]) for i, s in enumerate(used)), names, jig, robot, config)
+    problem = make_problem(tuple(_in_order(s, frames.yz_mm[i]) for i, s in enumerate(used)), jig, robot, config)
     forms = closed_forms(frames.yz_mm, jig.side_mm, jig.height_mm)
     choice, own = _signs(problem, T_hand_sensor, forms.T_sensor_jig, forms.h1_disagreement_mm)
     offsets = _offset_joints(problem, config)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,7 +26,7 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """The answer to the used calibrate frames (stations, in order; locations by name in ``names``).
+    """The answer to the used calibrate frames.
 
     bundle: the solve that answers. applied: robot parameters (P,) that its robot takes over. outlier (F, M),
     frame_outlier (F,): what was left out. Ts_sensor_jig: each frame's own pose, of its candidates the one that agrees
@@ -34,8 +35,6 @@ class Solution:
     """
 
     problem: Problem
-    stations: tuple[Station, ...]
-    names: tuple[str, ...]
     bundle: BundleResult
     applied: Mask
     outlier: Mask
@@ -70,16 +69,10 @@ class Solution:
             return self.problem.chain.robot
         return corrected_robot(self.problem, self.parameters)
 
-    @property
-    def T_base_jig(self) -> dict[str, Pose]:
-        """The solved jig poses by location."""
-        return {n: self.bundle.state.Ts_base_jig[i] for i, n in enumerate(self.names)}
 
-
-def make_problem(
-    used: tuple[Station, ...], names: tuple[str, ...], jig: Jig, robot: RobotModel | None, config: CalibConfig
-) -> Problem:
-    """The bundle's problem of labelled frames."""
+def make_problem(used: tuple[Station, ...], jig: Jig, robot: RobotModel | None, config: CalibConfig) -> Problem:
+    """The bundle's problem of labelled frames; locations are numbered in the order of their first frame."""
+    names = list(dict.fromkeys(s.observation.location for s in used))
     joints = [s.observation.joints_rad for s in used]
     if robot is not None and all(q is not None for q in joints):
         chain = robot_chain(robot, np.array(joints), float(np.deg2rad(config.beta_sigma_deg)))
@@ -105,18 +98,14 @@ def estimated_parameters(problem: Problem, model: str) -> Mask:
     return np.asarray(rows == 0) if model == "scp+offsets" else np.ones(len(rows), dtype=bool)
 
 
-def solve_stations(
-    used: tuple[Station, ...], jig: Jig, robot: RobotModel | None, T_hand_sensor: Pose, config: CalibConfig
-) -> Solution:
-    """Solve the bundle of labelled calibrate frames, from the SCP given or, where that fails, from a closed form.
+def solve_problem(problem: Problem, candidates: Sequence[Pose], T_hand_sensor: Pose, config: CalibConfig) -> Solution:
+    """Solve the bundle from the SCP given or, where that fails, from a closed form.
 
-    Outliers and noise are judged with all robot errors free within their priors, so that a misfit of the nominal robot
-    is not taken for either. χ² is by the stated noise of the points, whatever the data say of it.
+    candidates: poses T_sensor_jig of each frame. Outliers and noise are judged with all robot errors free within their
+    priors, so that a misfit of the nominal robot is not taken for either. χ² is by the stated noise of the points.
     """
-    names = tuple(dict.fromkeys(s.observation.location for s in used))
-    problem = make_problem(used, names, jig, robot, config)
     applied = estimated_parameters(problem, config.model)
-    robust, own = _robust(problem, used, T_hand_sensor, config)
+    robust, own = _robust(problem, candidates, T_hand_sensor, config)
     every, removed = robust.bundle, robust.bundle.removed
     weighed = weigh(problem, every, config)
     if weighed.changed:
@@ -126,8 +115,6 @@ def solve_stations(
     chi2, explained = (stated_cost(weighed.stated, fit) / max(dof, 1) for fit in (model, every))
     return Solution(
         weighed.problem,
-        used,
-        names,
         model,
         applied,
         robust.outlier,
@@ -142,10 +129,9 @@ def solve_stations(
 
 
 def _robust(
-    problem: Problem, used: tuple[Station, ...], T_hand_sensor: Pose, config: CalibConfig
+    problem: Problem, candidates: Sequence[Pose], T_hand_sensor: Pose, config: CalibConfig
 ) -> tuple[RobustResult, Pose]:
     every = np.ones(len(problem.chain.parameter_sigma), dtype=bool)
-    candidates = [s.candidates for s in used]
     start, own = chain_start(problem, T_hand_sensor, candidates)
     robust = solve_robust(problem, start, every, config.outlier_chi2, config.max_outlier_share)
     if not _doubtful(robust):

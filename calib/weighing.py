@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from calib.bundle import BundleResult
 from calib.config import CalibConfig
 from calib.linearise import linearise
-from calib.noise import deviance, estimate_noise, with_noise
+from calib.noise import Variances, contradiction, deviance, estimate_noise, with_noise
 from calib.problem import Problem
 from calib.weights import frame_covariance, removal, whitener
 
@@ -43,10 +43,12 @@ def weigh(problem: Problem, result: BundleResult, config: CalibConfig) -> Weighe
     hand = problem.chain.noise
     freedom = 2 * int((~result.removed).sum()) - 6 - 6 * problem.n_locations
     if config.noise == "auto" and freedom >= _MIN_FREEDOM and np.any(hand):
-        found = estimate_noise(problem, result, [hand], np.ones(2), points=True)
-        found = np.clip(found, *np.transpose([_POINT_BOUNDS, _JOINT_BOUNDS]))
-        gain = deviance(problem, result) - deviance(with_noise(problem, found[0], found[1] * hand), result)
-        factors = found if gain > _CONTRADICTION else factors
+        variances = Variances((hand,), np.ones(2), np.ones(2, dtype=bool))
+        if contradiction(problem, result, variances) > _CONTRADICTION / 2:
+            found = estimate_noise(problem, result, variances)
+            found = np.clip(found, *np.transpose([_POINT_BOUNDS, _JOINT_BOUNDS]))
+            gain = deviance(problem, result) - deviance(with_noise(problem, found[0], found[1] * hand), result)
+            factors = found if gain > _CONTRADICTION else factors
     joint = np.rad2deg(problem.chain.robot.uncertainty.joint_sigma_rad)
     noise = {
         "joint_sigma_deg": float(joint * np.sqrt(factors[1])),
@@ -75,9 +77,9 @@ def _weigh_poses(problem: Problem, result: BundleResult, config: CalibConfig) ->
     given = config.hand_sigma_mm is not None and config.hand_sigma_deg is not None
     if not given:
         parts = [np.diag([1.0] * 3 + [0.0] * 3), np.diag([0.0] * 3 + [1.0] * 3)]
-        components = [np.broadcast_to(p, problem.chain.noise.shape) for p in parts]
-        start = np.array([1.0, *sigma**2])
-        sigma = np.sqrt(estimate_noise(problem, result, components, start, points=False)[1:])
+        components = tuple(np.broadcast_to(p, problem.chain.noise.shape) for p in parts)
+        start = Variances(components, np.array([1.0, *sigma**2]), np.array([False, True, True]))
+        sigma = np.sqrt(estimate_noise(problem, result, start)[1:])
     noise = {
         "hand_sigma_mm": float(sigma[0]),
         "hand_sigma_deg": float(np.rad2deg(sigma[1])),
