@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Literal
+
 import numpy as np
 from numpy.typing import NDArray
 
+from geometry import InputError
 from perceptron_emu.ambient import ambient_electrons
 from perceptron_emu.camera import expose
 from perceptron_emu.config import EmulatorConfig
@@ -26,26 +30,39 @@ def render(
     rng: np.random.Generator | None = None,
     *,
     full_truth: bool = False,
+    renderer: Literal["own", "pyrender"] = "own",
 ) -> Frame:
     """The image that the sensor delivers of the scene, and what is known of it.
 
     rng draws two keys, for speckle and for the chip's noise; the same state gives the same bytes. Without config: its
     defaults; without rng: seed 0. full_truth: pixel labels and the sheet's curve too (about twice the time).
+    renderer: who finds what is lit and seen, our own geometry or OpenGL's depth buffers; optics and chip are the same.
     """
     config = config or EmulatorConfig()
     rng = np.random.default_rng(0) if rng is None else rng
     speckle_key, noise_key = (int(k) for k in rng.integers(0, 2**63, 2))
     path = moments(config, scene.sensor.height_px)
     scenes = [moved(scene, m.drift) for m in path] if len(path) > 1 else [scene]
-    lit = [light_scene(s, config) for s in scenes]
+    find_light = _finder(renderer)
+    lit = [find_light(s, config) for s in scenes]
     electrons = _mean_electrons(scenes, lit, path, config, speckle_key)
     exposure = config.exposure
     if exposure.hdr_ratios:
         image = expose_hdr(electrons, exposure, config.noise, scene.sensor, noise_key)
     else:
         image = expose(electrons, config.noise, scene.sensor, exposure.time_ms * 1e-3, noise_key)
-    now = lit[0] if len(path) == 1 else light_scene(scene, config)
+    now = lit[0] if len(path) == 1 else find_light(scene, config)
     return Frame(image, _truth(scene, lit, path, now, config, full_truth))
+
+
+def _finder(renderer: str) -> Callable[[Scene, EmulatorConfig], LitScene]:
+    if renderer == "own":
+        return light_scene
+    if renderer == "pyrender":
+        from perceptron_emu.pyrender_backend import light_scene_gl
+
+        return light_scene_gl
+    raise InputError(f'renderer "{renderer}": must be "own" or "pyrender"')
 
 
 def _mean_electrons(
