@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from calib import CalibConfig, CalibrationResult, Observations
 from calib.label_location import label_location
-from calib.labelling import LabelledFrame, label_frame
-from geometry import AxisPoints, NoAnswerError, Pose, SensorModel, SurfacePoints, stack_poses
+from calib.label_refine import LabelledFrame
+from calib.labelling import label_frame
+from geometry import AxisPoints, NoAnswerError, SensorModel, SurfacePoints, stack_poses
 from jig_cad import Jig
 from workbench.formats import Cell
 from workbench.pipeline import Observed, solve
@@ -54,16 +55,14 @@ def _label_one_location(
     frames = [f for f in observations.frames if f.location == location and f.reason is None and f.axis is None]
     if not frames:
         return {}
-    robot = cell.robot if result is None else result.robot
-    hands: list[Pose] = [
-        robot.hand_pose(f.joints_rad) if f.joints_rad is not None else f.T_base_hand or Pose.identity() for f in frames
-    ]
+    robot = cell.robot if result is None or result.robot is None else result.robot
+    hands = [robot.hand_pose(f.joints_rad) if f.joints_rad is not None else f.T_base_hand for f in frames]
     scp = cell.T_hand_sensor_design if result is None or result.T_hand_sensor is None else result.T_hand_sensor
     solved = result.locations.get(location) if result is not None else None
     jig_pose = solved.T_base_jig if solved is not None else cell.T_base_jig.get(location)
     labelled = label_location(
         [f.points for f in frames],
-        stack_poses(hands),
+        stack_poses([pose for pose in hands if pose is not None]),
         scp,
         cell.jig,
         observations.sensor,

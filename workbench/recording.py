@@ -7,6 +7,7 @@ import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,7 @@ from workbench.formats.images import write_png
 
 Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
+Renderer = Literal["own", "pyrender"]
 
 READING_DECIMALS = 4  # digits of a joint reading in degrees, as a controller shows them
 PARTS = ".parts"
@@ -69,19 +71,20 @@ def record(
     configurations: Sequence[Configuration],
     seed: int,
     progress: Progress | None = None,
+    renderer: Renderer = "own",
 ) -> Cell:
     """Render every configuration into ``folder`` as a dataset with truth.json and return the dataset.
 
     ``cell`` gives what a user knows: nominal robot and jig, design SCP, sensor; its frames are replaced. Frames that
     stand in the folder already, of the same recipe, are kept.
     """
-    recipe = _recipe(cell, true, configurations, seed)
+    recipe = _recipe(cell, true, configurations, seed, renderer)
     rows = tuple(_row(c) for c in configurations)
     finished = _finished(folder, recipe, rows)
     if finished is None:
         frames = []
         for i, configuration in enumerate(configurations):
-            frames.append(_frame(folder, cell, true, configuration, seed, recipe))
+            frames.append(_frame(folder, cell, true, configuration, seed, recipe, renderer))
             if progress:
                 progress(i + 1, len(configurations))
         finished = _truth(true, frames, recipe)
@@ -108,7 +111,7 @@ def _row(c: Configuration) -> FrameRow:
 
 
 def _frame(
-    folder: Path, cell: Cell, true: TrueCell, configuration: Configuration, seed: int, recipe: str
+    folder: Path, cell: Cell, true: TrueCell, configuration: Configuration, seed: int, recipe: str, renderer: Renderer
 ) -> TruthFrame:
     """Render one frame, or take it from the folder where it was rendered already."""
     part = folder / PARTS / f"{configuration.frame:03d}.json"
@@ -118,7 +121,7 @@ def _frame(
         if data.pop("recipe", None) == recipe:
             return TruthFrame.model_validate(data)
     rng = np.random.default_rng([seed, configuration.frame])
-    frame = render(frame_scene(cell, true, configuration), cell.sensor.emulator, rng)
+    frame = render(frame_scene(cell, true, configuration), cell.sensor.emulator, rng, renderer=renderer)
     truth = _frame_truth(configuration.frame, frame)
     write_png(image, frame.image)
     write_text(part, json.dumps({"recipe": recipe, **truth.model_dump()}))
@@ -168,12 +171,12 @@ def _finished(folder: Path, recipe: str, rows: Sequence[FrameRow]) -> Truth | No
     return truth if truth.name == recipe else None
 
 
-def _recipe(cell: Cell, true: TrueCell, configurations: Sequence[Configuration], seed: int) -> str:
+def _recipe(cell: Cell, true: TrueCell, configurations: Sequence[Configuration], seed: int, renderer: str) -> str:
     """A name of everything that decides the images."""
     from importlib.metadata import version
 
     digest = hashlib.sha256(
-        f"{version('perceptron-emu')} {seed} {sensor_text(cell.sensor)} {jig_text(true.jig)}".encode()
+        f"{version('perceptron-emu')} {renderer} {seed} {sensor_text(cell.sensor)} {jig_text(true.jig)}".encode()
     )
     arrays = [true.jig.anchors_mm, true.T_hand_sensor.matrix, true.robot.theta_offset, true.robot.d, true.robot.a]
     arrays += [true.robot.alpha, *(p.matrix for p in true.T_base_jig.values())]

@@ -14,7 +14,8 @@ from geometry import NoAnswerError, Pose, RobotModel, RobotUncertainty
 from jig_cad import DEFAULT_STRINGS, STRINGS, Jig, sample_tolerance
 from perceptron_emu import EmulatorConfig, Solid
 from workbench.campaign.settings import JigPart, PosesPart, RobotPart, SensorPart, TrialSettings
-from workbench.demo.experiment import DESIGN, with_errors
+from workbench.demo.experiment import DESIGN
+from workbench.emulated_cell import with_errors
 from workbench.formats import Cell, Sensor
 from workbench.planning import ViewLimits, ViewProblem, Views, plan_views
 from workbench.presets import find_robot, find_sensor

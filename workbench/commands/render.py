@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from workbench.console import progress_bar, standard_error
+
+
+class Renderer(StrEnum):
+    """Who finds what is lit and seen."""
+
+    OWN = "own"
+    PYRENDER = "pyrender"
 
 
 def command(
@@ -18,6 +26,7 @@ def command(
     joints: Annotated[
         Path | None, typer.Option(help="A frames.csv of views to take; default: the cell's own, else planned ones.")
     ] = None,
+    renderer: Annotated[Renderer, typer.Option(help="Our own ray casting, or OpenGL's depth buffers.")] = Renderer.OWN,
     exact: Annotated[bool, typer.Option("--exact", help="No errors of robot, joints, jig and mounting.")] = False,
     mounting_deg: Annotated[float, typer.Option(min=0, max=10, help="σ of the mounting's rotation.")] = 1.0,
     mounting_mm: Annotated[float, typer.Option(min=0, max=50, help="σ of the mounting's position.")] = 0.5,
@@ -41,5 +50,5 @@ def command(
         views = given_views(given, rows) if rows else planned_views(given, per_location, rng)
     taken = configurations(views, true, errors, rng)
     with progress_bar("rendering", len(taken)) as progress:
-        record(out, given, true, taken, seed, progress)
+        record(out, given, true, taken, seed, progress, renderer.value)
     standard_error().print(f"{out}: {len(taken)} images at {len(given.T_base_jig)} locations", markup=False)

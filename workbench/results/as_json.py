@@ -15,7 +15,7 @@ from calib.result import DesignSolved, FrameResult
 def calibration_object(result: CalibrationResult, complaints: dict[int, str] | None = None) -> dict[str, Any]:
     """The object that ``calibrate --json`` prints. complaints: what was wrong with a frame's image, by frame."""
     pose = result.T_hand_sensor
-    return clean(
+    out: dict[str, Any] = clean(
         {
             "method": result.method,
             "model": result.model,
@@ -38,6 +38,7 @@ def calibration_object(result: CalibrationResult, complaints: dict[int, str] | N
             "notes": result.notes,
         }
     )
+    return out
 
 
 def _solution(result: CalibrationResult) -> dict[str, Any]:

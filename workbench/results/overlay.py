@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from geometry import SensorModel
-from workbench.formats.images import write_png
+from workbench.formats.images import Image, write_png
 from workbench.points_table import FrameTable
 
 Colour = tuple[int, int, int]  # blue, green, red, as OpenCV draws
-Picture = NDArray[np.uint8]
+Picture = NDArray[Any]  # uint8 (H, W) or (H, W, 3); OpenCV's own types say no more
 
 LABELLED: Colour = (90, 230, 90)
 FLAGGED: Colour = (60, 190, 255)
@@ -25,7 +26,7 @@ GAMMA = 0.5
 SHIFT = 4  # OpenCV draws at 1 / 2^SHIFT px
 
 
-def overlay(image: NDArray[np.generic], sensor: SensorModel, table: FrameTable) -> Picture:
+def overlay(image: Image, sensor: SensorModel, table: FrameTable) -> Picture:
     """The picture (H, W + tiles, 3) of one frame; tiles show the labelled spots magnified with their 95 % ellipses."""
     grey = brighten(image, sensor)
     picture = cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR)
@@ -36,14 +37,14 @@ def overlay(image: NDArray[np.generic], sensor: SensorModel, table: FrameTable) 
     return np.hstack([picture, _tiles(grey, table, taken)])
 
 
-def save_overlays(folder: Path, image: NDArray[np.generic], sensor: SensorModel, table: FrameTable) -> Path:
+def save_overlays(folder: Path, image: Image, sensor: SensorModel, table: FrameTable) -> Path:
     """Write one frame's overlay and return its path."""
     path = folder / f"{table.frame:03d}.png"
     write_png(path, overlay(image, sensor, table), compression=3)
     return path
 
 
-def brighten(image: NDArray[np.generic], sensor: SensorModel) -> Picture:
+def brighten(image: Image, sensor: SensorModel) -> Picture:
     """8 bits with dark levels lifted, so that dim spots can be seen."""
     dark = float(np.median(image[::4, ::4]))
     level = (image.astype(np.float32) - dark) / max(sensor.saturation_dn - dark, 1.0)
