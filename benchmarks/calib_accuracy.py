@@ -1,0 +1,164 @@
+"""RMSE of the SCP against the Cramér-Rao bound, beside other methods on the same data in the same run.
+
+Run: python benchmarks/calib_accuracy.py [TRIALS] [SEED]. 3 locations x 7 poses, exact robot and jig, points of 10-50 µm,
+with and without joint noise of 0.003°. Peers: the paper's chain, a least-squares pose per frame with OpenCV's five
+hand-eye methods (from the same least-squares poses), and scipy's plain bundle (numeric Jacobian, points alone).
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from scipy.optimize import least_squares
+
+from calib import CalibConfig
+from calib.bundle import solve_bundle
+from calib.closed_form import closed_forms
+from calib.jig_pose import jig_pose
+from calib.linearise import initial_state, residuals
+from calib.paper_scp import PaperProblem, solve_paper
+from calib.problem import Problem
+from calib.solution import solve_problem
+from calib.synthetic import Cell, Layout, Noise, made_cell, observe, random_cell
+from calib.synthetic_problem import problem_of, true_candidates
+from calib.uncertainty import uncertainty
+from geometry import Pose, RobotUncertainty, stack_poses
+from jig_cad import Jig
+
+NEAR = Layout(
+    places=(("A", "calibrate", 7), ("B", "calibrate", 7), ("C", "calibrate", 7)),
+    standoff_mm=(140.0, 180.0),
+    tilt_deg=(12.0, 35.0),
+    swing_deg=35.0,
+)
+OPENCV = {
+    "Tsai": cv2.CALIB_HAND_EYE_TSAI,
+    "Park": cv2.CALIB_HAND_EYE_PARK,
+    "Horaud": cv2.CALIB_HAND_EYE_HORAUD,
+    "Andreff": cv2.CALIB_HAND_EYE_ANDREFF,
+    "Daniilidis": cv2.CALIB_HAND_EYE_DANIILIDIS,
+}
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One line of the table."""
+
+    point_mm: float
+    joint_deg: float
+
+
+def cell_for(rng: np.random.Generator, setting: Setting) -> Cell:
+    """A cell with an exact robot and jig, whose stated noise is the true one."""
+    cell = random_cell(rng, NEAR, Jig.nominal(height_mm=120.0, tolerance_mm=0.0))
+    exact = RobotUncertainty(float(np.deg2rad(setting.joint_deg)), 0.0, 0.0, 0.0, 0.0)
+    return replace(cell, robot=replace(cell.robot, uncertainty=exact))
+
+
+def paper(problem: Problem, cell: Cell, own: Pose) -> Pose | None:
+    """The paper's chain: closed forms (the sign candidate nearest the least-squares pose), then Eqs. (1)-(4)."""
+    forms = closed_forms(problem.points.yz_mm, cell.jig.side_mm, cell.jig.height_mm)
+    use = np.flatnonzero(forms.defined)
+    distance = np.linalg.norm(forms.T_sensor_jig.t[use] - own.t[use, None], axis=-1)
+    origins = forms.T_sensor_jig.t[use, np.argmin(distance, axis=1)]
+    if len(use) < 5:
+        return None
+    chain = problem.chain.T_base_hand
+    return solve_paper(PaperProblem(origins, chain[use], problem.location[use]), cell.design).T_hand_sensor
+
+
+def opencv(problem: Problem, own: Pose, method: int) -> Pose:
+    """OpenCV's hand-eye: one target, so the frames of each location are solved apart and averaged."""
+    found = []
+    for k in range(problem.n_locations):
+        i = np.flatnonzero(problem.location == k)
+        hand, jig = problem.chain.T_base_hand[i], own[i]
+        R, t = cv2.calibrateHandEye(list(hand.R), list(hand.t), list(jig.R), list(jig.t), method=method)
+        found.append(Pose(R, t[:, 0]))
+    mean = found[0]
+    for _ in range(5):
+        mean = mean @ Pose.exp(np.mean([(mean.inverse() @ p).log() for p in found], axis=0))
+    return mean
+
+
+def scipy_bundle(problem: Problem, start: Pose, jigs: Pose) -> Pose:
+    """Least squares over SCP and jig poses with a numeric Jacobian and the points' weights alone."""
+    state = initial_state(problem, start, jigs)
+    weight = 1 / np.sqrt(problem.points.cov_mm2[..., 0, 0])[..., None]
+
+    def of(x: np.ndarray) -> np.ndarray:
+        twists = x.reshape(-1, 6)
+        moved = replace(
+            state,
+            T_hand_sensor=state.T_hand_sensor @ Pose.exp(twists[0]),
+            Ts_base_jig=state.Ts_base_jig @ Pose.exp(twists[1:]),
+        )
+        return (residuals(problem, moved) * weight).ravel()
+
+    x = least_squares(of, np.zeros(6 * (1 + problem.n_locations)), method="lm", x_scale="jac").x
+    return start @ Pose.exp(x[:6])
+
+
+def trial(rng: np.random.Generator, cell: Cell, setting: Setting, out: dict[str, list[np.ndarray]]) -> None:
+    """One noisy data set, solved by all."""
+    noise = Noise(setting.point_mm, float(np.deg2rad(setting.joint_deg)), robot=False, anchors=False)
+    observed = observe(cell, made_cell(cell, rng, noise), rng, noise)
+    problem, candidates = problem_of(observed, cell), true_candidates(cell)
+    own = stack_poses([
+        jig_pose(f.axis, cell.jig, guess=candidates[i][0]).T_sensor_jig for i, f in enumerate(observed.frames) if f.axis
+    ])  # fmt: skip
+    jigs = stack_poses([cell.T_base_jig[n] for n in ("A", "B", "C")])
+    methods = {
+        "bundle (ours)": lambda: solve_problem(problem, candidates, cell.design, CalibConfig()).T_hand_sensor,
+        "paper's chain": lambda: paper(problem, cell, own),
+        "scipy bundle": lambda: scipy_bundle(problem, cell.design, jigs),
+    } | {f"OpenCV {name}": lambda m=m: opencv(problem, own, m) for name, m in OPENCV.items()}
+    for name, method in methods.items():
+        started = time.perf_counter()
+        pose = method()
+        spent = time.perf_counter() - started
+        error = np.full(6, np.nan) if pose is None else (pose.inverse() @ cell.T_hand_sensor).log()
+        out.setdefault(name, []).append(np.concatenate([error, [spent]]))
+
+
+def bound(cell: Cell, setting: Setting) -> np.ndarray:
+    """Cramér-Rao covariance (6, 6) at the truth, joint noise marginalised."""
+    noise = Noise(0.0, 0.0, robot=False, anchors=False)
+    exact = problem_of(observe(cell, cell, np.random.default_rng(0), noise), cell)
+    cov = np.broadcast_to(np.eye(2) * setting.point_mm**2, exact.points.cov_mm2.shape)
+    exact = replace(exact, points=replace(exact.points, cov_mm2=cov))
+    jigs = stack_poses([cell.T_base_jig[n] for n in ("A", "B", "C")])
+    state = initial_state(exact, cell.T_hand_sensor, jigs)
+    return uncertainty(solve_bundle(exact, state, np.zeros(0, dtype=bool))).scp
+
+
+def main() -> None:
+    """Print RMSE and its ratio to the bound, per setting and method."""
+    trials = int(sys.argv[1]) if len(sys.argv) > 1 else 500
+    rng = np.random.default_rng(int(sys.argv[2]) if len(sys.argv) > 2 else 1)
+    for setting in (Setting(0.01, 0.0), Setting(0.03, 0.0), Setting(0.05, 0.0), Setting(0.03, 0.003)):
+        cell, out = cell_for(rng, setting), {}
+        crlb = bound(cell, setting)
+        for _ in range(trials):
+            trial(rng, cell, setting, out)
+        limit_mm, limit_rad = np.sqrt(np.trace(crlb[:3, :3])), np.sqrt(np.trace(crlb[3:, 3:]))
+        print(
+            f"\npoints {setting.point_mm * 1e3:.0f} µm, joints {setting.joint_deg}°, {trials} trials: "
+            f"bound {limit_mm:.4f} mm, {np.rad2deg(limit_rad):.4f}°"
+        )
+        for name, rows in out.items():
+            rows = np.array(rows)
+            mm = np.sqrt(np.nanmean(np.sum(rows[:, :3] ** 2, axis=1)))
+            rad = np.sqrt(np.nanmean(np.sum(rows[:, 3:6] ** 2, axis=1)))
+            print(
+                f"  {name:18s} {mm:8.4f} mm ({mm / limit_mm:6.2f} x)  {np.rad2deg(rad):8.4f}° ({rad / limit_rad:6.2f} x)"
+                f"  {1e3 * np.median(rows[:, 6]):7.1f} ms  failed {np.mean(np.isnan(rows[:, 0])):.1%}"
+            )
+
+
+if __name__ == "__main__":
+    main()
