@@ -17,7 +17,7 @@ from perceptron_emu.strings import Cylinders
 Array = NDArray[np.float64]
 
 STRING_SIDES = 48
-_FROM_GL = np.diag([1.0, -1.0, -1.0, 1.0])  # OpenGL's cameras look along −z with y up
+FROM_GL = np.diag([1.0, -1.0, -1.0, 1.0])  # OpenGL's cameras look along −z with y up
 NEAREST_MM = 1.0
 
 
@@ -51,9 +51,7 @@ def gl_world(scene: Scene, strings: Cylinders | None) -> GlWorld:
     bodies = [*_tubes(strings), *((s.mesh, s.T_sensor_mesh.matrix) for s in scene.solids)]
     identity, corners = {}, []
     for number, (mesh, pose) in enumerate(bodies, start=1):
-        # both sides of every face: the renderer leaves out the backs whatever its flags say
-        both = trimesh.Trimesh(mesh.vertices, np.vstack([mesh.faces, mesh.faces[:, ::-1]]), process=False)
-        node = meshes.add(pyrender.Mesh.from_trimesh(both, smooth=False), pose=pose)
+        node = meshes.add(pyrender.Mesh.from_trimesh(two_sided(mesh), smooth=False), pose=pose)
         identity[node] = (number % 256, number // 256, 0)
         corners.append(mesh.bounding_box.vertices @ pose[:3, :3].T + pose[:3, 3])
     return GlWorld(meshes, identity, np.concatenate(corners) if corners else np.zeros((0, 3)))
@@ -70,7 +68,7 @@ def depth_and_identity(world: GlWorld, view: View) -> tuple[Array, NDArray[np.in
     # a depth buffer spends its bits near its near plane: 1 µm at 50 … 2000 mm, 0.1 µm at 400 … 900 mm
     near, far = max(NEAREST_MM, 0.95 * float(depth.min())), 1.05 * max(float(depth.max()), 2 * NEAREST_MM)
     camera = pyrender.IntrinsicsCamera(fx, fy, cx + 0.5, cy + 0.5, near, far)
-    node = world.meshes.add(camera, pose=view.T_sensor_view.matrix @ _FROM_GL)
+    node = world.meshes.add(camera, pose=view.T_sensor_view.matrix @ FROM_GL)
     flags = pyrender.RenderFlags.SEG | pyrender.RenderFlags.SKIP_CULL_FACES
     try:
         colour, z = draw_gl(world.meshes, view.width, view.height, flags, world.identity)
@@ -78,6 +76,12 @@ def depth_and_identity(world: GlWorld, view: View) -> tuple[Array, NDArray[np.in
         world.meshes.remove_node(node)
     number = colour[..., 0].astype(np.int64) + 256 * colour[..., 1].astype(np.int64)
     return z.astype(float), np.where(z > 0, number, 0)
+
+
+def two_sided(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
+    """The mesh with every face turned round beside itself: OpenGL leaves out the backs whatever pyrender's flags say.
+    """
+    return trimesh.Trimesh(mesh.vertices, np.vstack([mesh.faces, mesh.faces[:, ::-1]]), process=False)
 
 
 def back_project(view: View, depth: Array) -> Array:
