@@ -59,7 +59,9 @@ class PillarDesign:
 
     def plate(self, jig: Jig) -> Any:
         """The outline of both plates as a shapely polygon in (y, z) [mm], without holes."""
-        corners = np.vstack([jig.nominal_anchors_mm[:, 1:], self.posts_yz(jig)])
+        holes, drawn = jig.anchors_mm[:, 1:], jig.nominal_anchors_mm[:, 1:]
+        strayed = holes[np.linalg.norm(holes - drawn, axis=1) > self.plate_margin_mm / 2]
+        corners = np.vstack([drawn, strayed, self.posts_yz(jig)])
         return shapely.MultiPoint(corners).convex_hull.buffer(self.plate_margin_mm, quad_segs=_ARC_SEGMENTS)
 
 

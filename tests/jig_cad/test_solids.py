@@ -65,6 +65,15 @@ def test_strings_leave_the_centres_of_the_holes() -> None:
         assert np.all(plate.contains(far)), anchor
 
 
+def test_a_jig_measured_far_from_its_drawing_keeps_its_holes_in_the_plates() -> None:
+    jig = Jig.nominal()
+    anchors = jig.anchors_mm + np.array([0, 0, -30.0]) * (np.arange(6) < 2)[:, None]
+    moved = replace(jig, anchors_mm=anchors, measured=True)
+    solids = jig_solids(moved)
+    assert all(m.is_volume for m in solids.values())
+    assert solids["bottom plate"].euler_number == jig_solids(jig)["bottom plate"].euler_number == 2 - 2 * 3
+
+
 def test_plates_are_held_apart_by_the_height_and_posts_touch_both() -> None:
     solids = jig_solids(Jig.nominal(height_mm=120.0))
     assert solids["bottom plate"].bounds[:, 0].tolist() == [-10.0, 0.0]
