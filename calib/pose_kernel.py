@@ -18,7 +18,7 @@ FLAT_CHI2 = 1e-3  # a last step that gained less has reached the floor of the co
 PARALLEL = 1e-9  # |direction's x| below this: the string runs in the plane and crosses it nowhere
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def minimise(  # type: ignore[no-untyped-def]
     starts, directions, yz, white, prior_R, prior_t, root, R, t, max_iterations, tolerance, cost, jacobian, converged
 ) -> None:
@@ -27,48 +27,43 @@ def minimise(  # type: ignore[no-untyped-def]
     starts, directions (N, S, 3), yz (N, 2S), white (N, 2S, 2S); rows is 2S, or 2S + 6 with a prior of square-root
     information ``root`` (N, 6, 6).
     """
-    rows, columns = jacobian.shape[1], yz.shape[1]
+    rows = jacobian.shape[1]
     residual, new_residual, new_jacobian = np.empty(rows), np.empty(rows), np.empty((rows, 6))
-    work, step, normal = np.empty((columns, 7)), np.empty(6), np.empty((6, 6))
+    work, step, normal = np.empty((yz.shape[1], 7)), np.empty(6), np.empty((6, 6))
     trial_R, trial_t = np.empty((3, 3)), np.empty(3)
     for k in range(R.shape[0]):
-        cost[k] = _linearise(starts[k], directions[k], yz[k], white[k], R[k], t[k], work, residual, jacobian[k])
-        if rows > columns:
-            cost[k] += _add_prior(prior_R[k], prior_t[k], root[k], R[k], t[k], columns, residual, jacobian[k])
-        damping, gain = 1e-4, 1e300
-        for _ in range(max_iterations):
-            largest = _step(jacobian[k], residual, damping, normal, step)
-            _move(R[k], t[k], step, trial_R, trial_t)
-            trial = _linearise(
-                starts[k], directions[k], yz[k], white[k], trial_R, trial_t, work, new_residual, new_jacobian
-            )
-            if rows > columns:
-                trial += _add_prior(
-                    prior_R[k], prior_t[k], root[k], trial_R, trial_t, columns, new_residual, new_jacobian
-                )
-            if trial <= cost[k]:  # False for NaN
-                gain = cost[k] - trial
-                cost[k] = trial
-                _copy(trial_R, trial_t, new_residual, new_jacobian, R[k], t[k], residual, jacobian[k])
-                damping = max(damping * 0.05, 1e-14)
-                if largest < tolerance:
-                    converged[k] = True
-                    break
+        problem = (starts[k], directions[k], yz[k], white[k], prior_R[k], prior_t[k], root[k])
+        here_R, here_t, here_jacobian = R[k], t[k], jacobian[k]
+        value, gain, damping, largest = np.inf, np.inf, 2e-3, 1.0
+        step[:] = 0.0
+        for _ in range(max_iterations + 1):  # the first time round evaluates the start itself
+            _move(here_R, here_t, step, trial_R, trial_t)
+            trial = _linearise(problem, trial_R, trial_t, work, new_residual, new_jacobian)
+            better = trial <= value  # False for NaN
+            if better:
+                gain = value - trial
+                value = trial
+                _copy(trial_R, trial_t, new_residual, new_jacobian, here_R, here_t, residual, here_jacobian)
+                damping = damping * 0.05 + 1e-14
             else:
                 damping *= 8.0
-                if largest < 1e3 * tolerance or damping > 1e8:  # a tiny step that no longer helps is rounding
-                    converged[k] = True
-                    break
+            # a tiny step that no longer helps is rounding at the minimum
+            if largest < tolerance or (not better and (largest < 1e3 * tolerance or damping > 1e8)):
+                converged[k] = True
+                break
+            largest = _step(here_jacobian, residual, damping, normal, step)
+        cost[k] = value
         if gain < FLAT_CHI2:  # where two minima merge (a perpendicular view) steps shrink slowly on the flat floor
             converged[k] = True
 
 
-@njit(cache=True)
-def _linearise(starts, directions, yz, white, R, t, work, residual, jacobian):  # type: ignore[no-untyped-def]
-    """Whitened residual and Jacobian (2S, 6) at a pose, as in calib.crossings; returns the cost.
+@njit(cache=True, error_model="numpy")
+def _linearise(problem, R, t, work, residual, jacobian):  # type: ignore[no-untyped-def]
+    """Whitened residual and Jacobian (rows, 6) at a pose, as in calib.crossings; returns the cost.
 
     work (2S, 7): the unwhitened Jacobian and difference.
     """
+    starts, directions, yz, white, mean_R, mean_t, root = problem
     n = yz.shape[0]
     for s in range(starts.shape[0]):
         px = R[0, 0] * starts[s, 0] + R[0, 1] * starts[s, 1] + R[0, 2] * starts[s, 2] + t[0]
@@ -98,10 +93,12 @@ def _linearise(starts, directions, yz, white, R, t, work, residual, jacobian):  
             else:
                 residual[i] = x
                 total += x * x
+    if residual.shape[0] > n:
+        total += _add_prior(mean_R, mean_t, root, R, t, n, residual, jacobian)
     return total
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _add_prior(mean_R, mean_t, root, R, t, first, residual, jacobian):  # type: ignore[no-untyped-def]
     """Departure from the prior's mean in its own axes; the rotation's curvature is left out, the prior being wide."""
     turn, departure = np.empty((3, 3)), np.empty(6)
@@ -114,7 +111,7 @@ def _add_prior(mean_R, mean_t, root, R, t, first, residual, jacobian):  # type: 
     departure[3] = 0.5 * (turn[2, 1] - turn[1, 2])
     departure[4] = 0.5 * (turn[0, 2] - turn[2, 0])
     departure[5] = 0.5 * (turn[1, 0] - turn[0, 1])
-    sine = math.sqrt(departure[3] ** 2 + departure[4] ** 2 + departure[5] ** 2)
+    sine = math.sqrt(departure[3] * departure[3] + departure[4] * departure[4] + departure[5] * departure[5])
     angle = math.atan2(sine, 0.5 * (turn[0, 0] + turn[1, 1] + turn[2, 2] - 1.0))
     scale = angle / sine if sine > 1e-9 else 1.0
     total = 0.0
@@ -130,7 +127,7 @@ def _add_prior(mean_R, mean_t, root, R, t, first, residual, jacobian):  # type: 
     return total
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _step(jacobian, residual, damping, normal, step):  # type: ignore[no-untyped-def]
     """Damped Gauss-Newton step in unit columns, no turn longer than MAX_TURN_RAD; returns its largest component."""
     rows = residual.shape[0]
@@ -165,7 +162,7 @@ def _step(jacobian, residual, damping, normal, step):  # type: ignore[no-untyped
         for k in range(i + 1, 6):
             step[i] -= normal[k, i] * step[k]
         step[i] /= normal[i, i]
-    turn = math.sqrt(step[3] ** 2 + step[4] ** 2 + step[5] ** 2)
+    turn = math.sqrt(step[3] * step[3] + step[4] * step[4] + step[5] * step[5])
     shrink = MAX_TURN_RAD / turn if turn > MAX_TURN_RAD else 1.0
     largest = 0.0
     for i in range(6):
@@ -174,10 +171,10 @@ def _step(jacobian, residual, damping, normal, step):  # type: ignore[no-untyped
     return largest
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _move(R, t, step, new_R, new_t):  # type: ignore[no-untyped-def]
     """The pose moved by ``step``: translation in its own axes, rotation by the unit quaternion of the vector."""
-    angle = math.sqrt(step[3] ** 2 + step[4] ** 2 + step[5] ** 2)
+    angle = math.sqrt(step[3] * step[3] + step[4] * step[4] + step[5] * step[5])
     scale = math.sin(0.5 * angle) / angle if angle > 1e-12 else 0.5
     w, x, y, z = math.cos(0.5 * angle), scale * step[3], scale * step[4], scale * step[5]
     for i in range(3):
@@ -188,7 +185,7 @@ def _move(R, t, step, new_R, new_t):  # type: ignore[no-untyped-def]
         new_t[i] = t[i] + a * step[0] + b * step[1] + c * step[2]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _copy(from_R, from_t, from_residual, from_jacobian, R, t, residual, jacobian) -> None:  # type: ignore[no-untyped-def]
     for i in range(3):
         t[i] = from_t[i]

@@ -52,7 +52,7 @@ def solve_poses(problem: PoseProblem, start: Pose, max_iterations: int = 30, tol
     rows = 2 * strings + (0 if problem.prior is None else 6)
     mean, root = (Pose.identity(), np.zeros((6, 6))) if problem.prior is None else problem.prior
     yz = problem.yz_mm.reshape(*problem.yz_mm.shape[:-2], 2 * strings)
-    R, t = _flat(start.R, shape, 2).copy(), _flat(start.t, shape, 1).copy()
+    R, t = _flat(start.R, shape, 2), _flat(start.t, shape, 1)
     n = len(t)
     cost, jacobian, converged = np.zeros(n), np.zeros((n, rows, 6)), np.zeros(n, dtype=bool)
     lines = _flat(problem.starts, shape, 2), _flat(problem.directions, shape, 2)
@@ -66,6 +66,6 @@ def solve_poses(problem: PoseProblem, start: Pose, max_iterations: int = 30, tol
 
 
 def _flat(x: Array, shape: tuple[int, ...], core: int) -> Array:
-    """The array broadcast over the batch ``shape``, as (N, core axes), contiguous."""
+    """A copy of the array broadcast over the batch ``shape``, as (N, core axes): one layout, one compilation."""
     tail = x.shape[x.ndim - core :]
-    return np.ascontiguousarray(np.broadcast_to(x, (*shape, *tail)).reshape(-1, *tail), dtype=float)
+    return np.array(np.broadcast_to(x, (*shape, *tail)), dtype=float, order="C").reshape(-1, *tail)
