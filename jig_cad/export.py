@@ -32,8 +32,8 @@ def export_jig(jig: Jig, path: str | os.PathLike[str], design: PillarDesign | No
     goal = Path(path)
     suffix = goal.suffix.lower()
     if suffix not in FORMATS:
-        near = did_you_mean(suffix, FORMATS)
-        raise InputError(f'{goal}: unknown ending "{suffix}"{near}; the jig is written as {", ".join(FORMATS)}')
+        instead = did_you_mean(suffix, FORMATS) or f"; the jig is written as {', '.join(FORMATS)}"
+        raise InputError(f'{goal}: unknown ending "{suffix}"{instead}')
     if suffix == ".svg":
         write_atomic(goal, drawing_svg(jig, design).encode())
     elif suffix == ".stl":

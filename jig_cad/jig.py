@@ -138,9 +138,8 @@ def _check_strings(jig: Jig) -> None:
         raise InputError("the jig has no strings: strings must name at least one")
     for label in jig.strings:
         if label not in STRINGS:
-            raise InputError(
-                f'the jig\'s strings name "{label}"{did_you_mean(label, STRINGS)}; known are {", ".join(STRINGS)}'
-            )
+            instead = did_you_mean(label, STRINGS) or f"; known are {', '.join(STRINGS)}"
+            raise InputError(f'the jig\'s strings name "{label}"{instead}')
         if jig.strings.count(label) > 1:
             raise InputError(f'the jig\'s strings name "{label}" more than once')
 
