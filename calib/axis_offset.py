@@ -34,7 +34,8 @@ THREADS = np.array(
         [0.20, 0.02, 0.60, 0.2],
     ]
 )
-NODES = 48  # Gauss-Legendre; the narrowest lobe above spans several nodes
+NODES = 32  # Gauss-Legendre; the narrowest lobe above spans several nodes
+MEAN_COSINE = 0.86  # of the lit and seen arc about its middle, for a matte string
 
 
 def axis_points(
@@ -70,6 +71,18 @@ def surface_offset(
     rest = each - mean[..., None, :]
     spread = np.einsum("...ki,...kj,k->...ij", rest, rest, weight)
     return mean, spread + surface.diameter_sigma**2 * mean[..., :, None] * mean[..., None, :]
+
+
+def rough_offset(yz_mm: Array, direction: Array, radius_mm: float, sensor: SensorModel) -> Array:
+    """Lit-surface centroid less axis (..., 2) [mm], to a third of a radius, for a string near ``direction`` (3,)."""
+    point = np.concatenate([np.zeros_like(yz_mm[..., :1]), yz_mm], -1)
+    across = [
+        _unit(u - u @ direction[:, None] * direction)
+        for u in (sensor.laser_origin_mm - point, sensor.camera_centre_mm - point)
+    ]
+    middle = _unit(across[0] + across[1])
+    slope = direction[1:] / direction[0]
+    return np.asarray(MEAN_COSINE * radius_mm * (middle[..., 1:] - slope * middle[..., :1]))
 
 
 def centroid_offsets(yz_mm: Array, directions: Array, sensor: SensorModel, threads: Array) -> Array:

@@ -12,10 +12,9 @@ from scipy.stats import chi2 as chi2_distribution
 from calib.axis_offset import axis_points
 from calib.config import CalibConfig
 from calib.crossings import crossings
-from calib.jig_pose import jig_pose, pose_near, whitening
+from calib.jig_pose import jig_pose, pose_near
 from calib.jig_pose_types import JigPoseCandidate, JigPoseResult
 from calib.label_evidence import Prior
-from calib.pose_solver import PoseProblem, solve_poses
 from geometry import AxisPoints, NoAnswerError, Pose, SensorModel, SurfacePoints
 from jig_cad import Jig, half_turn_label
 
@@ -80,15 +79,12 @@ class _Part:
     config: CalibConfig
 
     def solve(self, labels: IntArray) -> tuple[AxisPoints, JigPoseResult]:
-        """Axis points and pose, each from the other, twice."""
+        """Axis points for the pose, then the pose for the axis points: a pose of 1° suffices for the offsets."""
         index = np.flatnonzero(labels >= 0)
         names = tuple(self.jig.strings[i] for i in index)
         spots = take(self.points, labels[index])
         given = None if self.prior is None else (self.prior.T_sensor_jig, self.prior.root_information)
-        yz, cov = axis_points(spots, names, self.jig, self.sensor, self.T_sensor_jig, self.config)
-        lines = self.jig.starts[index], self.jig.directions[index]
-        problem = PoseProblem(*lines, yz, whitening(cov), given)
-        T = solve_poses(problem, self.T_sensor_jig, max_iterations=8, tolerance=1e-4).T_sensor_jig
+        T = self.T_sensor_jig
         yz, cov = axis_points(spots, names, self.jig, self.sensor, T, self.config)
         axis = AxisPoints(names, labels[index], yz, cov, spots.flag)
         if given is not None and len(index) < FULL:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.axis_offset import surface_offset
+from calib.axis_offset import rough_offset
 from calib.config import CalibConfig
 from calib.jig_pose import anchor_sigma
 from calib.label_evidence import Hypotheses, Prior, Spots, weigh
@@ -128,7 +128,7 @@ def _spots(
     n = min(len(points), config.labelling.max_candidates)
     x_jig = np.array([1.0, 0.0, 0.0]) if prior is None else prior.T_sensor_jig.R[:, 0]
     radius = jig.string_diameter_mm / 2
-    offset, _ = surface_offset(points.yz_mm[:n], np.broadcast_to(x_jig, (n, 3)), radius, sensor, config.surface)
+    offset = rough_offset(points.yz_mm[:n], x_jig, radius, sensor)
     extra = config.labelling.floor_mm**2 + (OFFSET_SPREAD * radius) ** 2 + anchor_sigma(jig) ** 2 + doubt_mm**2
     cov = points.cov_yz_mm2[:n] + extra * np.eye(2)
     odds = 0.5 * np.log((points.score[:n] + 0.05) / (1.05 - points.score[:n]))
