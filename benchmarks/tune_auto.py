@@ -21,10 +21,12 @@ from extraction import ExtractionConfig
 from geometry import Pose, SensorModel
 from jig_cad import Jig, sample_tolerance
 from perceptron_emu import EmulatorConfig
-from workbench.demo.experiment import DESIGN, PLACES, _jig_pose, demo_robot, demo_sensor, with_errors
+from workbench.demo.experiment import DESIGN, demo_robot, demo_sensor
+from workbench.emulated_cell import with_errors
 from workbench.formats import Cell, Sensor
 from workbench.planning import ViewProblem, plan_views
 from workbench.recording import TrueCell, record, with_joint_noise
+from workbench.starter import PLACES, place_of_jig
 from workbench.surroundings import jig_bodies, sees_all_strings, wall_behind
 from workbench.tuning.judge import judge
 from workbench.tuning.score import Score
@@ -158,7 +160,7 @@ def record_cell(variant: Variant, folder: Path) -> Cell:
     walls = () if variant.wall_mm is None else (wall_behind(true_jig, variant.wall_mm),)
     solids = (*jig_bodies(true_jig), *walls)
     robot = demo_robot()
-    places = {name: _jig_pose(*PLACES[name][1:3]) for name in ("A", "B", "C")}
+    places = {name: place_of_jig(*PLACES[name][1:]) for name in ("A", "B", "C")}
     true = TrueCell(with_errors(robot, rng), true_jig, design, places, dict.fromkeys(places, solids))
     sees_all = sees_all_strings(sensor.model, jig, solids)
     views = []

@@ -1,4 +1,4 @@
-"""A small emulated cell with truth: 28 images of 640 × 512, four locations, posts and walls; rendered once a session."""
+"""A small emulated cell with truth: 28 images of 640 × 512 at four locations, rendered once a session."""
 
 from __future__ import annotations
 
@@ -11,10 +11,12 @@ import pytest
 from geometry import Pose
 from jig_cad import Jig, sample_tolerance
 from perceptron_emu import EmulatorConfig
-from workbench.demo.experiment import DESIGN, PLACES, _jig_pose, demo_robot, demo_sensor, with_errors
+from workbench.demo.experiment import DESIGN, demo_robot, demo_sensor
+from workbench.emulated_cell import with_errors
 from workbench.formats import Cell, Sensor
 from workbench.planning import ViewLimits, ViewProblem, plan_views
 from workbench.recording import TrueCell, record, with_joint_noise
+from workbench.starter import PLACES, place_of_jig
 from workbench.surroundings import jig_bodies, wall_behind
 
 SEED = 5
@@ -28,20 +30,24 @@ def cell_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     rng = np.random.default_rng(SEED)
     big = demo_sensor()
     half = {k: getattr(big.model, k) / 2 for k in ("fx_px", "fy_px", "cx_px", "cy_px")}
-    sensor = Sensor(replace(big.model, width_px=640, height_px=512, **half), EmulatorConfig.model_validate(EMULATION), EMULATION)
+    sensor = Sensor(
+        replace(big.model, width_px=640, height_px=512, **half), EmulatorConfig.model_validate(EMULATION), EMULATION
+    )
     jig = Jig.nominal()
     true_jig = sample_tolerance(jig, rng)
     design = Pose.from_fixed_xyz_deg(*DESIGN)
     mounted = Pose.from_fixed_xyz_deg((-1.5, 1.6, 22.5), (-16.9, -75.5, 116.5))
     robot = demo_robot()
-    places = {name: _jig_pose(*place[1:3]) for name, place in PLACES.items()}
+    places = {name: place_of_jig(*place[1:]) for name, place in PLACES.items()}
     bodies = jig_bodies(true_jig)
     solids = {n: bodies if n in "AC" else (*bodies, wall_behind(true_jig, 120.0)) for n in places}
     views = []
     for name, pose in places.items():
         planned = plan_views(ViewProblem(robot, sensor.model, jig, pose, design, ViewLimits()), 7, rng)
         views += [(name, PLACES[name][0], joints) for joints in planned.joints_rad]
-    cell = Cell(folder=folder, sensor=sensor, jig=jig, robot=robot, frames=(), T_hand_sensor_design=design, name="test cell")
+    cell = Cell(
+        folder=folder, sensor=sensor, jig=jig, robot=robot, frames=(), T_hand_sensor_design=design, name="test cell"
+    )
     true = TrueCell(with_errors(robot, rng), true_jig, mounted, places, solids)
     record(folder, cell, true, with_joint_noise(views, true.robot, rng), SEED)
     return folder

@@ -21,6 +21,7 @@ from workbench.window import settings
 from workbench.window.jobs import Job
 from workbench.window.overview import overview
 from workbench.window.parameters import ParameterError, parse
+from workbench.window.security import TooLargeError
 from workbench.window.session import Session
 from workbench.window.settings_text import carried_calib
 from workbench.window.survey import Survey
@@ -82,6 +83,8 @@ def _action(answer: Answer) -> Callable[[Request], Awaitable[Response]]:
             return JSONResponse({"error": "JSON is expected"}, 415)
         try:
             body = json.loads(await request.body())
+        except TooLargeError:
+            return JSONResponse({"error": "the request is too large"}, 413)
         except (ValueError, RecursionError):
             return JSONResponse({"error": "not valid JSON"}, 400)
         if not isinstance(body, dict):

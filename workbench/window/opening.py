@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shlex
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -114,9 +115,7 @@ def _files(inputs: Sequence[Path]) -> list[Path]:
 
 
 def _common_folder(files: Sequence[Path]) -> Path:
-    import os
-
-    return Path(os.path.commonpath([f.resolve().parent for f in files]))
+    return Path(os.path.commonpath([f.parent.resolve() for f in files]))
 
 
 def _truth(cell: Cell, index: dict[int, int]) -> dict[int, tuple[TrueString, ...]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hmac
+import logging
 from collections.abc import Iterable
 from dataclasses import dataclass
 from urllib.parse import urlsplit
@@ -72,7 +73,10 @@ class Gate:
         body = _Counted(receive)
         prefix = f"/{self.token}"
         inner = {**scope, "root_path": prefix}
-        await self.app(inner, body, guarded)
+        try:
+            await self.app(inner, body, guarded)
+        except Exception:  # the inner app has answered 500 by then; the terminal gets the rest
+            logging.getLogger(__name__).exception("fault of the program")
 
     def refusal(self, scope: Scope) -> Refusal | None:
         """Why this request is refused, or None."""

@@ -111,6 +111,9 @@ class Session:
             outcome = process(opened.engine, image, configuration.model, index, configuration.hash)
         except PerceptronEmuError as error:
             return FrameOutcome(index, configuration.hash, None, None, str(error), 0.0)
+        except Exception as error:  # noqa: BLE001 - a fault on one image must not end the work on the others
+            text = f"fault of the program: {type(error).__name__}: {error}"
+            return FrameOutcome(index, configuration.hash, None, None, text, 0.0)
         if keep:
             self._keep(key, outcome)
         return outcome

@@ -5,9 +5,9 @@ from __future__ import annotations
 import threading
 import time
 from collections import OrderedDict
+from contextlib import suppress
 from typing import Any
 
-from geometry import PerceptronEmuError
 from workbench.window.parameters import Configuration
 from workbench.window.session import Session
 from workbench.window.truth import Comparison, statistics_json, summarise
@@ -76,11 +76,10 @@ class Survey:
     def _prepare(self) -> None:
         """The engine's slow first work; without it labels come from each image alone."""
         self._session.first_answer.wait(FIRST_SECONDS)
-        try:
-            if self._session.opened.prepare is not None:
-                self._session.opened.prepare()
-        except PerceptronEmuError:
-            return
+        prepare = self._session.opened.prepare
+        if prepare is not None:
+            with suppress(Exception):  # the images themselves will show what is wrong
+                prepare()
 
     def _next(self) -> _Set:
         with self._wake:

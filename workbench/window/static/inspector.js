@@ -119,6 +119,6 @@ export function showNothing(answer) {
   const facts = [fact("spots", answer.spots.length), fact("labelled", answer.labelled), fact("rejected", rejected.length), ...reasons];
   if (t) facts.push(
     fact("visible", t.visible), fact("missed", t.missed), fact("false", t.false), fact("mislabelled", t.mislabelled),
-    fact("rms", `${number(t.rms)} mm`), fact("bias y, z", t.bias.map((x) => number(x)).join(", ")), fact("scatter y, z", t.scatter.map((x) => number(x)).join(", ")));
+    fact("rms", `${number(t.rms)} mm`), fact("bias y", number(t.bias[0])), fact("bias z", number(t.bias[1])), fact("scatter y", number(t.scatter[0])), fact("scatter z", number(t.scatter[1])));
   clear($("inspector"), el("h2", {}, "This image"), answer.reason ? el("p", { class: "why" }, answer.reason.replaceAll("_", " ")) : null, el("dl", { class: "facts" }, facts));
 }

@@ -16,7 +16,7 @@ async function start() {
   try {
     begin(await get("session"));
   } catch (error) {
-    $("notice").hidden = false;
+    $("notice").className = "notice";
     $("notice").textContent = error.message;
     return;
   }

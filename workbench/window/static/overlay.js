@@ -111,12 +111,12 @@ export function hit(view, answer, show, [a, b]) {
     offer("spot", i, Math.hypot(a - x, b - y));
   });
   if (best || !show.candidates) return best;
-  let smallest = Infinity;
+  let closest = Infinity;
   answer.candidates.forEach((c, i) => {
     const [x0, y0] = view.toScreen(c.box[0] - 0.5, c.box[1] - 0.5), [x1, y1] = view.toScreen(c.box[2] + 0.5, c.box[3] + 0.5);
-    const pad = Math.max(3, 7 - (x1 - x0) / 2), area = (x1 - x0) * (y1 - y0);
-    if (a > x0 - pad && a < x1 + pad && b > y0 - pad && b < y1 + pad && area < smallest) {
-      smallest = area;
+    const pad = Math.max(3, 7 - (x1 - x0) / 2), [x, y] = view.toScreen(c.u, c.v), distance = Math.hypot(a - x, b - y);
+    if (a > x0 - pad && a < x1 + pad && b > y0 - pad && b < y1 + pad && distance < closest) {
+      closest = distance;
       best = { kind: "candidate", index: i };
     }
   });

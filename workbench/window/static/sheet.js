@@ -139,7 +139,7 @@ function drawCard(row) {
 }
 
 const COLUMNS = [
-  { id: "index", title: "image", left: true, of: (r) => r.index, cell: (r) => state.session.images[r.index].name },
+  { id: "index", title: "image", left: true, of: (r) => r.index, cell: (r) => state.session.images[r.index].name.split("/").pop() },
   { id: "location", title: "at", left: true, of: (r) => state.session.images[r.index].location },
   { id: "badge", title: "found", of: (r) => ["error", "none", "some", "all"].indexOf(r.badge), cell: (r) => el("span", { class: `badge ${r.badge}`, title: r.error || WORDS[r.badge] }, badgeText(r)) },
   { id: "labelled", title: "labelled", of: (r) => r.labelled, before: (r) => r.labelled, digits: 0 },

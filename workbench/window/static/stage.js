@@ -105,6 +105,7 @@ async function once(signal) {
     if (error.name === "AbortError") return;
     problems(error instanceof Refused ? error.problems ?? {} : {});
     say(error.message, true);
+    if (!stage.answer) $("notice").textContent = error.message;
   }
 }
 
@@ -115,6 +116,7 @@ function accept(answer, raw, layer, asked) {
   if (layer || first) stage.layer = layer;
   problems({});
   setBadge(answer);
+  $("notice").className = "notice";
   $("notice").hidden = !answer.error;
   $("notice").textContent = answer.error;
   state.selected = null;

@@ -1,0 +1,414 @@
+"""The page end to end in headless Chromium: what a person does with it, from opening 28 images to saved points."""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from workbench.main import run
+
+webdriver = pytest.importorskip("selenium.webdriver", reason="selenium is not installed")
+from selenium.webdriver.chrome.service import Service  # noqa: E402 - after the skip
+from selenium.webdriver.common.action_chains import ActionChains  # noqa: E402
+from selenium.webdriver.common.by import By  # noqa: E402
+from selenium.webdriver.common.keys import Keys  # noqa: E402
+
+BROWSER = next((b for n in ("chromium", "chromium-browser", "google-chrome") if (b := shutil.which(n))), None)
+DRIVER = shutil.which("chromedriver")
+pytestmark = pytest.mark.skipif(not (BROWSER and DRIVER), reason="no Chromium with chromedriver is installed")
+
+FLAGS = (
+    "--headless=new --no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking "
+    "--disable-component-update --disable-sync --window-size=1366,768"
+)
+ATOL_PX = 5e-5  # the page is told four decimals
+NASTY = '<img src=x onerror="document.title=1">.png'
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
+    options = webdriver.ChromeOptions()
+    options.binary_location = BROWSER
+    for flag in [*FLAGS.split(), f"--user-data-dir={tmp_path_factory.mktemp('profile')}"]:
+        options.add_argument(flag)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    driver = webdriver.Chrome(options=options, service=Service(DRIVER))
+    driver.set_script_timeout(60)
+    yield driver
+    driver.quit()
+
+
+def served(*arguments: str) -> tuple[subprocess.Popen[str], str]:
+    """The command as a user starts it, and the address that it prints."""
+    command = [sys.executable, "-m", "workbench", "tune", *arguments, "--no-browser"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env={**os.environ, "OMP_NUM_THREADS": "1"})
+    assert process.stdout is not None
+    line = process.stdout.readline()
+    assert "http://127.0.0.1:" in line, line
+    return process, line.split()[2]
+
+
+def ended(process: subprocess.Popen[str]) -> None:
+    process.terminate()
+    process.wait(10)
+    if process.stdout is not None:
+        process.stdout.close()
+
+
+@pytest.fixture(scope="module")
+def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("saved")
+
+
+@pytest.fixture(scope="module")
+def page(browser: Any, cell_folder: Path, out: Path) -> Iterator[Page]:
+    process, address = served(str(cell_folder), "--out", str(out))
+    browser.get(address)
+    opened = Page(browser)
+    opened.until("document.documentElement.dataset.shown", 60)
+    opened.until("document.documentElement.dataset.surveyed === '28'", 60)
+    yield opened
+    ended(process)
+
+
+class Page:
+    """The page as a person sees it."""
+
+    def __init__(self, driver: Any) -> None:
+        self.driver = driver
+
+    def js(self, code: str, *arguments: object) -> Any:
+        """Run a script in the page."""
+        return self.driver.execute_script(code, *arguments)
+
+    def until(self, condition: str, seconds: float = 20.0) -> Any:
+        """Wait for an expression to be true."""
+        end = time.monotonic() + seconds
+        while not (found := self.js(f"return {condition}")):
+            assert time.monotonic() < end, (
+                f"{condition} did not come: {self.js('return document.body.innerText')[:600]}"
+            )
+            time.sleep(0.02)
+        return found
+
+    def find(self, selector: str) -> Any:
+        """The first element that fits."""
+        return self.driver.find_element(By.CSS_SELECTOR, selector)
+
+    @property
+    def shown(self) -> str:
+        """Image and hash of the picture."""
+        return str(self.js("return document.documentElement.dataset.shown"))
+
+    def settled(self) -> None:
+        """Wait until the picture shows the newest parameters."""
+        self.driver.execute_async_script(
+            """const done = arguments[0];
+            const state = (await import('./static/state.js')), api = await import('./static/api.js');
+            for (;;) {
+              const want = `${state.state.index}:${await api.hashOf(state.text())}`;
+              if (document.documentElement.dataset.shown === want) return done();
+              await new Promise((r) => setTimeout(r, 10));
+            }""".replace("const done", "(async () => { const done", 1)
+            + "})()"
+        )
+
+    def tab(self, name: str) -> None:
+        """Choose a stage."""
+        self.find(f'[data-tab="{name}"]').click()
+
+    def image(self, index: int) -> None:
+        """Choose an image and wait for it."""
+        self.js("document.querySelectorAll('#strip button')[arguments[0]].click()", index)
+        self.settled()
+
+    def slide(self, key: str, where: int) -> None:
+        """Move a slider to ``where`` of 1000, as one movement of the hand."""
+        self.js(
+            """const s = document.querySelector(`[data-key="${arguments[0]}"] input[type=range]`);
+            s.value = arguments[1]; s.dispatchEvent(new Event('input')); s.dispatchEvent(new Event('change'));""",
+            key,
+            where,
+        )
+        self.settled()
+
+    def value(self, key: str) -> float:
+        """A parameter's number."""
+        return float(
+            self.js('return document.querySelector(`[data-key="${arguments[0]}"] input[type=number]`).value', key)
+        )
+
+    def answer(self) -> dict[str, Any]:
+        """What the server answers to the page's parameters, asked through the page."""
+        return dict(
+            self.driver.execute_async_script(
+                """(async (done) => { const s = await import('./static/state.js'), a = await import('./static/api.js');
+                done(await a.post('process', { index: s.state.index, config: s.text() })); })(arguments[0])"""
+            )
+        )
+
+    def drawing(self) -> str:
+        """The canvas as it is painted."""
+        return str(self.js("return document.getElementById('canvas').toDataURL()"))
+
+    def point_at(self, u: float, v: float, click: bool = False) -> None:
+        """Move the pointer to a pixel of the image, which is shown whole; tests the page's own transform too."""
+        canvas = self.find("#canvas")
+        w, h, sensor = self.js(
+            "const c = document.getElementById('canvas'); return [c.clientWidth, c.clientHeight, [640, 512]]"
+        )
+        scale = min(w / sensor[0], h / sensor[1]) * 0.99
+        x, y = (u - (sensor[0] - 1) / 2) * scale, (v - (sensor[1] - 1) / 2) * scale
+        action = ActionChains(self.driver).move_to_element_with_offset(canvas, round(x), round(y))
+        (action.click() if click else action).perform()
+
+
+def press(page: Page, *keys: str) -> None:
+    ActionChains(page.driver).send_keys(*keys).perform()
+
+
+def test_28_images_are_open_and_judged(page: Page) -> None:
+    assert len(page.driver.find_elements(By.CSS_SELECTOR, "#strip button")) == 28
+    badges = page.js("return [...document.querySelectorAll('#strip .badge')].map((b) => b.dataset.badge)")
+    assert set(badges) <= {"all", "some", "none"}
+    assert badges.count("all") >= 18
+    assert "rms" in page.find("#summary").text  # the dataset has truth
+
+
+def test_a_slider_changes_the_overlay_and_is_undone(page: Page) -> None:
+    page.image(9)
+    page.tab("candidates")
+    before, picture, old = page.shown, page.drawing(), page.value("detect.threshold")
+    page.slide("detect.threshold", 900)
+    assert page.shown != before
+    assert page.drawing() != picture
+    assert "changed" in page.find('[data-key="detect.threshold"]').get_attribute("class")
+    assert float(page.js("return document.documentElement.dataset.ms")) < 5000
+    ActionChains(page.driver).key_down(Keys.CONTROL).send_keys("z").key_up(Keys.CONTROL).perform()
+    page.settled()
+    assert page.value("detect.threshold") == old
+    assert page.shown == before
+    assert page.drawing() == picture
+    page.find("#redo").click()
+    page.settled()
+    assert page.value("detect.threshold") != old
+    page.find("#undo").click()
+    page.settled()
+
+
+def test_a_click_on_a_rejected_candidate_says_why(page: Page) -> None:
+    page.image(9)
+    page.tab("candidates")
+    page.find("#fit").click()
+    rejected = [c for c in page.answer()["candidates"] if c["reason"] == "too_long"]
+    assert rejected
+    page.point_at(rejected[0]["u"], rejected[0]["v"], click=True)
+    page.until("document.querySelector('#inspector h2').textContent.startsWith('Rejected')")
+    assert "at most" in page.find("#inspector .why").text
+    page.find("#reveal").click()
+    assert "max_length_mm" in page.find("#help").text
+
+
+def test_pointing_at_a_spot_shows_its_figures(page: Page) -> None:
+    page.image(0)
+    page.tab("labels")
+    page.find("#fit").click()
+    spot = next(s for s in page.answer()["spots"] if s["label"])
+    page.point_at(spot["u"], spot["v"])
+    page.until("document.querySelector('#inspector h2').textContent.startsWith('String')")
+    text = page.find("#inspector").text
+    for word in ("peak", "width", "score", "σ y", "error y"):
+        assert word in text
+    assert page.find("#where").text.endswith("DN")
+
+
+def test_stale_answers_are_dropped_and_the_old_picture_stays(page: Page) -> None:
+    """An answer that carries another hash than the one asked for never reaches the picture."""
+    page.image(0)
+    page.tab("labels")
+    before, picture = page.shown, page.drawing()
+    page.js(
+        """window.realFetch = window.fetch;
+        window.fetch = async (path, options) => {
+          const r = await window.realFetch(path, options);
+          if (!String(path).endsWith('process')) return r;
+          const body = await r.json(); body.hash = '0'.repeat(16); window.forged = (window.forged || 0) + 1;
+          return new Response(JSON.stringify(body), { status: 200 });
+        };
+        const s = document.querySelector('[data-key="detect.threshold"] input[type=range]');
+        s.value = 950; s.dispatchEvent(new Event('input'));"""
+    )
+    page.until("window.forged > 0")
+    time.sleep(0.2)
+    assert page.shown == before
+    assert page.drawing() == picture
+    page.js("window.fetch = window.realFetch")
+    page.find("#undo").click()
+    page.settled()
+
+
+def test_a_wrong_value_is_said_beside_it(page: Page) -> None:
+    before = page.shown
+    box = page.find('[data-key="detect.threshold"] input[type=number]')
+    box.clear()
+    box.send_keys("-5", Keys.TAB)
+    page.until("document.querySelector('[data-key=\"detect.threshold\"]').classList.contains('wrong')")
+    assert "greater than" in page.find('[data-key="detect.threshold"] .problem').text
+    assert page.shown == before
+    page.find('[data-key="detect.threshold"] .reset').click()
+    page.settled()
+    assert not page.js("return document.querySelector('.parameter.wrong')")
+
+
+@pytest.mark.parametrize("tab", ["raw", "background", "mask", "candidates", "spots", "labels", "plot"])
+def test_every_stage_draws_its_own_picture(page: Page, tab: str) -> None:
+    page.image(9)
+    page.tab(tab)
+    page.settled()
+    time.sleep(0.15)
+    colours = page.js(
+        """const c = document.getElementById('canvas'), seen = new Set();
+        const d = c.getContext('2d').getImageData(0, 0, c.width, c.height).data;
+        for (let i = 0; i < d.length; i += 4) seen.add((d[i] << 16) | (d[i + 1] << 8) | d[i + 2]);
+        return [...seen]"""
+    )
+    assert len(colours) > 3
+    page_pictures.setdefault(tab, page.drawing())
+    assert len(set(page_pictures.values())) == len(page_pictures)
+
+
+page_pictures: dict[str, str] = {}
+
+
+def test_saved_parameters_give_extract_the_page_s_points(page: Page, cell_folder: Path, out: Path) -> None:
+    page.image(9)
+    page.slide("detect.blur_sigma_px", 420)
+    answer = page.answer()
+    page.find("#save").click()
+    name = page.find("#save-name")
+    name.clear()
+    name.send_keys("my set.toml", Keys.ENTER)
+    page.until("!document.getElementById('dialog').open")
+    assert (out / "my set.toml").exists()
+    page.find("#command").click()
+    page.until("document.getElementById('command-text')")
+    command = page.find("#command-text").text
+    assert command.startswith("perceptron-emu extract")
+    assert f"--config '{out}/my set.toml'" in command
+    press(page, Keys.ESCAPE)
+    points = out / "points.csv"
+    assert run(["extract", str(cell_folder), "--config", str(out / "my set.toml"), "--csv", str(points)]) == 0
+    rows = [r for r in csv.DictReader(io.StringIO(points.read_text())) if r["frame"] == "9"]
+    extracted = sorted((float(r["u_px"]), float(r["v_px"]), r["label"]) for r in rows)
+    shown = sorted((s["u"], s["v"], s["label"]) for s in answer["spots"])
+    assert len(shown) == len(extracted) > 0
+    for (u, v, label), (eu, ev, elabel) in zip(shown, extracted, strict=True):
+        assert abs(u - eu) <= ATOL_PX
+        assert abs(v - ev) <= ATOL_PX
+        assert label == elabel
+
+
+def test_a_saved_file_is_loaded_again(page: Page) -> None:
+    saved = page.value("detect.blur_sigma_px")
+    page.slide("detect.blur_sigma_px", 100)
+    page.find("#load").click()
+    page.find('#dialog [data-name="my set.toml"]').click()
+    page.until("!document.getElementById('dialog').open")
+    page.settled()
+    assert page.value("detect.blur_sigma_px") == saved
+
+
+def test_a_loss_on_other_images_shows(page: Page) -> None:
+    page.tab("sheet")
+    page.slide("detect.min_height_dn", 1000)
+    page.until("document.querySelector('#sheet .worse') !== null", 30)
+    page.driver.find_elements(By.CSS_SELECTOR, "#sheet .choice button")[1].click()
+    page.until("document.querySelectorAll('#sheet tr.go').length === 28", 30)
+    assert "−" in page.find("#sheet tr.total").text
+    page.find("#undo").click()
+    page.settled()
+
+
+def test_one_click_calibrates(page: Page) -> None:
+    page.find("#reset-all").click()
+    page.settled()
+    page.find("#calibrate").click()
+    page.until("document.documentElement.dataset.calibrated", 60)
+    assert page.find("#verdict b").text in ("ok", "model misfit", "weak")
+    assert page.js("return document.getElementById('fig7').clientWidth > 200")
+    assert "D" in page.find("#calibration").text
+
+
+def test_the_keyboard_is_enough(page: Page) -> None:
+    page.tab("labels")
+    page.image(0)
+    press(page, "j")
+    page.settled()
+    assert page.shown.startswith("1:")
+    press(page, "k")
+    page.settled()
+    press(page, "[")
+    assert page.find('[data-tab="spots"]').get_attribute("aria-selected") == "true"
+    press(page, "?")
+    page.until("document.getElementById('dialog').open")
+    press(page, Keys.ESCAPE)
+    press(page, "/")
+    assert page.js("return document.activeElement.id") == "filter"
+    press(page, "region")
+    visible = page.js(
+        "return [...document.querySelectorAll('.parameter')].filter((p) => !p.hidden).map((p) => p.dataset.key)"
+    )
+    assert visible == ["detect.region_level"]
+    page.find("#filter").clear()
+    press(page, " ", Keys.BACKSPACE, Keys.TAB)
+
+
+def test_everything_fits_a_laptop_screen(page: Page) -> None:
+    for tab in ("labels", "sheet", "calibration"):
+        page.tab(tab)
+        assert page.js(
+            "return document.documentElement.scrollWidth <= innerWidth && document.body.scrollHeight <= innerHeight"
+        )
+    page.tab("labels")
+    assert page.js("return document.getElementById('canvas').clientHeight") > 350
+    assert not page.js(
+        "return [...document.querySelectorAll('button:not([hidden])')].some((b) => !b.textContent && !b.ariaLabel)"
+    )
+
+
+def test_the_policy_was_never_broken(page: Page) -> None:
+    """Nothing was refused by the content security policy, and no script failed, in all of the above."""
+    severe = [e["message"] for e in page.driver.get_log("browser") if e["level"] == "SEVERE"]
+    assert [m for m in severe if "422" not in m and "409" not in m] == []
+
+
+def test_names_are_text_and_bad_files_are_said(browser: Any, cell_folder: Path, tmp_path: Path) -> None:
+    """Bare images, one with markup for a name, one cut short; the page shows both and runs nothing."""
+    folder = tmp_path / "images <b>bold"
+    folder.mkdir()
+    shutil.copy(cell_folder / "images" / "000.png", folder / NASTY)
+    (folder / "z.png").write_bytes((cell_folder / "images" / "001.png").read_bytes()[:5000])
+    process, address = served(str(folder), "--sensor", str(cell_folder / "sensor.toml"))
+    try:
+        browser.get(address)
+        page = Page(browser)
+        page.until("document.documentElement.dataset.shown", 60)
+        assert page.js("return document.querySelector('#strip b').textContent") == NASTY
+        assert page.js("return document.querySelectorAll('img[onerror], #title b').length") == 0
+        assert page.js("return document.title").startswith("images <b>bold")
+        page.image(1)
+        page.until("!document.getElementById('notice').hidden")
+        assert "cut short" in page.find("#notice").text
+        assert page.js("return document.getElementById('calibrate').disabled")
+    finally:
+        ended(process)
