@@ -2,7 +2,7 @@
 
 from perceptron_emu.config import EmulatorConfig
 from perceptron_emu.projection import project
-from perceptron_emu.render import render
+from perceptron_emu.render import mean_electrons, render
 from perceptron_emu.scene import ALUMINIUM, BLACK_PLATE, MATTE, WALL, Material, Scene, Solid, panel
 from perceptron_emu.truth import Frame, FrameTruth, SheetCurve, StringTruth
 
@@ -19,6 +19,7 @@ __all__ = [
     "SheetCurve",
     "Solid",
     "StringTruth",
+    "mean_electrons",
     "panel",
     "project",
     "render",

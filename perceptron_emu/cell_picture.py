@@ -100,7 +100,7 @@ def _arm(links: Pose) -> list[tuple[trimesh.Trimesh, Colour]]:
 def _sensor(cell: CellView) -> list[tuple[trimesh.Trimesh, Colour]]:
     sensor, pose = cell.sensor, cell.T_base_sensor
     ends = np.stack([sensor.laser_origin_mm, sensor.camera_centre_mm])
-    low, high = ends.min(0) - [25, 30, 60], ends.max(0) + [25, 30, 0]
+    low, high = ends.min(0) - np.array([25, 30, 60]), ends.max(0) + np.array([25, 30, 0])
     body = trimesh.creation.box(bounds=np.stack([low, high]))
     seen = field_of_view(sensor)
     reach = _working_distance(cell) * SHEET_REACH

@@ -55,6 +55,14 @@ def render(
     return Frame(image, _truth(scene, lit, path, now, config, full_truth))
 
 
+def mean_electrons(scene: Scene, config: EmulatorConfig | None = None, speckle_key: int = 0) -> Float32:
+    """Mean photo-electrons (H, W) that one exposure would bring: the frame before the chip, free of its noise and rounding."""
+    config = config or EmulatorConfig()
+    path = moments(config, scene.sensor.height_px)
+    scenes = [moved(scene, m.drift) for m in path] if len(path) > 1 else [scene]
+    return _mean_electrons(scenes, [light_scene(s, config) for s in scenes], path, config, speckle_key)
+
+
 def _finder(renderer: str) -> Callable[[Scene, EmulatorConfig], LitScene]:
     if renderer == "own":
         return light_scene
