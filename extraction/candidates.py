@@ -7,15 +7,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from extraction.compiled import compiled
+from extraction.compiled import compiled, inner
 from extraction.config import DetectConfig
 from extraction.preprocess import BLOCK_PX, Image32, Prepared
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
 
 RING_PX = 13  # half side of the square ring whose median is a peak's background
 PEAK_RADIUS_PX = 2
 MAX_REGION_PX = 6000
+MAX_PEAKS = 200_000
 
 # rows of the region table
 PEAK_U, PEAK_V, SMOOTH_PEAK, RING, RING_NOISE, UNEVEN = range(6)
@@ -65,7 +67,11 @@ def find_candidates(prepared: Prepared, config: DetectConfig, mm_per_px: float) 
 
     mm_per_px: scale of the laser sheet in the image, for the limits of size that are given in mm.
     """
-    peaks = _peaks(prepared.smooth, prepared.background, prepared.noise, BLOCK_PX, config.threshold, PEAK_RADIUS_PX)
+    peaks = np.empty((MAX_PEAKS, 2), np.int64)
+    count = _peaks(
+        prepared.smooth, prepared.background, prepared.noise, BLOCK_PX, config.threshold, PEAK_RADIUS_PX, peaks
+    )
+    peaks = peaks[:count]
     order = np.argsort(-prepared.smooth[peaks[:, 1], peaks[:, 0]], kind="stable")[: config.max_candidates]
     length = max(config.min_length_px, config.max_length_mm / mm_per_px)
     width = max(config.min_width_px, config.max_width_mm / mm_per_px)
@@ -104,26 +110,27 @@ def _reasons(table: Array, config: DetectConfig, length_px: float, width_px: flo
 
 @compiled
 def _peaks(
-    smooth: Image32, background: Image32, noise: Image32, block: int, threshold: float, radius: int
-) -> NDArray[np.int64]:
-    """Pixels (N, 2) that are the largest within ``radius`` and stand ``threshold`` · noise above the background."""
+    smooth: Image32, background: Image32, noise: Image32, block: int, threshold: float, radius: int, out: Indices
+) -> int:
+    """Write to ``out`` (M, 2) the pixels that are the largest within ``radius`` and stand threshold · noise above the
+    background; returns their number.
+    """
     rows, columns = smooth.shape
     h, w = background.shape
-    found = [(0, 0) for _ in range(0)]
+    count = 0
     for j in range(rows):
         bj = min(j // block, h - 1)
         for bi in range(w):
             limit = background[bj, bi] + threshold * noise[bj, bi]
             for i in range(bi * block, columns if bi == w - 1 else (bi + 1) * block):
-                if smooth[j, i] > limit and _is_peak(smooth, j, i, radius):
-                    found.append((i, j))  # noqa: PERF401 - numba compiles no list.extend of a generator
-    out = np.zeros((len(found), 2), np.int64)
-    for k in range(len(found)):
-        out[k, 0], out[k, 1] = found[k]
-    return out
+                if smooth[j, i] > limit and count < out.shape[0] and _is_peak(smooth, j, i, radius):
+                    out[count, 0] = i
+                    out[count, 1] = j
+                    count += 1
+    return count
 
 
-@compiled
+@inner
 def _is_peak(smooth: Image32, j: int, i: int, radius: int) -> bool:
     """Whether no pixel within ``radius`` is larger; of equal ones the first in reading order counts."""
     rows, columns = smooth.shape
@@ -136,7 +143,7 @@ def _is_peak(smooth: Image32, j: int, i: int, radius: int) -> bool:
     return True
 
 
-@compiled
+@inner
 def _ring(smooth: Image32, j: int, i: int, radius: int, least_noise: float, row: Array) -> None:
     """Background, its spread and its unevenness from eight sectors of a square ring around the pixel.
 
@@ -166,10 +173,22 @@ def _ring(smooth: Image32, j: int, i: int, radius: int, least_noise: float, row:
     if seen == 0:
         row[RING], row[RING_NOISE] = pivot, np.inf
         return
-    mean, spread = np.sort(mean[:seen]), np.sort(spread[:seen])
+    _sort(mean, seen)
+    _sort(spread, seen)
     row[RING] = pivot + mean[(5 * seen) // 8]
     row[RING_NOISE] = max(spread[(seen - 1) // 2], least_noise)
     row[UNEVEN] = mean[(6 * seen) // 8] - mean[seen // 8]
+
+
+@inner
+def _sort(values: Array, count: int) -> None:
+    """Sort the leading ``count`` values in place; there are eight at most."""
+    for k in range(1, count):
+        value, at = values[k], k
+        while at > 0 and values[at - 1] > value:
+            values[at] = values[at - 1]
+            at -= 1
+        values[at] = value
 
 
 @compiled
@@ -187,7 +206,7 @@ def _regions(
     stack = np.empty((MAX_REGION_PX + 8, 2), np.int64)
     table = np.zeros((len(peaks), COLUMNS))
     for k in range(len(peaks)):
-        i, j = peaks[k]
+        i, j = peaks[k, 0], peaks[k, 1]
         row = table[k]
         row[PEAK_U], row[PEAK_V], row[SMOOTH_PEAK] = i, j, smooth[j, i]
         _ring(smooth, j, i, RING_PX, noise, row)
@@ -199,7 +218,7 @@ def _regions(
     return table
 
 
-@compiled
+@inner
 def _grow(
     smooth: Image32, owner: NDArray[np.int32], stack: NDArray[np.int64], k: int, row: Array, level: float, reach: float
 ) -> None:
@@ -211,7 +230,7 @@ def _grow(
     size, done, state = 1, 0, WHOLE
     sums = np.zeros(6)
     while done < size:
-        i, j = stack[done]
+        i, j = stack[done, 0], stack[done, 1]
         done += 1
         x, y, weight = float(i - i0), float(j - j0), float(smooth[j, i]) - level
         sums[0] += weight
@@ -231,23 +250,23 @@ def _grow(
                 owner[b, a] = k
                 stack[size, 0], stack[size, 1] = a, b
                 size += 1
-    _shape(stack[:size], sums, row)
+    _shape(stack, size, sums, row)
     row[STATE] = state
 
 
-@compiled
-def _shape(pixels: NDArray[np.int64], sums: Array, row: Array) -> None:
+@inner
+def _shape(pixels: NDArray[np.int64], size: int, sums: Array, row: Array) -> None:
     """Moments from their sums, and the extents of the pixels along and across the long axis."""
     i0, j0 = row[PEAK_U], row[PEAK_V]
     total = max(sums[0], 1e-12)
     u, v = sums[1] / total, sums[2] / total
     uu, uv, vv = sums[3] / total - u * u, sums[4] / total - u * v, sums[5] / total - v * v
-    row[AREA], row[MEAN_U], row[MEAN_V] = len(pixels), i0 + u, j0 + v
+    row[AREA], row[MEAN_U], row[MEAN_V] = size, i0 + u, j0 + v
     row[COV_UU], row[COV_UV], row[COV_VV] = uu, uv, vv
     angle = 0.5 * np.arctan2(2.0 * uv, uu - vv)
     cosine, sine = np.cos(angle), np.sin(angle)
     low_a, high_a, low_c, high_c = 0.0, 0.0, 0.0, 0.0
-    for n in range(len(pixels)):
+    for n in range(size):
         x, y = pixels[n, 0] - i0, pixels[n, 1] - j0
         along, across = cosine * x + sine * y, cosine * y - sine * x
         low_a, high_a = min(low_a, along), max(high_a, along)

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
-from extraction import spot_noise as sn
-from extraction.compiled import compiled
-from extraction.gaussian_fit import Array, Mask, fit_window
+from extraction.compiled import compiled, inner
+from extraction.gaussian_fit import RESULT_COLUMNS, Array, Mask, fit_window
 
-# columns of the result: 0-13 as `fit_window` writes them, then
-CONVERGED, CLIPPED, FOREIGN, LEFT_OUT, USED, NOISE = range(14, 20)
-COLUMNS = NOISE + sn.COLUMNS
+# columns of the table after those that `fit_window` writes
+CONVERGED, CLIPPED, FOREIGN, LEFT_OUT = range(RESULT_COLUMNS, RESULT_COLUMNS + 4)
+COLUMNS = RESULT_COLUMNS + 4
 
 OUTLIER_SIGMA = 5.0  # a pixel this far above the model, outside the spot, belongs to something else
 OUTSIDE = 6.0  # squared distance from the centre, in the spot's own widths
@@ -23,48 +22,38 @@ NEAR = 16.0  # the same; what lies farther away does not crowd a spot
 @compiled
 def fit_frame(
     image: NDArray[Any],
-    owner: NDArray[np.int32],
-    index: NDArray[np.int64],
-    windows: NDArray[np.int64],
+    owner: NDArray[Any],
+    index: NDArray[Any],
+    windows: NDArray[Any],
     starts: Array,
     noises: Array,
-    terms: NDArray[np.int64],
+    terms: NDArray[Any],
     clip: float,
-    grain: float,
     max_iterations: int,
-) -> Array:
-    """Fit every candidate; returns the table (N, COLUMNS), positions in image pixels.
+    data: Array,
+    use: Mask,
+    table: Array,
+) -> None:
+    """Fit every candidate; fills data and use (N, R, C) with the windows and table (N, COLUMNS) with the fits.
 
-    index (N,): the candidate's number in ``owner``. windows (N, 4): left, top, right, bottom, the last two excluded.
-    starts (N, 9), noises (N, 4), terms (N,): as `fit_window` takes them, starts in image pixels.
-    clip: grey level from which a pixel is saturated.
+    index (N,): the candidate's number in ``owner``. windows (N, 4): left, top, columns, rows. starts (N, 9), noises
+    (N, 4), terms (N,): as `fit_window` takes them; positions from the window's first pixel.
+    clip: grey level from which a pixel is saturated. data, use, table come as zeros.
     """
-    table = np.zeros((len(index), COLUMNS))
     for k in range(len(index)):
-        left, top, right, bottom = windows[k]
-        data = np.empty((bottom - top, right - left))
-        use = np.empty((bottom - top, right - left), np.bool_)
-        row = table[k]
-        start = starts[k].copy()
-        start[0] -= left
-        start[1] -= top
-        _cut(image, owner, index[k], left, top, clip, start, data, use, row)
-        row[CONVERGED] = fit_window(data, use, start, terms[k], noises[k], max_iterations, row)
-        row[LEFT_OUT] = _leave_out(data, use, row, noises[k])
+        columns, rows = windows[k, 2], windows[k, 3]
+        values, valid, row = data[k, :rows, :columns], use[k, :rows, :columns], table[k]
+        _cut(image, owner, index[k], windows[k, 0], windows[k, 1], clip, starts[k], values, valid, row)
+        row[CONVERGED] = fit_window(values, valid, starts[k], terms[k], noises[k], max_iterations, row)
+        row[LEFT_OUT] = _leave_out(values, valid, row, noises[k])
         if row[LEFT_OUT] > 0:
-            start[:] = row[:9]
-            row[CONVERGED] = fit_window(data, use, start, terms[k], noises[k], max_iterations, row)
-        row[USED] = np.sum(use) - terms[k]
-        sn.spot_noise(data, use, row[:9], terms[k], noises[k], grain, row[NOISE:])
-        row[0] += left
-        row[1] += top
-    return table
+            row[CONVERGED] = fit_window(values, valid, row, terms[k], noises[k], max_iterations, row)
 
 
-@compiled
+@inner
 def _cut(
     image: NDArray[Any],
-    owner: NDArray[np.int32],
+    owner: NDArray[Any],
     k: int,
     left: int,
     top: int,
@@ -89,20 +78,20 @@ def _cut(
                 row[FOREIGN] += 1.0 if foreign else 0.0
 
 
-@compiled
+@inner
 def _leave_out(data: Array, use: Mask, p: Array, noise: Array) -> int:
     """Clear the pixels outside the spot that stand far above the model; returns how many."""
-    rows, columns = data.shape
     count = 0
-    for j in range(rows):
-        for i in range(columns):
+    for j in range(data.shape[0]):
+        for i in range(data.shape[1]):
             x, y = i - p[0], j - p[1]
             distance = p[3] * x * x + 2.0 * p[4] * x * y + p[5] * y * y
             if use[j, i] and distance > OUTSIDE:
-                signal = p[2] * np.exp(-0.5 * distance)
-                mu = signal + p[6] + p[7] * (i - 0.5 * (columns - 1)) + p[8] * (j - 0.5 * (rows - 1))
+                signal = p[2] * math.exp(-0.5 * distance)
+                mu = signal + p[6] + p[7] * i + p[8] * j
                 variance = noise[0] + noise[1] * max(mu - noise[2], 0.0) + noise[3] * signal * signal
-                if data[j, i] - mu > OUTLIER_SIGMA * np.sqrt(variance):
+                excess = data[j, i] - mu
+                if excess > 0.0 and excess * excess > OUTLIER_SIGMA * OUTLIER_SIGMA * variance:
                     use[j, i] = False
                     count += 1
     return count

@@ -2,7 +2,7 @@
 
 Model of a pixel (x columns, y rows from the spot's centre u, v; A height, b background, p q the background's slope):
 
-    μ = A exp(-½ (a x² + 2 h x y + c y²)) + b + p x₀ + q y₀,    (x₀, y₀ from the window's centre)
+    μ = A exp(-½ (a x² + 2 h x y + c y²)) + b + p i + q j,    (i, j from the window's first pixel)
 
 [a h; h c] is the inverse of (blurred spot's covariance + I/12): adding a pixel's own variance 1/12 is its integration,
 right to the fourth order in pixel/σ. The form has no angle, so that round spots are not singular.
@@ -17,31 +17,33 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from extraction.compiled import compiled, compiled_fast
+from extraction.compiled import compiled, inner, inner_fast
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 # columns of a fit's parameter vector
 U, V, HEIGHT, PREC_UU, PREC_UV, PREC_VV, BACKGROUND, SLOPE_U, SLOPE_V = range(9)
+RESULT_COLUMNS = 14  # what `fit_window` writes
 PIXEL_VARIANCE_PX2 = 1.0 / 12.0
 MIN_VARIANCE_PX2 = 0.03  # narrower than any lens images: one pixel's spike
 MAX_STEP_PX = 1.0
 STEP_TOLERANCE = 2e-3  # a step below this share of its own standard deviation ends the iteration
 
 
-@compiled_fast
+@inner_fast
 def _weights_and_sums(
     data: Array, use: Mask, p: Array, n: int, noise: Array, weight: Array, fisher: Array, score: Array
 ) -> float:
-    """Fill the weights 1/V and the sums of Fisher scoring in the basis g·(1, x, y, x²/2, xy, y²/2), 1, x₀, y₀; → χ²."""
+    """Fill the weights 1/V and the sums of Fisher scoring in the basis g·(1, x, y, x²/2, xy, y²/2), 1, i, j; → χ²."""
     rows, columns = data.shape
     e = np.zeros(9)
-    fisher[:] = 0.0
-    score[:] = 0.0
+    for r in range(9):
+        score[r] = 0.0
+        for s in range(9):
+            fisher[r, s] = 0.0
     chi2 = 0.0
     v0, gain, level, k2 = noise[0], noise[1], noise[2], noise[3]
-    mid_u, mid_v = 0.5 * (columns - 1), 0.5 * (rows - 1)
     step_ratio = np.exp(-p[3])
     for j in range(rows):
         y = j - p[1]
@@ -52,7 +54,7 @@ def _weights_and_sums(
             x = i - p[0]
             if use[j, i]:
                 signal = p[2] * g
-                mu = signal + p[6] + p[7] * (i - mid_u) + p[8] * (j - mid_v)
+                mu = signal + p[6] + p[7] * i + p[8] * j
                 w = 1.0 / (v0 + gain * max(mu - level, 0.0) + k2 * signal * signal)
                 weight[j, i] = w
                 residual = data[j, i] - mu
@@ -64,8 +66,8 @@ def _weights_and_sums(
                 e[4] = g * x * y
                 e[5] = 0.5 * g * y * y
                 e[6] = 1.0
-                e[7] = i - mid_u
-                e[8] = j - mid_v
+                e[7] = i
+                e[8] = j
                 for r in range(n):
                     we = w * e[r]
                     score[r] += we * residual
@@ -76,11 +78,10 @@ def _weights_and_sums(
     return chi2
 
 
-@compiled_fast
+@inner_fast
 def _chi2(data: Array, use: Mask, p: Array, weight: Array) -> float:
     """Σ weight · residual² of the model ``p``."""
     rows, columns = data.shape
-    mid_u, mid_v = 0.5 * (columns - 1), 0.5 * (rows - 1)
     step_ratio = np.exp(-p[3])
     chi2 = 0.0
     for j in range(rows):
@@ -90,14 +91,14 @@ def _chi2(data: Array, use: Mask, p: Array, weight: Array) -> float:
         ratio = np.exp(-p[3] * (x + 0.5) - p[4] * y)
         for i in range(columns):
             if use[j, i]:
-                residual = data[j, i] - (p[2] * g + p[6] + p[7] * (i - mid_u) + p[8] * (j - mid_v))
+                residual = data[j, i] - (p[2] * g + p[6] + p[7] * i + p[8] * j)
                 chi2 += weight[j, i] * residual * residual
             g *= ratio
             ratio *= step_ratio
     return chi2
 
 
-@compiled
+@inner
 def cholesky(fisher: Array, damping: float, n: int, out: Array) -> bool:
     """Lower factor of fisher + damping · diag(fisher), leading n × n; False where it is not positive definite."""
     for i in range(n):
@@ -116,7 +117,7 @@ def cholesky(fisher: Array, damping: float, n: int, out: Array) -> bool:
     return True
 
 
-@compiled
+@inner
 def solve(factor: Array, right: Array, n: int, out: Array) -> None:
     """Out = (L Lᵀ)⁻¹ right, leading n."""
     for i in range(n):
@@ -131,7 +132,7 @@ def solve(factor: Array, right: Array, n: int, out: Array) -> None:
         out[i] = total / factor[i, i]
 
 
-@compiled
+@inner
 def _moved(p: Array, q: Array, n: int, out: Array) -> bool:
     """Parameters after the step q of the basis coefficients; False where they are no spot any more."""
     height, det = p[2], p[3] * p[5] - p[4] * p[4]
@@ -163,7 +164,9 @@ def fit_window(data: Array, use: Mask, start: Array, n: int, noise: Array, max_i
     start: the nine parameters. n: 7 with a constant, 9 with a sloped background. noise: v₀, g, m, k².
     out (14,): parameters 0-8, Cov(u, v) as uu, uv, vv 9-11, χ² 12, iterations 13. Returns 1 where it converged, else 0.
     """
-    p, trial, q = start.copy(), np.zeros(9), np.zeros(9)
+    p, trial, q = np.zeros(9), np.zeros(9), np.zeros(9)
+    for k in range(9):
+        p[k] = start[k]
     weight, fisher, factor = np.zeros(data.shape), np.zeros((9, 9)), np.zeros((9, 9))
     score = np.zeros(9)
     damping, converged, iteration = 0.0, 0.0, 0
@@ -178,7 +181,8 @@ def fit_window(data: Array, use: Mask, start: Array, n: int, noise: Array, max_i
             if _moved(p, q, n, trial):
                 small = decrement < STEP_TOLERANCE * STEP_TOLERANCE
                 if small or _chi2(data, use, trial, weight) <= chi2 * (1.0 + 1e-12):
-                    p[:] = trial
+                    for k in range(9):
+                        p[k] = trial[k]
                     damping = 0.1 * damping if damping > 1e-4 else 0.0
                     chi2 = _weights_and_sums(data, use, p, n, noise, weight, fisher, score)
                     if small:
@@ -188,13 +192,14 @@ def fit_window(data: Array, use: Mask, start: Array, n: int, noise: Array, max_i
         damping = max(8.0 * damping, 1e-3)
         if damping > 1e9:
             break
-    out[:9] = p
+    for k in range(9):
+        out[k] = p[k]
     _position_covariance(p, fisher, factor, n, out)
     out[12], out[13] = chi2, iteration
     return converged
 
 
-@compiled
+@inner
 def _position_covariance(p: Array, fisher: Array, factor: Array, n: int, out: Array) -> None:
     """Write the inverse Fisher information's (u, v) block to out[9:12]; infinite where it has none."""
     out[9], out[10], out[11] = np.inf, 0.0, np.inf
@@ -212,3 +217,14 @@ def _position_covariance(p: Array, fisher: Array, factor: Array, n: int, out: Ar
     out[9] = s00 * s00 * c00 + 2 * s00 * s01 * c01 + s01 * s01 * c11
     out[10] = s00 * s01 * c00 + (s00 * s11 + s01 * s01) * c01 + s01 * s11 * c11
     out[11] = s01 * s01 * c00 + 2 * s01 * s11 * c01 + s11 * s11 * c11
+
+
+def model_planes(parameters: Array, shape: tuple[int, ...]) -> tuple[Array, Array, Array]:
+    """The model's bell and x, y from the spots (N, R, C) over windows of one shape, for parameters (N, 9).
+
+    The same model as the compiled one, for whole stacks.
+    """
+    p = parameters[:, :, None, None]
+    x, y = np.arange(shape[1]) - p[:, U], np.arange(shape[0])[:, None] - p[:, V]
+    bell = np.exp(-0.5 * (p[:, PREC_UU] * x * x + 2.0 * p[:, PREC_UV] * x * y + p[:, PREC_VV] * y * y))
+    return bell, x, y

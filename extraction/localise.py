@@ -7,17 +7,19 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from extraction import spot_noise as sn
 from extraction.candidates import Candidates
 from extraction.config import ExtractionConfig
-from extraction.fit_frame import CLIPPED, CONVERGED, FOREIGN, NOISE, fit_frame
+from extraction.fit_frame import CLIPPED, COLUMNS, CONVERGED, FOREIGN, fit_frame
 from extraction.gaussian_fit import PIXEL_VARIANCE_PX2
-from extraction.noise import NoiseModel, speckle_contrast
+from extraction.noise import NoiseModel
 from extraction.preprocess import Prepared
+from extraction.speckle import estimate_speckle
+from extraction.spot_noise import SpotNoise, concatenate, spot_noise
 
 Array = NDArray[np.float64]
 
 MIN_START_VARIANCE_PX2 = 0.3
+SMALL_WINDOW_PX = 19
 SLOPE_SIGMA = 4.0  # surroundings that differ by more across the spot are fitted with a slope
 MAX_RING_VARIANCE = 25.0  # of the frame's noise: an uneven ring is not noise
 
@@ -52,31 +54,75 @@ def localise(prepared: Prepared, candidates: Candidates, noise: NoiseModel, conf
     """Localise every candidate that was not refused."""
     index = np.flatnonzero([reason == "" for reason in candidates.reason])
     shapes = _start_shapes(candidates.cov_uv_px2[index], config)
+    windows = _windows(candidates.mean_uv_px[index], shapes, prepared, config)
+    # small and large windows apart: all of a group have the size of its largest
+    large = np.max(windows[:, 2:], axis=1, initial=0) > SMALL_WINDOW_PX
+    fits = [
+        _fit(prepared, candidates, index[group], shapes[group], windows[group], noise, config)
+        for group in (np.flatnonzero(~large), np.flatnonzero(large))
+        if len(group)
+    ]
+    return _spots(fits, noise) if fits else _no_spots()
+
+
+@dataclass(frozen=True, eq=False)
+class _Fits:
+    """index (N,) into the candidates, table (N, COLUMNS) of `fit_frame` in image pixels, and the error budget."""
+
+    index: NDArray[np.intp]
+    table: Array
+    about: SpotNoise
+
+
+def _fit(
+    prepared: Prepared,
+    candidates: Candidates,
+    index: NDArray[np.intp],
+    shapes: Array,
+    windows: NDArray[np.int64],
+    noise: NoiseModel,
+    config: ExtractionConfig,
+) -> _Fits:
+    starts = _starts(candidates, index, shapes, config)
+    starts[:, :2] -= windows[:, :2]
     ring = (candidates.ring_noise_dn[index] / np.sum(prepared.kernel**2)) ** 2
     variance = np.clip(ring, noise.variance_dn2, MAX_RING_VARIANCE * noise.variance_dn2)
     gain, weight = np.full(len(index), noise.gain_dn_per_e), np.full(len(index), noise.speckle_weight**2)
     noises = np.column_stack([variance, gain, candidates.ring_dn[index], weight])
     uneven = candidates.uneven_dn[index] > SLOPE_SIGMA * candidates.ring_noise_dn[index]
-    table = fit_frame(
-        prepared.image, candidates.owner, index, _windows(candidates.mean_uv_px[index], shapes, prepared, config),
-        _starts(candidates, index, shapes, config), noises, np.where(uneven, 9, 7), noise.saturation_dn,
-        max(noise.speckle_grain_px, 1e-3), config.localise.max_iterations,
+    terms = np.where(uneven, 9, 7)
+    size = (len(index), int(windows[:, 3].max()), int(windows[:, 2].max()))
+    data, use, table = np.zeros(size), np.zeros(size, dtype=np.bool_), np.zeros((len(index), COLUMNS))
+    fit_frame(
+        prepared.image, candidates.owner, index, windows, starts, noises, terms, noise.saturation_dn,
+        config.localise.max_iterations, data, use, table,
     )  # fmt: skip
-    return _spots(table, index, noise, config)
+    about = spot_noise(data, use, table[:, :9], terms, noises)
+    table[:, :2] += windows[:, :2]
+    return _Fits(index, table, about)
 
 
-def _spots(table: Array, index: NDArray[np.intp], noise: NoiseModel, config: ExtractionConfig) -> Spots:
-    """The table of `fit_frame` by name, the speckle's share of the covariance at the contrast that the image shows."""
-    about = table[:, NOISE:]
-    contrast2 = speckle_contrast(table, noise) ** 2
-    cov = about[:, [0, 1, 1, 2]] + contrast2 * about[:, [3, 4, 4, 5]]
-    skew = about[:, sn.SKEW] / np.sqrt(about[:, sn.SKEW_CAMERA] + contrast2 * about[:, sn.SKEW_SPECKLE])
+def _spots(fits: list[_Fits], noise: NoiseModel) -> Spots:
+    """The fits by name, with the speckle that the image shows in the covariance."""
+    table = np.concatenate([f.table for f in fits])
+    index = np.concatenate([f.index for f in fits])
+    about = concatenate([f.about for f in fits])
+    converged = table[:, CONVERGED] > 0
+    speckle = estimate_speckle(about, converged, noise.speckle_contrast, noise.speckle_grain_px)
+    cov = about.camera + about.speckle @ speckle.variances
     shape = np.linalg.inv(table[:, [3, 4, 4, 5]].reshape(-1, 2, 2)) - PIXEL_VARIANCE_PX2 * np.eye(2)
-    converged = (table[:, CONVERGED] > 0) & np.all(np.isfinite(cov), axis=1)
+    skew = about.skew / np.sqrt(np.maximum(cov[:, 2, 2], 1e-30))
+    converged &= np.all(np.isfinite(cov), axis=(1, 2)) & (np.linalg.det(cov[:, :2, :2]) > 0)
     return Spots(
-        table[:, :2], cov.reshape(-1, 2, 2), table[:, 2], shape, skew, table[:, CLIPPED].astype(np.intp),
+        table[:, :2], cov[:, :2, :2], table[:, 2], shape, skew, table[:, CLIPPED].astype(np.intp),
         table[:, FOREIGN].astype(np.intp), converged, index,
     )  # fmt: skip
+
+
+def _no_spots() -> Spots:
+    zero, none = np.zeros(0), np.zeros(0, dtype=np.intp)
+    pair, matrix = np.zeros((0, 2)), np.zeros((0, 2, 2))
+    return Spots(pair, matrix, zero, matrix, zero, none, none, np.zeros(0, dtype=np.bool_), none)
 
 
 def _start_shapes(region_cov: Array, config: ExtractionConfig) -> Array:
@@ -91,12 +137,13 @@ def _start_shapes(region_cov: Array, config: ExtractionConfig) -> Array:
 
 
 def _windows(centre: Array, shapes: Array, prepared: Prepared, config: ExtractionConfig) -> NDArray[np.int64]:
-    """Left, top, right, bottom (N, 4) around the spots, inside the image."""
+    """Left, top, columns, rows (N, 4) around the spots, inside the image."""
     rows, columns = prepared.image.shape
     half = np.ceil(config.localise.window_sigma * np.sqrt(np.diagonal(shapes, axis1=1, axis2=2)) + 2.0)
     half = np.clip(half, 4, config.localise.max_half_window_px)
     low, high = np.rint(centre) - half, np.rint(centre) + half + 1
-    return np.hstack([np.maximum(low, 0), np.minimum(high, [columns, rows])]).astype(np.int64)
+    low, high = np.maximum(low, 0), np.minimum(high, [columns, rows])
+    return np.hstack([low, high - low]).astype(np.int64)
 
 
 def _starts(candidates: Candidates, index: NDArray[np.intp], shapes: Array, config: ExtractionConfig) -> Array:

@@ -1,175 +1,223 @@
-"""Compiled covariance of a fitted spot under camera noise and speckle, and what its residuals say about the speckle.
+"""Error budget of fitted spots: what camera noise and correlated speckle do to them, and what their residuals say.
 
-The speckle's error of pixel i is c · s_i · e_i with s the spot's signal, e of unit variance and Gaussian correlation
-ρ(r) = exp(-r²/(4 ℓ²)), ℓ the grain. A linear estimate moves by Σ h_i · error_i with the influence h_i = F⁻¹ J_i w_i,
-so that Cov = Σ h V_camera hᵀ + c² Σ_ij h_i s_i ρ_ij s_j h_jᵀ, whatever the weights w were.
+Speckle puts the error c · s_i · e_i into pixel i: s the spot's signal, e of unit variance, correlated by ρ(distance).
+A linear estimate moves by Σ h_i · error_i with the influence h_i = F⁻¹ J_i w_i, so that whatever the weights w were
+
+    Cov = Σ_i h_i V_i h_iᵀ + c² Σ_ij h_i s_i ρ_ij s_j h_jᵀ,    V the camera's variance,
+
+and the residuals r = (1 - H) error, H_ij = J_iᵀ F⁻¹ J_j w_j, have moments of the same form. Both follow from the
+matrices M_k = Σ_ij (w s J)_i (w s J)_jᵀ over the pairs whose distance is of class k, so that the contrast c and the
+correlation ρ can be chosen afterwards. All spots of an image are taken at once, in windows of one size.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass, fields
+
 import numpy as np
+from numpy.typing import NDArray
 
-from extraction.compiled import compiled
-from extraction.gaussian_fit import Array, Mask, cholesky, solve
+from extraction.gaussian_fit import PREC_UU, PREC_UV, PREC_VV, model_planes
 
-# what `spot_noise` writes
-CAMERA, SPECKLE = 0, 3  # uu, uv, vv of Cov(u, v) from the camera, and from speckle of contrast 1
-EXCESS, EXPECTED = 6, 7  # Σ (residual² - camera's share) / signal², and what speckle of contrast 1 makes of it
-SKEW, SKEW_CAMERA, SKEW_SPECKLE = 8, 9, 10  # third moment left along the long axis, its variances as above
-COLUMNS = 11
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
+# squared distances of two pixels that are told apart; farther ones are taken as uncorrelated
+DISTANCES2 = np.array([0, 1, 2, 4, 5, 8, 9])
+CLASSES = len(DISTANCES2)
+REACH = 3
+LAGS = tuple(
+    tuple((b, a) for b in range(-REACH, REACH + 1) for a in range(-REACH, REACH + 1) if a * a + b * b == d)
+    for d in DISTANCES2
+)
 CORE = 0.2  # share of the height above which a pixel's residual tells of the speckle
+SKEW_TERM = 9  # after the fit's nine: the third moment along the long axis
 
 
-@compiled
-def spot_noise(data: Array, use: Mask, p: Array, n: int, noise: Array, grain: float, out: Array) -> None:
-    """Write COLUMNS numbers about the fit ``p`` of ``data`` over ``use``; arguments as in `gaussian_fit.fit_window`."""
-    rows, columns = data.shape
-    e = np.zeros((rows, columns, 10))
-    g = np.zeros((rows, columns))
-    camera, weight = np.ones((rows, columns)), np.zeros((rows, columns))
-    _basis(data, use, p, noise, e, g, camera, weight)
-    fisher, factor = np.zeros((9, 9)), np.zeros((9, 9))
-    for j in range(rows):
-        for i in range(columns):
-            if use[j, i]:
-                for r in range(n):
-                    for s in range(r + 1):
-                        fisher[r, s] += weight[j, i] * e[j, i, r] * e[j, i, s]
-    out[:] = np.inf
-    if not cholesky(fisher, 0.0, n, factor):
-        return
-    influence = np.zeros((rows, columns, 3))  # of u, v and the skew
-    _influence(use, p, n, weight, e, factor, influence)
-    out[:] = 0.0
-    near = _neighbourhood(use, g, grain, influence)
-    for j in range(rows):
-        for i in range(columns):
-            if use[j, i]:
-                h, b = influence[j, i], near[j, i]
-                out[0] += h[0] * h[0] * camera[j, i]
-                out[1] += h[0] * h[1] * camera[j, i]
-                out[2] += h[1] * h[1] * camera[j, i]
-                out[9] += h[2] * h[2] * camera[j, i]
-                out[3] += h[0] * g[j, i] * b[0]
-                out[4] += h[0] * g[j, i] * b[1]
-                out[5] += h[1] * g[j, i] * b[1]
-                out[10] += h[2] * g[j, i] * b[2]
-                residual = data[j, i] - g[j, i] - p[6] - p[7] * e[j, i, 7] - p[8] * e[j, i, 8]
-                out[8] += h[2] * residual
-    _excess(data, use, p, n, weight, e, g, camera, grain, factor, out)
+@dataclass(frozen=True, eq=False)
+class SpotNoise:
+    """Error budget of N spots; the last axis of what comes from speckle of contrast 1 is the class of distance (K,).
+
+    camera (N, 3, 3), speckle (N, 3, 3, K): Cov of (u, v, skew). skew (N,): third moment along the long axis that the
+    fit left. variance, neighbour (N,): Σ residual²/signal² of the core and Σ of neighbours' products, the camera's part
+    taken off; variance_camera (N,): that part of the former. pairs (N,): neighbours in the core.
+    variance_speckle, neighbour_speckle (N, K): expectation of both.
+    """
+
+    camera: Array
+    speckle: Array
+    skew: Array
+    variance: Array
+    neighbour: Array
+    variance_camera: Array
+    pairs: Array
+    variance_speckle: Array
+    neighbour_speckle: Array
 
 
-@compiled
-def _basis(data: Array, use: Mask, p: Array, noise: Array, e: Array, g: Array, camera: Array, weight: Array) -> None:
-    """Basis functions e (0-8 as in the fit, 9 the third moment along the long axis), signal g, variances, weights."""
-    rows, columns = data.shape
-    mid_u, mid_v = 0.5 * (columns - 1), 0.5 * (rows - 1)
-    angle = 0.5 * np.arctan2(-2.0 * p[4], p[5] - p[3])  # long axis: the small eigenvalue of the precision
+def concatenate(parts: list[SpotNoise]) -> SpotNoise:
+    """The budgets of several groups of spots as one."""
+    return SpotNoise(*(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(SpotNoise)))
+
+
+@dataclass(frozen=True, eq=False)
+class _Planes:
+    """Basis e (N, 10, L), and signal, camera variance, weight, residual (N, L) of the pixels, flat; shape (R, C)."""
+
+    e: Array
+    signal: Array
+    variance: Array
+    weight: Array
+    residual: Array
+    shape: tuple[int, int]
+
+
+def spot_noise(data: Array, use: Mask, parameters: Array, terms: NDArray[np.int64], noises: Array) -> SpotNoise:
+    """Error budget of the fits ``parameters`` (N, 9) of the windows data (N, R, C) over the pixels ``use``.
+
+    terms (N,), noises (N, 4): as in `gaussian_fit.fit_window`; positions from each window's first pixel.
+    """
+    planes = _planes(data, use, parameters, terms, noises)
+    weighted = planes.e * planes.weight[:, None]
+    fisher = weighted @ planes.e.transpose(0, 2, 1)
+    # a term that was not fitted has no information and must not enter
+    free = np.arange(9) < terms[:, None]
+    normal = fisher[:, :9, :9] + np.einsum("nr,rs->nrs", np.where(free, 0.0, 1.0), np.eye(9))
+    inverse = np.linalg.pinv(normal, hermitian=True)
+    influence = _influence(parameters, fisher, inverse)
+    moved = influence @ weighted
+    signalled = weighted * planes.signal[:, None]
+    near = _near(signalled, planes.shape)
+    matrices = np.einsum("nrl,knsl->nrsk", signalled, near, optimize=["einsum_path", (0, 1)])
+    return SpotNoise(
+        camera=(moved * planes.variance[:, None]) @ moved.transpose(0, 2, 1),
+        speckle=np.einsum("nar,nrsk,nbs->nabk", influence, matrices, influence, optimize=True),
+        skew=np.einsum("nl,nl->n", moved[:, 2], planes.residual),
+        **_residual_moments(planes, weighted, near, matrices, inverse),
+    )
+
+
+def _planes(data: Array, use: Mask, p: Array, terms: NDArray[np.int64], noises: Array) -> _Planes:
+    bell, x, y = model_planes(p, data.shape[1:])
+    i, j = np.arange(data.shape[2]) + 0.0 * bell, np.arange(data.shape[1])[:, None] + 0.0 * bell
+    height, level = p[:, 2, None, None], noises[:, 2, None, None]
+    signal = height * bell
+    mu = signal + p[:, 6, None, None] + p[:, 7, None, None] * i + p[:, 8, None, None] * j
+    variance = noises[:, 0, None, None] + noises[:, 1, None, None] * np.maximum(mu - level, 0.0)
+    weight = np.where(use, 1.0 / (variance + noises[:, 3, None, None] * signal**2), 0.0)
+    a, b, c = p[:, PREC_UU], p[:, PREC_UV], p[:, PREC_VV]
+    angle = 0.5 * np.arctan2(-2.0 * b, c - a)  # long axis: the small eigenvalue of the precision
     cosine, sine = np.cos(angle), np.sin(angle)
-    along = np.sqrt(max(p[3] * cosine**2 + 2.0 * p[4] * cosine * sine + p[5] * sine**2, 1e-12))
-    for j in range(rows):
-        for i in range(columns):
-            x, y = i - p[0], j - p[1]
-            bell = np.exp(-0.5 * (p[3] * x * x + 2.0 * p[4] * x * y + p[5] * y * y))
-            g[j, i] = p[2] * bell
-            e[j, i, 0], e[j, i, 1], e[j, i, 2] = bell, bell * x, bell * y
-            e[j, i, 3], e[j, i, 4], e[j, i, 5] = 0.5 * bell * x * x, bell * x * y, 0.5 * bell * y * y
-            e[j, i, 6], e[j, i, 7], e[j, i, 8] = 1.0, i - mid_u, j - mid_v
-            t = along * (cosine * x + sine * y)
-            e[j, i, 9] = g[j, i] * (t * t * t - 3.0 * t) / 6.0
-            mu = g[j, i] + p[6] + p[7] * (i - mid_u) + p[8] * (j - mid_v)
-            camera[j, i] = noise[0] + noise[1] * max(mu - noise[2], 0.0)
-            if use[j, i]:
-                weight[j, i] = 1.0 / (camera[j, i] + noise[3] * g[j, i] * g[j, i])
+    along = np.sqrt(np.maximum(a * cosine**2 + 2.0 * b * cosine * sine + c * sine**2, 1e-12))
+    t = (along * cosine)[:, None, None] * x + (along * sine)[:, None, None] * y
+    slope = (terms == 9)[:, None, None]
+    e = np.stack(
+        [bell, bell * x, bell * y, 0.5 * bell * x * x, bell * x * y, 0.5 * bell * y * y, np.ones_like(bell),
+         slope * i, slope * j, signal * (t**3 - 3.0 * t) / 6.0], axis=1,
+    )  # fmt: skip
+    n = len(p)
+    return _Planes(
+        e.reshape(n, 10, -1), signal.reshape(n, -1), variance.reshape(n, -1), weight.reshape(n, -1),
+        np.where(use, data - mu, 0.0).reshape(n, -1), (data.shape[1], data.shape[2]),
+    )  # fmt: skip
 
 
-@compiled
-def _influence(use: Mask, p: Array, n: int, weight: Array, e: Array, factor: Array, influence: Array) -> None:
-    """How far one grey level in a pixel moves u, v and the skew (the third moment after the fit took its part)."""
-    rows, columns = use.shape
-    unit, first, second = np.zeros(9), np.zeros(9), np.zeros(9)
-    unit[1] = 1.0
-    solve(factor, unit, n, first)
-    unit[1], unit[2] = 0.0, 1.0
-    solve(factor, unit, n, second)
-    cross, share, size = np.zeros(9), np.zeros(9), 0.0
-    for j in range(rows):
-        for i in range(columns):
-            if use[j, i]:
-                size += weight[j, i] * e[j, i, 9] ** 2
-                for r in range(n):
-                    cross[r] += weight[j, i] * e[j, i, r] * e[j, i, 9]
-    solve(factor, cross, n, share)
-    for r in range(n):
-        size -= share[r] * cross[r]
-    det = (p[3] * p[5] - p[4] * p[4]) * p[2]
-    for j in range(rows):
-        for i in range(columns):
-            if use[j, i]:
-                a, b, skew = 0.0, 0.0, e[j, i, 9]
-                for r in range(n):
-                    a += first[r] * e[j, i, r]
-                    b += second[r] * e[j, i, r]
-                    skew -= share[r] * e[j, i, r]
-                w = weight[j, i]
-                influence[j, i, 0] = w * (p[5] * a - p[4] * b) / det
-                influence[j, i, 1] = w * (p[3] * b - p[4] * a) / det
-                influence[j, i, 2] = w * skew / max(size, 1e-30)
-
-
-@compiled
-def _neighbourhood(use: Mask, g: Array, grain: float, influence: Array) -> Array:
-    """Σ_j ρ_ij s_j h_j for every pixel i (rows, columns, 3)."""
-    rows, columns, count = influence.shape
-    out = np.zeros((rows, columns, count))
-    reach = int(np.ceil(3.5 * grain))
-    for b in range(-reach, reach + 1):
-        for a in range(-reach, reach + 1):
-            rho = 1.0 if a == 0 and b == 0 else np.exp(-(a * a + b * b) / (4.0 * grain * grain))
-            if rho < 1e-3:
-                continue
-            for j in range(max(0, -b), min(rows, rows - b)):
-                for i in range(max(0, -a), min(columns, columns - a)):
-                    if use[j + b, i + a]:
-                        f = rho * g[j + b, i + a]
-                        for k in range(count):
-                            out[j, i, k] += f * influence[j + b, i + a, k]
+def _influence(p: Array, fisher: Array, inverse: Array) -> Array:
+    """Influence (N, 3, 10) of a grey level on u, v and the skew, in terms of the weighted basis."""
+    out = np.zeros((len(p), 3, 10))
+    det = ((p[:, 3] * p[:, 5] - p[:, 4] ** 2) * p[:, 2])[:, None]
+    first, second = inverse[:, 1], inverse[:, 2]
+    out[:, 0, :9] = (p[:, 5, None] * first - p[:, 4, None] * second) / det
+    out[:, 1, :9] = (p[:, 3, None] * second - p[:, 4, None] * first) / det
+    # what the fit leaves of the third moment: the part that is orthogonal to all its terms
+    cross = fisher[:, SKEW_TERM, :9]
+    share = np.einsum("nrs,ns->nr", inverse, cross)
+    size = np.maximum(fisher[:, SKEW_TERM, SKEW_TERM] - np.einsum("nr,nr->n", share, cross), 1e-30)[:, None]
+    out[:, 2, :9], out[:, 2, SKEW_TERM] = -share / size, 1.0 / size[:, 0]
     return out
 
 
-@compiled
-def _excess(  # the residuals' share of the speckle
-    data: Array, use: Mask, p: Array, n: int, weight: Array, e: Array, g: Array, camera: Array, grain: float,
-    factor: Array, out: Array,
-) -> None:  # fmt: skip
-    """Compare the core's residuals with speckle of contrast 1, the part that the fit takes away subtracted."""
-    rows, columns = use.shape
-    scaled = np.zeros((rows, columns, n))
-    for j in range(rows):
-        for i in range(columns):
-            for r in range(n):
-                scaled[j, i, r] = weight[j, i] * e[j, i, r]
-    near = _neighbourhood(use, g, grain, scaled)
-    inner = np.zeros((n, n))
-    for j in range(rows):
-        for i in range(columns):
-            if use[j, i]:
-                for r in range(n):
-                    for s in range(n):
-                        inner[r, s] += scaled[j, i, r] * g[j, i] * near[j, i, s]
-    q, step = np.zeros(9), np.zeros(9)
-    for j in range(rows):
-        for i in range(columns):
-            if use[j, i] and g[j, i] > CORE * p[2]:
-                residual = data[j, i] - g[j, i] - p[6] - p[7] * e[j, i, 7] - p[8] * e[j, i, 8]
-                q[:] = e[j, i, :9]
-                solve(factor, q, n, step)
-                variance, leverage = g[j, i] ** 2, 0.0
-                for r in range(n):
-                    variance -= 2.0 * step[r] * near[j, i, r] * g[j, i]
-                    leverage += step[r] * e[j, i, r] * weight[j, i]
-                    for s in range(n):
-                        variance += step[r] * inner[r, s] * step[s]
-                out[6] += (residual**2 - camera[j, i] * max(1.0 - leverage, 0.0)) / g[j, i] ** 2
-                out[7] += max(variance, 0.0) / g[j, i] ** 2
+def _near(q: Array, shape: tuple[int, int]) -> Array:
+    """Σ q over the pixels at each class of distance from every pixel: (K, N, 10, L)."""
+    rows, columns = shape
+    n, terms, _ = q.shape
+    padded = np.zeros((n, terms, rows + 2 * REACH, columns + 2 * REACH))
+    padded[:, :, REACH : REACH + rows, REACH : REACH + columns] = q.reshape(n, terms, rows, columns)
+    out = np.zeros((CLASSES, n, terms, rows, columns))
+    for k, lags in enumerate(LAGS):
+        for b, a in lags:
+            out[k] += padded[:, :, REACH + b : REACH + b + rows, REACH + a : REACH + a + columns]
+    return out.reshape(CLASSES, n, terms, -1)
+
+
+def _residual_moments(
+    planes: _Planes, weighted: Array, near: Array, matrices: Array, inverse: Array
+) -> dict[str, Array]:
+    """Variance and neighbour products of the core's residuals in units of signal², and what they are made of."""
+    n, columns = len(inverse), planes.shape[1]
+    core = (planes.weight > 0) & (planes.signal > CORE * planes.signal.max(axis=1, keepdims=True))
+    spot, pixel = np.nonzero(core)
+    scattered = weighted[:, :9] * planes.variance[:, None]
+    camera = scattered @ weighted[:, :9].transpose(0, 2, 1)
+    z = np.einsum("crs,cs->cr", inverse[spot], planes.e[spot, :9, pixel])
+    position = np.full(core.shape, -1)
+    position[spot, pixel] = np.arange(len(spot))
+    moments: dict[str, Array] = {}
+    own = np.arange(len(spot))
+    found = _pair_moments(planes, scattered, camera, near, matrices, z, spot, pixel, own, own)
+    for name, value in zip(("variance", "variance_camera", "variance_speckle"), found, strict=True):
+        moments[name] = _per_spot(value, spot, n)
+    after = np.stack([_step(position, planes.shape, 1), _step(position, planes.shape, columns)])
+    first, second = np.concatenate([_pairs(position, other) for other in after], axis=1)
+    found = _pair_moments(planes, scattered, camera, near, matrices, z, spot, pixel, first, second)
+    moments["neighbour"] = _per_spot(found[0], spot[first], n)
+    moments["neighbour_speckle"] = _per_spot(found[2], spot[first], n)
+    moments["pairs"] = np.bincount(spot[first], minlength=n).astype(float)
+    return moments
+
+
+def _step(position: NDArray[np.intp], shape: tuple[int, int], step: int) -> NDArray[np.intp]:
+    """The position table as seen from the pixel before: one column (step 1) or one row (step = columns) on."""
+    out = np.full(position.shape, -1)
+    out[:, :-step] = position[:, step:]
+    if step == 1:
+        out[:, shape[1] - 1 :: shape[1]] = -1
+    return out
+
+
+def _pairs(position: NDArray[np.intp], other: NDArray[np.intp]) -> NDArray[np.intp]:
+    both = (position >= 0) & (other >= 0)
+    return np.stack([position[both], other[both]])
+
+
+def _per_spot(values: Array, spot: NDArray[np.intp], n: int) -> Array:
+    out = np.zeros((n, *values.shape[1:]))
+    np.add.at(out, spot, values)
+    return out
+
+
+def _pair_moments(  # the same sums for a pixel with itself and with its neighbour
+    planes: _Planes,
+    scattered: Array,
+    camera: Array,
+    near: Array,
+    matrices: Array,
+    z: Array,
+    spot: NDArray[np.intp],
+    pixel: NDArray[np.intp],
+    c: NDArray[np.intp],
+    d: NDArray[np.intp],
+) -> tuple[Array, Array, Array]:
+    """Residual product freed of the camera's part (P,), that part (P,), speckle's (P, K), over the signals' product."""
+    s, i, j = spot[c], pixel[c], pixel[d]
+    zi, zj = z[c], z[d]
+    si, sj = planes.signal[s, i], planes.signal[s, j]
+    noise = np.where(c == d, planes.variance[s, i], 0.0)
+    noise = noise - np.einsum("pr,pr->p", zi, scattered[s, :, j]) - np.einsum("pr,pr->p", zj, scattered[s, :, i])
+    noise += np.einsum("pr,prs,ps->p", zi, camera[s], zj, optimize=True)
+    product = planes.residual[s, i] * planes.residual[s, j]
+    expected = np.einsum("pr,prsk,ps->pk", zi, matrices[s, :9, :9], zj, optimize=True) / (si * sj)[:, None]
+    expected -= np.einsum("pr,prk->pk", zi, near.transpose(1, 3, 2, 0)[s, j][:, :9]) / si[:, None]
+    expected -= np.einsum("pr,prk->pk", zj, near.transpose(1, 3, 2, 0)[s, i][:, :9]) / sj[:, None]
+    expected[np.arange(len(c)), np.where(c == d, 0, 1)] += 1.0
+    return (product - noise) / (si * sj), noise / (si * sj), expected
