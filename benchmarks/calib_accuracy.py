@@ -1,8 +1,8 @@
 """RMSE of the SCP against the Cramér-Rao bound, beside other methods on the same data in the same run.
 
-Run: python benchmarks/calib_accuracy.py [TRIALS] [SEED]. 3 locations x 7 poses, exact robot and jig, points of 10-50 µm,
-with and without joint noise of 0.003°. Peers: the paper's chain, a least-squares pose per frame with OpenCV's five
-hand-eye methods (from the same least-squares poses), and scipy's plain bundle (numeric Jacobian, points alone).
+Run: python benchmarks/calib_accuracy.py [TRIALS] [SEED]. 3 locations x 7 poses, exact robot and jig, points of 10-50 µm
+and joint noise of 0 and 0.003°. Peers: the paper's chain, OpenCV's five hand-eye methods (from a least-squares
+jig pose per frame), and scipy's plain bundle (numeric Jacobian, points alone).
 """
 
 from __future__ import annotations
@@ -150,12 +150,13 @@ def main() -> None:
             f"\npoints {setting.point_mm * 1e3:.0f} µm, joints {setting.joint_deg}°, {trials} trials: "
             f"bound {limit_mm:.4f} mm, {np.rad2deg(limit_rad):.4f}°"
         )
-        for name, rows in out.items():
-            rows = np.array(rows)
+        for name, trials_of_method in out.items():
+            rows = np.array(trials_of_method)
             mm = np.sqrt(np.nanmean(np.sum(rows[:, :3] ** 2, axis=1)))
             rad = np.sqrt(np.nanmean(np.sum(rows[:, 3:6] ** 2, axis=1)))
             print(
-                f"  {name:18s} {mm:8.4f} mm ({mm / limit_mm:6.2f} x)  {np.rad2deg(rad):8.4f}° ({rad / limit_rad:6.2f} x)"
+                f"  {name:18s} {mm:8.4f} mm ({mm / limit_mm:6.2f} x)  {np.rad2deg(rad):8.4f}° "
+                f"({rad / limit_rad:6.2f} x)"
                 f"  {1e3 * np.median(rows[:, 6]):7.1f} ms  failed {np.mean(np.isnan(rows[:, 0])):.1%}"
             )
 

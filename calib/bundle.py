@@ -16,6 +16,7 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 _MAX_DAMPING = 1e10
+_ROUNDING = 1e-16  # a decrement below this changes the cost by less than its last digits
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,42 +54,44 @@ def solve_bundle(
     """
     removed = ~problem.points.present if removed is None else removed
     sigma, free = _priors(problem, estimated)
-    state, damping, initial, cost = start, 0.0, np.nan, np.inf
-    iterations, converged = 0, False
-    while iterations < max_iterations and not converged:
+    here = _Point(problem, start, sigma, free, removed)
+    damping, initial, iterations, converged = 0.0, here.cost, 0, False
+    while iterations < max_iterations and not converged and damping < _MAX_DAMPING:
         iterations += 1
-        lin = linearise(problem, state)
-        white = whitener(frame_covariance(problem, lin, removal(removed), problem.chain.noise))
-        cost = _cost(lin.residual, white, state, sigma)
-        initial = cost if iterations == 1 else initial
-        normal = with_prior(normal_equations(problem, lin, white), np.where(free, sigma, 0.0), _values(state))
-        state, damping, step = _advance(problem, state, normal, free, sigma, white, cost, damping)
-        converged = step.decrement < tolerance**2
-        if damping >= _MAX_DAMPING:
+        state, damping, step = _advance(problem, here, damping)
+        try:
+            here = _Point(problem, state, sigma, free, removed)
+        except np.linalg.LinAlgError:  # the strings lie in the sheet: no place to go on from
             break
-    return _result(problem, state, free, sigma, removed, float(initial), iterations, converged)
+        converged = step.decrement < tolerance**2
+    return BundleResult(
+        here.state, here.lin, here.normal, free, sigma, removed, initial, here.cost, iterations, converged
+    )
 
 
-def _advance(
-    problem: Problem,
-    state: State,
-    normal: Normal,
-    free: Mask,
-    sigma: Array,
-    white: Array,
-    cost: float,
-    damping: float,
-) -> tuple[State, float, Step]:
-    """The first damped step that lowers the cost, at weights held fixed."""
+class _Point:
+    """The linearised, weighted problem at one state."""
+
+    def __init__(self, problem: Problem, state: State, sigma: Array, free: Mask, removed: Mask) -> None:
+        self.state, self.sigma, self.free = state, sigma, free
+        self.lin = linearise(problem, state)
+        self.white = whitener(frame_covariance(problem, self.lin, removal(removed), problem.chain.noise))
+        self.cost = _cost(self.lin.residual, self.white, state, sigma)
+        prior = np.where(free, sigma, 0.0)
+        self.normal = with_prior(normal_equations(problem, self.lin, self.white), prior, _values(state))
+
+
+def _advance(problem: Problem, here: _Point, damping: float) -> tuple[State, float, Step]:
+    """The first damped step that lowers the cost, at weights held fixed; the same state where none does."""
     while True:
-        step = solve(normal, free, damping)
-        trial = _moved(problem, state, step)
-        trial_cost = _cost(residuals(problem, trial), white, trial, sigma)
-        if trial_cost <= cost * (1 + 1e-12) + 1e-18 or step.decrement < 1e-16:
+        step = solve(here.normal, here.free, damping)
+        trial = _moved(problem, here.state, step)
+        cost = _cost(residuals(problem, trial), here.white, trial, here.sigma)
+        if cost <= here.cost * (1 + 1e-12) + 1e-18 or step.decrement < _ROUNDING:
             return trial, 0.0 if damping < 1e-6 else damping / 10, step
         damping = max(10 * damping, 1e-4)
         if damping >= _MAX_DAMPING:
-            return state, damping, step
+            return here.state, damping, step
 
 
 def _moved(problem: Problem, state: State, step: Step) -> State:
@@ -111,20 +114,3 @@ def _priors(problem: Problem, estimated: Mask) -> tuple[Array, Mask]:
     sigma = np.concatenate([np.full(6, np.inf), problem.chain.parameter_sigma, anchors])
     free = np.concatenate([np.ones(6, dtype=bool), estimated, anchors > 0])
     return sigma, free
-
-
-def _result(
-    problem: Problem,
-    state: State,
-    free: Mask,
-    sigma: Array,
-    removed: Mask,
-    initial: float,
-    iterations: int,
-    converged: bool,
-) -> BundleResult:
-    lin = linearise(problem, state)
-    white = whitener(frame_covariance(problem, lin, removal(removed), problem.chain.noise))
-    normal = with_prior(normal_equations(problem, lin, white), np.where(free, sigma, 0.0), _values(state))
-    cost = _cost(lin.residual, white, state, sigma)
-    return BundleResult(state, lin, normal, free, sigma, removed, initial, cost, iterations, converged)

@@ -75,8 +75,13 @@ def _solve(p: Problem, ready: tuple[Station, ...], T_hand_sensor: Pose) -> tuple
     else:
         problem = make_problem(used, p.jig, p.robot, p.config)
         solution = solve_problem(problem, [s.candidates for s in used], T_hand_sensor, p.config)
-        estimate, facts = bundle_estimate(solution, used), bundle_facts(solution)
+        estimate, facts = bundle_estimate(solution, used), bundle_facts(solution, used, _refused(ready))
     return judge(facts, moved, p.config), estimate
+
+
+def _refused(ready: tuple[Station, ...]) -> tuple[Station, ...]:
+    """Calibrate frames whose given labels no pose of the jig explains."""
+    return tuple(s for s in ready if s.observation.role == "calibrate" and s.reason == "not_labelled" and len(s.axis))
 
 
 def _relabel(p: Problem, ready: tuple[Station, ...], estimate: Estimate) -> tuple[Station, ...]:

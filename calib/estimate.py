@@ -45,8 +45,10 @@ def bundle_estimate(solution: Solution, used: tuple[Station, ...]) -> Estimate:
     )
 
 
-def bundle_facts(solution: Solution) -> Facts:
-    """What the bundle is judged by."""
+def bundle_facts(solution: Solution, used: tuple[Station, ...], refused: tuple[Station, ...]) -> Facts:
+    """What the bundle is judged by; ``refused`` are calibrate frames whose given labels no jig pose explains."""
+    out = (solution.outlier | solution.frame_outlier[:, None])[solution.problem.points.present]
+    contradicted = int(out.sum()) + sum(len(s.axis) for s in refused)
     return Facts(
         solution.bundle.converged,
         solution.bundle.iterations,
@@ -55,6 +57,16 @@ def bundle_facts(solution: Solution) -> Facts:
         solution.dof,
         solution.uncertainty.condition,
         solution.uncertainty.noise_covariance[:6, :6],
-        solution.outlier_share,
+        contradicted / max(len(out) + sum(len(s.axis) for s in refused), 1),
+        _outlying_strings(solution, used),
         solution.problem.n_locations,
     )
+
+
+def _outlying_strings(solution: Solution, used: tuple[Station, ...]) -> tuple[str, ...]:
+    """Strings whose points are outliers in more than half of their frames, of which there are three or more."""
+    counts: dict[str, list[bool]] = {}
+    for s, out in zip(used, solution.outlier, strict=True):
+        for label, o in zip(s.axis.label, out, strict=False):
+            counts.setdefault(label, []).append(bool(o))
+    return tuple(k for k, v in counts.items() if sum(v) > max(len(v) / 2, 2))

@@ -12,13 +12,14 @@ from calib.bundle import BundleResult
 from calib.linearise import Linearised
 from calib.normal import normal_equations, reduced, scaled_solve, with_prior
 from calib.problem import Problem
-from calib.weights import frame_covariance, removal
+from calib.weights import frame_covariance, removal, whitener
 
 Array = NDArray[np.float64]
 
 _MAX_EVALUATIONS = 80
 _LOG_TOLERANCE = 0.02  # of a variance; far below its own uncertainty
 _SCORE_STEP = 0.3
+_MAX_LOG = 40.0
 
 
 def deviance(problem: Problem, result: BundleResult) -> float:
@@ -28,8 +29,7 @@ def deviance(problem: Problem, result: BundleResult) -> float:
     """
     lin: Linearised = result.lin
     covariance = frame_covariance(problem, lin, removal(result.removed), problem.chain.noise)
-    root = np.linalg.cholesky(covariance)
-    white = np.linalg.inv(root)
+    white = whitener(covariance)
     state, free = result.state, result.free
     values = np.concatenate([np.zeros(6), state.parameters, state.anchors.ravel()])
     sigma = np.where(free, result.prior_sigma, 0.0)
@@ -42,8 +42,8 @@ def deviance(problem: Problem, result: BundleResult) -> float:
     r = white @ lin.residual.reshape(*white.shape[:2], 1)
     prior = values[sigma > 0] / sigma[sigma > 0]
     cost = np.vdot(r, r) + prior @ prior - saved
-    diagonals = np.diagonal(root, axis1=-2, axis2=-1)
-    determinants = 2 * np.sum(np.log(diagonals)) + np.linalg.slogdet(information)[1]
+    diagonals = np.diagonal(white, axis1=-2, axis2=-1)
+    determinants = -2 * np.sum(np.log(diagonals)) + np.linalg.slogdet(information)[1]
     return float(cost + determinants + np.sum(np.linalg.slogdet(normal.jigs)[1]))
 
 
@@ -73,7 +73,7 @@ class Variances:
     def at(self, log_free: Array) -> Array:
         """All variances (1 + K,) with the free ones at exp(``log_free``)."""
         value = self.value.copy()
-        value[self.free] = np.exp(log_free)
+        value[self.free] = np.exp(np.clip(log_free, -_MAX_LOG, _MAX_LOG))
         return value
 
 

@@ -74,7 +74,16 @@ def paper_estimate(
     delta[0, list(offsets)] = result.offsets_rad
     corrected = robot.corrected(delta) if robot is not None and offsets else robot
     facts = Facts(
-        result.converged, result.iterations, chi2, float("nan"), dof, result.condition, noise, 0.0, problem.n_locations
+        result.converged,
+        result.iterations,
+        chi2,
+        float("nan"),
+        dof,
+        result.condition,
+        noise,
+        0.0,
+        (),
+        problem.n_locations,
     )
     estimate = Estimate(
         T_hand_sensor=result.T_hand_sensor,

@@ -113,7 +113,8 @@ class Facts:
     """What a solved calibration is judged by.
 
     explained: χ² per degree of freedom with all robot errors free within their priors, NaN where not known.
-    noise_covariance (6, 6): of the SCP from noise alone. outlier_share: of the points.
+    noise_covariance (6, 6): of the SCP from noise alone. outlier_share: of the points. outlying_strings: whose points
+    are mostly outliers.
     """
 
     converged: bool
@@ -124,6 +125,7 @@ class Facts:
     condition: float
     noise_covariance: Array
     outlier_share: float
+    outlying_strings: tuple[str, ...]
     locations: int
 
 
@@ -155,6 +157,12 @@ def _outliers(f: Facts, config: CalibConfig) -> Verdict | None:
             "outliers",
             f"{f.outlier_share:.0%} of the points contradict the rest (limit {config.max_outlier_share:.0%}): check "
             "the labels, the jig's size, which location each frame names, and the joint columns (order, sign, degrees)",
+        )
+    if f.outlying_strings:
+        return Verdict(
+            "outliers",
+            f"the points of string {', '.join(f.outlying_strings)} contradict the others in most frames: check the "
+            "labels, the jig's strings and its anchors",
         )
     if f.explained > _GROSS_CHI2:
         return Verdict(

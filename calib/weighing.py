@@ -19,6 +19,7 @@ Array = NDArray[np.float64]
 _CONTRADICTION = 13.8  # deviance gained by two variances; 0.1 % by chance
 _POINT_BOUNDS = (0.5, 2.5)  # factors of a variance beyond which the model, not the noise, is wrong
 _JOINT_BOUNDS = (0.01, 9.0)
+_MAX_CHI2 = 10.0  # per degree of freedom; beyond this something else than the noise is wrong
 _MIN_FREEDOM = 40  # fewer degrees of freedom say too little of a variance
 
 
@@ -42,7 +43,8 @@ def weigh(problem: Problem, result: BundleResult, config: CalibConfig) -> Weighe
     factors = np.ones(2)
     hand = problem.chain.noise
     freedom = 2 * int((~result.removed).sum()) - 6 - 6 * problem.n_locations
-    if config.noise == "auto" and freedom >= _MIN_FREEDOM and np.any(hand):
+    sane = result.converged and result.cost < _MAX_CHI2 * freedom
+    if config.noise == "auto" and freedom >= _MIN_FREEDOM and np.any(hand) and sane:
         variances = Variances((hand,), np.ones(2), np.ones(2, dtype=bool))
         if contradiction(problem, result, variances) > _CONTRADICTION / 2:
             found = estimate_noise(problem, result, variances)

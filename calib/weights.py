@@ -12,6 +12,7 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 _REMOVED = 1e8  # factor on the variance of a removed point
+_JITTER = 1e-14  # keeps a frame whose strings lie almost in the sheet factorisable
 
 
 def frame_covariance(problem: Problem, lin: Linearised, inflation: Array, hand_noise: Array) -> Array:
@@ -31,7 +32,9 @@ def frame_covariance(problem: Problem, lin: Linearised, inflation: Array, hand_n
 
 def whitener(covariance: Array) -> Array:
     """Matrices (F, 2M, 2M) that make the frames' residuals independent with unit variance."""
-    return np.linalg.inv(np.linalg.cholesky(covariance))
+    size = covariance.shape[-1]
+    level = np.trace(covariance, axis1=-2, axis2=-1)[:, None, None] / size
+    return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance + _JITTER * level * np.eye(size))))
 
 
 def removal(removed: Mask) -> Array:

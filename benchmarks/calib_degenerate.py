@@ -1,0 +1,135 @@
+"""Data from which no trustworthy answer follows: is it said, every time?
+
+Run: python benchmarks/calib_degenerate.py [CELLS] [SEED]. Every cell is spoilt in every way below; a verdict "ok" or
+"model_misfit" (exit code 0) counts as silence, "weak" as said. The last lines are sound data, where silence is right.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from calib import CalibConfig, FrameObservation, Observations, calibrate
+from calib.synthetic import Cell, Noise, axis_points, made_cell, observe, random_cell
+from calib.synthetic_problem import CALIBRATE_ONLY
+from geometry import AxisPoints, Pose, RobotModel, exp_so3
+from jig_cad import Jig, half_turn_label
+
+Frames = tuple[FrameObservation, ...]
+Spoil = Callable[[Frames, Cell, np.random.Generator], tuple[Frames, Jig, RobotModel]]
+NOISE = Noise()
+
+
+def spoils() -> dict[str, Spoil]:
+    """Ways to spoil a data set, by name."""
+
+    def frames_only(change: Callable[[Frames, Cell, np.random.Generator], Frames]) -> Spoil:
+        return lambda f, c, rng: (change(f, c, rng), c.jig, c.robot)
+
+    def robot_only(change: Callable[[RobotModel], RobotModel]) -> Spoil:
+        return lambda f, c, rng: (f, c.jig, change(c.robot))
+
+    return {
+        "two frames": frames_only(lambda f, c, rng: f[:2]),
+        "one frame a location": frames_only(lambda f, c, rng: (f[0], f[7], f[14])),
+        "all frames alike": frames_only(lambda f, c, rng: _alike(f, c, rng, 0.0, 3)),
+        "rotation of 1°": frames_only(lambda f, c, rng: _alike(f, c, rng, 1.0, 3)),
+        "rotation about one axis": frames_only(lambda f, c, rng: _alike(f, c, rng, 15.0, 1)),
+        "labels swapped (half turn) in half the frames": frames_only(lambda f, c, rng: _swap(f, half_turn_label, 2)),
+        "labels swapped (A, B) in all frames": frames_only(lambda f, c, rng: _swap(f, _ab, 1)),
+        "half the points outliers": frames_only(lambda f, c, rng: _outliers(f, rng)),
+        "joints in radians under a degree header": frames_only(
+            lambda f, c, rng: tuple(replace(x, joints_rad=np.deg2rad(x.joints_rad)) for x in f)
+        ),
+        "joints in another order": frames_only(
+            lambda f, c, rng: tuple(replace(x, joints_rad=x.joints_rad[[0, 1, 2, 3, 5, 4]]) for x in f)
+        ),
+        "frames of another location": frames_only(lambda f, c, rng: _misplaced(f)),
+        "DH row of another arm (d4)": robot_only(lambda r: r.corrected(_row(1, 3, -142.0))),
+        "DH row of another arm (a2)": robot_only(lambda r: r.corrected(_row(2, 1, 60.0))),
+        "sign of joint 4 flipped": robot_only(lambda r: replace(r, sign=np.array([1, 1, 1, -1, 1, 1.0]))),
+        "jig file of another size (side)": lambda f, c, rng: (f, Jig.nominal(side_mm=80.0), c.robot),
+        "jig file of another size (height)": lambda f, c, rng: (f, Jig.nominal(height_mm=120.0), c.robot),
+    }
+
+
+def _row(row: int, joint: int, value: float) -> np.ndarray:
+    delta = np.zeros((5, 6))
+    delta[row, joint] = value
+    return delta
+
+
+def _ab(label: str) -> str:
+    return {"A": "B", "B": "A"}.get(label, label)
+
+
+def _alike(frames: Frames, cell: Cell, rng: np.random.Generator, degrees: float, axes: int) -> Frames:
+    """Seven frames of one location whose hand turns by up to ``degrees`` about x (or any axis) and moves by 20 mm."""
+    first = frames[0]
+    hand = cell.robot.hand_pose(first.joints_rad)
+    jig = cell.T_base_jig[first.location]
+    out = []
+    for i in range(7):
+        turn = np.deg2rad(degrees) * rng.uniform(-1, 1, 3) * (np.arange(3) < axes)
+        move = rng.uniform(-10, 10, 3) * (degrees > 0)
+        pose = hand @ Pose(exp_so3(turn), move)
+        yz = axis_points((pose @ cell.T_hand_sensor).inverse() @ jig, cell.jig)
+        yz = yz + rng.normal(size=yz.shape) * NOISE.point_mm
+        axis = replace(first.axis, yz_mm=yz)
+        out.append(replace(first, frame=i, axis=axis, joints_rad=None, T_base_hand=pose))
+    return tuple(out)
+
+
+def _swap(frames: Frames, to: Callable[[str], str], every: int) -> Frames:
+    return tuple(
+        replace(f, axis=replace(f.axis, label=tuple(to(x) for x in f.axis.label))) if f.frame % every == 0 else f
+        for f in frames
+    )
+
+
+def _outliers(frames: Frames, rng: np.random.Generator) -> Frames:
+    def spoilt(axis: AxisPoints) -> AxisPoints:
+        bad = rng.random(len(axis)) < 0.5
+        return replace(axis, yz_mm=axis.yz_mm + bad[:, None] * rng.uniform(-20, 20, axis.yz_mm.shape))
+
+    return tuple(replace(f, axis=spoilt(f.axis)) for f in frames)
+
+
+def _misplaced(frames: Frames) -> Frames:
+    """Every second frame of location B under the name C and the other way round."""
+    other = {"B": "C", "C": "B"}
+    return tuple(replace(f, location=other.get(f.location, f.location)) if f.frame % 2 else f for f in frames)
+
+
+def main() -> None:
+    """Print, for every kind, how often it was said and by which codes."""
+    cells = int(sys.argv[1]) if len(sys.argv) > 1 else 60
+    rng = np.random.default_rng(int(sys.argv[2]) if len(sys.argv) > 2 else 1)
+    codes: dict[str, Counter[str]] = {name: Counter() for name in [*spoils(), "sound (scp)", "sound (full)"]}
+    for _ in range(cells):
+        cell = random_cell(rng, CALIBRATE_ONLY)
+        made = made_cell(cell, rng, NOISE)
+        observed = observe(cell, made, rng, NOISE)
+        for name, spoil in spoils().items():
+            frames, jig, robot = spoil(observed.frames, cell, rng)
+            spoilt = Observations(frames, observed.sensor, observed.T_hand_sensor_design)
+            codes[name][calibrate(spoilt, jig, robot).verdict.code] += 1
+        for model in ("scp", "full"):
+            codes[f"sound ({model})"][
+                calibrate(observed, cell.jig, cell.robot, CalibConfig(model=model)).verdict.code
+            ] += 1
+    said = total = 0
+    for name, counts in codes.items():
+        silent = counts["ok"] + counts["model_misfit"]
+        if not name.startswith("sound"):
+            said, total = said + sum(counts.values()) - silent, total + sum(counts.values())
+        print(f"{name:48s} {dict(counts)}")
+    print(f"said: {said} of {total}")
+
+
+if __name__ == "__main__":
+    main()
