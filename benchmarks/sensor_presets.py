@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class DataSheet:
-    """What the maker publishes [mm, nm], and the imager that is assumed for it.
+    """What the maker publishes [mm, nm], and the imager and exposure that are assumed for it.
 
     centre_mm: where the camera's centre is assumed to lie, in depth from the sensor's face; None: as the widths
     demand with an untilted chip.
@@ -37,16 +37,17 @@ class DataSheet:
     width_px: int
     height_px: int
     pixel_um: float
+    exposure_ms: float
     centre_mm: float | None
 
 
 SHEETS = {
-    "keyence_lj_x8080": DataSheet("Keyence LJ-X8080", 52.5, 93.5, 30, 39, 405, 3200, 1800, 3.45, None),
-    "keyence_lj_x8200": DataSheet("Keyence LJ-X8200", 211, 279, 64, 80, 405, 3200, 1240, 3.45, None),
-    "keyence_lj_x8300": DataSheet("Keyence LJ-X8300", 235, 341, 134, 160, 405, 3200, 1240, 3.45, None),
-    "lmi_gocator_2330": DataSheet("LMI Gocator 2330", 90, 170, 47, 85, 660, 1280, 720, 4.8, -5.0),
-    "lmi_gocator_2340": DataSheet("LMI Gocator 2340", 190, 400, 96, 194, 660, 1280, 720, 4.8, -5.0),
-    "lmi_gocator_2350": DataSheet("LMI Gocator 2350", 300, 700, 158, 365, 660, 1280, 720, 4.8, -5.0),
+    "keyence_lj_x8080": DataSheet("Keyence LJ-X8080", 52.5, 93.5, 30, 39, 405, 3200, 1800, 3.45, 0.15, None),
+    "keyence_lj_x8200": DataSheet("Keyence LJ-X8200", 211, 279, 64, 80, 405, 3200, 1240, 3.45, 0.4, None),
+    "keyence_lj_x8300": DataSheet("Keyence LJ-X8300", 235, 341, 134, 160, 405, 3200, 1240, 3.45, 0.9, None),
+    "lmi_gocator_2330": DataSheet("LMI Gocator 2330", 90, 170, 47, 85, 660, 1280, 720, 4.8, 0.1, -5.0),
+    "lmi_gocator_2340": DataSheet("LMI Gocator 2340", 190, 400, 96, 194, 660, 1280, 720, 4.8, 0.25, -5.0),
+    "lmi_gocator_2350": DataSheet("LMI Gocator 2350", 300, 700, 158, 365, 660, 1280, 720, 4.8, 2.0, -5.0),
 }
 
 
@@ -150,6 +151,8 @@ fan_deg = {np.rad2deg(s.fan_rad):.1f} # assumed: lights the whole field
 wavelength_nm = {sheet.wavelength_nm:.1f} # data sheet
 [optics]
 pixel_um = {sheet.pixel_um} # assumed
+[exposure]
+time_ms = {sheet.exposure_ms} # assumed: a matte thread peaks near three quarters of the grey levels
 """
 
 
