@@ -17,6 +17,8 @@ COMMANDS = {
     "render": "Record a cell in emulation: plan configurations and render images with truth.",
     "jig": "Show a string jig, or export it as STL, GLB or drawing.",
     "init": "Write a commented starter dataset to fill in.",
+    "sweep": "Run a campaign of many pixel-to-transform trials from a plan; resumes.",
+    "report": "One HTML page of a campaign: accuracy against every factor.",
     "doctor": "Check the installation and say what is missing and how to get it.",
 }
 

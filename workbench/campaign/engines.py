@@ -42,7 +42,7 @@ def run_dask(work: Work, shards: list[int], address: str) -> Iterator[ShardResul
     from distributed import Client, as_completed
 
     try:
-        client = Client(address, timeout=10)  # type: ignore[no-untyped-call]
+        client = Client(address, timeout=5)  # type: ignore[no-untyped-call]
     except (OSError, TimeoutError, ValueError) as error:
         reason = str(error) or type(error).__name__
         raise InputError(

@@ -50,8 +50,9 @@ def run_trial(settings: TrialSettings, run: str, seed: np.random.SeedSequence, *
     except PerceptronEmuError as error:
         return Trial({"verdict": "no_answer", "message": str(error)}, timings=clock.seconds)
     rows = frame_rows(emulated, frames, outcome)
-    images = {f"{c.frame:03d}.png": _png(f) for c, f in zip(emulated.configurations, frames, strict=True)}
-    return Trial(trial_row(emulated, rows, outcome), rows, clock.seconds, images if keep_images else {})
+    kept = zip(emulated.configurations, frames, strict=True) if keep_images else ()
+    images = {image_name(c.frame): png(f) for c, f in kept}
+    return Trial(trial_row(emulated, rows, outcome), rows, clock.seconds, images)
 
 
 def _answer(observations: Observations, emulated: EmulatedCell, settings: TrialSettings, run: str) -> Outcome:
@@ -116,7 +117,13 @@ def _observations(emulated: EmulatedCell, points: list[SurfacePoints]) -> Observ
     return Observations(frames, emulated.cell.sensor.model, emulated.cell.T_hand_sensor_design)
 
 
-def _png(frame: Frame) -> bytes:
+def image_name(frame: int) -> str:
+    """The file name of a trial's frame."""
+    return f"{frame:03d}.png"
+
+
+def png(frame: Frame) -> bytes:
+    """A frame's image as it is kept."""
     return bytes(cv2.imencode(".png", frame.image, PNG_FASTEST)[1])
 
 

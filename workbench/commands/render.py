@@ -30,11 +30,20 @@ def command(
     exact: Annotated[bool, typer.Option("--exact", help="No errors of robot, joints, jig and mounting.")] = False,
     mounting_deg: Annotated[float, typer.Option(min=0, max=10, help="σ of the mounting's rotation.")] = 1.0,
     mounting_mm: Annotated[float, typer.Option(min=0, max=50, help="σ of the mounting's position.")] = 0.5,
+    trial: Annotated[
+        int | None, typer.Option(help="Remake this trial of a campaign; CELL.toml is its plan or the run's folder.")
+    ] = None,
 ) -> None:
     """Record a cell in emulation: plan views or take given joints, render the images, write a dataset with truth.
 
     The true robot, jig and mounting are drawn from [uncertainty], tolerance_mm and the mounting's σ.
     """
+    if trial is not None:
+        from workbench.campaign.remake import remake_trial
+
+        count = remake_trial(cell, trial, out)
+        standard_error().print(f"{out}: {count} images of trial {trial}", markup=False)
+        return
     import numpy as np
 
     from workbench.emulated_cell import Errors, configurations, draw_truth, given_views, planned_views
