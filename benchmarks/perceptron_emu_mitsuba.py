@@ -94,8 +94,9 @@ def our_spots(specular: float) -> list[dict[str, Any]]:
     cpu_s = (time.process_time() - start) / len(frame.truth.strings)
     strings, spots = cylinders(scene.jig, scene.T_sensor_jig), []
     for i, truth in enumerate(frame.truth.strings):
-        if truth.visible_fraction < 1:
-            continue
+        apart = [np.linalg.norm(t.image_px - truth.image_px) for t in frame.truth.strings if t is not truth]
+        if truth.visible_fraction < 1 or not min(apart) > 1.5 * HALF_PX:
+            continue  # Mitsuba traces each string alone
         distance = float(np.linalg.norm(truth.axis_mm))
         corner = np.round(truth.image_px).astype(int) - HALF_PX
         patch = image[corner[1] : corner[1] + 2 * HALF_PX + 1, corner[0] : corner[0] + 2 * HALF_PX + 1]
