@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.jig_pose import whitening
 from calib.label_gates import DETECTED
 from calib.pose_solver import PoseProblem, PoseSolution, solve_poses
 from calib.pose_starts import pencil_starts
+from calib.pose_weights import whitening
 from geometry import Pose
 from jig_cad import Jig
 

@@ -7,11 +7,11 @@ from numpy.typing import NDArray
 
 from calib.axis_offset import rough_offset
 from calib.config import CalibConfig
-from calib.jig_pose import anchor_sigma
 from calib.label_evidence import Hypotheses, Prior, Spots, weigh
 from calib.label_faces import five_spot_labels
 from calib.label_gates import DETECTED, gated_labels
 from calib.label_refine import LabelledFrame, refine_labels
+from calib.pose_weights import anchor_sigma
 from geometry import Pose, SensorModel, SurfacePoints, skew
 from jig_cad import Jig
 

@@ -6,9 +6,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from calib.crossings import anchor_jacobian, crossings, crossings_jacobian
-from calib.jig_pose import jig_pose, scaled_condition, whitening
+from calib.jig_pose import jig_pose
 from calib.pose_solver import PoseProblem, solve_poses
 from calib.pose_starts import grid_starts, pencil_starts
+from calib.pose_weakness import scaled_condition
+from calib.pose_weights import whitening
 from calib.synthetic_views import disturbed, random_jig, random_pose, random_view
 from geometry import AxisPoints, NoAnswerError, Pose, exp_so3, stack_poses
 from jig_cad import DEFAULT_STRINGS, STRINGS, Jig
@@ -181,7 +183,7 @@ def test_near_perpendicular_or_mirrored_views_never_pass_for_unique_and_wrong(se
     result = jig_pose(axis_of(T, jig, 0.02, rng=rng), jig)
     xi = (result.T_sensor_jig.inverse() @ T).log()
     nees = xi @ np.linalg.solve(result.covariance, xi)
-    assert result.ambiguity != "unique" or nees < 40
+    assert result.ambiguity != "unique" or nees < 30
 
 
 def test_the_half_turn_fits_the_same_points_under_exchanged_labels():
