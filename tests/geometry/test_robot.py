@@ -44,6 +44,7 @@ def test_hand_pose_agrees_with_an_independent_library(seed: int, joints: int, co
 
 
 @given(SEEDS, CONVENTIONS)
+@settings(max_examples=25)
 def test_parameter_jacobian_is_the_derivative(seed: int, convention: str) -> None:
     """Every column against central differences of the model with that parameter moved."""
     rng = np.random.default_rng(seed)
@@ -62,6 +63,7 @@ def test_parameter_jacobian_is_the_derivative(seed: int, convention: str) -> Non
 
 
 @given(SEEDS, CONVENTIONS)
+@settings(max_examples=40)
 def test_joint_jacobian_is_the_derivative(seed: int, convention: str) -> None:
     rng = np.random.default_rng(seed)
     robot = random_robot(rng, 6, convention)
