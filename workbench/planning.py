@@ -28,6 +28,7 @@ SeesAll = Callable[[Pose], bool]
 
 BATCH = 96
 MAX_BATCHES = 40
+GIVE_UP = 60  # measurable views out of reach, not one within: the place is out of reach
 POSTURE_RAD = np.deg2rad(70.0)  # an arm that swings its elbow over between two views would need a path planned
 OUT_OF_REACH = "out of the robot's reach or joint limits"
 POOL_FACTOR = 4  # feasible views gathered for each one wanted, from which the best spread are taken
@@ -152,6 +153,8 @@ def feasible_views(problem: ViewProblem, wanted: int, rng: np.random.Generator, 
         seed = _posture(problem.robot, goals, rng) if seed is None else seed
         if seed is None:
             tally.refuse(OUT_OF_REACH, np.ones(len(goals), dtype=bool))
+            if tally.refused[OUT_OF_REACH] > GIVE_UP:
+                break
             continue
         reached, q = _reach(problem.robot, goals, seed, rng, tally)
         for i in np.flatnonzero(reached):

@@ -156,9 +156,11 @@ def _pose(source: TomlSource, name: str, given: LocationSection) -> Pose:
 
 
 def _check_location_names(file: CellFile, frames: tuple[FrameRow, ...], source: TomlSource) -> None:
+    """A place given but never seen is harmless, unless a place that was seen is not given: then one is misspelt."""
     seen = list(dict.fromkeys(row.location for row in frames))
+    without_pose = [name for name in seen if name not in file.locations]
     for name in file.locations:
-        if name not in seen:
+        if name not in seen and without_pose:
             near = suggestion(name, seen)
             raise InputError(f"{source.where(('locations', name))}: no frame was taken at location {name}{near}")
 

@@ -1,0 +1,104 @@
+"""The command line itself: help without heavy imports, wrong arguments, pipes, what goes to which stream."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.workbench.helpers import Cli
+from workbench.lazy import COMMANDS, load
+
+HEAVY = ("numpy", "scipy", "cv2", "numba", "matplotlib", "pydantic", "trimesh", "skimage")
+
+
+def test_help_imports_nothing_heavy() -> None:
+    """What makes help slow is importing; the time itself is the machine's."""
+    code = (
+        "import sys\nfrom workbench.main import run\ncode = run(['--help'])\n"
+        f"print([m for m in {HEAVY!r} if m in sys.modules], file=sys.stderr)\nsys.exit(code)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0
+    assert done.stderr.strip() == "[]"
+    for name in COMMANDS:
+        assert name in done.stdout
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_explains_itself(cli: Cli, name: str) -> None:
+    result = cli(name, "--help")
+    assert result.code == 0
+    assert "--help" in result.out
+    assert load(name).help
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("callibrate", "x"), ("calibrate",)),
+        (("calibrate",), ("dataset",)),
+        (("calibrate", "x", "--modle", "scp"), ("--model",)),
+        (("calibrate", "x", "--model", "huge"), ("huge", "scp")),
+        (("calibrate", "nowhere"), ("nowhere",)),
+        (("extract", "nowhere.png"), ("--sensor",)),
+        (("render", "nowhere", "--out", "x"), ("nowhere",)),
+        (("pose", "nowhere.csv"), ("nowhere.csv",)),
+        (("jig", "nowhere.toml"), ("nowhere.toml",)),
+        (("jig", "papper"), ("paper",)),
+        (("demo", "--seed", "-1"), ("seed",)),
+    ],
+)
+def test_wrong_arguments(cli: Cli, arguments: tuple[str, ...], words: tuple[str, ...]) -> None:
+    result = cli(*arguments)
+    assert result.code == 2
+    assert result.out == ""
+    assert len(result.err.splitlines()) == 1
+    for word in words:
+        assert word in result.err
+
+
+def test_version(cli: Cli) -> None:
+    result = cli("--version")
+    assert result.code == 0
+    assert result.out.startswith("perceptron-emu ")
+
+
+def test_a_closed_pipe_is_no_error() -> None:
+    """`perceptron-emu jig --toml | head -0`: the reader is gone before anything is written."""
+    command = f"{sys.executable} -m workbench jig --toml | head -c 0"
+    done = subprocess.run(["bash", "-c", f"set -o pipefail; {command}"], capture_output=True, text=True, check=False)
+    assert "Traceback" not in done.stderr
+    assert "BrokenPipe" not in done.stderr
+
+
+def test_a_fault_of_the_program_is_one_line(cli: Cli, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    import workbench.formats
+
+    def fails(_: Path) -> None:
+        raise ZeroDivisionError("boom")
+
+    monkeypatch.setattr(workbench.formats, "read_cell", fails)
+    result = cli("calibrate", tmp_path)
+    assert result.code == 70
+    assert "ZeroDivisionError" in result.err
+    assert "--debug" in result.err
+
+
+def test_interruption_is_130(cli: Cli, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    import workbench.formats
+
+    def stops(_: Path) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(workbench.formats, "read_cell", stops)
+    assert cli("calibrate", tmp_path).code == 130
+
+
+def test_output_that_can_not_be_written(cli: Cli, recording: Path, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("in the way")
+    result = cli("extract", recording, "--csv", tmp_path / "file" / "points.csv")
+    assert result.code == 2
+    assert "can not be written" in result.err

@@ -1,0 +1,102 @@
+"""`extract` and `pose`: the CSV's columns, datasets and bare images, overlays, candidates."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from tests.workbench.helpers import Cli
+
+COLUMNS = "frame,label,u_px,v_px,y_surface_mm,z_surface_mm,y_mm,z_mm,sigma_y_mm,sigma_z_mm,cov_yz_mm2,score,flag"
+LABELS = {"A", "B", "C", "B'", "C'"}
+
+
+def _rows(text: str) -> list[dict[str, str]]:
+    assert text.splitlines()[0] == COLUMNS
+    return list(csv.DictReader(text.splitlines()))
+
+
+def test_a_dataset_with_overlays(cli: Cli, recording: Path, tmp_path: Path, answer: Any) -> None:
+    result = cli("extract", recording, "--csv", tmp_path / "p.csv", "--overlay", tmp_path / "pictures")
+    assert result.code == 0
+    assert result.out == ""
+    rows = _rows((tmp_path / "p.csv").read_text())
+    labelled = [r for r in rows if r["label"]]
+    assert {r["label"] for r in labelled} == LABELS
+    assert all(r["y_mm"] and r["z_mm"] and r["u_px"] for r in labelled)
+    assert all(not r["y_mm"] and not r["z_mm"] and r["y_surface_mm"] for r in rows if not r["label"])
+    assert len(labelled) == sum(len(f["points"]) for f in answer["frames"])
+    pictures = sorted((tmp_path / "pictures").iterdir())
+    assert len(pictures) == len(answer["frames"])
+    assert cv2.imread(str(pictures[0])).shape[0] == 1024
+
+
+def test_bare_images(cli: Cli, recording: Path) -> None:
+    """Labels from the jig alone agree with those through the chain wherever a frame is labelled at all."""
+    through_chain = _rows(cli("extract", recording).out)
+    alone = _rows(
+        cli("extract", recording / "images", "--sensor", recording / "sensor.toml", "--jig", recording / "jig.toml").out
+    )
+    spots = {(r["frame"], r["u_px"]): r["label"] for r in through_chain}
+    half_turn = {"A": "A", "B": "C", "C": "B", "B'": "C'", "C'": "B'", "": ""}
+    for frame in {r["frame"] for r in alone}:
+        mine = [r for r in alone if r["frame"] == frame and r["label"]]
+        same = all(spots[(frame, r["u_px"])] in (r["label"], "") for r in mine)
+        turned = all(spots[(frame, r["u_px"])] in (half_turn[r["label"]], "") for r in mine)
+        assert same or turned
+    unlabelled = _rows(cli("extract", recording / "images" / "000.png", "--sensor", recording / "sensor.toml").out)
+    assert not any(r["label"] for r in unlabelled)
+    assert len(unlabelled) >= 5
+
+
+def test_bad_images_do_not_stop_the_others(cli: Cli, dataset: Path) -> None:
+    (dataset / "images" / "001.png").write_bytes(b"not an image")
+    sensor = dataset / "sensor.toml"
+    result = cli("extract", dataset / "images", "--sensor", sensor)
+    assert result.code == 0
+    assert "001.png" in result.err
+    assert {r["frame"] for r in _rows(result.out)} >= {"0", "2"}
+    alone = cli("extract", dataset / "images" / "001.png", "--sensor", sensor)
+    assert alone.code == 2
+    assert "PNG" in alone.err
+    empty = dataset / "empty"
+    empty.mkdir()
+    assert cli("extract", empty, "--sensor", sensor).code == 2
+
+
+def test_blank_and_noise_give_no_points(cli: Cli, dataset: Path) -> None:
+    rng = np.random.default_rng(0)
+    folder = dataset / "other"
+    folder.mkdir()
+    cv2.imwrite(str(folder / "blank.png"), np.zeros((1024, 1280), np.uint8))
+    cv2.imwrite(str(folder / "noise.png"), rng.normal(20, 3, (1024, 1280)).clip(0, 255).astype(np.uint8))
+    cv2.imwrite(str(folder / "white.png"), np.full((1024, 1280), 255, np.uint8))
+    result = cli("extract", folder, "--sensor", dataset / "sensor.toml", "--jig", dataset / "jig.toml")
+    assert result.code == 0
+    assert not [r for r in _rows(result.out) if r["label"]]
+
+
+def test_poses_of_a_frame(cli: Cli, recording: Path, tmp_path: Path) -> None:
+    """The most likely candidate is the pose that made the image; unlabelled points do as well."""
+    import json
+
+    from geometry import Pose
+
+    points = tmp_path / "p.csv"
+    cli("extract", recording, "--csv", points)
+    for name in ("jig.toml", "sensor.toml"):
+        (tmp_path / name).write_bytes((recording / name).read_bytes())
+    answer = cli("pose", points, "--json").json
+    truth = {f["frame"]: f for f in json.loads((recording / "truth.json").read_text())["frames"]}
+    for frame in answer["frames"]:
+        candidates = [Pose.from_matrix(c["T_sensor_jig"]) for c in frame["candidates"]]
+        true = Pose.from_matrix(truth[frame["frame"]]["T_sensor_jig"])
+        assert min(np.linalg.norm((c.inverse() @ true).log()[3:]) for c in candidates) < np.deg2rad(2)
+        assert abs(sum(c["likelihood"] for c in frame["candidates"]) - 1) < 1e-6
+    text = cli("pose", points, "--frame", 0)
+    assert "likelihood" in text.out
+    assert cli("pose", points, "--frame", 99).code == 2
