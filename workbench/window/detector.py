@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,10 @@ from workbench.window.engine import Candidate, Labels, StageView
 from workbench.window.refusals import Seen, explain
 
 Array = NDArray[np.float64]
+
+MEASURES = (
+    "height [DN]", "height / noise", "length [px]", "width [px]", "length [mm]", "width [mm]", "area [px]", "score",
+)  # fmt: skip
 
 
 @dataclass(eq=False)
@@ -46,7 +51,8 @@ class Detector:
         settings = _checked(config)
         stages = extract_stages(image, self.sensor, settings)
         candidates = _candidates(stages, self.sensor, settings)
-        return StageView(stages.background, stages.mask.view(np.uint8), candidates, stages.points, stages.reason)
+        mask = stages.mask.view(np.uint8)
+        return StageView(stages.background, mask, candidates, stages.points, stages.reason, MEASURES)
 
     def label(self, index: int, points: SurfacePoints) -> Labels:
         """Names of the spots by the jig's geometry, with the robot chain's guess where there is one."""
@@ -72,32 +78,45 @@ def _checked(config: BaseModel) -> ExtractionConfig:
 
 def _candidates(stages: Stages, sensor: SensorModel, config: ExtractionConfig) -> tuple[Candidate, ...]:
     found = stages.candidates
-    spot_of = {int(k): i for i, k in enumerate(stages.candidate)}
+    score = np.full(len(found), np.nan)
+    score[stages.candidate] = stages.points.score
     scale = _scale(sensor, found.peak_uv_px)
+    noise = np.maximum(found.ring_noise_dn, 1e-9)
+    length, width = found.length_px * scale, found.width_px * scale
+    table = [
+        found.height_dn,
+        found.height_dn / noise,
+        found.length_px,
+        found.width_px,
+        length,
+        width,
+        found.area_px,
+        score,
+    ]
+    measured = _plain(np.column_stack(table), 3)
+    numbers = np.column_stack([found.height_dn, noise, found.length_px, found.width_px, scale, score]).tolist()
+    boxes, peaks = _plain(_boxes(found.mean_uv_px, found.cov_uv_px2, found.peak_uv_px), 1), found.peak_uv_px.tolist()
     out = []
-    for k in range(len(found)):
-        reason = found.reason[k] or ("" if k in spot_of else "low_score")
-        score = float(stages.points.score[spot_of[k]]) if k in spot_of else float("nan")
-        seen = Seen(
-            float(found.height_dn[k]), float(found.ring_noise_dn[k]), float(found.length_px[k]),
-            float(found.width_px[k]), float(found.area_px[k]), float(scale[k]), score,
-        )  # fmt: skip
-        text, parameter = explain(reason, seen, config) if reason else ("", "")
-        u, v = (float(x) for x in found.peak_uv_px[k])
-        measured = {name: value for name, value in seen.shown().items() if np.isfinite(value)}
-        out.append(
-            Candidate(u, v, _box(found.mean_uv_px[k], found.cov_uv_px2[k], u, v), reason, text, measured, parameter)
-        )
+    for k, (u, v) in enumerate(peaks):
+        reason = found.reason[k] or ("low_score" if np.isnan(score[k]) else "")
+        text, parameter = explain(reason, Seen(*numbers[k]), config) if reason else ("", "")
+        out.append(Candidate(u, v, boxes[k], reason, text, measured[k], parameter))
     return tuple(out)
 
 
-def _box(mean: Array, cov: Array, u: float, v: float) -> tuple[float, float, float, float]:
-    """The region's box from its moments (a uniform bar of that variance), the peak inside."""
-    if not np.all(np.isfinite(mean)) or not np.any(cov):
-        return u - 2, v - 2, u + 2, v + 2
-    half = np.sqrt(3 * np.maximum(np.diag(cov), 0)) + 1
-    low, high = np.minimum(mean - half, (u, v)), np.maximum(mean + half, (u, v))
-    return float(low[0]), float(low[1]), float(high[0]), float(high[1])
+def _plain(table: Array, digits: int) -> list[tuple[Any, ...]]:
+    """Rows of rounded numbers, None for what is not finite."""
+    rounded = np.round(table, digits).astype(object)
+    rounded[~np.isfinite(table)] = None
+    return list(map(tuple, rounded.tolist()))
+
+
+def _boxes(mean: Array, cov: Array, peak: Array) -> Array:
+    """The regions' boxes (N, 4) from their moments (a uniform bar of that variance), the peaks inside."""
+    known = np.asarray(np.isfinite(mean).all(axis=1) & np.isfinite(cov).all(axis=(1, 2)))
+    centre = np.where(known[:, None], mean, peak)
+    half = np.sqrt(3 * np.maximum(np.where(known[:, None], cov[:, [0, 1], [0, 1]], 1.0), 0)) + 1
+    return np.column_stack([np.minimum(centre - half, peak - 1), np.maximum(centre + half, peak + 1)])
 
 
 def _scale(sensor: SensorModel, uv_px: Array) -> Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
@@ -18,26 +18,30 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Candidate:
-    """A region that was looked at: its box and, where it was rejected, why, in words and numbers."""
+    """A region that was looked at: its box and, where it was rejected, why, in words and numbers (all finite)."""
 
     u_px: float
     v_px: float
     box_px: tuple[float, float, float, float]  # u0, v0, u1, v1
     reason: str  # "" where it was accepted
     text: str
-    measured: dict[str, float] = field(default_factory=dict)
+    measured: tuple[float | None, ...] = ()  # in the order of StageView.measures
     parameter: str = ""  # key of the parameter that rejected it
 
 
 @dataclass(frozen=True, eq=False)
 class StageView:
-    """The stages of one image. ``background`` (H, W) [DN]; ``mask`` (H, W) non-zero where something is lit."""
+    """The stages of one image. ``background`` (H, W) [DN]; ``mask`` (H, W) non-zero where something is lit.
+
+    measures: names, with units, of the candidates' measured numbers.
+    """
 
     background: NDArray[np.floating[Any]]
     mask: NDArray[np.uint8]
     candidates: tuple[Candidate, ...]
     points: SurfacePoints
     reason: str = ""  # why there is no spot, where there is none
+    measures: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,6 +117,7 @@ def as_json(outcome: FrameOutcome, strings: tuple[str, ...]) -> dict[str, Any]:
         "error": outcome.error,
         "ms": round(outcome.seconds * 1000, 1),
         "candidates": [],
+        "measures": [],
         "spots": [],
         "labelled": 0,
         "reason": "",
@@ -120,6 +125,7 @@ def as_json(outcome: FrameOutcome, strings: tuple[str, ...]) -> dict[str, Any]:
     if outcome.view is None:
         return answer
     answer["candidates"] = [_candidate(c) for c in outcome.view.candidates]
+    answer["measures"] = outcome.view.measures
     answer["spots"] = _spots(outcome.view.points, outcome.labels)
     answer["labelled"] = len(outcome.labels.axis) if outcome.labels else 0
     answer["reason"] = outcome.view.reason or (outcome.labels.reason if outcome.labels else "")
@@ -128,12 +134,12 @@ def as_json(outcome: FrameOutcome, strings: tuple[str, ...]) -> dict[str, Any]:
 
 def _candidate(c: Candidate) -> dict[str, Any]:
     return {
-        "u": _round(c.u_px),
-        "v": _round(c.v_px),
-        "box": [_round(x) for x in c.box_px],
+        "u": c.u_px,
+        "v": c.v_px,
+        "box": c.box_px,
         "reason": c.reason,
         "text": c.text,
-        "measured": {k: finite(v) for k, v in c.measured.items()},
+        "measured": c.measured,
         "parameter": c.parameter,
     }
 

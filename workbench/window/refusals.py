@@ -16,22 +16,8 @@ class Seen:
     noise_dn: float
     length_px: float
     width_px: float
-    area_px: float
     mm_per_px: float
     score: float  # NaN where no spot was fitted
-
-    def shown(self) -> dict[str, float]:
-        """The numbers for the page, units in their names."""
-        return {
-            "height [DN]": self.height_dn,
-            "height / noise": self.height_dn / self.noise_dn if self.noise_dn > 0 else float("nan"),
-            "length [px]": self.length_px,
-            "width [px]": self.width_px,
-            "length [mm]": self.length_px * self.mm_per_px,
-            "width [mm]": self.width_px * self.mm_per_px,
-            "area [px]": self.area_px,
-            "score": self.score,
-        }
 
 
 @dataclass(frozen=True)

@@ -101,9 +101,9 @@ export function showSpot(s, truth) {
     el("dl", { class: "facts" }, facts));
 }
 
-export function showCandidate(c) {
+export function showCandidate(c, measures) {
   const p = known(c.parameter);
-  const facts = Object.entries(c.measured).map(([name, value]) => fact(name, number(value, 2)));
+  const facts = measures.map((name, i) => (c.measured[i] === null ? null : fact(name, number(c.measured[i], 2)))).filter((f) => f);
   clear($("inspector"),
     el("h2", {}, c.reason ? `Rejected: ${c.reason.replaceAll("_", " ")}` : "Accepted candidate"),
     c.text ? el("p", { class: c.reason ? "why" : "" }, c.text) : null,

@@ -213,7 +213,7 @@ function readings() {
   }
   if (found?.kind === "candidate" && answer?.candidates[found.index]) {
     const c = answer.candidates[found.index];
-    showCandidate(c);
+    showCandidate(c, answer.measures);
     drawProfile(raw, c.u, c.v, 0, ["along u", "along v"], saturation);
     return;
   }
