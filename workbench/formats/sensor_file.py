@@ -15,7 +15,7 @@ from workbench.formats.strict import Matrix3, Names, Positive, Real, Section, Ve
 from workbench.formats.toml_text import TomlSource, read_toml
 
 GEOMETRY_OF_LASER = ("origin_mm", "fan_deg")
-ATOL_ROTATION = 1e-6
+ATOL_ROTATION = 1e-4  # files are written with as few as four decimals; the rotation is made orthogonal on reading
 
 
 class ImageSection(Section):
