@@ -48,6 +48,7 @@ def _content(run: Run, target: Target) -> dict[str, Any]:
     errors = ERRORS.get(run.plan.run, POINT_ERRORS)
     return {
         "title": run.plan.name or run.folder.name,
+        "folder": run.folder.name,
         "trials": run.size,
         "run": run.plan.run,
         "design": run.plan.design,
@@ -57,7 +58,7 @@ def _content(run: Run, target: Target) -> dict[str, Any]:
         "verdicts": verdicts(run),
         "totals": [(f"SCP error [{u}]" if run.plan.run == "calibrate" else u, _total(run.real(e))) for e, u in errors],
         "consistency": consistency(run),
-        "nees_plot": nees_plot(nees[np.isfinite(nees)]),
+        "nees_plot": nees_plot(nees[np.isfinite(nees)]) if np.any(np.isfinite(nees)) else "",
         "factors": [_factor(run, name, errors) for name in run.plan.factors],
         "worst": [_worst(run, i) for i in worst_trials(run, WORST)],
     }

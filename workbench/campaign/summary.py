@@ -177,7 +177,7 @@ def _quantile(ordered: Array, q: float) -> tuple[float, tuple[float, float]]:
         return float("nan"), (float("nan"), float("nan"))
     spread = 1.96 * np.sqrt(n * q * (1 - q))
     low, high = (int(np.clip(round(n * q + s), 0, n - 1)) for s in (-spread, spread))
-    return float(np.quantile(ordered, q)), (float(ordered[low]), float(ordered[high]))
+    return float(np.quantile(ordered, q, method="inverted_cdf")), (float(ordered[low]), float(ordered[high]))
 
 
 def _setting(run: Run, name: str) -> Array:
