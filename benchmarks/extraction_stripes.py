@@ -172,7 +172,7 @@ def run_case(peak: float, sigma: float, gain: float, read: float, frames: int) -
     for name, method in methods.items():
         total, count = sums[name]
         line = f"  {name:22s} RMSE/CRLB {np.sqrt(total / count) / bound:6.3f}   found {count / frames / WIDTH:6.1%}"
-        line += f"   {rate(lambda m=method: m(image)):6.0f} Mpx/s"  # noqa: B023 - called at once
+        line += f"   {rate(lambda m=method: m(image)):6.0f} Mpx/s"
         print(line + (f"   scatter/σ {np.std(np.concatenate(nees)):.3f}" if name == "perceptron-emu" else ""))
     ridge = ridge_detector(image, sigma, peak)
     if ridge is not None:

@@ -21,6 +21,7 @@ from perceptron_emu.transport import Light
 Array = NDArray[np.float64]
 Float32 = NDArray[np.float32]
 
+LEVELS = 32767.0  # grey steps of a white surface
 NEAR_MM = 5.0  # what is nearer to the camera than this is not drawn
 
 
@@ -35,20 +36,21 @@ def ambient_electrons(
     sensor = scene.sensor
     triangles, level = _faces(scene, strings, material, config)
     camera = to_camera(sensor, triangles)
-    inverse_depth = np.zeros((sensor.height_px, sensor.width_px), np.float32)
-    image = np.zeros_like(inverse_depth)
+    shape = (sensor.height_px, sensor.width_px)
     if len(camera) == 0:
-        return image
+        return np.zeros(shape, np.float32)
+    inverse_depth, image = np.zeros(shape, np.float32), np.zeros(shape, np.uint16)
     keep = camera[..., 2].max(1) > NEAR_MM
     intrinsics = (sensor.fx_px, sensor.fy_px, sensor.cx_px, sensor.cy_px)
     camera, level = _clip_near(camera[keep], level[keep])
-    _rasterise(image, inverse_depth, camera, level.astype(np.float32), *intrinsics)
+    # 16-bit levels: OpenCV blurs them three times as fast as floats, and a step is far below an electron
+    steps = np.round(level * LEVELS).astype(np.uint16)
+    _rasterise(image, inverse_depth, camera, steps, *intrinsics)
     if any(sensor.distortion):
         image = cv2.remap(image, *_distortion_maps(sensor), cv2.INTER_LINEAR)  # type: ignore[assignment]
     sigma = sharp_sigma_px(config.optics, sensor, config.laser.wavelength_nm)
     image = cv2.GaussianBlur(image, (0, 0), sigma)  # type: ignore[assignment]
-    image *= _electrons_per_irradiance(config, sensor, light)
-    return image
+    return image * _electrons_per_irradiance(config, sensor, light)
 
 
 def _faces(scene: Scene, strings: Cylinders | None, material: Material, config: EmulatorConfig) -> tuple[Array, Array]:
@@ -82,7 +84,7 @@ def _electrons_per_irradiance(config: EmulatorConfig, sensor: SensorModel, light
     wavelength = optics.filter_centre_nm or config.laser.wavelength_nm
     band_mw_mm2 = ambient.irradiance_mw_m2_nm * 1e-6 * optics.filter_fwhm_nm * optics.filter_peak * optics.transmission
     chip = band_mw_mm2 / (4 * working_f_number(optics, sensor) ** 2) * (optics.pixel_um * 1e-3) ** 2
-    return np.float32(chip * light.electrons_per_mw(wavelength)) * _vignette(sensor, optics.vignetting)
+    return np.float32(chip / LEVELS * light.electrons_per_mw(wavelength)) * _vignette(sensor, optics.vignetting)
 
 
 @lru_cache(maxsize=8)

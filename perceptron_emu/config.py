@@ -81,7 +81,7 @@ class SpeckleConfig(Section):
     ] = False
     roughness_um: Annotated[
         float, Field(ge=0, description="rms depth that the light is scattered from; with the bandwidth")
-    ] = 30.0
+    ] = 20.0
 
 
 class AmbientConfig(Section):

@@ -79,8 +79,7 @@ def depth_and_identity(world: GlWorld, view: View) -> tuple[Array, NDArray[np.in
 
 
 def two_sided(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
-    """The mesh with every face turned round beside itself: OpenGL leaves out the backs whatever pyrender's flags say.
-    """
+    """The mesh with each face's reverse beside it: OpenGL leaves out the backs whatever pyrender's flags say."""
     return trimesh.Trimesh(mesh.vertices, np.vstack([mesh.faces, mesh.faces[:, ::-1]]), process=False)
 
 

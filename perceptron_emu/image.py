@@ -47,14 +47,14 @@ def draw(
     uv, sigma, weight, group = uv[order], sigma[order], weight[order], group[order]
     ends = np.flatnonzero(np.diff(group)) + 1
     for piece in np.split(np.arange(len(group)), ends):
-        shift = _speckle_shift(samples.xyz_mm[samples.group == group[piece[0]]], sensor, drift)
+        shift = np.zeros(2)
+        if drift is not None:
+            shift = _speckle_shift(samples.xyz_mm[samples.group == group[piece[0]]], sensor, drift)
         _draw_piece(electrons, uv[piece], weight[piece], sigma[piece], sensor, config, key, shift)
 
 
-def _speckle_shift(xyz_mm: Array, sensor: SensorModel, drift: Pose | None) -> Array:
+def _speckle_shift(xyz_mm: Array, sensor: SensorModel, drift: Pose) -> Array:
     """How far (2,) [px] the image of the surface at the nodes' middle has moved."""
-    if drift is None or not np.any(drift.log()):
-        return np.zeros(2)
     there = xyz_mm.mean(0)
     shift = project(sensor, there) - project(sensor, drift.inverse() @ there)
     return np.asarray(np.nan_to_num(shift))

@@ -17,11 +17,11 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Moment:
-    """A part of the exposure. drift: how the scene stands in {P} then, T_then = drift @ T. rows: share of each row
-    (H,).
+    """A part of the exposure. drift: how the scene stands in {P} then, T_then = drift @ T; None where it stands
+    still. rows: share of each row (H,).
     """
 
-    drift: Pose
+    drift: Pose | None
     rows: Array
 
 
@@ -35,7 +35,7 @@ def moments(config: EmulatorConfig, height_px: int) -> list[Moment]:
     """
     velocity = np.array([*config.motion.velocity_mm_s, *np.deg2rad(config.motion.angular_deg_s)])
     if not np.any(velocity):
-        return [Moment(Pose.identity(), np.ones(height_px))]
+        return [Moment(None, np.ones(height_px))]
     time_s, n = config.exposure.time_ms * 1e-3, config.motion.samples
     rolling = config.exposure.shutter == "rolling"
     delay_s = config.exposure.row_time_us * 1e-6 * (np.arange(height_px) - (height_px - 1) / 2) * rolling
@@ -51,7 +51,9 @@ def moments(config: EmulatorConfig, height_px: int) -> list[Moment]:
     return out
 
 
-def moved(scene: Scene, drift: Pose) -> Scene:
+def moved(scene: Scene, drift: Pose | None) -> Scene:
     """The scene with everything in it moved by ``drift`` in {P}."""
+    if drift is None:
+        return scene
     solids = tuple(replace(s, T_sensor_mesh=drift @ s.T_sensor_mesh) for s in scene.solids)
     return replace(scene, T_sensor_jig=drift @ scene.T_sensor_jig, solids=solids)

@@ -42,7 +42,7 @@ def render(
     rng = np.random.default_rng(0) if rng is None else rng
     speckle_key, noise_key = (int(k) for k in rng.integers(0, 2**63, 2))
     path = moments(config, scene.sensor.height_px)
-    scenes = [moved(scene, m.drift) for m in path] if len(path) > 1 else [scene]
+    scenes = [moved(scene, m.drift) for m in path]
     find_light = _finder(renderer)
     lit = [find_light(s, config) for s in scenes]
     electrons = _mean_electrons(scenes, lit, path, config, speckle_key)
@@ -56,10 +56,12 @@ def render(
 
 
 def mean_electrons(scene: Scene, config: EmulatorConfig | None = None, speckle_key: int = 0) -> Float32:
-    """Mean photo-electrons (H, W) that one exposure would bring: the frame before the chip, free of its noise and rounding."""
+    """Mean photo-electrons (H, W) that one exposure would bring: the frame before the chip, free of its noise and
+    rounding.
+    """
     config = config or EmulatorConfig()
     path = moments(config, scene.sensor.height_px)
-    scenes = [moved(scene, m.drift) for m in path] if len(path) > 1 else [scene]
+    scenes = [moved(scene, m.drift) for m in path]
     return _mean_electrons(scenes, [light_scene(s, config) for s in scenes], path, config, speckle_key)
 
 

@@ -10,13 +10,16 @@ from numpy.typing import NDArray
 from geometry import SensorModel
 from perceptron_emu.bodies import body_of
 from perceptron_emu.config import EmulatorConfig
+from perceptron_emu.optics import sharp_sigma_px
+from perceptron_emu.projection import project
 from perceptron_emu.scene import Scene
 from perceptron_emu.sheet import SHEET_REACH, STEP, axis_meets_sheet_mm, half_width_mm
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-MAX_PLANES = 61
+MAX_PLANES = 201
+MAX_SLOPE = 3.0  # a steeper face is hardly lit
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,16 +46,37 @@ def faces_in_sheet(scene: Scene, config: EmulatorConfig) -> Faces:
 
 
 def sheet_planes(faces: Faces, sensor: SensorModel, config: EmulatorConfig) -> tuple[Array, float]:
-    """Equally spaced planes x of the sheet (K,) [mm] and their spacing, close enough for its Gaussian where it is
-    thinnest.
+    """Equally spaced planes x of the sheet (K,) [mm] and their spacing.
+
+    They lie close enough for the sheet's Gaussian where it is thinnest and for the blur of the image of what they
+    light.
     """
     distance = np.linalg.norm(faces.triangles[..., 1:] - sensor.laser_origin_mm[1:], axis=-1)
     ends = np.array([distance.min(), distance.max(), axis_meets_sheet_mm(sensor)])
     width = half_width_mm(config.laser, sensor, ends)
     thin, thick = float(width.min()) / 2, float(min(width.max(), _widest_mm(sensor, config))) / 2
-    n = int(np.clip(np.ceil(2 * SHEET_REACH * thick / (STEP * thin)), 9, MAX_PLANES)) | 1
+    blur = sharp_sigma_px(config.optics, sensor, config.laser.wavelength_nm) / _image_spread(faces, sensor)
+    n = int(np.clip(np.ceil(2 * SHEET_REACH * thick / (STEP * min(thin, blur))), 9, MAX_PLANES)) | 1
     planes = np.linspace(-SHEET_REACH * thick, SHEET_REACH * thick, n)
     return planes, float(planes[1] - planes[0])
+
+
+def _image_spread(faces: Faces, sensor: SensorModel) -> float:
+    """How far [px] the image of the lit surface moves for 1 mm across the sheet; at most faces it is no more.
+
+    On a face with normal n the ray along r is met at (1, −nₓ/(n·r) r) from one plane to the next.
+    """
+    middle = faces.triangles.mean(1)
+    normal = np.cross(faces.triangles[:, 1] - faces.triangles[:, 0], faces.triangles[:, 2] - faces.triangles[:, 0])
+    ray = (middle - sensor.laser_origin_mm) * [0, 1, 1]
+    ray /= np.linalg.norm(ray, axis=1, keepdims=True)
+    facing = np.einsum("ij,ij->i", normal, ray)
+    slope = -normal[:, 0] / np.where(np.abs(facing) < 1e-12, 1e-12, facing)
+    centre = middle * [0, 1, 1]
+    step = np.clip(slope, -MAX_SLOPE, MAX_SLOPE)[:, None] * ray + [1.0, 0, 0]
+    moved = np.linalg.norm(project(sensor, centre + 1e-3 * step) - project(sensor, centre), axis=1) / 1e-3
+    moved = moved[np.isfinite(moved)]
+    return float(np.max(moved)) if len(moved) else 1.0
 
 
 def _widest_mm(sensor: SensorModel, config: EmulatorConfig) -> float:

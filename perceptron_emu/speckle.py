@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 import scipy.fft
@@ -15,6 +16,9 @@ from perceptron_emu.optics import working_f_number
 
 Float32 = NDArray[np.float32]
 
+SIZE_STEP = 16  # boxes are made of these many cells, so that few pupils serve them all
+MIN_CONTRAST = 0.1
+SPARE = 0.05  # of a pattern: not drawn for at most 1.3 % of contrast
 HALO = 2.5  # grains beyond the box over which the amplitude's point spread is not cut
 
 
@@ -52,11 +56,11 @@ def speckle_field(origin: tuple[int, int], shape: tuple[int, int], grain: float,
     pupil|²; their weights w add up to 1 and their squares to strength². Source: Goodman 2007, section 3.2 and 3.3.
     """
     halo = math.ceil(HALO * grain)
-    full = tuple(scipy.fft.next_fast_len(n + 2 * halo) for n in shape)
-    pupil = _pupil(full, grain)
+    rows, columns = (scipy.fft.next_fast_len(SIZE_STEP * -(-(n + 2 * halo) // SIZE_STEP)) for n in shape)
+    pupil = _pupil(rows, columns, grain)
     total = np.zeros(shape, np.float32)
     for number, weight in enumerate(_weights(strength)):
-        noise = white_noise(origin[0] - halo, origin[1] - halo, full[0], full[1], key + 0x51_7C_C1 * (number + 1))
+        noise = white_noise(origin[0] - halo, origin[1] - halo, rows, columns, key + 0x51_7C_C1 * (number + 1))
         field = scipy.fft.ifft2(scipy.fft.fft2(noise, overwrite_x=True) * pupil, overwrite_x=True)
         inner = field[halo : halo + shape[0], halo : halo + shape[1]]
         total += np.float32(weight) * (inner.real**2 + inner.imag**2)
@@ -65,7 +69,7 @@ def speckle_field(origin: tuple[int, int], shape: tuple[int, int], grain: float,
 
 def _weights(strength: float) -> list[float]:
     """Non-negative weights of the fewest independent patterns whose sum has the contrast: Σw = 1, Σw² = strength²."""
-    n = max(1, math.ceil(1 / max(strength, 0.05) ** 2 - 1e-9))
+    n = max(1, math.ceil(1 / max(strength, MIN_CONTRAST) ** 2 - SPARE))
     if n == 1:
         return [1.0]
     # n − 1 weights a and one b = 1 − (n − 1)a
@@ -75,12 +79,13 @@ def _weights(strength: float) -> list[float]:
     return [a] * m + [max(0.0, 1 - m * a)]
 
 
-def _pupil(shape: tuple[int, int], grain: float) -> Float32:
+@lru_cache(maxsize=256)
+def _pupil(rows: int, columns: int, grain: float) -> Float32:
     """Transfer function (rows, columns) of a circular pupil of diameter 1/grain cycles a cell, scaled to mean power
     1.
     """
-    fy, fx = np.fft.fftfreq(shape[0])[:, None], np.fft.fftfreq(shape[1])[None, :]
+    fy, fx = np.fft.fftfreq(rows)[:, None], np.fft.fftfreq(columns)[None, :]
     # a soft rim one frequency cell wide, so that the pupil's area does not jump with the box's size
-    radius, cell = 0.5 / grain, 0.5 * (1 / shape[0] + 1 / shape[1])
+    radius, cell = 0.5 / grain, 0.5 * (1 / rows + 1 / columns)
     pupil = np.clip((radius - np.hypot(fy, fx)) / cell + 0.5, 0, 1)
     return np.asarray(pupil / math.sqrt(np.mean(pupil**2)), np.float32)

@@ -27,7 +27,6 @@ TILE_PX = 64  # stripes are drawn in tiles of this side
 FIRST_STRIPE_GROUP = 1_000
 TILES_A_ROW = 2048
 GROUPS_A_SOLID = TILES_A_ROW**2
-BLOCKER = -1  # owner of a string's silhouette: it takes light and gives none here
 OFF_SURFACE_MM = 1e-4
 NODE_STEP = 1.5  # length of image, in σ of the blur, that a pair of Gauss nodes covers: ripple 4e-5
 MARGIN_PX = 40.0  # light this far outside the image can still reach into it
@@ -64,34 +63,34 @@ def lit_pieces(faces: Faces, strings: Cylinders | None, planes: Array, sensor: S
     """What the laser reaches first in the planes of constant x."""
     found = []
     origin = np.array(sensor.laser_origin_mm[1:])
-    for x in planes:
+    shades = _silhouettes(strings, planes, origin) if strings is not None else [np.zeros((0, 2, 2))] * len(planes)
+    for x, shade in zip(planes, shades, strict=True):
         ends, normals, face = cut_plane(faces.triangles, faces.normals, x)
         n = len(face)
-        if strings is not None:
-            ends = np.concatenate([ends, _silhouettes(strings, float(x), origin)])
-        which, where = first_reached(ends, origin, sensor.fan_rad)
+        which, where = first_reached(np.concatenate([ends, shade]), origin, sensor.fan_rad)
         where, which = where[which < n], which[which < n]
         yz, normal = (a[which, :1] + where[:, :, None] * (a[which, 1:] - a[which, :1]) for a in (ends, normals))
         found.append(Pieces(np.concatenate([np.full((len(yz), 2, 1), x), yz], -1), normal, face[which]))
     return Pieces(*(np.concatenate([getattr(p, name) for p in found]) for name in ("ends", "normals", "face")))
 
 
-def _silhouettes(strings: Cylinders, x: float, origin: Array) -> Array:
-    """Segments (n, 2, 2) as (y, z) across the strings as the emitter sees them in the plane of constant x."""
+def _silhouettes(strings: Cylinders, planes: Array, origin: Array) -> list[Array]:
+    """For each plane of constant x segments (n, 2, 2) as (y, z) across the strings as the emitter sees them in it."""
     slope = strings.directions[:, 0]
     with np.errstate(divide="ignore", invalid="ignore"):
-        t = (x - strings.starts[:, 0]) / slope
-        centre = strings.starts[:, 1:] + t[:, None] * strings.directions[:, 1:]
+        t = (planes[:, None] - strings.starts[:, 0]) / slope  # (K, S)
+        centre = strings.starts[:, 1:] + t[..., None] * strings.directions[:, 1:]
         towards = centre - origin
-        distance = np.linalg.norm(towards, axis=1)
-        towards /= distance[:, None]
-        along = np.sum(towards * strings.directions[:, 1:], 1)
+        distance = np.sqrt(np.einsum("...i,...i->...", towards, towards))
+        towards /= distance[..., None]
+        along = np.sum(towards * strings.directions[:, 1:], -1)
         # the ray at δ from the axis point passes the axis at s |sin δ| |d_x| / √(1 − (r·d)²)
         sine = strings.radius * np.sqrt(1 - along**2) / (distance * np.abs(slope))
         reached = (t >= 0) & (t <= strings.lengths) & (sine < 0.5)
-    half = (distance * sine / np.sqrt(1 - np.where(reached, sine, 0) ** 2))[:, None]
-    across = np.column_stack([towards[:, 1], -towards[:, 0]])
-    return np.asarray(np.stack([centre - half * across, centre + half * across], 1)[reached])
+        half = (distance * sine / np.sqrt(1 - sine**2))[..., None]
+        across = np.stack([towards[..., 1], -towards[..., 0]], -1)
+        ends = np.stack([centre - half * across, centre + half * across], -2)
+    return [e[r] for e, r in zip(ends, reached, strict=True)]
 
 
 def _in_view(faces: Faces, pieces: Pieces, sensor: SensorModel) -> Pieces:
