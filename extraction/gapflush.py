@@ -120,7 +120,7 @@ def _ordered(profile: Profile, config: GapFlushConfig) -> tuple[Array, Array]:
     yz, cov = yz[~alone], cov[~alone]
     if len(yz) < _FEWEST_POINTS:
         raise NoAnswerError(
-            f"the profile has {len(yz)} points that do not stand alone: at least {_FEWEST_POINTS} are needed for gap and flush"
+            f"the profile has {len(yz)} connected points: at least {_FEWEST_POINTS} are needed for gap and flush"
         )
     return yz, cov
 

@@ -6,16 +6,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
-from extraction import stripe_fit as fit
+from extraction import stripe_columns as col
 from extraction.preprocess import check_image
 from extraction.profile import EDGE, SATURATED, SHAPE, Profile, StripePeaks
 from extraction.rectify import image_to_sheet, propagate
 from extraction.sheet_table import sheet_table
 from extraction.stripe_config import StripeConfig
 from extraction.stripe_detect import Candidates, detect
+from extraction.stripe_fit import NoiseModel, fit_sections
 from extraction.stripe_noise import estimate_noise
 from extraction.stripe_normal import localise_along_normal
-from extraction.stripe_select import select
+from extraction.stripe_select import connected, select
 from extraction.stripe_view import StripeView, stripe_view
 from geometry import SensorModel
 
@@ -77,83 +78,84 @@ def detect_stripe(
     noise, widths = _look_ahead(view, found, config)
     fits = _fit(view, found, widths, _WIDTH_ERROR, noise, config)
     good = np.flatnonzero(_acceptable(fits, config))
+    good = good[connected(found.section[good], fits[good, col.CENTRE], config.min_run)]
     fits, section = fits[good], found.section[good]
     noise = _settle(noise, fits, config)
-    chosen = select(config.select, section, fits[:, fit.CENTRE], fits[:, fit.AMPLITUDE], config.jump_px, config.max_gap)
+    chosen = select(config.select, section, fits[:, col.CENTRE], fits[:, col.AMPLITUDE], config.jump_px, config.max_gap)
     peaks = _peaks(view, section[chosen], fits[chosen], config)
     return localise_along_normal(view, peaks, noise, config) if config.along_normal else peaks
 
 
-def _look_ahead(view: StripeView, found: Candidates, config: StripeConfig) -> tuple[fit.NoiseModel, Array]:
+def _look_ahead(view: StripeView, found: Candidates, config: StripeConfig) -> tuple[NoiseModel, Array]:
     """The frame's noise, and the width to be expected at each candidate, from every n-th of them."""
     some = np.arange(0, len(found), max(1, len(found) // _SAMPLE))
     guess = np.full(len(some), min(max(_WIDTH_PX, config.min_width_px), config.max_width_px))
-    first = fit.NoiseModel(max(found.noise_dn**2, 1 / 12), 0.0, 0.0, view.black_dn)
+    first = NoiseModel(max(found.noise_dn**2, 1 / 12), 0.0, 0.0, view.black_dn)
     fits = _fit(view, found.take(some), guess, np.inf, first, config)
     good = _acceptable(fits, config)
     section = found.section[some[good]]
-    noise = estimate_noise(view, section, fits[good], config)
+    noise = estimate_noise(view, section, fits[good], config, 6 * found.noise_dn**2)
     if not good.any():
         return noise, np.full(len(found), _WIDTH_PX)
-    steady = median_filter(fits[good, fit.WIDTH], size=min(9, int(good.sum())), mode="nearest")
+    steady = median_filter(fits[good, col.WIDTH], size=min(9, int(good.sum())), mode="nearest")
     return noise, np.interp(found.section, section, steady)
 
 
-def _settle(noise: fit.NoiseModel, fits: Array, config: StripeConfig) -> fit.NoiseModel:
+def _settle(noise: NoiseModel, fits: Array, config: StripeConfig) -> NoiseModel:
     """The noise scaled to what all sections say, ``fits`` with it in place: the few first ones leave some per cent.
 
     Only where all of the noise is estimated, and robustly: sections that are no Gaussian peak keep their high χ².
     """
     if len(fits) < _SAMPLE or (config.read_noise_dn, config.gain_dn_per_e, config.speckle_contrast) != (None,) * 3:
         return noise
-    ratio = fits[:, fit.CHI2] / np.maximum(fits[:, fit.DOF], 1)
-    usual = ratio <= 3 * np.median(ratio)
-    scale = float(np.sum(fits[usual, fit.CHI2]) / np.sum(fits[usual, fit.DOF]))
-    fits[:, fit.CHI2] /= scale
-    fits[:, fit.VARIANCE] *= scale
+    ratio = fits[:, col.CHI2] / np.maximum(fits[:, col.DOF], 1)
+    usual = (ratio <= 3 * np.median(ratio)) & (fits[:, col.DOF] > 0)
+    if usual.sum() < _SAMPLE // 2:
+        return noise
+    scale = float(np.sum(fits[usual, col.CHI2]) / np.sum(fits[usual, col.DOF]))
+    fits[:, col.CHI2] /= scale
+    fits[:, col.VARIANCE] *= scale
     return noise.scaled(scale)
 
 
 def _fit(
-    view: StripeView, found: Candidates, widths: Array, width_error: float, noise: fit.NoiseModel, config: StripeConfig
+    view: StripeView, found: Candidates, widths: Array, width_error: float, noise: NoiseModel, config: StripeConfig
 ) -> Array:
     place = (found.section, found.centre_px, found.low, found.high)
     limits = (view.clip_dn, config.min_width_px, config.max_width_px)
-    return np.asarray(
-        fit.fit_sections(view.grey, view.left_out, place, (widths, width_error), limits, noise.as_array())
-    )
+    return np.asarray(fit_sections(view.grey, view.left_out, place, (widths, width_error), limits, noise.as_array()))
 
 
 def _acceptable(fits: Array, config: StripeConfig) -> Mask:
     """Which fits are a peak of a stripe: converged, high enough, neither too narrow nor too wide."""
-    width = fits[:, fit.WIDTH]
+    width = fits[:, col.WIDTH]
     return np.asarray(
-        (fits[:, fit.CONVERGED] > 0)
-        & (fits[:, fit.AMPLITUDE] >= config.min_amplitude_dn)
-        & (fits[:, fit.SNR] >= config.min_snr)
+        (fits[:, col.CONVERGED] > 0)
+        & (fits[:, col.AMPLITUDE] >= config.min_amplitude_dn)
+        & (fits[:, col.SNR] >= config.min_snr)
         & (width >= config.min_width_px)
         & (width <= config.max_width_px)
-        & np.isfinite(fits[:, fit.VARIANCE])
+        & np.isfinite(fits[:, col.VARIANCE])
     )
 
 
 def _peaks(view: StripeView, section: NDArray[np.int32], fits: Array, config: StripeConfig) -> StripePeaks:
-    chi2 = fits[:, fit.CHI2] / np.maximum(fits[:, fit.DOF], 1)
-    near_border = np.minimum(fits[:, fit.CENTRE] - fits[:, fit.LOW], fits[:, fit.HIGH] - 1 - fits[:, fit.CENTRE])
+    chi2 = fits[:, col.CHI2] / np.maximum(fits[:, col.DOF], 1)
+    near_border = np.minimum(fits[:, col.CENTRE] - fits[:, col.LOW], fits[:, col.HIGH] - 1 - fits[:, col.CENTRE])
     flag = (
-        SATURATED * (fits[:, fit.CLIPPED] > 0)
+        SATURATED * (fits[:, col.CLIPPED] > 0)
         + SHAPE * (chi2 > config.max_chi2_per_dof)
-        + EDGE * (near_border < 1.5 * fits[:, fit.WIDTH])
+        + EDGE * (near_border < 1.5 * fits[:, col.WIDTH])
     )
     zero = np.zeros(len(section))
     return StripePeaks(
         section=section + np.int32(view.first_section),
-        uv_px=view.uv_px(section.astype(float), fits[:, fit.CENTRE]),
+        uv_px=view.uv_px(section.astype(float), fits[:, col.CENTRE]),
         normal=view.directions(zero, zero + 1),
-        sigma_px=np.sqrt(fits[:, fit.VARIANCE]),
-        amplitude_dn=fits[:, fit.AMPLITUDE],
-        width_px=fits[:, fit.WIDTH],
-        background_dn=fits[:, fit.BACKGROUND],
+        sigma_px=np.sqrt(fits[:, col.VARIANCE]),
+        amplitude_dn=fits[:, col.AMPLITUDE],
+        width_px=fits[:, col.WIDTH],
+        background_dn=fits[:, col.BACKGROUND],
         chi2_per_dof=chi2,
         flag=flag.astype(np.uint8),
     )

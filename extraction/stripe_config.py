@@ -24,12 +24,12 @@ class StripeConfig(BaseModel):
     select: Selection = Field(default="strongest", description="which of several peaks of one section is the stripe")
     max_peaks: int = Field(default=6, ge=1, le=32, description="peaks kept per section before the selection")
     threshold_sigma: float = Field(
-        default=5.0, gt=0, description="detection threshold in robust σ of the frame's own noise"
+        default=4.0, gt=0, description="detection threshold in robust σ of the frame's own noise"
     )
     min_amplitude_dn: float = Field(default=2.0, ge=0, description="smallest peak above its local background")
     min_snr: float = Field(default=5.0, ge=0, description="smallest amplitude over its own σ")
     min_width_px: float = Field(default=0.45, gt=0, description="smallest Gaussian σ of the stripe")
-    max_width_px: float = Field(default=6.0, gt=0, description="largest Gaussian σ of the stripe")
+    max_width_px: float = Field(default=8.0, gt=0, description="largest Gaussian σ of the stripe")
     surround_px: int = Field(
         default=8, ge=4, le=64, description="distance at which the background is taken for detection"
     )
@@ -46,6 +46,7 @@ class StripeConfig(BaseModel):
     speckle_contrast: float | None = Field(
         default=None, ge=0, le=1, description="multiplicative noise; estimated if absent"
     )
+    min_run: int = Field(default=5, ge=1, le=1000, description="sections in a row that make a stripe; fewer are noise")
     jump_px: float = Field(
         default=6.0, gt=0, description="select = continuous: a step along the stripe that costs as much as a peak"
     )

@@ -9,14 +9,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from extraction.compiled import compiled
+from extraction.stripe_columns import (
+    AMPLITUDE,
+    BACKGROUND,
+    CENTRE,
+    CHI2,
+    CLIPPED,
+    CONVERGED,
+    DOF,
+    HIGH,
+    LOW,
+    SNR,
+    VARIANCE,
+    WIDTH,
+)
+from extraction.stripe_plateau import PLATEAU_PIXELS, between_flanks
 from extraction.stripe_solve import TERMS, centre_variance, climb
 
 Array = NDArray[np.float64]
 
 FEWEST_PIXELS = 5  # four parameters and one to spare
-
-# columns of the kernel's answer
-CENTRE, AMPLITUDE, WIDTH, BACKGROUND, VARIANCE, SNR, CHI2, DOF, CLIPPED, CONVERGED, LOW, HIGH = range(12)
 
 
 @dataclass(frozen=True)
@@ -61,24 +73,32 @@ def fit_sections(
     out = np.zeros((len(section), 12))
     y, use, work = np.empty(len(image)), np.empty(len(image), dtype=np.bool_), np.empty(TERMS)
     p, bell, x = np.empty(4), np.empty(len(image)), np.empty(len(image))
+    widest = int(4 * limits[2]) + 2
     for k in range(len(image)):
         x[k] = k
     for i in range(len(section)):
         centre, half = int(start[i] + 0.5), max(4, int(3.5 * widths[0][i] + 2.5))
         prior = (widths[0][i], 1.0 / (widths[0][i] * widths[1]) ** 2)
-        for _ in range(3):  # the window follows the width and the centre that it finds
+        for _ in range(4):  # the window follows the width and the centre that it finds
             lo, hi = max(low[i], centre - half), min(high[i], centre + half + 1)
             n = _read(image, clipped, (section[i], lo, hi), limits[0], y, use)
             out[i, CLIPPED], out[i, DOF], out[i, CONVERGED] = hi - lo - n, n - 4, 0.0
+            if n < FEWEST_PIXELS + (hi - lo) // 3 and half < widest:  # mostly clipped: its flanks lie further out
+                half = min(2 * half, widest)
+                continue
             if n < FEWEST_PIXELS:
+                break
+            if hi - lo - n >= PLATEAU_PIXELS and between_flanks(y, hi - lo, limits[0], noise, out[i]):
+                out[i, CENTRE] += lo
+                out[i, LOW], out[i, HIGH], out[i, DOF] = lo, hi, 0.0
                 break
             _guess(y, hi - lo, start[i] - lo, widths[0][i], p)
             out[i, CONVERGED] = climb(x, y, use, hi - lo, p, bell, limits, noise, prior, work)
             wanted = max(4, int(3.5 * p[2] + 2.5))
             if abs(wanted - half) <= 1 + half // 4 and abs(int(lo + p[0] + 0.5) - centre) <= 2:
                 break
-            half, centre = min(wanted, int(4 * limits[2]) + 2), min(max(int(lo + p[0] + 0.5), low[i]), high[i] - 1)
-        if out[i, CONVERGED] > 0:
+            half, centre = min(wanted, widest), min(max(int(lo + p[0] + 0.5), low[i]), high[i] - 1)
+        if out[i, CONVERGED] > 0 and out[i, DOF] > 0:
             out[i, LOW], out[i, HIGH] = lo, hi
             _report(p, lo, work, out[i])
     return out

@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 from scipy.optimize import nnls
 
 from extraction.compiled import compiled
+from extraction.stripe_columns import AMPLITUDE, BACKGROUND, CENTRE, CHI2, DOF, HIGH, LOW, WIDTH
 from extraction.stripe_config import StripeConfig
-from extraction.stripe_fit import AMPLITUDE, BACKGROUND, CENTRE, CHI2, DOF, HIGH, LOW, WIDTH, NoiseModel
+from extraction.stripe_fit import NoiseModel
 from extraction.stripe_solve import TERMS, back, factor
 from extraction.stripe_view import StripeView
 
@@ -23,12 +24,15 @@ _SIGNIFICANT = 9.0  # of a likelihood ratio: three σ
 _MISFIT = 4.0  # a section whose χ² is that many times the median is no Gaussian peak and says nothing on noise
 
 
-def estimate_noise(view: StripeView, section: NDArray[np.int32], fits: Array, config: StripeConfig) -> NoiseModel:
+def estimate_noise(
+    view: StripeView, section: NDArray[np.int32], fits: Array, config: StripeConfig, dark_dn2: float
+) -> NoiseModel:
     """Variance model of the frame by weighted least squares on the fits' squared residuals.
 
     fits: rows of `fit_sections`, all converged (M, 12), fitted with equal weights. What the config states is taken,
-    the rest is estimated; without enough sections the noise is quantisation alone.
+    the rest is estimated; without enough sections ``dark_dn2`` stands for the dark noise. Clipped plateaus say nothing.
     """
+    section, fits = section[fits[:, DOF] > 0], fits[fits[:, DOF] > 0]
     known = (config.read_noise_dn, config.gain_dn_per_e, config.speckle_contrast)
     variances = [None if k is None else k**power for k, power in zip(known, (2, 1, 2), strict=True)]
     if variances[0] is not None:
@@ -42,6 +46,8 @@ def estimate_noise(view: StripeView, section: NDArray[np.int32], fits: Array, co
             camera = _non_negative(terms, squares, pixels, start, free[:-1])
             if not _explains_more(terms, squares, pixels, camera, np.array(variances)):
                 variances = list(camera)
+    elif variances[0] is None:
+        variances[0] = dark_dn2
     a, c, k2 = (0.0 if v is None else float(v) for v in variances)
     return NoiseModel(max(a, QUANTISATION_DN2), c, float(np.sqrt(k2)), view.black_dn)
 

@@ -11,6 +11,8 @@ from extraction.stripe_config import Selection
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
+_SLOPE = 4.0  # px per section: a steeper stripe is seen better along the other axis
+
 
 def select(
     rule: Selection, section: NDArray[np.int32], place: Array, height: Array, jump: float, max_gap: int
@@ -30,6 +32,29 @@ def select(
     order = np.lexsort((key, section))
     first = np.r_[True, section[order][1:] != section[order][:-1]]
     return np.asarray(order[first])
+
+
+def connected(section: NDArray[np.int32], place: Array, shortest: int) -> NDArray[np.bool_]:
+    """Which peaks belong to a run of at least ``shortest`` sections that follow each other: noise stands alone (N,)."""
+    if shortest <= 1 or len(section) == 0:
+        return np.ones(len(section), dtype=bool)
+    before = _run_lengths(section.astype(np.int64), place)
+    after = _run_lengths(-section[::-1].astype(np.int64), np.ascontiguousarray(place[::-1]))[::-1]
+    return np.asarray(before + after - 1 >= shortest)
+
+
+@compiled
+def _run_lengths(section: NDArray[np.int64], place: Array) -> NDArray[np.int64]:
+    """Length of the longest run that ends at each peak; a link spans at most two sections and _SLOPE px for each."""
+    out = np.ones(len(section), dtype=np.int64)
+    for i in range(len(section)):
+        for k in range(i - 1, -1, -1):
+            gap = section[i] - section[k]
+            if gap > 2:
+                break
+            if gap > 0 and out[k] >= out[i] and abs(place[i] - place[k]) <= _SLOPE * gap:
+                out[i] = out[k] + 1
+    return out
 
 
 @compiled
