@@ -38,6 +38,7 @@ def command(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
     out: Annotated[Path | None, typer.Option(help="Folder for result.json, points.csv and fig7.png.")] = None,
+    report: Annotated[Path | None, typer.Option(help="File for a self-contained HTML report.")] = None,
     config: Annotated[list[Path] | None, typer.Option(help="Settings TOML; may be given more than once.")] = None,
 ) -> None:
     """Solve the sensor's pose in the hand (SCP) from a cell dataset, emulated or recorded."""
@@ -56,6 +57,10 @@ def command(
         from workbench.results.folder import write_results
 
         write_results(out, cell, observed, result, settings)
+    if report is not None:
+        from workbench.results.report import ReportInput, write_report
+
+        write_report(report, ReportInput(cell, observed, result, settings))
     if as_json:
         say_on_stdout(json_text(calibration_object(result, observed.complaints)))
     else:

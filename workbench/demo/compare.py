@@ -27,7 +27,7 @@ def print_demo(console: Console, result: CalibrationResult, truth: Truth, out: P
         console.print(f"frame {frame.frame} not used: {frame.reason}")
     print_verdict(console, result)
     console.print(
-        f"\n{out}: dataset (cell.toml …, images, truth.json), overlays, fig7.png, points.csv, result.json\n"
+        f"\n{out}: dataset (cell.toml …, images, truth.json), report.html, fig7.png, overlays, result.json\n"
         f"the same again, as with any recorded cell: perceptron-emu calibrate {out}",
         soft_wrap=True,
         markup=False,

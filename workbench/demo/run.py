@@ -18,6 +18,7 @@ from workbench.points_table import FrameTable
 from workbench.recording import record
 from workbench.results.folder import write_results
 from workbench.results.overlay import save_overlays
+from workbench.results.report import ReportInput, write_report
 
 Bar = Callable[[str, int], AbstractContextManager[Callable[[int, int], None]]]
 
@@ -44,6 +45,8 @@ def run_demo(out: Path, seed: int, settings: Settings, bar: Bar) -> DemoResult:
         result = solve(cell, observed, settings.calib)
         write_results(out, cell, observed, result, settings)
     tables = label_dataset(cell, observed, settings.calib, result)
+    with bar("report", 1):
+        write_report(out / "report.html", ReportInput(cell, observed, result, settings))
     with bar("overlays", len(tables)) as progress:
         _overlays(out / "overlays", cell, tables, progress)
     return DemoResult(cell, observed, result)

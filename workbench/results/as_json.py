@@ -10,6 +10,7 @@ import numpy as np
 
 from calib import CalibrationResult, FramePoints, LocationResult
 from calib.result import DesignSolved, FrameResult
+from geometry.conventions import CONVENTIONS, express
 
 
 def calibration_object(result: CalibrationResult, complaints: dict[int, str] | None = None) -> dict[str, Any]:
@@ -31,6 +32,7 @@ def calibration_object(result: CalibrationResult, complaints: dict[int, str] | N
                 "rotation_deg": result.T_hand_sensor_design.fixed_xyz_deg,
                 "translation_mm": result.T_hand_sensor_design.t,
             },
+            "conventions": {} if pose is None else {name: express(pose, name) for name in CONVENTIONS},
             "locations": {name: _location(location) for name, location in result.locations.items()},
             "frames": [_frame(frame, (complaints or {}).get(frame.frame)) for frame in result.frames],
             "solution": _solution(result),

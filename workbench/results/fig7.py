@@ -39,7 +39,7 @@ def _panel(axis: object, name: str, location: LocationResult) -> None:
         (distances.design_mm, DESIGN, "design", "o"),
         (distances.solved_mm, SOLVED, "calibrated", "s"),
     ):
-        if np.all(np.isfinite(values)):
+        if len(values) and np.all(np.isfinite(values)):
             axis.plot(number, values - np.mean(values), marker + "-", color=colour, label=label, ms=4, lw=1.2)  # type: ignore[attr-defined]
     axis.axhline(0, color="0.6", lw=0.8)  # type: ignore[attr-defined]
     axis.set_title(f"location {name} ({location.role})", fontsize=10)  # type: ignore[attr-defined]
