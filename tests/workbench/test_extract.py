@@ -35,6 +35,15 @@ def test_a_dataset_with_overlays(cli: Cli, recording: Path, tmp_path: Path, answ
     assert cv2.imread(str(pictures[0])).shape[0] == 1024
 
 
+def test_every_stage_can_be_looked_at(cli: Cli, recording: Path, tmp_path: Path) -> None:
+    image, sensor, jig = recording / "images" / "000.png", recording / "sensor.toml", recording / "jig.toml"
+    call = ("extract", image, "--sensor", sensor, "--jig", jig, "--csv", tmp_path / "p.csv", "--stages")
+    assert cli(*call).code == 2
+    assert cli(*call, "--overlay", tmp_path / "pictures").code == 0
+    names = ["1_raw", "2_background", "3_mask", "4_candidates", "5_spots", "6_labels"]
+    assert [p.stem for p in sorted((tmp_path / "pictures" / "000").iterdir())] == names
+
+
 def test_bare_images(cli: Cli, recording: Path) -> None:
     """Labels from the jig alone agree with those through the chain wherever a frame is labelled at all."""
     through_chain = _rows(cli("extract", recording).out)

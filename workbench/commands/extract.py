@@ -11,6 +11,7 @@ import typer
 from workbench.console import progress_bar, say_on_stdout, standard_error
 
 if TYPE_CHECKING:
+    from extraction import ExtractionConfig
     from workbench.extracting import Extracted
 
 
@@ -22,9 +23,11 @@ def command(
     jig: Annotated[Path | None, typer.Option(help="jig.toml; without it, bare images give unlabelled spots.")] = None,
     csv: Annotated[Path | None, typer.Option(help="File for the points; default: standard output.")] = None,
     overlay: Annotated[Path | None, typer.Option(help="Folder for pictures of what was detected.")] = None,
+    stages: Annotated[bool, typer.Option("--stages", help="With --overlay: a picture of every stage too.")] = False,
     config: Annotated[list[Path] | None, typer.Option(help="Settings TOML; may be given more than once.")] = None,
 ) -> None:
     """Find the string points of stripe images: pixel, surface point, axis point, σ and label of each, as CSV."""
+    from geometry import InputError
     from workbench.extracting import extract_inputs
     from workbench.formats import points_text
     from workbench.formats.atomic import write_text
@@ -38,7 +41,9 @@ def command(
         standard_error().print(line, soft_wrap=True, markup=False)
     text = points_text(rows(extracted.tables))
     if overlay is not None:
-        _overlays(extracted, overlay)
+        _overlays(extracted, overlay, settings.extraction if stages else None)
+    elif stages:
+        raise InputError("--stages needs --overlay DIR, the folder for its pictures")
     if csv is None:
         say_on_stdout(text.rstrip("\n"))
     else:
@@ -56,13 +61,18 @@ def _remarks(extracted: Extracted) -> Iterator[str]:
             yield f"warning: frame {table.frame}: {table.reason}, {len(table.points)} spots ({table.image or 'points'})"
 
 
-def _overlays(extracted: Extracted, folder: Path) -> None:
+def _overlays(extracted: Extracted, folder: Path, stages: ExtractionConfig | None) -> None:
+    """Write the overlays; ``stages``: the settings whose stages are wanted as well."""
     from workbench.formats import read_image
     from workbench.results.overlay import save_overlays
+    from workbench.results.stage_pictures import save_stages
 
     with progress_bar("overlays", len(extracted.tables)) as progress:
         for i, table in enumerate(extracted.tables, start=1):
             path = extracted.paths.get(table.frame)
             if path is not None and table.frame not in extracted.complaints:
-                save_overlays(folder, read_image(path, extracted.sensor), extracted.sensor, table)
+                image = read_image(path, extracted.sensor)
+                save_overlays(folder, image, extracted.sensor, table)
+                if stages is not None:
+                    save_stages(folder, image, extracted.sensor, table, stages)
             progress(i, len(extracted.tables))

@@ -33,7 +33,7 @@ def overlay(image: Image, sensor: SensorModel, table: FrameTable) -> Picture:
     taken = {int(spot): i for i, spot in enumerate(table.axis.spot) if spot >= 0}
     for spot in range(len(table.points)):
         _draw_spot(picture, table, spot, taken.get(spot))
-    _write(picture, (12, 30), _title(table), (240, 240, 240), 0.7)
+    write(picture, (12, 30), _title(table), (240, 240, 240), 0.7)
     return np.hstack([picture, _tiles(grey, table, taken)])
 
 
@@ -44,7 +44,7 @@ def save_overlays(folder: Path, image: Image, sensor: SensorModel, table: FrameT
     return path
 
 
-def brighten(image: Image, sensor: SensorModel) -> Picture:
+def brighten(image: NDArray[Any], sensor: SensorModel) -> Picture:
     """8 bits with dark levels lifted, so that dim spots can be seen."""
     dark = float(np.median(image[::4, ::4]))
     level = (image.astype(np.float32) - dark) / max(sensor.saturation_dn - dark, 1.0)
@@ -69,7 +69,7 @@ def _draw_spot(picture: Picture, table: FrameTable, spot: int, axis: int | None)
     angle = float(np.rad2deg(points.axis_rad[spot])) if np.isfinite(points.axis_rad[spot]) else 0.0
     _ellipse(picture, (u, v), size + 4, angle, colour)
     name = (table.axis.label[axis] if axis is not None else "") + (f" {flag}" if flag else "")
-    _write(picture, (int(u) + 12, int(v) - 10), name.strip(), colour, 0.6)
+    write(picture, (int(u) + 12, int(v) - 10), name.strip(), colour, 0.6)
 
 
 def _tiles(grey: Picture, table: FrameTable, taken: dict[int, int]) -> Picture:
@@ -94,7 +94,7 @@ def _tile(grey: Picture, table: FrameTable, spot: int, axis: int) -> Picture:
     radii = ELLIPSE_95 * np.sqrt(np.maximum(values, 0)) * ZOOM
     angle = float(np.rad2deg(np.arctan2(vectors[1, 1], vectors[0, 1])))
     _ellipse(picture, (offset, offset), np.maximum(radii[::-1], 0.5), angle, ELLIPSE)
-    _write(picture, (6, 20), table.axis.label[axis], LABELLED, 0.6)
+    write(picture, (6, 20), table.axis.label[axis], LABELLED, 0.6)
     return np.asarray(picture, dtype=np.uint8)
 
 
@@ -107,7 +107,13 @@ def _ellipse(
     cv2.ellipse(picture, point, axes, angle, 0, 360, colour, 1, cv2.LINE_AA, SHIFT)
 
 
-def _write(picture: Picture, place: tuple[int, int], text: str, colour: Colour, size: float) -> None:
+def mark(picture: Picture, centre: tuple[float, float], radius: float, colour: Colour) -> None:
+    """Draw a circle at a pixel position."""
+    _ellipse(picture, centre, np.array([radius, radius]), 0.0, colour)
+
+
+def write(picture: Picture, place: tuple[int, int], text: str, colour: Colour, size: float) -> None:
+    """Write text with a dark rim; what is not ASCII shows as ?."""
     ascii_text = text.encode("ascii", "replace").decode()
     cv2.putText(picture, ascii_text, place, cv2.FONT_HERSHEY_SIMPLEX, size, (0, 0, 0), 3, cv2.LINE_AA)
     cv2.putText(picture, ascii_text, place, cv2.FONT_HERSHEY_SIMPLEX, size, colour, 1, cv2.LINE_AA)
