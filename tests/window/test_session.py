@@ -180,3 +180,17 @@ def test_the_command_quotes_what_a_shell_would_read(cell_folder: Path, tmp_path:
     odd.mkdir()
     opened = open_session(Request((cell_folder,), out=odd))
     assert f"'{odd}/my set.toml'" in opened.command("my set.toml")
+
+
+def test_a_candidate_s_box_is_around_its_peak(session: Session) -> None:
+    """Also where the region ran into a brighter one and was not measured."""
+    for i in (7, 8, 9):
+        view = session.outcome(i, parse(ExtractionConfig, DEFAULTS)).view
+        assert view is not None
+        for c in view.candidates:
+            u0, v0, u1, v1 = c.box_px
+            assert u0 - 0.1 <= c.u_px <= u1 + 0.1
+            assert v0 - 0.1 <= c.v_px <= v1 + 0.1
+            if c.reason == "part_of_brighter":
+                assert u1 - u0 < 200
+                assert v1 - v0 < 200

@@ -13,6 +13,7 @@ from pydantic import BaseModel
 from calib import CalibConfig
 from calib.labelling import label_frame
 from extraction import ExtractionConfig, Stages, extract_stages, image_to_sheet
+from extraction.candidates import Candidates
 from geometry import InputError, Pose, SensorModel, SurfacePoints
 from jig_cad import Jig
 from workbench.formats.images import Image
@@ -95,7 +96,7 @@ def _candidates(stages: Stages, sensor: SensorModel, config: ExtractionConfig) -
     ]
     measured = _plain(np.column_stack(table), 3)
     numbers = np.column_stack([found.height_dn, noise, found.length_px, found.width_px, scale, score]).tolist()
-    boxes, peaks = _plain(_boxes(found.mean_uv_px, found.cov_uv_px2, found.peak_uv_px), 1), found.peak_uv_px.tolist()
+    boxes, peaks = _plain(_boxes(found), 1), found.peak_uv_px.tolist()
     out = []
     for k, (u, v) in enumerate(peaks):
         reason = found.reason[k] or ("low_score" if np.isnan(score[k]) else "")
@@ -111,12 +112,13 @@ def _plain(table: Array, digits: int) -> list[tuple[Any, ...]]:
     return list(map(tuple, rounded.tolist()))
 
 
-def _boxes(mean: Array, cov: Array, peak: Array) -> Array:
-    """The regions' boxes (N, 4) from their moments (a uniform bar of that variance), the peaks inside."""
-    known = np.asarray(np.isfinite(mean).all(axis=1) & np.isfinite(cov).all(axis=(1, 2)))
-    centre = np.where(known[:, None], mean, peak)
-    half = np.sqrt(3 * np.maximum(np.where(known[:, None], cov[:, [0, 1], [0, 1]], 1.0), 0)) + 1
-    return np.column_stack([np.minimum(centre - half, peak - 1), np.maximum(centre + half, peak + 1)])
+def _boxes(found: Candidates) -> Array:
+    """The regions' boxes (N, 4) from their moments (a uniform bar of that variance); the peak's own where none grew."""
+    grown = (found.area_px > 0)[:, None]
+    centre = np.where(grown, found.mean_uv_px, found.peak_uv_px)
+    variance = np.where(grown, found.cov_uv_px2[:, [0, 1], [0, 1]], 0.5)
+    half = np.sqrt(3 * np.maximum(variance, 0)) + 1
+    return np.column_stack([np.minimum(centre - half, found.peak_uv_px), np.maximum(centre + half, found.peak_uv_px)])
 
 
 def _scale(sensor: SensorModel, uv_px: Array) -> Array:

@@ -4,7 +4,7 @@ export const STRING_COLOURS = { "A": "#ffd166", "B": "#4cc9f0", "C": "#8ce99a", 
 export const colourOf = (label) => STRING_COLOURS[label] ?? "#3fd0c9";
 export const nameOf = (label) => label.replace("'", "′");
 const GOOD = "#4de08a", BAD = "#ff8a7a", SPOT = "#3fd0c9", TRUE = "#ff8df0", FALSE = "#ff5d5d";
-const GAIN = 30; // error vectors are drawn this much longer
+const GAIN = 150; // error vectors are drawn this much longer
 
 export function drawOverlay(context, view, answer, show) {
   if (!answer) return;

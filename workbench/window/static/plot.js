@@ -3,7 +3,7 @@
 import { el, clear, fitCanvas, number, style } from "./dom.js";
 import { colourOf, nameOf, tag } from "./overlay.js";
 
-const SIGMA_GAIN = 20, ERROR_GAIN = 50;
+const SIGMA_GAIN = 200, ERROR_GAIN = 200;
 
 // What the plot fits to: the points with room around them; without points the field of view.
 export function plotBox(session, answer) {

@@ -72,9 +72,11 @@ function summary() {
   if (s && s.rms !== null) {
     const gain = before && before.rms !== null && now.length === total ? s.rms - before.rms : 0;
     const change = Math.abs(gain) >= 0.0005 ? ` (${gain > 0 ? "+" : "−"}${Math.abs(gain).toFixed(3)})` : "";
-    chip(gain > 0.0005 ? "bad" : gain < -0.0005 ? "good" : "", `rms ${number(s.rms)} mm${change}`);
-    chip(s.missed ? "warn" : "", `${s.missed} missed`);
-    chip(s.false ? "warn" : "", `${s.false} false`);
+    chip("", `rms ${number(s.rms)} mm${change}`);
+    for (const kind of ["missed", "false"]) {
+      const more = before && now.length === total && survey.saved.length === total ? s[kind] - before[kind] : 0;
+      chip(more > 0 ? "bad" : more < 0 ? "good" : s[kind] ? "warn" : "", `${s[kind]} ${kind}${more ? ` (${more > 0 ? "+" : "−"}${Math.abs(more)})` : ""}`);
+    }
   }
   clear($("summary"), chips);
 }
@@ -82,14 +84,14 @@ function summary() {
 function render() {
   const { now, total, saved } = survey;
   const choice = (id, title) => el("button", { "aria-pressed": form === id, onclick: () => { form = id; render(); } }, title);
-  const lost = saved.filter((b) => now[b.index] && now[b.index].labelled < b.labelled).length;
-  const won = saved.filter((b) => now[b.index] && now[b.index].labelled > b.labelled).length;
+  const changes = saved.map((b) => (now[b.index] ? now[b.index].labelled - b.labelled : 0));
+  const won = changes.reduce((n, c) => n + Math.max(c, 0), 0), lost = changes.reduce((n, c) => n + Math.max(-c, 0), 0);
   clear($("sheet"),
     el("div", { class: "page-head" },
       el("span", { class: "choice" }, choice("sheet", "Contact sheet"), choice("table", "Table")),
       now.length < total ? el("progress", { max: total, value: now.length }) : null,
       el("span", {}, `${now.length} of ${total} images with the parameters as they stand; change against the last saved set: `,
-        el("span", { class: won ? "better" : "" }, `${won} gained`), ", ", el("span", { class: lost ? "worse" : "" }, `${lost} lost strings`))),
+        el("span", { class: won ? "better" : "" }, `${won} strings gained`), ", ", el("span", { class: lost ? "worse" : "" }, `${lost} lost`))),
     form === "sheet" ? el("div", { class: "cards" }, now.map(card)) : table());
   if (form === "sheet") now.forEach(drawCard);
 }

@@ -61,6 +61,7 @@ function oneToOne() {
 }
 
 function tabChanged(id) {
+  state.selected = null;
   const needsLayer = id === "background" || id === "mask";
   if (id === "plot") views.plot.box = plotBox(state.session, stage.answer);
   if (current().fitted && !$("stage").hidden) current().fit();
