@@ -1,0 +1,69 @@
+"""Whether a scene and an optics can give an image at all: never an empty image that looks like a result."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from geometry import InputError, SensorModel, field_of_view, inside_polygon
+from perceptron_emu.config import EmulatorConfig
+from perceptron_emu.optics import (
+    defocus_radius_px,
+    filter_transmission,
+    focus_distance_mm,
+    principal_distance_mm,
+)
+from perceptron_emu.projection import to_camera
+from perceptron_emu.scene import Scene
+from perceptron_emu.sheet import axis_meets_sheet_mm
+from perceptron_emu.sheet_faces import faces_in_sheet
+from perceptron_emu.strings import cylinders
+
+MIN_TRANSMISSION = 1e-3
+LARGEST_BLUR_PX = 0.1  # of the image's width
+
+
+def check_scene(scene: Scene) -> None:
+    """InputError where the sensor can see nothing of what is in the scene."""
+    polygon = field_of_view(scene.sensor)
+    in_view = False
+    if scene.jig is not None:
+        strings = cylinders(scene.jig, scene.T_sensor_jig)
+        if np.all(np.abs(strings.directions[:, 0]) < 1e-6):
+            raise InputError("the laser sheet is parallel to all strings of the jig: turn [jig] rotation_deg")
+        crossed = ~np.isnan(strings.crossing[:, 0])
+        if not np.any(crossed):
+            raise InputError("the laser sheet x = 0 passes the jig by: no string crosses it, move [jig] translation_mm")
+        seen = inside_polygon(strings.crossing[crossed][:, 1:], polygon)
+        if not np.any(seen):
+            (y, z), (low, high) = strings.crossing[crossed][:, 1:].mean(0), (polygon.min(0), polygon.max(0))
+            raise InputError(
+                f"the jig is out of view: its strings cross the sheet about y = {y:.0f}, z = {z:.0f} mm, the field "
+                f"of view spans y {low[0]:.0f} … {high[0]:.0f}, z {low[1]:.0f} … {high[1]:.0f} mm"
+            )
+        in_view = True
+    if not in_view and len(faces_in_sheet(scene, EmulatorConfig()).triangles) == 0:
+        raise InputError("nothing in the scene reaches the laser sheet x = 0: the image would show no stripe")
+
+
+def check_optics(sensor: SensorModel, config: EmulatorConfig) -> None:
+    """InputError where lens, filter or laser can not be, or can not give an image of the sheet."""
+    optics, laser = config.optics, config.laser
+    chip, focus = principal_distance_mm(optics, sensor), focus_distance_mm(optics, sensor)
+    if focus <= chip:
+        raise InputError(
+            f"[optics] focus_distance_mm = {focus:g} is not beyond the chip's {chip:.1f} mm behind the lens "
+            f"(fx_px × pixel_um): no lens of a profile sensor magnifies so, check pixel_um"
+        )
+    passed = float(filter_transmission(optics, laser.wavelength_nm, np.array(1.0), laser.wavelength_nm))
+    if passed < MIN_TRANSMISSION:
+        raise InputError(
+            f"[optics] filter_centre_nm = {optics.filter_centre_nm:g} with filter_fwhm_nm = {optics.filter_fwhm_nm:g} "
+            f"blocks the laser's {laser.wavelength_nm:g} nm"
+        )
+    ray = sensor.laser_origin_mm + np.array([0.0, 0.0, axis_meets_sheet_mm(sensor)])
+    blur = float(defocus_radius_px(optics, sensor, to_camera(sensor, ray)))
+    if blur > LARGEST_BLUR_PX * sensor.width_px:
+        raise InputError(
+            f"[optics] focus_distance_mm = {focus:g} at F/{optics.f_number:g} blurs the middle of the sheet to "
+            f"{2 * blur:.0f} px: focus nearer to where the camera looks"
+        )

@@ -1,0 +1,190 @@
+"""scene.toml: a jig, meshes and panels before the sensor, each with its place and material."""
+
+from __future__ import annotations
+
+import difflib
+import tomllib
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+import trimesh
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from geometry import InputError, Pose, SensorModel
+from jig_cad import read_jig
+from jig_cad.solids import jig_solids
+from perceptron_emu.check import check_scene
+from perceptron_emu.scene import ALUMINIUM, BLACK_PLATE, MATTE, WALL, Material, Scene, Solid, panel
+
+MATERIALS = {"matte": MATTE, "black": BLACK_PLATE, "aluminium": ALUMINIUM, "wall": WALL}
+UNITS = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "inch": 25.4}
+FORMATS = (".stl", ".obj", ".ply", ".glb")
+SMALLEST_MM, LARGEST_MM = 1.0, 10_000.0  # a part beyond these is in another unit than it says
+
+Vector = tuple[float, float, float]
+Unit = Literal["mm", "cm", "m", "inch"]
+
+
+class Table(BaseModel):
+    """A table of scene.toml: unknown keys, NaN and infinities are errors."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+    name: str = ""
+
+
+class Placed(Table):
+    """A place: rotations about fixed X, Y, Z [deg] and a translation [mm], in {P} or in the jig's axes."""
+
+    rotation_deg: Vector = (0.0, 0.0, 0.0)
+    translation_mm: Vector = (0.0, 0.0, 0.0)
+    frame: Literal["sensor", "jig"] = "sensor"
+    material: str = "matte"
+
+
+class JigTable(Table):
+    """[jig]: its file and T_sensor_jig; solids = false leaves out plates and posts."""
+
+    file: str
+    rotation_deg: Vector = (0.0, 0.0, 0.0)
+    translation_mm: Vector
+    solids: bool = True
+
+
+class MeshTable(Placed):
+    """[[mesh]]: STL, OBJ, PLY or GLB. unit: default mm, for GLB m (as glTF has it). open = true allows one with
+    holes.
+    """
+
+    file: str
+    unit: Unit | None = None
+    open: bool = False
+
+
+class PanelTable(Placed):
+    """[[panel]]: a flat panel in its own x-y plane, centred."""
+
+    width_mm: Annotated[float, Field(gt=0)]
+    height_mm: Annotated[float, Field(gt=0)]
+    material: str = "wall"
+
+
+class MaterialTable(Table):
+    """[materials.NAME]: the albedo, the gloss and its width."""
+
+    diffuse: float = 0.5
+    specular: float = 0.0
+    roughness: float = 0.3
+
+
+class SceneFile(Table):
+    """The whole file."""
+
+    jig: JigTable | None = None
+    mesh: tuple[MeshTable, ...] = ()
+    panel: tuple[PanelTable, ...] = ()
+    materials: dict[str, MaterialTable] = {}
+    string_material: str | None = None
+
+
+def read_scene(path: Path | str, sensor: SensorModel) -> Scene:
+    """The scene of a scene.toml before a sensor, its files found beside it.
+
+    Raises InputError naming file and key for anything that can not be, and for a scene that the sensor can not see.
+    """
+    path = Path(path)
+    file = _parse(path)
+    materials = MATERIALS | {k: _material(path, k, m) for k, m in file.materials.items()}
+    jig, T_sensor_jig, solids = None, Pose.identity(), []
+    if file.jig is not None:
+        jig = read_jig(path.parent / file.jig.file)
+        T_sensor_jig = Pose.from_fixed_xyz_deg(file.jig.rotation_deg, file.jig.translation_mm)
+        if file.jig.solids:
+            for name, mesh in jig_solids(jig, strings=False).items():
+                solids.append(Solid(mesh, ALUMINIUM if name.startswith("post") else BLACK_PLATE, T_sensor_jig, name))
+    for i, table in enumerate(file.mesh):
+        where = f"{path}: mesh[{i}]"
+        pose = _pose(where, table, T_sensor_jig if jig else None)
+        mesh = read_mesh(path.parent / table.file, table.unit, allow_open=table.open)
+        solids.append(Solid(mesh, _find(where, table.material, materials), pose, table.name or Path(table.file).stem))
+    for i, flat in enumerate(file.panel):
+        where = f"{path}: panel[{i}]"
+        pose = _pose(where, flat, T_sensor_jig if jig else None)
+        material = _find(where, flat.material, materials)
+        solids.append(panel(flat.width_mm, flat.height_mm, pose, material, flat.name or f"panel {i}"))
+    thread = _find(f"{path}: string_material", file.string_material, materials) if file.string_material else None
+    scene = Scene(sensor, jig, T_sensor_jig, tuple(solids), thread)
+    check_scene(scene)
+    return scene
+
+
+def read_mesh(path: Path, unit: Unit | None = None, *, allow_open: bool = False) -> trimesh.Trimesh:
+    """A mesh file in millimetres. Raises InputError where it has no faces, is not watertight or can not be in that
+    unit.
+    """
+    if path.suffix.lower() not in FORMATS:
+        raise InputError(f'{path}: "{path.suffix}" is not a mesh format read here, use {", ".join(FORMATS)}')
+    if not path.is_file():
+        raise InputError(f"{path}: there is no such file")
+    try:
+        mesh: Any = trimesh.load(path, force="mesh")
+    except Exception as error:
+        raise InputError(f"{path}: not a readable mesh ({error})") from error
+    if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
+        raise InputError(f"{path}: the mesh has no faces")
+    mesh.merge_vertices()
+    unit = unit or ("m" if path.suffix.lower() == ".glb" else "mm")
+    mesh.vertices = mesh.vertices * UNITS[unit]
+    size = mesh.extents
+    if not SMALLEST_MM <= float(size.max()) <= LARGEST_MM:
+        text = " × ".join(f"{s:.3g}" for s in size)
+        raise InputError(f'{path}: read in {unit} the mesh measures {text} mm; set unit = "mm", "cm", "m" or "inch"')
+    if not (allow_open or mesh.is_watertight):
+        holes = int(np.sum(np.unique(mesh.edges_sorted, axis=0, return_counts=True)[1] == 1))
+        raise InputError(f"{path}: the mesh is not watertight ({holes} open edges); mend it or set open = true")
+    return mesh
+
+
+def _parse(path: Path) -> SceneFile:
+    try:
+        data = tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise InputError(f"{path}: there is no such file") from None
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise InputError(f"{path}: {error}") from error
+    try:
+        return SceneFile.model_validate(data)
+    except ValidationError as error:
+        first = error.errors()[0]
+        key = ".".join(str(part) for part in first["loc"])
+        raise InputError(f"{path}: {key}: {first['msg']}{_suggestion(first)}") from error
+
+
+def _suggestion(error: Any) -> str:
+    if error["type"] != "extra_forbidden":
+        return ""
+    known = [f for table in (SceneFile, JigTable, MeshTable, PanelTable, MaterialTable) for f in table.model_fields]
+    near = difflib.get_close_matches(str(error["loc"][-1]), known, n=1)
+    return f'; did you mean "{near[0]}"?' if near else ""
+
+
+def _material(path: Path, name: str, table: MaterialTable) -> Material:
+    try:
+        return Material(table.diffuse, table.specular, table.roughness)
+    except InputError as error:
+        raise InputError(f"{path}: materials.{name}: {error}") from error
+
+
+def _find(where: str, name: str, materials: dict[str, Material]) -> Material:
+    if name not in materials:
+        raise InputError(f'{where}: material "{name}" is not known; there are {", ".join(sorted(materials))}')
+    return materials[name]
+
+
+def _pose(where: str, table: Placed, T_sensor_jig: Pose | None) -> Pose:
+    pose = Pose.from_fixed_xyz_deg(np.array(table.rotation_deg), np.array(table.translation_mm))
+    if table.frame == "sensor":
+        return pose
+    if T_sensor_jig is None:
+        raise InputError(f'{where}: frame = "jig", but the scene has no [jig]')
+    return T_sensor_jig @ pose

@@ -1,0 +1,123 @@
+"""scene.toml: what it makes, and one sentence for everything that it can not be."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from geometry import InputError, SensorModel
+from perceptron_emu import EmulatorConfig, render
+from perceptron_emu.check import check_optics
+from perceptron_emu.scene_file import read_scene
+
+JIG = "side_mm = 100.0\nheight_mm = 100.0\nstring_diameter_mm = 0.3\ntolerance_mm = 0.1\n"
+PLACE = '[jig]\nfile = "jig.toml"\nrotation_deg = [5, 15, 3]\ntranslation_mm = [-45, 0, 300]\n'
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "jig.toml").write_text(JIG)
+    trimesh.creation.box((40, 30, 20)).export(tmp_path / "box.stl")
+    return tmp_path
+
+
+def write(folder: Path, text: str) -> Path:
+    path = folder / "scene.toml"
+    path.write_text(text)
+    return path
+
+
+@pytest.mark.parametrize("suffix", ["stl", "obj", "ply", "glb"])
+def test_a_part_of_any_format_gives_a_stripe(folder: Path, sensor: SensorModel, suffix: str) -> None:
+    scale = 1e-3 if suffix == "glb" else 1.0  # glTF is in metres
+    trimesh.creation.box((40, 30, 20)).apply_scale(scale).export(folder / f"part.{suffix}")
+    text = f'[[mesh]]\nfile = "part.{suffix}"\nmaterial = "aluminium"\ntranslation_mm = [0, 0, 300]\n'
+    scene = read_scene(write(folder, text), sensor)
+    np.testing.assert_allclose(scene.solids[0].mesh.extents, [40, 30, 20], atol=1e-4)
+    assert render(scene, EmulatorConfig().off("noise", "speckle", "ambient")).image.max() > 30
+
+
+def test_jig_panels_and_materials(folder: Path, sensor: SensorModel) -> None:
+    more = (
+        '[[panel]]\nwidth_mm = 500\nheight_mm = 400\ntranslation_mm = [50, 0, 200]\nframe = "jig"\nmaterial = "grey"\n'
+    )
+    scene = read_scene(write(folder, PLACE + more + "[materials.grey]\ndiffuse = 0.3\n"), sensor)
+    assert scene.jig is not None
+    assert [s.name for s in scene.solids][-1] == "panel 0"
+    assert scene.solids[-1].material.diffuse == 0.3
+    assert len(scene.solids) > 3
+
+
+BAD = {
+    "unknown key": (PLACE + "rotaton_deg = [0, 0, 0]\n", r"scene\.toml: jig\.rotaton_deg.*rotation_deg"),
+    "no file": ('[[mesh]]\nfile = "none.stl"\n', r"none\.stl: there is no such file"),
+    "format": ('[[mesh]]\nfile = "jig.toml"\n', r"jig\.toml.*not a mesh format"),
+    "unit": ('[[mesh]]\nfile = "box.stl"\nunit = "m"\n', r"box\.stl: read in m the mesh measures .* unit"),
+    "material": ('[[mesh]]\nfile = "box.stl"\nmaterial = "velvet"\n', r'material "velvet" is not known'),
+    "frame": ('[[mesh]]\nfile = "box.stl"\nframe = "jig"\n', r'frame = "jig", but the scene has no \[jig\]'),
+    "albedo": ("[materials.sun]\ndiffuse = 2.0\n", r"materials\.sun: material diffuse = 2"),
+    "nan": (PLACE.replace("300", "nan"), r"jig\.translation_mm.*finite"),
+    "jig beside": (PLACE.replace("[-45, 0, 300]", "[-45, 900, 300]"), r"out of view: .*field of view"),
+    "jig above": (PLACE.replace("[-45, 0, 300]", "[500, 0, 300]"), r"passes the jig by"),
+    "jig parallel": (
+        PLACE.replace("[5, 15, 3]", "[0, 0, 90]").replace("[-45, 0, 300]", "[50, 0, 300]"),
+        r"parallel|passes the jig by|out of view",
+    ),
+    "nothing in the sheet": (
+        '[[mesh]]\nfile = "box.stl"\ntranslation_mm = [200, 0, 300]\n',
+        r"nothing in the scene reaches",
+    ),
+    "not toml": ("[jig\n", r"scene\.toml: "),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_scenes_are_named(folder: Path, sensor: SensorModel, case: str) -> None:
+    text, message = BAD[case]
+    with pytest.raises(InputError, match=message):
+        read_scene(write(folder, text), sensor)
+
+
+def test_open_and_empty_meshes_are_named(folder: Path, sensor: SensorModel) -> None:
+    box = trimesh.creation.box((40, 30, 20))
+    trimesh.Trimesh(box.vertices, box.faces[:-1], process=False).export(folder / "open.stl")
+    (folder / "empty.stl").write_text("solid nothing\nendsolid nothing\n")
+    (folder / "broken.ply").write_bytes(b"\x00\x01\x02")
+    for name, message in (("open.stl", "not watertight \\(3 open"), ("empty.stl", "empty"), ("broken.ply", "broken")):
+        with pytest.raises(InputError, match=message):
+            read_scene(write(folder, f'[[mesh]]\nfile = "{name}"\ntranslation_mm = [0, 0, 300]\n'), sensor)
+    text = '[[mesh]]\nfile = "open.stl"\nopen = true\ntranslation_mm = [0, 0, 300]\n'
+    assert read_scene(write(folder, text), sensor).solids
+
+
+@pytest.mark.parametrize(
+    ("optics", "message"),
+    [
+        ({"filter_centre_nm": 450.0}, "blocks the laser's 660 nm"),
+        ({"focus_distance_mm": 5.0}, "not beyond the chip"),
+        ({"focus_distance_mm": 14.0, "defocus": True, "f_number": 1.4}, "blurs the middle"),
+    ],
+)
+def test_impossible_optics_are_named(sensor: SensorModel, optics: dict[str, object], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        check_optics(sensor, EmulatorConfig.from_tables({"optics": optics}))
+
+
+def test_default_optics_are_possible(sensor: SensorModel) -> None:
+    check_optics(sensor, EmulatorConfig())
+
+
+@pytest.mark.parametrize(
+    ("tables", "message"),
+    [
+        ({"laser": {"power_mw": -1}}, r"\[laser\] power_mw = -1"),
+        ({"noise": {"quantum_efficiency": float("nan")}}, r"\[noise\] quantum_efficiency"),
+        ({"exposure": {"shutter": "leaf"}}, r"\[exposure\] shutter"),
+    ],
+)
+def test_bad_configuration_names_table_and_key(tables: dict[str, object], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        EmulatorConfig.from_tables(tables)
