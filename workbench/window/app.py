@@ -35,13 +35,14 @@ Answer = Callable[[Body], Response]
 def make_app(session: Session) -> Starlette:
     """The inner application; put a `Gate` before it."""
     api = _Api(session)
-    static = {f.name: f.read_bytes() for f in files("workbench.window.static").iterdir() if f.name[-3:] != ".py"}
+    inside = files("workbench.window.static").iterdir()
+    static = {f.name: f.read_bytes() for f in inside if f.name.rsplit(".", 1)[-1] in MEDIA}
 
     def page_file(request: Request) -> Response:
         name = request.path_params.get("name", "index.html")
-        if name not in static or (kind := MEDIA.get(name.rsplit(".", 1)[-1])) is None:
+        if name not in static:
             raise HTTPException(404)
-        return Response(static[name], media_type=kind)
+        return Response(static[name], media_type=MEDIA[name.rsplit(".", 1)[-1]])
 
     routes = [
         Route("/", page_file),
