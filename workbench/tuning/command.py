@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import typer
 from pydantic import BaseModel
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
@@ -22,6 +23,7 @@ from workbench.window.settings_text import settings_toml
 
 RESULT = "tuned.toml"
 JOURNAL = "tune.journal"
+EXIT_INTERRUPTED = 130
 
 
 def run_auto(request: Request, trials: int, seed: int) -> None:
@@ -71,7 +73,7 @@ def _print(task: Task, found: Found, judgement: Judgement, defaults: BaseModel, 
         console.print(f"left out: {name}", markup=False, soft_wrap=True)
     console.print(_table(judgement))
     low, high = judgement.gain_90
-    margin = f"loss {judgement.gain:+.1%} (90 % interval {low:+.1%} … {high:+.1%})"
+    margin = f"gain {judgement.gain:+.1%} (90 % interval {low:+.1%} … {high:+.1%})"
     if judgement.better:
         console.print(f"The found settings beat the defaults on the held-out images by this margin: {margin}.")
         for line in changes(found.config, defaults):
@@ -81,10 +83,11 @@ def _print(task: Task, found: Found, judgement: Judgement, defaults: BaseModel, 
     console.print(f"saved: {path}", markup=False, soft_wrap=True)
     if found.interrupted:
         console.print("Interrupted; the same command goes on from here.")
+        raise typer.Exit(EXIT_INTERRUPTED)
 
 
 def _table(judgement: Judgement) -> Table:
-    table = Table("held-out images", "loss [mm]", "rms [mm]", "missed", "false", "of", box=None, pad_edge=False)
+    table = Table("held-out images", "loss, mm", "rms, mm", "missed", "false", "of", box=None, pad_edge=False)
     rows = {"defaults": judgement.defaults, "start": judgement.start, "found": judgement.found}
     if judgement.start == judgement.defaults:
         del rows["start"]
