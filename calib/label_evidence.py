@@ -18,6 +18,7 @@ Array = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
 FREE_SIGMA_MM, FREE_SIGMA_RAD = 150.0, 1.0  # where the jig may be when nothing is known
+FACING_SIGMA_RAD = float(np.deg2rad(60.0))  # string A, the front of the pillar, mostly faces the sensor
 END_MARGIN = 0.03  # share of its length by which a string may be crossed beyond its anchors
 ITERATIONS = 15
 
@@ -38,6 +39,11 @@ class Prior:
 
     T_sensor_jig: Pose
     covariance: Array
+
+    def chi2(self, T_sensor_jig: Pose) -> float:
+        """Squared Mahalanobis distance of a pose from the guess."""
+        xi = (self.T_sensor_jig.inverse() @ T_sensor_jig).log()
+        return float(np.sum((self.root_information @ xi) ** 2))
 
     @property
     def root_information(self) -> Array:
@@ -77,6 +83,8 @@ def weigh(labels: IntArray, spots: Spots, jig: Jig, prior: Prior | None, max_til
     chi2, T, jacobian = chi2[rows, best], solution.T_sensor_jig[rows, best], solution.jacobian[rows, best]
     covariance, log_volume = _posterior(jacobian, prior)
     evidence = _log_evidence(labels, spots, chi2, log_volume)
+    if prior is None:
+        evidence = evidence - 0.5 * (np.arccos(np.clip(T.R[:, 2, 2], -1, 1)) / FACING_SIGMA_RAD) ** 2
     order = [int(i) for i in np.argsort(-evidence, kind="stable") if np.isfinite(evidence[i])]
     return Hypotheses(labels[order], T[order], covariance[order], chi2[order], evidence[order])
 

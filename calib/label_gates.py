@@ -13,7 +13,7 @@ Array = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
 GATE_CHI2 = 20.0  # 2 degrees of freedom: 4.5e-5 of true spots lie outside
-DETECTED = 0.95
+DETECTED = 0.9  # a string's share of being seen at all
 SECOND_ORDER = 0.12  # error of the linear prediction as a share of the first-order motion's σ
 
 

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from calib.axis_offset import rough_offset
 from calib.config import CalibConfig
+from calib.jig_pose import MIN_STRINGS
 from calib.label_evidence import Hypotheses, Prior, Spots, weigh
 from calib.label_faces import five_spot_labels
 from calib.label_gates import DETECTED, gated_labels
@@ -76,12 +77,16 @@ def _choose(
     config: CalibConfig,
 ) -> LabelledFrame | None:
     """The best labelling, judged with the true surface offsets; None where none is sure."""
-    refined: list[tuple[float, LabelledFrame]] = []
+    refined: list[tuple[float, LabelledFrame | None]] = []
     for i, labels in _rivals(found, jig):
+        if np.sum(labels >= 0) < MIN_STRINGS:  # too contested for an answer, too likely to be passed over
+            refined.append((float(found.log_evidence[i]), None))
+            continue
         frame = refine_labels(points, labels, found.T_sensor_jig[i], prior, jig, sensor, config)
-        if frame is not None:
+        if frame is not None and frame.T_sensor_jig is not None:
             lost = np.sum(found.labels[i] >= 0) - sum(f != "pose_residual" for f in frame.axis.flag)
-            change = 0.5 * (found.chi2[i] - frame.cost) - STRING_NATS * float(lost)
+            exact = frame.cost + (0.0 if prior is None else prior.chi2(frame.T_sensor_jig))
+            change = 0.5 * (found.chi2[i] - exact) - STRING_NATS * float(lost)
             refined.append((float(found.log_evidence[i]) + change, frame))
     refined.sort(key=lambda r: -r[0])
     sure = len(refined) == 1 or (len(refined) > 1 and refined[0][0] > refined[1][0] + MARGIN)
@@ -132,7 +137,8 @@ def _spots(
     extra = config.labelling.floor_mm**2 + (OFFSET_SPREAD * radius) ** 2 + anchor_sigma(jig) ** 2 + doubt_mm**2
     cov = points.cov_yz_mm2[:n] + extra * np.eye(2)
     odds = 0.5 * np.log((points.score[:n] + 0.05) / (1.05 - points.score[:n]))
-    area = (3 * jig.side_mm) ** 2
+    width, depth = np.ptp(points.yz_mm, axis=0)
+    area = max(width, jig.side_mm) * max(depth, jig.side_mm)
     return Spots(points.yz_mm[:n] - offset, cov, odds, max(len(points), 5) / area)
 
 
@@ -145,11 +151,13 @@ def _rivals(found: Hypotheses, jig: Jig) -> list[tuple[int, IntArray]]:
     anchors = found.T_sensor_jig[near] @ np.broadcast_to(jig.anchors_mm, (len(near), *jig.anchors_mm.shape))
     out: list[tuple[int, IntArray]] = []
     for i in near:
+        mine = found.labels[i]
         for k, labels in out:
-            if np.sqrt(np.mean(np.sum((anchors[i] - anchors[k]) ** 2, -1))) < SAME_POSE_MM:
+            part = bool(np.all((mine == found.labels[k]) | (mine < 0)))  # says nothing that k does not say
+            if part or np.sqrt(np.mean(np.sum((anchors[i] - anchors[k]) ** 2, -1))) < SAME_POSE_MM:
                 if found.log_evidence[i] >= found.log_evidence[k] - MARGIN:
-                    labels[found.labels[i] != found.labels[k]] = -1
+                    labels[mine != found.labels[k]] = -1
                 break
         else:
-            out.append((int(i), found.labels[i].copy()))
-    return [(i, labels) for i, labels in out if np.sum(labels >= 0) >= 3]
+            out.append((int(i), mine.copy()))
+    return out
