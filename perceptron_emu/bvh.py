@@ -12,6 +12,7 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 LEAF = 4
+SLACK = 1e-9  # of a segment's length: a flat box must not be missed by rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,47 +69,53 @@ def _blocked(boxes, children, triangles, origins, targets):  # type: ignore[no-u
     out = np.zeros(len(origins), np.bool_)
     stack = np.empty(128, np.int64)
     for r in range(len(origins)):
-        o, d = origins[r], targets[r] - origins[r]
+        ox, oy, oz = origins[r, 0], origins[r, 1], origins[r, 2]
+        dx, dy, dz = targets[r, 0] - ox, targets[r, 1] - oy, targets[r, 2] - oz
+        # a component of 0 becomes one so small that its slab is all or nothing
+        ix = 1 / dx if abs(dx) > 1e-12 else 1e12
+        iy = 1 / dy if abs(dy) > 1e-12 else 1e12
+        iz = 1 / dz if abs(dz) > 1e-12 else 1e12
         stack[0] = 0
         top = 1
         while top > 0 and not out[r]:
             top -= 1
             node = stack[top]
-            near, far = 0.0, 1.0
-            for k in range(3):
-                if abs(d[k]) > 1e-12:
-                    a, b = (boxes[node, k] - o[k]) / d[k], (boxes[node, 3 + k] - o[k]) / d[k]
-                    near, far = max(near, min(a, b)), min(far, max(a, b))
-                elif o[k] < boxes[node, k] or o[k] > boxes[node, 3 + k]:
-                    far = -1.0
-            if near > far:
+            a, b = (boxes[node, 0] - ox) * ix, (boxes[node, 3] - ox) * ix
+            near, far = max(0.0, min(a, b)), min(1.0, max(a, b))
+            a, b = (boxes[node, 1] - oy) * iy, (boxes[node, 4] - oy) * iy
+            near, far = max(near, min(a, b)), min(far, max(a, b))
+            a, b = (boxes[node, 2] - oz) * iz, (boxes[node, 5] - oz) * iz
+            near, far = max(near, min(a, b)), min(far, max(a, b))
+            if near > far + SLACK:
                 continue
             if children[node, 0] >= 0:
                 stack[top], stack[top + 1] = children[node, 0], children[node, 1]
                 top += 2
                 continue
-            for i in range(-1 - children[node, 0], -1 - children[node, 0] + children[node, 1]):
-                if _cuts(triangles[i], o, d):
+            first = -1 - children[node, 0]
+            for i in range(first, first + children[node, 1]):
+                if _cuts(triangles, i, ox, oy, oz, dx, dy, dz):
                     out[r] = True
                     break
     return out
 
 
 @njit(cache=True, inline="always")
-def _cuts(t, o, d):  # type: ignore[no-untyped-def]
+def _cuts(triangles, i, ox, oy, oz, dx, dy, dz):  # type: ignore[no-untyped-def]
     """Möller & Trumbore 1997; closed at the edges, so that no ray slips between two triangles."""
-    e1x, e1y, e1z = t[1, 0] - t[0, 0], t[1, 1] - t[0, 1], t[1, 2] - t[0, 2]
-    e2x, e2y, e2z = t[2, 0] - t[0, 0], t[2, 1] - t[0, 1], t[2, 2] - t[0, 2]
-    px, py, pz = d[1] * e2z - d[2] * e2y, d[2] * e2x - d[0] * e2z, d[0] * e2y - d[1] * e2x
+    ax, ay, az = triangles[i, 0, 0], triangles[i, 0, 1], triangles[i, 0, 2]
+    e1x, e1y, e1z = triangles[i, 1, 0] - ax, triangles[i, 1, 1] - ay, triangles[i, 1, 2] - az
+    e2x, e2y, e2z = triangles[i, 2, 0] - ax, triangles[i, 2, 1] - ay, triangles[i, 2, 2] - az
+    px, py, pz = dy * e2z - dz * e2y, dz * e2x - dx * e2z, dx * e2y - dy * e2x
     det = e1x * px + e1y * py + e1z * pz
     if det == 0:
         return False
-    sx, sy, sz = o[0] - t[0, 0], o[1] - t[0, 1], o[2] - t[0, 2]
+    sx, sy, sz = ox - ax, oy - ay, oz - az
     u = (sx * px + sy * py + sz * pz) / det
     if u < -1e-12 or u > 1 + 1e-12:
         return False
     qx, qy, qz = sy * e1z - sz * e1y, sz * e1x - sx * e1z, sx * e1y - sy * e1x
-    v = (d[0] * qx + d[1] * qy + d[2] * qz) / det
+    v = (dx * qx + dy * qy + dz * qz) / det
     if v < -1e-12 or u + v > 1 + 1e-12:
         return False
     s = (e2x * qx + e2y * qy + e2z * qz) / det

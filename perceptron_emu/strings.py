@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,6 +85,12 @@ def light_strings(
     return LitStrings(xyz, light.electrons(xyz, np.broadcast_to(normal[:, None], xyz.shape), material) * area)
 
 
+@lru_cache(maxsize=64)
+def _gauss(count: int) -> tuple[Array, Array]:
+    nodes, weights = np.polynomial.legendre.leggauss(count)
+    return np.asarray(nodes), np.asarray(weights)
+
+
 def _arc_nodes(material: Material) -> int:
     """Gauss nodes around the arc: the matte part is nearly a polynomial, a glossy lobe of width α is not."""
     if material.specular == 0:
@@ -107,7 +114,7 @@ def _arc(strings: Cylinders, middle: Array, sensor: SensorModel, count: int) -> 
     gap = (centre[1] - centre[0] + np.pi) % (2 * np.pi) - np.pi
     low = np.maximum(-half[0], gap - half[1])
     high = np.minimum(half[0], gap + half[1])
-    nodes, weights = np.polynomial.legendre.leggauss(count)
+    nodes, weights = _gauss(count)
     span = np.maximum(high - low, 0)[:, None]
     psi = centre[0][:, None] + (low + high)[:, None] / 2 + span / 2 * nodes
     normal = np.cos(psi)[..., None] * first[:, None] + np.sin(psi)[..., None] * second[:, None]

@@ -1,0 +1,45 @@
+"""Visibility through meshes: the hierarchy against all triangles tried one by one, and against Embree."""
+
+from __future__ import annotations
+
+import numpy as np
+import trimesh
+
+from perceptron_emu.bvh import blocked, build_bvh
+
+
+def rays(n: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(seed)
+    ends = rng.normal(size=(2, n, 3)) * 40
+    ends[1, : n // 4, 0] = ends[0, : n // 4, 0]  # rays with a direction component of exactly 0
+    return ends[0], ends[1]
+
+
+def test_the_hierarchy_finds_what_all_triangles_find() -> None:
+    mesh = trimesh.creation.torus(20, 7)
+    tree, (origins, targets) = build_bvh(mesh.triangles), rays(2000, 1)
+    alone = np.zeros(len(origins), dtype=bool)
+    for triangle in mesh.triangles:
+        alone |= blocked(build_bvh(triangle[None]), origins, targets)
+    np.testing.assert_array_equal(blocked(tree, origins, targets), alone)
+    assert 0.1 < alone.mean() < 0.9
+
+
+def test_the_hierarchy_agrees_with_embree() -> None:
+    """But for rays that graze an edge, where Embree's single precision may differ."""
+    mesh = trimesh.creation.torus(20, 7)
+    origins, targets = rays(4000, 2)
+    direction = targets - origins
+    length = np.linalg.norm(direction, axis=1)
+    hits, index, _ = mesh.ray.intersects_location(origins, direction / length[:, None], multiple_hits=True)
+    theirs = np.zeros(len(origins), dtype=bool)
+    theirs[index[np.linalg.norm(hits - origins[index], axis=1) < length[index]]] = True
+    assert np.mean(theirs != blocked(build_bvh(mesh.triangles), origins, targets)) < 2e-3
+
+
+def test_a_flat_panel_across_an_axis_blocks() -> None:
+    panel = np.array([[[-5.0, -5, 0], [5, -5, 0], [5, 5, 0]], [[-5.0, -5, 0], [5, 5, 0], [-5, 5, 0]]])
+    tree = build_bvh(panel)
+    points = np.array([[0.0, 0, 1], [1, 2, 3], [9, 0, 1], [0, 0, 1]])
+    ends = np.array([[0.0, 0, -1], [1, 2, -3], [9, 0, -1], [0, 0, 0.5]])
+    np.testing.assert_array_equal(blocked(tree, points, ends), [True, True, False, False])
