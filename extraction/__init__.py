@@ -3,7 +3,7 @@
 from extraction.config import DetectConfig, ExtractionConfig, LocaliseConfig, NoiseConfig
 from extraction.gapflush import GapFlush, measure_gap_flush
 from extraction.gapflush_config import GapFlushConfig
-from extraction.pipeline import extract, extract_stages
+from extraction.pipeline import extract, extract_stages, learn_speckle
 from extraction.profile import Profile, StripePeaks
 from extraction.profile_files import read_profile_csv, write_profile_csv, write_profile_ply
 from extraction.rectify import image_to_sheet
@@ -29,6 +29,7 @@ __all__ = [
     "extract_profile",
     "extract_stages",
     "image_to_sheet",
+    "learn_speckle",
     "measure_gap_flush",
     "read_profile_csv",
     "sheet_table",

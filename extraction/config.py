@@ -45,6 +45,13 @@ class NoiseConfig(_Section):
         description="standard deviation of a pixel's speckle over its signal",
         json_schema_extra=_slider(0, 1, search=False),
     )
+    model_error: float = Field(
+        default=0.01,
+        ge=0,
+        le=0.5,
+        description="a spot's wings depart from the Gaussian by this share of its height",
+        json_schema_extra=_slider(0, 0.1),
+    )
     speckle_weight: float = Field(
         default=0.4,
         ge=0,
@@ -52,12 +59,12 @@ class NoiseConfig(_Section):
         description="contrast by which the fit weighs bright pixels",
         json_schema_extra=_slider(0, 1, basic=True),
     )
-    speckle_grain_px: float = Field(
-        default=0.55,
+    speckle_grain_px: float | None = Field(
+        default=None,
         ge=0,
-        le=5,
-        description="the speckle's Gaussian correlation length",
-        json_schema_extra=_slider(0, 3),
+        le=1.5,
+        description="the speckle's Gaussian correlation length ℓ, ρ = exp(-r²/4ℓ²)",
+        json_schema_extra=_slider(0.1, 1.5, search=False),
     )
 
 
@@ -148,7 +155,7 @@ class LocaliseConfig(_Section):
         json_schema_extra=_slider(1, 100, basic=True, search=False),
     )
     min_score: float = Field(
-        default=0.02,
+        default=0.05,
         ge=0,
         le=1,
         description="least score of a spot that is kept",

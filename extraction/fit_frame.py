@@ -37,7 +37,7 @@ def fit_frame(
     """Fit every candidate; fills data and use (N, R, C) with the windows and table (N, COLUMNS) with the fits.
 
     index (N,): the candidate's number in ``owner``. windows (N, 4): left, top, columns, rows. starts (N, 9), noises
-    (N, 4), terms (N,): as `fit_window` takes them; positions from the window's first pixel.
+    (N, 5), terms (N,): as `fit_window` takes them; positions from the window's first pixel.
     clip: grey level from which a pixel is saturated. data, use, table come as zeros.
     """
     for k in range(len(index)):
@@ -89,7 +89,7 @@ def _leave_out(data: Array, use: Mask, p: Array, noise: Array) -> int:
             if use[j, i] and distance > OUTSIDE:
                 signal = p[2] * math.exp(-0.5 * distance)
                 mu = signal + p[6] + p[7] * i + p[8] * j
-                variance = noise[0] + noise[1] * max(mu - noise[2], 0.0) + noise[3] * signal * signal
+                variance = noise[0] + noise[1] * max(mu - noise[2], 0.0) + noise[3] * signal * signal + noise[4]
                 excess = data[j, i] - mu
                 if excess > 0.0 and excess * excess > OUTLIER_SIGMA * OUTLIER_SIGMA * variance:
                     use[j, i] = False

@@ -28,7 +28,7 @@ RESULT_COLUMNS = 14  # what `fit_window` writes
 PIXEL_VARIANCE_PX2 = 1.0 / 12.0
 MIN_VARIANCE_PX2 = 0.03  # narrower than any lens images: one pixel's spike
 MAX_STEP_PX = 1.0
-STEP_TOLERANCE = 2e-3  # a step below this share of its own standard deviation ends the iteration
+STEP_TOLERANCE = 1e-2  # a step below this share of its own standard deviation ends the iteration
 
 
 @inner_fast
@@ -43,7 +43,7 @@ def _weights_and_sums(
         for s in range(9):
             fisher[r, s] = 0.0
     chi2 = 0.0
-    v0, gain, level, k2 = noise[0], noise[1], noise[2], noise[3]
+    v0, gain, level, k2 = noise[0] + noise[4], noise[1], noise[2], noise[3]
     step_ratio = np.exp(-p[3])
     for j in range(rows):
         y = j - p[1]
@@ -161,7 +161,8 @@ def _moved(p: Array, q: Array, n: int, out: Array) -> bool:
 def fit_window(data: Array, use: Mask, start: Array, n: int, noise: Array, max_iterations: int, out: Array) -> float:
     """Fit one spot in ``data`` (rows, columns) over the pixels ``use``; the compiled core of every ML localisation.
 
-    start: the nine parameters. n: 7 with a constant, 9 with a sloped background. noise: v₀, g, m, k².
+    start: the nine parameters. n: 7 with a constant, 9 with a sloped background.
+    noise: v₀, g, m, k², and what the weights add to v₀ for the model's own error.
     out (14,): parameters 0-8, Cov(u, v) as uu, uv, vv 9-11, χ² 12, iterations 13. Returns 1 where it converged, else 0.
     """
     p, trial, q = np.zeros(9), np.zeros(9), np.zeros(9)

@@ -20,6 +20,7 @@ Array = NDArray[np.float64]
 
 MIN_START_VARIANCE_PX2 = 0.3
 SMALL_WINDOW_PX = 19
+MODEL_SHIFT = 2.0  # widths that a spot moves per share of its height by which it departs from the Gaussian
 SLOPE_SIGMA = 4.0  # surroundings that differ by more across the spot are fitted with a slope
 MAX_RING_VARIANCE = 25.0  # of the frame's noise: an uneven ring is not noise
 
@@ -31,8 +32,9 @@ class Spots:
     uv_px (N, 2), cov_uv_px2 (N, 2, 2): position. amplitude_dn (N,): peak above the background.
     shape_px2 (N, 2, 2): covariance of the spot's light, the pixel's own share taken off.
     skew_sigma (N,): asymmetry along the long axis over what noise and speckle make of it.
+    misfit (N,): variance of the residuals over what noise and speckle make of it.
     clipped, foreign (N,): pixels left out as saturated, and as part of something else.
-    converged (N,). candidate (N,): index into the candidates.
+    converged (N,). candidate (N,): index into the candidates. about: error budget, None without spots.
     """
 
     uv_px: Array
@@ -40,10 +42,12 @@ class Spots:
     amplitude_dn: Array
     shape_px2: Array
     skew_sigma: Array
+    misfit: Array
     clipped: NDArray[np.intp]
     foreign: NDArray[np.intp]
     converged: NDArray[np.bool_]
     candidate: NDArray[np.intp]
+    about: SpotNoise | None
 
     def __len__(self) -> int:
         """The number of spots."""
@@ -88,7 +92,8 @@ def _fit(
     ring = (candidates.ring_noise_dn[index] / np.sum(prepared.kernel**2)) ** 2
     variance = np.clip(ring, noise.variance_dn2, MAX_RING_VARIANCE * noise.variance_dn2)
     gain, weight = np.full(len(index), noise.gain_dn_per_e), np.full(len(index), noise.speckle_weight**2)
-    noises = np.column_stack([variance, gain, candidates.ring_dn[index], weight])
+    wings = (noise.model_error * starts[:, 2]) ** 2
+    noises = np.column_stack([variance, gain, candidates.ring_dn[index], weight, wings])
     uneven = candidates.uneven_dn[index] > SLOPE_SIGMA * candidates.ring_noise_dn[index]
     terms = np.where(uneven, 9, 7)
     size = (len(index), int(windows[:, 3].max()), int(windows[:, 2].max()))
@@ -111,18 +116,22 @@ def _spots(fits: list[_Fits], noise: NoiseModel) -> Spots:
     speckle = estimate_speckle(about, converged, noise.speckle_contrast, noise.speckle_grain_px)
     cov = about.camera + about.speckle @ speckle.variances
     shape = np.linalg.inv(table[:, [3, 4, 4, 5]].reshape(-1, 2, 2)) - PIXEL_VARIANCE_PX2 * np.eye(2)
+    expected = about.variance_camera + about.variance_speckle @ speckle.variances
+    misfit = (about.variance + about.variance_camera) / np.maximum(expected, 1e-30)
     skew = about.skew / np.sqrt(np.maximum(cov[:, 2, 2], 1e-30))
+    # the Gaussian's own error moves the spot by some share of its widths: it differs from pose to pose
+    cov[:, :2, :2] += (MODEL_SHIFT * noise.model_error) ** 2 * shape
     converged &= np.all(np.isfinite(cov), axis=(1, 2)) & (np.linalg.det(cov[:, :2, :2]) > 0)
     return Spots(
-        table[:, :2], cov[:, :2, :2], table[:, 2], shape, skew, table[:, CLIPPED].astype(np.intp),
-        table[:, FOREIGN].astype(np.intp), converged, index,
+        table[:, :2], cov[:, :2, :2], table[:, 2], shape, skew, misfit, table[:, CLIPPED].astype(np.intp),
+        table[:, FOREIGN].astype(np.intp), converged, index, about,
     )  # fmt: skip
 
 
 def _no_spots() -> Spots:
     zero, none = np.zeros(0), np.zeros(0, dtype=np.intp)
     pair, matrix = np.zeros((0, 2)), np.zeros((0, 2, 2))
-    return Spots(pair, matrix, zero, matrix, zero, none, none, np.zeros(0, dtype=np.bool_), none)
+    return Spots(pair, matrix, zero, matrix, zero, zero, none, none, np.zeros(0, dtype=np.bool_), none, None)
 
 
 def _start_shapes(region_cov: Array, config: ExtractionConfig) -> Array:

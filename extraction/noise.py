@@ -17,7 +17,7 @@ class NoiseModel:
 
     variance_dn2: of a raw pixel beside the spots. gain_dn_per_e: shot noise. speckle_weight: contrast in the weights of
     the fit; speckle_contrast, speckle_grain_px: in the covariance, None where the image tells.
-    saturation_dn: grey level from which a pixel is clipped.
+    saturation_dn: grey level from which a pixel is clipped. model_error: of the Gaussian, over the spot's height.
     """
 
     variance_dn2: float
@@ -26,6 +26,7 @@ class NoiseModel:
     speckle_contrast: float | None
     speckle_grain_px: float | None
     saturation_dn: float
+    model_error: float
 
 
 def noise_model(prepared: Prepared, sensor: SensorModel, config: NoiseConfig) -> NoiseModel:
@@ -44,5 +45,5 @@ def noise_model(prepared: Prepared, sensor: SensorModel, config: NoiseConfig) ->
         weight = min(weight, 4.0 / 3.0 * config.speckle_contrast)
     return NoiseModel(
         max(variance, QUANTISATION_VARIANCE), gain, weight, config.speckle_contrast, config.speckle_grain_px,
-        float(sensor.saturation_dn),
+        float(sensor.saturation_dn), config.model_error,
     )  # fmt: skip

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -16,10 +17,14 @@ from extraction.noise import noise_model
 from extraction.preprocess import Image32, Prepared, check_image, prepare
 from extraction.rectify import image_to_sheet, propagate
 from extraction.score import flag_spots, refuse_spots, score_spots
+from extraction.speckle import estimate_speckle
+from extraction.spot_noise import SpotNoise, concatenate, take
 from extraction.stages import Stages, why_empty
 from geometry import SensorModel, SurfacePoints
 
 Array = NDArray[np.float64]
+
+TRUSTED_SCORE = 0.6
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,6 +33,7 @@ class _Extraction:
     candidates: Candidates
     points: SurfacePoints
     candidate: NDArray[np.intp]
+    about: SpotNoise | None
 
 
 def extract(image: object, sensor: SensorModel, config: ExtractionConfig | None = None) -> SurfacePoints:
@@ -63,7 +69,31 @@ def _extract(image: object, sensor: SensorModel, config: ExtractionConfig) -> _E
     reasons[kept[config.localise.max_spots :]] = "beyond_max_spots"
     kept = kept[: config.localise.max_spots]
     points = _points(spots, kept, yz_mm, jacobian, score)
-    return _Extraction(prepared, candidates.refused(spots.candidate, reasons), points, spots.candidate[kept])
+    about = take(spots.about, kept) if spots.about is not None else None
+    return _Extraction(prepared, candidates.refused(spots.candidate, reasons), points, spots.candidate[kept], about)
+
+
+def learn_speckle(
+    images: Iterable[object], sensor: SensorModel, config: ExtractionConfig | None = None
+) -> ExtractionConfig:
+    """The configuration with the speckle's contrast and grain as the trusted spots of all ``images`` show them.
+
+    One image's few spots tell little of them; those of a dataset make the reported σ true.
+    """
+    config = config or ExtractionConfig()
+    known: list[SpotNoise] = []
+    for image in images:
+        result = _extract(image, sensor, config)
+        good = [n for n, flag in enumerate(result.points.flag) if not flag and result.points.score[n] > TRUSTED_SCORE]
+        if result.about is not None and good:
+            known.append(take(result.about, np.array(good)))
+    if not known:
+        return config
+    about, noise = concatenate(known), config.noise
+    everything = np.ones(len(about.skew), dtype=np.bool_)
+    speckle = estimate_speckle(about, everything, noise.speckle_contrast, noise.speckle_grain_px)
+    learnt = {"speckle_contrast": speckle.contrast, "speckle_grain_px": speckle.grain_px}
+    return config.model_copy(update={"noise": noise.model_copy(update=learnt)})
 
 
 @lru_cache(maxsize=8)

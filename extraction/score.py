@@ -15,6 +15,7 @@ WIDTH_SPREAD = 0.3  # ln: strings of one jig differ in width by their distance a
 FAINT_SHARE = 0.1  # of the typical height, where a spot is half as likely
 LEAST_LIKENESS = 0.3  # a spot unlike all others of its image is doubted, not lost
 MAX_MOVE = 1.5  # of the fitted centre from the region's, in spot widths, beside one pixel
+MISFIT = 4.0  # variance of the residuals over what noise and speckle make of it: two strings in one, or half a post
 SKEW_SIGMA = 4.0  # asymmetry along the long axis that noise and speckle do not make
 CONSENSUS = 3  # spots that make a typical width and height
 
@@ -69,6 +70,7 @@ def flag_spots(spots: Spots) -> NDArray[np.object_]:
     """The reason for doubt of each spot (N,), "" where there is none."""
     flags = np.full(len(spots), "", dtype=object)
     flags[np.abs(spots.skew_sigma) > SKEW_SIGMA] = "partly_hidden"
+    flags[spots.misfit > MISFIT] = "odd_shape"
     flags[spots.foreign > 0] = "crowded"
     flags[spots.clipped > 0] = "saturated"
     return flags

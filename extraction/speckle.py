@@ -12,11 +12,13 @@ from extraction.spot_noise import DISTANCES2, SpotNoise
 Array = NDArray[np.float64]
 
 # what is expected where an image does not tell, with its spread (ln)
-PRIOR_CONTRAST, PRIOR_CONTRAST_LN = 0.3, 1.0
-PRIOR_GRAIN_PX, PRIOR_GRAIN_LN = 0.45, 0.4
+PRIOR_CONTRAST, PRIOR_CONTRAST_LN = 0.33, 0.3
+PRIOR_GRAIN_PX, PRIOR_GRAIN_LN = 0.4, 0.25
+NO_SPECKLE = 0.01  # probability before looking that an image has none, or any other contrast
 CONTRASTS = np.geomspace(0.003, 1.0, 60)
-GRAINS_PX = np.geomspace(0.22, 1.0, 14)
-PIXELS_PER_GRAIN = 2.0  # neighbours share their speckle: so many core pixels make one independent residual
+GRAINS_PX = np.geomspace(0.22, 1.0, 40)
+OUTLYING = 5.0  # times the median variance
+FREEDOM = 1.5  # independent residuals per unit of Σ signal² over the height's square
 MAX_CONTRAST = 1.0  # fully developed; larger residuals are those of something that is no Gaussian spot
 
 
@@ -46,15 +48,27 @@ def estimate_speckle(
     """Speckle from the error budgets of the fitted spots ``good`` (N,); what is given is kept.
 
     Moments: the residuals' variance over the signal's square gives the contrast, the product of neighbours the grain;
-    both under a prior, as a spot or two tell little.
+    both under a prior, as a spot or two tell little: `learn_speckle` asks many images.
     """
-    limit = MAX_CONTRAST**2 * (about.variance_speckle @ correlation(PRIOR_GRAIN_PX))
-    good = good & np.isfinite(about.variance) & (about.variance < limit)
+    good = good & _alike(about, good)
     if grain_px is None:
         grain_px = _grain(about, good)
     if contrast is None:
         contrast = _contrast(about, good, grain_px)
     return Speckle(contrast, grain_px)
+
+
+def _alike(about: SpotNoise, good: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """The spots whose residuals are like most light's: what is no Gaussian does not speak for them."""
+    expected = about.variance_speckle @ correlation(PRIOR_GRAIN_PX)
+    usable = good & np.isfinite(about.variance) & (expected > 0)
+    if not np.any(usable):
+        return usable
+    share = np.where(usable, about.variance / np.where(usable, expected, 1.0), np.inf)
+    order = np.argsort(share[usable])
+    weight = np.cumsum(expected[usable][order])
+    median = share[usable][order][np.searchsorted(weight, 0.5 * weight[-1])]
+    return np.asarray(usable & (share < MAX_CONTRAST**2) & (share <= max(OUTLYING * median, PRIOR_CONTRAST**2)))
 
 
 def _contrast(about: SpotNoise, good: NDArray[np.bool_], grain_px: float) -> float:
@@ -65,20 +79,21 @@ def _contrast(about: SpotNoise, good: NDArray[np.bool_], grain_px: float) -> flo
     camera = max(float(about.variance_camera[good].sum()) / pixels, 1e-9)
     observed = max(float(about.variance[good].sum()) / pixels + camera, 0.0)
     variance = CONTRASTS**2 + camera
-    cost = pixels / PIXELS_PER_GRAIN * (np.log(variance) + observed / variance)
-    cost += (np.log(CONTRASTS / PRIOR_CONTRAST) / PRIOR_CONTRAST_LN) ** 2
-    likely = np.exp(-0.5 * (cost - cost.min()))
+    cost = FREEDOM * pixels * (np.log(variance) + observed / variance)
+    usual = np.exp(-0.5 * (np.log(CONTRASTS / PRIOR_CONTRAST) / PRIOR_CONTRAST_LN) ** 2)
+    likely = np.exp(-0.5 * (cost - cost.min())) * (usual + NO_SPECKLE)
     return float(np.sqrt(np.sum(likely * CONTRASTS**2) / np.sum(likely)))
 
 
 def _grain(about: SpotNoise, good: NDArray[np.bool_]) -> float:
-    """The grain whose neighbour product fits best, on a grid, under the prior."""
-    variance, pairs = float(about.variance[good].sum()), float(about.pairs[good].sum())
-    if variance <= 0 or pairs <= 0:
+    """Mean of the posterior of the grain, from the product of neighbours."""
+    variance = float(about.variance[good].sum())
+    if variance <= 0:
         return PRIOR_GRAIN_PX
     observed = float(about.neighbour[good].sum()) / variance
     rho = np.array([correlation(g) for g in GRAINS_PX])
     ratio = (rho @ about.neighbour_speckle[good].sum(axis=0)) / (rho @ about.variance_speckle[good].sum(axis=0))
-    # a product of two neighbours has about the variance of the product of their variances
-    cost = (observed - ratio) ** 2 * pairs / 2.0 + (np.log(GRAINS_PX / PRIOR_GRAIN_PX) / PRIOR_GRAIN_LN) ** 2
-    return float(GRAINS_PX[np.argmin(cost)])
+    freedom = FREEDOM * float(about.variance_speckle[good, 0].sum())
+    cost = (observed - ratio) ** 2 * freedom + (np.log(GRAINS_PX / PRIOR_GRAIN_PX) / PRIOR_GRAIN_LN) ** 2
+    likely = np.exp(-0.5 * (cost - cost.min()))
+    return float(np.sum(likely * GRAINS_PX) / np.sum(likely))

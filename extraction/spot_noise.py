@@ -12,7 +12,8 @@ correlation ρ can be chosen afterwards. All spots of an image are taken at once
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +32,10 @@ LAGS = tuple(
     for d in DISTANCES2
 )
 CORE = 0.2  # share of the height above which a pixel's residual tells of the speckle
-SKEW_TERM = 9  # after the fit's nine: the third moment along the long axis
+BRIGHT = 0.1  # the same for the pixels that the terms are fitted to, when residuals are judged
+# after the fit's nine terms: third and fourth moment along the long axis. A spot is no perfect Gaussian along its
+# string (dim light on the rest of it, the sheet's wings); without these terms that would pass for speckle.
+FIT_TERMS, SKEW_TERM, TERMS = 9, 9, 11
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,8 +43,8 @@ class SpotNoise:
     """Error budget of N spots; the last axis of what comes from speckle of contrast 1 is the class of distance (K,).
 
     camera (N, 3, 3), speckle (N, 3, 3, K): Cov of (u, v, skew). skew (N,): third moment along the long axis that the
-    fit left. variance, neighbour (N,): Σ residual²/signal² of the core and Σ of neighbours' products, the camera's part
-    taken off; variance_camera (N,): that part of the former. pairs (N,): neighbours in the core.
+    fit left. variance, neighbour (N,): Σ residual² over the core and Σ of neighbours' products, over the height's
+    square, the camera's part taken off; variance_camera (N,): that part of the former.
     variance_speckle, neighbour_speckle (N, K): expectation of both.
     """
 
@@ -50,19 +54,23 @@ class SpotNoise:
     variance: Array
     neighbour: Array
     variance_camera: Array
-    pairs: Array
     variance_speckle: Array
     neighbour_speckle: Array
 
 
-def concatenate(parts: list[SpotNoise]) -> SpotNoise:
+def concatenate(parts: Sequence[SpotNoise]) -> SpotNoise:
     """The budgets of several groups of spots as one."""
     return SpotNoise(*(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(SpotNoise)))
 
 
+def take(about: SpotNoise, index: NDArray[np.intp]) -> SpotNoise:
+    """The budgets of the spots ``index``."""
+    return SpotNoise(*(getattr(about, f.name)[index] for f in fields(SpotNoise)))
+
+
 @dataclass(frozen=True, eq=False)
 class _Planes:
-    """Basis e (N, 10, L), and signal, camera variance, weight, residual (N, L) of the pixels, flat; shape (R, C)."""
+    """Basis e (N, TERMS, L), and signal, camera variance, weight, residual (N, L) of the pixels, flat; shape (R, C)."""
 
     e: Array
     signal: Array
@@ -75,26 +83,38 @@ class _Planes:
 def spot_noise(data: Array, use: Mask, parameters: Array, terms: NDArray[np.int64], noises: Array) -> SpotNoise:
     """Error budget of the fits ``parameters`` (N, 9) of the windows data (N, R, C) over the pixels ``use``.
 
-    terms (N,), noises (N, 4): as in `gaussian_fit.fit_window`; positions from each window's first pixel.
+    terms (N,), noises (N, 5): as in `gaussian_fit.fit_window`; positions from each window's first pixel.
     """
     planes = _planes(data, use, parameters, terms, noises)
     weighted = planes.e * planes.weight[:, None]
     fisher = weighted @ planes.e.transpose(0, 2, 1)
     # a term that was not fitted has no information and must not enter
     free = np.arange(9) < terms[:, None]
-    normal = fisher[:, :9, :9] + np.einsum("nr,rs->nrs", np.where(free, 0.0, 1.0), np.eye(9))
-    inverse = np.linalg.pinv(normal, hermitian=True)
-    influence = _influence(parameters, fisher, inverse)
+    free = np.column_stack([free, np.ones((len(free), TERMS - FIT_TERMS), dtype=np.bool_)])
+    normal = fisher + np.where(free, 0.0, 1.0)[:, :, None] * np.eye(TERMS)
+    influence = _influence(
+        parameters, fisher, np.asarray(np.linalg.pinv(normal[:, :FIT_TERMS, :FIT_TERMS], hermitian=True), np.float64)
+    )
     moved = influence @ weighted
     signalled = weighted * planes.signal[:, None]
-    near = _near(signalled, planes.shape)
-    matrices = np.einsum("nrl,knsl->nrsk", signalled, near, optimize=["einsum_path", (0, 1)])
+    matrices = _matrices(signalled, _near(signalled, planes.shape))[:, : FIT_TERMS + 1, : FIT_TERMS + 1]
     return SpotNoise(
         camera=(moved * planes.variance[:, None]) @ moved.transpose(0, 2, 1),
-        speckle=np.einsum("nar,nrsk,nbs->nabk", influence, matrices, influence, optimize=True),
+        speckle=np.einsum("nar,nrsk,nbs->nabk", influence[:, :, : FIT_TERMS + 1], matrices,
+                          influence[:, :, : FIT_TERMS + 1], optimize=True),
         skew=np.einsum("nl,nl->n", moved[:, 2], planes.residual),
-        **_residual_moments(planes, weighted, near, matrices, inverse),
-    )
+        **_residual_moments(_bright(planes), free),
+    )  # fmt: skip
+
+
+def _matrices(signalled: Array, near: Array) -> Array:
+    return np.asarray((signalled @ near.transpose(0, 1, 3, 2)).transpose(1, 2, 3, 0))
+
+
+def _bright(planes: _Planes) -> _Planes:
+    """The planes with no weight outside the bright part: there a spot is a Gaussian, its wings do not matter."""
+    bright = planes.signal > BRIGHT * planes.signal.max(axis=1, keepdims=True)
+    return replace(planes, weight=np.where(bright, planes.weight, 0.0))
 
 
 def _planes(data: Array, use: Mask, p: Array, terms: NDArray[np.int64], noises: Array) -> _Planes:
@@ -104,7 +124,7 @@ def _planes(data: Array, use: Mask, p: Array, terms: NDArray[np.int64], noises: 
     signal = height * bell
     mu = signal + p[:, 6, None, None] + p[:, 7, None, None] * i + p[:, 8, None, None] * j
     variance = noises[:, 0, None, None] + noises[:, 1, None, None] * np.maximum(mu - level, 0.0)
-    weight = np.where(use, 1.0 / (variance + noises[:, 3, None, None] * signal**2), 0.0)
+    weight = np.where(use, 1.0 / (variance + noises[:, 3, None, None] * signal**2 + noises[:, 4, None, None]), 0.0)
     a, b, c = p[:, PREC_UU], p[:, PREC_UV], p[:, PREC_VV]
     angle = 0.5 * np.arctan2(-2.0 * b, c - a)  # long axis: the small eigenvalue of the precision
     cosine, sine = np.cos(angle), np.sin(angle)
@@ -113,18 +133,18 @@ def _planes(data: Array, use: Mask, p: Array, terms: NDArray[np.int64], noises: 
     slope = (terms == 9)[:, None, None]
     e = np.stack(
         [bell, bell * x, bell * y, 0.5 * bell * x * x, bell * x * y, 0.5 * bell * y * y, np.ones_like(bell),
-         slope * i, slope * j, signal * (t**3 - 3.0 * t) / 6.0], axis=1,
+         slope * i, slope * j, signal * (t**3 - 3.0 * t) / 6.0, signal * (t**4 - 6.0 * t**2 + 3.0) / 24.0], axis=1,
     )  # fmt: skip
     n = len(p)
     return _Planes(
-        e.reshape(n, 10, -1), signal.reshape(n, -1), variance.reshape(n, -1), weight.reshape(n, -1),
+        e.reshape(n, TERMS, -1), signal.reshape(n, -1), variance.reshape(n, -1), weight.reshape(n, -1),
         np.where(use, data - mu, 0.0).reshape(n, -1), (data.shape[1], data.shape[2]),
     )  # fmt: skip
 
 
 def _influence(p: Array, fisher: Array, inverse: Array) -> Array:
-    """Influence (N, 3, 10) of a grey level on u, v and the skew, in terms of the weighted basis."""
-    out = np.zeros((len(p), 3, 10))
+    """Influence (N, 3, TERMS) of a grey level on u, v and the skew, in terms of the weighted basis."""
+    out = np.zeros((len(p), 3, TERMS))
     det = ((p[:, 3] * p[:, 5] - p[:, 4] ** 2) * p[:, 2])[:, None]
     first, second = inverse[:, 1], inverse[:, 2]
     out[:, 0, :9] = (p[:, 5, None] * first - p[:, 4, None] * second) / det
@@ -138,7 +158,7 @@ def _influence(p: Array, fisher: Array, inverse: Array) -> Array:
 
 
 def _near(q: Array, shape: tuple[int, int]) -> Array:
-    """Σ q over the pixels at each class of distance from every pixel: (K, N, 10, L)."""
+    """Σ q over the pixels at each class of distance from every pixel: (K, N, TERMS, L)."""
     rows, columns = shape
     n, terms, _ = q.shape
     padded = np.zeros((n, terms, rows + 2 * REACH, columns + 2 * REACH))
@@ -150,30 +170,40 @@ def _near(q: Array, shape: tuple[int, int]) -> Array:
     return out.reshape(CLASSES, n, terms, -1)
 
 
-def _residual_moments(
-    planes: _Planes, weighted: Array, near: Array, matrices: Array, inverse: Array
-) -> dict[str, Array]:
-    """Variance and neighbour products of the core's residuals in units of signal², and what they are made of."""
+def _residual_moments(planes: _Planes, free: Mask) -> dict[str, Array]:
+    """Variance and neighbour products of the core's residuals over the height's square, and what they are made of."""
+    weighted = planes.e * planes.weight[:, None]
+    normal = weighted @ planes.e.transpose(0, 2, 1) + np.where(free, 0.0, 1.0)[:, :, None] * np.eye(TERMS)
+    inverse = np.asarray(np.linalg.pinv(normal, rcond=1e-12, hermitian=True), np.float64)
+    signalled = weighted * planes.signal[:, None]
+    near = _near(signalled, planes.shape)
+    matrices = _matrices(signalled, near)
     n, columns = len(inverse), planes.shape[1]
     core = (planes.weight > 0) & (planes.signal > CORE * planes.signal.max(axis=1, keepdims=True))
     spot, pixel = np.nonzero(core)
-    scattered = weighted[:, :9] * planes.variance[:, None]
-    camera = scattered @ weighted[:, :9].transpose(0, 2, 1)
-    z = np.einsum("crs,cs->cr", inverse[spot], planes.e[spot, :9, pixel])
+    scattered = weighted * planes.variance[:, None]
+    camera = scattered @ weighted.transpose(0, 2, 1)
+    left = planes.residual - _fitted(planes, weighted, inverse)
+    z = np.einsum("crs,cs->cr", inverse[spot], planes.e[spot, :, pixel])
     position = np.full(core.shape, -1)
     position[spot, pixel] = np.arange(len(spot))
     moments: dict[str, Array] = {}
     own = np.arange(len(spot))
-    found = _pair_moments(planes, scattered, camera, near, matrices, z, spot, pixel, own, own)
+    found = _pair_moments(planes, left, scattered, camera, near, matrices, z, spot, pixel, own, own)
     for name, value in zip(("variance", "variance_camera", "variance_speckle"), found, strict=True):
         moments[name] = _per_spot(value, spot, n)
     after = np.stack([_step(position, planes.shape, 1), _step(position, planes.shape, columns)])
     first, second = np.concatenate([_pairs(position, other) for other in after], axis=1)
-    found = _pair_moments(planes, scattered, camera, near, matrices, z, spot, pixel, first, second)
+    found = _pair_moments(planes, left, scattered, camera, near, matrices, z, spot, pixel, first, second)
     moments["neighbour"] = _per_spot(found[0], spot[first], n)
     moments["neighbour_speckle"] = _per_spot(found[2], spot[first], n)
-    moments["pairs"] = np.bincount(spot[first], minlength=n).astype(float)
     return moments
+
+
+def _fitted(planes: _Planes, weighted: Array, inverse: Array) -> Array:
+    """What all terms together take of the residuals (N, L)."""
+    step = np.einsum("nrs,ns->nr", inverse, np.einsum("nrl,nl->nr", weighted, planes.residual))
+    return np.asarray(np.einsum("nr,nrl->nl", step, planes.e))
 
 
 def _step(position: NDArray[np.intp], shape: tuple[int, int], step: int) -> NDArray[np.intp]:
@@ -198,6 +228,7 @@ def _per_spot(values: Array, spot: NDArray[np.intp], n: int) -> Array:
 
 def _pair_moments(  # the same sums for a pixel with itself and with its neighbour
     planes: _Planes,
+    left: Array,
     scattered: Array,
     camera: Array,
     near: Array,
@@ -208,16 +239,17 @@ def _pair_moments(  # the same sums for a pixel with itself and with its neighbo
     c: NDArray[np.intp],
     d: NDArray[np.intp],
 ) -> tuple[Array, Array, Array]:
-    """Residual product freed of the camera's part (P,), that part (P,), speckle's (P, K), over the signals' product."""
+    """Residual product freed of the camera's part (P,), that part (P,), speckle's (P, K), over the height's square."""
     s, i, j = spot[c], pixel[c], pixel[d]
     zi, zj = z[c], z[d]
+    height2 = np.max(planes.signal, axis=1)[s] ** 2
     si, sj = planes.signal[s, i], planes.signal[s, j]
     noise = np.where(c == d, planes.variance[s, i], 0.0)
     noise = noise - np.einsum("pr,pr->p", zi, scattered[s, :, j]) - np.einsum("pr,pr->p", zj, scattered[s, :, i])
     noise += np.einsum("pr,prs,ps->p", zi, camera[s], zj, optimize=True)
-    product = planes.residual[s, i] * planes.residual[s, j]
-    expected = np.einsum("pr,prsk,ps->pk", zi, matrices[s, :9, :9], zj, optimize=True) / (si * sj)[:, None]
-    expected -= np.einsum("pr,prk->pk", zi, near.transpose(1, 3, 2, 0)[s, j][:, :9]) / si[:, None]
-    expected -= np.einsum("pr,prk->pk", zj, near.transpose(1, 3, 2, 0)[s, i][:, :9]) / sj[:, None]
-    expected[np.arange(len(c)), np.where(c == d, 0, 1)] += 1.0
-    return (product - noise) / (si * sj), noise / (si * sj), expected
+    product = left[s, i] * left[s, j]
+    expected = np.einsum("pr,prsk,ps->pk", zi, matrices[s], zj, optimize=True)
+    expected -= np.einsum("pr,prk->pk", zi, near.transpose(1, 3, 2, 0)[s, j]) * sj[:, None]
+    expected -= np.einsum("pr,prk->pk", zj, near.transpose(1, 3, 2, 0)[s, i]) * si[:, None]
+    expected[np.arange(len(c)), np.where(c == d, 0, 1)] += si * sj
+    return (product - noise) / height2, noise / height2, expected / height2[:, None]
