@@ -357,6 +357,8 @@ def test_the_keyboard_is_enough(page: Page) -> None:
     assert page.shown.startswith("1:")
     press(page, "k")
     page.settled()
+    press(page, "n")
+    page.until("/^(String|Spot)/.test(document.querySelector('#inspector h2').textContent)")
     press(page, "[")
     assert page.find('[data-tab="spots"]').get_attribute("aria-selected") == "true"
     press(page, "?")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -74,8 +75,6 @@ def test_blind_settings_cost_every_point(task: Task) -> None:
 
 def test_consistency_needs_no_truth(task: Task) -> None:
     """The jig's own geometry ranks good settings before blind ones, and its figure is of the size of the noise."""
-    from dataclasses import replace
-
     blind_task = replace(task, opened=replace(task.opened, truth={}))
     good, bad = (total(blind_task.scores(task.train, c)) for c in (ExtractionConfig(), BLIND))
     assert 0.0 < good.rms_mm < 0.2

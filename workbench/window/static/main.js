@@ -73,7 +73,7 @@ const PLAIN = {
   "+": () => stage.view().zoom(1.25), "=": () => stage.view().zoom(1.25), "-": () => stage.view().zoom(0.8),
   "t": () => $("truth").click(), "c": () => $("calibrate").click(), "?": showKeys,
   "/": () => $("filter").focus(), "e": () => $("expert").click(), "b": (e) => brightness(e.shiftKey ? -0.1 : 0.1),
-  "[": () => step(-1), "]": () => step(1),
+  "n": (e) => stage.next(e.shiftKey ? -1 : 1), "[": () => step(-1), "]": () => step(1),
 };
 
 function brightness(by) {

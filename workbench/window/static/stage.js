@@ -31,6 +31,7 @@ export function buildStage() {
   image.click = shared.click = click;
   stage.view = current;
   stage.one = () => oneToOne();
+  stage.next = next;
   stage.redraw = redraw;
   controls();
   listen((what) => { if (what === "parameters") { tick = performance.now(); refresh(); } });
@@ -193,6 +194,18 @@ function redrawReadings() {
 function click(at) {
   const found = under(at);
   state.selected = found ? (found.kind === "spot" ? "s" : "c") + found.index : null;
+  redraw();
+}
+
+// The next spot, or candidate where those are shown: what a click selects, by keyboard.
+function next(by) {
+  const kind = state.view === "candidates" ? "c" : "s", list = kind === "c" ? stage.answer?.candidates : stage.answer?.spots;
+  if (!list?.length) return;
+  const now = state.selected?.[0] === kind ? Number(state.selected.slice(1)) : by > 0 ? -1 : 0;
+  const index = (now + by + list.length) % list.length;
+  state.selected = kind + index;
+  cursor = null;
+  if (!current().fitted && state.view !== "plot") current().centre(list[index].u, list[index].v);
   redraw();
 }
 
