@@ -19,6 +19,7 @@ Array = NDArray[np.float64]
 
 CONSISTENT_CHI2 = 30.0  # 6 degrees of freedom: 4e-5 of true predictions lie farther
 GIVEN_JIG_SIGMA_MM, GIVEN_JIG_SIGMA_DEG = 3.0, 1.0  # how well a T_base_jig of cell.toml is taken to be known
+SOLVED_SHARE = 0.2  # of that, where it was solved for
 
 
 def label_location(
@@ -37,12 +38,17 @@ def label_location(
     T_base_jig: where known (cell.toml, or solved before); it then decides the half turn.
     """
     chain = Chain.build(Ts_base_hand, T_hand_sensor, config.labelling, refined)
-    found = [label_spots(points, jig, sensor, None, config) for points in frames]
+    priors: list[Prior | None] = []
     if T_base_jig is not None:
-        covariance = np.diag(np.repeat([GIVEN_JIG_SIGMA_MM, np.deg2rad(GIVEN_JIG_SIGMA_DEG)], 3) ** 2)
-        priors: list[Prior | None] = [chain.from_base(T_base_jig, covariance, j) for j in range(len(frames))]
-    else:
-        priors = _priors_by_vote(found, chain, jig)
+        share = SOLVED_SHARE if refined else 1.0
+        covariance = np.diag(np.repeat([GIVEN_JIG_SIGMA_MM, np.deg2rad(GIVEN_JIG_SIGMA_DEG)], 3) ** 2) * share**2
+        priors = [chain.from_base(T_base_jig, covariance, j) for j in range(len(frames))]
+        if refined:
+            again = [label_spots(f, jig, sensor, p, config) for f, p in zip(frames, priors, strict=True)]
+            if all(f.reason != "not_labelled" for f in again):
+                return tuple(again)
+    found = [label_spots(points, jig, sensor, None, config) for points in frames]
+    priors = priors or _priors_by_vote(found, chain, jig)
     out = [
         _settle(points, one, prior, jig, sensor, config)
         for points, one, prior in zip(frames, found, priors, strict=True)
@@ -113,7 +119,4 @@ def _settle(
             turned = T.R[:, 0] @ found.T_sensor_jig.R[:, 0] < 0
             frame = half_turned(found, points, jig, sensor, config) if turned else found
             return with_pose(frame, T)
-    again = label_spots(points, jig, sensor, prior, config)
-    if again.T_sensor_jig is None and len(found.axis) and complete is False:
-        return again
-    return again
+    return label_spots(points, jig, sensor, prior, config)

@@ -24,6 +24,7 @@ MARGIN = 7.0  # nats over any other labelling: 1 in 1,100
 RIVALS = 15.0  # nats within which another pose's labelling is refined too: its χ² was coarse
 STRING_NATS = 10.0  # about what one string's spot adds to the evidence
 SAME_POSE_MM = 3.0
+TIGHT_MM = 4.0  # σ of a prior's position below which its gates alone find every labelling
 CUT_MM = 0.25  # σ of a spot cut short by an occluder, for a second, more doubtful round
 OFFSET_SPREAD = 0.5  # radii: how much the lit surface's offset differs between strings of unknown direction
 
@@ -101,7 +102,10 @@ def _hypotheses(
     tilt = np.deg2rad(limits.max_tilt_deg)
     orientation = 1.0 if prior is None else float(np.sign(prior.T_sensor_jig.R[0, 0]))
     tolerance = 4 * np.sqrt(float(np.median(np.trace(spots.cov_mm2, axis1=1, axis2=2))) / 2)
-    labels = five_spot_labels(spots.yz_mm, jig, orientation, tolerance, tilt, HYPOTHESES)
+    tight = prior is not None and np.trace(prior.covariance[:3, :3]) < TIGHT_MM**2
+    labels = np.zeros((0, len(jig.strings)), dtype=np.intp)
+    if not tight:
+        labels = five_spot_labels(spots.yz_mm, jig, orientation, tolerance, tilt, HYPOTHESES)
     if prior is not None:
         more = gated_labels(spots.yz_mm, spots.cov_mm2, jig, prior.T_sensor_jig, prior.covariance, spots.density, 400)
         labels = np.unique(np.concatenate([labels, more[:HYPOTHESES]]), axis=0)
