@@ -36,21 +36,33 @@ class Step:
     decrement: float
 
 
-def normal_equations(problem: Problem, lin: Linearised, white: Array) -> Normal:
-    """Accumulate over frames; ``white`` (F, 2M, 2M) whitens the residuals."""
+def normal_equations(problem: Problem, lin: Linearised, white: Array, robot: NDArray[np.bool_] | None = None) -> Normal:
+    """Accumulate over frames.
+
+    white (F, 2M, 2M): whitens the residuals. robot (P,): whose columns to form, the others stay zero; None: all.
+    """
     f, rows = white.shape[:2]
-    hand = lin.hand.reshape(f, rows, 6)
-    robot = hand @ lin.parameters
-    parts = (lin.scp.reshape(f, rows, 6), robot, lin.anchors.reshape(f, rows, 12))
+    p = lin.parameters.shape[-1]
+    chosen = np.arange(p) if robot is None else np.flatnonzero(robot)
+    moved = lin.hand.reshape(f, rows, 6) @ lin.parameters[..., chosen]
+    parts = (lin.scp.reshape(f, rows, 6), moved, lin.anchors.reshape(f, rows, 12))
     columns = white @ np.concatenate([*parts, lin.jig.reshape(f, rows, 6), lin.residual.reshape(f, rows, 1)], -1)
     a, b, r = columns[..., :-7], columns[..., -7:-1], columns[..., -1:]
-    c = a.shape[-1]
-    flat = a.reshape(f * rows, c)
-    b_t = np.swapaxes(b, -1, -2)
+    flat, b_t = a.reshape(f * rows, -1), np.swapaxes(b, -1, -2)
     at_location = (np.arange(problem.n_locations)[:, None] == problem.location).astype(float)  # (L, F)
-    cross = (at_location @ (np.swapaxes(a, -1, -2) @ b).reshape(f, -1)).reshape(-1, c, 6)
+    cross = (at_location @ (np.swapaxes(a, -1, -2) @ b).reshape(f, -1)).reshape(-1, a.shape[-1], 6)
     jigs = (at_location @ (b_t @ b).reshape(f, -1)).reshape(-1, 6, 6)
-    return Normal(flat.T @ flat, cross, jigs, flat.T @ r.reshape(-1), at_location @ (b_t @ r)[..., 0])
+    small = Normal(flat.T @ flat, cross, jigs, flat.T @ r.reshape(-1), at_location @ (b_t @ r)[..., 0])
+    return small if len(chosen) == p else _spread(small, chosen, p)
+
+
+def _spread(small: Normal, chosen: NDArray[np.intp], p: int) -> Normal:
+    """The normal equations with zeros for the robot parameters that were not ``chosen`` of ``p``."""
+    c = 18 + p
+    index = np.concatenate([np.arange(6), 6 + chosen, np.arange(c - 12, c)])
+    common, cross, gradient = np.zeros((c, c)), np.zeros((len(small.jigs), c, 6)), np.zeros(c)
+    common[np.ix_(index, index)], cross[:, index], gradient[index] = small.common, small.cross, small.gradient_common
+    return Normal(common, cross, small.jigs, gradient, small.gradient_jigs)
 
 
 def with_prior(normal: Normal, sigma: Array, value: Array) -> Normal:
@@ -67,7 +79,7 @@ def with_prior(normal: Normal, sigma: Array, value: Array) -> Normal:
 
 def reduced(normal: Normal, damping: float = 0.0) -> tuple[Array, Array]:
     """Schur complement on the common unknowns (C, C), and cross · jigs⁻¹ (L, C, 6)."""
-    jigs = normal.jigs * (1 + damping * np.eye(6))
+    jigs = normal.jigs * (1 + damping * np.eye(normal.jigs.shape[-1]))
     gain = np.swapaxes(np.linalg.solve(jigs, np.swapaxes(normal.cross, -1, -2)), -1, -2)
     common = normal.common * (1 + damping * np.eye(len(normal.common)))
     return common - np.einsum("lci,ldi->cd", gain, normal.cross), gain
@@ -80,7 +92,7 @@ def solve(normal: Normal, free: NDArray[np.bool_], damping: float) -> Step:
     common = np.zeros(len(free))
     common[free] = -scaled_solve(schur[np.ix_(free, free)], gradient[free])
     jigs_gradient = normal.gradient_jigs + np.einsum("lci,c->li", normal.cross, common)
-    jigs = -np.linalg.solve(normal.jigs * (1 + damping * np.eye(6)), jigs_gradient[..., None])[..., 0]
+    jigs = -np.linalg.solve(normal.jigs * (1 + damping * np.eye(normal.jigs.shape[-1])), jigs_gradient[..., None])[..., 0]
     total = normal.gradient_common @ common + float(np.sum(normal.gradient_jigs * jigs))
     return Step(common, jigs, max(0.0, -float(total)))
 
