@@ -72,8 +72,11 @@ def frame_information(
     return FrameInformation(a_t @ a, a_t @ b, b_t @ b, location, sigma, estimated)
 
 
-def scp_covariance(info: FrameInformation, chosen: Sequence[int] | Index) -> Array:
-    """Covariance (6, 6) of the SCP, sensor axes [mm, rad], from the ``chosen`` frames; robot errors considered."""
+def scp_covariance(info: FrameInformation, chosen: Sequence[int] | Index, *, noise_alone: bool = False) -> Array:
+    """Covariance (6, 6) of the SCP, sensor axes [mm, rad], from the ``chosen`` frames; robot errors considered.
+
+    noise_alone: without the robot's own errors, which no choice of views averages out entirely.
+    """
     index = np.asarray(chosen, dtype=np.intp)
     weight = np.where(info.prior_sigma > 0, 1 / np.where(info.prior_sigma > 0, info.prior_sigma, 1.0) ** 2, 0.0)
     schur = info.common[index].sum(axis=0)
@@ -84,6 +87,8 @@ def scp_covariance(info: FrameInformation, chosen: Sequence[int] | Index) -> Arr
         schur = schur - cross @ np.linalg.solve(jig, cross.T)
     free, considered = info.estimated, ~info.estimated & (info.prior_sigma > 0)
     noise = np.linalg.inv(schur[np.ix_(free, free)] + np.diag(weight[free]))
+    if noise_alone:
+        return np.asarray(noise[:6, :6])
     bias = -noise @ schur[np.ix_(free, considered)] * info.prior_sigma[considered]
     return np.asarray((noise + bias @ bias.T)[:6, :6])
 

@@ -19,11 +19,16 @@ EXCHANGE_ROUNDS = 2
 
 @dataclass(frozen=True, eq=False)
 class Choice:
-    """The chosen frames, their predicted covariance (6, 6), and those of random choices (RANDOM_PLANS, 6, 6)."""
+    """The chosen frames and their predicted covariance (6, 6).
+
+    ratio: the criterion's size of the error, as a length, over its median for RANDOM_PLANS random choices from the same
+    pool. ratio_of_noise: the same of the noise of points and joints alone.
+    """
 
     chosen: Index
     covariance: Array
-    random: Array
+    ratio: float
+    ratio_of_noise: float
 
 
 def choose(
@@ -45,8 +50,8 @@ def choose(
     left = dict(per_location)
 
     def loss(extra: list[int]) -> float:
-        covariance = scaled(scp_covariance(info, np.concatenate([taken, np.array(extra, dtype=np.intp)])), lever_mm)
-        return float(np.linalg.slogdet(covariance)[1] if criterion == "D" else np.linalg.eigvalsh(covariance)[-1])
+        covariance = scp_covariance(info, np.concatenate([taken, np.array(extra, dtype=np.intp)]))
+        return size_mm(covariance, criterion, lever_mm)
 
     while len(chosen) < wanted:
         open_ = [i for place, n in left.items() if n for i in pool[place] if i not in chosen]
@@ -58,11 +63,23 @@ def choose(
     for _ in range(EXCHANGE_ROUNDS):
         if not _exchange(chosen, pool, info, loss):
             break
-    return Choice(
-        np.array(chosen, dtype=np.intp),
-        scp_covariance(info, np.concatenate([taken, np.array(chosen, dtype=np.intp)])),
-        _random(info, taken, per_location, pool, rng),
-    )
+    plan = np.concatenate([taken, np.array(chosen, dtype=np.intp)])
+    random = _random(taken, per_location, pool, rng)
+    ratios = []
+    for noise_alone in (False, True):
+        sizes = [
+            size_mm(scp_covariance(info, p, noise_alone=noise_alone), criterion, lever_mm) for p in (plan, *random)
+        ]
+        ratios.append(sizes[0] / float(np.median(sizes[1:])))
+    return Choice(np.array(chosen, dtype=np.intp), scp_covariance(info, plan), *ratios)
+
+
+def size_mm(covariance: Array, criterion: str, lever_mm: float) -> float:
+    """The size of an error ellipsoid as a length [mm]: D the mean of its axes (geometric), E the longest."""
+    at_lever = scaled(covariance, lever_mm)
+    if criterion == "D":
+        return float(np.exp(np.linalg.slogdet(at_lever)[1] / 12))
+    return float(np.sqrt(np.linalg.eigvalsh(at_lever)[-1]))
 
 
 def _exchange(
@@ -82,17 +99,13 @@ def _exchange(
 
 
 def _random(
-    info: FrameInformation,
-    taken: Index,
-    per_location: dict[int, int],
-    pool: dict[int, list[int]],
-    rng: np.random.Generator,
-) -> Array:
+    taken: Index, per_location: dict[int, int], pool: dict[int, list[int]], rng: np.random.Generator
+) -> list[Index]:
     plans = []
     for _ in range(RANDOM_PLANS):
         extra = [rng.choice(pool[place], n, replace=False) for place, n in per_location.items() if n]
-        plans.append(scp_covariance(info, np.concatenate([taken, *extra]).astype(np.intp)))
-    return np.array(plans)
+        plans.append(np.concatenate([taken, *extra]).astype(np.intp))
+    return plans
 
 
 def _pool(info: FrameInformation, taken: Index, place: int) -> list[int]:

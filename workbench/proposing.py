@@ -13,14 +13,14 @@ from calib.uncertainty import printed_sigmas
 from geometry import InputError, NoAnswerError, stack_poses
 from workbench.formats import Cell, FrameRow
 from workbench.information import FrameInformation, Model, frame_information, observability, scaled
-from workbench.optimal import Choice, choose
+from workbench.optimal import RANDOM_PLANS, Choice, choose
 from workbench.planning import Tally, ViewLimits, ViewProblem, Views, feasible_views, spread
 from workbench.surroundings import jig_bodies, sees_all_strings
 
 Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
 
-POOL = 48  # feasible views gathered at each place
+POOL = 160  # feasible views gathered at each place
 LEVER_MM = 300.0  # at which a rotation's error is weighed against a translation's: a sensor's usual stand-off
 WEAK_MM = 5.0  # predicted σ beyond which the plan does not identify what is asked
 VERIFY = "verify"
@@ -30,7 +30,8 @@ VERIFY = "verify"
 class Proposal:
     """Configurations with what they predict. sigma_deg, sigma_mm: of the six printed numbers, hand axes.
 
-    ratio_to_random: predicted σ (geometric mean, rotations at LEVER_MM) over the median of random plans.
+    ratio_to_random: size of the predicted error by the criterion over the median of random plans; ratio_of_noise: the
+    same without the robot's own errors.
     """
 
     rows: tuple[FrameRow, ...]
@@ -40,7 +41,7 @@ class Proposal:
     sigma_deg: tuple[float, ...]
     sigma_mm: tuple[float, ...]
     ratio_to_random: float
-    random_plans: int
+    ratio_of_noise: float
     indices: dict[str, float]
     warnings: tuple[str, ...]
 
@@ -55,7 +56,8 @@ class Proposal:
             "sigma_rotation_deg": self.sigma_deg,
             "sigma_translation_mm": self.sigma_mm,
             "ratio_to_random": self.ratio_to_random,
-            "random_plans": self.random_plans,
+            "ratio_of_noise_to_random": self.ratio_of_noise,
+            "random_plans": RANDOM_PLANS,
             "observability": self.indices,
             "warnings": self.warnings,
         }
@@ -139,8 +141,6 @@ def _proposal(
         for k, i in enumerate(chosen)
     )
     sigma_deg, sigma_mm = printed_sigmas(cell.T_hand_sensor_design, choice.covariance)
-    size = np.linalg.slogdet(scaled(choice.covariance, LEVER_MM))[1]
-    random = np.median([np.linalg.slogdet(scaled(c, LEVER_MM))[1] for c in choice.random])
     return Proposal(
         rows,
         np.rad2deg(joints[chosen]),
@@ -148,8 +148,8 @@ def _proposal(
         np.rad2deg(np.arctan2(-rotations[:, 0, 1], rotations[:, 0, 0])),
         tuple(float(v) for v in sigma_deg),
         tuple(float(v) for v in sigma_mm),
-        float(np.exp((size - random) / 12)),
-        len(choice.random),
+        choice.ratio,
+        choice.ratio_of_noise,
         observability(scaled(choice.covariance, LEVER_MM), taken + len(choice.chosen)),
         _warnings(choice.covariance),
     )

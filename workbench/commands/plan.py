@@ -37,7 +37,7 @@ def command(
         Criterion, typer.Option(help="D: small volume of the SCP's error ellipsoid; E: short longest axis.")
     ] = Criterion.D,
     model: Annotated[Model, typer.Option(help="What calibrate will estimate.")] = Model.SCP,
-    tilt_deg: Annotated[float, typer.Option(min=0, max=60, help="Largest tilt of a view.")] = 35.0,
+    tilt_deg: Annotated[float, typer.Option(min=0, max=60, help="Largest tilt of a view.")] = 45.0,
     roll_deg: Annotated[float, typer.Option(min=0, max=180, help="Largest roll about the depth axis.")] = 180.0,
     mounting_deg: Annotated[float, typer.Option(min=0, max=10, help="How far off the mounting may be.")] = 3.0,
     seed: Annotated[int, typer.Option(min=0, help="Same seed, same plan.")] = 0,
@@ -68,6 +68,8 @@ def command(
 
 
 def _show(proposal: Proposal) -> None:
+    from workbench.optimal import RANDOM_PLANS
+
     console = standard_output()
     table = Table(title="proposed configurations", title_justify="left")
     n = len(proposal.joints_deg[0])
@@ -84,7 +86,8 @@ def _show(proposal: Proposal) -> None:
         f"predicted σ of the SCP, hand axes: rotation {_three(sigma_r, 4)} °, translation {_three(sigma_t, 3)} mm"
     )
     console.print(
-        f"{proposal.ratio_to_random:.2f} × the median of {proposal.random_plans} random plans from the same views"
+        f"{proposal.ratio_to_random:.2f} × the median of {RANDOM_PLANS} random plans from the same views "
+        f"({proposal.ratio_of_noise:.2f} × without the robot's own errors)"
     )
     console.print("observability " + ", ".join(f"{k} {v:.4g}" for k, v in proposal.indices.items()))
     for warning in proposal.warnings:

@@ -1,0 +1,74 @@
+"""`plan`: proposals beat random choices, keep to the limits, are the same for the same seed, and can be rendered."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import workbench.proposing
+from tests.workbench.helpers import Cli
+from workbench.formats import read_cell, read_frames
+from workbench.information import frame_information, scp_covariance
+
+
+@pytest.fixture(autouse=True)
+def small_pool(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(workbench.proposing, "POOL", 24)
+
+
+def test_a_proposal(cli: Cli, recording: Path, tmp_path: Path) -> None:
+    plan = recording.parent / "plan"
+    call = ("plan", plan, "--per-location", 3, "--json", "--out", tmp_path / "views.csv")
+    result = cli(*call)
+    assert result.code == 0, result.err
+    answer = result.json
+    assert cli(*call).out == result.out
+    assert answer["ratio_to_random"] < 1
+    assert len(answer["frames"]) == 12
+    assert max(abs(f["roll_deg"]) for f in answer["frames"]) > 90
+    robot = read_cell(plan, recorded=False).robot
+    rows = read_frames(tmp_path / "views.csv", robot.n_joints)
+    assert all(robot.within_limits(row.joints_rad) for row in rows)
+    assert {row.location: row.role for row in rows}["D"] == "verify"
+
+
+def test_frames_already_taken_count(cli: Cli, recording: Path) -> None:
+    """With the recording's frames in hand the same number of further views predicts a smaller σ."""
+    alone = cli("plan", recording.parent / "plan", "--per-location", 2, "--json").json
+    further = cli("plan", recording, "--per-location", 2, "--json").json
+    assert np.prod(further["sigma_translation_mm"]) < np.prod(alone["sigma_translation_mm"])
+    taken = len(read_cell(recording).frames)
+    assert min(f["frame"] for f in further["frames"]) == taken
+
+
+def test_the_prediction_is_what_calibration_reports(recording: Path, answer: object) -> None:
+    """Predicted against reported σ; calibrate estimates the joints noise from few frames and may differ by a factor."""
+    cell = read_cell(recording)
+    rows = [row for row in cell.frames if row.role == "calibrate"]
+    names = list(dict.fromkeys(row.location for row in rows))
+    from geometry import stack_poses
+
+    info = frame_information(
+        cell.robot,
+        cell.sensor.model,
+        cell.jig,
+        cell.T_hand_sensor_design,
+        stack_poses([cell.T_base_jig[name] for name in names]),
+        np.array([row.joints_rad for row in rows]),
+        np.array([names.index(row.location) for row in rows]),
+    )
+    predicted = np.sqrt(np.diag(scp_covariance(info, range(len(rows)))))
+    reported = np.sqrt(np.diag(np.array(answer["covariance"])))  # type: ignore[index]
+    assert np.all(np.abs(np.log(predicted / reported)) < np.log(2.0)), predicted / reported
+
+
+def test_an_unreachable_place_is_said(cli: Cli, recording: Path, tmp_path: Path) -> None:
+    plan = recording.parent / "plan"
+    for name in ("sensor.toml", "jig.toml", "robot.toml", "frames.csv"):
+        (tmp_path / name).write_bytes((plan / name).read_bytes())
+    (tmp_path / "cell.toml").write_text((plan / "cell.toml").read_text().replace("1560.0", "9560.0"))
+    result = cli("plan", tmp_path)
+    assert result.code == 3
+    assert "location A" in result.err
