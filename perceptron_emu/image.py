@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,11 +19,7 @@ from perceptron_emu.speckle import contrast, grain_px, oversampling, speckle_fie
 Array = NDArray[np.float64]
 Float32 = NDArray[np.float32]
 
-_DISC = [(0.0, 0.0)] + [
-    (r * math.cos(a), r * math.sin(a))
-    for r, n in ((0.4, 6), (0.8, 12))
-    for a in np.arange(n) * (2 * math.pi / n) + (0.0 if n == 6 else math.pi / 12)
-]
+MAX_RINGS = 16
 
 
 def draw(
@@ -70,10 +67,21 @@ def _defocused(
     radius = defocus_radius_px(config.optics, sensor, to_camera(sensor, samples.xyz_mm))
     if np.max(radius) < 0.5 * np.min(sigma):
         return uv, np.sqrt(sigma**2 + radius**2 / 4), weight, group
-    disc = np.array(_DISC) / math.sqrt(4 * np.mean(np.sum(np.array(_DISC) ** 2, 1)) / 2)
+    disc = _disc(min(MAX_RINGS, math.ceil(float(np.max(radius) / np.min(sigma)))))
     n = len(disc)
     uv = (uv[:, None] + radius[:, None, None] * disc).reshape(-1, 2)
     return uv, np.repeat(sigma, n), np.repeat(weight / n, n), np.repeat(group, n)
+
+
+@lru_cache(maxsize=MAX_RINGS)
+def _disc(rings: int) -> Array:
+    """Points (N, 2) of equal weight that fill the unit disc: 6k on ring k, with the disc's own variance of 1/4."""
+    points = [np.zeros((1, 2))]
+    for k in range(1, rings + 1):
+        angle = (np.arange(6 * k) + 0.5 * (k % 2)) * (2 * np.pi / (6 * k))
+        points.append(k / rings * np.column_stack([np.cos(angle), np.sin(angle)]))
+    disc = np.concatenate(points)
+    return np.asarray(disc / np.sqrt(2 * np.mean(np.sum(disc**2, 1))))
 
 
 def _draw_piece(
