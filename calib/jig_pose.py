@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.departure import departure
 from calib.jig_pose_types import Ambiguity, JigPoseCandidate, JigPoseResult
 from calib.pose_solver import PoseProblem, PoseSolution, solve_poses
 from calib.pose_starts import grid_starts, pencil_starts
@@ -23,6 +24,7 @@ from jig_cad import Jig
 Array = NDArray[np.float64]
 
 MIN_STRINGS = 3
+MAX_CANDIDATES = 8  # where the points leave a direction free, every start ends elsewhere
 SAME_MM, SAME_RAD = 0.05, 1e-3  # nearer minima are one
 VALLEY_RAD, VALLEY_CHI2 = 0.01, 0.1
 AMBIGUOUS_CHI2 = 16.0  # another pose within this of the best one can not be told from it by the points
@@ -49,7 +51,7 @@ def jig_pose(
     chi2 = np.where(possible, chi2, np.inf) if np.any(possible) else chi2
     share = np.exp(-0.5 * (chi2 - np.min(chi2)))
     order = _order(chi2, solution.T_sensor_jig, guess, jig)
-    candidates = tuple(_candidate(solution, axis, i, share[i] / share.sum(), chi2[i]) for i in order)
+    candidates = tuple(_candidate(solution, axis, i, share[i] / share.sum(), chi2[i]) for i in order[:MAX_CANDIDATES])
     weak = weak_directions(candidates[0], jig)
     condition = scaled_condition(solution.jacobian[order[0]])
     undetermined = bool(weak) or condition > WEAK_CONDITION or curved(problem, candidates[0], jig)
@@ -115,7 +117,9 @@ def _distinct(solution: PoseSolution) -> PoseSolution:
 
 def _same(a: Pose, b: Pose, jacobian: Array) -> bool:
     """Whether two poses are one minimum: almost equal, or nearby on the floor of a flat valley."""
-    xi = (b.inverse() @ a).log()
+    if np.max(np.abs(a.R - b.R)) > 2 * VALLEY_RAD:  # also keeps half turns, whose departure is not defined, apart
+        return False
+    xi = departure(b, a)
     turn = np.linalg.norm(xi[3:])
     equal = np.linalg.norm(xi[:3]) < SAME_MM and turn < SAME_RAD
     return bool(equal or (turn < VALLEY_RAD and np.sum((jacobian @ xi) ** 2) < VALLEY_CHI2))

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.departure import departure
 from calib.label_evidence import Prior
 from calib.surface_config import LabellingConfig
 from geometry import Pose
@@ -62,7 +63,9 @@ class Chain:
 
 def mahalanobis2(prior: Prior, T_sensor_jig: Pose, covariance: Array) -> float:
     """Squared distance, 6 degrees of freedom, of a found pose from its prediction."""
-    xi = (prior.T_sensor_jig.inverse() @ T_sensor_jig).log()
+    if np.trace(prior.T_sensor_jig.R.T @ T_sensor_jig.R) < -0.5:  # turned by more than 138°
+        return float("inf")
+    xi = departure(prior.T_sensor_jig, T_sensor_jig)
     return float(xi @ np.linalg.solve(prior.covariance + covariance, xi))
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.departure import departure
 from calib.label_gates import DETECTED
 from calib.pose_solver import PoseProblem, PoseSolution, solve_poses
 from calib.pose_starts import pencil_starts
@@ -42,8 +43,7 @@ class Prior:
 
     def chi2(self, T_sensor_jig: Pose) -> float:
         """Squared Mahalanobis distance of a pose from the guess."""
-        xi = (self.T_sensor_jig.inverse() @ T_sensor_jig).log()
-        return float(np.sum((self.root_information @ xi) ** 2))
+        return float(np.sum((self.root_information @ departure(self.T_sensor_jig, T_sensor_jig)) ** 2))
 
     @property
     def root_information(self) -> Array:

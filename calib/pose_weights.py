@@ -12,11 +12,13 @@ from jig_cad import ANCHORS, STRINGS, Jig
 
 Array = NDArray[np.float64]
 
+EXACT_MM = 1e-7  # σ that stands for none: points given as exact still have a weight
+
 
 def whitening(cov: Array) -> Array:
     """Block-diagonal W (..., 2N, 2N) with WᵀW the inverse of the points' covariances (..., N, 2, 2)."""
     n = cov.shape[-3]
-    root = np.linalg.inv(np.linalg.cholesky(cov))
+    root = np.linalg.inv(np.linalg.cholesky(cov + EXACT_MM**2 * np.eye(2)))
     out = np.zeros((*cov.shape[:-3], n, 2, n, 2))
     diagonal = np.arange(n)
     out[..., diagonal, :, diagonal, :] = np.moveaxis(root, -3, 0)
