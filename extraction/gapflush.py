@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 
 _FEWEST_POINTS = 30
 _NEIGHBOURS = 4  # on each side; a point far from all of them stands alone
+_LATERAL = 0.3  # of the point spacing: a section sees light from beside it, which matters where a bend is steep
 _STEP = 1e-6  # of the numeric derivative, mm or rad
 
 
@@ -63,15 +64,17 @@ def measure_gap_flush(profile: Profile, config: GapFlushConfig | None = None) ->
       right one's smallest x; a sharp edge's end). It is that of a feeler gauge held along the reference face.
     - **flush**: distance along n from the reference face, extended, to the other panel's tangent point, where its face
       ends and its bend begins; positive where the other panel stands proud, towards the sensor.
-    - **radius** of each bend, fitted over at most 80° of arc.
+    - **radius** of each bend, fitted over at most 65° of arc.
 
-    Covariances follow from those of the points, scaled by χ² where the points scatter more than they claim. Raises
+    Covariances follow from those of the points and an allowance of 0.3 of their spacing across (light from beside a
+    section moves it on a steep bend), scaled by χ² where the points scatter more than they claim. Raises
     NoAnswerError where there are no two panels with a gap between, InputError for points that are not finite.
     """
     config = config or GapFlushConfig()
     yz, cov = _ordered(profile, config)
     tolerance = max(config.tolerance_mm, 5.0 * float(np.median(np.sqrt(np.trace(cov, axis1=1, axis2=2)))))
     faces = find_faces(yz, tolerance, config)
+    cov = cov + np.diag([(_LATERAL * float(np.median(np.diff(yz[:, 0])))) ** 2, 0.0])
     left_face, right_face = facing_pair(yz, faces, tolerance, config)
     left = fit_edge(yz, cov, left_face, 1.0, tolerance, config)
     right = fit_edge(yz, cov, right_face, -1.0, tolerance, config)

