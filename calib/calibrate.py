@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calib.answer import Estimate, answer
 from calib.assemble import Chains, by_location, location_figures
-from calib.config import CalibConfig
+from calib.config import CalibConfig, Model
 from calib.estimate import bundle_estimate, bundle_facts
+from calib.model_choice import choose_model, left_out_rms
 from calib.observation import Observations
 from calib.paper_estimate import paper_estimate, paper_frames
 from calib.result import CalibrationResult, Verdict
@@ -53,7 +54,27 @@ def calibrate(
             break
         ready = _relabel(p, ready, estimate)
         verdict, estimate = _solve(p, ready, estimate.T_hand_sensor)
-    return answer(observations, ready, jig, robot, p.config, verdict, estimate)
+    if estimate is None or not verdict.trustworthy or p.config.method == "paper":
+        return answer(observations, ready, jig, robot, p.config, verdict, estimate)
+    kept, scores, words = _choose(p, ready, estimate)
+    if kept.config.model != p.config.model:
+        verdict, estimate = _solve(kept, ready, estimate.T_hand_sensor)
+    result = answer(observations, ready, jig, robot, kept.config, verdict, estimate)
+    return replace(result, left_out_rms_mm=scores, notes=(*result.notes, words))
+
+
+def _choose(p: Problem, ready: tuple[Station, ...], estimate: Estimate) -> tuple[Problem, dict[str, float], str]:
+    """Keep the model asked for unless it predicts locations that it did not see worse than scp alone."""
+    used = tuple(s for s in ready if s.observation.role == "calibrate" and s.usable)
+    used = tuple(s for s in used if s.observation.frame not in estimate.reasons)
+    asked = p.config.model
+    models: tuple[Model, ...] = ("scp",) if asked == "scp" else ("scp", asked)
+    scores = {m: left_out_rms(used, p.jig, p.robot, estimate.T_hand_sensor, p.config, m) for m in models}
+    model, words = choose_model(scores, asked)
+    known: dict[str, float] = {m: rms for m, rms in scores.items() if rms is not None}
+    if asked == "scp":
+        words = f"leaving one location out, its points are predicted to {known['scp']:.3f} mm" if known else words
+    return replace(p, config=p.config.model_copy(update={"model": model})), known, words
 
 
 def _solve(p: Problem, ready: tuple[Station, ...], T_hand_sensor: Pose) -> tuple[Verdict, Estimate | None]:

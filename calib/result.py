@@ -130,4 +130,5 @@ class CalibrationResult:
     condition: float | None = None  # scaled condition number of the SCP, nuisances marginalised
     noise: dict[str, float] = field(default_factory=dict)  # σ that made the weights
     weak_directions: tuple[str, ...] = ()
+    left_out_rms_mm: dict[str, float] = field(default_factory=dict)  # leave-one-location-out, by model
     notes: tuple[str, ...] = ()

@@ -1,0 +1,112 @@
+"""The choice of the model, other arms, and what the noise of the data says of the noise stated."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from calib import CalibConfig, calibrate
+from calib.model_choice import choose_model
+from calib.solution import solve_problem
+from calib.synthetic import Layout, Noise, industrial_arm, made_cell, observe, random_cell
+from calib.synthetic_problem import CALIBRATE_ONLY, problem_of, true_candidates
+from calib.uncertainty import nees
+from geometry import RobotModel, RobotUncertainty
+
+NEES_LIMIT = 30.0  # a sound covariance exceeds it in 4 of 100,000 runs
+
+
+def test_larger_model_is_kept_where_it_predicts_better() -> None:
+    rng = np.random.default_rng(1)
+    cell = random_cell(rng, CALIBRATE_ONLY)
+    observed = observe(cell, made_cell(cell, rng, Noise()), rng, Noise())
+    result = calibrate(observed, cell.jig, cell.robot, CalibConfig(model="full"))
+    assert result.model == "full"
+    assert result.left_out_rms_mm["full"] < 0.7 * result.left_out_rms_mm["scp"]
+
+
+def test_overfitting_model_is_dropped_and_said() -> None:
+    model, words = choose_model({"scp": 0.10, "full": 0.12}, "full")
+    assert model == "scp"
+    assert "overfits" in words
+
+
+def _modified() -> RobotModel:
+    """A six-axis arm in the modified convention (UR-like order of axes, with offsets)."""
+    alpha = np.deg2rad([0.0, -90.0, 0.0, -90.0, 90.0, -90.0])
+    theta = np.deg2rad([0.0, -90.0, 0.0, 0.0, 0.0, 180.0])
+    return RobotModel.from_dh(
+        theta, [780.0, 0, 0, 1142, 0, 200], [0, 320.0, 1075, 200, 0, 0], alpha, convention="modified"
+    )
+
+
+def _coupled() -> RobotModel:
+    coupling = np.eye(6)
+    coupling[2, 1] = 1.0  # a parallelogram: joint 3 reads against joint 2
+    return replace(industrial_arm(), coupling=coupling)
+
+
+def _seven() -> RobotModel:
+    """A seven-axis arm of some two metres, alternating axes."""
+    alpha = np.deg2rad([-90.0, 90.0, 90.0, -90.0, -90.0, 90.0, 0.0])
+    return RobotModel.from_dh(np.zeros(7), [700.0, 0, 900, 0, 800, 0, 200], np.zeros(7), alpha)
+
+
+@pytest.mark.parametrize("robot", [_modified(), _coupled(), _seven()], ids=["modified", "coupled", "seven joints"])
+def test_other_arms(robot: RobotModel) -> None:
+    """Truth within σ on every kind of arm, with all its errors estimated."""
+    rng = np.random.default_rng(3)
+    layout = Layout(places=CALIBRATE_ONLY.places, radius_mm=(1000.0, 1300.0), height_mm=(400.0, 900.0))
+    cell = random_cell(rng, layout, robot=robot)
+    made = made_cell(cell, rng, Noise())
+    problem = problem_of(observe(cell, made, rng, Noise()), cell)
+    answer = solve_problem(problem, true_candidates(made), cell.design, CalibConfig(model="full"))
+    assert answer.bundle.converged
+    assert answer.chi2_per_dof < 1.5
+    assert nees(made.T_hand_sensor, answer.T_hand_sensor, answer.uncertainty.scp) < NEES_LIMIT
+
+
+def test_joint_noise_that_was_overstated_is_found() -> None:
+    """Joints of 0.001° stated as 0.006°: the residuals say so, and the weights follow."""
+    rng = np.random.default_rng(4)
+    stated = RobotUncertainty(joint_sigma_rad=float(np.deg2rad(0.006)))
+    cell = random_cell(rng, CALIBRATE_ONLY, robot=replace(industrial_arm(), uncertainty=stated))
+    noise = Noise(joint_rad=float(np.deg2rad(0.001)))
+    made = made_cell(cell, rng, noise)
+    problem = problem_of(observe(cell, made, rng, noise), cell)
+    answer = solve_problem(problem, true_candidates(made), cell.design, CalibConfig())
+    assert 0.0005 < answer.noise["joint_sigma_deg"] < 0.002
+    given = solve_problem(problem, true_candidates(made), cell.design, CalibConfig(noise="given"))
+    assert given.noise["joint_sigma_deg"] == pytest.approx(0.006)
+
+
+@pytest.mark.parametrize("model", ["scp", "full"])
+def test_sigma_is_true_on_average(model: str) -> None:
+    """Mean NEES of 60 runs in [4.4, 7.6]: 3.5 standard deviations of the mean; the benchmark has the narrow gate."""
+    rng = np.random.default_rng(5)
+    cell, errors = random_cell(rng, CALIBRATE_ONLY), []
+    for _ in range(60):
+        made = made_cell(cell, rng, Noise())
+        problem = problem_of(observe(cell, made, rng, Noise()), cell)
+        answer = solve_problem(problem, true_candidates(made), cell.design, CalibConfig(model=model))
+        errors.append(nees(made.T_hand_sensor, answer.T_hand_sensor, answer.uncertainty.scp))
+    assert 4.4 < np.mean(errors) < 7.6
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("model", ["scp", "full"])
+def test_sigma_is_true_over_2000_runs(model: str) -> None:
+    """Mean NEES in [5.75, 6.26] and coverage of the 95 % ellipsoid 95 ± 1 %, over 40 cells."""
+    rng = np.random.default_rng(6)
+    errors = []
+    for run in range(2000):
+        if run % 50 == 0:
+            cell = random_cell(rng, CALIBRATE_ONLY)
+        made = made_cell(cell, rng, Noise())
+        problem = problem_of(observe(cell, made, rng, Noise()), cell)
+        answer = solve_problem(problem, true_candidates(made), cell.design, CalibConfig(model=model))
+        errors.append(nees(made.T_hand_sensor, answer.T_hand_sensor, answer.uncertainty.scp))
+    assert 5.75 < np.mean(errors) < 6.26
+    assert 0.94 < np.mean(np.array(errors) < 12.592) < 0.96
