@@ -90,9 +90,12 @@ def solve(normal: Normal, free: NDArray[np.bool_], damping: float) -> Step:
     schur, gain = reduced(normal, damping)
     gradient = normal.gradient_common - np.einsum("lci,li->c", gain, normal.gradient_jigs)
     common = np.zeros(len(free))
+    free = free & (np.diag(schur) > 0)  # rounding takes a direction that is open to zero or below: no step along it
     common[free] = -scaled_solve(schur[np.ix_(free, free)], gradient[free])
     jigs_gradient = normal.gradient_jigs + np.einsum("lci,c->li", normal.cross, common)
-    jigs = -np.linalg.solve(normal.jigs * (1 + damping * np.eye(normal.jigs.shape[-1])), jigs_gradient[..., None])[..., 0]
+    jigs = -np.linalg.solve(normal.jigs * (1 + damping * np.eye(normal.jigs.shape[-1])), jigs_gradient[..., None])[
+        ..., 0
+    ]
     total = normal.gradient_common @ common + float(np.sum(normal.gradient_jigs * jigs))
     return Step(common, jigs, max(0.0, -float(total)))
 
