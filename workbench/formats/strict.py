@@ -66,7 +66,8 @@ def sentence(error: ValidationError, model: type[BaseModel], source: TomlSource,
 def suggestion(word: str, known: Iterable[str]) -> str:
     """``, did you mean …`` where a known word is near, else the known words."""
     names = list(dict.fromkeys(known))
-    near = difflib.get_close_matches(word, names, n=1, cutoff=0.55)
+    longer = [n for n in names if n.startswith(f"{word}_")]  # the unit left out is the commonest slip
+    near = longer if len(longer) == 1 else difflib.get_close_matches(word, names, n=1, cutoff=0.55)
     near = near or difflib.get_close_matches(word.casefold(), [n for n in names if n.islower()], n=1, cutoff=0.55)
     if near:
         return f', did you mean "{near[0]}"?'
@@ -104,6 +105,8 @@ def _known_keys(model: type[BaseModel], location: Location) -> list[str]:
     """Names of the keys that ``model`` knows at ``location``."""
     here: Any = model
     for part in location:
+        if isinstance(part, int):  # a position in a list of tables: its model is found already
+            continue
         if isinstance(here, type) and issubclass(here, BaseModel):
             field = here.model_fields.get(str(part))
             here = field.annotation if field else None
