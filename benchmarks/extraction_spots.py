@@ -1,0 +1,218 @@
+"""Spots against their bound: RMSE over the Cramér–Rao bound, calibration of σ and speed, beside peers on one data.
+
+Windows of 11 × 11 px, one spot at a random phase, pixel-integrated by quadrature, shot and read noise, in electrons.
+Bound: extraction.crlb with height, background and shape unknown (round: one width, elongated: three). "peak/noise" is
+the peak over the standard deviation of a pixel without the spot. Peers: picassosr (gaussmle), photutils, trackpy, sep,
+OpenCV; one that is not installed is skipped, saying so. The last table times whole frames of 1280 × 1024.
+Run: python benchmarks/extraction_spots.py [spots a point, default 5000]
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from extraction import ExtractionConfig, LocaliseConfig, extract
+from extraction.crlb import TrueSpot, mean_image, position_bound
+from extraction.fast import fit_peaks
+from extraction.stack import fit_stack
+from geometry import Pose, SensorModel
+
+SIDE, WIDTH_PX = 11, 1.3
+ROUND = ((300, 5, 2), (1000, 5, 2), (1000, 50, 2), (10_000, 20, 5), (100_000, 20, 5))  # electrons, background, read
+ELONGATED = ((3.0, 0.9, 0.6), (2.2, 1.2, -0.5), (1.6, 0.85, 1.4))  # widths along and across [px], direction [rad]
+LIGHT = ((3000, 20, 5), (30_000, 20, 5))
+MAX_SLOW = 300  # spots for peers that take milliseconds each
+Method = Callable[[np.ndarray, float], np.ndarray]
+
+
+def windows(rng: np.random.Generator, count: int, light, shape=(WIDTH_PX, WIDTH_PX, 0.0), side: int = SIDE):
+    """Noisy images (N, side, side) [e⁻], true centres (N, 2), root mean square bound [px]; 400 random phases."""
+    electrons, background, read = light
+    bank, bounds, phases = [], [], rng.uniform(-0.5, 0.5, (400, 2))
+    for du, dv in phases:
+        spot = TrueSpot(side // 2 + du, side // 2 + dv, electrons, *shape, background)
+        bank.append(mean_image(spot, (side, side)))
+        bounds.append(np.trace(position_bound(spot, (side, side), read, round_spot=shape[0] == shape[1])) / 2)
+    pick = rng.integers(0, len(bank), count)
+    mean = np.array(bank)[pick]
+    return (
+        rng.poisson(mean) + rng.normal(0, read, mean.shape),
+        side // 2 + phases[pick],
+        float(np.sqrt(np.mean(bounds))),
+    )
+
+
+def own_ml(images: np.ndarray, read: float) -> np.ndarray:
+    """Ours: maximum likelihood."""
+    return fit_stack(images, read**2).uv_px
+
+
+def own_fast(images: np.ndarray, read: float) -> np.ndarray:
+    """Ours: matched blur and log-parabola."""
+    kernel = cv2.getGaussianKernel(9, WIDTH_PX, cv2.CV_64F)
+    n, side = len(images), images.shape[1]
+    smooth = np.stack([cv2.sepFilter2D(im.astype(np.float32), cv2.CV_32F, kernel, kernel) for im in images])
+    inner = smooth[:, 2:-2, 2:-2].reshape(n, -1).argmax(1)
+    peaks = np.column_stack([inner % (side - 4) + 2, inner // (side - 4) + 2 + side * np.arange(n)])
+    border = np.concatenate([images[:, 0], images[:, -1], images[:, :, 0], images[:, :, -1]], axis=1).mean(axis=1)
+    uv = fit_peaks(smooth.reshape(-1, side), peaks, border, np.full(n, read**2), kernel[:, 0]).uv_px
+    return uv - np.column_stack([np.zeros(n), side * np.arange(n)])
+
+
+def peer_opencv(images: np.ndarray, read: float) -> np.ndarray:
+    """cv2.moments of what stands above the border's level and its noise."""
+    out = []
+    for im in images:
+        border = np.concatenate([im[0], im[-1], im[:, 0], im[:, -1]])
+        m = cv2.moments(np.where(im > border.mean() + 2 * border.std(), im - border.mean(), 0.0))
+        out.append((m["m10"] / m["m00"], m["m01"] / m["m00"]) if m["m00"] > 0 else (np.nan, np.nan))
+    return np.array(out)
+
+
+def peer_sep(images: np.ndarray, read: float) -> np.ndarray:
+    """sep.winpos, started at the true pixel."""
+    import sep
+
+    out = []
+    for im in images:
+        data = np.ascontiguousarray(im - np.median(im))
+        u, v, _ = sep.winpos(data, [SIDE // 2], [SIDE // 2], [WIDTH_PX])
+        out.append((float(u[0]), float(v[0])))
+    return np.array(out)
+
+
+def peer_trackpy(images: np.ndarray, read: float) -> np.ndarray:
+    """trackpy.locate, the brightest feature of each window."""
+    import trackpy
+
+    trackpy.quiet()
+    out = []
+    for im in images[:MAX_SLOW]:
+        found = trackpy.locate(im - im.min(), 7, topn=1)
+        out.append((found.x.iloc[0], found.y.iloc[0]) if len(found) else (np.nan, np.nan))
+    return np.array(out)
+
+
+def peer_photutils(images: np.ndarray, read: float) -> np.ndarray:
+    """photutils.centroids.centroid_2dg, weighted by the true-to-type errors."""
+    from photutils.centroids import centroid_2dg
+
+    out = []
+    for im in images[:MAX_SLOW]:
+        error = np.sqrt(np.maximum(im, 0.0) + read**2)
+        out.append(centroid_2dg(im - np.median(im), error=error))
+    return np.array(out)
+
+
+def peer_picasso(images: np.ndarray, read: float) -> np.ndarray:
+    """Gaussmle of picassosr, read noise added as a constant level as its authors advise."""
+    from picasso import gaussmle
+
+    spots = np.ascontiguousarray(images[:2000] + read**2, dtype=np.float32)
+    theta = gaussmle.gaussmle(spots, 0.001, 100, method="sigma")[0]
+    return np.asarray(theta)[:, :2]
+
+
+METHODS: dict[str, Method] = {
+    "ours, maximum likelihood": own_ml, "ours, fast": own_fast, "picassosr gaussmle": peer_picasso,
+    "photutils centroid_2dg": peer_photutils, "sep.winpos": peer_sep, "trackpy.locate": peer_trackpy,
+    "cv2.moments": peer_opencv,
+}  # fmt: skip
+
+
+def ratio_and_rate(method: Method, images: np.ndarray, truth: np.ndarray, bound: float, read: float):
+    """RMSE over the bound, share of failures, spots a second of CPU time."""
+    method(images[:3], read)  # compile and import
+    start = time.process_time()
+    uv = method(images, read)
+    seconds = time.process_time() - start
+    error = uv - truth[: len(uv)]
+    good = np.all(np.abs(error) < 3, axis=1)
+    return float(np.sqrt(np.mean(error[good] ** 2)) / bound), float(1 - good.mean()), len(uv) / seconds
+
+
+def table(title: str, cases, count: int) -> None:
+    """One table: a row per method, a column per case."""
+    print(f"\n{title}\n{'':26}" + "".join(f"{name:>22}" for name, *_ in cases) + f"{'spots/s':>12}")
+    data = [windows(np.random.default_rng(7), count, light, shape) for _, light, shape in cases]
+    peaks = [light[0] / (2 * np.pi * s[0] * s[1]) / np.sqrt(light[1] + light[2] ** 2) for _, light, s in cases]
+    print(f"{'peak/noise':26}" + "".join(f"{p:22.1f}" for p in peaks))
+    print(f"{'bound [px]':26}" + "".join(f"{bound:22.4f}" for *_, bound in data))
+    for name, method in METHODS.items():
+        try:
+            found = [ratio_and_rate(method, *d, case[1][2]) for d, case in zip(data, cases, strict=True)]
+        except ImportError as error:
+            print(f"{name:26}skipped: {error}")
+            continue
+        lost = [f"{r:.3f}" + (f" ({100 * bad:.1f}% lost)" if bad else "") for r, bad, _ in found]
+        print(f"{name:26}" + "".join(f"{text:>22}" for text in lost) + f"{np.median([f[2] for f in found]):12,.0f}")
+
+
+def calibration(count: int) -> None:
+    """Reported σ over empirical scatter, of the maximum-likelihood fit."""
+    print("\nreported σ / empirical scatter (0.95 … 1.05 wanted)")
+    for light in ROUND:
+        images, truth, _ = windows(np.random.default_rng(8), count, light)
+        fit = fit_stack(images, light[2] ** 2)
+        sigma = np.sqrt(np.mean(np.trace(fit.cov_uv_px2, axis1=1, axis2=2)) / 2)
+        print(f"  {light!s:22}{sigma / np.std(fit.uv_px - truth):.3f}")
+
+
+def frame_sensor() -> SensorModel:
+    """A sensor of 1280 × 1024 px that looks at the sheet from the side."""
+    camera = np.array([[0, -0.924016832, -0.382351793], [1, 0, 0], [0, -0.382351793, 0.924016832]])
+    u, _, vt = np.linalg.svd(camera)
+    return SensorModel(1280, 1024, 2300.0, 2300.0, 639.5, 511.5, Pose(u @ vt, np.array([120.0, 0, 0])))
+
+
+def frames() -> None:
+    """Whole frames: image in memory → surface points with covariance, on one core."""
+    cv2.setNumThreads(1)
+    rng, sensor = np.random.default_rng(3), frame_sensor()
+    print("\nstring frame 1280 × 1024 → surface points with covariance, one core")
+    images = {"five spots, noise 0.6 DN": synthetic_frame(rng)}
+    recorded = sorted((Path(__file__).parents[2] / "shared/data/cell_a/images").glob("*.png"))
+    for path in recorded[:4]:
+        images[f"cell_a {path.name}"] = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    for name, image in images.items():
+        for method in ("ml", "fast"):
+            config = ExtractionConfig(localise=LocaliseConfig(method=method))
+            found, cpu = len(extract(image, sensor, config)), []
+            for _ in range(30):
+                start = time.process_time()
+                extract(image, sensor, config)
+                cpu.append(time.process_time() - start)
+            print(
+                f"  {name:26}{method:5}{found:3} spots   median {1e3 * np.median(cpu):6.2f} ms, "
+                f"least {1e3 * min(cpu):6.2f} ms"
+            )
+
+
+def synthetic_frame(rng: np.random.Generator) -> np.ndarray:
+    """Five elongated spots on a dark, noisy frame of 8 bits."""
+    mean = np.full((1024, 1280), 10.0)
+    for u, v in ((160, 440), (358, 535), (634, 672), (739, 497), (809, 381)):
+        spot = TrueSpot(20 + rng.uniform(), 20 + rng.uniform(), 900.0, 1.6, 0.85, 1.4)
+        mean[v - 20 : v + 21, u - 20 : u + 21] += mean_image(spot, (41, 41))
+    return (rng.poisson(mean * 40) / 40 + rng.normal(0, 0.3, mean.shape)).round().clip(0, 255).astype(np.uint8)
+
+
+def main() -> None:
+    """Print all tables."""
+    count = int(sys.argv[1]) if len(sys.argv) > 1 else 5000
+    cases = [("/".join(map(str, light)), light, (WIDTH_PX, WIDTH_PX, 0.0)) for light in ROUND]
+    table("RMSE / bound, round spots σ 1.3 px (electrons/background/read)", cases, count)
+    cases = [(f"{a} × {c}, {light[0]} e⁻", light, (a, c, d)) for a, c, d in ELONGATED for light in LIGHT]
+    table("RMSE / bound, elongated spots (along × across px)", cases, count)
+    calibration(count)
+    frames()
+
+
+if __name__ == "__main__":
+    main()
