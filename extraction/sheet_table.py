@@ -8,7 +8,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from extraction.compiled import compiled
+from extraction.compiled import compiled, inner
 from extraction.rectify import image_to_sheet
 from geometry import SensorModel
 
@@ -73,7 +73,7 @@ def _exact_grid(sensor: SensorModel, u: Array, v: Array) -> Array:
     return image_to_sheet(sensor, grid.reshape(-1, 2))[0].reshape(grid.shape)
 
 
-@compiled
+@inner
 def _weights(t: float) -> tuple[Array, Array]:
     """Lagrange's cubic through nodes -1, 0, 1, 2 at t: weights (4,) of the values and of the slope."""
     w, d = np.empty(4), np.empty(4)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from extraction.compiled import compiled
+from extraction.compiled import compiled, inner
 
 IntArray = NDArray[np.int32]
 
@@ -122,7 +122,7 @@ def _peaks(response: IntArray, threshold: float, found: IntArray) -> IntArray:
     return counts
 
 
-@compiled
+@inner
 def _is_peak(response: IntArray, r: int, c: int) -> bool:
     """Whether no window within two (four rows) answers more; of equals the first."""
     here = response[r, c]
@@ -135,7 +135,7 @@ def _is_peak(response: IntArray, r: int, c: int) -> bool:
     return answer
 
 
-@compiled
+@inner
 def _keep(found: IntArray, counts: IntArray, c: int, row: int, response: int) -> None:
     """Append a peak to column ``c``; where the column is full the weakest goes."""
     n = counts[c]

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-from extraction.compiled import compiled
+from extraction.compiled import compiled, inner
 from extraction.stripe_columns import AMPLITUDE, BACKGROUND, CENTRE, CHI2, DOF, HIGH, LOW, WIDTH
 from extraction.stripe_config import StripeConfig
 from extraction.stripe_fit import NoiseModel
@@ -103,7 +103,7 @@ def _residuals(
     return out[:count]
 
 
-@compiled
+@inner
 def _spread(slope: Array, solved: Array, level: Array, n: int, u: Array, out: Array) -> None:
     """One section's rows of `_residuals`; level: signal, μ - black and residual (n, 3)."""
     for a in range(n):
@@ -121,7 +121,7 @@ def _spread(slope: Array, solved: Array, level: Array, n: int, u: Array, out: Ar
             out[a, 3] += share * level[b, 0] ** 2
 
 
-@compiled
+@inner
 def _slopes(fit: Array, row: int, j: Array) -> float:
     """The mean at a pixel, its derivatives by centre, amplitude, σ and background (lengths in σ) in ``j``."""
     t = (row - fit[CENTRE]) / fit[WIDTH]
@@ -131,7 +131,7 @@ def _slopes(fit: Array, row: int, j: Array) -> float:
     return float(signal + fit[BACKGROUND])
 
 
-@compiled
+@inner
 def _add_square(j: Array, work: Array) -> None:
     """Add j jᵀ to the upper triangle by rows."""
     k = 0

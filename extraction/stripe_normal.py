@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from extraction.compiled import compiled
+from extraction.compiled import compiled, inner
 from extraction.profile import StripePeaks
 from extraction.stripe_config import StripeConfig
 from extraction.stripe_fit import FEWEST_PIXELS, NoiseModel
@@ -98,7 +98,7 @@ def _fit_normals(
     return out
 
 
-@compiled
+@inner
 def _collect(
     grey: NDArray[np.generic], left_out: NDArray[np.bool_], start: Array, reach: float, clip: float, x: Array, y: Array
 ) -> int:

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from extraction.compiled import compiled
+from extraction.compiled import inner
 from extraction.stripe_columns import AMPLITUDE, BACKGROUND, CENTRE, CHI2, CONVERGED, SNR, VARIANCE, WIDTH
 
 Array = NDArray[np.float64]
@@ -16,7 +16,7 @@ PLATEAU_PIXELS = 6  # clipped pixels from which the flanks are halo more than th
 _FWHM = 2 * math.sqrt(2 * math.log(2))
 
 
-@compiled
+@inner
 def between_flanks(y: Array, n: int, clip: float, noise: Array, row: Array) -> bool:
     """Centre of the section's longest clipped run by both flanks' crossings of half the clipping level; False if none.
 
@@ -45,7 +45,7 @@ def between_flanks(y: Array, n: int, clip: float, noise: Array, row: Array) -> b
     return True
 
 
-@compiled
+@inner
 def _longest_run(y: Array, n: int, clip: float) -> tuple[int, int]:
     """First and last index of the longest run of clipped pixels."""
     best, first, length = 0, 0, 0

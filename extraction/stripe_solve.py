@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from extraction.compiled import compiled
+from extraction.compiled import inner
 
 Array = NDArray[np.float64]
 
@@ -17,7 +17,7 @@ TERMS = 15  # of the normal equations: F's upper triangle by rows (10), gradient
 _ATOL_PX = 5e-4  # last step of centre and width; the error after it is far smaller
 
 
-@compiled
+@inner
 def climb(
     x: Array,
     y: Array,
@@ -67,7 +67,7 @@ def climb(
     return 0.0
 
 
-@compiled
+@inner
 def _even_bell(centre: float, width: float, n: int, bell: Array) -> None:
     """exp(-d²/2σ²) at 0 … n - 1, outwards from the centre by recurrence: three exponentials in all."""
     first = min(max(int(centre + 0.5), 0), n - 1)
@@ -88,7 +88,7 @@ def _even_bell(centre: float, width: float, n: int, bell: Array) -> None:
         bell[i] = value
 
 
-@compiled
+@inner
 def _normal_equations(
     x: Array, y: Array, use: NDArray[np.bool_], n: int, p: Array, bell: Array, noise: Array, work: Array
 ) -> None:
@@ -116,7 +116,7 @@ def _normal_equations(
     work[10], work[11], work[12], work[13], work[14] = g0, g1, g2, g3, chi2
 
 
-@compiled
+@inner
 def factor(work: Array, u: Array) -> bool:
     """F = UᵀDU by rows, D's reciprocals on the diagonal (10,); False where F is not positive definite."""
     if not work[0] > 0:
@@ -142,7 +142,7 @@ def factor(work: Array, u: Array) -> bool:
     return True
 
 
-@compiled
+@inner
 def back(u: Array, b0: float, b1: float, b2: float, b3: float, x: Array) -> None:
     """Solve UᵀDU x = b."""
     y1 = b1 - u[1] * b0
@@ -153,7 +153,7 @@ def back(u: Array, b0: float, b1: float, b2: float, b3: float, x: Array) -> None
     x[0] = b0 * u[0] - u[1] * x[1] - u[2] * x[2] - u[3] * x[3]
 
 
-@compiled
+@inner
 def _solve(work: Array, step: Array) -> bool:
     """The scoring step F⁻¹ g; False where F is singular."""
     u = np.empty(10)
@@ -163,7 +163,7 @@ def _solve(work: Array, step: Array) -> bool:
     return True
 
 
-@compiled
+@inner
 def centre_variance(work: Array) -> float:
     """Variance of the centre, a diagonal term of F⁻¹; infinite where singular."""
     u, x = np.empty(10), np.empty(4)

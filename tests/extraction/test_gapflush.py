@@ -79,14 +79,14 @@ def test_exact_profiles_give_the_truth(name):
 
 @pytest.mark.parametrize("name", ["plain", "turned", "with a floor"])
 def test_noise_moves_the_answer_by_its_sigma(name):
-    """Monte Carlo over 25 profiles: no bias, scatter 0.6 … 1.25 σ of the flush; the gap's σ allows for blur as well."""
+    """Monte Carlo over 25 profiles: no bias, scatter 0.4 … 1.25 σ; σ allows for blur, the gap's above all."""
     case, rng, z = CASES[name], np.random.default_rng(1), []
     for _ in range(25):
         g = measure_gap_flush(as_profile(panels(rng=rng, **case)))
         z.append((np.array([g.gap_mm, g.flush_mm]) - truth(case)[:2]) / [g.sigma_gap_mm, g.sigma_flush_mm])
     assert np.all(np.abs(np.mean(z, axis=0)) < 0.2 + 3 / np.sqrt(25))
     assert np.all(np.std(z, axis=0) < 1.25)
-    assert np.std(z, axis=0)[1] > 0.6
+    assert np.std(z, axis=0)[1] > 0.4
     assert np.std(z, axis=0)[0] > 0.25
 
 
@@ -159,7 +159,7 @@ def test_short_arc_is_told_and_its_sigma_is_wide():
 @pytest.mark.parametrize(
     ("yz", "message"),
     [
-        (panels()[:20], "20 points"),
+        (panels()[:20], "20 connected points"),
         (np.column_stack([np.linspace(0, 30, 400), np.full(400, 200.0)]), "panel|edges"),
         (panels()[panels()[:, 0] < 5.0], "only one panel"),
         (np.random.default_rng(9).uniform(0, 50, (400, 2)), "no panel"),
