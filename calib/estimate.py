@@ -59,6 +59,7 @@ def bundle_facts(solution: Solution, used: tuple[Station, ...], refused: tuple[S
         solution.uncertainty.noise_covariance[:6, :6],
         contradicted / max(len(out) + sum(len(s.axis) for s in refused), 1),
         _outlying_strings(solution, used),
+        solution.rival,
         solution.problem.n_locations,
     )
 

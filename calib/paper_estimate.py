@@ -73,7 +73,7 @@ def paper_estimate(
     delta = np.zeros((5, 0 if robot is None else robot.n_joints))
     delta[0, list(offsets)] = result.offsets_rad
     corrected = robot.corrected(delta) if robot is not None and offsets else robot
-    facts = Facts(
+    facts = Facts(  # no points are left out, and no other answer is looked for
         result.converged,
         result.iterations,
         chi2,
@@ -83,6 +83,7 @@ def paper_estimate(
         noise,
         0.0,
         (),
+        float("inf"),
         problem.n_locations,
     )
     estimate = Estimate(

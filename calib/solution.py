@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from calib.bundle import BundleResult, solve_bundle
 from calib.config import CalibConfig
+from calib.figures import pose_distance
 from calib.linearise import corrected_robot
 from calib.problem import Problem, pad_points, pose_chain, robot_chain
 from calib.robust import RobustResult, solve_robust
@@ -23,6 +24,8 @@ from jig_cad import Jig
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
+_OTHER_MM = 5.0  # poses of the jig that are farther apart are different answers
+
 
 @dataclass(frozen=True, eq=False)
 class Solution:
@@ -32,6 +35,7 @@ class Solution:
     frame_outlier (F,): what was left out. Ts_sensor_jig: each frame's own pose, of its candidates the one that agrees
     with the others. chi2_per_dof: of the model's own fit, by the noise of points and joints and the anchors' tolerance.
     explained: the same once all robot errors are free within their priors. noise: the σ that made the weights.
+    rival: how much larger the χ² of the next best answer is (other jig poses of the same points); infinite where none.
     """
 
     problem: Problem
@@ -45,6 +49,7 @@ class Solution:
     chi2_per_dof: float
     explained: float
     noise: dict[str, float]
+    rival: float
 
     @property
     def T_hand_sensor(self) -> Pose:
@@ -125,7 +130,24 @@ def solve_problem(problem: Problem, candidates: Sequence[Pose], T_hand_sensor: P
         chi2,
         explained,
         weighed.noise,
+        _rival(problem, candidates, own, robust),
     )
+
+
+def _rival(problem: Problem, candidates: Sequence[Pose], own: Pose, best: RobustResult) -> float:
+    """How much more χ² the answer from the frames' other candidates has, or infinity where there is none."""
+    others = [c[np.flatnonzero(pose_distance(c, own[i : i + 1]) > _OTHER_MM)] for i, c in enumerate(candidates)]
+    if any(len(c) == 0 for c in others):
+        return float("inf")
+    start, _ = chain_start(problem, best.bundle.state.T_hand_sensor, others)
+    free = best.bundle.free[6:-12]
+    try:
+        rival = solve_bundle(problem, start, free, best.bundle.removed, max_iterations=30)
+    except np.linalg.LinAlgError:
+        return float("inf")
+    apart = pose_distance(rival.state.Ts_base_jig, best.bundle.state.Ts_base_jig)
+    different = rival.converged and float(np.max(apart)) > _OTHER_MM
+    return max(0.0, rival.cost - best.bundle.cost) if different else float("inf")
 
 
 def _robust(

@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 _SAME_MM, _SAME_DEG = 1.0, 0.1
 _MISFIT_TAIL = 1e-4
 _LEVER_MM = 5.0
+_RIVAL_CHI2 = 12.0  # a likelihood ratio of 400
 _GROSS_CHI2 = 30.0  # with all robot errors free within their priors
 _UNOBSERVABLE_MM, _UNOBSERVABLE_DEG = 20.0, 5.0  # σ from noise alone
 _WEAK_MM, _WEAK_DEG = 1.0, 0.3
@@ -114,7 +115,7 @@ class Facts:
 
     explained: χ² per degree of freedom with all robot errors free within their priors, NaN where not known.
     noise_covariance (6, 6): of the SCP from noise alone. outlier_share: of the points. outlying_strings: whose points
-    are mostly outliers.
+    are mostly outliers. rival: how much larger the χ² of another answer is.
     """
 
     converged: bool
@@ -126,6 +127,7 @@ class Facts:
     noise_covariance: Array
     outlier_share: float
     outlying_strings: tuple[str, ...]
+    rival: float
     locations: int
 
 
@@ -134,6 +136,7 @@ def judge(f: Facts, moved: Motion, config: CalibConfig) -> Verdict:
     return (
         _not_converged(f)
         or _outliers(f, config)
+        or _ambiguous(f)
         or _lever(moved, config)
         or _not_observable(f)
         or _misfit(f, config)
@@ -172,6 +175,16 @@ def _outliers(f: Facts, config: CalibConfig) -> Verdict | None:
             "the DH table, the jig's size, the labels, the locations and the joint columns",
         )
     return None
+
+
+def _ambiguous(f: Facts) -> Verdict | None:
+    if f.rival > _RIVAL_CHI2:
+        return None
+    return Verdict(
+        "ambiguous_pose",
+        f"two jig poses explain the points about equally well (χ² differs by {f.rival:.2g}), with different "
+        "answers: take frames with another tilt, or a jig with the sixth string",
+    )
 
 
 def _lever(moved: Motion, config: CalibConfig) -> Verdict | None:
