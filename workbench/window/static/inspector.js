@@ -94,7 +94,7 @@ export function showSpot(s, truth) {
     fact("z", `${number(s.surface[1], 3)} mm`), fact("σ z", `${sigma(3)} mm`),
   ];
   if (s.axis) facts.push(fact("axis y", `${number(s.axis[0], 3)} mm`), fact("axis z", `${number(s.axis[1], 3)} mm`));
-  if (truth?.mm) facts.push(fact(`error y (${truth.of})`, `${number(truth.mm[0], 3)} mm`), fact("error z", `${number(truth.mm[1], 3)} mm`));
+  if (truth?.mm) facts.push(fact(truth.of === "axis" ? "error y" : "error y srf.", `${number(truth.mm[0], 3)} mm`), fact("error z", `${number(truth.mm[1], 3)} mm`));
   clear($("inspector"),
     el("h2", {}, s.label ? `String ${nameOf(s.label)}` : "Spot without a label"),
     s.flag ? el("p", { class: "why" }, `Doubtful: ${s.flag.replaceAll("_", " ")}`) : null,

@@ -31,17 +31,31 @@ export function paint(image, saturation, brightness, mask) {
   if (image.painted === key && image.mask === mask) return surface;
   const floor = brightness > 0 ? Math.min(dark(image), saturation - 1) : 0;
   const table = levels(floor, saturation, 1 / (1 + 3 * brightness));
-  const data = new ImageData(image.width, image.height);
-  const out = new Uint32Array(data.data.buffer);
-  const values = image.values, lit = mask?.values;
-  for (let i = 0; i < out.length; i++) {
-    const g = table[values[i] > saturation ? saturation : values[i]];
-    out[i] = lit && lit[i] ? 0xff33c2ff : 0xff000000 | (g << 16) | (g << 8) | g;
-  }
-  surface.getContext("2d").putImageData(data, 0, 0);
+  fill(surface, image, table, saturation, mask?.values);
   image.painted = key;
   image.mask = mask;
   return surface;
+}
+
+// A smooth image (the background) over its own range of grey levels, which is kept beside it.
+export function paintRange(image) {
+  if (image.range) return image.surface;
+  let low = Infinity, high = -Infinity;
+  for (const v of image.values) { if (v < low) low = v; if (v > high) high = v; }
+  image.range = [low, high];
+  image.surface = new OffscreenCanvas(image.width, image.height);
+  fill(image.surface, image, levels(low, Math.max(high, low + 1), 1), high);
+  return image.surface;
+}
+
+function fill(surface, image, table, top, lit) {
+  const data = new ImageData(image.width, image.height);
+  const out = new Uint32Array(data.data.buffer), values = image.values;
+  for (let i = 0; i < out.length; i++) {
+    const g = table[values[i] > top ? top : values[i]];
+    out[i] = lit && lit[i] ? 0xff33c2ff : 0xff000000 | (g << 16) | (g << 8) | g;
+  }
+  surface.getContext("2d").putImageData(data, 0, 0);
 }
 
 export function draw(context, view, image, surface, width, height) {

@@ -13,6 +13,7 @@ let form = "sheet", order = { column: "index", down: false }, waiting = 0, busy 
 const pictures = new Map();
 
 export function startSheet() {
+  buildSheet();
   listen(() => poke(0));
   onTab((id) => { if (id === "sheet") render(); });
   poke(0);
@@ -55,7 +56,7 @@ async function take({ now, saved, epoch }, config, savedText) {
   now.rows.forEach(setBadge);
   Object.assign(document.documentElement.dataset, { surveyed: survey.now.length, surveyHash: now.hash });
   summary();
-  if (state.view === "sheet") render();
+  if (state.view === "sheet" && (now.rows.length || saved.rows.length)) render();
 }
 
 const count = (rows, kind) => rows.filter((r) => r.badge === kind).length;
@@ -81,18 +82,35 @@ function summary() {
   clear($("summary"), chips);
 }
 
+let pressed = false, owed = false; // a click needs the button that it began on: nothing is rebuilt under a pressed pointer
+
+function buildSheet() {
+  const choice = (id, title) => el("button", { data: { form: id }, onclick: () => { form = id; render(); } }, title);
+  parts.info = el("span");
+  parts.progress = el("progress");
+  parts.body = el("div");
+  clear($("sheet"), el("div", { class: "page-head" },
+    el("span", { class: "choice" }, choice("sheet", "Contact sheet"), choice("table", "Table")), parts.progress, parts.info), parts.body);
+  $("sheet").addEventListener("pointerdown", () => { pressed = true; });
+  window.addEventListener("pointerup", () => {
+    pressed = false;
+    if (owed) setTimeout(render); // after the click
+  });
+}
+
+const parts = {};
+
 function render() {
+  owed = pressed;
+  if (pressed) return;
   const { now, total, saved } = survey;
-  const choice = (id, title) => el("button", { "aria-pressed": form === id, onclick: () => { form = id; render(); } }, title);
+  for (const button of $("sheet").querySelectorAll("[data-form]")) button.setAttribute("aria-pressed", button.dataset.form === form);
   const changes = saved.map((b) => (now[b.index] ? now[b.index].labelled - b.labelled : 0));
   const won = changes.reduce((n, c) => n + Math.max(c, 0), 0), lost = changes.reduce((n, c) => n + Math.max(-c, 0), 0);
-  clear($("sheet"),
-    el("div", { class: "page-head" },
-      el("span", { class: "choice" }, choice("sheet", "Contact sheet"), choice("table", "Table")),
-      now.length < total ? el("progress", { max: total, value: now.length }) : null,
-      el("span", {}, `${now.length} of ${total} images with the parameters as they stand; change against the last saved set: `,
-        el("span", { class: won ? "better" : "" }, `${won} strings gained`), ", ", el("span", { class: lost ? "worse" : "" }, `${lost} lost`))),
-    form === "sheet" ? el("div", { class: "cards" }, now.map(card)) : table());
+  Object.assign(parts.progress, { hidden: now.length >= total, max: total || 1, value: now.length });
+  clear(parts.info, `${now.length} of ${total} images with the parameters as they stand; change against the last saved set: `,
+    el("span", { class: won ? "better" : "" }, `${won} strings gained`), ", ", el("span", { class: lost ? "worse" : "" }, `${lost} lost`));
+  clear(parts.body, form === "sheet" ? el("div", { class: "cards" }, now.map(card)) : table());
   if (form === "sheet") now.forEach(drawCard);
 }
 

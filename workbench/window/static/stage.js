@@ -5,7 +5,7 @@ import { $, clear, el, fitCanvas } from "./dom.js";
 import { drawProfile, showCandidate, showNothing, showSpot } from "./inspector.js";
 import { drawOverlay, hit, legend } from "./overlay.js";
 import { problems } from "./params.js";
-import { draw, forget, keep, kept, paint } from "./picture.js";
+import { draw, forget, keep, kept, paint, paintRange } from "./picture.js";
 import { drawPlot, hitPlot, plotBox, plotLegend } from "./plot.js";
 import { listen, state, text } from "./state.js";
 import { mark, setBadge } from "./strip.js";
@@ -66,6 +66,7 @@ function tabChanged(id) {
   const needsLayer = id === "background" || id === "mask";
   if (id === "plot") views.plot.box = plotBox(state.session, stage.answer);
   if (current().fitted && !$("stage").hidden) current().fit();
+  tick = performance.now();
   if (needsLayer) refresh();
   else redraw();
 }
@@ -113,6 +114,7 @@ async function once(signal) {
 
 function accept(answer, raw, layer, asked) {
   const first = stage.answer?.index !== answer.index;
+  if (first || stage.answer.hash !== answer.hash) state.selected = null;
   stage.answer = answer;
   stage.raw = raw;
   if (layer || first) stage.layer = layer;
@@ -121,7 +123,6 @@ function accept(answer, raw, layer, asked) {
   $("notice").className = "notice";
   $("notice").hidden = !answer.error;
   $("notice").textContent = answer.error;
-  state.selected = null;
   say(answer.reason ? answer.reason.replaceAll("_", " ") : "");
   paintNow();
   requestAnimationFrame(() => {
@@ -170,10 +171,12 @@ function picture(canvas, session) {
   const image = state.view === "background" ? layer : stage.raw;
   if (image) {
     const mask = state.view === "mask" ? layer : null;
-    draw(context, views.image, image, paint(image, session.sensor.saturation, Number($("bright").value), mask), width, height);
+    const surface = image === layer ? paintRange(layer) : paint(image, session.sensor.saturation, Number($("bright").value), mask);
+    draw(context, views.image, image, surface, width, height);
   }
   drawOverlay(context, views.image, stage.answer, show);
-  clear($("legend"), legend(show, session.has_truth).map(([c, t]) => el("span", { class: c }, t)));
+  const range = image && image === layer ? el("em", {}, `background, ${layer.range[0]} (black) … ${layer.range[1]} DN (white)`) : null;
+  clear($("legend"), range, legend(show, session.has_truth).map(([c, t]) => el("span", { class: c }, t)));
 }
 
 function under(at) {
