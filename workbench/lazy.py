@@ -16,6 +16,7 @@ COMMANDS = {
     "gapflush": "Measure gap, flush and edge radii of two panels in a profile or an image.",
     "tune": "Tune detection on saved stripe images: the process window in the browser, or a search with --auto.",
     "pose": "All jig poses that fit the points of a frame, with their likelihoods.",
+    "validate": "Measure point extraction against truth, with thresholds for your own CI.",
     "plan": "Propose the most telling next configurations and predict the SCP's σ.",
     "render": "Record a cell in emulation: plan configurations and render images with truth.",
     "jig": "Show a string jig, or export it as STL, GLB or drawing.",

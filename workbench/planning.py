@@ -145,7 +145,7 @@ def feasible_views(problem: ViewProblem, wanted: int, rng: np.random.Generator, 
         tally.tried += BATCH
         good = np.ones(BATCH, dtype=bool)
         for turn in turns:
-            good &= _measurable(problem, turn @ T_sensor_jig, polygon, good, tally)
+            good &= _measurable(problem.sensor, problem.jig, problem.limits, turn @ T_sensor_jig, polygon, good, tally)
         T_sensor_jig = T_sensor_jig[good]
         if len(T_sensor_jig) == 0:
             continue
@@ -166,6 +166,22 @@ def feasible_views(problem: ViewProblem, wanted: int, rng: np.random.Generator, 
             if len(joints) == wanted:
                 return _views(joints, poses, problem.robot)
     return _views(joints, poses, problem.robot)
+
+
+def free_views(sensor: SensorModel, jig: Jig, limits: ViewLimits, count: int, rng: np.random.Generator) -> Pose:
+    """Poses T_sensor_jig (count) of views without a robot, in which every string crosses the field of view."""
+    tally = Tally()
+    polygon = field_of_view(sensor, limits.margin_px)
+    depths = _depth_range(polygon, 1.15 * jig.side_mm)
+    poses: list[Pose] = []
+    for _ in range(10 * MAX_BATCHES):
+        T_sensor_jig = _sample_views(jig, depths, limits, rng).inverse()
+        tally.tried += BATCH
+        good = _measurable(sensor, jig, limits, T_sensor_jig, polygon, np.ones(BATCH, dtype=bool), tally)
+        poses += [T_sensor_jig[i] for i in np.flatnonzero(good)]
+        if len(poses) >= count:
+            return stack_poses(poses[:count])
+    raise NoAnswerError(f"only {len(poses)} of {count} views found that show all strings ({tally.text()})")
 
 
 def _posture(robot: RobotModel, goals: Pose, rng: np.random.Generator) -> Array | None:
@@ -226,9 +242,10 @@ def _turns(mounting_deg: float) -> list[Pose]:
     return [Pose.identity(), *(Pose(exp_so3(w), np.zeros(3)) for w in axes)]
 
 
-def _measurable(problem: ViewProblem, T_sensor_jig: Pose, polygon: Array, still: Mask, tally: Tally) -> Mask:
+def _measurable(
+    sensor: SensorModel, jig: Jig, limits: ViewLimits, T_sensor_jig: Pose, polygon: Array, still: Mask, tally: Tally
+) -> Mask:
     """Views (N) in which every string crosses the sheet well inside the field of view and apart from the others."""
-    sensor, jig, limits = problem.sensor, problem.jig, problem.limits
     starts, directions = T_sensor_jig @ jig.starts[None], (T_sensor_jig.R[:, None] @ jig.directions[..., None])[..., 0]
     points, along = cross_plane_x0(starts, directions)
     crosses = np.all((along > limits.end_mm) & (along < jig.lengths - limits.end_mm), axis=1)

@@ -141,11 +141,11 @@ def _worst(cell: Cell, result: CalibrationResult, tables: Sequence[FrameTable]) 
         if table.reason != "image_unreadable":
             picture = overlay(read_image(cell.folder / table.image, cell.sensor.model), cell.sensor.model, table)
             why = "not used" if np.isinf(rms[table.frame]) else f"rms {rms[table.frame]:.3f} mm"
-            out.append({"frame": table.frame, "why": why, "image": _jpeg(picture)})
+            out.append({"frame": table.frame, "why": why, "image": jpeg(picture)})
     return out
 
 
-def _jpeg(picture: NDArray[Any]) -> str:
+def jpeg(picture: NDArray[Any]) -> str:
     """A picture for the page as a data address."""
     scale = min(1.0, OVERLAY_WIDTH / picture.shape[1])
     small = cv2.resize(picture, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)

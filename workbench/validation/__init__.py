@@ -1,0 +1,1 @@
+"""Extraction against truth: detection, false alarms, labels, bias, scatter, honest σ, and the statistical bound."""
