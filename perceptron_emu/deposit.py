@@ -1,12 +1,15 @@
-"""Light on pixels: every node a Gaussian spot, integrated over each pixel exactly."""
+"""Light on pixels: every node a Gaussian spot, integrated over each pixel."""
 
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
+import scipy.fft
 from numba import njit
 from numpy.typing import NDArray
+from scipy.special import ndtr
 
 Float32 = NDArray[np.float32]
 Array = NDArray[np.float64]
@@ -14,30 +17,88 @@ Array = NDArray[np.float64]
 REACH = 4.5  # σ: what lies outside is 7e-6 of the light
 
 
-@njit(cache=True, fastmath=True)
+STEPS_A_SIGMA = 1024  # of the table of the normal distribution; interpolated, it is exact to 3e-8
+_EDGE = 6
+NORMAL_CDF = ndtr(np.arange(-_EDGE * STEPS_A_SIGMA, _EDGE * STEPS_A_SIGMA + 2) / STEPS_A_SIGMA)
+
+
+@njit(cache=True, inline="always")
+def _cdf(z, table):  # type: ignore[no-untyped-def]
+    place = min(max((z + _EDGE) * STEPS_A_SIGMA, 0.0), 2.0 * _EDGE * STEPS_A_SIGMA)
+    i = int(place)
+    return table[i] + (place - i) * (table[i + 1] - table[i])
+
+
 def deposit(image: Float32, u: Array, v: Array, weight: Array, sigma: Array) -> None:
     """Add Gaussian spots to an image (H, W); positions and σ in its pixels, (0, 0) the centre of the first.
 
-    A pixel takes ∫∫ of the spot over its square: the product of two differences of the error function.
+    A pixel takes ∫∫ of the spot over its square: the product of two differences of the normal distribution.
     """
+    _deposit(image, u, v, weight, sigma, NORMAL_CDF)
+
+
+@njit(cache=True, fastmath=True)
+def _deposit(image, u, v, weight, sigma, table):  # type: ignore[no-untyped-def]
     height, width = image.shape
-    row = np.empty(width)
+    row = np.empty(width, np.float32)
     for k in range(len(u)):
         reach = REACH * sigma[k]
         u0, u1 = max(0, math.ceil(u[k] - reach - 0.5)), min(width - 1, math.floor(u[k] + reach + 0.5))
         v0, v1 = max(0, math.ceil(v[k] - reach - 0.5)), min(height - 1, math.floor(v[k] + reach + 0.5))
         if u0 > u1 or v0 > v1:
             continue
-        scale = 1 / (sigma[k] * math.sqrt(2.0))
-        last = math.erf((u0 - 0.5 - u[k]) * scale)
+        scale = 1 / sigma[k]
+        last = _cdf((u0 - 0.5 - u[k]) * scale, table)
         for i in range(u0, u1 + 1):
-            here = math.erf((i + 0.5 - u[k]) * scale)
+            here = _cdf((i + 0.5 - u[k]) * scale, table)
             row[i] = here - last
             last = here
-        last = math.erf((v0 - 0.5 - v[k]) * scale)
+        last = _cdf((v0 - 0.5 - v[k]) * scale, table)
         for j in range(v0, v1 + 1):
-            here = math.erf((j + 0.5 - v[k]) * scale)
-            factor = 0.25 * weight[k] * (here - last)
+            here = _cdf((j + 0.5 - v[k]) * scale, table)
+            factor = np.float32(weight[k] * (here - last))
             last = here
             for i in range(u0, u1 + 1):
                 image[j, i] += factor * row[i]
+
+
+def deposit_fine(shape: tuple[int, int], u: Array, v: Array, weight: Array, sigma: float) -> Float32:
+    """An image (H, W) of Gaussian spots of one σ of several pixels, by the Fourier transform.
+
+    Nodes are spread by cubic B-splines; the transform divides the spline out again and multiplies the Gaussian and
+    the pixel in (the
+    non-uniform FFT's gridding; the error is below 1e-4 of the peak for σ ≥ 2.5). Spots must keep off the border: it
+    wraps.
+    """
+    rows, columns = (scipy.fft.next_fast_len(n, real=True) for n in shape)
+    grid = np.zeros((rows, columns), np.float32)
+    _spread(grid, u, v, weight)
+    spectrum = scipy.fft.rfft2(grid, overwrite_x=True)
+    spectrum *= _transfer(rows, columns, round(sigma, 4))
+    image = scipy.fft.irfft2(spectrum, s=(rows, columns), overwrite_x=True)
+    return np.asarray(image[: shape[0], : shape[1]], np.float32)
+
+
+@lru_cache(maxsize=256)
+def _transfer(rows: int, columns: int, sigma: float) -> Float32:
+    fy, fx = np.fft.fftfreq(rows)[:, None], np.fft.rfftfreq(columns)[None, :]
+    gauss = np.exp(-2 * (np.pi * sigma) ** 2 * (fx**2 + fy**2))
+    return np.asarray(gauss / (np.sinc(fx) * np.sinc(fy)) ** 3, np.float32)  # pixel's sinc over the spline's sinc⁴
+
+
+@njit(cache=True, fastmath=True)
+def _spread(grid, u, v, weight):  # type: ignore[no-untyped-def]
+    height, width = grid.shape
+    wx, wy = np.empty(4), np.empty(4)
+    for k in range(len(u)):
+        i, j = math.floor(u[k]), math.floor(v[k])
+        for w, t in ((wx, u[k] - i), (wy, v[k] - j)):
+            s = 1 - t
+            w[0], w[3] = s * s * s / 6, t * t * t / 6
+            w[1] = (4 - 6 * t * t + 3 * t * t * t) / 6
+            w[2] = 1 - w[0] - w[1] - w[3]
+        for b in range(4):
+            for a in range(4):
+                y, x = j - 1 + b, i - 1 + a
+                if 0 <= y < height and 0 <= x < width:
+                    grid[y, x] += weight[k] * wy[b] * wx[a]

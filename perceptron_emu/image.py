@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from geometry import Pose, SensorModel
 from perceptron_emu.config import EmulatorConfig
-from perceptron_emu.deposit import REACH, deposit
+from perceptron_emu.deposit import REACH, deposit, deposit_fine
 from perceptron_emu.optics import defocus_radius_px, sharp_sigma_px
 from perceptron_emu.projection import project, to_camera
 from perceptron_emu.samples import Samples
@@ -20,6 +20,7 @@ Array = NDArray[np.float64]
 Float32 = NDArray[np.float32]
 
 MAX_RINGS = 16
+FFT_SIGMA = 2.5  # sub-pixels: sharper spots would alias on the splines that they are spread by
 
 
 def draw(
@@ -101,14 +102,25 @@ def _draw_piece(
     u1, v1 = (min(n - 1, math.ceil(c)) for n, c in zip((width, height), np.max(uv, 0) + reach, strict=True))
     if u0 > u1 or v0 > v1:
         return
-    q = oversampling(config, sensor) if config.speckle.enabled else 1
     rows, columns = v1 - v0 + 1, u1 - u0 + 1
-    fine = np.zeros((rows * q, columns * q), np.float32)
+    if not config.speckle.enabled:
+        deposit(electrons[v0 : v1 + 1, u0 : u1 + 1], uv[:, 0] - u0, uv[:, 1] - v0, weight, sigma)
+        return
+    q = oversampling(config, sensor)
     u, v = ((uv[:, i] - o + 0.5) * q - 0.5 for i, o in ((0, u0), (1, v0)))
-    deposit(fine, u, v, weight, sigma * q)
-    if config.speckle.enabled:
-        grain = grain_px(config, sensor) * q
-        moved = np.round(shift_px * q).astype(int)
-        fine *= speckle_field((v0 * q - moved[1], u0 * q - moved[0]), fine.shape, grain, contrast(config), key)
-        fine = fine.reshape(rows, q, columns, q).sum((1, 3))
-    electrons[v0 : v1 + 1, u0 : u1 + 1] += fine
+    fine = _on_sub_pixels((rows * q, columns * q), u, v, weight, sigma * q)
+    moved = np.round(shift_px * q).astype(int)
+    origin = (v0 * q - int(moved[1]), u0 * q - int(moved[0]))
+    fine *= speckle_field(origin, fine.shape, grain_px(config, sensor) * q, contrast(config), key)
+    electrons[v0 : v1 + 1, u0 : u1 + 1] += fine.reshape(rows, q, columns, q).sum((1, 3))
+
+
+def _on_sub_pixels(shape: tuple[int, int], u: Array, v: Array, weight: Array, sigma: Array) -> Float32:
+    """Spots drawn on sub-pixels: by the Fourier transform where they are alike and clear of the border."""
+    low, high = float(np.min(sigma)), float(np.max(sigma))
+    clear = min(u.min(), v.min(), shape[1] - 1 - u.max(), shape[0] - 1 - v.max()) > REACH * high - 0.5
+    if clear and low >= FFT_SIGMA and high - low < 0.01 * low:
+        return deposit_fine(shape, u, v, weight, (low + high) / 2)
+    fine = np.zeros(shape, np.float32)
+    deposit(fine, u, v, weight, sigma)
+    return fine

@@ -28,7 +28,7 @@ FIRST_STRIPE_GROUP = 1_000
 TILES_A_ROW = 2048
 GROUPS_A_SOLID = TILES_A_ROW**2
 OFF_SURFACE_MM = 1e-4
-NODE_STEP = 1.5  # length of image, in σ of the blur, that a pair of Gauss nodes covers: ripple 4e-5
+NODE_STEP = 1.7  # length of image, in σ of the blur, that a pair of Gauss nodes covers: ripple 3e-4
 MARGIN_PX = 40.0  # light this far outside the image can still reach into it
 
 
