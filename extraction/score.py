@@ -28,6 +28,8 @@ def score_spots(candidates: Candidates, spots: Spots, config: ExtractionConfig) 
     width, length = np.sqrt(values[:, 0]), np.sqrt(values[:, 1])
     own = (1.0 - np.exp(-((strength / 2.5) ** 2))) / ((1.0 + (width / 4.0) ** 4) * (1.0 + (length / 6.0) ** 4))
     own = np.where(spots.clipped > 0, 0.5 * own, own)
+    # what is no spot has no say in what the image's spots look like
+    own = np.where(spots.converged & (width > config.localise.min_sigma_px), own, 0.0)
     return np.asarray(own * _likeness(own, width, spots.amplitude_dn))
 
 
