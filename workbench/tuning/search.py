@@ -62,17 +62,17 @@ def _optuna() -> Any:
 
 
 def _study(
-    optuna: Any, task: Task, start: BaseModel, dimensions: tuple[Dimension, ...], seed: int, journal: Path
+    library: Any, task: Task, start: BaseModel, dimensions: tuple[Dimension, ...], seed: int, journal: Path
 ) -> optuna.Study:
     """The study of this task in the journal: another dataset, start, space or seed is another study."""
     name = _name(task, start, dimensions, seed)
     try:
         journal.parent.mkdir(parents=True, exist_ok=True)
-        storage = optuna.storages.JournalStorage(optuna.storages.journal.JournalFileBackend(str(journal)))
-        sampler = optuna.samplers.TPESampler(seed=seed, n_startup_trials=RANDOM_TRIALS, multivariate=True)
-        pruner = optuna.pruners.MedianPruner(n_startup_trials=RANDOM_TRIALS, n_warmup_steps=3)
+        storage = library.storages.JournalStorage(library.storages.journal.JournalFileBackend(str(journal)))
+        sampler = library.samplers.TPESampler(seed=seed, n_startup_trials=RANDOM_TRIALS, multivariate=True)
+        pruner = library.pruners.MedianPruner(n_startup_trials=RANDOM_TRIALS, n_warmup_steps=3)
         options = {"storage": storage, "sampler": sampler, "pruner": pruner, "load_if_exists": True}
-        study = optuna.create_study(study_name=name, **options)
+        study = library.create_study(study_name=name, **options)
     except OSError as error:
         raise InputError(
             f"{journal}: the search can not be kept there ({error.strerror}); choose a folder with --out"
@@ -81,7 +81,7 @@ def _study(
         raise InputError(f"{journal}: is damaged; delete it to start the search anew") from None
     done = len(study.trials)
     if done:  # a resumed search must not draw the numbers of its beginning again
-        study.sampler = optuna.samplers.TPESampler(seed=seed + done, n_startup_trials=RANDOM_TRIALS, multivariate=True)
+        study.sampler = library.samplers.TPESampler(seed=seed + done, n_startup_trials=RANDOM_TRIALS, multivariate=True)
     return cast("optuna.Study", study)
 
 
@@ -97,7 +97,7 @@ def _finished(study: optuna.Study) -> list[Any]:
 
 
 def _run(
-    optuna: Any,
+    library: Any,
     study: optuna.Study,
     task: Task,
     start: BaseModel,
@@ -114,7 +114,7 @@ def _run(
             scores.append(task.score(index, config))
             trial.report(total(scores).loss_mm, step)
             if trial.should_prune():
-                raise optuna.TrialPruned
+                raise library.TrialPruned
         return total(scores).loss_mm
 
     def told(study: optuna.Study, _trial: Any) -> None:
