@@ -32,8 +32,6 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """An emulated recording with truth: four places, three views each."""
     folder = tmp_path_factory.mktemp("cell")
     assert run(["init", str(folder / "plan")]) == 0
-    text = (folder / "plan" / "sensor.toml").read_text()
-    (folder / "plan" / "sensor.toml").write_text(text + "[exposure]\ntime_ms = 0.5\n")
     out = folder / "recording"
     assert run(["render", str(folder / "plan"), "--out", str(out), "--per-location", "3", "--seed", "3"]) == 0
     return out

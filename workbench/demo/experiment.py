@@ -10,7 +10,7 @@ import numpy as np
 import assets
 from geometry import Pose, RobotModel
 from jig_cad import Jig, sample_tolerance
-from perceptron_emu import EmulatorConfig, Solid
+from perceptron_emu import Solid
 from workbench.emulated_cell import with_errors
 from workbench.formats import Cell, Sensor, read_jig_file, read_robot, read_sensor
 from workbench.planning import ViewProblem, plan_views
@@ -77,10 +77,8 @@ def demo_robot() -> RobotModel:
 
 
 def demo_sensor() -> Sensor:
-    """The nominal laser-line sensor, exposed so that the strings peak between some 30 and 200 of 255 grey levels."""
-    sensor = read_sensor(assets.path("sensors", "nominal"))
-    keys = sensor.emulator_keys | {"exposure": {"time_ms": 0.5}}
-    return Sensor(sensor.model, EmulatorConfig.model_validate(keys), keys)
+    """The nominal laser-line sensor that ships with the package."""
+    return read_sensor(assets.path("sensors", "nominal"))
 
 
 def _wall(jig: Jig, place: str) -> tuple[Solid, ...]:
