@@ -51,11 +51,12 @@ def curve_plot(factor: str, points: Sequence[dict[str, Any]]) -> Figure:
         axis.plot(x, [np.nan if p[key] is None else p[key] for p in points], "o-", ms=4, color=colour, label=label)
     axis.set_xlabel(factor)
     axis.set_ylabel("scatter [mm]")
-    axis.set_ylim(bottom=0)
+    axis.set_ylim(0, 1.35 * axis.get_ylim()[1])  # room for the legend
     rate = axis.twinx()
     rate.plot(x, [100 * p["detection_rate"] for p in points], "s--", ms=4, color="#5b8c5a", label="found")
     rate.set_ylabel("found [%]")
-    rate.set_ylim(0, 103)
+    rate.set_ylim(0, 140)
+    rate.set_yticks([0, 25, 50, 75, 100])
     axis.legend(fontsize=7, loc="upper left", frameon=False)
     rate.legend(fontsize=7, loc="lower right", frameon=False)
     return figure

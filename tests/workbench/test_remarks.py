@@ -1,0 +1,43 @@
+"""What calibrate says of files that look wrong, in its notes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from tests.workbench.helpers import Cli, edit
+
+
+def test_a_misspelt_location_is_named(cli: Cli, dataset: Path) -> None:
+    """One frame at a place of its own: the answer stands, the note names frame and likely place."""
+    lines = (dataset / "frames.csv").read_text().splitlines()
+    cells = lines[2].split(",")
+    cells[2] += cells[2]
+    lines[2] = ",".join(cells)
+    (dataset / "frames.csv").write_text("\n".join(lines) + "\n")
+    done = cli("calibrate", dataset, "--json")
+    assert done.code == 0
+    assert len(done.json["notes"]) == 1
+    assert f"location {cells[2]} has one frame only, {cells[0]}," in done.json["notes"][0]
+    assert f'did you mean "{cells[2][0]}"?' in done.json["notes"][0]
+
+
+def test_a_clean_dataset_has_no_remarks(cli: Cli, dataset: Path) -> None:
+    """Nothing is said where nothing is wrong."""
+    assert cli("calibrate", dataset, "--json").json["notes"] == []
+
+
+def test_the_jig_of_another_cell_is_suspected(cli: Cli, dataset: Path) -> None:
+    """Frames that no pose explains: no answer, and the note says which files to look at."""
+    edit(dataset / "jig.toml", "side_mm = 100.0", "side_mm = 60.0")
+    done = cli("calibrate", dataset, "--json")
+    assert done.code == 3
+    assert "not_labelled; no pose of the jig explains them: check that jig.toml" in " ".join(done.json["notes"])
+
+
+def test_no_frame_to_solve_with_is_said(cli: Cli, dataset: Path) -> None:
+    """A dataset of verify frames alone."""
+    text = (dataset / "frames.csv").read_text().replace(",calibrate,", ",verify,")
+    (dataset / "frames.csv").write_text(text)
+    done = cli("calibrate", dataset, "--json")
+    assert done.code == 3
+    assert "no frame has the role calibrate" in " ".join(done.json["notes"])

@@ -1,0 +1,70 @@
+"""`validate`: figures on rendered frames and on a dataset, thresholds as exit codes, the bound against theory."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from geometry import Pose, SensorModel
+from perceptron_emu import EmulatorConfig, Scene
+from tests.workbench.helpers import Cli
+from workbench.validation.bound import position_bound_px
+
+GOOD = "min_detection_rate = 0.9\nmax_false_rate = 0.02\nmax_mislabel_rate = 0.02\nmax_bias_z_mm = 0.05\n"
+
+
+def test_rendered_frames(cli: Cli, tmp_path: Path) -> None:
+    """Few frames: what they show is checked loosely, benchmarks print the real figures."""
+    (tmp_path / "thresholds.toml").write_text(GOOD)
+    out = tmp_path / "out"
+    call = ("validate", "--frames", 6, "--out", out, "--json", "--thresholds", tmp_path / "thresholds.toml")
+    result = cli(*call)
+    assert result.code == 0, result.err
+    figures = result.json["figures"]
+    assert figures["frames"] == 6
+    assert figures["scatter_y_mm"] < figures["scatter_z_mm"] < 0.06
+    assert 0.5 < figures["sigma_ratio"] < 2
+    assert figures["bound_ratio"] > 1
+    rows = list(csv.DictReader((out / "strings.csv").read_text().splitlines()))
+    assert len(rows) == 2 * 6 * 5
+    html = (out / "report.html").read_text(encoding="utf-8")
+    assert "All 4 thresholds hold" in html
+    assert "http" not in html.replace("http-equiv", "")
+
+
+def test_a_dataset_fails_an_impossible_threshold(cli: Cli, recording: Path, tmp_path: Path) -> None:
+    (tmp_path / "thresholds.toml").write_text("max_scatter_y_mm = 1e-6\nmin_detection_rate = 0.5\n")
+    thresholds = ("--thresholds", tmp_path / "thresholds.toml", "--out", tmp_path / "out")
+    result = cli("validate", recording, "--json", *thresholds)
+    assert result.code == 1
+    assert result.json["failed"] == ["max_scatter_y_mm"]
+    assert "max_scatter_y_mm" in result.err
+    assert result.json["figures"]["mislabel_rate"] == 0
+
+
+def test_bad_input(cli: Cli, dataset: Path, tmp_path: Path) -> None:
+    (tmp_path / "thresholds.toml").write_text("min_detection = 0.9\n")
+    result = cli("validate", dataset, "--thresholds", tmp_path / "thresholds.toml", "--out", tmp_path / "out")
+    assert result.code == 2
+    assert "min_detection_rate" in result.err
+    (dataset / "truth.json").unlink()
+    result = cli("validate", dataset, "--out", tmp_path / "out")
+    assert result.code == 2
+    assert "truth" in result.err
+
+
+@pytest.mark.parametrize("sigma", [1.0, 1.6])
+def test_bound_of_a_gaussian_spot(sigma: float) -> None:
+    """Shot noise alone: the bound of a round Gaussian of N photo-electrons is σ / √N."""
+    n, size, centre = 1e4, 64, 31.8
+    profile = np.exp(-((np.arange(size) - centre) ** 2) / (2 * sigma**2))
+    electrons = n * np.outer(profile, profile) / profile.sum() ** 2
+    noise = {"read_noise_e": 0.0, "gain_dn_per_e": 1.0, "full_well_e": 1e9}
+    config = EmulatorConfig.model_validate({"noise": noise})
+    camera = Pose(np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1.0]]), np.array([100.0, 0, 0]))
+    scene = Scene(SensorModel(size, size, 100, 100, 32, 32, camera, bit_depth=16))
+    bound = position_bound_px(electrons, np.array([centre, centre]), config, scene)
+    assert bound == pytest.approx(sigma / np.sqrt(n), rel=0.03)  # quantisation adds a little
