@@ -11,7 +11,7 @@ from calib.jig_pose import MIN_STRINGS
 from calib.label_evidence import Hypotheses, Prior, Spots, weigh
 from calib.label_faces import five_spot_labels
 from calib.label_gates import DETECTED, gated_labels
-from calib.label_refine import LabelledFrame, refine_labels
+from calib.label_refine import FULL, LabelledFrame, refine_labels
 from calib.pose_weights import anchor_sigma
 from geometry import Pose, SensorModel, SurfacePoints, skew
 from jig_cad import Jig
@@ -21,6 +21,7 @@ IntArray = NDArray[np.intp]
 HYPOTHESES = 60  # solved in full; the true labelling is among the first few
 MIN_EVIDENCE = 9.0  # nats over "all clutter"
 MARGIN = 7.0  # nats over any other labelling: 1 in 1,100
+FULL_MARGIN = 5.0  # nats over another pose's labelling where five strings or more agree with the true offsets
 RIVALS = 15.0  # nats within which another pose's labelling is refined too: its χ² was coarse
 STRING_NATS = 10.0  # about what one string's spot adds to the evidence
 SAME_POSE_MM = 3.0
@@ -90,8 +91,10 @@ def _choose(
             change = 0.5 * (found.chi2[i] - exact) - STRING_NATS * float(lost)
             refined.append((float(found.log_evidence[i]) + change, frame))
     refined.sort(key=lambda r: -r[0])
-    sure = len(refined) == 1 or (len(refined) > 1 and refined[0][0] > refined[1][0] + MARGIN)
-    return refined[0][1] if sure else None
+    if not refined or (best := refined[0][1]) is None:
+        return None
+    margin = FULL_MARGIN if len(best.axis) >= FULL else MARGIN
+    return best if len(refined) == 1 or refined[0][0] > refined[1][0] + margin else None
 
 
 def _hypotheses(

@@ -147,8 +147,18 @@ def test_one_alien_frame_does_not_mislead_the_others():
 
 @pytest.mark.slow
 def test_5000_frames():
-    """Mislabelled spots ≤ 0.05 %, false ones ≤ 0.1 %, found ≥ 99.5 % of those visible in frames with every string."""
-    full, given, wrong = run(2500, lambda rng: SpotNoise(clutter=int(rng.integers(0, 20))), guess=False, seed=100)
-    more, also, bad = run(2500, lambda rng: SpotNoise(clutter=int(rng.integers(0, 20))), guess=True, seed=101)
-    assert wrong + bad <= 5e-4 * (given + also)
-    assert full + more >= 0.995 * 5000
+    """Mislabelled or false spots ≤ 0.05 %; labelled in full ≥ 99.5 % with five strings, 99 % with a guess.
+
+    Six strings seen from any side without a guess: 96 %; near mid-height the three faces are almost alike.
+    """
+
+    def noise(rng):
+        return SpotNoise(clutter=int(rng.integers(0, 20)))
+
+    five, given, wrong = run(2000, noise, guess=False, seed=100, six=False)
+    six, more, bad = run(1000, noise, guess=False, seed=101, six=True)
+    guessed, also, worse = run(2000, noise, guess=True, seed=102)
+    assert wrong + bad + worse <= 5e-4 * (given + more + also)
+    assert five >= 0.995 * 2000
+    assert six >= 0.96 * 1000
+    assert guessed >= 0.99 * 2000
