@@ -134,18 +134,24 @@ def _offset_joints(problem: Problem, config: CalibConfig) -> tuple[int, ...]:
 
 
 def _derivative(yz_mm: Array, jig: Jig, choice: NDArray[np.intp]) -> Array:
-    """Change of the closed form's jig origin with the points (F, 3, 10), central differences."""
-    step = np.zeros((10, 5, 2))
-    step.reshape(10, 10)[np.arange(10), np.arange(10)] = _STEP_MM
-    rows = np.arange(len(yz_mm))[:, None]
-    columns = np.broadcast_to(choice[:, None], (len(yz_mm), 10))
-    above, below = (
-        closed_forms(yz_mm[:, None] + sign * step, jig.side_mm, jig.height_mm).T_sensor_jig.t[
-            rows, np.arange(10), columns
-        ]
-        for sign in (1.0, -1.0)
-    )
-    return np.swapaxes(above - below, -1, -2) / (2 * _STEP_MM)
+    """Change of the closed form's jig origin with the points (F, 3, 10).
+
+    Differences to both sides, or to one side where a/l > 1 leaves the other undefined.
+    """
+    step = np.zeros((11, 5, 2))
+    step[1:].reshape(10, 10)[np.arange(10), np.arange(10)] = _STEP_MM
+    rows, columns = np.arange(len(yz_mm))[:, None], choice[:, None]
+
+    def origins(sign: float) -> Array:
+        forms = closed_forms(yz_mm[:, None] + sign * step, jig.side_mm, jig.height_mm)
+        return np.asarray(forms.T_sensor_jig.t[rows, np.arange(11), columns])  # (F, 11, 3), the first without a step
+
+    above, below = origins(1.0), origins(-1.0)
+    sides = np.isfinite(above[:, 1:, :1]).astype(float) + np.isfinite(below[:, 1:, :1])
+    middle = above[:, :1]
+    up = np.where(np.isfinite(above[:, 1:]), above[:, 1:] - middle, 0.0)
+    down = np.where(np.isfinite(below[:, 1:]), middle - below[:, 1:], 0.0)
+    return np.asarray(np.swapaxes((up + down) / (np.maximum(sides, 1.0) * _STEP_MM), -1, -2))
 
 
 def _uncertainty(
