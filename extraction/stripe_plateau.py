@@ -13,34 +13,44 @@ from extraction.stripe_columns import AMPLITUDE, BACKGROUND, CENTRE, CHI2, CONVE
 Array = NDArray[np.float64]
 
 PLATEAU_PIXELS = 6  # clipped pixels from which the flanks are halo more than they are Gaussian
+LEVELS = (0.35, 0.5, 0.65, 0.8)  # of the clipping level above the background
+INTERPOLATION_PX = 0.05  # a flank that rises over one pixel is no straight line between two: error by phase
 _FWHM = 2 * math.sqrt(2 * math.log(2))
 
 
 @inner
 def between_flanks(y: Array, n: int, clip: float, noise: Array, row: Array) -> bool:
-    """Centre of the section's longest clipped run by both flanks' crossings of half the clipping level; False if none.
+    """Centre of the section's longest clipped run, midway between the flanks' crossings of LEVELS; False if none.
 
     y: grey levels (n). noise: `NoiseModel.as_array`. The amplitude is what is seen, the least it can be; the width is
-    that of a Gaussian of the same width between the crossings.
+    that of a Gaussian of the same width between the crossings. The levels share their pixels: two count as one.
     """
     first, last = _longest_run(y, n, clip)
-    background = 0.25 * (y[0] + y[1] + y[n - 1] + y[n - 2])
-    level = 0.5 * (clip + background)
-    a, b = first - 1, last + 1
-    while a >= 0 and y[a] > level:
-        a -= 1
-    while b < n and y[b] > level:
-        b += 1
-    if last - first + 1 < PLATEAU_PIXELS or a < 1 or b > n - 2:
+    if last - first + 1 < PLATEAU_PIXELS:
         return False
-    rise, fall = min(y[a + 1], clip) - y[a], min(y[b - 1], clip) - y[b]
-    left, right = (level - y[a]) / rise, (level - y[b]) / fall
-    variance = noise[0] + noise[1] * max(level - noise[3], 0.0) + noise[2] * (level - background) ** 2
-    spread = ((1 - left) ** 2 + left**2) / rise**2 + ((1 - right) ** 2 + right**2) / fall**2
-    row[CENTRE] = 0.5 * (a + left + b - right)
+    background = 0.25 * (y[0] + y[1] + y[n - 1] + y[n - 2])
+    left, right, variance, count = 0.0, 0.0, 0.0, 0
+    for share in LEVELS:
+        level = background + share * (clip - background)
+        a, b = first - 1, last + 1
+        while a >= 0 and y[a] > level:
+            a -= 1
+        while b < n and y[b] > level:
+            b += 1
+        if a >= 1 and b <= n - 2:
+            rise, fall = min(y[a + 1], clip) - y[a], min(y[b - 1], clip) - y[b]
+            s, t = (level - y[a]) / rise, (level - y[b]) / fall
+            left, right, count = left + a + s, right + b - t, count + 1
+            spread = ((1 - s) ** 2 + s**2) / rise**2 + ((1 - t) ** 2 + t**2) / fall**2
+            dark = noise[0] + noise[1] * max(level - noise[3], 0.0)
+            variance += 0.25 * spread * (dark + noise[2] * (level - background) ** 2)
+    if count == 0:
+        return False
+    left, right = left / count, right / count
+    row[CENTRE], row[WIDTH] = 0.5 * (left + right), (right - left) / _FWHM
     row[AMPLITUDE], row[BACKGROUND] = clip - background, background
-    row[WIDTH] = (b - right - a - left) / _FWHM
-    row[VARIANCE], row[SNR] = 0.25 * variance * spread, (clip - background) / math.sqrt(variance)
+    row[VARIANCE] = variance / count / max(0.5 * count, 1.0) + INTERPOLATION_PX**2
+    row[SNR] = (clip - background) / math.sqrt(noise[0] + noise[1] * max(clip - noise[3], 0.0))
     row[CHI2], row[CONVERGED] = 0.0, 1.0
     return True
 

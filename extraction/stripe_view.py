@@ -66,8 +66,9 @@ def stripe_view(
     if laser_off is not None:
         bright = np.greater_equal(grey, clip)
         left_out = bright if mask is None else left_out | bright
-        signed = np.int16 if grey.dtype == np.uint8 else np.int32
-        grey, clip, black_dn = grey.astype(signed) - laser_off[part].astype(signed), np.inf, 0.0
+        grey, clip, black_dn = grey.astype(np.int32) - laser_off[part].astype(np.int32), np.inf, 0.0
+    elif grey.dtype != np.uint8:
+        grey = grey.astype(np.int32)  # the kernels are compiled for two kinds of image, not for four
     turned = config.direction == "rows"
     return StripeView(_oriented(grey, turned), _oriented(left_out, turned), clip, black_dn, (u0, v0), turned)
 
