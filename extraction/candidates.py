@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from extraction.compiled import compiled, inner
+from extraction.compiled import compiled, inner, inner_fast
 from extraction.config import DetectConfig
 from extraction.preprocess import BLOCK_PX, Image32, Prepared
 
@@ -35,7 +35,7 @@ class Candidates:
     their spread, and how much one side is brighter than the other (N,).
     mean_uv_px, cov_uv_px2: moments (N, 2), (N, 2, 2) of the region above `region_level` of the height.
     area_px, length_px, width_px: of that region, along and across its long axis (N,).
-    owner: index of the candidate whose region a pixel belongs to, -1 for none (H, W).
+    owner: 1 + index of the candidate whose region a pixel belongs to, 0 for none (H, W).
     """
 
     peak_uv_px: Array
@@ -49,7 +49,7 @@ class Candidates:
     length_px: Array
     width_px: Array
     reason: tuple[str, ...]
-    owner: NDArray[np.int32]
+    owner: NDArray[np.int16]
 
     def __len__(self) -> int:
         """The number of candidates, refused ones included."""
@@ -76,7 +76,7 @@ def find_candidates(prepared: Prepared, config: DetectConfig, mm_per_px: float) 
     length = max(config.min_length_px, config.max_length_mm / mm_per_px)
     width = max(config.min_width_px, config.max_width_mm / mm_per_px)
     least = max(config.min_height_dn, 0.0)
-    owner = np.full(prepared.smooth.shape, -1, np.int32)
+    owner = np.zeros(prepared.smooth.shape, np.int16)  # pages that no region touches stay unwritten
     table = _regions(
         prepared.smooth,
         owner,
@@ -122,12 +122,24 @@ def _peaks(
         bj = min(j // block, h - 1)
         for bi in range(w):
             limit = background[bj, bi] + threshold * noise[bj, bi]
-            for i in range(bi * block, columns if bi == w - 1 else (bi + 1) * block):
+            end = columns if bi == w - 1 else (bi + 1) * block
+            if _largest(smooth, j, bi * block, end) <= limit:
+                continue
+            for i in range(bi * block, end):
                 if smooth[j, i] > limit and count < out.shape[0] and _is_peak(smooth, j, i, radius):
                     out[count, 0] = i
                     out[count, 1] = j
                     count += 1
     return count
+
+
+@inner_fast
+def _largest(smooth: Image32, j: int, first: int, end: int) -> float:
+    """Largest value of a piece of row j."""
+    best = smooth[j, first]
+    for i in range(first + 1, end):
+        best = max(best, smooth[j, i])
+    return best  # type: ignore[no-any-return]
 
 
 @inner
@@ -194,7 +206,7 @@ def _sort(values: Array, count: int) -> None:
 @compiled
 def _regions(
     smooth: Image32,
-    owner: NDArray[np.int32],
+    owner: NDArray[np.int16],
     peaks: NDArray[np.int64],
     threshold: float,
     least: float,
@@ -211,7 +223,7 @@ def _regions(
         row[PEAK_U], row[PEAK_V], row[SMOOTH_PEAK] = i, j, smooth[j, i]
         _ring(smooth, j, i, RING_PX, noise, row)
         height = row[SMOOTH_PEAK] - row[RING]
-        if owner[j, i] >= 0:
+        if owner[j, i] > 0:
             row[STATE] = JOINED
         elif height >= threshold * row[RING_NOISE] and height >= least:
             _grow(smooth, owner, stack, k, row, row[RING] + level * height, 2.0 * length)
@@ -220,13 +232,13 @@ def _regions(
 
 @inner
 def _grow(
-    smooth: Image32, owner: NDArray[np.int32], stack: NDArray[np.int64], k: int, row: Array, level: float, reach: float
+    smooth: Image32, owner: NDArray[np.int16], stack: NDArray[np.int64], k: int, row: Array, level: float, reach: float
 ) -> None:
     """Flood from the peak down to ``level``; write the region's moments and extents to its row of the table."""
     rows, columns = smooth.shape
     i0, j0 = int(row[PEAK_U]), int(row[PEAK_V])
     stack[0, 0], stack[0, 1] = i0, j0
-    owner[j0, i0] = k
+    owner[j0, i0] = k + 1
     size, done, state = 1, 0, WHOLE
     sums = np.zeros(6)
     while done < size:
@@ -243,11 +255,11 @@ def _grow(
             state = ESCAPED
             continue
         for b, a in ((j - 1, i), (j + 1, i), (j, i - 1), (j, i + 1)):
-            if 0 <= b < rows and 0 <= a < columns and owner[b, a] != k and smooth[b, a] > level:
-                if owner[b, a] >= 0:
+            if 0 <= b < rows and 0 <= a < columns and owner[b, a] != k + 1 and smooth[b, a] > level:
+                if owner[b, a] > 0:
                     state = max(state, JOINED) if state != ESCAPED else ESCAPED
                     continue
-                owner[b, a] = k
+                owner[b, a] = k + 1
                 stack[size, 0], stack[size, 1] = a, b
                 size += 1
     _shape(stack, size, sums, row)

@@ -120,7 +120,7 @@ class DetectConfig(_Section):
     max_candidates: int = Field(
         default=2000,
         ge=1,
-        le=100_000,
+        le=30_000,
         description="brightest peaks that are looked at",
         json_schema_extra=_slider(10, 20_000, log=True, search=False),
     )

@@ -36,8 +36,8 @@ def fit_frame(
 ) -> None:
     """Fit every candidate; fills data and use (N, R, C) with the windows and table (N, COLUMNS) with the fits.
 
-    index (N,): the candidate's number in ``owner``. windows (N, 4): left, top, columns, rows. starts (N, 9), noises
-    (N, 5), terms (N,): as `fit_window` takes them; positions from the window's first pixel.
+    index (N,): the candidate's number, in ``owner`` one more. windows (N, 4): left, top, columns, rows. starts (N, 9),
+    noises (N, 5), terms (N,): as `fit_window` takes them; positions from the window's first pixel.
     clip: grey level from which a pixel is saturated. data, use, table come as zeros.
     """
     for k in range(len(index)):
@@ -69,7 +69,7 @@ def _cut(
             value = float(image[top + j, left + i])
             other = owner[top + j, left + i]
             clipped = value >= clip
-            foreign = other >= 0 and other != k
+            foreign = other > 0 and other != k + 1
             data[j, i] = value
             use[j, i] = not clipped and not foreign
             x, y = i - p[0], j - p[1]

@@ -13,7 +13,8 @@ correlation ρ can be chosen afterwards. All spots of an image are taken at once
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -97,24 +98,37 @@ def spot_noise(data: Array, use: Mask, parameters: Array, terms: NDArray[np.int6
     )
     moved = influence @ weighted
     signalled = weighted * planes.signal[:, None]
-    matrices = _matrices(signalled, _near(signalled, planes.shape))[:, : FIT_TERMS + 1, : FIT_TERMS + 1]
+    matrices = _matrices(signalled, _near(signalled, planes.shape))[:, :, : FIT_TERMS + 1, : FIT_TERMS + 1]
+    fitted = influence[:, None, :, : FIT_TERMS + 1]
     return SpotNoise(
         camera=(moved * planes.variance[:, None]) @ moved.transpose(0, 2, 1),
-        speckle=np.einsum("nar,nrsk,nbs->nabk", influence[:, :, : FIT_TERMS + 1], matrices,
-                          influence[:, :, : FIT_TERMS + 1], optimize=True),
-        skew=np.einsum("nl,nl->n", moved[:, 2], planes.residual),
+        speckle=np.moveaxis(fitted @ matrices @ fitted.transpose(0, 1, 3, 2), 1, -1),
+        skew=np.sum(moved[:, 2] * planes.residual, axis=1),
         **_residual_moments(_bright(planes), free),
-    )  # fmt: skip
+    )
 
 
 def _matrices(signalled: Array, near: Array) -> Array:
-    return np.asarray((signalled @ near.transpose(0, 1, 3, 2)).transpose(1, 2, 3, 0))
+    """M (N, K, TERMS, TERMS)."""
+    return np.asarray((signalled @ near.transpose(0, 1, 3, 2)).transpose(1, 0, 2, 3))
 
 
 def _bright(planes: _Planes) -> _Planes:
-    """The planes with no weight outside the bright part: there a spot is a Gaussian, its wings do not matter."""
+    """The planes cut to the bright part: there a spot is a Gaussian, its wings do not matter."""
+    rows, columns = planes.shape
     bright = planes.signal > BRIGHT * planes.signal.max(axis=1, keepdims=True)
-    return replace(planes, weight=np.where(bright, planes.weight, 0.0))
+    box = np.any(bright & (planes.weight > 0), axis=0).reshape(rows, columns)
+    down, right = np.flatnonzero(box.any(axis=1)), np.flatnonzero(box.any(axis=0))
+    if not len(down):
+        return planes
+    part = np.s_[..., down[0] : down[-1] + 1, right[0] : right[-1] + 1]
+
+    def cut(values: Array) -> Array:
+        return values.reshape(*values.shape[:-1], rows, columns)[part].reshape(*values.shape[:-1], -1)
+
+    weight = np.where(bright, planes.weight, 0.0)
+    size = (int(down[-1] - down[0]) + 1, int(right[-1] - right[0]) + 1)
+    return _Planes(cut(planes.e), cut(planes.signal), cut(planes.variance), cut(weight), cut(planes.residual), size)
 
 
 def _planes(data: Array, use: Mask, p: Array, terms: NDArray[np.int64], noises: Array) -> _Planes:
@@ -178,26 +192,61 @@ def _residual_moments(planes: _Planes, free: Mask) -> dict[str, Array]:
     signalled = weighted * planes.signal[:, None]
     near = _near(signalled, planes.shape)
     matrices = _matrices(signalled, near)
-    n, columns = len(inverse), planes.shape[1]
-    core = (planes.weight > 0) & (planes.signal > CORE * planes.signal.max(axis=1, keepdims=True))
-    spot, pixel = np.nonzero(core)
+    core = _core(planes, weighted, inverse, near, matrices)
+    n, count = len(inverse), len(core.spot)
+    own = np.arange(count)
+    position = np.full(planes.signal.shape, -1)
+    position[core.spot, core.pixel] = own
+    after = (_step(position, planes.shape, 1), _step(position, planes.shape, planes.shape[1]))
+    first, second = np.concatenate([_pairs(position, other) for other in after], axis=1)
+    product, camera, speckle = _pair_moments(core, own, own)
+    neighbours, _, neighbour_speckle = _pair_moments(core, first, second)
+    return {
+        "variance": _per_spot(product, core.spot, n),
+        "variance_camera": _per_spot(camera, core.spot, n),
+        "variance_speckle": _per_spot(speckle, core.spot, n),
+        "neighbour": _per_spot(neighbours, core.spot[first], n),
+        "neighbour_speckle": _per_spot(neighbour_speckle, core.spot[first], n),
+    }
+
+
+@dataclass(frozen=True, eq=False)
+class _Core:
+    """The core pixels of all spots (C,): where they are, residual, signal, camera variance, height² of their spot;
+    z = F⁻¹ e (C, TERMS), what the camera makes of it, `w V e` (C, TERMS), M_k z (C, K, TERMS), near (C, K, TERMS).
+    """
+
+    spot: NDArray[np.intp]
+    pixel: NDArray[np.intp]
+    left: Array
+    signal: Array
+    variance: Array
+    height2: Array
+    z: Array
+    camera_z: Array
+    scattered: Array
+    matrices_z: Array
+    near: Array
+
+
+def _core(planes: _Planes, weighted: Array, inverse: Array, near: Array, matrices: Array) -> _Core:
+    height = planes.signal.max(axis=1)
+    spot, pixel = np.nonzero((planes.weight > 0) & (planes.signal > CORE * height[:, None]))
     scattered = weighted * planes.variance[:, None]
     camera = scattered @ weighted.transpose(0, 2, 1)
     left = planes.residual - _fitted(planes, weighted, inverse)
-    z = np.einsum("crs,cs->cr", inverse[spot], planes.e[spot, :, pixel])
-    position = np.full(core.shape, -1)
-    position[spot, pixel] = np.arange(len(spot))
-    moments: dict[str, Array] = {}
-    own = np.arange(len(spot))
-    found = _pair_moments(planes, left, scattered, camera, near, matrices, z, spot, pixel, own, own)
-    for name, value in zip(("variance", "variance_camera", "variance_speckle"), found, strict=True):
-        moments[name] = _per_spot(value, spot, n)
-    after = np.stack([_step(position, planes.shape, 1), _step(position, planes.shape, columns)])
-    first, second = np.concatenate([_pairs(position, other) for other in after], axis=1)
-    found = _pair_moments(planes, left, scattered, camera, near, matrices, z, spot, pixel, first, second)
-    moments["neighbour"] = _per_spot(found[0], spot[first], n)
-    moments["neighbour_speckle"] = _per_spot(found[2], spot[first], n)
-    return moments
+    e = planes.e[spot, :, pixel]
+    z, camera_z = np.empty_like(e), np.empty_like(e)
+    matrices_z = np.empty((len(spot), CLASSES, TERMS))
+    ends = np.searchsorted(spot, np.arange(len(inverse) + 1))
+    for n, (a, b) in enumerate(pairwise(ends)):
+        z[a:b] = e[a:b] @ inverse[n]
+        camera_z[a:b] = z[a:b] @ camera[n]
+        matrices_z[a:b] = (z[a:b] @ matrices[n]).transpose(1, 0, 2)
+    return _Core(
+        spot, pixel, left[spot, pixel], planes.signal[spot, pixel], planes.variance[spot, pixel], height[spot] ** 2,
+        z, camera_z, scattered[spot, :, pixel], matrices_z, near.transpose(1, 3, 0, 2)[spot, pixel],
+    )  # fmt: skip
 
 
 def _fitted(planes: _Planes, weighted: Array, inverse: Array) -> Array:
@@ -226,30 +275,13 @@ def _per_spot(values: Array, spot: NDArray[np.intp], n: int) -> Array:
     return out
 
 
-def _pair_moments(  # the same sums for a pixel with itself and with its neighbour
-    planes: _Planes,
-    left: Array,
-    scattered: Array,
-    camera: Array,
-    near: Array,
-    matrices: Array,
-    z: Array,
-    spot: NDArray[np.intp],
-    pixel: NDArray[np.intp],
-    c: NDArray[np.intp],
-    d: NDArray[np.intp],
-) -> tuple[Array, Array, Array]:
-    """Residual product freed of the camera's part (P,), that part (P,), speckle's (P, K), over the height's square."""
-    s, i, j = spot[c], pixel[c], pixel[d]
-    zi, zj = z[c], z[d]
-    height2 = np.max(planes.signal, axis=1)[s] ** 2
-    si, sj = planes.signal[s, i], planes.signal[s, j]
-    noise = np.where(c == d, planes.variance[s, i], 0.0)
-    noise = noise - np.einsum("pr,pr->p", zi, scattered[s, :, j]) - np.einsum("pr,pr->p", zj, scattered[s, :, i])
-    noise += np.einsum("pr,prs,ps->p", zi, camera[s], zj, optimize=True)
-    product = left[s, i] * left[s, j]
-    expected = np.einsum("pr,prsk,ps->pk", zi, matrices[s], zj, optimize=True)
-    expected -= np.einsum("pr,prk->pk", zi, near.transpose(1, 3, 2, 0)[s, j]) * sj[:, None]
-    expected -= np.einsum("pr,prk->pk", zj, near.transpose(1, 3, 2, 0)[s, i]) * si[:, None]
-    expected[np.arange(len(c)), np.where(c == d, 0, 1)] += si * sj
-    return (product - noise) / height2, noise / height2, expected / height2[:, None]
+def _pair_moments(core: _Core, c: NDArray[np.intp], d: NDArray[np.intp]) -> tuple[Array, Array, Array]:
+    """For pairs of core pixels: residual product freed of the camera's part (P,), that part (P,), speckle's (P, K)."""
+    same = c == d
+    zi, zj, si, sj, height2 = core.z[c], core.z[d], core.signal[c], core.signal[d], core.height2[c]
+    noise = np.where(same, core.variance[c], 0.0)
+    noise += np.sum((core.camera_z[c] - core.scattered[c]) * zj - zi * core.scattered[d], axis=1)
+    speckle = np.einsum("pkr,pr->pk", core.matrices_z[c] - core.near[c] * si[:, None, None], zj)
+    speckle -= np.einsum("pkr,pr->pk", core.near[d], zi) * sj[:, None]
+    speckle[np.arange(len(c)), np.where(same, 0, 1)] += si * sj
+    return (core.left[c] * core.left[d] - noise) / height2, noise / height2, speckle / height2[:, None]
