@@ -125,7 +125,7 @@ def shadows() -> tuple[Picture, Picture]:
 
 def scheimpflug() -> tuple[Picture, Picture]:
     """A wall's stripe far from the plane of focus, chip straight and tilted."""
-    c = config(optics={"defocus": True, "f_number": 1.4}, exposure={"time_ms": 0.06})
+    c = config(optics={"defocus": True, "f_number": 1.4}, exposure={"time_ms": 0.05})
     wall = panel(700, 700, Pose(np.eye(3), np.array([0.0, 0, 370])))
     pictures = []
     for terms in ((), SCHEIMPFLUG):
@@ -194,17 +194,17 @@ PAIRS: dict[str, Callable[[], tuple[Picture, Picture]]] = {
             config(
                 speckle={"enabled": True},
                 optics={"f_number": f, "diffraction": False},
-                exposure={"time_ms": 2.0 * (f / 4) ** 2},
+                exposure={"time_ms": 1.2 * (f / 4) ** 2},
             )
             for f in (4.0, 11.0)
         ),
         0.7,
     ),
-    "motion": lambda: at_string("A", 20, *(config(motion={"velocity_mm_s": [0.0, v, 0.0]}) for v in (0.0, 700.0))),
+    "motion": lambda: at_string("A", 20, *(config(motion={"velocity_mm_s": [0.0, v, 0.0]}) for v in (0.0, 1200.0))),
     "noise": lambda: at_string("B'", 30, *(config(noise={"enabled": e}) for e in (False, True)), 8.0),
     "hdr": lambda: post_stripe(
-        (jig_scene(), config(noise=NOISY, exposure={"time_ms": 8.0})),
-        (jig_scene(), config(noise=NOISY, exposure={"time_ms": 8.0, "hdr_ratios": [0.2, 0.04]})),
+        (jig_scene(), config(noise=NOISY, exposure={"time_ms": 5.0})),
+        (jig_scene(), config(noise=NOISY, exposure={"time_ms": 5.0, "hdr_ratios": [0.2, 0.04]})),
     ),
     "laser_off": lambda: whole(
         [jig_scene(wall=True)] * 2,

@@ -122,7 +122,7 @@ def _clip_near(camera: Array, level: Array) -> tuple[Array, Array]:
     return np.concatenate(out), np.concatenate(levels)
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, error_model="numpy", fastmath=True)
 def _rasterise(image, inverse_depth, camera, level, fx, fy, cx, cy):  # type: ignore[no-untyped-def]
     """Nearest triangle of every pixel's centre; 1/z is linear in the image."""
     height, width = image.shape

@@ -64,7 +64,7 @@ def _build(low: Array, high: Array) -> tuple[NDArray[np.int64], Array, NDArray[n
     return order, np.array(boxes), np.array(children)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _blocked(boxes, children, triangles, origins, targets):  # type: ignore[no-untyped-def]
     out = np.zeros(len(origins), np.bool_)
     stack = np.empty(128, np.int64)
@@ -100,7 +100,7 @@ def _blocked(boxes, children, triangles, origins, targets):  # type: ignore[no-u
     return out
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, error_model="numpy", inline="always")
 def _cuts(triangles, i, ox, oy, oz, dx, dy, dz):  # type: ignore[no-untyped-def]
     """Möller & Trumbore 1997; closed at the edges, so that no ray slips between two triangles."""
     ax, ay, az = triangles[i, 0, 0], triangles[i, 0, 1], triangles[i, 0, 2]

@@ -46,7 +46,7 @@ def expose(electrons: Float32, noise: NoiseConfig, sensor: SensorModel, time_s: 
     return out
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, error_model="numpy", fastmath=True)
 def _expose(electrons, out, normal, key, pattern, gain, black, top, well, read, dark, dsnu, prnu, shot):  # type: ignore[no-untyped-def]
     low = uint64(0xFFFF)
     for i in range(electrons.size):

@@ -22,7 +22,7 @@ class LaserConfig(Section):
     wavelength_nm: Annotated[float, Field(ge=200, le=2000)] = 660.0
     bandwidth_nm: Annotated[float, Field(gt=0, le=200, description="spectral full width at half maximum")] = 0.5
     power_mw: Annotated[float, Field(gt=0, description="optical power in the whole fan")] = 3.5
-    waist_um: Annotated[float, Field(gt=0, description="1/e² half-width across the sheet at the waist")] = 200.0
+    waist_um: Annotated[float, Field(gt=0, description="1/e² half-width across the sheet at the waist")] = 230.0
     waist_distance_mm: Annotated[
         float | None, Field(gt=0, description="from the emitter along a ray; default: where the camera looks")
     ] = None
@@ -39,7 +39,7 @@ class OpticsConfig(Section):
 
     pixel_um: Annotated[float, Field(gt=0, le=100, description="pixel pitch")] = 5.3
     f_number: Annotated[float, Field(ge=0.5, le=64)] = 4.0
-    blur_px: Annotated[float, Field(gt=0.2, le=20, description="σ of the lens's own Gaussian blur in focus")] = 0.75
+    blur_px: Annotated[float, Field(gt=0.2, le=20, description="σ of the lens's own Gaussian blur in focus")] = 0.9
     diffraction: bool = True
     defocus: Annotated[bool, Field(description="thin-lens blur; a tilted chip (τx, τy) is taken into account")] = False
     focus_distance_mm: Annotated[
@@ -90,7 +90,7 @@ class AmbientConfig(Section):
     enabled: bool = True
     irradiance_mw_m2_nm: Annotated[
         float, Field(ge=0, description="spectral irradiance on a surface facing the light")
-    ] = 6.0
+    ] = 10.0
     direction: Annotated[tuple[float, float, float], Field(description="light travels along, in {P}")] = (
         0.5,
         -0.2,
@@ -122,7 +122,7 @@ class NoiseConfig(Section):
 class ExposureConfig(Section):
     """[exposure]: time, shutter, and how often."""
 
-    time_ms: Annotated[float, Field(gt=0, le=60_000)] = 2.0
+    time_ms: Annotated[float, Field(gt=0, le=60_000)] = 1.2
     laser_on: Annotated[bool, Field(description="false: the ambient-only partner of a frame")] = True
     hdr_ratios: Annotated[
         tuple[Annotated[float, Field(gt=0, le=1)], ...],

@@ -22,7 +22,7 @@ _EDGE = 6
 NORMAL_CDF = ndtr(np.arange(-_EDGE * STEPS_A_SIGMA, _EDGE * STEPS_A_SIGMA + 2) / STEPS_A_SIGMA)
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, error_model="numpy", inline="always")
 def _cdf(z, table):  # type: ignore[no-untyped-def]
     place = min(max((z + _EDGE) * STEPS_A_SIGMA, 0.0), 2.0 * _EDGE * STEPS_A_SIGMA)
     i = int(place)
@@ -37,7 +37,7 @@ def deposit(image: Float32, u: Array, v: Array, weight: Array, sigma: Array) -> 
     _deposit(image, u, v, weight, sigma, NORMAL_CDF)
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, error_model="numpy", fastmath=True)
 def _deposit(image, u, v, weight, sigma, table):  # type: ignore[no-untyped-def]
     height, width = image.shape
     row = np.empty(width, np.float32)
@@ -86,7 +86,7 @@ def _transfer(rows: int, columns: int, sigma: float) -> Float32:
     return np.asarray(gauss / (np.sinc(fx) * np.sinc(fy)) ** 3, np.float32)  # pixel's sinc over the spline's sinc⁴
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, error_model="numpy", fastmath=True)
 def _spread(grid, u, v, weight):  # type: ignore[no-untyped-def]
     height, width = grid.shape
     wx, wy = np.empty(4), np.empty(4)

@@ -14,7 +14,7 @@ _DEVIATES = ndtri((np.arange(65536) + 0.5) / 65536)
 NORMAL = (_DEVIATES / _DEVIATES.std()).astype(np.float32)
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, error_model="numpy", inline="always")
 def mix(counter, key):  # type: ignore[no-untyped-def]
     """64 well mixed bits of a counter under a key (splitmix64's finaliser; Steele, Lea & Flood 2014)."""
     z = uint64(counter) * uint64(0x9E3779B97F4A7C15) + uint64(key)
@@ -30,7 +30,7 @@ def white_noise(row: int, column: int, rows: int, columns: int, key: int) -> NDA
     return out
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, error_model="numpy", fastmath=True)
 def _white_noise(out, row, column, key, normal):  # type: ignore[no-untyped-def]
     low = uint64(0xFFFF)
     scale = np.float32(math.sqrt(0.5))

@@ -28,7 +28,7 @@ def hidden_by_strings(strings: Cylinders, points: Array, sources: Array, own: ND
     )
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, error_model="numpy", fastmath=True)
 def _hidden(starts, directions, lengths, radius, points, sources, own):  # type: ignore[no-untyped-def]
     out = np.zeros(len(points), np.bool_)
     for i in range(len(points)):

@@ -13,7 +13,7 @@ Array = NDArray[np.float64]
 GRID_RAD = 2e-3  # breakpoints at least this close, so that bodies that interpenetrate are told apart
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def cut_plane(triangles, normals, x):  # type: ignore[no-untyped-def]
     """Where triangles (T, 3, 3) [mm] cut the plane of constant x: ends (n, 2, 2) as (y, z) [mm], normals there (n, 2,
     3), triangle numbers (n,).
@@ -62,7 +62,7 @@ def first_reached(ends: Array, origin: Array, fan_rad: float) -> tuple[NDArray[n
     return which[:m], where[:m]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _sweep(ends, origin, angle, breaks, by_start, which, where):  # type: ignore[no-untyped-def]
     """Fill which and where from the angular order; the number of pieces."""
     active = np.empty(len(ends), np.int64)
@@ -97,7 +97,7 @@ def _sweep(ends, origin, angle, breaks, by_start, which, where):  # type: ignore
     return m
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, error_model="numpy", inline="always")
 def _reach(segment, origin, angle):  # type: ignore[no-untyped-def]
     """Distance along the ray at the angle to the segment's line, and the place on it."""
     ry, rz = math.sin(angle), math.cos(angle)
