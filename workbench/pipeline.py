@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from calib import CalibConfig, CalibrationResult, FrameObservation, Observations, calibrate
 from extraction import extract
 from extraction.config import ExtractionConfig
 from geometry import InputError, SensorModel, SurfacePoints
 from workbench.formats import Cell, FrameRow, read_image
+from workbench.remarks import remarks
 
 Progress = Callable[[int, int], None]
 WORKERS = 2  # decoding and OpenCV release the interpreter's lock; more threads than cores would only wait
@@ -39,8 +40,9 @@ def observe(cell: Cell, config: ExtractionConfig | None = None, progress: Progre
 
 
 def solve(cell: Cell, observed: Observed, config: CalibConfig | None = None) -> CalibrationResult:
-    """Calibrate on what was observed."""
-    return calibrate(observed.observations, cell.jig, cell.robot, config)
+    """Calibrate on what was observed; the notes say what looks wrong with the files."""
+    result = calibrate(observed.observations, cell.jig, cell.robot, config)
+    return replace(result, notes=(*remarks(result), *result.notes))
 
 
 def _measured(cell: Cell, config: ExtractionConfig) -> Iterator[tuple[FrameObservation, str]]:
@@ -71,8 +73,6 @@ def _from_points(cell: Cell, row: FrameRow) -> FrameObservation:
 
 
 def _with_axis(observation: FrameObservation, axis: object) -> FrameObservation:
-    from dataclasses import replace
-
     return replace(observation, axis=axis)  # type: ignore[arg-type]
 
 
