@@ -60,7 +60,20 @@ def calibrate(
     if kept.config.model != p.config.model:
         verdict, estimate = _solve(kept, ready, estimate.T_hand_sensor)
     result = answer(observations, ready, jig, robot, kept.config, verdict, estimate)
-    return replace(result, left_out_rms_mm=scores, notes=(*result.notes, words))
+    return replace(result, left_out_rms_mm=scores, notes=(*result.notes, words, *_lonely(observations)))
+
+
+def _lonely(observations: Observations) -> tuple[str, ...]:
+    """A sentence for every location with a single frame, which tells nothing: its name may be misspelt."""
+    names = [f.location for f in observations.frames]
+    lonely = [n for n in dict.fromkeys(names) if names.count(n) == 1]
+    others = [n for n in dict.fromkeys(names) if n not in lonely]
+    return tuple(
+        f'location "{n}" has frame {observations.frames[names.index(n)].frame} alone and tells nothing of the SCP: '
+        f"is it one of {', '.join(others)}?"
+        for n in lonely
+        if others
+    )
 
 
 def _choose(p: Problem, ready: tuple[Station, ...], estimate: Estimate) -> tuple[Problem, dict[str, float], str]:

@@ -110,3 +110,42 @@ def test_sigma_is_true_over_2000_runs(model: str) -> None:
         errors.append(nees(made.T_hand_sensor, answer.T_hand_sensor, answer.uncertainty.scp))
     assert 5.75 < np.mean(errors) < 6.26
     assert 0.94 < np.mean(np.array(errors) < 12.592) < 0.96
+
+
+def test_parallel_axes_need_hayatis_beta() -> None:
+    """An axis 2 that is not parallel to axis 3 by 0.3° about y: no small d or α says so, β does."""
+    rng = np.random.default_rng(8)
+    cell = random_cell(rng, CALIBRATE_ONLY)
+    tilt = np.zeros((5, 6))
+    tilt[4, 1] = np.deg2rad(0.3)
+    noise = Noise(robot=False)
+    made = replace(made_cell(cell, rng, noise), robot=cell.robot.corrected(tilt))
+    problem_cell = observe(cell, made, rng, noise)
+    result = {
+        sigma: calibrate(problem_cell, cell.jig, cell.robot, CalibConfig(model="full", beta_sigma_deg=sigma))
+        for sigma in (0.0, 0.3)
+    }
+    assert result[0.0].verdict.code == "model_misfit"
+    assert result[0.3].verdict.code == "ok"
+    assert np.rad2deg(result[0.3].robot_delta[4, 1]) == pytest.approx(0.3, abs=0.04)
+    assert result[0.3].robot_delta[4, 0] == 0.0
+
+
+def test_misspelt_location_is_named() -> None:
+    rng = np.random.default_rng(9)
+    cell = random_cell(rng, CALIBRATE_ONLY)
+    observed = observe(cell, made_cell(cell, rng, Noise()), rng, Noise())
+    frames = (replace(observed.frames[0], location="a"), *observed.frames[1:])
+    result = calibrate(replace(observed, frames=frames), cell.jig, cell.robot)
+    assert any('location "a" has frame 0 alone' in note for note in result.notes)
+
+
+def test_no_usable_frame_is_too_few_poses() -> None:
+    rng = np.random.default_rng(10)
+    cell = random_cell(rng, CALIBRATE_ONLY)
+    observed = observe(cell, made_cell(cell, rng, Noise()), rng, Noise())
+    frames = tuple(replace(f, reason="image_unreadable") for f in observed.frames)
+    for method in ("bundle", "paper"):
+        result = calibrate(replace(observed, frames=frames), cell.jig, cell.robot, CalibConfig(method=method))
+        assert result.verdict.code == "too_few_poses"
+        assert result.T_hand_sensor is None
