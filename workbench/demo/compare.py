@@ -17,7 +17,7 @@ from workbench.results.as_text import AXES, arrow, number, print_verdict
 CHI2_6_95 = 12.59  # 95 % of true errors lie below this squared Mahalanobis distance, six degrees of freedom
 
 
-def print_demo(console: Console, result: CalibrationResult, truth: Truth, out: Path) -> None:
+def print_demo(console: Console, result: CalibrationResult, full: CalibrationResult, truth: Truth, out: Path) -> None:
     """Print both comparisons, the verdict and where the files are."""
     console.print(_table1(result, truth))
     _print_consistency(console, result, truth)
@@ -26,11 +26,24 @@ def print_demo(console: Console, result: CalibrationResult, truth: Truth, out: P
     for frame in left_out:
         console.print(f"frame {frame.frame} not used: {frame.reason}")
     print_verdict(console, result)
+    _print_full(console, full)
     console.print(
         f"\n{out}: dataset (cell.toml …, images, truth.json), report.html, fig7.png, overlays, result.json\n"
         f"the same again, as with any recorded cell: perceptron-emu calibrate {out}",
         soft_wrap=True,
         markup=False,
+    )
+
+
+def _print_full(console: Console, full: CalibrationResult) -> None:
+    """One line on what the larger model reaches where it had no part in the solution."""
+    rms = [loc.point_rms_mm.solved for loc in full.locations.values() if loc.role == "verify"]
+    deviation = [loc.max_deviation_mm.solved for loc in full.locations.values() if loc.role == "verify"]
+    shown = (number(max(v for v in values if v is not None) if any(values) else None, 3) for values in (deviation, rms))
+    console.print(
+        "with --model full, at the verifying place: distance deviation {} mm, point rms {} mm, χ² {}".format(
+            *shown, number(full.chi2_per_dof, 2)
+        )
     )
 
 

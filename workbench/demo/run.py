@@ -25,11 +25,12 @@ Bar = Callable[[str, int], AbstractContextManager[Callable[[int, int], None]]]
 
 @dataclass(frozen=True, eq=False)
 class DemoResult:
-    """What the demo shows."""
+    """What the demo shows. full: the same frames with the arm's own errors solved too."""
 
     cell: Cell
     observed: Observed
     result: CalibrationResult
+    full: CalibrationResult
 
 
 def run_demo(out: Path, seed: int, settings: Settings, bar: Bar) -> DemoResult:
@@ -43,13 +44,14 @@ def run_demo(out: Path, seed: int, settings: Settings, bar: Bar) -> DemoResult:
         observed = observe(cell, settings.extraction, progress)
     with bar("calibrating", 1):
         result = solve(cell, observed, settings.calib)
+        full = solve(cell, observed, settings.calib.model_copy(update={"model": "full"}))
         write_results(out, cell, observed, result, settings)
     tables = label_dataset(cell, observed, settings.calib, result)
     with bar("report", 1):
         write_report(out / "report.html", ReportInput(cell, observed, result, settings))
     with bar("overlays", len(tables)) as progress:
         _overlays(out / "overlays", cell, tables, progress)
-    return DemoResult(cell, observed, result)
+    return DemoResult(cell, observed, result, full)
 
 
 def _overlays(folder: Path, cell: Cell, tables: list[FrameTable], progress: Callable[[int, int], None]) -> None:
