@@ -7,6 +7,7 @@ from extraction.pipeline import extract, extract_stages, learn_speckle
 from extraction.profile import Profile, StripePeaks
 from extraction.profile_files import read_profile_csv, write_profile_csv, write_profile_ply
 from extraction.rectify import image_to_sheet
+from extraction.region_shapes import region_shapes
 from extraction.sheet_table import SheetTable, sheet_table
 from extraction.stages import Stages
 from extraction.stripe import detect_stripe, extract_profile
@@ -32,6 +33,7 @@ __all__ = [
     "learn_speckle",
     "measure_gap_flush",
     "read_profile_csv",
+    "region_shapes",
     "sheet_table",
     "write_profile_csv",
     "write_profile_ply",
