@@ -1,4 +1,4 @@
-"""What the files of a cell make one suspect, beside the verdict on the numbers."""
+"""Which files one suspects where most frames of a cell could not be used, beside the verdict on the numbers."""
 
 from __future__ import annotations
 
@@ -6,32 +6,20 @@ from collections import Counter
 from collections.abc import Iterator
 
 from calib import CalibrationResult
-from workbench.formats.strict import suggestion
 
 _SUSPECTS = {
     "not_labelled": "no pose of the jig explains them: check that jig.toml and sensor.toml are this cell's, that "
     "scp_initial is within some 10 mm and 10° of the truth, and the order and units of the joint columns",
     "no_spots": "their images show no string: check the exposure, and bit_depth and black_level of sensor.toml",
     "too_few_spots": "their images show too few strings: check the exposure and that the whole jig is in view",
-    "image_unreadable": "each frame's complaint says why: check the column image of frames.csv and [image] of sensor.toml",
+    "image_unreadable": "their complaints say why: check the column image of frames.csv and [image] of sensor.toml",
     "robot_out_of_range": "check min_deg and max_deg of robot.toml, and the joint columns",
 }
 
 
 def remarks(result: CalibrationResult) -> tuple[str, ...]:
-    """Sentences for the user: places seen once only, and why most frames could not be used."""
-    return (*_lonely(result), *_left_out(result))
-
-
-def _lonely(result: CalibrationResult) -> Iterator[str]:
-    """A place with a single frame says nothing of the SCP; most often its name is misspelt."""
-    count = Counter(f.location for f in result.frames)
-    often = [name for name, n in count.items() if n > 1]
-    for f in result.frames:
-        if count[f.location] == 1 and often:
-            near = suggestion(f.location, often)
-            hint = f": is the name misspelt{near}" if near.startswith(", did") else ""
-            yield f"location {f.location} has one frame only, {f.frame}, which alone says nothing of the sensor{hint}"
+    """Sentences for the user: why most frames could not be used."""
+    return tuple(_left_out(result))
 
 
 def _left_out(result: CalibrationResult) -> Iterator[str]:

@@ -35,6 +35,13 @@ def test_every_command_explains_itself(cli: Cli, name: str) -> None:
     assert load(name).help
 
 
+def test_help_keeps_the_names_of_tables(cli: Cli) -> None:
+    """Square brackets are markup to the help's printer: unescaped, `[uncertainty]` vanishes from the sentence."""
+    shown = cli("render", "--help").out
+    assert "[uncertainty]" in shown
+    assert "[locations]" in shown
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [

@@ -19,7 +19,7 @@ class Renderer(StrEnum):
 
 
 def command(
-    cell: Annotated[Path, typer.Argument(metavar="CELL.toml", help="The cell to record, with its [locations].")],
+    cell: Annotated[Path, typer.Argument(metavar="CELL.toml", help="The cell to record, with its \\[locations].")],
     out: Annotated[Path, typer.Option(help="Folder for the dataset; a broken-off recording there is resumed.")],
     seed: Annotated[int, typer.Option(min=0, help="Same seed, same bytes.")] = 0,
     per_location: Annotated[int, typer.Option(min=1, max=1000, help="Views planned at each location.")] = 7,
@@ -34,9 +34,9 @@ def command(
         int | None, typer.Option(help="Remake this trial of a campaign; CELL.toml is its plan or the run's folder.")
     ] = None,
 ) -> None:
-    """Record a cell in emulation: plan views or take given joints, render the images, write a dataset with truth.
+    r"""Record a cell in emulation: plan views or take given joints, render the images, write a dataset with truth.
 
-    The true robot, jig and mounting are drawn from [uncertainty], tolerance_mm and the mounting's σ.
+    The true robot, jig and mounting are drawn from \[uncertainty], tolerance_mm and the mounting's σ.
     """
     if trial is not None:
         from workbench.campaign.remake import remake_trial
