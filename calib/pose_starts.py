@@ -63,6 +63,7 @@ def _pencil(starts: Array, directions: Array, yz_mm: Array) -> tuple[Array, Arra
     a[..., 3:] = (across[..., :, None] * m[..., :, None, None, :]).reshape(*shape, *across.shape[-3:-1], 6)
     b = np.sum(across * starts[..., None, :], -1)
     u, s, vt = np.linalg.svd(a.reshape(*shape, -1, 9), full_matrices=False)
+    s = np.maximum(s, 1e-9 * s[..., :1])  # points that coincide or stand in one line leave more directions free
     inner = (np.swapaxes(u, -1, -2) @ np.broadcast_to(b, a.shape[:-1]).reshape(*shape, -1, 1))[..., :8, 0] / s[..., :8]
     x = np.stack([(inner[..., None, :] @ vt[..., :8, :])[..., 0, :], vt[..., 8, :]], -2)
     out = x.copy()
@@ -94,7 +95,7 @@ def _across(directions: Array) -> Array:
 def _cubic_roots(c: Array) -> Array:
     """Real parts (..., 3) of the roots of cubics (..., 4), highest power first."""
     companion = np.zeros((*c.shape[:-1], 3, 3))
-    companion[..., 0, :] = -c[..., 1:] / np.where(np.abs(c[..., :1]) < 1e-300, 1e-300, c[..., :1])
+    companion[..., 0, :] = -c[..., 1:] / np.maximum(c[..., :1], 1e-12 * np.abs(c).max(-1, keepdims=True) + 1e-300)
     companion[..., 1, 0] = companion[..., 2, 1] = 1.0
     return np.asarray(np.linalg.eigvals(companion).real)
 

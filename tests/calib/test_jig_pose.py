@@ -213,3 +213,17 @@ def test_too_few_or_unknown_strings_are_refused_in_words():
     six = Jig.nominal(strings=tuple(STRINGS))
     with pytest.raises(NoAnswerError, match="D'"):
         jig_pose(axis_of(view.T_sensor_jig, six), view.jig)
+
+
+def test_points_in_one_place_or_in_one_line_do_not_break_the_solver():
+    """Nonsense in, an answer called weak or a refusal out; no NaN, no warning."""
+    jig = Jig.nominal()
+    cov = np.tile(np.eye(2) * 4e-4, (5, 1, 1))
+    line = np.column_stack([np.linspace(-40.0, 40.0, 5), np.full(5, 300.0)])
+    for yz in (np.full((5, 2), 300.0), line, line + np.array([0.0, 1e-9])):
+        try:
+            result = jig_pose(AxisPoints(jig.strings, np.full(5, -1), yz, cov, ("",) * 5), jig)
+        except NoAnswerError:
+            continue
+        assert np.all(np.isfinite(result.T_sensor_jig.matrix))
+        assert result.ambiguity == "weak" or result.best.chi2 > 100
