@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import lru_cache
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import InputError
+from geometry import InputError, SensorModel
 from perceptron_emu.ambient import ambient_electrons
 from perceptron_emu.camera import expose
+from perceptron_emu.check import check_optics
 from perceptron_emu.config import EmulatorConfig
 from perceptron_emu.hdr import expose_hdr
 from perceptron_emu.image import draw
@@ -35,10 +37,12 @@ def render(
     """The image that the sensor delivers of the scene, and what is known of it.
 
     rng draws two keys, for speckle and for the chip's noise; the same state gives the same bytes. Without config: its
-    defaults; without rng: seed 0. full_truth: pixel labels and the sheet's curve too (about twice the time).
+    defaults; without rng: seed 0. Raises InputError where the optics can not give an image. full_truth: pixel labels
+    and the sheet's curve too (about twice the time).
     renderer: who finds what is lit and seen, our own geometry or OpenGL's depth buffers; optics and chip are the same.
     """
     config = config or EmulatorConfig()
+    _checked(scene.sensor, config)
     rng = np.random.default_rng(0) if rng is None else rng
     speckle_key, noise_key = (int(k) for k in rng.integers(0, 2**63, 2))
     path = moments(config, scene.sensor.height_px)
@@ -53,6 +57,12 @@ def render(
         image = expose(electrons, config.noise, scene.sensor, exposure.time_ms * 1e-3, noise_key)
     now = lit[0] if len(path) == 1 else find_light(scene, config)
     return Frame(image, _truth(scene, lit, path, now, config, full_truth))
+
+
+@lru_cache(maxsize=64)
+def _checked(sensor: SensorModel, config: EmulatorConfig) -> None:
+    """InputError, once for each sensor, where its optics can not give an image."""
+    check_optics(sensor, config)
 
 
 def mean_electrons(scene: Scene, config: EmulatorConfig | None = None, speckle_key: int = 0) -> Float32:

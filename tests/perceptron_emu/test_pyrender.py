@@ -7,6 +7,7 @@ import pytest
 
 from geometry import InputError, Pose
 from perceptron_emu import EmulatorConfig, Scene, panel, project, render
+from perceptron_emu.cell_picture import CellView, cell_picture, colour_picture
 from perceptron_emu.gl import gl_problem
 from perceptron_emu.gl_world import View, back_project, depth_and_identity, gl_world
 from tests.perceptron_emu.conftest import jig_before, make_sensor
@@ -59,6 +60,26 @@ def test_a_stripe_agrees_with_opengl() -> None:
         centres.append((rows * image).sum(0) / image.sum(0))
     assert abs(np.mean(centres[1] - centres[0])) < PLANE_ATOL_PX
     assert np.std(centres[1] - centres[0]) < PLANE_ATOL_PX
+
+
+@needs_gl
+def test_pictures_show_sensor_sheet_and_jig() -> None:
+    """The cell's picture holds the sheet's red and the view's green; the sensor's own colour view shows the strings
+    bright.
+    """
+    scene = jig_before(make_sensor())
+    assert scene.jig is not None
+    cell = CellView(scene.sensor, Pose.identity(), ((scene.jig, scene.T_sensor_jig),))
+    picture = cell_picture(cell, 320, 240).astype(int)
+    assert picture.shape == (240, 320, 3)
+    assert np.sum(picture[..., 0] - picture[..., 1] > 20) > 50
+    assert np.sum(picture[..., 1] - picture[..., 0] > 20) > 50
+    view = colour_picture(scene)
+    u, v = np.round(project(scene.sensor, scene.T_sensor_jig @ scene.jig.starts.mean(0))).astype(int)
+    assert view.shape == (1024, 1280, 3)
+    assert view.max() > 3 * np.median(view)
+    assert 0 <= u < 1280
+    assert 0 <= v < 1024
 
 
 def test_an_unknown_renderer_is_an_input_error() -> None:

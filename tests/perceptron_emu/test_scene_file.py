@@ -12,6 +12,7 @@ from geometry import InputError, SensorModel
 from perceptron_emu import EmulatorConfig, render
 from perceptron_emu.check import check_optics
 from perceptron_emu.scene_file import read_scene
+from tests.perceptron_emu.conftest import jig_before
 
 JIG = "side_mm = 100.0\nheight_mm = 100.0\nstring_diameter_mm = 0.3\ntolerance_mm = 0.1\n"
 PLACE = '[jig]\nfile = "jig.toml"\nrotation_deg = [5, 15, 3]\ntranslation_mm = [-45, 0, 300]\n'
@@ -104,6 +105,12 @@ def test_open_and_empty_meshes_are_named(folder: Path, sensor: SensorModel) -> N
 def test_impossible_optics_are_named(sensor: SensorModel, optics: dict[str, object], message: str) -> None:
     with pytest.raises(InputError, match=message):
         check_optics(sensor, EmulatorConfig.from_tables({"optics": optics}))
+
+
+def test_render_refuses_impossible_optics(sensor: SensorModel) -> None:
+    blocked = EmulatorConfig.from_tables({"optics": {"filter_centre_nm": 450.0}})
+    with pytest.raises(InputError, match="blocks the laser"):
+        render(jig_before(sensor), blocked)
 
 
 def test_default_optics_are_possible(sensor: SensorModel) -> None:
