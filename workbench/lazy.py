@@ -19,6 +19,8 @@ COMMANDS = {
     "validate": "Measure point extraction against truth, with thresholds for your own CI.",
     "plan": "Propose the most telling next configurations and predict the SCP's σ.",
     "render": "Record a cell in emulation: plan configurations and render images with truth.",
+    "closure": "Fit a robot to a point that stands still, joint readings alone; judged on unseen locations.",
+    "paper": "Repeat the paper's experiment as an ensemble: Table 1, Fig. 7, and what explains them.",
     "jig": "Show a string jig, or export it as STL, GLB or drawing.",
     "init": "Write a commented starter dataset to fill in.",
     "sweep": "Run a campaign of many pixel-to-transform trials from a plan; resumes.",
