@@ -24,6 +24,8 @@ from jig_cad import Jig
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
+_HAND_SIGMA_MM, _HAND_SIGMA_DEG = 0.3, 0.03  # of poses from an arm's nominal table, until the residuals tell it
+
 _OTHER_MM = 5.0  # poses of the jig that are farther apart are different answers
 
 
@@ -82,7 +84,8 @@ def make_problem(used: tuple[Station, ...], jig: Jig, robot: RobotModel | None, 
     if robot is not None and all(q is not None for q in joints):
         chain = robot_chain(robot, np.array(joints), float(np.deg2rad(config.beta_sigma_deg)))
     else:
-        sigma = [config.hand_sigma_mm or 0.05] * 3 + [np.deg2rad(config.hand_sigma_deg or 0.005)] * 3
+        mm, deg = config.hand_sigma_mm or _HAND_SIGMA_MM, config.hand_sigma_deg or _HAND_SIGMA_DEG
+        sigma = [mm] * 3 + [np.deg2rad(deg)] * 3
         chain = pose_chain(stack_poses([s.T_base_hand for s in used]), np.diag(np.square(sigma)))
     location = np.array([names.index(s.observation.location) for s in used], dtype=np.intp)
     anchor_sigma = 0.0 if jig.measured else jig.tolerance_mm / np.sqrt(12)  # uniform within the full width

@@ -164,6 +164,7 @@ def test_hand_poses_stand_in_place_of_joints(cli: Cli, dataset: Path) -> None:
     result = cli("calibrate", dataset, "--json")
     assert result.code == 0, result.err
     assert np.all(np.isfinite(result.json["T_hand_sensor"]))
+    assert [f["frame"] for f in result.json["frames"] if f["reason"] == "outlier"] == []
     refused = cli("calibrate", dataset, "--model", "full")
     assert refused.code == 2
     assert "joint" in refused.err
