@@ -75,7 +75,8 @@ def _image_spread(faces: Faces, sensor: SensorModel) -> float:
     centre = middle * [0, 1, 1]
     step = np.clip(slope, -MAX_SLOPE, MAX_SLOPE)[:, None] * ray + [1.0, 0, 0]
     moved = np.linalg.norm(project(sensor, centre + 1e-3 * step) - project(sensor, centre), axis=1) / 1e-3
-    moved = moved[np.isfinite(moved)]
+    to_camera = np.einsum("ij,ij->i", normal, sensor.camera_centre_mm - middle)
+    moved = moved[np.isfinite(moved) & (facing * to_camera < 0)]  # lit on the side that the camera sees
     return float(np.max(moved)) if len(moved) else 1.0
 
 
