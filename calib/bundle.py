@@ -45,7 +45,7 @@ def solve_bundle(
     estimated: Mask,
     removed: Mask | None = None,
     max_iterations: int = 60,
-    tolerance: float = 1e-6,
+    tolerance: float = 1e-5,
 ) -> BundleResult:
     """Levenberg-Marquardt over the bundle's unknowns.
 
@@ -64,21 +64,24 @@ def solve_bundle(
         except np.linalg.LinAlgError:  # the strings lie in the sheet: no place to go on from
             break
         converged = step.decrement < tolerance**2
-    return BundleResult(
-        here.state, here.lin, here.normal, free, sigma, removed, initial, here.cost, iterations, converged
-    )
+    normal = here.normal_equations(None)
+    return BundleResult(here.state, here.lin, normal, free, sigma, removed, initial, here.cost, iterations, converged)
 
 
 class _Point:
     """The linearised, weighted problem at one state."""
 
     def __init__(self, problem: Problem, state: State, sigma: Array, free: Mask, removed: Mask) -> None:
-        self.state, self.sigma, self.free = state, sigma, free
+        self.problem, self.state, self.sigma, self.free = problem, state, sigma, free
         self.lin = linearise(problem, state)
         self.white = whitener(frame_covariance(problem, self.lin, removal(removed), problem.chain.noise))
         self.cost = _cost(self.lin.residual, self.white, state, sigma)
-        prior = np.where(free, sigma, 0.0)
-        self.normal = with_prior(normal_equations(problem, self.lin, self.white), prior, _values(state))
+        self.normal = self.normal_equations(free[6:-12])
+
+    def normal_equations(self, robot: Mask | None) -> Normal:
+        """The normal equations with the columns of ``robot``'s parameters, all where None."""
+        prior = np.where(self.free, self.sigma, 0.0)
+        return with_prior(normal_equations(self.problem, self.lin, self.white, robot), prior, _values(self.state))
 
 
 def _advance(problem: Problem, here: _Point, damping: float) -> tuple[State, float, Step]:
