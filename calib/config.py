@@ -44,8 +44,6 @@ class CalibConfig(BaseModel):
     )
 
     # bundle
-    max_iterations: int = Field(60, ge=1)
-    step_tolerance: float = Field(1e-10, gt=0, description="stop when the scaled step falls below this")
     outlier_chi2: float = Field(
         25.0, gt=0, description="a point's squared Mahalanobis distance (2 degrees) of an outlier"
     )
