@@ -2,8 +2,8 @@
 
     python benchmarks/window_ticks.py DATASET [--ticks 60]
 
-Prints median, 95th percentile and maximum for each stage's tab, over several images. The clock starts with the input
-event and stops in the animation frame after the canvas was painted with the answer.
+Prints quantiles for each stage's tab, over several images; on a busy machine the 10 % quantile tells the work itself.
+The clock starts with the input event and stops in the animation frame after the canvas was painted with the answer.
 """
 
 from __future__ import annotations
@@ -84,9 +84,10 @@ def measure(address: str, ticks: int, key: str) -> None:
                 time.sleep(1.0)
                 values = np.linspace(150, 700, ticks // 6).astype(int).tolist()
                 taken += driver.execute_async_script(TICK, key, values)
-            median, p95 = np.quantile(taken, (0.5, 0.95))
+            fast, median, p95 = np.quantile(taken, (0.1, 0.5, 0.95))
             print(
-                f"  {tab:11} median {median:5.0f} ms   95 % {p95:5.0f} ms   max {max(taken):5.0f} ms   of {len(taken)}"
+                f"  {tab:11} 10 % {fast:4.0f} ms   median {median:4.0f} ms   95 % {p95:4.0f} ms   of {len(taken)}",
+                flush=True,
             )
     finally:
         driver.quit()

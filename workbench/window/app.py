@@ -7,6 +7,7 @@ from collections.abc import Awaitable, Callable
 from importlib.resources import files
 from typing import Any
 
+import cv2
 import numpy as np
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
@@ -149,9 +150,11 @@ class _Api:
                 raise InputError(outcome.error)
             if _text(body, "stage") == "mask":
                 return _pixels((outcome.view.mask != 0).astype(np.uint8), outcome.hash)
-            levels = np.clip(np.rint(outcome.view.background), 0, 65535)
-            deep = self.opened.engine.sensor.saturation_dn > 255
-            return _pixels(levels.astype(np.uint16 if deep else np.uint8), outcome.hash)
+            if self.opened.engine.sensor.saturation_dn > 255:
+                levels = np.clip(np.rint(outcome.view.background), 0, 65535).astype(np.uint16)
+            else:
+                levels = cv2.convertScaleAbs(outcome.view.background)  # rounded, at most 255
+            return _pixels(levels, outcome.hash)
 
     def survey_state(self, body: Body) -> Response:
         """Ask for the survey of the current and the saved parameters, and look at one of them."""

@@ -54,7 +54,7 @@ async function take({ now, saved, epoch }, config, savedText) {
   survey.statistics = now.statistics ?? null;
   survey.before = saved.statistics ?? null;
   now.rows.forEach(setBadge);
-  Object.assign(document.documentElement.dataset, { surveyed: survey.now.length, surveyHash: now.hash });
+  Object.assign(document.documentElement.dataset, { surveyed: survey.now.length, surveyHash: now.hash, epoch });
   summary();
   if (state.view === "sheet" && (now.rows.length || saved.rows.length)) render();
 }
