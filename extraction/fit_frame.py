@@ -16,6 +16,7 @@ COLUMNS = RESULT_COLUMNS + 4
 
 OUTLIER_SIGMA = 5.0  # a pixel this far above the model, outside the spot, belongs to something else
 OUTSIDE = 6.0  # squared distance from the centre, in the spot's own widths
+FRAGMENT = 0.4  # of the height, below which a neighbouring region is a grain of the spot's own wing
 NEAR = 16.0  # the same; what lies farther away does not crowd a spot
 
 
@@ -23,6 +24,7 @@ NEAR = 16.0  # the same; what lies farther away does not crowd a spot
 def fit_frame(
     image: NDArray[Any],
     owner: NDArray[Any],
+    height: Array,
     index: NDArray[Any],
     windows: NDArray[Any],
     starts: Array,
@@ -36,14 +38,15 @@ def fit_frame(
 ) -> None:
     """Fit every candidate; fills data and use (N, R, C) with the windows and table (N, COLUMNS) with the fits.
 
-    index (N,): the candidate's number, in ``owner`` one more. windows (N, 4): left, top, columns, rows. starts (N, 9),
-    noises (N, 5), terms (N,): as `fit_window` takes them; positions from the window's first pixel.
+    height (M,): of every candidate. index (N,): the candidate's number, in ``owner`` one more. windows (N, 4): left,
+    top, columns, rows. starts (N, 9), noises (N, 5), terms (N,): as `fit_window` takes them; positions from the
+    window's first pixel.
     clip: grey level from which a pixel is saturated. data, use, table come as zeros.
     """
     for k in range(len(index)):
         columns, rows = windows[k, 2], windows[k, 3]
         values, valid, row = data[k, :rows, :columns], use[k, :rows, :columns], table[k]
-        _cut(image, owner, index[k], windows[k, 0], windows[k, 1], clip, starts[k], values, valid, row)
+        _cut(image, owner, height, index[k], windows[k, 0], windows[k, 1], clip, starts[k], values, valid, row)
         row[CONVERGED] = fit_window(values, valid, starts[k], terms[k], noises[k], max_iterations, row)
         row[LEFT_OUT] = _leave_out(values, valid, row, noises[k])
         if row[LEFT_OUT] > 0:
@@ -54,6 +57,7 @@ def fit_frame(
 def _cut(
     image: NDArray[Any],
     owner: NDArray[Any],
+    height: Array,
     k: int,
     left: int,
     top: int,
@@ -69,7 +73,7 @@ def _cut(
             value = float(image[top + j, left + i])
             other = owner[top + j, left + i]
             clipped = value >= clip
-            foreign = other > 0 and other != k + 1
+            foreign = other > 0 and other != k + 1 and height[other - 1] > FRAGMENT * height[k]
             data[j, i] = value
             use[j, i] = not clipped and not foreign
             x, y = i - p[0], j - p[1]

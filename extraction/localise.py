@@ -102,8 +102,8 @@ def _fit(
     size = (len(index), int(windows[:, 3].max()), int(windows[:, 2].max()))
     data, use, table = np.zeros(size), np.zeros(size, dtype=np.bool_), np.zeros((len(index), COLUMNS))
     fit_frame(
-        prepared.image, candidates.owner, index, windows, starts, noises, terms, noise.saturation_dn,
-        config.localise.max_iterations, data, use, table,
+        prepared.image, candidates.owner, candidates.height_dn, index, windows, starts, noises, terms,
+        noise.saturation_dn, config.localise.max_iterations, data, use, table,
     )  # fmt: skip
     about = spot_noise(data, use, table[:, :9], terms, noises)
     table[:, :2] += windows[:, :2]
