@@ -20,6 +20,7 @@ _MAX_EVALUATIONS = 80
 _LOG_TOLERANCE = 0.02  # of a variance; far below its own uncertainty
 _SCORE_STEP = 0.3
 _MAX_LOG = 40.0
+_SIMPLEX = -0.7  # first steps of the search, in the logarithm of a variance
 
 
 def deviance(problem: Problem, result: BundleResult) -> float:
@@ -99,5 +100,6 @@ def estimate_noise(problem: Problem, result: BundleResult, variances: Variances)
         return deviance(variances.problem(problem, log_free), result)
 
     start = np.log(variances.value[variances.free])
-    options = {"maxfev": _MAX_EVALUATIONS, "xatol": _LOG_TOLERANCE, "fatol": 1e-2}
+    simplex = np.vstack([start, start + _SIMPLEX * np.eye(len(start))])  # scipy's own is 0.00025 wide at zero
+    options = {"maxfev": _MAX_EVALUATIONS, "xatol": _LOG_TOLERANCE, "fatol": 1e-2, "initial_simplex": simplex}
     return variances.at(minimize(of, start, method="Nelder-Mead", options=options).x)
