@@ -89,3 +89,45 @@ def test_sigma_is_true_once_the_speckle_is_learnt(measured):
     assert 0.25 < config.noise.speckle_contrast < 0.45
     assert 1.6 < np.mean(nees) < 2.4
     assert 1.0 < np.mean(alone) < 2.6  # one image's few spots tell little: the prior's σ is wider
+
+
+@pytest.mark.parametrize(
+    ("sensor", "emulator", "diameter_mm"),
+    [
+        ({"bit_depth": 16, "black_level": 500.0}, {}, 1.0),
+        (
+            {
+                "width_px": 2448, "height_px": 2048, "fx_px": 4400.0, "fy_px": 4400.0, "cx_px": 1223.5,
+                "cy_px": 1023.5, "bit_depth": 12, "black_level": 60.0,
+            },
+            {"optics": {"pixel_um": 3.45}},
+            0.3,
+        ),
+        ({}, {"ambient": {"irradiance_mw_m2_nm": 6.0}}, 0.3),
+    ],
+    ids=["thick strings, 16 bits", "fine optics, 12 bits", "bright room"],
+)  # fmt: skip
+def test_other_cameras_and_strings_need_no_tuning(sensor, emulator, diameter_mm):
+    """Recall and false alarms with the defaults; σ is not checked here: a thick string's spot is no Gaussian."""
+    model = make_sensor(1280, 1024, **sensor)
+    config = EmulatorConfig.model_validate({"laser": {"power_mw": 1.0}, **emulator})
+    rng, visible, found, false = np.random.default_rng(2), 0, 0, 0
+    for _ in range(6):
+        rotation = exp_so3(rng.uniform(-1, 1, 3) * np.deg2rad([25, 25, 30]))
+        pose = Pose(rotation, np.array([0, 0, 275.0]) - rotation @ [50.0, 0, 43.0])
+        image, truth = (
+            (f := render(Scene(model, Jig.nominal(string_diameter_mm=diameter_mm), pose), config, rng)).image, f.truth,
+        )  # fmt: skip
+        points = extract(image, model)
+        seen = np.array([s.image_px for s in truth.strings if s.electrons > FAINT_E])
+        nearest = np.linalg.norm(points.uv_px[:, None] - seen[None], axis=2)
+        apart = np.linalg.norm(seen[:, None] - seen[None], axis=2) + 99 * np.eye(len(seen))
+        counted = np.all((seen > 15) & (seen < [model.width_px - 15, model.height_px - 15]), axis=1) & (
+            apart.min(axis=1) > 15
+        )
+        visible += int(np.sum(counted))
+        found += int(np.sum(nearest.min(axis=0)[counted] < 3))
+        false += int(np.sum((points.score > 0.5) & (nearest.min(axis=1) > 10)))
+    assert visible > 15
+    assert found == visible
+    assert false == 0
