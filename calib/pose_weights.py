@@ -14,6 +14,8 @@ Array = NDArray[np.float64]
 
 EXACT_MM = 1e-7  # σ that stands for none: points given as exact still have a weight
 
+_IN_SHEET_MM = 100.0  # a crossing that the anchors' tolerance moves so far belongs to a string that lies in the sheet
+
 
 def whitening(cov: Array) -> Array:
     """Block-diagonal W (..., 2N, 2N) with WᵀW the inverse of the points' covariances (..., N, 2, 2)."""
@@ -54,12 +56,18 @@ def chi2_with_tolerance(
     total = anchor_covariance(solution.T_sensor_jig, jig, index, sigma)
     for i, cov in enumerate(axis.cov_yz_mm2):
         total[..., 2 * i : 2 * i + 2, 2 * i : 2 * i + 2] += cov
+    level = np.trace(total, axis1=-2, axis2=-1) / (2 * n)
+    usable = np.isfinite(level) & (level < _IN_SHEET_MM**2)
+    if not np.any(usable):
+        return solution.cost
+    total = np.where(usable[..., None, None], total, np.eye(2 * n))
     root = np.linalg.inv(np.linalg.cholesky(total))
     residual = (solution.yz_mm - axis.yz_mm).reshape(-1, 2 * n)
     r = (root @ residual[..., None])[..., 0]
     u, s, _ = np.linalg.svd(root @ jacobian, full_matrices=False)
     u = u * (s > 1e-9 * s[..., :1])[..., None, :]
-    return np.asarray(np.sum(r**2, -1) - np.sum((np.swapaxes(u, -1, -2) @ r[..., None]) ** 2, axis=(-1, -2)))
+    chi2 = np.sum(r**2, -1) - np.sum((np.swapaxes(u, -1, -2) @ r[..., None]) ** 2, axis=(-1, -2))
+    return np.asarray(np.where(usable, chi2, np.inf))
 
 
 def crossing_jacobian(solution: PoseSolution, axis: AxisPoints) -> Array:
