@@ -79,7 +79,7 @@ def deposit_fine(shape: tuple[int, int], u: Array, v: Array, weight: Array, sigm
     return np.asarray(image[: shape[0], : shape[1]], np.float32)
 
 
-@lru_cache(maxsize=256)
+@lru_cache(maxsize=128)
 def _transfer(rows: int, columns: int, sigma: float) -> Float32:
     fy, fx = np.fft.fftfreq(rows)[:, None], np.fft.rfftfreq(columns)[None, :]
     gauss = np.exp(-2 * (np.pi * sigma) ** 2 * (fx**2 + fy**2))

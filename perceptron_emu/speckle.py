@@ -79,7 +79,7 @@ def _weights(strength: float) -> list[float]:
     return [a] * m + [max(0.0, 1 - m * a)]
 
 
-@lru_cache(maxsize=256)
+@lru_cache(maxsize=128)
 def _pupil(rows: int, columns: int, grain: float) -> Float32:
     """Transfer function (rows, columns) of a circular pupil of diameter 1/grain cycles a cell, scaled to mean power
     1.
