@@ -10,6 +10,8 @@ $(VENV)/.setup: pyproject.toml
 	$(PYTHON) -c 'import sys; sys.exit("Python 3.11 or newer is needed, this is " + sys.version.split()[0] + ": set PYTHON=...") if sys.version_info < (3, 11) else None'
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	$(BIN)/pip install --quiet --editable .
+	@echo "compiling the numeric kernels, once"
+	$(BIN)/python -m workbench.warmup
 	touch $@
 
 $(VENV)/.setup-dev: $(VENV)/.setup
@@ -23,7 +25,7 @@ demo: setup
 	$(BIN)/perceptron-emu demo
 
 test: check
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n 2 --dist loadscope
 
 test-slow: setup-dev
 	$(BIN)/python -m pytest -m slow
