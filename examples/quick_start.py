@@ -1,4 +1,4 @@
-"""From an empty page to a solved sensor centre position: emulate 14 frames, extract, calibrate, compare with the truth."""
+"""From an empty page to a solved sensor centre position: emulate 14 frames, extract, calibrate, compare with truth."""
 
 import numpy as np
 
