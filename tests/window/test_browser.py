@@ -274,7 +274,7 @@ def test_a_wrong_value_is_said_beside_it(page: Page) -> None:
     assert page.shown == before
     page.find('[data-key="detect.threshold"] .reset').click()
     page.settled()
-    assert not page.js("return document.querySelector('.parameter.wrong')")
+    page.until("!document.querySelector('.parameter.wrong')")
 
 
 @pytest.mark.parametrize("tab", ["raw", "background", "mask", "candidates", "spots", "labels", "plot"])
