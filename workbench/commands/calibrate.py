@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from workbench.console import progress_bar, say_on_stdout, standard_output
+from workbench.console import progress_bar, say_on_stdout, standard_error, standard_output
 
 EXIT_NO_ANSWER = 3
 
@@ -58,9 +58,13 @@ def command(
 
         write_results(out, cell, observed, result, settings)
     if report is not None:
+        from workbench.results.cell_image import cell_image
         from workbench.results.report import ReportInput, write_report
 
-        write_report(report, ReportInput(cell, observed, result, settings))
+        picture, remark = cell_image(cell, result)
+        if remark:
+            standard_error().print(remark, markup=False, soft_wrap=True)
+        write_report(report, ReportInput(cell, observed, result, settings, picture))
     if as_json:
         say_on_stdout(json_text(calibration_object(result, observed.complaints)))
     else:

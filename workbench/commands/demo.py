@@ -28,6 +28,8 @@ def command(
     from workbench.results.as_json import calibration_object, json_text
 
     demo = run_demo(out, seed, Settings(), progress_bar)
+    if demo.remark:
+        standard_error().print(demo.remark, markup=False, soft_wrap=True)
     if as_json:
         say_on_stdout(json_text(calibration_object(demo.result, demo.observed.complaints)))
     elif demo.cell.truth is not None:

@@ -11,26 +11,30 @@ from pathlib import Path
 from calib import CalibrationResult
 from workbench.demo.experiment import paper_experiment
 from workbench.formats import Cell, read_cell, read_image
+from workbench.formats.images import write_png
 from workbench.formats.settings_file import Settings
 from workbench.labels import label_dataset
 from workbench.pipeline import Observed, observe, solve
 from workbench.points_table import FrameTable
 from workbench.recording import record
+from workbench.results.cell_image import cell_image
 from workbench.results.folder import write_results
 from workbench.results.overlay import save_overlays
 from workbench.results.report import ReportInput, write_report
 
+PICTURE_COMPRESSION = 6
 Bar = Callable[[str, int], AbstractContextManager[Callable[[int, int], None]]]
 
 
 @dataclass(frozen=True, eq=False)
 class DemoResult:
-    """What the demo shows. full: the same frames with the arm's own errors solved too."""
+    """What the demo shows. full: the same frames with the arm's own errors solved too. remark: what could not be drawn."""
 
     cell: Cell
     observed: Observed
     result: CalibrationResult
     full: CalibrationResult
+    remark: str = ""
 
 
 def run_demo(out: Path, seed: int, settings: Settings, bar: Bar) -> DemoResult:
@@ -48,10 +52,13 @@ def run_demo(out: Path, seed: int, settings: Settings, bar: Bar) -> DemoResult:
         write_results(out, cell, observed, result, settings)
     tables = label_dataset(cell, observed, settings.calib, result)
     with bar("report", 1):
-        write_report(out / "report.html", ReportInput(cell, observed, result, settings))
+        picture, remark = cell_image(cell, result)
+        if picture is not None:
+            write_png(out / "cell.png", picture[..., ::-1], PICTURE_COMPRESSION)
+        write_report(out / "report.html", ReportInput(cell, observed, result, settings, picture))
     with bar("overlays", len(tables)) as progress:
         _overlays(out / "overlays", cell, tables, progress)
-    return DemoResult(cell, observed, result, full)
+    return DemoResult(cell, observed, result, full, remark)
 
 
 def _overlays(folder: Path, cell: Cell, tables: list[FrameTable], progress: Callable[[int, int], None]) -> None:

@@ -68,6 +68,7 @@ def _content(given: ReportInput) -> dict[str, Any]:
         "scp": _scp_rows(result),
         "matrix": _matrix_text(result),
         "conventions": _conventions(result),
+        "picture": None if given.picture is None else jpeg(given.picture[..., ::-1]),
         "fig7": _svg(draw_fig7(result)),
         "residuals": _svg(draw_residuals(result)),
         "left_out_places": left_out,
