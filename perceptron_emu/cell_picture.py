@@ -30,6 +30,7 @@ SHEET, VIEW, STRING, PLATE = (
 FLOOR = (0.75, 0.75, 0.72, 1.0)
 VISIBLE_STRING_MM = 2.0  # strings are drawn thicker than they are: 0.3 mm is nothing in a picture of metres
 SHEET_REACH = 1.35  # of the way to the jig
+VIEW_OFFSET_MM = 3.0  # off the sheet, that the two do not fight for the depth buffer
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +111,7 @@ def _sensor(cell: CellView) -> list[tuple[trimesh.Trimesh, Colour]]:
     seen = seen[np.all(seen[:, 1:] <= oz + reach, axis=1)] if np.any(seen[:, 1] > oz + reach) else seen
     parts = [(body, SENSOR), (trimesh.Trimesh(fan, [[0, 1, 2]], process=False), SHEET)]
     if len(seen) >= 3:
-        corners = np.column_stack([np.full(len(seen), 0.3), seen])
+        corners = np.column_stack([np.full(len(seen), VIEW_OFFSET_MM), seen])
         faces = [[0, i, i + 1] for i in range(1, len(seen) - 1)]
         parts.append((trimesh.Trimesh(corners, faces, process=False), VIEW))
     return [(m.apply_transform(pose.matrix), c) for m, c in parts]

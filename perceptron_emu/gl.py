@@ -15,7 +15,10 @@ from numpy.typing import NDArray
 from geometry import MissingDependencyError
 
 LIBRARIES = {"egl": "libEGL.so.1", "osmesa": "libOSMesa.so.8"}
-HOW_TO_GET = "on Debian and Ubuntu: apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri"
+HOW_TO_GET = (
+    "on Debian and Ubuntu: apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri (EGL), or libosmesa6 (OSMesa, "
+    "taken where EGL is missing or by PYOPENGL_PLATFORM=osmesa)"
+)
 
 
 def gl_problem() -> str | None:
@@ -53,6 +56,9 @@ def load_pyrender() -> Any:
             import pyrender
     except ImportError as error:
         text = f"pyrender can not be loaded ({error}): pip install pyrender2; {HOW_TO_GET}"
+        raise MissingDependencyError(text) from error
+    except (AttributeError, OSError) as error:  # how PyOpenGL says that the platform's library is not there
+        text = f"{LIBRARIES[platform]} of PYOPENGL_PLATFORM = {platform} is not installed; {HOW_TO_GET}"
         raise MissingDependencyError(text) from error
     return pyrender
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes.util
 import importlib.metadata
 import importlib.util
 import os
@@ -38,7 +37,7 @@ EXTRAS = {
     "tune": (("optuna",), "automatic tuning, `perceptron-emu tune --auto`"),
     "campaign": (("joblib", "dask", "pyarrow"), "campaigns of many runs"),
 }
-GL_HINT = "apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri (needed for --renderer pyrender only)"
+GL_PURPOSE = "for --renderer pyrender and the picture of the cell; all else needs none"
 
 
 @dataclass(frozen=True)
@@ -89,10 +88,14 @@ def _extras() -> Iterator[Finding]:
 
 
 def _gl() -> Finding:
-    found = [name for name in ("EGL", "OSMesa") if ctypes.util.find_library(name)]
-    if found:
-        return Finding("ok", "off-screen GL", f"{', '.join(found)} (for --renderer pyrender; the default needs none)")
-    return Finding("absent", "off-screen GL", GL_HINT)
+    """Whether a frame can truly be drawn: a library that is there may still find no device."""
+    from perceptron_emu.gl import gl_problem
+
+    problem = gl_problem()
+    if problem is None:
+        platform = os.environ.get("PYOPENGL_PLATFORM", "egl")
+        return Finding("ok", "off-screen GL", f"by {platform}, {GL_PURPOSE}")
+    return Finding("absent", "off-screen GL", f"{problem} ({GL_PURPOSE})")
 
 
 def _cache() -> Finding:

@@ -39,12 +39,13 @@ TANGENT = ("tx", "ty", "tz", "rx", "ry", "rz")
 
 @dataclass(frozen=True, eq=False)
 class ReportInput:
-    """Everything the page is made of."""
+    """Everything the page is made of. picture: of the cell, (H, W, 3) RGB, where it could be drawn."""
 
     cell: Cell
     observed: Observed
     result: CalibrationResult
     settings: Settings
+    picture: NDArray[np.uint8] | None = None
 
 
 def write_report(path: Path, given: ReportInput) -> None:
