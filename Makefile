@@ -41,4 +41,5 @@ format: setup-dev
 	$(BIN)/ruff format .
 
 clean:
+	find . -path ./$(VENV) -prune -o \( -name "*.nbi" -o -name "*.nbc" \) -exec rm -f {} +
 	rm -rf $(VENV) build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis
