@@ -72,6 +72,7 @@ def find_candidates(prepared: Prepared, config: DetectConfig, mm_per_px: float) 
         prepared.smooth, prepared.background, prepared.noise, BLOCK_PX, config.threshold, PEAK_RADIUS_PX, peaks
     )
     peaks = peaks[:count]
+    peaks = peaks[np.lexsort(peaks.T)]  # reading order
     order = np.argsort(-prepared.smooth[peaks[:, 1], peaks[:, 0]], kind="stable")[: config.max_candidates]
     length = max(config.min_length_px, config.max_length_mm / mm_per_px)
     width = max(config.min_width_px, config.max_width_mm / mm_per_px)
@@ -117,29 +118,34 @@ def _peaks(
     """
     rows, columns = smooth.shape
     h, w = background.shape
+    top = np.empty(columns, np.float32)
     count = 0
-    for j in range(rows):
-        bj = min(j // block, h - 1)
+    for bj in range(h):
+        first, last = bj * block, rows if bj == h - 1 else (bj + 1) * block
+        _column_tops(smooth, first, last, top)
         for bi in range(w):
             limit = background[bj, bi] + threshold * noise[bj, bi]
             end = columns if bi == w - 1 else (bi + 1) * block
-            if _largest(smooth, j, bi * block, end) <= limit:
-                continue
             for i in range(bi * block, end):
-                if smooth[j, i] > limit and count < out.shape[0] and _is_peak(smooth, j, i, radius):
-                    out[count, 0] = i
-                    out[count, 1] = j
-                    count += 1
+                if top[i] <= limit:
+                    continue
+                for j in range(first, last):
+                    if smooth[j, i] > limit and count < out.shape[0] and _is_peak(smooth, j, i, radius):
+                        out[count, 0] = i
+                        out[count, 1] = j
+                        count += 1
     return count
 
 
 @inner_fast
-def _largest(smooth: Image32, j: int, first: int, end: int) -> float:
-    """Largest value of a piece of row j."""
-    best = smooth[j, first]
-    for i in range(first + 1, end):
-        best = max(best, smooth[j, i])
-    return best  # type: ignore[no-any-return]
+def _column_tops(smooth: Image32, first: int, last: int, top: Image32) -> None:
+    """Largest value of every column (C,) in the rows from first to before last."""
+    for i in range(len(top)):
+        top[i] = smooth[first, i]
+    for j in range(first + 1, last):
+        row = smooth[j]
+        for i in range(len(top)):
+            top[i] = row[i] if row[i] > top[i] else top[i]
 
 
 @inner

@@ -14,41 +14,49 @@ from extraction.fit_frame import CLIPPED, COLUMNS, CONVERGED, FOREIGN, fit_frame
 from extraction.gaussian_fit import PIXEL_VARIANCE_PX2
 from extraction.noise import NoiseModel
 from extraction.preprocess import Prepared
-from extraction.speckle import PRIOR_CONTRAST, estimate_speckle
-from extraction.spot_noise import SpotNoise, concatenate, spot_noise
+from extraction.speckle import PRIOR_CONTRAST
 
 Array = NDArray[np.float64]
 
 MIN_START_VARIANCE_PX2 = 0.3
-SMALL_WINDOW_PX = 19
-MODEL_SHIFT = 2.0  # widths that a spot moves per share of its height by which it departs from the Gaussian
 SLOPE_SIGMA = 4.0  # surroundings that differ by more across the spot are fitted with a slope
 MAX_RING_VARIANCE = 25.0  # of the frame's noise: an uneven ring is not noise
+
+
+@dataclass(frozen=True, eq=False)
+class Fits:
+    """What a fit saw: windows data (N, R, C) [DN], pixels in use; parameters (N, 9) from each window's first pixel,
+    terms (N,), noises (N, 5) as in `gaussian_fit.fit_window`; size (N, 2): columns and rows that a window fills.
+    """
+
+    data: Array
+    use: NDArray[np.bool_]
+    parameters: Array
+    terms: NDArray[np.int64]
+    noises: Array
+    size: NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
 class Spots:
     """Localised spots of one image.
 
-    uv_px (N, 2), cov_uv_px2 (N, 2, 2): position. amplitude_dn (N,): peak above the background.
+    uv_px (N, 2): position. amplitude_dn (N,): peak above the background.
     shape_px2 (N, 2, 2): covariance of the spot's light, the pixel's own share taken off.
-    skew_sigma (N,): asymmetry along the long axis over what noise and speckle make of it.
-    misfit (N,): variance of the residuals over what noise and speckle make of it.
     clipped, foreign (N,): pixels left out as saturated, and as part of something else.
-    converged (N,). candidate (N,): index into the candidates. about: error budget, None without spots.
+    converged (N,). candidate (N,): index into the candidates.
+    fits: for the errors; without it (the fast method) cov_uv_px2 (N, 2, 2) holds them.
     """
 
     uv_px: Array
-    cov_uv_px2: Array
     amplitude_dn: Array
     shape_px2: Array
-    skew_sigma: Array
-    misfit: Array
     clipped: NDArray[np.intp]
     foreign: NDArray[np.intp]
     converged: NDArray[np.bool_]
     candidate: NDArray[np.intp]
-    about: SpotNoise | None
+    fits: Fits | None = None
+    cov_uv_px2: Array | None = None
 
     def __len__(self) -> int:
         """The number of spots."""
@@ -60,25 +68,11 @@ def localise(prepared: Prepared, candidates: Candidates, noise: NoiseModel, conf
     index = np.flatnonzero([reason == "" for reason in candidates.reason])
     if config.localise.method == "fast":
         return _fast(prepared, candidates, index, noise)
+    if not len(index):
+        return _no_spots()
     shapes = _start_shapes(candidates.cov_uv_px2[index], config)
     windows = _windows(candidates.mean_uv_px[index], shapes, prepared, config)
-    # small and large windows apart: all of a group have the size of its largest
-    large = np.max(windows[:, 2:], axis=1, initial=0) > SMALL_WINDOW_PX
-    fits = [
-        _fit(prepared, candidates, index[group], shapes[group], windows[group], noise, config)
-        for group in (np.flatnonzero(~large), np.flatnonzero(large))
-        if len(group)
-    ]
-    return _spots(fits, noise) if fits else _no_spots()
-
-
-@dataclass(frozen=True, eq=False)
-class _Fits:
-    """index (N,) into the candidates, table (N, COLUMNS) of `fit_frame` in image pixels, and the error budget."""
-
-    index: NDArray[np.intp]
-    table: Array
-    about: SpotNoise
+    return _fit(prepared, candidates, index, shapes, windows, noise, config)
 
 
 def _fit(
@@ -89,7 +83,7 @@ def _fit(
     windows: NDArray[np.int64],
     noise: NoiseModel,
     config: ExtractionConfig,
-) -> _Fits:
+) -> Spots:
     starts = _starts(candidates, index, shapes, config)
     starts[:, :2] -= windows[:, :2]
     ring = (candidates.ring_noise_dn[index] / np.sum(prepared.kernel**2)) ** 2
@@ -105,29 +99,11 @@ def _fit(
         prepared.image, candidates.owner, candidates.height_dn, index, windows, starts, noises, terms,
         noise.saturation_dn, config.localise.max_iterations, data, use, table,
     )  # fmt: skip
-    about = spot_noise(data, use, table[:, :9], terms, noises)
-    table[:, :2] += windows[:, :2]
-    return _Fits(index, table, about)
-
-
-def _spots(fits: list[_Fits], noise: NoiseModel) -> Spots:
-    """The fits by name, with the speckle that the image shows in the covariance."""
-    table = np.concatenate([f.table for f in fits])
-    index = np.concatenate([f.index for f in fits])
-    about = concatenate([f.about for f in fits])
-    converged = table[:, CONVERGED] > 0
-    speckle = estimate_speckle(about, converged, noise.speckle_contrast, noise.speckle_grain_px)
-    cov = about.camera + about.speckle @ speckle.variances
     shape = np.linalg.inv(table[:, [3, 4, 4, 5]].reshape(-1, 2, 2)) - PIXEL_VARIANCE_PX2 * np.eye(2)
-    expected = about.variance_camera + about.variance_speckle @ speckle.variances
-    misfit = (about.variance + about.variance_camera) / np.maximum(expected, 1e-30)
-    skew = about.skew / np.sqrt(np.maximum(cov[:, 2, 2], 1e-30))
-    # the Gaussian's own error moves the spot by some share of its widths: it differs from pose to pose
-    cov[:, :2, :2] += (MODEL_SHIFT * noise.model_error) ** 2 * shape
-    converged &= np.all(np.isfinite(cov), axis=(1, 2)) & (np.linalg.det(cov[:, :2, :2]) > 0)
     return Spots(
-        table[:, :2], cov[:, :2, :2], table[:, 2], shape, skew, misfit, table[:, CLIPPED].astype(np.intp),
-        table[:, FOREIGN].astype(np.intp), converged, index, about,
+        table[:, :2] + windows[:, :2], table[:, 2], shape, table[:, CLIPPED].astype(np.intp),
+        table[:, FOREIGN].astype(np.intp), table[:, CONVERGED] > 0, index,
+        Fits(data, use, table[:, :9], terms, noises, windows[:, 2:]),
     )  # fmt: skip
 
 
@@ -144,16 +120,16 @@ def _fast(prepared: Prepared, candidates: Candidates, index: NDArray[np.intp], n
     v = np.clip(peaks[:, 1, None, None] + around[:, None], 0, rows - 1)
     u = np.clip(peaks[:, 0, None, None] + around, 0, columns - 1)
     clipped = np.sum(prepared.image[v, u] >= noise.saturation_dn, axis=(1, 2))
-    zero, none = np.zeros(len(index)), np.zeros(len(index), dtype=np.intp)
+    none = np.zeros(len(index), dtype=np.intp)
     return Spots(
-        fit.uv_px, fit.cov_uv_px2, fit.height_dn, fit.shape_px2, zero, zero, clipped, none, fit.converged, index, None
+        fit.uv_px, fit.height_dn, fit.shape_px2, clipped, none, fit.converged, index, cov_uv_px2=fit.cov_uv_px2
     )
 
 
 def _no_spots() -> Spots:
     zero, none = np.zeros(0), np.zeros(0, dtype=np.intp)
-    pair, matrix = np.zeros((0, 2)), np.zeros((0, 2, 2))
-    return Spots(pair, matrix, zero, matrix, zero, zero, none, none, np.zeros(0, dtype=np.bool_), none, None)
+    matrix = np.zeros((0, 2, 2))
+    return Spots(np.zeros((0, 2)), zero, matrix, none, none, np.zeros(0, dtype=np.bool_), none, cov_uv_px2=matrix)
 
 
 def _start_shapes(region_cov: Array, config: ExtractionConfig) -> Array:

@@ -18,6 +18,7 @@ from extraction.preprocess import Image32, Prepared, check_image, prepare
 from extraction.rectify import image_to_sheet, propagate
 from extraction.score import flag_spots, refuse_spots, score_spots
 from extraction.speckle import estimate_speckle
+from extraction.spot_errors import SpotErrors, spot_errors
 from extraction.spot_noise import SpotNoise, concatenate, take
 from extraction.stages import Stages, why_empty
 from geometry import SensorModel, SurfacePoints
@@ -60,7 +61,8 @@ def extract_stages(image: object, sensor: SensorModel, config: ExtractionConfig 
 def _extract(image: object, sensor: SensorModel, config: ExtractionConfig) -> _Extraction:
     prepared = prepare(check_image(image, sensor), config.detect)
     candidates = find_candidates(prepared, config.detect, sheet_scale(sensor))
-    spots = localise(prepared, candidates, noise_model(prepared, sensor, config.noise), config)
+    noise = noise_model(prepared, sensor, config.noise)
+    spots = localise(prepared, candidates, noise, config)
     yz_mm, jacobian = image_to_sheet(sensor, spots.uv_px)
     score = score_spots(candidates, spots, config)
     reasons = refuse_spots(candidates, spots, score, yz_mm, config)
@@ -68,9 +70,13 @@ def _extract(image: object, sensor: SensorModel, config: ExtractionConfig) -> _E
     kept = kept[np.argsort(-score[kept], kind="stable")]
     reasons[kept[config.localise.max_spots :]] = "beyond_max_spots"
     kept = kept[: config.localise.max_spots]
-    points = _points(spots, kept, yz_mm, jacobian, score)
-    about = take(spots.about, kept) if spots.about is not None else None
-    return _Extraction(prepared, candidates.refused(spots.candidate, reasons), points, spots.candidate[kept], about)
+    errors = spot_errors(spots, kept, noise)
+    reasons[kept[~errors.good]] = "fit_failed"
+    kept, errors = kept[errors.good], errors.taken(errors.good)
+    points = _points(spots, kept, errors, yz_mm, jacobian, score)
+    return _Extraction(
+        prepared, candidates.refused(spots.candidate, reasons), points, spots.candidate[kept], errors.about
+    )
 
 
 def learn_speckle(
@@ -106,19 +112,20 @@ def sheet_scale(sensor: SensorModel) -> float:
     return float(np.sqrt(np.median(area))) if len(area) else 1.0
 
 
-def _points(spots: Spots, kept: NDArray[np.intp], yz_mm: Array, jacobian: Array, score: Array) -> SurfacePoints:
-    cov = spots.cov_uv_px2[kept]
+def _points(
+    spots: Spots, kept: NDArray[np.intp], errors: SpotErrors, yz_mm: Array, jacobian: Array, score: Array
+) -> SurfacePoints:
+    cov = errors.cov_uv_px2
     values, vectors = np.linalg.eigh(spots.shape_px2[kept])
     angle = np.arctan2(vectors[:, 1, 1], vectors[:, 0, 1])
     axis = np.pi / 2 - np.mod(np.pi / 2 - angle, np.pi)  # a line's direction: (-π/2, π/2]
-    flags = flag_spots(spots)
     return SurfacePoints(
         uv_px=spots.uv_px[kept],
         cov_uv_px2=cov,
         yz_mm=yz_mm[kept],
         cov_yz_mm2=propagate(jacobian[kept], cov),
         score=score[kept],
-        flag=tuple(flags[kept]),
+        flag=tuple(flag_spots(spots, kept, errors)),
         axis_rad=axis,
         sigma_px=np.sqrt(values[:, ::-1]),
         amplitude_dn=spots.amplitude_dn[kept],

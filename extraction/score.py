@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from extraction.candidates import Candidates
 from extraction.config import ExtractionConfig
 from extraction.localise import Spots
+from extraction.spot_errors import SpotErrors
 
 Array = NDArray[np.float64]
 
@@ -68,11 +69,11 @@ def refuse_spots(
     return reasons
 
 
-def flag_spots(spots: Spots) -> NDArray[np.object_]:
-    """The reason for doubt of each spot (N,), "" where there is none."""
-    flags = np.full(len(spots), "", dtype=object)
-    flags[np.abs(spots.skew_sigma) > SKEW_SIGMA] = "partly_hidden"
-    flags[spots.misfit > MISFIT] = "odd_shape"
-    flags[spots.foreign > 0] = "crowded"
-    flags[spots.clipped > 0] = "saturated"
+def flag_spots(spots: Spots, kept: NDArray[np.intp], errors: SpotErrors) -> NDArray[np.object_]:
+    """The reason for doubt of each spot ``kept`` (N,), "" where there is none."""
+    flags = np.full(len(kept), "", dtype=object)
+    flags[np.abs(errors.skew_sigma) > SKEW_SIGMA] = "partly_hidden"
+    flags[errors.misfit > MISFIT] = "odd_shape"
+    flags[spots.foreign[kept] > 0] = "crowded"
+    flags[spots.clipped[kept] > 0] = "saturated"
     return flags

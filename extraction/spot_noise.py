@@ -19,6 +19,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from extraction.compiled import compiled
 from extraction.gaussian_fit import PREC_UU, PREC_UV, PREC_VV, model_planes
 
 Array = NDArray[np.float64]
@@ -28,10 +29,17 @@ Mask = NDArray[np.bool_]
 DISTANCES2 = np.array([0, 1, 2, 4, 5, 8, 9])
 CLASSES = len(DISTANCES2)
 REACH = 3
-LAGS = tuple(
-    tuple((b, a) for b in range(-REACH, REACH + 1) for a in range(-REACH, REACH + 1) if a * a + b * b == d)
-    for d in DISTANCES2
+# class of distance, rows down, columns right (LAGS, 3)
+LAGS = np.array(
+    [
+        (k, b, a)
+        for k, d in enumerate(DISTANCES2)
+        for b in range(-REACH, REACH + 1)
+        for a in range(-REACH, REACH + 1)
+        if a * a + b * b == d
+    ]
 )
+HALF_LAGS = LAGS[(LAGS[:, 1] > 0) | ((LAGS[:, 1] == 0) & (LAGS[:, 2] >= 0))]  # one of every two opposite ones
 CORE = 0.2  # share of the height above which a pixel's residual tells of the speckle
 BRIGHT = 0.1  # the same for the pixels that the terms are fitted to, when residuals are judged
 # after the fit's nine terms: third and fourth moment along the long axis. A spot is no perfect Gaussian along its
@@ -93,13 +101,12 @@ def spot_noise(data: Array, use: Mask, parameters: Array, terms: NDArray[np.int6
     free = np.arange(9) < terms[:, None]
     free = np.column_stack([free, np.ones((len(free), TERMS - FIT_TERMS), dtype=np.bool_)])
     normal = fisher + np.where(free, 0.0, 1.0)[:, :, None] * np.eye(TERMS)
-    influence = _influence(
-        parameters, fisher, np.asarray(np.linalg.pinv(normal[:, :FIT_TERMS, :FIT_TERMS], hermitian=True), np.float64)
-    )
+    influence = _influence(parameters, fisher, _inverse(normal[:, :FIT_TERMS, :FIT_TERMS], 1e-15))
     moved = influence @ weighted
     signalled = weighted * planes.signal[:, None]
-    matrices = _matrices(signalled, _near(signalled, planes.shape))[:, :, : FIT_TERMS + 1, : FIT_TERMS + 1]
-    fitted = influence[:, None, :, : FIT_TERMS + 1]
+    used = np.append(np.flatnonzero(np.arange(FIT_TERMS) < terms.max()), SKEW_TERM)
+    matrices = _matrices(signalled[:, used], planes.shape)
+    fitted = influence[:, None, :, used]
     return SpotNoise(
         camera=(moved * planes.variance[:, None]) @ moved.transpose(0, 2, 1),
         speckle=np.moveaxis(fitted @ matrices @ fitted.transpose(0, 1, 3, 2), 1, -1),
@@ -108,9 +115,26 @@ def spot_noise(data: Array, use: Mask, parameters: Array, terms: NDArray[np.int6
     )
 
 
-def _matrices(signalled: Array, near: Array) -> Array:
-    """M (N, K, TERMS, TERMS)."""
-    return np.asarray((signalled @ near.transpose(0, 1, 3, 2)).transpose(1, 0, 2, 3))
+def _inverse(normal: Array, least: float) -> Array:
+    """Pseudo-inverse of symmetric matrices (N, R, R), without what is below ``least`` of the largest eigenvalue.
+
+    Taken of unit diagonals: the terms' units differ by powers of ten.
+    """
+    normal = np.where(np.all(np.isfinite(normal), axis=(1, 2), keepdims=True), normal, 0.0)
+    size = np.sqrt(np.maximum(np.diagonal(normal, axis1=1, axis2=2), 1e-300))
+    scale = 1.0 / (size[:, :, None] * size[:, None])
+    values, vectors = np.linalg.eigh(normal * scale)
+    kept = values > least * values[:, -1:]
+    share = np.where(kept, 1.0, 0.0) / np.where(kept, values, 1.0)
+    return np.asarray((vectors * share[:, None]) @ vectors.transpose(0, 2, 1) * scale)
+
+
+def _matrices(signalled: Array, shape: tuple[int, int]) -> Array:
+    """M (N, K, T, T) of the planes (N, T, L)."""
+    half = (signalled @ _near(signalled, shape, HALF_LAGS).transpose(0, 1, 3, 2)).transpose(1, 0, 2, 3)
+    out = half + half.transpose(0, 1, 3, 2)
+    out[:, 0] = half[:, 0]
+    return np.asarray(out)
 
 
 def _bright(planes: _Planes) -> _Planes:
@@ -171,27 +195,36 @@ def _influence(p: Array, fisher: Array, inverse: Array) -> Array:
     return out
 
 
-def _near(q: Array, shape: tuple[int, int]) -> Array:
-    """Σ q over the pixels at each class of distance from every pixel: (K, N, TERMS, L)."""
-    rows, columns = shape
+def _near(q: Array, shape: tuple[int, int], lags: NDArray[np.int64] = LAGS) -> Array:
+    """Σ q (N, T, L) over the pixels at each class of distance from every pixel: (K, N, T, L)."""
     n, terms, _ = q.shape
-    padded = np.zeros((n, terms, rows + 2 * REACH, columns + 2 * REACH))
-    padded[:, :, REACH : REACH + rows, REACH : REACH + columns] = q.reshape(n, terms, rows, columns)
-    out = np.zeros((CLASSES, n, terms, rows, columns))
-    for k, lags in enumerate(LAGS):
-        for b, a in lags:
-            out[k] += padded[:, :, REACH + b : REACH + b + rows, REACH + a : REACH + a + columns]
+    out = np.zeros((CLASSES, n * terms, *shape))
+    _add_neighbours(np.ascontiguousarray(q).reshape(n * terms, *shape), lags, out)
     return out.reshape(CLASSES, n, terms, -1)
+
+
+@compiled
+def _add_neighbours(q: Array, lags: NDArray[np.int64], out: Array) -> None:
+    """Add to out (K, M, R, C) the planes q (M, R, C) shifted by every lag of each class."""
+    count, rows, columns = q.shape
+    for m in range(count):
+        for lag in range(len(lags)):
+            k, b, a = lags[lag, 0], lags[lag, 1], lags[lag, 2]
+            first, last = max(0, -a), columns - max(0, a)
+            for j in range(max(0, -b), rows - max(0, b)):
+                target, source = out[k, m, j], q[m, j + b]
+                for i in range(first, last):
+                    target[i] += source[i + a]
 
 
 def _residual_moments(planes: _Planes, free: Mask) -> dict[str, Array]:
     """Variance and neighbour products of the core's residuals over the height's square, and what they are made of."""
     weighted = planes.e * planes.weight[:, None]
     normal = weighted @ planes.e.transpose(0, 2, 1) + np.where(free, 0.0, 1.0)[:, :, None] * np.eye(TERMS)
-    inverse = np.asarray(np.linalg.pinv(normal, rcond=1e-12, hermitian=True), np.float64)
+    inverse = _inverse(normal, 1e-12)
     signalled = weighted * planes.signal[:, None]
     near = _near(signalled, planes.shape)
-    matrices = _matrices(signalled, near)
+    matrices = _matrices(signalled, planes.shape)
     core = _core(planes, weighted, inverse, near, matrices)
     n, count = len(inverse), len(core.spot)
     own = np.arange(count)
