@@ -29,10 +29,10 @@ def check_scene(scene: Scene) -> None:
     if scene.jig is not None:
         strings = cylinders(scene.jig, scene.T_sensor_jig)
         if np.all(np.abs(strings.directions[:, 0]) < 1e-6):
-            raise InputError("the laser sheet is parallel to all strings of the jig: turn [jig] rotation_deg")
+            raise InputError("the laser sheet is parallel to all strings of the jig: turn the jig")
         crossed = ~np.isnan(strings.crossing[:, 0])
         if not np.any(crossed):
-            raise InputError("the laser sheet x = 0 passes the jig by: no string crosses it, move [jig] translation_mm")
+            raise InputError("the laser sheet x = 0 passes the jig by: no string crosses it, move the jig")
         seen = inside_polygon(strings.crossing[crossed][:, 1:], polygon)
         if not np.any(seen):
             (y, z), (low, high) = strings.crossing[crossed][:, 1:].mean(0), (polygon.min(0), polygon.max(0))

@@ -1,9 +1,11 @@
-"""scene.toml: a jig, meshes and panels before the sensor, each with its place and material."""
+"""scene.toml: a jig, meshes and panels before one sensor or around a cell, each with its place and material."""
 
 from __future__ import annotations
 
 import difflib
 import tomllib
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -23,6 +25,7 @@ FORMATS = (".stl", ".obj", ".ply", ".glb")
 SMALLEST_MM, LARGEST_MM = 1.0, 10_000.0  # a part beyond these is in another unit than it says
 
 Vector = tuple[float, float, float]
+Frame = Literal["sensor", "jig", "base"]
 Unit = Literal["mm", "cm", "m", "inch"]
 
 
@@ -34,11 +37,14 @@ class Table(BaseModel):
 
 
 class Placed(Table):
-    """A place: rotations about fixed X, Y, Z [deg] and a translation [mm], in {P} or in the jig's axes."""
+    """A place: rotations about fixed X, Y, Z [deg] and a translation [mm].
+
+    frame: in {P}, in the jig's axes, or in the robot's base. Default: {P} before one sensor, the base around a cell.
+    """
 
     rotation_deg: Vector = (0.0, 0.0, 0.0)
     translation_mm: Vector = (0.0, 0.0, 0.0)
-    frame: Literal["sensor", "jig"] = "sensor"
+    frame: Frame | None = None
     material: str = "matte"
 
 
@@ -87,6 +93,22 @@ class SceneFile(Table):
     string_material: str | None = None
 
 
+@dataclass(frozen=True, eq=False)
+class Surroundings:
+    """What a scene.toml places around a cell, whose own files place jig and sensor.
+
+    parts: the frame each stands still in, and the solid, its T_sensor_mesh the pose in that frame. string_material: the
+    thread's surface, None for that of the sensor's file.
+    """
+
+    parts: tuple[tuple[Frame, Solid], ...] = ()
+    string_material: Material | None = None
+
+    def standing_in(self, frame: Frame) -> tuple[Solid, ...]:
+        """The solids of one frame."""
+        return tuple(solid for own, solid in self.parts if own == frame)
+
+
 def read_scene(path: Path | str, sensor: SensorModel) -> Scene:
     """The scene of a scene.toml before a sensor, its files found beside it.
 
@@ -94,7 +116,7 @@ def read_scene(path: Path | str, sensor: SensorModel) -> Scene:
     """
     path = Path(path)
     file = _parse(path)
-    materials = MATERIALS | {k: _material(path, k, m) for k, m in file.materials.items()}
+    materials = _materials(path, file)
     jig, T_sensor_jig, solids = None, Pose.identity(), []
     if file.jig is not None:
         jig = read_jig(path.parent / file.jig.file)
@@ -102,20 +124,31 @@ def read_scene(path: Path | str, sensor: SensorModel) -> Scene:
         if file.jig.solids:
             for name, mesh in jig_solids(jig, strings=False).items():
                 solids.append(Solid(mesh, ALUMINIUM if name.startswith("post") else BLACK_PLATE, T_sensor_jig, name))
-    for i, table in enumerate(file.mesh):
-        where = f"{path}: mesh[{i}]"
-        pose = _pose(where, table, T_sensor_jig if jig else None)
-        mesh = read_mesh(path.parent / table.file, table.unit, allow_open=table.open)
-        solids.append(Solid(mesh, _find(where, table.material, materials), pose, table.name or Path(table.file).stem))
-    for i, flat in enumerate(file.panel):
-        where = f"{path}: panel[{i}]"
-        pose = _pose(where, flat, T_sensor_jig if jig else None)
-        material = _find(where, flat.material, materials)
-        solids.append(panel(flat.width_mm, flat.height_mm, pose, material, flat.name or f"panel {i}"))
-    thread = _find(f"{path}: string_material", file.string_material, materials) if file.string_material else None
-    scene = Scene(sensor, jig, T_sensor_jig, tuple(solids), thread)
-    check_scene(scene)
+    for where, frame, solid in _parts(path, file, materials):
+        if frame == "base":
+            raise InputError(f'{where}: frame = "base", but a scene before one sensor has no robot')
+        if frame == "jig" and jig is None:
+            raise InputError(f'{where}: frame = "jig", but the scene has no [jig]')
+        solids.append(replace(solid, T_sensor_mesh=T_sensor_jig @ solid.T_sensor_mesh) if frame == "jig" else solid)
+    scene = Scene(sensor, jig, T_sensor_jig, tuple(solids), _thread(path, file, materials))
+    try:
+        check_scene(scene)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
     return scene
+
+
+def read_surroundings(path: Path | str) -> Surroundings:
+    """What a scene.toml places around a cell; InputError as in `read_scene`, and for a [jig], which the cell has."""
+    path = Path(path)
+    file = _parse(path)
+    if file.jig is not None:
+        raise InputError(
+            f"{path}: [jig]: the cell places its own jig, by jig.toml and [locations]; leave this table out"
+        )
+    materials = _materials(path, file)
+    parts = tuple((frame or "base", solid) for _, frame, solid in _parts(path, file, materials))
+    return Surroundings(parts, _thread(path, file, materials))
 
 
 def read_mesh(path: Path, unit: Unit | None = None, *, allow_open: bool = False) -> trimesh.Trimesh:
@@ -168,6 +201,32 @@ def _suggestion(error: Any) -> str:
     return f'; did you mean "{near[0]}"?' if near else ""
 
 
+def _parts(path: Path, file: SceneFile, materials: dict[str, Material]) -> Iterator[tuple[str, Frame | None, Solid]]:
+    """Meshes and panels with where they stand in the file and the frame they are placed in."""
+    for i, table in enumerate(file.mesh):
+        where = f"{path}: mesh[{i}]"
+        material = _find(where, table.material, materials)
+        mesh = read_mesh(path.parent / table.file, table.unit, allow_open=table.open)
+        yield where, table.frame, Solid(mesh, material, _pose(table), table.name or Path(table.file).stem)
+    for i, flat in enumerate(file.panel):
+        where = f"{path}: panel[{i}]"
+        material = _find(where, flat.material, materials)
+        solid = panel(flat.width_mm, flat.height_mm, _pose(flat), material, flat.name or f"panel {i}")
+        yield where, flat.frame, solid
+
+
+def _materials(path: Path, file: SceneFile) -> dict[str, Material]:
+    return MATERIALS | {k: _material(path, k, m) for k, m in file.materials.items()}
+
+
+def _thread(path: Path, file: SceneFile, materials: dict[str, Material]) -> Material | None:
+    return _find(f"{path}: string_material", file.string_material, materials) if file.string_material else None
+
+
+def _pose(table: Placed) -> Pose:
+    return Pose.from_fixed_xyz_deg(np.array(table.rotation_deg), np.array(table.translation_mm))
+
+
 def _material(path: Path, name: str, table: MaterialTable) -> Material:
     try:
         return Material(table.diffuse, table.specular, table.roughness)
@@ -179,12 +238,3 @@ def _find(where: str, name: str, materials: dict[str, Material]) -> Material:
     if name not in materials:
         raise InputError(f'{where}: material "{name}" is not known; there are {", ".join(sorted(materials))}')
     return materials[name]
-
-
-def _pose(where: str, table: Placed, T_sensor_jig: Pose | None) -> Pose:
-    pose = Pose.from_fixed_xyz_deg(np.array(table.rotation_deg), np.array(table.translation_mm))
-    if table.frame == "sensor":
-        return pose
-    if T_sensor_jig is None:
-        raise InputError(f'{where}: frame = "jig", but the scene has no [jig]')
-    return T_sensor_jig @ pose

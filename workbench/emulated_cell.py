@@ -11,12 +11,15 @@ from numpy.typing import NDArray
 from geometry import InputError, Pose, RobotModel
 from jig_cad import sample_tolerance
 from perceptron_emu import Solid
+from perceptron_emu.scene_file import Surroundings
 from workbench.formats import Cell, FrameRow
 from workbench.planning import ViewProblem, plan_views
 from workbench.recording import Configuration, TrueCell, with_joint_noise
-from workbench.surroundings import jig_bodies, sees_all_strings
+from workbench.surroundings import around_jig, jig_bodies, sees_all_strings
 
 Array = NDArray[np.float64]
+
+NOTHING = Surroundings()
 
 
 @dataclass(frozen=True)
@@ -38,8 +41,8 @@ def with_errors(robot: RobotModel, rng: np.random.Generator) -> RobotModel:
     return robot.corrected(sigma[:, None] * rng.standard_normal((5, n)))
 
 
-def draw_truth(cell: Cell, errors: Errors, rng: np.random.Generator) -> TrueCell:
-    """The true cell of one draw; its locations are those of the file."""
+def draw_truth(cell: Cell, errors: Errors, rng: np.random.Generator, around: Surroundings = NOTHING) -> TrueCell:
+    """The true cell of one draw; its locations are those of the file, ``around`` is as its own file says."""
     if not cell.T_base_jig:
         raise InputError(
             f"{cell.folder / 'cell.toml'}: [locations.NAME] T_base_jig is missing: where does the jig stand?"
@@ -50,14 +53,19 @@ def draw_truth(cell: Cell, errors: Errors, rng: np.random.Generator) -> TrueCell
     shift = errors.mounting_mm * rng.standard_normal(3)
     mounted = cell.T_hand_sensor_design @ Pose.exp(np.concatenate([shift, turn]))
     bodies: tuple[Solid, ...] = jig_bodies(jig)
-    return TrueCell(robot, jig, mounted, cell.T_base_jig, dict.fromkeys(cell.T_base_jig, bodies))
+    solids = {name: (*bodies, *around_jig(around, place)) for name, place in cell.T_base_jig.items()}
+    carried = around.standing_in("sensor")
+    return TrueCell(robot, jig, mounted, cell.T_base_jig, solids, carried, around.string_material)
 
 
-def planned_views(cell: Cell, per_location: int, rng: np.random.Generator) -> list[tuple[str, str, Array]]:
+def planned_views(
+    cell: Cell, per_location: int, rng: np.random.Generator, around: Surroundings = NOTHING
+) -> list[tuple[str, str, Array]]:
     """Views (location, role, joints) planned at every location, with what the files say."""
     views = []
     for name, place in cell.T_base_jig.items():
-        sees_all = sees_all_strings(cell.sensor.model, cell.jig, jig_bodies(cell.jig))
+        bodies = (*jig_bodies(cell.jig), *around_jig(around, place))
+        sees_all = sees_all_strings(cell.sensor.model, cell.jig, bodies, around.standing_in("sensor"))
         problem = ViewProblem(
             cell.robot, cell.sensor.model, cell.jig, place, cell.T_hand_sensor_design, sees_all=sees_all
         )

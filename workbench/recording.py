@@ -7,21 +7,20 @@ import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from geometry import NoAnswerError, Pose, RobotModel
 from jig_cad import ANCHORS, Jig, jig_text
-from perceptron_emu import Frame, Scene, Solid, render
-from workbench.formats import Cell, FrameRow, Truth, TruthFrame, TruthPoint, read_truth, sensor_text, write_cell
+from perceptron_emu import Material, Scene, Solid
+from workbench.formats import Cell, FrameRow, Truth, TruthFrame, read_truth, sensor_text, write_cell
 from workbench.formats.atomic import write_text
 from workbench.formats.images import write_png
+from workbench.recording_extras import NONE, Extras, Renderer, truth_points
 
 Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
-Renderer = Literal["own", "pyrender"]
 
 READING_DECIMALS = 4  # digits of a joint reading in degrees, as a controller shows them
 PARTS = ".parts"
@@ -31,7 +30,8 @@ PARTS = ".parts"
 class TrueCell:
     """What stands behind a recording: the true robot, jig and mounting, the jig's places and what is around them.
 
-    solids: by location, in jig axes; plates and posts as well as anything else in the light's way.
+    solids: by location, in jig axes; plates and posts as well as anything else in the light's way. carried: solids on
+    the sensor, in {P}. string_material: the thread's surface, None for that of the sensor's file.
     """
 
     robot: RobotModel
@@ -39,6 +39,8 @@ class TrueCell:
     T_hand_sensor: Pose
     T_base_jig: dict[str, Pose]
     solids: dict[str, tuple[Solid, ...]] = field(default_factory=dict)
+    carried: tuple[Solid, ...] = ()
+    string_material: Material | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,19 +74,20 @@ def record(
     seed: int,
     progress: Progress | None = None,
     renderer: Renderer = "own",
+    extras: Extras = NONE,
 ) -> Cell:
     """Render every configuration into ``folder`` as a dataset with truth.json and return the dataset.
 
     ``cell`` gives what a user knows: nominal robot and jig, design SCP, sensor; its frames are replaced. Frames that
-    stand in the folder already, of the same recipe, are kept.
+    stand in the folder already, of the same recipe and with the same extras, are kept.
     """
     recipe = _recipe(cell, true, configurations, seed, renderer)
     rows = tuple(_row(c) for c in configurations)
-    finished = _finished(folder, recipe, rows)
+    finished = _finished(folder, recipe, rows, extras)
     if finished is None:
         frames = []
         for i, configuration in enumerate(configurations):
-            frames.append(_frame(folder, cell, true, configuration, seed, recipe, renderer))
+            frames.append(_frame(folder, cell, true, configuration, (seed, recipe, renderer, extras)))
             if progress:
                 progress(i + 1, len(configurations))
         finished = _truth(true, frames, recipe)
@@ -103,7 +106,7 @@ def frame_scene(cell: Cell, true: TrueCell, configuration: Configuration) -> Sce
     T_sensor_jig = T_base_sensor.inverse() @ true.T_base_jig[configuration.location]
     solids = true.solids.get(configuration.location, ())
     placed = tuple(replace(s, T_sensor_mesh=T_sensor_jig @ s.T_sensor_mesh) for s in solids)
-    return Scene(cell.sensor.model, true.jig, T_sensor_jig, placed)
+    return Scene(cell.sensor.model, true.jig, T_sensor_jig, (*placed, *true.carried), true.string_material)
 
 
 def _row(c: Configuration) -> FrameRow:
@@ -111,41 +114,25 @@ def _row(c: Configuration) -> FrameRow:
 
 
 def _frame(
-    folder: Path, cell: Cell, true: TrueCell, configuration: Configuration, seed: int, recipe: str, renderer: Renderer
+    folder: Path, cell: Cell, true: TrueCell, configuration: Configuration, how: tuple[int, str, Renderer, Extras]
 ) -> TruthFrame:
     """Render one frame, or take it from the folder where it was rendered already."""
-    part = folder / PARTS / f"{configuration.frame:03d}.json"
-    image = folder / "images" / f"{configuration.frame:03d}.png"
-    if part.exists() and image.exists():
+    seed, recipe, renderer, extras = how
+    number = configuration.frame
+    part, image = folder / PARTS / f"{number:03d}.json", folder / "images" / f"{number:03d}.png"
+    if part.exists() and all(p.exists() for p in (image, *extras.files(folder, number))):
         data = json.loads(part.read_text(encoding="utf-8"))
         if data.pop("recipe", None) == recipe:
             return TruthFrame.model_validate(data)
-    rng = np.random.default_rng([seed, configuration.frame])
-    frame = render(frame_scene(cell, true, configuration), cell.sensor.emulator, rng, renderer=renderer)
-    truth = _frame_truth(configuration.frame, frame)
+    scene = frame_scene(cell, true, configuration)
+    frame = extras.render(folder, number, scene, cell.sensor.emulator, seed, renderer)
+    if frame.truth.T_sensor_jig is None:
+        raise NoAnswerError(f"frame {number} has no jig in its scene")
+    pose = frame.truth.T_sensor_jig.matrix.tolist()
+    truth = TruthFrame(frame=number, T_sensor_jig=pose, points=truth_points(frame))
     write_png(image, frame.image)
     write_text(part, json.dumps({"recipe": recipe, **truth.model_dump()}))
     return truth
-
-
-def _frame_truth(number: int, frame: Frame) -> TruthFrame:
-    if frame.truth.T_sensor_jig is None:
-        raise NoAnswerError(f"frame {number} has no jig in its scene")
-    points = tuple(
-        TruthPoint(
-            label=s.label,
-            axis_mm=_pair(s.axis_mm),
-            surface_mm=_pair(s.surface_mm),
-            image_px=_pair(s.image_px),
-            visible_fraction=float(s.visible_fraction),
-        )
-        for s in frame.truth.strings
-    )
-    return TruthFrame(frame=number, T_sensor_jig=frame.truth.T_sensor_jig.matrix.tolist(), points=points)
-
-
-def _pair(values: Array) -> tuple[float, float] | None:
-    return (float(values[0]), float(values[1])) if np.all(np.isfinite(values)) else None
 
 
 def _truth(true: TrueCell, frames: list[TruthFrame], recipe: str) -> Truth:
@@ -162,10 +149,11 @@ def _truth(true: TrueCell, frames: list[TruthFrame], recipe: str) -> Truth:
     )
 
 
-def _finished(folder: Path, recipe: str, rows: Sequence[FrameRow]) -> Truth | None:
+def _finished(folder: Path, recipe: str, rows: Sequence[FrameRow], extras: Extras) -> Truth | None:
     """The truth of a recording that is complete already, else None."""
     path = folder / "truth.json"
-    if not path.exists() or not all((folder / row.image).exists() for row in rows):
+    wanted = [p for row in rows for p in (folder / row.image, *extras.files(folder, row.frame))]
+    if not path.exists() or not all(p.exists() for p in wanted):
         return None
     truth = read_truth(path)
     return truth if truth.name == recipe else None
@@ -181,7 +169,13 @@ def _recipe(cell: Cell, true: TrueCell, configurations: Sequence[Configuration],
     arrays = [true.jig.anchors_mm, true.T_hand_sensor.matrix, true.robot.theta_offset, true.robot.d, true.robot.a]
     arrays += [true.robot.alpha, *(p.matrix for p in true.T_base_jig.values())]
     arrays += [v for c in configurations for v in (c.reading_rad, c.true_rad)]
-    arrays += [np.asarray(s.mesh.vertices) for group in true.solids.values() for s in group]
+    for solid in (s for group in (*true.solids.values(), true.carried) for s in group):
+        arrays += [np.asarray(solid.mesh.vertices), solid.T_sensor_mesh.matrix, _surface(solid.material)]
+    arrays += [_surface(true.string_material)]
     for array in arrays:
         digest.update(np.ascontiguousarray(array, dtype=float).tobytes())
     return f"recipe {digest.hexdigest()[:24]}"
+
+
+def _surface(material: Material | None) -> Array:
+    return np.array([] if material is None else [material.diffuse, material.specular, material.roughness])

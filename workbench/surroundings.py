@@ -13,6 +13,7 @@ from jig_cad.solids import jig_solids
 from perceptron_emu import ALUMINIUM, BLACK_PLATE, Solid, panel
 from perceptron_emu.bodies import hidden_by_solid
 from perceptron_emu.occlusion import hidden_by_strings
+from perceptron_emu.scene_file import Surroundings
 from perceptron_emu.strings import cylinders
 from workbench.planning import SeesAll
 
@@ -41,15 +42,26 @@ def wall_behind(jig: Jig, distance_mm: float, size_mm: float = 900.0, turn_deg: 
     return panel(size_mm, size_mm, Pose(R, centre), name="wall")
 
 
-def sees_all_strings(sensor: SensorModel, jig: Jig, solids: tuple[Solid, ...]) -> SeesAll:
+def around_jig(around: Surroundings, T_base_jig: Pose) -> tuple[Solid, ...]:
+    """What stands around a jig at its place, in the jig's axes; without what the sensor carries along."""
+    T_jig_base = T_base_jig.inverse()
+    still = (replace(s, T_sensor_mesh=T_jig_base @ s.T_sensor_mesh) for s in around.standing_in("base"))
+    return (*around.standing_in("jig"), *still)
+
+
+def sees_all_strings(
+    sensor: SensorModel, jig: Jig, solids: tuple[Solid, ...], carried: tuple[Solid, ...] = ()
+) -> SeesAll:
     """A test that nothing stands between the strings' points and the emitter or the camera at a pose T_sensor_jig.
 
-    solids: in jig axes. Every string is tried on a piece REACH_MM to either side of the sheet, a little off its axis.
+    solids: in jig axes. carried: on the sensor, in {P}.
+    Every string is tried on a piece REACH_MM to either side of the sheet, a little off its axis.
     """
     own = np.repeat(np.arange(len(jig.strings)), SAMPLES)
 
     def sees_all(T_sensor_jig: Pose) -> bool:
         placed = [Solid(s.mesh, s.material, T_sensor_jig @ s.T_sensor_mesh, s.name) for s in solids]
+        placed += carried
         strings = replace(cylinders(jig, T_sensor_jig), radius=SHADOW_RADIUS_MM)
         along = strings.directions / np.abs(strings.directions[:, :1])  # a step of 1 mm across the sheet
         points = (strings.crossing[:, None] + STEPS[:, None] * along[:, None]).reshape(-1, 3)

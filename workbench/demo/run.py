@@ -28,7 +28,10 @@ Bar = Callable[[str, int], AbstractContextManager[Callable[[int, int], None]]]
 
 @dataclass(frozen=True, eq=False)
 class DemoResult:
-    """What the demo shows. full: the same frames with the arm's own errors solved too. remark: what could not be drawn."""
+    """What the demo shows.
+
+    full: the same frames with the arm's own errors solved too. remark: what could not be drawn, and why.
+    """
 
     cell: Cell
     observed: Observed

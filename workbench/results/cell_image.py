@@ -40,7 +40,7 @@ def cell_view(cell: Cell, result: CalibrationResult) -> CellView | None:
 
 
 def _arm(cell: Cell, result: CalibrationResult, row: FrameRow) -> tuple[Pose | None, Pose | None]:
-    """T_base_hand and the chain's frames, base first and hand last; no chain where only the hand's pose was recorded."""
+    """T_base_hand and the chain's frames, base first, hand last; no chain where only hand poses were recorded."""
     if row.joints_rad is None:
         return row.T_base_hand, None
     robot = result.robot or cell.robot
