@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 from calib import CalibConfig, CalibrationResult, FrameObservation, Observations, calibrate
-from extraction import extract
+from extraction import extract, learn_speckle
 from extraction.config import ExtractionConfig
 from geometry import InputError, SensorModel, SurfacePoints
 from workbench.formats import Cell, FrameRow, read_image
@@ -15,6 +16,8 @@ from workbench.remarks import remarks
 
 Progress = Callable[[int, int], None]
 WORKERS = 2  # decoding and OpenCV release the interpreter's lock; more threads than cores would only wait
+LEARNT_FRAMES = 6  # frames that the speckle is learnt from, and the largest share of a dataset's
+LEARNT_SHARE = 0.3
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +32,7 @@ def observe(cell: Cell, config: ExtractionConfig | None = None, progress: Progre
     """Measure every frame of ``cell``: its image's spots, or its rows of points.csv."""
     frames: list[FrameObservation] = []
     complaints: dict[int, str] = {}
-    for frame, complaint in _measured(cell, config or ExtractionConfig()):
+    for frame, complaint in _measured(cell, dataset_config(cell, config or ExtractionConfig())):
         frames.append(frame)
         if complaint:
             complaints[frame.frame] = complaint
@@ -43,6 +46,26 @@ def solve(cell: Cell, observed: Observed, config: CalibConfig | None = None) -> 
     """Calibrate on what was observed; the notes say what looks wrong with the files."""
     result = calibrate(observed.observations, cell.jig, cell.robot, config)
     return replace(result, notes=(*remarks(result), *result.notes))
+
+
+def dataset_config(cell: Cell, config: ExtractionConfig) -> ExtractionConfig:
+    """The configuration with the speckle of the cell's images, learnt from a few frames spread over all of them.
+
+    One frame's spots tell little of it; the σ of all points hang on it. What the configuration gives is kept.
+    """
+    noise = config.noise
+    known = noise.speckle_contrast is not None and noise.speckle_grain_px is not None
+    if cell.points is not None or config.localise.method != "ml" or known or not cell.frames:
+        return config
+    count = min(LEARNT_FRAMES, max(1, int(LEARNT_SHARE * len(cell.frames))))
+    rows = [cell.frames[(2 * n + 1) * len(cell.frames) // (2 * count)] for n in range(count)]
+    return learn_speckle(_readable(cell, rows), cell.sensor.model, config)
+
+
+def _readable(cell: Cell, rows: list[FrameRow]) -> Iterator[object]:
+    for row in rows:
+        with suppress(InputError):
+            yield read_image(cell.folder / row.image, cell.sensor.model)
 
 
 def _measured(cell: Cell, config: ExtractionConfig) -> Iterator[tuple[FrameObservation, str]]:
