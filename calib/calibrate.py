@@ -11,13 +11,16 @@ from calib.answer import Estimate, answer
 from calib.assemble import Chains, by_location, location_figures
 from calib.config import CalibConfig, Model
 from calib.estimate import bundle_estimate, bundle_facts
+from calib.given_jigs import given_jig_notes
+from calib.hand_joints import hand_pose_notes, with_joints
 from calib.model_choice import choose_model, left_out_rms
 from calib.observation import Observations
-from calib.paper_estimate import paper_estimate, paper_frames
+from calib.paper_check import checked
+from calib.paper_estimate import Starts, paper_estimate, paper_frames
 from calib.result import CalibrationResult, Verdict
 from calib.solution import make_problem, solve_problem
 from calib.stations import Station, label, stations
-from calib.verdict import Facts, judge, judge_motion, motion
+from calib.verdict import Motion, judge, judge_motion, motion
 from geometry import InputError, Pose, RobotModel, stack_poses
 from jig_cad import Jig
 
@@ -44,24 +47,66 @@ def calibrate(
     """
     if not observations.frames:
         raise InputError("the dataset has no frames")
-    p = Problem(observations, jig, robot, config or CalibConfig())
-    design = observations.T_hand_sensor_design
-    ready = label(stations(observations, robot), observations.sensor, design, observations.T_base_jig, jig, p.config)
-    verdict, estimate = _solve(p, ready, design)
-    spots = any(f.axis is None for f in observations.frames)
-    # the paper's solution of few frames is too far off to look for labels by it
-    for _ in range(p.config.relabel_rounds if spots and p.config.method == "bundle" else 0):
+    config = config or CalibConfig()
+    observations = with_joints(observations, robot)
+    p = Problem(observations, jig, robot, config)
+    ready, verdict, estimate = _prepare(p)
+    if config.method == "paper":
+        result = _paper(p, ready, verdict, estimate)
+    elif estimate is None or not verdict.trustworthy:
+        result = answer(observations, ready, jig, robot, config, verdict, estimate)
+    else:
+        kept, scores, words = _choose(p, ready, estimate)
+        if kept.config.model != config.model:
+            verdict, estimate = _solve(kept, ready, estimate.T_hand_sensor)
+        result = answer(observations, ready, jig, robot, kept.config, verdict, estimate)
+        result = replace(result, left_out_rms_mm=scores, notes=(*result.notes, words, *_lonely(observations)))
+    return replace(result, notes=(*result.notes, *_remarks(p, ready, result)))
+
+
+def _prepare(p: Problem) -> tuple[tuple[Station, ...], Verdict, Estimate | None]:
+    """Labels and axis points by design, then by the solved chain, with the bundle's answer; for both methods.
+
+    The paper's iteration leaves labels and surface offsets open, and its own solution is too coarse to find them.
+    """
+    model: Model = "scp" if p.config.method == "paper" else p.config.model
+    b = replace(p, config=p.config.model_copy(update={"method": "bundle", "model": model}))
+    o, design = p.observations, p.observations.T_hand_sensor_design
+    ready = label(stations(o, p.robot), o.sensor, design, o.T_base_jig, p.jig, b.config)
+    verdict, estimate = _solve(b, ready, design)
+    spots = any(f.axis is None for f in o.frames)
+    for _ in range(p.config.relabel_rounds if spots else 0):
         if estimate is None or not verdict.trustworthy:
             break
-        ready = _relabel(p, ready, estimate)
-        verdict, estimate = _solve(p, ready, estimate.T_hand_sensor)
-    if estimate is None or not verdict.trustworthy or p.config.method == "paper":
-        return answer(observations, ready, jig, robot, p.config, verdict, estimate)
-    kept, scores, words = _choose(p, ready, estimate)
-    if kept.config.model != p.config.model:
-        verdict, estimate = _solve(kept, ready, estimate.T_hand_sensor)
-    result = answer(observations, ready, jig, robot, kept.config, verdict, estimate)
-    return replace(result, left_out_rms_mm=scores, notes=(*result.notes, words, *_lonely(observations)))
+        ready = _relabel(b, ready, estimate)
+        verdict, estimate = _solve(b, ready, estimate.T_hand_sensor)
+    return ready, verdict, estimate
+
+
+def _paper(p: Problem, ready: tuple[Station, ...], verdict: Verdict, bundle: Estimate | None) -> CalibrationResult:
+    """The paper's answer to the prepared frames; the bundle's tells mirrors and outliers and judges it."""
+    design, trusted = p.observations.T_hand_sensor_design, bundle if verdict.trustworthy else None
+    outlying = {**trusted.reasons, **trusted.outliers} if trusted is not None else {}
+    used = tuple(s for s in ready if s.observation.role == "calibrate" and s.usable)
+    frames = paper_frames(used, p.jig, outlying)
+    moved = _motion(frames.stations)
+    early = judge_motion(moved, p.config)
+    if early is not None:
+        return answer(p.observations, ready, p.jig, p.robot, p.config, early, None)
+    starts = Starts(design, design if trusted is None else trusted.T_hand_sensor)
+    estimate, facts = paper_estimate(frames, p.jig, p.robot, starts, p.config)
+    own = judge(facts, moved, p.config)
+    return answer(p.observations, ready, p.jig, p.robot, p.config, checked(own, estimate, verdict, bundle), estimate)
+
+
+def _remarks(p: Problem, ready: tuple[Station, ...], result: CalibrationResult) -> tuple[str, ...]:
+    """What is to be said of given jig poses and hand poses."""
+    o = p.observations
+    chains = Chains((result.T_hand_sensor or o.T_hand_sensor_design, result.robot), None)
+    fits = {n: location_figures(g, p.jig, chains).fit for n, g in by_location(o, ready).items() if n in o.T_base_jig}
+    found = {n: f.T_base_jig for n, f in fits.items() if f is not None}
+    hands = hand_pose_notes(o, p.config.hand_floor_mm, p.config.hand_floor_deg)
+    return (*given_jig_notes(o.T_base_jig, found, p.jig), *hands)
 
 
 def _lonely(observations: Observations) -> tuple[str, ...]:
@@ -92,26 +137,23 @@ def _choose(p: Problem, ready: tuple[Station, ...], estimate: Estimate) -> tuple
 
 
 def _solve(p: Problem, ready: tuple[Station, ...], T_hand_sensor: Pose) -> tuple[Verdict, Estimate | None]:
-    """Solve the usable calibrate frames by the method asked for, or say why they can not be."""
+    """Solve the usable calibrate frames by the bundle, or say why they can not be."""
     used = tuple(s for s in ready if s.observation.role == "calibrate" and s.usable)
-    papers = paper_frames(used, p.jig) if p.config.method == "paper" else None
-    used = used if papers is None else papers.stations
-    names = list(dict.fromkeys(s.observation.location for s in used))
-    place = np.array([names.index(s.observation.location) for s in used], dtype=np.intp)
-    firsts = stack_poses([s.candidates[0] for s in used])
-    moved = motion(stack_poses([s.T_base_hand for s in used]), firsts, place)
+    moved = _motion(used)
     verdict = judge_motion(moved, p.config)
     if verdict is not None:
         return verdict, None
-    estimate: Estimate
-    facts: Facts
-    if papers is not None:
-        estimate, facts = paper_estimate(papers, p.jig, p.robot, T_hand_sensor, p.config)
-    else:
-        problem = make_problem(used, p.jig, p.robot, p.config)
-        solution = solve_problem(problem, [s.candidates for s in used], T_hand_sensor, p.config)
-        estimate, facts = bundle_estimate(solution, used), bundle_facts(solution, used, _refused(ready))
-    return judge(facts, moved, p.config), estimate
+    problem = make_problem(used, p.jig, p.robot, p.config)
+    solution = solve_problem(problem, [s.candidates for s in used], T_hand_sensor, p.config)
+    facts = bundle_facts(solution, used, _refused(ready))
+    return judge(facts, moved, p.config), bundle_estimate(solution, used, p.config)
+
+
+def _motion(used: tuple[Station, ...]) -> Motion:
+    names = list(dict.fromkeys(s.observation.location for s in used))
+    place = np.array([names.index(s.observation.location) for s in used], dtype=np.intp)
+    firsts = stack_poses([s.candidates[0] for s in used])
+    return motion(stack_poses([s.T_base_hand for s in used]), firsts, place)
 
 
 def _refused(ready: tuple[Station, ...]) -> tuple[Station, ...]:

@@ -39,6 +39,12 @@ class CalibConfig(BaseModel):
     hand_sigma_deg: float | None = Field(
         None, gt=0, description="noise of given hand poses; None: estimated from the data"
     )
+    hand_floor_mm: float = Field(
+        0.3, ge=0, description="systematic error of hand poses whose joints are not known, added to σ"
+    )
+    hand_floor_deg: float = Field(
+        0.03, ge=0, description="systematic error of hand poses whose joints are not known, added to σ"
+    )
     beta_sigma_deg: float = Field(
         0.0, ge=0, description="prior of Hayati's β at parallel axes in model full; 0: not used"
     )

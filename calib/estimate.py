@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from calib.answer import Estimate
+from calib.config import CalibConfig
 from calib.identifiability import weak_directions
 from calib.solution import Solution
 from calib.stations import Station
 from calib.verdict import Facts
 
 
-def bundle_estimate(solution: Solution, used: tuple[Station, ...]) -> Estimate:
+def bundle_estimate(solution: Solution, used: tuple[Station, ...], config: CalibConfig) -> Estimate:
     """What the bundle says of SCP, robot, anchors, and the ``used`` frames and their points."""
     bundle, found, chain = solution.bundle, solution.uncertainty, solution.problem.chain
     n = 0 if chain.robot is None else chain.robot.n_joints
@@ -23,9 +25,10 @@ def bundle_estimate(solution: Solution, used: tuple[Station, ...]) -> Estimate:
     anchors, anchors_sigma = np.zeros((6, 3)), np.zeros((6, 3))
     anchors[:, 1:], anchors_sigma[:, 1:] = bundle.state.anchors, posterior[-12:].reshape(6, 2)
     numbers = [s.observation.frame for s in used]
+    floor = hand_floor(config) if chain.robot is None else np.zeros((6, 6))
     return Estimate(
         T_hand_sensor=solution.T_hand_sensor,
-        covariance=found.scp,
+        covariance=found.scp + floor,
         robot=solution.robot,
         robot_delta=delta,
         robot_sigma=sigma,
@@ -43,6 +46,12 @@ def bundle_estimate(solution: Solution, used: tuple[Station, ...]) -> Estimate:
         anchors_sigma_mm=anchors_sigma,
         weak_directions=weak_directions(solution),
     )
+
+
+def hand_floor(config: CalibConfig) -> NDArray[np.float64]:
+    """Covariance (6, 6) of ξ from systematic errors of hand poses whose joints are not known."""
+    sigma = [config.hand_floor_mm] * 3 + [np.deg2rad(config.hand_floor_deg)] * 3
+    return np.diag(np.square(sigma))
 
 
 def bundle_facts(solution: Solution, used: tuple[Station, ...], refused: tuple[Station, ...]) -> Facts:

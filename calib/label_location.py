@@ -48,12 +48,21 @@ def label_location(
             if all(f.reason != "not_labelled" for f in again):
                 return tuple(again)
     found = [label_spots(points, jig, sensor, None, config) for points in frames]
+    if not refined and not _plausible(found, priors, jig):
+        priors = []
     priors = priors or _priors_by_vote(found, chain, jig)
     out = [
         _settle(points, one, prior, jig, sensor, config)
         for points, one, prior in zip(frames, found, priors, strict=True)
     ]
     return tuple(out)
+
+
+def _plausible(found: list[LabelledFrame], priors: list[Prior | None], jig: Jig) -> bool:
+    """Whether a given T_base_jig predicts any of the frames that were labelled without it, if there are two or more."""
+    pairs = [(f, p) for f, p in zip(found, priors, strict=False) if p is not None and f.T_sensor_jig is not None]
+    agreeing = sum(mahalanobis2(p, *_nearest(p, f, jig)) < CONSISTENT_CHI2 for f, p in pairs)
+    return len(pairs) < 2 or agreeing > 0
 
 
 def _priors_by_vote(found: list[LabelledFrame], chain: Chain, jig: Jig) -> list[Prior | None]:

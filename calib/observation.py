@@ -19,7 +19,7 @@ class FrameObservation:
     """One image's spots and where the robot's hand was.
 
     points: the unlabelled spots. axis: labelled axis points where they are given instead (points.csv).
-    joints_rad: joint readings (n,), or None where only T_base_hand is known.
+    joints_rad: joint readings (n,), or None where only T_base_hand is known. joints_inferred: they follow from it.
     reason: why the frame can not be used already ("image_unreadable"), or None.
     """
 
@@ -32,6 +32,7 @@ class FrameObservation:
     axis: AxisPoints | None = None
     image: str = ""
     reason: str | None = None
+    joints_inferred: bool = False
 
 
 @dataclass(frozen=True, eq=False)

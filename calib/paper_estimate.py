@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,11 +37,25 @@ class PaperFrames:
     reasons: dict[int, str]
 
 
-def paper_frames(used: tuple[Station, ...], jig: Jig) -> PaperFrames:
-    """Leave out frames without the five strings, and those where noise makes a/l > 1, so that θ = acos(a/l) is none."""
+@dataclass(frozen=True, eq=False)
+class Starts:
+    """Where the iteration starts, and by which SCP the sign candidates are told apart."""
+
+    T_hand_sensor: Pose
+    signs: Pose
+
+
+def paper_frames(used: tuple[Station, ...], jig: Jig, outlying: Collection[int] = ()) -> PaperFrames:
+    """Leave out frames without the five strings, and those where noise makes a/l > 1, so that θ = acos(a/l) is none.
+
+    outlying: frames with points that the others contradict; they have no five strings to be trusted.
+    """
     kept, points, reasons = [], [], dict[int, str]()
     for s in used:
         number, given = s.observation.frame, dict(zip(s.axis.label, s.axis.yz_mm, strict=True))
+        if number in outlying:
+            reasons[number] = "outlier"
+            continue
         if any(label not in given for label in LABELS):
             reasons[number] = "too_few_spots"
             continue
@@ -54,21 +69,21 @@ def paper_frames(used: tuple[Station, ...], jig: Jig) -> PaperFrames:
 
 
 def paper_estimate(
-    frames: PaperFrames, jig: Jig, robot: RobotModel | None, T_hand_sensor: Pose, config: CalibConfig
+    frames: PaperFrames, jig: Jig, robot: RobotModel | None, starts: Starts, config: CalibConfig
 ) -> tuple[Estimate, Facts]:
     """Run the paper's iteration on the frames' closed-form poses."""
     used = frames.stations
     problem = make_problem(tuple(_in_order(s, frames.yz_mm[i]) for i, s in enumerate(used)), jig, robot, config)
     forms = closed_forms(frames.yz_mm, jig.side_mm, jig.height_mm)
-    choice, own = _signs(problem, T_hand_sensor, forms.T_sensor_jig, forms.h1_disagreement_mm)
+    choice, own = _signs(problem, starts.signs, forms.T_sensor_jig, forms.h1_disagreement_mm)
     offsets = _offset_joints(problem, config)
     paper = PaperProblem(
         own.t, problem.chain.T_base_hand, problem.location, problem.chain.robot, problem.chain.joints_rad, offsets
     )
     settings = PaperSettings(config.paper_damping, config.paper_switch, config.paper_tolerance)
-    result = solve_paper(paper, T_hand_sensor, settings)
+    result = solve_paper(paper, starts.T_hand_sensor, settings)
     derivative = _derivative(frames.yz_mm, jig, choice)
-    noise, robot_part, chi2, dof = _uncertainty(problem, result, own, derivative)
+    noise, robot_part, chi2, explained, dof = _uncertainty(problem, result, own, derivative)
     left = len(frames.reasons)
     delta = np.zeros((5, 0 if robot is None else robot.n_joints))
     delta[0, list(offsets)] = result.offsets_rad
@@ -77,7 +92,7 @@ def paper_estimate(
         result.converged,
         result.iterations,
         chi2,
-        float("nan"),
+        explained,
         dof,
         result.condition,
         noise,
@@ -98,7 +113,7 @@ def paper_estimate(
         condition=result.condition,
         noise={},
         reasons=frames.reasons,
-        notes=(f"{left} frames were left out: without all five strings, or with a/l > 1",) if left else (),
+        notes=(f"{left} frames were left out: without five strings to be trusted, or with a/l > 1",) if left else (),
         robot=corrected,
         robot_delta=delta,
         robot_sigma=np.zeros_like(delta),
@@ -156,8 +171,8 @@ def _derivative(yz_mm: Array, jig: Jig, choice: NDArray[np.intp]) -> Array:
 
 def _uncertainty(
     problem: Problem, result: PaperResult, own: Pose, derivative: Array
-) -> tuple[Array, Array, float, int]:
-    """Covariances (6, 6) of ξ through C⁺: of points, joints and anchors; of the robot. χ² without the robot."""
+) -> tuple[Array, Array, float, float, int]:
+    """Covariances (6, 6) of ξ through C⁺: of points, joints and anchors; of the robot. χ² without and with it."""
     jigs = (problem.chain.T_base_hand @ result.T_hand_sensor @ own)[_firsts(problem)]
     lin = linearise(problem, initial_state(problem, result.T_hand_sensor, jigs))
     base = problem.chain.T_base_hand.R @ result.T_hand_sensor.R
@@ -170,8 +185,11 @@ def _uncertainty(
     stochastic = independent + shared @ shared.T
     gain = np.linalg.pinv(result.jacobian)[:6]
     dof = len(result.residual) - result.jacobian.shape[1]
-    chi2 = float(result.residual @ np.linalg.lstsq(stochastic, result.residual, rcond=None)[0])
-    return gain @ stochastic @ gain.T, gain @ dh @ dh.T @ gain.T, chi2 / max(dof, 1), dof
+    chi2, explained = (
+        float(result.residual @ np.linalg.lstsq(c, result.residual, rcond=None)[0]) / max(dof, 1)
+        for c in (stochastic, stochastic + dh @ dh.T)
+    )
+    return gain @ stochastic @ gain.T, gain @ dh @ dh.T @ gain.T, chi2, explained, dof
 
 
 def _firsts(problem: Problem) -> list[int]:

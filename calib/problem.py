@@ -49,7 +49,8 @@ class Chain:
 
     T_base_hand (F). parameter_jacobian (F, 6, P): twists in hand axes of the P uncertain parameters. parameters (P, 2):
     (row of PARAMETERS, joint). parameter_sigma (P,): prior. noise (F, 6, 6): covariance of the hand pose, hand axes.
-    robot, joints_rad (F, n): to recompute poses, None where only poses are known.
+    robot, joints_rad (F, n): to recompute poses, None where only poses are known. inferred: the readings follow from
+    poses by the nominal table, which they can therefore not correct.
     """
 
     T_base_hand: Pose
@@ -59,6 +60,7 @@ class Chain:
     noise: Array
     robot: RobotModel | None = None
     joints_rad: Array | None = None
+    inferred: bool = False
 
 
 @dataclass(frozen=True, eq=False)

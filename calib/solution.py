@@ -83,14 +83,22 @@ def make_problem(used: tuple[Station, ...], jig: Jig, robot: RobotModel | None, 
     joints = [s.observation.joints_rad for s in used]
     if robot is not None and all(q is not None for q in joints):
         chain = robot_chain(robot, np.array(joints), float(np.deg2rad(config.beta_sigma_deg)))
+        inferred = any(s.observation.joints_inferred for s in used)
+        chain = replace(chain, inferred=inferred)
+        if inferred and config.hand_sigma_mm is not None and config.hand_sigma_deg is not None:
+            chain = replace(chain, noise=np.broadcast_to(_hand_noise(config), chain.noise.shape).copy())
     else:
-        mm, deg = config.hand_sigma_mm or _HAND_SIGMA_MM, config.hand_sigma_deg or _HAND_SIGMA_DEG
-        sigma = [mm] * 3 + [np.deg2rad(deg)] * 3
-        chain = pose_chain(stack_poses([s.T_base_hand for s in used]), np.diag(np.square(sigma)))
+        chain = pose_chain(stack_poses([s.T_base_hand for s in used]), _hand_noise(config))
     location = np.array([names.index(s.observation.location) for s in used], dtype=np.intp)
     anchor_sigma = 0.0 if jig.measured else jig.tolerance_mm / np.sqrt(12)  # uniform within the full width
     points = pad_points([s.axis for s in used])
     return Problem(points, chain, location, len(names), jig.anchors_mm, float(anchor_sigma))
+
+
+def _hand_noise(config: CalibConfig) -> Array:
+    """Covariance (6, 6) of given hand poses, hand axes."""
+    mm, deg = config.hand_sigma_mm or _HAND_SIGMA_MM, config.hand_sigma_deg or _HAND_SIGMA_DEG
+    return np.diag(np.square([mm] * 3 + [np.deg2rad(deg)] * 3))
 
 
 def estimated_parameters(problem: Problem, model: str) -> Mask:
@@ -98,7 +106,7 @@ def estimated_parameters(problem: Problem, model: str) -> Mask:
     rows = problem.chain.parameters[:, 0]
     if model == "scp":
         return np.zeros(len(rows), dtype=bool)
-    if problem.chain.robot is None:
+    if problem.chain.robot is None or problem.chain.inferred:
         raise InputError(
             f"model {model} corrects the robot's table and needs joint readings j1_deg …, but these frames give hand "
             "poses T_base_hand only: use model scp"
@@ -115,6 +123,8 @@ def solve_problem(problem: Problem, candidates: Sequence[Pose], T_hand_sensor: P
     applied = estimated_parameters(problem, config.model)
     robust, own = _robust(problem, candidates, T_hand_sensor, config)
     every, removed = robust.bundle, robust.bundle.removed
+    if problem.chain.inferred:
+        every = solve_bundle(problem, every.state, np.ones_like(applied), removed)
     weighed = weigh(problem, every, config)
     if weighed.changed:
         every = solve_bundle(weighed.problem, every.state, every.free[6:-12], removed)
@@ -156,7 +166,8 @@ def _rival(problem: Problem, candidates: Sequence[Pose], own: Pose, best: Robust
 def _robust(
     problem: Problem, candidates: Sequence[Pose], T_hand_sensor: Pose, config: CalibConfig
 ) -> tuple[RobustResult, Pose]:
-    every = np.ones(len(problem.chain.parameter_sigma), dtype=bool)
+    # of a pose's several joint solutions the wrong one may be taken: its robot errors are then its own, in the gates
+    every = np.full(len(problem.chain.parameter_sigma), not problem.chain.inferred)
     start, own = chain_start(problem, T_hand_sensor, candidates)
     robust = solve_robust(problem, start, every, config.outlier_chi2, config.max_outlier_share)
     if not _doubtful(robust):

@@ -113,7 +113,7 @@ def misfit_limit(dof: int, least: float) -> float:
 class Facts:
     """What a solved calibration is judged by.
 
-    explained: χ² per degree of freedom with all robot errors free within their priors, NaN where not known.
+    explained: χ² per degree of freedom with all robot errors free within their priors.
     noise_covariance (6, 6): of the SCP from noise alone. outlier_share: of the points. outlying_strings: whose points
     are mostly outliers. rival: how much larger the χ² of another answer is.
     """
@@ -134,10 +134,10 @@ class Facts:
 def judge(f: Facts, moved: Motion, config: CalibConfig) -> Verdict:
     """The verdict on a solved calibration, the gravest first."""
     return (
-        _not_converged(f)
+        _lever(moved, config)  # also why the paper's iteration would not settle
+        or _not_converged(f)
         or _outliers(f, config)
         or _ambiguous(f)
-        or _lever(moved, config)
         or _not_observable(f)
         or _misfit(f, config)
         or _weak(f, config)
@@ -214,7 +214,7 @@ def _misfit(f: Facts, config: CalibConfig) -> Verdict | None:
     limit = misfit_limit(f.dof, config.misfit_chi2)
     if f.chi2_per_dof <= limit:
         return None
-    if np.isnan(f.explained):
+    if config.method == "paper":
         advice = "--method bundle with --model full can tell robot errors from noise"
     elif f.explained <= limit and config.model != "full":
         advice = (

@@ -19,6 +19,7 @@ Array = NDArray[np.float64]
 _CONTRADICTION = 13.8  # deviance gained by two variances; 0.1 % by chance
 _POINT_BOUNDS = (0.5, 2.5)  # factors of a variance beyond which the model, not the noise, is wrong
 _JOINT_BOUNDS = (0.01, 9.0)
+_OWN_START = 0.1  # share of the robot's variance that is a frame's own, where its search starts
 _MAX_CHI2 = 10.0  # per degree of freedom; beyond this something else than the noise is wrong
 _MIN_FREEDOM = 40  # fewer degrees of freedom say too little of a variance
 
@@ -40,6 +41,8 @@ def weigh(problem: Problem, result: BundleResult, config: CalibConfig) -> Weighe
     """Keep the noise stated, or estimate the factors of the points' and the joints' variances from the residuals."""
     if problem.chain.robot is None:
         return _weigh_poses(problem, result, config)
+    if problem.chain.inferred:
+        return _weigh_inferred(problem, result, config)
     factors = np.ones(2)
     hand = problem.chain.noise
     freedom = 2 * int((~result.removed).sum()) - 6 - 6 * problem.n_locations
@@ -71,6 +74,34 @@ def stated_cost(stated: Problem, fit: BundleResult) -> float:
     values = np.concatenate([np.zeros(6), fit.state.parameters, fit.state.anchors.ravel()])
     prior = np.where(fit.prior_sigma > 0, values / np.where(fit.prior_sigma > 0, fit.prior_sigma, 1.0), 0.0)
     return float(np.vdot(r, r) + prior @ prior)
+
+
+def _weigh_inferred(problem: Problem, result: BundleResult, config: CalibConfig) -> Weighed:
+    """Joints inferred from poses: what of the robot's errors is a frame's own, its joints being another solution's.
+
+    Kept at nothing, with the joints' noise as stated, unless the residuals contradict it.
+    """
+    hand, robot = problem.chain.noise, problem.chain.robot
+    columns = result.lin.parameters * problem.chain.parameter_sigma
+    own = columns @ np.swapaxes(columns, -1, -2)
+    factors = np.array([1.0, 0.0])
+    given = config.noise == "given" or (config.hand_sigma_mm is not None and config.hand_sigma_deg is not None)
+    if not given and result.converged:
+        variances = Variances((hand, own), np.array([1.0, 1.0, _OWN_START]), np.array([False, True, True]))
+        found = np.clip(estimate_noise(problem, result, variances)[1:], *np.transpose([_JOINT_BOUNDS, (0.0, 1.0)]))
+        noise = with_noise(problem, 1.0, found[0] * hand + found[1] * own)
+        gain = deviance(problem, result) - deviance(noise, result)
+        factors = found if gain > _CONTRADICTION else factors
+    joint = 0.0 if robot is None else np.rad2deg(robot.uncertainty.joint_sigma_rad)
+    noise_words = {
+        "joint_sigma_deg": float(joint * np.sqrt(factors[0])),
+        "joint_sigma_stated_deg": float(joint),
+        "own_robot_error_share": float(factors[1]),
+        "anchor_sigma_mm": problem.anchor_sigma_mm,
+    }
+    used = with_noise(problem, 1.0, factors[0] * hand + factors[1] * own)
+    stated = with_noise(problem, 1.0, min(1.0, factors[0]) * hand + factors[1] * own)
+    return Weighed(used, stated, bool(np.any(factors != [1.0, 0.0])), noise_words)
 
 
 def _weigh_poses(problem: Problem, result: BundleResult, config: CalibConfig) -> Weighed:

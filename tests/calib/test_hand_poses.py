@@ -1,0 +1,82 @@
+"""Hand poses in place of joints: σ carry the errors of the robot's table, which all frames share."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from calib import CalibConfig, Observations, calibrate
+from calib.hand_joints import with_joints
+from calib.synthetic import Cell, Noise, made_cell, observe, random_cell
+from calib.synthetic_problem import CALIBRATE_ONLY
+from calib.uncertainty import nees
+from geometry import InputError, Pose
+
+RUNS = 60
+ATOL_MM = 1e-6
+
+
+def _poses(cell: Cell, observed: Observations) -> Observations:
+    """What a controller writes: poses by its nominal table."""
+    frames = tuple(replace(f, joints_rad=None, T_base_hand=cell.robot.hand_pose(f.joints_rad)) for f in observed.frames)
+    return replace(observed, frames=frames)
+
+
+def _draw(rng: np.random.Generator, cell: Cell) -> tuple[Cell, Observations]:
+    made = made_cell(cell, rng, Noise())
+    return made, _poses(cell, observe(cell, made, rng, Noise()))
+
+
+def test_sigma_is_true_with_a_robot_table() -> None:
+    """Mean NEES of 60 draws within the 99.9 % interval of chi² (n = 6); no sound data set is refused.
+
+    The cells' joints are drawn among all arm configurations, so that many frames get another solution's joints.
+    """
+    rng, errors = np.random.default_rng(21), []
+    for i in range(RUNS):
+        if i % 6 == 0:
+            cell = random_cell(rng, CALIBRATE_ONLY)
+        made, poses = _draw(rng, cell)
+        result = calibrate(poses, cell.jig, cell.robot)
+        assert result.verdict.trustworthy
+        assert result.T_hand_sensor is not None
+        assert result.covariance is not None
+        errors.append(nees(made.T_hand_sensor, result.T_hand_sensor, result.covariance))
+    low, high = chi2.ppf([0.0005, 0.9995], 6 * RUNS) / RUNS
+    assert low < np.mean(errors) < high
+    assert np.mean(np.array(errors) > chi2.isf(0.05, 6)) < 0.15
+
+
+def test_joints_found_again_give_the_poses() -> None:
+    cell = random_cell(np.random.default_rng(4), CALIBRATE_ONLY)
+    _, poses = _draw(np.random.default_rng(5), cell)
+    found = with_joints(poses, cell.robot)
+    for f in found.frames:
+        assert f.joints_inferred
+        assert f.joints_rad is not None
+        assert f.T_base_hand is not None
+        np.testing.assert_allclose(cell.robot.hand_pose(f.joints_rad).matrix, f.T_base_hand.matrix, atol=ATOL_MM)
+
+
+def test_models_beyond_scp_are_refused_with_a_table_too() -> None:
+    cell = random_cell(np.random.default_rng(4), CALIBRATE_ONLY)
+    _, poses = _draw(np.random.default_rng(5), cell)
+    with pytest.raises(InputError, match="joint readings"):
+        calibrate(poses, cell.jig, cell.robot, CalibConfig(model="full"))
+
+
+def test_without_a_table_sigma_have_a_floor_that_is_said() -> None:
+    """Also where the poses are none that the table reaches (here ten metres away)."""
+    cell = random_cell(np.random.default_rng(4), CALIBRATE_ONLY)
+    _, poses = _draw(np.random.default_rng(5), cell)
+    away = Pose(np.eye(3), np.array([1e4, 0, 0]))
+    frames = tuple(replace(f, T_base_hand=away @ f.T_base_hand) for f in poses.frames if f.T_base_hand is not None)
+    for robot, data in ((None, poses), (cell.robot, replace(poses, frames=frames))):
+        result = calibrate(data, cell.jig, robot)
+        assert min(result.sigma_translation_mm) > 0.3
+        assert any("floor of 0.3 mm and 0.03°" in n for n in result.notes)
+        bare = calibrate(data, cell.jig, robot, CalibConfig(hand_floor_mm=0.0, hand_floor_deg=0.0))
+        assert min(bare.sigma_translation_mm) < min(result.sigma_translation_mm)
