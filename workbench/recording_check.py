@@ -9,7 +9,7 @@ import numpy as np
 from geometry import InputError
 from perceptron_emu.check import check_scene
 from perceptron_emu.sheet_faces import faces_in_sheet
-from workbench.formats import Cell
+from workbench.formats import Cell, Truth
 from workbench.recording import Configuration, TrueCell, frame_scene
 
 
@@ -33,3 +33,10 @@ def never_met(names: Iterable[str], met: set[str]) -> str:
     return f"the laser sheet meets {', '.join(missed)} in no frame: check frame, rotation_deg, translation_mm" * bool(
         missed
     )
+
+
+def all_hidden(truth: Truth | None) -> str:
+    """One line about the frames in which something hides every string, "" where there are none."""
+    frames = truth.frames if truth else ()
+    dark = [str(f.frame) for f in frames if not any(p.visible_fraction for p in f.points)]
+    return f"frame {', '.join(dark)}: every string is hidden from the laser or the camera" * bool(dark)

@@ -128,6 +128,15 @@ def test_a_part_that_no_sheet_meets_is_said(cli: Cli, plan: Path, folder: Path) 
     assert "meets gate in no frame" in " ".join(result.err.split())
 
 
+def test_a_view_that_parts_darken_is_said(cli: Cli, plan: Path, folder: Path) -> None:
+    """A plate on the sensor before the laser leaves no string to see."""
+    text = '[[panel]]\nwidth_mm = 400\nheight_mm = 400\nframe = "sensor"\ntranslation_mm = [0, 0, 100]\n'
+    views, scene = ("--joints", folder / "views.csv"), ("--scene", write(folder, text))
+    result = cli("render", plan, "--out", folder / "given", *views, *scene)
+    assert result.code == 0
+    assert "frame 0, 1: every string is hidden" in result.err
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [

@@ -104,7 +104,7 @@ def _record(
     from workbench.emulated_cell import NOTHING, Errors, configurations, draw_truth, given_views, planned_views
     from workbench.formats import read_cell, read_frames
     from workbench.recording import record
-    from workbench.recording_check import check_views, never_met
+    from workbench.recording_check import all_hidden, check_views, never_met
 
     given = read_cell(path, recorded=False)
     around = read_surroundings(scene) if scene else NOTHING
@@ -115,9 +115,10 @@ def _record(
     with progress_bar("planning", 1):
         views = given_views(given, rows) if rows else planned_views(given, per_location, rng, around)
     taken = configurations(views, true, errors, rng)
-    remark = never_met((s.name for _, s in around.parts), check_views(given, true, taken))
-    if remark:
-        standard_error().print(remark, markup=False, soft_wrap=True)
+    met = check_views(given, true, taken)
     with progress_bar("rendering", len(taken)) as progress:
-        record(out, given, true, taken, seed, progress, renderer.value, extras)
+        done = record(out, given, true, taken, seed, progress, renderer.value, extras)
+    for remark in (never_met((s.name for _, s in around.parts), met), all_hidden(done.truth)):
+        if remark:
+            standard_error().print(remark, markup=False, soft_wrap=True)
     standard_error().print(f"{out}: {len(taken)} images at {len(given.T_base_jig)} locations", markup=False)

@@ -27,8 +27,9 @@ def print_demo(console: Console, result: CalibrationResult, full: CalibrationRes
         console.print(f"frame {frame.frame} not used: {frame.reason}")
     print_verdict(console, result)
     _print_full(console, full)
+    pictures = "fig7.png, cell.png" if (out / "cell.png").exists() else "fig7.png"
     console.print(
-        f"\n{out}: dataset (cell.toml …, images, truth.json), report.html, fig7.png, overlays, result.json\n"
+        f"\n{out}: dataset (cell.toml …, images, truth.json), report.html, {pictures}, overlays, result.json\n"
         f"the same again, as with any recorded cell: perceptron-emu calibrate {out}",
         soft_wrap=True,
         markup=False,
