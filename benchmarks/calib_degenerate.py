@@ -14,6 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from calib import CalibConfig, FrameObservation, Observations, calibrate
+from calib.degenerate import constant_lever, mirror_frames
 from calib.synthetic import Cell, Noise, axis_points, made_cell, observe, random_cell
 from calib.synthetic_problem import CALIBRATE_ONLY
 from geometry import AxisPoints, Pose, RobotModel, exp_so3
@@ -22,6 +23,8 @@ from jig_cad import Jig, half_turn_label
 Frames = tuple[FrameObservation, ...]
 Spoil = Callable[[Frames, Cell, np.random.Generator], tuple[Frames, Jig, RobotModel]]
 NOISE = Noise()
+MIRROR = "mirror images that nothing resolves"
+LEVER = "lever that stands still (paper)"
 
 
 def spoils() -> dict[str, Spoil]:
@@ -109,7 +112,9 @@ def main() -> None:
     """Print, for every kind, how often it was said and by which codes."""
     cells = int(sys.argv[1]) if len(sys.argv) > 1 else 60
     rng = np.random.default_rng(int(sys.argv[2]) if len(sys.argv) > 2 else 1)
-    codes: dict[str, Counter[str]] = {name: Counter() for name in [*spoils(), "sound (scp)", "sound (full)"]}
+    codes: dict[str, Counter[str]] = {
+        name: Counter() for name in [*spoils(), MIRROR, LEVER, "sound (scp)", "sound (full)"]
+    }
     for _ in range(cells):
         cell = random_cell(rng, CALIBRATE_ONLY)
         made = made_cell(cell, rng, NOISE)
@@ -118,6 +123,9 @@ def main() -> None:
             frames, jig, robot = spoil(observed.frames, cell, rng)
             spoilt = Observations(frames, observed.sensor, observed.T_hand_sensor_design)
             codes[name][calibrate(spoilt, jig, robot).verdict.code] += 1
+        mirrored, lever = mirror_frames(cell, rng, NOISE), constant_lever(cell, rng, NOISE)
+        codes[MIRROR][calibrate(mirrored, cell.jig, None).verdict.code] += 1
+        codes[LEVER][calibrate(lever, cell.jig, None, CalibConfig(method="paper")).verdict.code] += 1
         for model in ("scp", "full"):
             codes[f"sound ({model})"][
                 calibrate(observed, cell.jig, cell.robot, CalibConfig(model=model)).verdict.code

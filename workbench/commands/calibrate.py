@@ -37,7 +37,9 @@ def command(
         Model | None, typer.Option(help="The SCP alone (default), with joint offsets, or with the full DH table.")
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
-    out: Annotated[Path | None, typer.Option(help="Folder for result.json, points.csv and fig7.png.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for result.json, points.csv, fig7.png and a corrected robot.")
+    ] = None,
     report: Annotated[Path | None, typer.Option(help="File for a self-contained HTML report.")] = None,
     config: Annotated[list[Path] | None, typer.Option(help="Settings TOML; may be given more than once.")] = None,
 ) -> None:

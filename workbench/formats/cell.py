@@ -59,7 +59,7 @@ class Cell:
     """A cell dataset: sensor, jig, robot, design SCP, frames; images stay on disk until they are needed.
 
     points: by frame number, where a points.csv stands in place of images. T_base_jig: by location, where given.
-    roles: of the locations in cell.toml that say one.
+    roles: of the locations in cell.toml that say one. robot_path: the robot.toml.
     """
 
     folder: Path
@@ -73,6 +73,7 @@ class Cell:
     truth: Truth | None = None
     roles: dict[str, str] = field(default_factory=dict)
     name: str = ""
+    robot_path: Path | None = None
 
 
 def read_cell(path: Path, *, recorded: bool = True) -> Cell:
@@ -83,7 +84,8 @@ def read_cell(path: Path, *, recorded: bool = True) -> Cell:
     source = read_toml(_cell_path(path))
     file = validate(CellFile, source)
     folder = source.path.parent
-    robot = read_robot(_named(folder, file.robot, source, "robot"))
+    robot_path = _named(folder, file.robot, source, "robot")
+    robot = read_robot(robot_path)
     frames, frames_path = _frames(folder, file, source, robot, recorded=recorded)
     if frames:
         _check_location_names(file, frames, source)
@@ -100,6 +102,7 @@ def read_cell(path: Path, *, recorded: bool = True) -> Cell:
         truth=read_truth(truth) if truth.exists() else None,
         roles={name: given.role for name, given in file.locations.items() if given.role},
         name=file.name,
+        robot_path=robot_path,
     )
 
 

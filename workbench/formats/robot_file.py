@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -78,6 +78,23 @@ def read_robot(path: Path) -> RobotModel:
         return _from_table(file)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
+
+
+@dataclass(frozen=True)
+class UrdfChain:
+    """A URDF file and the first and last link of the robot in it."""
+
+    path: Path
+    base: str
+    tip: str
+
+
+def urdf_of(path: Path) -> UrdfChain | None:
+    """The URDF that a robot.toml names, or None where it holds a table."""
+    file = validate(RobotFile, read_toml(path))
+    if file.urdf is None or file.base is None or file.tip is None:
+        return None
+    return UrdfChain(path.parent / file.urdf, file.base, file.tip)
 
 
 def _uncertainty(section: UncertaintySection) -> RobotUncertainty:

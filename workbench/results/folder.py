@@ -13,11 +13,13 @@ from workbench.pipeline import Observed
 from workbench.points_table import rows
 from workbench.results.as_json import calibration_object, json_text
 from workbench.results.fig7 import write_fig7
+from workbench.results.robot import write_corrected_robot
 
 
 def write_results(out: Path, cell: Cell, observed: Observed, result: CalibrationResult, settings: Settings) -> None:
-    """Write result.json, points.csv, fig7.png and settings.toml into ``out``."""
+    """Write result.json, points.csv, fig7.png, settings.toml and, where corrected, the robot into ``out``."""
     write_text(out / "result.json", json_text(calibration_object(result, observed.complaints)) + "\n")
     write_text(out / "points.csv", points_text(rows(label_dataset(cell, observed, settings.calib, result))))
     write_fig7(out / "fig7.png", result)
     write_text(out / "settings.toml", settings_text(settings))
+    write_corrected_robot(out, cell, result)

@@ -1,0 +1,60 @@
+"""`calibrate --out` writes a robot that the model corrected, in the form in which it was given."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from calib import CalibConfig, calibrate
+from calib.result import CalibrationResult
+from calib.synthetic import Noise, made_cell, observe, random_cell
+from calib.synthetic_problem import CALIBRATE_ONLY
+from tests.workbench.helpers import Cli
+from tests.workbench.test_urdf import SIX, urdf_text
+from workbench.formats import Cell, read_cell, read_robot
+from workbench.formats.urdf import read_urdf
+from workbench.results.robot import write_corrected_robot
+
+ATOL = 1e-6  # mm, and of rotation matrices
+
+
+def _result(model: str) -> CalibrationResult:
+    rng = np.random.default_rng(3)
+    cell = random_cell(rng, CALIBRATE_ONLY)
+    observed = observe(cell, made_cell(cell, rng, Noise()), rng, Noise())
+    return calibrate(observed, cell.jig, cell.robot, CalibConfig(model=model))
+
+
+def test_a_table_is_written_as_a_table(recording: Path, tmp_path: Path) -> None:
+    cell: Cell = read_cell(recording)
+    result = _result("full")
+    write_corrected_robot(tmp_path, cell, result)
+    again, q = read_robot(tmp_path / "robot_corrected.toml"), np.linspace(-1, 1, 6)
+    assert result.robot is not None
+    np.testing.assert_allclose(again.hand_pose(q).matrix, result.robot.hand_pose(q).matrix, rtol=0, atol=ATOL)
+    assert np.abs(again.hand_pose(q).t - result.robot.corrected(-result.robot_delta).hand_pose(q).t).max() > 0.01
+
+
+def test_a_urdf_is_written_as_a_urdf(recording: Path, tmp_path: Path) -> None:
+    (tmp_path / "arm.urdf").write_text(urdf_text(SIX))
+    (tmp_path / "robot.toml").write_text('urdf = "arm.urdf"\nbase = "L0"\ntip = "L9"\n')
+    nominal = read_urdf(tmp_path / "arm.urdf", "L0", "L9")
+    delta = np.zeros((5, nominal.n_joints))
+    delta[0], delta[2] = 1e-3, 0.2
+    cell = replace(read_cell(recording), robot=nominal, robot_path=tmp_path / "robot.toml")
+    result = replace(_result("scp"), robot=nominal.corrected(delta), robot_delta=delta)
+    write_corrected_robot(tmp_path, cell, result)
+    again, q = read_urdf(tmp_path / "robot_corrected.urdf", "L0", "L9"), np.linspace(-1, 1, nominal.n_joints)
+    np.testing.assert_allclose(again.hand_pose(q).matrix, nominal.corrected(delta).hand_pose(q).matrix, atol=ATOL)
+
+
+def test_a_robot_that_did_not_change_is_not_written(cli: Cli, recording: Path, tmp_path: Path) -> None:
+    write_corrected_robot(tmp_path, read_cell(recording), _result("scp"))
+    assert not list(tmp_path.iterdir())
+    out = tmp_path / "out"
+    assert cli("calibrate", recording, "--model", "full", "--out", out).code == 0
+    kept = json.loads((out / "result.json").read_text())["model"]
+    assert (out / "robot_corrected.toml").exists() == (kept == "full")
