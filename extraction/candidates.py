@@ -153,6 +153,10 @@ def _is_peak(smooth: Image32, j: int, i: int, radius: int) -> bool:
     """Whether no pixel within ``radius`` is larger; of equal ones the first in reading order counts."""
     rows, columns = smooth.shape
     here = smooth[j, i]
+    inside = 0 < i < columns - 1 and 0 < j < rows - 1
+    # most pixels fall at once
+    if inside and max(smooth[j, i - 1], smooth[j, i + 1], smooth[j - 1, i], smooth[j + 1, i]) > here:
+        return False
     for y in range(max(0, j - radius), min(rows, j + radius + 1)):
         for x in range(max(0, i - radius), min(columns, i + radius + 1)):
             other = smooth[y, x]

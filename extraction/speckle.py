@@ -42,6 +42,9 @@ def correlation(grain_px: float) -> Array:
     return np.asarray(np.exp(-DISTANCES2 / (4.0 * max(grain_px, 1e-3) ** 2)))
 
 
+GRAIN_CORRELATIONS = np.array([correlation(grain) for grain in GRAINS_PX])
+
+
 def estimate_speckle(
     about: SpotNoise, good: NDArray[np.bool_], contrast: float | None = None, grain_px: float | None = None
 ) -> Speckle:
@@ -91,7 +94,7 @@ def _grain(about: SpotNoise, good: NDArray[np.bool_]) -> float:
     if variance <= 0:
         return PRIOR_GRAIN_PX
     observed = float(about.neighbour[good].sum()) / variance
-    rho = np.array([correlation(g) for g in GRAINS_PX])
+    rho = GRAIN_CORRELATIONS
     ratio = (rho @ about.neighbour_speckle[good].sum(axis=0)) / (rho @ about.variance_speckle[good].sum(axis=0))
     freedom = FREEDOM * float(about.variance_speckle[good, 0].sum())
     cost = (observed - ratio) ** 2 * freedom + (np.log(GRAINS_PX / PRIOR_GRAIN_PX) / PRIOR_GRAIN_LN) ** 2

@@ -212,9 +212,9 @@ def _add_neighbours(q: Array, lags: NDArray[np.int64], out: Array) -> None:
             k, b, a = lags[lag, 0], lags[lag, 1], lags[lag, 2]
             first, last = max(0, -a), columns - max(0, a)
             for j in range(max(0, -b), rows - max(0, b)):
-                target, source = out[k, m, j], q[m, j + b]
-                for i in range(first, last):
-                    target[i] += source[i + a]
+                target, source = out[k, m, j, first:last], q[m, j + b, first + a : last + a]
+                for i in range(last - first):
+                    target[i] += source[i]
 
 
 def _residual_moments(planes: _Planes, free: Mask) -> dict[str, Array]:
@@ -224,7 +224,7 @@ def _residual_moments(planes: _Planes, free: Mask) -> dict[str, Array]:
     inverse = _inverse(normal, 1e-12)
     signalled = weighted * planes.signal[:, None]
     near = _near(signalled, planes.shape)
-    matrices = _matrices(signalled, planes.shape)
+    matrices = np.asarray((signalled @ near.transpose(0, 1, 3, 2)).transpose(1, 0, 2, 3))
     core = _core(planes, weighted, inverse, near, matrices)
     n, count = len(inverse), len(core.spot)
     own = np.arange(count)
