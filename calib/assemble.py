@@ -71,6 +71,16 @@ def location_figures(group: Sequence[Station], jig: Jig, chains: Chains) -> Loca
     return LocationFigures(result, fit, own)
 
 
+def location_pose(group: Sequence[Station], jig: Jig, chain: tuple[Pose, RobotModel | None]) -> Pose | None:
+    """T_base_jig fitted to all frames of a location by a chain, None where none is usable."""
+    usable = [s for s in group if s.usable and len(s.axis)]
+    if not usable:
+        return None
+    sensors = _sensors(usable, chain)
+    start, _ = agreeing_pose([sensors[i] @ s.candidates for i, s in enumerate(usable)])
+    return fit_location(pad_points([s.axis for s in usable]), sensors, jig.anchors_mm, start).T_base_jig
+
+
 def frame_result(
     s: Station, reason: str | None, flags: Sequence[str], distance_mm: Array | None, own: Pose | None
 ) -> FrameResult:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.answer import Estimate, answer
-from calib.assemble import Chains, by_location, location_figures
+from calib.assemble import by_location, location_pose
 from calib.config import CalibConfig, Model
 from calib.estimate import bundle_estimate, bundle_facts
 from calib.given_jigs import given_jig_notes
@@ -19,7 +19,7 @@ from calib.paper_check import checked
 from calib.paper_estimate import Starts, paper_estimate, paper_frames
 from calib.result import CalibrationResult, Verdict
 from calib.solution import make_problem, solve_problem
-from calib.stations import Station, label, stations
+from calib.stations import Station, label, stations, stays
 from calib.verdict import Motion, judge, judge_motion, motion
 from geometry import InputError, Pose, RobotModel, stack_poses
 from jig_cad import Jig
@@ -75,10 +75,13 @@ def _prepare(p: Problem) -> tuple[tuple[Station, ...], Verdict, Estimate | None]
     ready = label(stations(o, p.robot), o.sensor, design, o.T_base_jig, p.jig, b.config)
     verdict, estimate = _solve(b, ready, design)
     spots = any(f.axis is None for f in o.frames)
-    for _ in range(p.config.relabel_rounds if spots else 0):
+    for turn in range(p.config.relabel_rounds if spots else 0):
         if estimate is None or not verdict.trustworthy:
             break
-        ready = _relabel(b, ready, estimate)
+        again = _relabel(b, ready, estimate, every=turn == 0)
+        if again is None:
+            break
+        ready = again
         verdict, estimate = _solve(b, ready, estimate.T_hand_sensor)
     return ready, verdict, estimate
 
@@ -102,9 +105,8 @@ def _paper(p: Problem, ready: tuple[Station, ...], verdict: Verdict, bundle: Est
 def _remarks(p: Problem, ready: tuple[Station, ...], result: CalibrationResult) -> tuple[str, ...]:
     """What is to be said of given jig poses and hand poses."""
     o = p.observations
-    chains = Chains((result.T_hand_sensor or o.T_hand_sensor_design, result.robot), None)
-    fits = {n: location_figures(g, p.jig, chains).fit for n, g in by_location(o, ready).items() if n in o.T_base_jig}
-    found = {n: f.T_base_jig for n, f in fits.items() if f is not None}
+    chain, groups = (result.T_hand_sensor or o.T_hand_sensor_design, result.robot), by_location(o, ready)
+    found = {n: T for n in o.T_base_jig if n in groups and (T := location_pose(groups[n], p.jig, chain)) is not None}
     hands = hand_pose_notes(o, p.config.hand_floor_mm, p.config.hand_floor_deg)
     return (*given_jig_notes(o.T_base_jig, found, p.jig), *hands)
 
@@ -161,10 +163,27 @@ def _refused(ready: tuple[Station, ...]) -> tuple[Station, ...]:
     return tuple(s for s in ready if s.observation.role == "calibrate" and s.reason == "not_labelled" and len(s.axis))
 
 
-def _relabel(p: Problem, ready: tuple[Station, ...], estimate: Estimate) -> tuple[Station, ...]:
-    """Labels and axis points again, with the solved chain; given jig poses still decide the half turn."""
-    chains = Chains((p.observations.T_hand_sensor_design, p.robot), (estimate.T_hand_sensor, estimate.robot))
-    fits = {n: location_figures(g, p.jig, chains).fit for n, g in by_location(p.observations, ready).items()}
-    T_base_jig = {n: f.T_base_jig for n, f in fits.items() if f is not None}
+def _relabel(p: Problem, ready: tuple[Station, ...], estimate: Estimate, *, every: bool) -> tuple[Station, ...] | None:
+    """Labels and axis points again, with the solved chain; given jig poses still decide the half turn.
+
+    Unless ``every`` is asked for, complete frames without a flag that stand where the chain has them stay as they
+    are; None where all do.
+    """
+    chain, groups = (estimate.T_hand_sensor, estimate.robot), by_location(p.observations, ready)
+    T_base_jig = {n: T for n, g in groups.items() if (T := location_pose(g, p.jig, chain)) is not None}
     fresh = stations(p.observations, estimate.robot)
-    return label(fresh, p.observations.sensor, estimate.T_hand_sensor, T_base_jig, p.jig, p.config, refined=True)
+    kept = {
+        s.observation.frame: replace(s, T_base_hand=f.T_base_hand)
+        for s, f in zip(ready, fresh, strict=True)
+        if not every
+        and s.observation.location in T_base_jig
+        and len(s.axis) == len(p.jig.strings)
+        and not s.observation.reason
+        and stays(s, (f.T_base_hand @ chain[0]).inverse() @ T_base_jig[s.observation.location])
+    }
+    doubtful = tuple(f for f in fresh if f.observation.frame not in kept)
+    if not doubtful:
+        return None
+    again = label(doubtful, p.observations.sensor, chain[0], T_base_jig, p.jig, p.config, refined=True)
+    found = kept | {s.observation.frame: s for s in again}
+    return tuple(found[f.observation.frame] for f in fresh)

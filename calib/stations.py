@@ -11,12 +11,13 @@ from calib.config import CalibConfig
 from calib.jig_pose import jig_pose
 from calib.label_location import label_location
 from calib.observation import FrameObservation, Observations
-from geometry import AxisPoints, InputError, NoAnswerError, Pose, RobotModel, SensorModel, stack_poses
+from geometry import AxisPoints, InputError, NoAnswerError, Pose, RobotModel, SensorModel, log_so3, stack_poses
 from jig_cad import Jig
 
 Array = NDArray[np.float64]
 
 MIN_STRINGS = 3
+NEAR_MM, NEAR_RAD = 5.0, float(np.deg2rad(1.0))  # the surface offset needs the pose to a degree
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,6 +75,15 @@ def label(
                 reason = f.reason or (None if poses else "not_labelled")
                 out[s.observation.frame] = replace(s, axis=f.axis, candidates=stack_poses(poses), reason=reason)
     return tuple(out[s.observation.frame] for s in ready)
+
+
+def stays(s: Station, predicted: Pose) -> bool:
+    """Whether a labelled frame has no flag and its pose is so near the chain's that its surface offsets are right."""
+    if not s.usable or any(s.axis.flag):
+        return False
+    apart = predicted.inverse() @ s.candidates[0]
+    turn = float(np.linalg.norm(log_so3(apart.R)))
+    return bool(np.linalg.norm(apart.t) < NEAR_MM and turn < NEAR_RAD)
 
 
 def _station(frame: FrameObservation, robot: RobotModel | None) -> Station:
