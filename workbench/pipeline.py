@@ -53,13 +53,23 @@ def dataset_config(cell: Cell, config: ExtractionConfig) -> ExtractionConfig:
 
     One frame's spots tell little of it; the σ of all points hang on it. What the configuration gives is kept.
     """
+    if cell.points is not None or not learns(config):
+        return config
+    rows = [cell.frames[i] for i in frames_to_learn(len(cell.frames))]
+    return learn_speckle(_readable(cell, rows), cell.sensor.model, config)
+
+
+def learns(config: ExtractionConfig) -> bool:
+    """Whether the configuration leaves the speckle to be learnt from the images."""
     noise = config.noise
     known = noise.speckle_contrast is not None and noise.speckle_grain_px is not None
-    if cell.points is not None or config.localise.method != "ml" or known or not cell.frames:
-        return config
-    count = min(LEARNT_FRAMES, max(1, int(LEARNT_SHARE * len(cell.frames))))
-    rows = [cell.frames[(2 * n + 1) * len(cell.frames) // (2 * count)] for n in range(count)]
-    return learn_speckle(_readable(cell, rows), cell.sensor.model, config)
+    return config.localise.method == "ml" and not known
+
+
+def frames_to_learn(total: int) -> list[int]:
+    """Which of ``total`` frames the speckle is learnt from: a few, spread over all."""
+    count = min(LEARNT_FRAMES, max(1, int(LEARNT_SHARE * total)), total)
+    return [(2 * n + 1) * total // (2 * count) for n in range(count)]
 
 
 def _readable(cell: Cell, rows: list[FrameRow]) -> Iterator[object]:
