@@ -61,7 +61,9 @@ def paper_frames(used: tuple[Station, ...], jig: Jig, outlying: Collection[int] 
             continue
         yz = np.array([given[label] for label in LABELS])
         if not closed_forms(yz, jig.side_mm, jig.height_mm).defined:
-            reasons[number] = "no_closed_form"
+            reasons[number] = (
+                "outlier"  # noise puts a/l above 1: there is no angle whose cosine it is; the note counts them
+            )
             continue
         kept.append(s)
         points.append(yz)
@@ -85,9 +87,7 @@ def paper_estimate(
     derivative = _derivative(frames.yz_mm, jig, choice)
     noise, robot_part, chi2, explained, dof = _uncertainty(problem, result, own, derivative)
     left = len(frames.reasons)
-    delta = np.zeros((5, 0 if robot is None else robot.n_joints))
-    delta[0, list(offsets)] = result.offsets_rad
-    corrected = robot.corrected(delta) if robot is not None and offsets else robot
+    delta, corrected = _corrected(robot, offsets, result.offsets_rad)
     facts = Facts(  # no points are left out, and no other answer is looked for
         result.converged,
         result.iterations,
@@ -119,6 +119,15 @@ def paper_estimate(
         robot_sigma=np.zeros_like(delta),
     )
     return estimate, facts
+
+
+def _corrected(
+    robot: RobotModel | None, offsets: tuple[int, ...], offsets_rad: Array
+) -> tuple[Array, RobotModel | None]:
+    """What the estimated joint offsets change in the table (5, n), and the robot with it."""
+    delta = np.zeros((5, 0 if robot is None else robot.n_joints))
+    delta[0, list(offsets)] = offsets_rad
+    return delta, robot.corrected(delta) if robot is not None and offsets else robot
 
 
 def _in_order(s: Station, yz_mm: Array) -> Station:
