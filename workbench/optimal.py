@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.information import FrameInformation, scaled, scp_covariance
+from calib.information import FrameInformation, scaled, scp_covariance
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

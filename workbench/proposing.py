@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.information import FrameInformation, Model, observability, scaled
 from calib.uncertainty import printed_sigmas
 from geometry import InputError, NoAnswerError, stack_poses
+from workbench.expected import view_information
 from workbench.formats import Cell, FrameRow
-from workbench.information import FrameInformation, Model, frame_information, observability, scaled
 from workbench.optimal import RANDOM_PLANS, Choice, choose
 from workbench.planning import Tally, ViewLimits, ViewProblem, Views, feasible_views, spread
 from workbench.surroundings import jig_bodies, sees_all_strings
@@ -112,7 +113,7 @@ def _information(
     location = [i for _, i in old] + [i for i, v in enumerate(views) for _ in v.joints_rad]
     place = np.array(location, dtype=np.intp)
     poses = stack_poses(list(cell.T_base_jig.values()))
-    info = frame_information(
+    info = view_information(
         cell.robot, cell.sensor.model, cell.jig, cell.T_hand_sensor_design, poses, np.array(joints), place, model
     )
     return info, np.array(joints), place, np.arange(len(old), dtype=np.intp)

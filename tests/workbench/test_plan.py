@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 import workbench.proposing
+from calib.information import scp_covariance
 from tests.workbench.helpers import Cli
+from workbench.expected import view_information
 from workbench.formats import read_cell, read_frames
-from workbench.information import frame_information, scp_covariance
 
 
 @pytest.fixture(autouse=True)
@@ -50,7 +51,7 @@ def test_the_prediction_is_what_calibration_reports(recording: Path, answer: obj
     names = list(dict.fromkeys(row.location for row in rows))
     from geometry import stack_poses
 
-    info = frame_information(
+    info = view_information(
         cell.robot,
         cell.sensor.model,
         cell.jig,
