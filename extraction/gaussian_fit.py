@@ -21,81 +21,110 @@ from extraction.compiled import compiled, inner, inner_fast
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+Work = tuple[Array, Array, Array]  # moments (5, 5, 5), a row's sums (5, 5), a row's bell (C,)
 
-# columns of a fit's parameter vector
-U, V, HEIGHT, PREC_UU, PREC_UV, PREC_VV, BACKGROUND, SLOPE_U, SLOPE_V = range(9)
+# the terms are bells (the first six) or one, times x^POWER_X y^POWER_Y FACTOR
+POWER_X = np.array([0, 1, 0, 2, 1, 0, 0, 1, 0])
+POWER_Y = np.array([0, 0, 1, 0, 1, 2, 0, 0, 1])
+FACTOR = np.array([1.0, 1.0, 1.0, 0.5, 1.0, 0.5, 1.0, 1.0, 1.0])
 RESULT_COLUMNS = 14  # what `fit_window` writes
 PIXEL_VARIANCE_PX2 = 1.0 / 12.0
 MIN_VARIANCE_PX2 = 0.03  # narrower than any lens images: one pixel's spike
 MAX_STEP_PX = 1.0
+WIDEST = 4.0  # variance along a spot, in squares of the window's side, beyond which a fit is given up
 STEP_TOLERANCE = 1e-2  # a step below this share of its own standard deviation ends the iteration
 
 
 @inner_fast
-def _weights_and_sums(
-    data: Array, use: Mask, p: Array, n: int, noise: Array, weight: Array, fisher: Array, score: Array
-) -> float:
-    """Fill the weights 1/V and the sums of Fisher scoring in the basis g·(1, x, y, x²/2, xy, y²/2), 1, i, j; → χ²."""
-    rows, columns = data.shape
-    e = np.zeros(9)
-    for r in range(9):
-        score[r] = 0.0
-        for s in range(9):
-            fisher[r, s] = 0.0
-    chi2 = 0.0
-    v0, gain, level, k2 = noise[0] + noise[4], noise[1], noise[2], noise[3]
-    step_ratio = np.exp(-p[3])
-    for j in range(rows):
-        y = j - p[1]
-        x = -p[0]
-        g = np.exp(-0.5 * (p[3] * x * x + 2.0 * p[4] * x * y + p[5] * y * y))
-        ratio = np.exp(-p[3] * (x + 0.5) - p[4] * y)
-        for i in range(columns):
-            x = i - p[0]
-            if use[j, i]:
-                signal = p[2] * g
-                mu = signal + p[6] + p[7] * i + p[8] * j
-                w = 1.0 / (v0 + gain * max(mu - level, 0.0) + k2 * signal * signal)
-                weight[j, i] = w
-                residual = data[j, i] - mu
-                chi2 += w * residual * residual
-                e[0] = g
-                e[1] = g * x
-                e[2] = g * y
-                e[3] = 0.5 * g * x * x
-                e[4] = g * x * y
-                e[5] = 0.5 * g * y * y
-                e[6] = 1.0
-                e[7] = i
-                e[8] = j
-                for r in range(n):
-                    we = w * e[r]
-                    score[r] += we * residual
-                    for s in range(r + 1):
-                        fisher[r, s] += we * e[s]
-            g *= ratio
-            ratio *= step_ratio
-    return chi2
+def _bell_row(p: Array, y: float, bell: Array) -> None:
+    """exp(-½ (a x² + 2 h x y + c y²)) along a row, outwards from its largest pixel by recurrence."""
+    n = len(bell)
+    first = int(min(max(p[0] - p[4] * y / p[3] + 0.5, 0.0), n - 1.0))
+    x, curve = first - p[0], np.exp(-p[3])
+    value = np.exp(-0.5 * (p[3] * x * x + 2.0 * p[4] * x * y + p[5] * y * y))
+    ratio = np.exp(-p[3] * (x + 0.5) - p[4] * y)
+    back, left = curve / ratio, value
+    bell[first] = value
+    for i in range(first + 1, n):
+        value *= ratio
+        ratio *= curve
+        bell[i] = value
+    for i in range(first - 1, -1, -1):
+        left *= back
+        back *= curve
+        bell[i] = left
 
 
 @inner_fast
-def _chi2(data: Array, use: Mask, p: Array, weight: Array) -> float:
-    """Σ weight · residual² of the model ``p``."""
-    rows, columns = data.shape
-    step_ratio = np.exp(-p[3])
-    chi2 = 0.0
-    for j in range(rows):
+def _row_sums(
+    data: Array, use: Mask, bell: Array, p: Array, level: float, noise: Array, old: Array, weight: Array, sums: Array
+) -> tuple[float, float]:
+    """Write one row's weights 1/V and its sums by powers of x to ``sums`` (5, 5); → χ² with old and with new weights.
+
+    level: the row's background at x = 0. sums: of w g², w g, w, w r g, w r with g the bell and r the residual.
+    """
+    v0, gain, dark, k2, slope = noise[0] + noise[4], noise[1], noise[2], noise[3], p[7]
+    a0 = a1 = a2 = a3 = a4 = b0 = b1 = b2 = b3 = c0 = c1 = c2 = 0.0
+    d0 = d1 = d2 = e0 = e1 = before = chi2 = 0.0
+    for i in range(len(bell)):
+        x, g = i - p[0], bell[i]
+        signal = p[2] * g
+        mu = signal + level + slope * x
+        w = 1.0 / (v0 + gain * max(mu - dark, 0.0) + k2 * signal * signal)
+        w = w if use[i] else 0.0
+        r = data[i] - mu
+        before += old[i] * r * r
+        weight[i] = w
+        wg, wr, xx = w * g, w * r, x * x
+        wgg, wrg = wg * g, wr * g
+        a0, a1, a2, a3, a4 = a0 + wgg, a1 + wgg * x, a2 + wgg * xx, a3 + wgg * xx * x, a4 + wgg * xx * xx
+        b0, b1, b2, b3 = b0 + wg, b1 + wg * x, b2 + wg * xx, b3 + wg * xx * x
+        c0, c1, c2 = c0 + w, c1 + w * x, c2 + w * xx
+        d0, d1, d2 = d0 + wrg, d1 + wrg * x, d2 + wrg * xx
+        e0, e1, chi2 = e0 + wr, e1 + wr * x, chi2 + wr * r
+    sums[0, 0], sums[0, 1], sums[0, 2], sums[0, 3], sums[0, 4] = a0, a1, a2, a3, a4
+    sums[1, 0], sums[1, 1], sums[1, 2], sums[1, 3] = b0, b1, b2, b3
+    sums[2, 0], sums[2, 1], sums[2, 2] = c0, c1, c2
+    sums[3, 0], sums[3, 1], sums[3, 2] = d0, d1, d2
+    sums[4, 0], sums[4, 1] = e0, e1
+    return before, chi2
+
+
+@inner
+def _scoring_sums(
+    data: Array, use: Mask, p: Array, noise: Array, old: Array, weight: Array, work: Work, fisher: Array, score: Array
+) -> tuple[float, float]:
+    """Weights 1/V and the sums of Fisher scoring at p; → χ² with the weights ``old`` and with the new ones.
+
+    The terms are g·(1, x, y, x²/2, xy, y²/2), 1, x, y with g the bell: all sums are moments about the centre.
+    """
+    moments, sums, bell = work
+    moments[:] = 0.0
+    before, chi2 = 0.0, 0.0
+    for j in range(data.shape[0]):
         y = j - p[1]
-        x = -p[0]
-        g = np.exp(-0.5 * (p[3] * x * x + 2.0 * p[4] * x * y + p[5] * y * y))
-        ratio = np.exp(-p[3] * (x + 0.5) - p[4] * y)
-        for i in range(columns):
-            if use[j, i]:
-                residual = data[j, i] - (p[2] * g + p[6] + p[7] * i + p[8] * j)
-                chi2 += weight[j, i] * residual * residual
-            g *= ratio
-            ratio *= step_ratio
-    return chi2
+        _bell_row(p, y, bell)
+        level = p[6] + p[7] * p[0] + p[8] * j
+        change = _row_sums(data[j], use[j], bell, p, level, noise, old[j], weight[j], sums)
+        before, chi2 = before + change[0], chi2 + change[1]
+        for kind in range(5):
+            degree, power = 4 - kind if kind < 2 else (1 if kind == 4 else 2), 1.0
+            for b in range(degree + 1):
+                for a in range(degree + 1 - b):
+                    moments[kind, a, b] += sums[kind, a] * power
+                power *= y
+    _assemble(moments, fisher, score)
+    return before, chi2
+
+
+@inner
+def _assemble(moments: Array, fisher: Array, score: Array) -> None:
+    """The lower triangle of the Fisher information (9, 9) and the score (9,) from the moments (5, 5, 5)."""
+    for r in range(9):
+        for s in range(r + 1):
+            kind = 0 if r < 6 else (1 if s < 6 else 2)
+            fisher[r, s] = FACTOR[r] * FACTOR[s] * moments[kind, POWER_X[r] + POWER_X[s], POWER_Y[r] + POWER_Y[s]]
+        score[r] = FACTOR[r] * moments[3 if r < 6 else 4, POWER_X[r], POWER_Y[r]]
 
 
 @inner
@@ -147,10 +176,11 @@ def _moved(p: Array, q: Array, n: int, out: Array) -> bool:
     out[2] = height * min(max(1.0 + scale * q[0] / height, 0.3), 3.0)
     for k in range(3, 6):
         out[k] = p[k] - scale * q[k] / height
-    for k in range(6, n):
-        out[k] = p[k] + scale * q[k]
-    for k in range(n, 9):
-        out[k] = p[k]
+    out[6], out[7], out[8] = p[6] + scale * q[6], p[7], p[8]
+    if n == 9:  # the slopes' terms are about the spot's centre
+        out[6] -= scale * (q[7] * p[0] + q[8] * p[1])
+        out[7] += scale * q[7]
+        out[8] += scale * q[8]
     trace, det = out[3] + out[5], out[3] * out[5] - out[4] * out[4]
     if not (out[2] > 0.0 and det > 0.0 and out[3] > 0.0):
         return False
@@ -165,14 +195,13 @@ def fit_window(data: Array, use: Mask, start: Array, n: int, noise: Array, max_i
     noise: v₀, g, m, k², and what the weights add to v₀ for the model's own error.
     out (14,): parameters 0-8, Cov(u, v) as uu, uv, vv 9-11, χ² 12, iterations 13. Returns 1 where it converged, else 0.
     """
-    p, trial, q = np.zeros(9), np.zeros(9), np.zeros(9)
-    for k in range(9):
-        p[k] = start[k]
-    weight, fisher, factor = np.zeros(data.shape), np.zeros((9, 9)), np.zeros((9, 9))
-    score = np.zeros(9)
+    p, trial, q = start[:9].copy(), np.zeros(9), np.zeros(9)
+    weight, fisher, score = np.zeros(data.shape), np.zeros((9, 9)), np.zeros(9)
+    next_weight, next_fisher, next_score = np.zeros(data.shape), np.zeros((9, 9)), np.zeros(9)
+    factor, work = np.zeros((9, 9)), (np.zeros((5, 5, 5)), np.zeros((5, 5)), np.empty(data.shape[1]))
     damping, converged, iteration = 0.0, 0.0, 0
-    chi2 = _weights_and_sums(data, use, p, n, noise, weight, fisher, score)
-    while iteration < max_iterations:
+    chi2 = _scoring_sums(data, use, p, noise, weight, weight, work, fisher, score)[1]
+    while iteration < max_iterations and converged == 0.0 and damping <= 1e9:
         iteration += 1
         if cholesky(fisher, damping, n, factor):
             solve(factor, score, n, q)
@@ -181,18 +210,17 @@ def fit_window(data: Array, use: Mask, start: Array, n: int, noise: Array, max_i
                 decrement += q[k] * score[k]
             if _moved(p, q, n, trial):
                 small = decrement < STEP_TOLERANCE * STEP_TOLERANCE
-                if small or _chi2(data, use, trial, weight) <= chi2 * (1.0 + 1e-12):
-                    for k in range(9):
-                        p[k] = trial[k]
+                same, new = _scoring_sums(data, use, trial, noise, weight, next_weight, work, next_fisher, next_score)
+                if small or same <= chi2 * (1.0 + 1e-12):
+                    p, trial, chi2 = trial, p, new
+                    weight, next_weight = next_weight, weight
+                    fisher, next_fisher, score, next_score = next_fisher, fisher, next_score, score
                     damping = 0.1 * damping if damping > 1e-4 else 0.0
-                    chi2 = _weights_and_sums(data, use, p, n, noise, weight, fisher, score)
-                    if small:
-                        converged = 1.0
-                        break
+                    converged = 1.0 if small else 0.0
+                    if (p[3] + p[5]) > WIDEST * max(data.shape) ** 2 * (p[3] * p[5] - p[4] * p[4]):
+                        break  # a stripe's piece: no end within the window
                     continue
         damping = max(8.0 * damping, 1e-3)
-        if damping > 1e9:
-            break
     for k in range(9):
         out[k] = p[k]
     _position_covariance(p, fisher, factor, n, out)
@@ -218,14 +246,3 @@ def _position_covariance(p: Array, fisher: Array, factor: Array, n: int, out: Ar
     out[9] = s00 * s00 * c00 + 2 * s00 * s01 * c01 + s01 * s01 * c11
     out[10] = s00 * s01 * c00 + (s00 * s11 + s01 * s01) * c01 + s01 * s11 * c11
     out[11] = s01 * s01 * c00 + 2 * s01 * s11 * c01 + s11 * s11 * c11
-
-
-def model_planes(parameters: Array, shape: tuple[int, ...]) -> tuple[Array, Array, Array]:
-    """The model's bell and x, y from the spots (N, R, C) over windows of one shape, for parameters (N, 9).
-
-    The same model as the compiled one, for whole stacks.
-    """
-    p = parameters[:, :, None, None]
-    x, y = np.arange(shape[1]) - p[:, U], np.arange(shape[0])[:, None] - p[:, V]
-    bell = np.exp(-0.5 * (p[:, PREC_UU] * x * x + 2.0 * p[:, PREC_UV] * x * y + p[:, PREC_VV] * y * y))
-    return bell, x, y

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from extraction.spot_noise import DISTANCES2, SpotNoise
+from extraction.spot_budget import DISTANCES2
+from extraction.spot_noise import SpotNoise
 
 Array = NDArray[np.float64]
 
@@ -33,7 +34,7 @@ class Speckle:
 
     @property
     def variances(self) -> Array:
-        """Contrast² · ρ for the classes of distance of `spot_noise` (CLASSES,)."""
+        """Contrast² · ρ for the classes of distance of `spot_budget` (CLASSES,)."""
         return np.asarray(self.contrast**2 * correlation(self.grain_px))
 
 
