@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from calib.config import CalibConfig
 from calib.surface_config import SurfaceConfig
-from geometry import Pose, SensorModel, SurfacePoints
+from geometry import Pose, SensorModel, SurfacePoints, cross
 from jig_cad import Jig
 
 Array = NDArray[np.float64]
@@ -92,7 +92,7 @@ def centroid_offsets(yz_mm: Array, directions: Array, sensor: SensorModel, threa
     view = _unit(sensor.camera_centre_mm - point)
     l_across, v_across = (_unit(u - np.sum(u * directions, -1, keepdims=True) * directions) for u in (light, view))
     middle = _unit(l_across + v_across)
-    side = np.cross(directions, middle)
+    side = cross(directions, middle)
     half_angle = np.arccos(np.clip(np.sum(l_across * v_across, -1), -1, 1)) / 2
     nodes, weights = _nodes()
     phi = (np.pi / 2 - half_angle)[..., None] * nodes  # lit and seen: within a right angle of both

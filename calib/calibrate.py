@@ -17,9 +17,10 @@ from calib.model_choice import choose_model, left_out_rms
 from calib.observation import Observations
 from calib.paper_check import checked
 from calib.paper_estimate import Starts, paper_estimate, paper_frames
+from calib.relabel import relabel, settled
 from calib.result import CalibrationResult, Verdict
-from calib.solution import make_problem, solve_problem
-from calib.stations import Station, label, stations, stays
+from calib.solution import Solution, make_problem, solve_problem
+from calib.stations import Station, label, stations
 from calib.verdict import Motion, judge, judge_motion, motion
 from geometry import InputError, Pose, RobotModel, stack_poses
 from jig_cad import Jig
@@ -37,6 +38,16 @@ class Problem:
     config: CalibConfig
 
 
+@dataclass(frozen=True, eq=False)
+class _Solved:
+    """The bundle's verdict with its answer; ``used``: the stations of the solution's frames."""
+
+    verdict: Verdict
+    estimate: Estimate | None = None
+    solution: Solution | None = None
+    used: tuple[Station, ...] = ()
+
+
 def calibrate(
     observations: Observations, jig: Jig, robot: RobotModel | None, config: CalibConfig | None = None
 ) -> CalibrationResult:
@@ -50,21 +61,21 @@ def calibrate(
     config = config or CalibConfig()
     observations = with_joints(observations, robot)
     p = Problem(observations, jig, robot, config)
-    ready, verdict, estimate = _prepare(p)
+    ready, solved = _prepare(p)
     if config.method == "paper":
-        result = _paper(p, ready, verdict, estimate)
-    elif estimate is None or not verdict.trustworthy:
-        result = answer(observations, ready, jig, robot, config, verdict, estimate)
+        result = _paper(p, ready, solved)
+    elif solved.solution is None or not solved.verdict.trustworthy:
+        result = answer(observations, ready, jig, robot, config, solved.verdict, solved.estimate)
     else:
-        kept, scores, words = _choose(p, ready, estimate)
+        kept, scores, words = _choose(p, solved.solution, solved.used)
         if kept.config.model != config.model:
-            verdict, estimate = _solve(kept, ready, estimate.T_hand_sensor)
-        result = answer(observations, ready, jig, robot, kept.config, verdict, estimate)
+            solved = _solve(kept, ready, solved.solution.T_hand_sensor)
+        result = answer(observations, ready, jig, robot, kept.config, solved.verdict, solved.estimate)
         result = replace(result, left_out_rms_mm=scores, notes=(*result.notes, words, *_lonely(observations)))
     return replace(result, notes=(*result.notes, *_remarks(p, ready, result)))
 
 
-def _prepare(p: Problem) -> tuple[tuple[Station, ...], Verdict, Estimate | None]:
+def _prepare(p: Problem) -> tuple[tuple[Station, ...], _Solved]:
     """Labels and axis points by design, then by the solved chain, with the bundle's answer; for both methods.
 
     The paper's iteration leaves labels and surface offsets open, and its own solution is too coarse to find them.
@@ -73,21 +84,21 @@ def _prepare(p: Problem) -> tuple[tuple[Station, ...], Verdict, Estimate | None]
     b = replace(p, config=p.config.model_copy(update={"method": "bundle", "model": model}))
     o, design = p.observations, p.observations.T_hand_sensor_design
     ready = label(stations(o, p.robot), o.sensor, design, o.T_base_jig, p.jig, b.config)
-    verdict, estimate = _solve(b, ready, design)
-    spots = any(f.axis is None for f in o.frames)
-    for turn in range(p.config.relabel_rounds if spots else 0):
-        if estimate is None or not verdict.trustworthy:
+    solved = _solve(b, ready, design)
+    for _ in range(p.config.relabel_rounds if any(f.axis is None for f in o.frames) else 0):
+        if solved.estimate is None or not solved.verdict.trustworthy:
             break
-        again = _relabel(b, ready, estimate, every=turn == 0)
-        if again is None:
+        again = _relabel(b, ready, solved.estimate)
+        if settled(ready, again):
             break
         ready = again
-        verdict, estimate = _solve(b, ready, estimate.T_hand_sensor)
-    return ready, verdict, estimate
+        solved = _solve(b, ready, solved.estimate.T_hand_sensor)
+    return ready, solved
 
 
-def _paper(p: Problem, ready: tuple[Station, ...], verdict: Verdict, bundle: Estimate | None) -> CalibrationResult:
+def _paper(p: Problem, ready: tuple[Station, ...], solved: _Solved) -> CalibrationResult:
     """The paper's answer to the prepared frames; the bundle's tells mirrors and outliers and judges it."""
+    verdict, bundle = solved.verdict, solved.estimate
     design, trusted = p.observations.T_hand_sensor_design, bundle if verdict.trustworthy else None
     outlying = {**trusted.reasons, **trusted.outliers} if trusted is not None else {}
     used = tuple(s for s in ready if s.observation.role == "calibrate" and s.usable)
@@ -124,13 +135,11 @@ def _lonely(observations: Observations) -> tuple[str, ...]:
     )
 
 
-def _choose(p: Problem, ready: tuple[Station, ...], estimate: Estimate) -> tuple[Problem, dict[str, float], str]:
+def _choose(p: Problem, solution: Solution, used: tuple[Station, ...]) -> tuple[Problem, dict[str, float], str]:
     """Keep the model asked for unless it predicts locations that it did not see worse than scp alone."""
-    used = tuple(s for s in ready if s.observation.role == "calibrate" and s.usable)
-    used = tuple(s for s in used if s.observation.frame not in estimate.reasons)
     asked = p.config.model
     models: tuple[Model, ...] = ("scp",) if asked == "scp" else ("scp", asked)
-    scores = {m: left_out_rms(used, p.jig, p.robot, estimate.T_hand_sensor, p.config, m) for m in models}
+    scores = {m: left_out_rms(solution, used, p.config, m) for m in models}
     model, words = choose_model(scores, asked)
     known: dict[str, float] = {m: rms for m, rms in scores.items() if rms is not None}
     if asked == "scp":
@@ -138,17 +147,17 @@ def _choose(p: Problem, ready: tuple[Station, ...], estimate: Estimate) -> tuple
     return replace(p, config=p.config.model_copy(update={"model": model})), known, words
 
 
-def _solve(p: Problem, ready: tuple[Station, ...], T_hand_sensor: Pose) -> tuple[Verdict, Estimate | None]:
+def _solve(p: Problem, ready: tuple[Station, ...], T_hand_sensor: Pose) -> _Solved:
     """Solve the usable calibrate frames by the bundle, or say why they can not be."""
     used = tuple(s for s in ready if s.observation.role == "calibrate" and s.usable)
     moved = _motion(used)
     verdict = judge_motion(moved, p.config)
     if verdict is not None:
-        return verdict, None
+        return _Solved(verdict)
     problem = make_problem(used, p.jig, p.robot, p.config)
     solution = solve_problem(problem, [s.candidates for s in used], T_hand_sensor, p.config)
     facts = bundle_facts(solution, used, _refused(ready))
-    return judge(facts, moved, p.config), bundle_estimate(solution, used, p.config)
+    return _Solved(judge(facts, moved, p.config), bundle_estimate(solution, used, p.config), solution, used)
 
 
 def _motion(used: tuple[Station, ...]) -> Motion:
@@ -163,27 +172,9 @@ def _refused(ready: tuple[Station, ...]) -> tuple[Station, ...]:
     return tuple(s for s in ready if s.observation.role == "calibrate" and s.reason == "not_labelled" and len(s.axis))
 
 
-def _relabel(p: Problem, ready: tuple[Station, ...], estimate: Estimate, *, every: bool) -> tuple[Station, ...] | None:
-    """Labels and axis points again, with the solved chain; given jig poses still decide the half turn.
-
-    Unless ``every`` is asked for, complete frames without a flag that stand where the chain has them stay as they
-    are; None where all do.
-    """
+def _relabel(p: Problem, ready: tuple[Station, ...], estimate: Estimate) -> tuple[Station, ...]:
+    """Labels and axis points again, with the solved chain; given jig poses still decide the half turn."""
     chain, groups = (estimate.T_hand_sensor, estimate.robot), by_location(p.observations, ready)
     T_base_jig = {n: T for n, g in groups.items() if (T := location_pose(g, p.jig, chain)) is not None}
     fresh = stations(p.observations, estimate.robot)
-    kept = {
-        s.observation.frame: replace(s, T_base_hand=f.T_base_hand)
-        for s, f in zip(ready, fresh, strict=True)
-        if not every
-        and s.observation.location in T_base_jig
-        and len(s.axis) == len(p.jig.strings)
-        and not s.observation.reason
-        and stays(s, (f.T_base_hand @ chain[0]).inverse() @ T_base_jig[s.observation.location])
-    }
-    doubtful = tuple(f for f in fresh if f.observation.frame not in kept)
-    if not doubtful:
-        return None
-    again = label(doubtful, p.observations.sensor, chain[0], T_base_jig, p.jig, p.config, refined=True)
-    found = kept | {s.observation.frame: s for s in again}
-    return tuple(found[f.observation.frame] for f in fresh)
+    return relabel(ready, fresh, p.observations, chain[0], T_base_jig, p.jig, p.config)

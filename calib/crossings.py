@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import Pose
+from geometry import Pose, cross
 
 Array = NDArray[np.float64]
 
@@ -37,7 +37,7 @@ def crossings_jacobian(T_sensor_jig: Pose, starts: Array, directions: Array) -> 
     )  # (..., S, 2, 3): motion in jig axes to motion in the plane
     c = starts + s[..., None] * directions  # crossing in {J}
     # v = R (ρ + ω × c): row · (ω × c) = (c × row) · ω
-    turn = _cross(c[..., None, :], slide)
+    turn = cross(c[..., None, :], slide)
     return p[..., 1:] + s[..., None] * q[..., 1:], s, np.concatenate([slide, turn], -1)
 
 
@@ -51,12 +51,6 @@ def anchor_jacobian(T_sensor_jig: Pose, starts: Array, directions: Array, length
 def _lines(T: Pose, starts: Array, directions: Array) -> tuple[Array, Array]:
     Rt = np.swapaxes(T.R, -1, -2)
     return starts @ Rt + T.t[..., None, :], directions @ Rt
-
-
-def _cross(a: Array, b: Array) -> Array:
-    """Cross product along the last axis (np.cross spends most of its time on checks)."""
-    (a0, a1, a2), (b0, b1, b2) = np.moveaxis(a, -1, 0), np.moveaxis(b, -1, 0)
-    return np.stack([a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0], -1)
 
 
 def _away_from_zero(x: Array) -> Array:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.departure import departure
-from calib.jig_pose_types import Ambiguity, JigPoseCandidate, JigPoseResult
+from calib.jig_pose_types import Ambiguity, JigPoseCandidate, JigPoseFit, JigPoseResult
 from calib.pose_solver import PoseProblem, PoseSolution, solve_poses
 from calib.pose_starts import grid_starts, pencil_starts
 from calib.pose_weakness import (
@@ -41,6 +41,25 @@ def jig_pose(
     anchor_sigma_mm: σ of the anchors in y and z for the likelihoods; None: uniform within the jig's tolerance.
     Raises NoAnswerError where fewer than three strings are given or no iteration converges.
     """
+    fit, problem, jacobian = _search(axis, jig, guess, anchor_sigma_mm)
+    best, others = fit.best, fit.candidates[1:]
+    weak = weak_directions(best, jig)
+    condition = scaled_condition(jacobian)
+    undetermined = bool(weak) or condition > WEAK_CONDITION or curved(problem, best, jig)
+    mirror = any(c.chi2 < best.chi2 + AMBIGUOUS_CHI2 for c in others)
+    ambiguity: Ambiguity = "weak" if undetermined else "mirror" if mirror else "unique"
+    return JigPoseResult(fit.candidates, fit.dof, condition, weak, ambiguity)
+
+
+def fit_pose(axis: AxisPoints, jig: Jig, guess: Pose | None = None) -> JigPoseFit:
+    """As ``jig_pose``, without the diagnosis of what the points leave undetermined."""
+    return _search(axis, jig, guess, None)[0]
+
+
+def _search(
+    axis: AxisPoints, jig: Jig, guess: Pose | None, anchor_sigma_mm: float | None
+) -> tuple[JigPoseFit, PoseProblem, Array]:
+    """All minima, the problem, and the whitened Jacobian (rows, 6) at the chosen one."""
     index = string_indices(axis, jig)
     starts, directions = jig.starts[index], jig.directions[index]
     problem = PoseProblem(starts, directions, axis.yz_mm, whitening(axis.cov_yz_mm2))
@@ -52,15 +71,10 @@ def jig_pose(
     share = np.exp(-0.5 * (chi2 - np.min(chi2)))
     order = _order(chi2, solution.T_sensor_jig, guess, jig)
     candidates = tuple(_candidate(solution, axis, i, share[i] / share.sum(), chi2[i]) for i in order[:MAX_CANDIDATES])
-    weak = weak_directions(candidates[0], jig)
-    condition = scaled_condition(solution.jacobian[order[0]])
-    undetermined = bool(weak) or condition > WEAK_CONDITION or curved(problem, candidates[0], jig)
-    mirror = len(order) > 1 and np.min(chi2[order[1:]]) < chi2[order[0]] + AMBIGUOUS_CHI2
-    ambiguity: Ambiguity = "weak" if undetermined else "mirror" if mirror else "unique"
-    return JigPoseResult(candidates, 2 * len(axis) - 6, condition, weak, ambiguity)
+    return JigPoseFit(candidates, 2 * len(axis) - 6), problem, solution.jacobian[order[0]]
 
 
-def pose_near(axis: AxisPoints, jig: Jig, guess: Pose, root_information: Array) -> JigPoseResult:
+def pose_near(axis: AxisPoints, jig: Jig, guess: Pose, root_information: Array) -> JigPoseFit:
     """The pose next to a guess of known uncertainty: for points that do not determine one on their own.
 
     root_information: (6, 6) of ξ in T = guess · Exp(ξ). dof counts what the points themselves check.
@@ -75,7 +89,7 @@ def pose_near(axis: AxisPoints, jig: Jig, guess: Pose, root_information: Array) 
     candidate = _candidate(solution, axis, 0, 1.0, float(chi2[0]))
     own = solution.jacobian[0, : 2 * len(axis)]
     rank = int(np.sum(scaled_singular_values(own) > 1.0 / WEAK_CONDITION))
-    return JigPoseResult((candidate,), 2 * len(axis) - rank, scaled_condition(own), weak_directions(candidate, jig))
+    return JigPoseFit((candidate,), 2 * len(axis) - rank)
 
 
 def string_indices(axis: AxisPoints, jig: Jig) -> NDArray[np.intp]:

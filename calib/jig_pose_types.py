@@ -43,18 +43,11 @@ class WeakDirection:
 
 
 @dataclass(frozen=True, eq=False)
-class JigPoseResult:
-    """All local minima of a frame's jig pose, the chosen one first.
-
-    dof: degrees of freedom of the cost. condition: of the whitened Jacobian, columns scaled to unit norm.
-    ambiguity: "unique"; "mirror": a second pose is about as likely; "weak": a direction is (nearly) undetermined.
-    """
+class JigPoseFit:
+    """All local minima of a frame's jig pose, the chosen one first; ``dof``: degrees of freedom of the cost."""
 
     candidates: tuple[JigPoseCandidate, ...]
     dof: int
-    condition: float
-    weak: tuple[WeakDirection, ...] = ()
-    ambiguity: Ambiguity = "unique"
 
     @property
     def best(self) -> JigPoseCandidate:
@@ -75,3 +68,16 @@ class JigPoseResult:
     def converged(self) -> bool:
         """Whether the chosen candidate's iteration converged."""
         return self.best.converged
+
+
+@dataclass(frozen=True, eq=False)
+class JigPoseResult(JigPoseFit):
+    """The local minima, and what the points leave undetermined.
+
+    condition: of the whitened Jacobian, columns scaled to unit norm.
+    ambiguity: "unique"; "mirror": a second pose is about as likely; "weak": a direction is (nearly) undetermined.
+    """
+
+    condition: float
+    weak: tuple[WeakDirection, ...] = ()
+    ambiguity: Ambiguity = "unique"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,7 @@ from calib.surface_config import LabellingConfig
 from geometry import Pose
 
 Array = NDArray[np.float64]
+Index = int | NDArray[np.intp]
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,13 +37,13 @@ class Chain:
         scp = _diagonal(share * config.scp_sigma_mm, share * config.scp_sigma_deg)
         return Chain(Ts_base_hand, T_hand_sensor, scp, _diagonal(config.robot_sigma_mm, config.robot_sigma_deg))
 
-    @property
+    @cached_property
     def Ts_base_sensor(self) -> Pose:
         """Pose of the sensor in every frame (N)."""
         return self.Ts_base_hand @ self.T_hand_sensor
 
-    def from_frame(self, i: int, T_sensor_jig: Pose, covariance: Array, j: int) -> Prior:
-        """Jig pose of frame j by that of frame i.
+    def from_frame(self, i: Index, T_sensor_jig: Pose, covariance: Array, j: Index) -> Prior:
+        """Jig pose of frame j by that of frame i; batches of frames broadcast.
 
         With the SCP wrong by ξ and G the sensor's motion:
         T_j = Exp(-ξ) G Exp(ξ) T_i ≈ G T_i · Exp(Ad(T_j⁻¹) (Ad(G) - 1) ξ).
@@ -51,22 +53,26 @@ class Chain:
         T = G @ T_sensor_jig
         to_jig = T.inverse().adjoint
         scp = to_jig @ (G.adjoint - np.eye(6))
-        total = scp @ self.scp_covariance @ scp.T + 2 * to_jig @ self.robot_covariance @ to_jig.T
+        total = _carried(scp, self.scp_covariance) + 2 * _carried(to_jig, self.robot_covariance)
         return Prior(T, total + covariance)
 
     def from_base(self, T_base_jig: Pose, covariance: Array, j: int) -> Prior:
         """Jig pose of frame j by the jig's pose in the base, whose covariance (6, 6) is given in the jig's axes."""
         T = self.Ts_base_sensor[j].inverse() @ T_base_jig
         to_jig = T.inverse().adjoint
-        return Prior(T, to_jig @ (self.scp_covariance + self.robot_covariance) @ to_jig.T + covariance)
+        return Prior(T, _carried(to_jig, self.scp_covariance + self.robot_covariance) + covariance)
 
 
-def mahalanobis2(prior: Prior, T_sensor_jig: Pose, covariance: Array) -> float:
-    """Squared distance, 6 degrees of freedom, of a found pose from its prediction."""
-    if np.trace(prior.T_sensor_jig.R.T @ T_sensor_jig.R) < -0.5:  # turned by more than 138°
-        return float("inf")
-    xi = departure(prior.T_sensor_jig, T_sensor_jig)
-    return float(xi @ np.linalg.solve(prior.covariance + covariance, xi))
+def mahalanobis2(prior: Prior, T_sensor_jig: Pose, covariance: Array) -> Array:
+    """Squared distances (...), 6 degrees of freedom, of found poses (...) from their prediction."""
+    near = np.sum(prior.T_sensor_jig.R * T_sensor_jig.R, axis=(-1, -2)) >= -0.5  # not turned by more than 138°
+    xi = departure(prior.T_sensor_jig, T_sensor_jig)[..., None]
+    distance = np.swapaxes(xi, -1, -2) @ np.linalg.solve(prior.covariance + covariance, xi)
+    return np.asarray(np.where(near, distance[..., 0, 0], np.inf))
+
+
+def _carried(by: Array, covariance: Array) -> Array:
+    return np.asarray(by @ covariance @ np.swapaxes(by, -1, -2))
 
 
 def _diagonal(sigma_mm: float, sigma_deg: float) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,11 +13,12 @@ from calib.label_chain import Chain, mahalanobis2
 from calib.label_evidence import Prior
 from calib.label_refine import LabelledFrame, half_turned, with_pose
 from calib.labelling import label_spots
-from geometry import Pose, SensorModel, SurfacePoints
+from geometry import Pose, SensorModel, SurfacePoints, stack_poses
 from jig_cad import Jig
 
 Array = NDArray[np.float64]
 
+LIKELY = 1e-6  # a candidate below this share is no rival to the chosen one
 CONSISTENT_CHI2 = 30.0  # 6 degrees of freedom: 4e-5 of true predictions lie farther
 GIVEN_JIG_SIGMA_MM, GIVEN_JIG_SIGMA_DEG = 3.0, 1.0  # how well a T_base_jig of cell.toml is taken to be known
 SOLVED_SHARE = 0.2  # of that, where it was solved for
@@ -61,58 +63,68 @@ def label_location(
 def _plausible(found: list[LabelledFrame], priors: list[Prior | None], jig: Jig) -> bool:
     """Whether a given T_base_jig predicts any of the frames that were labelled without it, if there are two or more."""
     pairs = [(f, p) for f, p in zip(found, priors, strict=False) if p is not None and f.T_sensor_jig is not None]
-    agreeing = sum(mahalanobis2(p, *_nearest(p, f, jig)) < CONSISTENT_CHI2 for f, p in pairs)
+    agreeing = sum(bool(np.min(_Pool.of([f], jig).distances(p)) < CONSISTENT_CHI2) for f, p in pairs)
     return len(pairs) < 2 or agreeing > 0
+
+
+@dataclass(frozen=True, eq=False)
+class _Pool:
+    """The likely candidates of all frames, each with its half turn beside it.
+
+    T_sensor_jig (C), covariance (C, 6, 6), frame (C,): whose it is; a frame's chosen candidate comes first.
+    """
+
+    T_sensor_jig: Pose
+    covariance: Array
+    frame: NDArray[np.intp]
+
+    @staticmethod
+    def of(found: Sequence[LabelledFrame], jig: Jig) -> _Pool:
+        turn = jig.half_turn
+        carried = turn.inverse().adjoint
+        poses, covariances, frames = [], [], []
+        for i, f in enumerate(found):
+            for c in f.candidates if f.T_sensor_jig is not None else ():
+                if c is f.candidates[0] or c.likelihood > LIKELY:
+                    poses += [c.T_sensor_jig, c.T_sensor_jig @ turn]
+                    covariances += [c.covariance, carried @ c.covariance @ carried.T]
+                    frames += [i, i]
+        return _Pool(stack_poses(poses), np.array(covariances).reshape(-1, 6, 6), np.array(frames, dtype=np.intp))
+
+    def distances(self, prior: Prior) -> Array:
+        """Squared distances (C,) from a prediction of one frame, or of each candidate's own."""
+        return mahalanobis2(prior, self.T_sensor_jig, self.covariance)
+
+    def distances_by(self, i: int, chain: Chain) -> Array:
+        """Squared distances (C,) from what the chosen candidate of frame i predicts."""
+        k = int(np.argmax(self.frame == i))
+        return self.distances(chain.from_frame(i, self.T_sensor_jig[k], self.covariance[k], self.frame))
 
 
 def _priors_by_vote(found: list[LabelledFrame], chain: Chain, jig: Jig) -> list[Prior | None]:
     """Every frame's prediction from the frames that agree with most others, half turn by the first of them."""
-    labelled = [i for i, f in enumerate(found) if f.T_sensor_jig is not None]
-    if not labelled:
+    pool = _Pool.of(found, jig)
+    labelled = np.unique(pool.frame)
+    if not len(labelled):
         return [None] * len(found)
-    agreeing = max((_agreeing(i, labelled, found, chain, jig) for i in labelled), key=len)
-    first = min(agreeing)
-    T, covariance = _pose_of(found[first])
-    references = {first: (T, covariance)}
-    for i in sorted(agreeing):
-        prior = chain.from_frame(first, T, covariance, i)
-        references[i] = _nearest(prior, found[i], jig)
-    return [_best_prior(j, references, chain, jig) for j in range(len(found))]
+    distances = {int(i): pool.distances_by(int(i), chain) for i in labelled}
+    agreeing = {i: {i, *map(int, pool.frame[d < CONSISTENT_CHI2])} for i, d in distances.items()}
+    chosen = sorted(agreeing[max(agreeing, key=lambda i: len(agreeing[i]))])
+    by_first = distances[chosen[0]]
+    nearest = [min(np.flatnonzero(pool.frame == i), key=lambda k: float(by_first[k])) for i in chosen]
+    return _best_priors(pool, np.array(nearest), chain, len(found))
 
 
-def _agreeing(i: int, labelled: list[int], found: list[LabelledFrame], chain: Chain, jig: Jig) -> set[int]:
-    T, covariance = _pose_of(found[i])
-    out = {i}
-    for j in labelled:
-        if j == i:
-            continue
-        prior = chain.from_frame(i, T, covariance, j)
-        near, cov = _nearest(prior, found[j], jig)
-        if mahalanobis2(prior, near, cov) < CONSISTENT_CHI2:
-            out.add(j)
-    return out
-
-
-def _nearest(prior: Prior, frame: LabelledFrame, jig: Jig) -> tuple[Pose, Array]:
-    """The candidate of a frame, its half turn included, that is nearest to the prediction."""
-    poses = [
-        (c.T_sensor_jig, c.covariance) for c in frame.candidates if c.likelihood > 1e-6 or c is frame.candidates[0]
-    ]
-    turn = jig.half_turn
-    carried = turn.inverse().adjoint
-    poses += [(T @ turn, carried @ cov @ carried.T) for T, cov in poses]
-    return min(poses, key=lambda p: mahalanobis2(prior, *p))
-
-
-def _best_prior(j: int, references: dict[int, tuple[Pose, Array]], chain: Chain, jig: Jig) -> Prior | None:
-    """The prediction of frame j, from another frame, that leaves the smallest gates."""
-    priors = [chain.from_frame(i, T, cov, j) for i, (T, cov) in references.items() if i != j or len(references) == 1]
-    return min(priors, key=lambda p: float(np.trace(p.covariance[:3, :3]))) if priors else None
-
-
-def _pose_of(frame: LabelledFrame) -> tuple[Pose, Array]:
-    best = frame.candidates[0]
-    return best.T_sensor_jig, best.covariance
+def _best_priors(pool: _Pool, references: NDArray[np.intp], chain: Chain, n_frames: int) -> list[Prior | None]:
+    """The prediction of every frame by that reference, of another frame, which leaves the smallest gates."""
+    frames = pool.frame[references]
+    T, covariance = pool.T_sensor_jig[references], pool.covariance[references]
+    every = chain.from_frame(frames[:, None], T[:, None], covariance[:, None], np.arange(n_frames)[None])
+    gates = np.trace(every.covariance[..., :3, :3], axis1=-2, axis2=-1)
+    if len(references) > 1:
+        gates[np.arange(len(frames)), frames] = np.inf
+    best = np.argmin(gates, axis=0)
+    return [Prior(every.T_sensor_jig[int(k), j], every.covariance[k, j]) for j, k in enumerate(best)]
 
 
 def _settle(
@@ -122,9 +134,11 @@ def _settle(
     if prior is None:
         return found
     complete = found.T_sensor_jig is not None and len(found.axis) == len(jig.strings)
-    if found.T_sensor_jig is not None:
-        T, cov = _nearest(prior, found, jig)
-        if mahalanobis2(prior, T, cov) < CONSISTENT_CHI2 and complete:
+    if found.T_sensor_jig is not None and complete:
+        pool = _Pool.of([found], jig)
+        distances = pool.distances(prior)
+        T = pool.T_sensor_jig[int(np.argmin(distances))]
+        if np.min(distances) < CONSISTENT_CHI2:
             turned = T.R[:, 0] @ found.T_sensor_jig.R[:, 0] < 0
             frame = half_turned(found, points, jig, sensor, config) if turned else found
             return with_pose(frame, T)

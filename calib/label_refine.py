@@ -12,8 +12,8 @@ from scipy.stats import chi2 as chi2_distribution
 from calib.axis_offset import axis_points
 from calib.config import CalibConfig
 from calib.crossings import crossings
-from calib.jig_pose import jig_pose, pose_near
-from calib.jig_pose_types import JigPoseCandidate, JigPoseResult
+from calib.jig_pose import fit_pose, pose_near
+from calib.jig_pose_types import JigPoseCandidate, JigPoseFit
 from calib.label_evidence import Prior
 from geometry import AxisPoints, NoAnswerError, Pose, SensorModel, SurfacePoints
 from jig_cad import Jig, half_turn_label
@@ -78,7 +78,7 @@ class _Part:
     sensor: SensorModel
     config: CalibConfig
 
-    def solve(self, labels: IntArray) -> tuple[AxisPoints, JigPoseResult]:
+    def solve(self, labels: IntArray) -> tuple[AxisPoints, JigPoseFit]:
         """Axis points for the pose, then the pose for the axis points: a pose of 1° suffices for the offsets."""
         index = np.flatnonzero(labels >= 0)
         names = tuple(self.jig.strings[i] for i in index)
@@ -89,15 +89,15 @@ class _Part:
         axis = AxisPoints(names, labels[index], yz, cov, spots.flag)
         if given is not None and len(index) < FULL:
             return axis, pose_near(axis, self.jig, *given)
-        return axis, jig_pose(axis, self.jig, T if given is None else given[0])
+        return axis, fit_pose(axis, self.jig, T if given is None else given[0])
 
-    def misfit(self, pose: JigPoseResult) -> bool:
+    def misfit(self, pose: JigPoseFit) -> bool:
         """Whether χ² says that some point is not where its string is."""
         limit = chi2_distribution.isf(self.config.labelling.min_probability, max(pose.dof, 1))
         return bool(pose.dof > 0 and pose.best.chi2 > limit)
 
 
-def _without_worst(part: _Part, labels: IntArray, axis: AxisPoints) -> tuple[AxisPoints, JigPoseResult]:
+def _without_worst(part: _Part, labels: IntArray, axis: AxisPoints) -> tuple[AxisPoints, JigPoseFit]:
     """The frame less the one string whose absence lets the others agree; kept with a flag if it is near its string."""
     trials = []
     for s in map(int, np.flatnonzero(labels >= 0)):
@@ -134,6 +134,8 @@ def half_turned(
     """The frame with the jig the other way up (B and C change places); unchanged where the jig has no such twin."""
     if frame.T_sensor_jig is None or any(half_turn_label(label) not in jig.strings for label in frame.axis.label):
         return frame
+    if not jig.measured:
+        return _renamed(frame, jig)
     labels = np.full(len(jig.strings), -1, dtype=np.intp)
     for label, spot in zip(frame.axis.label, frame.axis.spot, strict=True):
         labels[jig.strings.index(half_turn_label(label))] = spot
@@ -142,6 +144,29 @@ def half_turned(
     axis, pose = _Part(points, T, None, jig, sensor, config).solve(labels)
     axis = replace(axis, flag=tuple(flags[int(s)] for s in axis.spot))
     return LabelledFrame(axis, pose.T_sensor_jig, pose.candidates, pose.best.chi2, pose.dof)
+
+
+def _renamed(frame: LabelledFrame, jig: Jig) -> LabelledFrame:
+    """The frame half turned where the anchors are nominal: strings change their names, lines and spots stay."""
+    axis, turn = frame.axis, jig.half_turn
+    names = [half_turn_label(label) for label in axis.label]
+    order = sorted(range(len(axis)), key=lambda i: jig.strings.index(names[i]))
+    flags = tuple(axis.flag[i] for i in order) if axis.flag else ()
+    turned = AxisPoints(
+        tuple(names[i] for i in order), axis.spot[order], axis.yz_mm[order], axis.cov_yz_mm2[order], flags
+    )
+    carried = turn.inverse().adjoint
+    candidates = tuple(
+        replace(
+            c,
+            T_sensor_jig=c.T_sensor_jig @ turn,
+            covariance=carried @ c.covariance @ carried.T,
+            residuals_mm=c.residuals_mm[order],
+        )
+        for c in frame.candidates
+    )
+    T = None if frame.T_sensor_jig is None else frame.T_sensor_jig @ turn
+    return replace(frame, axis=turned, T_sensor_jig=T, candidates=candidates)
 
 
 def with_pose(frame: LabelledFrame, near: Pose) -> LabelledFrame:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.problem import Problem
-from geometry import InputError, Pose, RobotModel
+from geometry import InputError, Pose, RobotModel, cross
 
 Array = NDArray[np.float64]
 
@@ -93,7 +93,7 @@ def linearise(problem: Problem, state: State) -> Linearised:
     g = np.zeros((*present.shape[:2], 2, 3))
     g[..., 0] = -crossing.slope[..., 1:] * present
     g[..., 0, 1] = g[..., 1, 2] = present[..., 0]
-    twist = np.concatenate([g, np.cross(crossing.xyz_mm[..., None, :], g)], -1)  # (F, M, 2, 6), in sensor axes
+    twist = np.concatenate([g, cross(crossing.xyz_mm[..., None, :], g)], -1)  # (F, M, 2, 6), in sensor axes
     hand = -twist @ state.T_hand_sensor.inverse().adjoint
     jig = twist @ T_sensor_jig.adjoint[:, None]
     w = crossing.fraction[..., None]

@@ -2,44 +2,36 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
+from calib.bundle import BundleResult, solve_bundle
 from calib.config import CalibConfig, Model
-from calib.figures import agreeing_pose, fit_location
-from calib.problem import pad_points
-from calib.solution import Solution, make_problem, solve_problem
+from calib.figures import fit_location
+from calib.linearise import State, corrected_robot
+from calib.problem import at_frames
+from calib.solution import Mask, Solution, estimated_parameters
 from calib.stations import Station
 from calib.verdict import judge_motion, motion
-from geometry import Pose, RobotModel, stack_poses
-from jig_cad import Jig
+from geometry import stack_poses
 
 _OVERFIT = 1.05  # a larger model must not predict worse than this times the smaller one
 
 
-def left_out_rms(
-    used: tuple[Station, ...],
-    jig: Jig,
-    robot: RobotModel | None,
-    T_hand_sensor: Pose,
-    config: CalibConfig,
-    model: Model,
-) -> float | None:
+def left_out_rms(solution: Solution, used: tuple[Station, ...], config: CalibConfig, model: Model) -> float | None:
     """Rms distance [mm] of the points from their strings at locations that took no part in the solution.
 
-    None where fewer than two locations can be left out, because the rest would not suffice.
+    used: the stations of the solution's frames. Weights and outliers are those of the whole solution, everything
+    estimated is solved again without the location. None where fewer than two can be left out, because the rest would
+    not suffice.
     """
-    squares, count = [], 0
-    chosen = config.model_copy(update={"model": model})
-    for name in dict.fromkeys(s.observation.location for s in used):
-        rest = tuple(s for s in used if s.observation.location != name)
-        own = [s for s in used if s.observation.location == name]
-        if not _enough(rest, config):
-            continue
-        problem = make_problem(rest, jig, robot, chosen)
-        solution = solve_problem(problem, [s.candidates for s in rest], T_hand_sensor, chosen)
-        squares.append(_predict(own, jig, solution))
-        count += 1
-    return float(np.sqrt(np.mean(np.concatenate(squares)))) if count > 1 else None
+    squares = []
+    for k in range(solution.problem.n_locations):
+        rest = (solution.problem.location != k) & ~solution.frame_outlier
+        if _enough(tuple(s for s, r in zip(used, rest, strict=True) if r), config):
+            squares.append(_predicted(solution, k, estimated_parameters(solution.problem, model)))
+    return float(np.sqrt(np.mean(np.concatenate(squares)))) if len(squares) > 1 else None
 
 
 def choose_model(scores: dict[Model, float | None], asked: Model) -> tuple[Model, str]:
@@ -62,17 +54,26 @@ def _enough(rest: tuple[Station, ...], config: CalibConfig) -> bool:
     return judge_motion(motion(stack_poses([s.T_base_hand for s in rest]), firsts, place), config) is None
 
 
-def _predict(own: list[Station], jig: Jig, solution: Solution) -> np.ndarray:
-    """Squared distances of a location's points with only its jig pose fitted."""
-    robot = solution.robot
-    hands = [
-        s.T_base_hand
-        if s.observation.joints_rad is None or robot is None
-        else robot.hand_pose(s.observation.joints_rad)
-        for s in own
-    ]
-    sensors = stack_poses(hands) @ solution.T_hand_sensor
-    start, _ = agreeing_pose([sensors[i] @ s.candidates for i, s in enumerate(own)])
-    fit = fit_location(pad_points([s.axis for s in own]), sensors, jig.anchors_mm, start)
-    distance = fit.distance_mm[np.isfinite(fit.distance_mm)]
-    return np.asarray(distance**2)
+def _predicted(solution: Solution, left_out: int, applied: Mask) -> np.ndarray:
+    """Squared distances of a location's points, only its jig pose fitted, all else solved from the other locations."""
+    problem = solution.problem
+    fit = _without(solution, left_out, applied)
+    own = at_frames(problem, (problem.location == left_out) & ~solution.frame_outlier)
+    hands, parameters, joints = own.chain.T_base_hand, fit.state.parameters, own.chain.joints_rad
+    if np.any(parameters) and joints is not None:
+        hands = corrected_robot(problem, parameters).hand_pose(joints)
+    start = solution.bundle.state.Ts_base_jig[left_out]
+    distance = fit_location(own.points, hands @ fit.state.T_hand_sensor, problem.anchors_mm, start).distance_mm
+    return np.asarray(distance[np.isfinite(distance)] ** 2)
+
+
+def _without(solution: Solution, left_out: int, applied: Mask) -> BundleResult:
+    """The bundle of the other locations, started from the whole solution."""
+    problem, state = solution.problem, solution.bundle.state
+    rest = problem.location != left_out
+    others = np.flatnonzero(np.arange(problem.n_locations) != left_out)
+    same = np.array_equal(applied, solution.applied)
+    nominal = replace(state, parameters=np.zeros_like(state.parameters), T_base_hand=problem.chain.T_base_hand)
+    start: State = state if same else nominal
+    start = replace(start, Ts_base_jig=state.Ts_base_jig[others], T_base_hand=start.T_base_hand[np.flatnonzero(rest)])
+    return solve_bundle(at_frames(problem, rest), start, applied, solution.bundle.removed[rest])

@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import Pose, nearest_rotation
+from geometry import Pose, cross, nearest_rotation
 
 Array = NDArray[np.float64]
 
@@ -80,16 +80,16 @@ def _dot(a: Array, b: Array) -> Array:
 def _poses(x: Array) -> Pose:
     m = x[..., 3:].reshape(*x.shape[:-1], 3, 2)
     y, z = m[..., 0], m[..., 1]
-    R_jig_sensor = nearest_rotation(np.stack([np.cross(y, z), y, z], -1))
+    R_jig_sensor = nearest_rotation(np.stack([cross(y, z), y, z], -1))
     return Pose(R_jig_sensor, x[..., :3]).inverse()
 
 
 def _across(directions: Array) -> Array:
     """Two unit vectors (..., 2, 3) across each direction (..., 3)."""
     helper = np.where(np.abs(directions[..., :1]) < 0.6, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0])
-    first = np.cross(directions, helper)
+    first = cross(directions, helper)
     first = first / np.linalg.norm(first, axis=-1, keepdims=True)
-    return np.stack([first, np.cross(directions, first)], -2)
+    return np.stack([first, cross(directions, first)], -2)
 
 
 def _cubic_roots(c: Array) -> Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,6 +78,23 @@ class Problem:
     def n_frames(self) -> int:
         """The number of frames."""
         return len(self.location)
+
+
+def at_frames(problem: Problem, chosen: NDArray[np.bool_]) -> Problem:
+    """The problem of the ``chosen`` frames (F,) alone, its locations numbered anew."""
+    i = np.flatnonzero(chosen)
+    p, c = problem.points, problem.chain
+    points = Points(p.yz_mm[i], p.cov_mm2[i], p.present[i], p.string[i])
+    joints = None if c.joints_rad is None else c.joints_rad[i]
+    chain = replace(
+        c,
+        T_base_hand=c.T_base_hand[i],
+        parameter_jacobian=c.parameter_jacobian[i],
+        noise=c.noise[i],
+        joints_rad=joints,
+    )
+    names, location = np.unique(problem.location[i], return_inverse=True)
+    return replace(problem, points=points, chain=chain, location=location.astype(np.intp), n_locations=len(names))
 
 
 def pad_points(frames: Sequence[AxisPoints]) -> Points:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.config import CalibConfig
-from calib.jig_pose import jig_pose
+from calib.jig_pose import fit_pose
 from calib.label_location import label_location
 from calib.observation import FrameObservation, Observations
 from geometry import AxisPoints, InputError, NoAnswerError, Pose, RobotModel, SensorModel, log_so3, stack_poses
@@ -107,7 +107,7 @@ def _given(s: Station, jig: Jig) -> Station:
     if len(set(axis.label)) < MIN_STRINGS:
         return replace(s, axis=axis, reason="too_few_spots" if len(axis) else "no_spots")
     try:
-        found = jig_pose(axis, jig)
+        found = fit_pose(axis, jig)
     except NoAnswerError:
         return replace(s, axis=axis, reason="not_labelled")
     return replace(s, axis=axis, candidates=stack_poses([c.T_sensor_jig for c in found.candidates]), reason=None)

@@ -5,7 +5,7 @@ from geometry.field_of_view import field_of_view, inside_polygon
 from geometry.inverse_kinematics import InverseKinematics, all_solutions, inverse_kinematics
 from geometry.lines import cross_plane_x0, distance_to_line
 from geometry.points import AxisPoints, SurfacePoints
-from geometry.pose import Pose, exp_so3, log_so3, nearest_rotation, quaternion_wxyz, skew, stack_poses
+from geometry.pose import Pose, cross, exp_so3, log_so3, nearest_rotation, quaternion_wxyz, skew, stack_poses
 from geometry.robot import PARAMETERS, RobotModel, RobotUncertainty
 from geometry.sensor import SensorModel
 
@@ -23,6 +23,7 @@ __all__ = [
     "SensorModel",
     "SurfacePoints",
     "all_solutions",
+    "cross",
     "cross_plane_x0",
     "did_you_mean",
     "distance_to_line",

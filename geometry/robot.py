@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from geometry.errors import InputError
-from geometry.pose import Pose
+from geometry.pose import Pose, cross
 
 Array = NDArray[np.float64]
 
@@ -197,7 +197,7 @@ def _check_coupling(coupling: Array, n: int) -> None:
 
 def _rotating(hand: Pose, axis: Array, point: Array) -> Array:
     """Twists (..., 6, n) in the hand's axes of unit rotations about axes (..., n, 3) through points (..., n, 3)."""
-    linear = np.cross(axis, hand.t[..., None, :] - point)
+    linear = cross(axis, hand.t[..., None, :] - point)
     twists = np.stack([linear, axis], -2) @ hand.R[..., None, :, :]
     return np.moveaxis(twists.reshape(*twists.shape[:-2], 6), -1, -2)
 
