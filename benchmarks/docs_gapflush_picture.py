@@ -1,4 +1,4 @@
-"""Draw the definition of gap and flush, as docs/gapflush.md shows it, from a measured profile.
+"""Draw the definition of gap and flush, as docs/gapflush.md shows it, from the profile of rendered panels.
 
 Run: python benchmarks/docs_gapflush_picture.py [file.png]
 """
@@ -10,38 +10,26 @@ from pathlib import Path
 
 import numpy as np
 
-from extraction.gapflush import measure_gap_flush
-from extraction.profile import Profile, StripePeaks
+from assets import path as asset
+from extraction import extract_profile, measure_gap_flush
+from geometry import Pose
+from perceptron_emu import EmulatorConfig, Scene, render
+from perceptron_emu.panels import PanelPair
+from workbench.formats import read_sensor
 from workbench.results.gapflush_picture import draw_gap_flush
 
-GAP_MM, FLUSH_MM, RADII_MM, NOISE_MM = 4.0, 1.2, (1.5, 2.5), 0.02
-
-
-def profile() -> Profile:
-    """Two panels over a floor, as seen from above, with noise."""
-    y = np.arange(-14, 18, 0.1)
-    z = np.full(len(y), np.nan)
-    for s, radius, top in ((y, RADII_MM[0], 0.0), (GAP_MM - y, RADII_MM[1], -FLUSH_MM)):
-        z[s <= -radius] = top
-        bend = (s > -radius) & (s <= -radius * (1 - np.sin(np.deg2rad(72))))
-        z[bend] = top + radius - np.sqrt(radius**2 - (s[bend] + radius) ** 2)
-    seen = np.isfinite(z)
-    n = int(seen.sum())
-    z = z[seen] + 200 + np.random.default_rng(1).normal(0, NOISE_MM, n)
-    cov = np.zeros((n, 2, 2))
-    cov[:, 1, 1] = NOISE_MM**2
-    zero = np.zeros(n)
-    peaks = StripePeaks(
-        np.arange(n, dtype=np.int32), np.zeros((n, 2)), np.zeros((n, 2)), *(zero,) * 5, flag=np.zeros(n, np.uint8)
-    )
-    return Profile(peaks, np.column_stack([y[seen], z]), cov)
+PANELS = PanelPair(gap_mm=4.0, flush_mm=1.2, radii_mm=(1.5, 2.5))
 
 
 def main() -> None:
-    """Measure and draw."""
+    """Render, measure and draw."""
     target = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parents[1] / "docs/pictures/gapflush.png"
-    p = profile()
-    draw_gap_flush(p, measure_gap_flush(p), target)
+    sensor = read_sensor(asset("sensors", "nominal")).model
+    config = EmulatorConfig.model_validate({"exposure": {"time_ms": 0.3}, "speckle": {"enabled": False}})
+    place = Pose(np.eye(3), np.array([0, 0, 300.0]))
+    image = render(Scene(sensor, None, solids=PANELS.solids(place)), config, np.random.default_rng(1)).image
+    profile = extract_profile(image, sensor)
+    draw_gap_flush(profile, measure_gap_flush(profile), target)
 
 
 if __name__ == "__main__":

@@ -30,6 +30,7 @@ class PanelEdge:
     side: +1 for the left panel, whose gap lies towards +y, -1 for the right one.
     parameters: angle of the face against the first estimate [rad], offset of the face at s = 0, where the bend begins,
     radius [mm] (4,); covariance (4, 4). radius 0: a sharp edge, at the tangent.
+    face: indices of the face's points near its end.
     used: indices of the profile's points in the fit. arc_rad: how much of the bend was seen. chi2_per_dof: of the fit.
     """
 
@@ -38,6 +39,7 @@ class PanelEdge:
     side: float
     parameters: Array
     covariance: Array
+    face: Indices
     used: Indices
     arc_rad: float
     chi2_per_dof: float
@@ -62,11 +64,14 @@ class PanelEdge:
         return np.asarray(self.centre(p) + p[3] * towards)
 
 
-def fit_edge(yz: Array, cov: Array, face: Face, side: float, tolerance: float, config: GapFlushConfig) -> PanelEdge:
+def fit_edge(
+    yz: Array, cov: Array, face: Face, side: float, tolerance: float, config: GapFlushConfig, last: int | None = None
+) -> tuple[PanelEdge, Indices]:
     """The edge of the panel with that face, on its side towards the gap (+1: the left panel).
 
     Weighted robust least squares over the last ``face_length_mm`` of the face and the points of the bend, as far as
-    MAX_ARC_RAD. A face without points of a bend has a sharp edge at its last point, half a step on.
+    MAX_ARC_RAD. A face without points of a bend has a sharp edge at its last point, half a step on. last: index of the
+    last point that can be the panel's own. Returned with the indices of the points after the face, in order.
     """
     near = _near_end(yz, face, side, config.face_length_mm)
     origin, direction = fit_line(yz[near])
@@ -74,17 +79,18 @@ def fit_edge(yz: Array, cov: Array, face: Face, side: float, tolerance: float, c
     sd = np.column_stack([side * (yz - origin) @ direction, frame.depth(yz)])
     turned = np.array([side * direction, frame.normal])
     cov = turned @ cov @ turned.T
-    bend = _bend_points(sd, face, side, tolerance, config)
+    bend = _bend_points(sd, face, side, tolerance, config, last)
     if len(bend) >= 2:  # the first points of a bend still count as face
         fit = _fit_bend(sd, cov, near, bend, config)
         if fit is not None:
-            return PanelEdge(origin, direction, side, *fit)
-    return PanelEdge(origin, direction, side, *_sharp(sd, cov, near, bend))
+            return PanelEdge(origin, direction, side, *fit), bend
+    sharp = _sharp(sd, cov, near, bend)
+    return PanelEdge(origin, direction, side, *sharp), bend
 
 
 def _fit_bend(
     sd: Array, cov: Array, near: Indices, bend: Indices, config: GapFlushConfig
-) -> tuple[Array, Array, Indices, float, float] | None:
+) -> tuple[Array, Array, Indices, Indices, float, float] | None:
     """Parameters, covariance, points used, arc and χ² of face and bend in one; None where no bend remains."""
     every, end = np.concatenate([near, bend]), float(sd[near, 0].max())
     spread = _sigma(np.zeros(4), sd[every], cov[every])
@@ -99,7 +105,7 @@ def _fit_bend(
     freedom = max(len(used) - 4, 1)
     chi2 = float(np.sum(_off(best.x, sd[used], spread) ** 2)) / freedom
     covariance = np.linalg.pinv(best.jac.T @ best.jac) * max(chi2, 1.0)
-    return best.x, covariance, np.sort(used), float(_arc(best.x, sd[used]).max()), chi2
+    return best.x, covariance, near, np.sort(used), float(_arc(best.x, sd[used]).max()), chi2
 
 
 def _best_of_grid(sd: Array, sigma: Array, end: float, config: GapFlushConfig) -> Array:
@@ -156,9 +162,12 @@ def _near_end(yz: Array, face: Face, side: float, length: float) -> Indices:
     return np.asarray(index[near & on_line], dtype=np.intp)
 
 
-def _bend_points(sd: Array, face: Face, side: float, tolerance: float, config: GapFlushConfig) -> Indices:
+def _bend_points(
+    sd: Array, face: Face, side: float, tolerance: float, config: GapFlushConfig, last: int | None
+) -> Indices:
     """Indices of the points that follow the face's end without a break, as far as a bend can reach."""
-    ahead = np.arange(face.last + 1, len(sd)) if side > 0 else np.arange(face.first - 1, -1, -1)
+    end_index = (len(sd) - 1 if side > 0 else 0) if last is None else last
+    ahead = np.arange(face.last + 1, end_index + 1) if side > 0 else np.arange(face.first - 1, end_index - 1, -1)
     here = sd[face.last if side > 0 else face.first]
     end, out, skipped = here[0], [], 0
     for k in ahead:
@@ -173,7 +182,7 @@ def _bend_points(sd: Array, face: Face, side: float, tolerance: float, config: G
     return np.array(out, dtype=np.intp)
 
 
-def _sharp(sd: Array, cov: Array, near: Indices, bend: Indices) -> tuple[Array, Array, Indices, float, float]:
+def _sharp(sd: Array, cov: Array, near: Indices, bend: Indices) -> tuple[Array, Array, Indices, Indices, float, float]:
     """As `_fit_bend`, for an edge without a bend: it lies between the last point and the next, missing one.
 
     One or two points that leave the face do not make a bend, but widen σ by what they reach.
@@ -186,7 +195,7 @@ def _sharp(sd: Array, cov: Array, near: Indices, bend: Indices) -> tuple[Array, 
     covariance = np.zeros((4, 4))
     covariance[:2, :2] = np.linalg.inv(j.T @ j) * max(chi2, 1.0)
     covariance[2, 2] = (pitch**2 + (reach - last) ** 2) / 12
-    return np.array([0.0, 0.0, reach + pitch / 2, 0.0]), covariance, near, 0.0, chi2
+    return np.array([0.0, 0.0, reach + pitch / 2, 0.0]), covariance, near, near, 0.0, chi2
 
 
 def _normal(direction: Array) -> Array:

@@ -8,14 +8,19 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from extraction.profile import Profile, StripePeaks, flag_bits, flag_names
 from geometry import InputError
+from geometry.errors import did_you_mean
+
+Array = NDArray[np.float64]
 
 COLUMNS = (
     "section,u_px,v_px,sigma_px,normal_u,normal_v,amplitude_dn,width_px,background_dn,chi2_per_dof,"
     "y_mm,z_mm,sigma_y_mm,sigma_z_mm,cov_yz_mm2,flag"
 )
+_LEAST_SCATTER_MM = 1e-4
 
 
 def write_profile_csv(profile: Profile, path: str | Path) -> None:
@@ -48,38 +53,75 @@ def write_profile_ply(profile: Profile, path: str | Path) -> None:
 
 
 def read_profile_csv(path: str | Path) -> Profile:
-    """The profile that `write_profile_csv` wrote; InputError names the file and line that can not be used."""
+    """The profile that `write_profile_csv` wrote, or points of any other make in columns y_mm and z_mm.
+
+    Of COLUMNS all others may be missing; σ is then what neighbouring points scatter by, and there are no peaks (zero
+    σ and width in px). InputError names the file and line that can not be used.
+    """
     try:
-        text = Path(path).read_text(encoding="utf-8")
+        text = Path(path).read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: not a readable profile: {error}") from None
-    lines = text.splitlines()
-    if not lines or lines[0].strip() != COLUMNS:
-        raise InputError(f"{path}, line 1: the columns of a profile must be {COLUMNS}")
-    table, flags = np.empty((len(lines) - 1, 15)), np.zeros(len(lines) - 1, dtype=np.uint8)
-    for i, row in enumerate(csv.reader(lines[1:])):
-        try:
-            table[i], flags[i] = [float(x) for x in row[:15]], flag_bits(row[15])
-        except (ValueError, IndexError) as error:
-            raise InputError(f"{path}, line {i + 2}: 15 numbers and a flag are needed: {error}") from None
-    if not np.isfinite(table).all():
-        bad = int(np.flatnonzero(~np.isfinite(table).all(axis=1))[0])
-        raise InputError(f"{path}, line {bad + 2}: holds a number that is not finite")
+    rows = csv.reader(text.splitlines())
+    columns = [name.strip() for name in next(rows, [])]
+    known = COLUMNS.split(",")
+    for name in columns:
+        if name not in known or columns.count(name) > 1:
+            hint = did_you_mean(name, known)
+            raise InputError(f"{path}, line 1: column {name!r} is unknown or given twice{hint}; known are {COLUMNS}")
+    if not {"y_mm", "z_mm"} <= set(columns):
+        raise InputError(f"{path}, line 1: a profile needs the columns y_mm and z_mm; known are {COLUMNS}")
+    table: dict[str, list[float]] = {name: [] for name in columns}
+    for line, row in enumerate(rows, start=2):
+        if len(row) != len(columns):
+            raise InputError(f"{path}, line {line}: {len(row)} values for {len(columns)} columns")
+        for name, value in zip(columns, row, strict=True):
+            table[name].append(_value(name, value, f"{path}, line {line}, column {name}"))
+    return _profile({name: np.array(values, dtype=float) for name, values in table.items()})
+
+
+def _value(name: str, text: str, where: str) -> float:
+    try:
+        value = float(flag_bits(text)) if name == "flag" else float(text)
+    except ValueError as error:
+        raise InputError(f"{where}: {error}") from None
+    if not np.isfinite(value):
+        raise InputError(f"{where}: {text} is not finite")
+    return value
+
+
+def _profile(table: dict[str, Array]) -> Profile:
+    """A profile from the columns that there are."""
+    n = len(table["y_mm"])
+
+    def column(name: str, default: float = 0.0) -> Array:
+        return table.get(name, np.full(n, default))
+
+    yz = np.column_stack([table["y_mm"], table["z_mm"]])
     peaks = StripePeaks(
-        section=table[:, 0].astype(np.int32),
-        uv_px=table[:, 1:3],
-        normal=table[:, 4:6],
-        sigma_px=table[:, 3],
-        amplitude_dn=table[:, 6],
-        width_px=table[:, 7],
-        background_dn=table[:, 8],
-        chi2_per_dof=table[:, 9],
-        flag=flags,
+        section=column("section").astype(np.int32) if "section" in table else np.arange(n, dtype=np.int32),
+        uv_px=np.column_stack([column("u_px"), column("v_px")]),
+        normal=np.column_stack([column("normal_u"), column("normal_v", 1.0)]),
+        sigma_px=column("sigma_px"),
+        amplitude_dn=column("amplitude_dn"),
+        width_px=column("width_px"),
+        background_dn=column("background_dn"),
+        chi2_per_dof=column("chi2_per_dof"),
+        flag=column("flag").astype(np.uint8),
     )
-    cov = np.empty((len(table), 2, 2))
-    cov[:, 0, 0], cov[:, 1, 1], cov[:, 0, 1] = table[:, 12] ** 2, table[:, 13] ** 2, table[:, 14]
-    cov[:, 1, 0] = table[:, 14]
-    return Profile(peaks, table[:, 10:12], cov)
+    cov = np.zeros((n, 2, 2))
+    cov[:, 0, 0] = column("sigma_y_mm") ** 2
+    cov[:, 1, 1] = (table["sigma_z_mm"] if "sigma_z_mm" in table else np.full(n, _scatter_mm(yz))) ** 2
+    cov[:, 0, 1] = cov[:, 1, 0] = column("cov_yz_mm2")
+    return Profile(peaks, yz, cov)
+
+
+def _scatter_mm(yz: Array) -> float:
+    """Robust σ of z from second differences along y, blind to the profile's course."""
+    if len(yz) < 3:
+        return _LEAST_SCATTER_MM
+    second = np.diff(yz[np.argsort(yz[:, 0], kind="stable"), 1], 2)
+    return max(float(1.4826 * np.median(np.abs(second)) / np.sqrt(6)), _LEAST_SCATTER_MM)
 
 
 def write_atomically(path: str | Path, text: str) -> None:

@@ -8,59 +8,120 @@ import cv2
 import numpy as np
 import pytest
 import trimesh
-from shapely.geometry import Polygon
 
 from assets import path as asset
-from perceptron_emu import EmulatorConfig, Material, Scene, Solid, render
+from extraction import extract_profile, measure_gap_flush
+from geometry import Pose
+from perceptron_emu import EmulatorConfig, Scene, render
+from perceptron_emu.panels import PanelPair, random_panels
 from tests.workbench.helpers import Cli
 from workbench.formats import read_sensor, write_png
 
-GAP_MM, FLUSH_MM, RADII_MM = 4.0, 0.8, (2.0, 2.5)
-ATOL_GAP_MM = 0.15  # a section blurs a steep bend: the gap comes out small by 0.1 mm
-ATOL_FLUSH_MM = 0.02
-ATOL_RADIUS_MM = 0.2
-PAINT = Material(0.6)
+PANELS = PanelPair(4.0, 0.8, (2.0, 2.5))
+ATOL_GAP_MM, ATOL_FLUSH_MM, ATOL_RADIUS_MM = 0.06, 0.02, 0.1
+SENSOR = asset("sensors", "nominal")
 
 
-def panel_solid(side: float, edge_y_mm: float, top_z_mm: float, radius_mm: float) -> Solid:
-    """A thick panel whose face looks at the sensor; ``side`` +1: it lies at smaller y and its bend looks to +y."""
-    angle = np.linspace(0, np.pi / 2, 60)
-    bend = np.column_stack([radius_mm * (np.sin(angle) - 1), radius_mm * (1 - np.cos(angle))])
-    outline = np.vstack([[-40.0, 0.0], bend, [0.0, 12.0], [-40.0, 12.0]])
-    outline = outline * [side, 1.0] + [edge_y_mm, top_z_mm]
-    body = trimesh.creation.extrude_polygon(Polygon(outline), 60.0)
-    y, z, x = body.vertices.T
-    mesh = trimesh.Trimesh(np.column_stack([x - 30.0, y, z]), body.faces, process=True)
-    mesh.fix_normals()
-    return Solid(mesh, PAINT)
+def image_of(panels: PanelPair, turn_deg: float = 0.0, speckle: bool = False, seed: int = 1) -> np.ndarray:
+    """Panels turned in the sheet, 300 mm before the nominal sensor."""
+    c, s = np.cos(np.deg2rad(turn_deg)), np.sin(np.deg2rad(turn_deg))
+    pose = Pose(np.array([[1, 0, 0], [0, c, -s], [0, s, c]]), np.array([0, 0, 300.0]))
+    config = EmulatorConfig.model_validate({"exposure": {"time_ms": 0.3}, "speckle": {"enabled": speckle}})
+    scene = Scene(read_sensor(SENSOR).model, None, solids=panels.solids(pose))
+    return render(scene, config, np.random.default_rng(seed)).image
 
 
 @pytest.fixture(scope="module")
 def picture(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A rendered frame of two panels under the nominal sensor."""
-    sensor = read_sensor(asset("sensors", "nominal")).model
-    z = 300.0
-    left = panel_solid(1.0, -GAP_MM / 2, z, RADII_MM[0])
-    right = panel_solid(-1.0, GAP_MM / 2, z - FLUSH_MM, RADII_MM[1])
-    smooth = EmulatorConfig.model_validate({"exposure": {"time_ms": 0.3}, "speckle": {"enabled": False}})
-    frame = render(Scene(sensor, None, solids=(left, right)), smooth, np.random.default_rng(1))
     file = tmp_path_factory.mktemp("panels") / "panels.png"
-    write_png(file, frame.image)
+    write_png(file, image_of(PANELS))
     return file
-
-
-SENSOR = asset("sensors", "nominal")
 
 
 def test_rendered_panels_give_their_gap_and_flush(cli: Cli, picture: Path) -> None:
     result = cli("gapflush", picture, "--sensor", SENSOR, "--json", "--picture", picture.with_name("window.png"))
     assert result.code == 0, result.err
     answer = result.json
-    assert answer["gap_mm"] == pytest.approx(GAP_MM, abs=min(ATOL_GAP_MM, 2.5 * answer["sigma_gap_mm"]))
-    assert answer["flush_mm"] == pytest.approx(FLUSH_MM, abs=ATOL_FLUSH_MM)
-    assert answer["radius_mm"] == pytest.approx(RADII_MM, abs=ATOL_RADIUS_MM)
+    assert answer["gap_mm"] == pytest.approx(PANELS.gap_mm, abs=min(ATOL_GAP_MM, 3 * answer["sigma_gap_mm"]))
+    assert answer["flush_mm"] == pytest.approx(PANELS.flush_mm, abs=ATOL_FLUSH_MM)
+    assert answer["radius_mm"] == pytest.approx(PANELS.radii_mm, abs=ATOL_RADIUS_MM)
     assert answer["flag"] == ""
     assert cv2.imread(str(picture.with_name("window.png"))).shape[0] > 200
+
+
+@pytest.mark.parametrize(
+    ("panels", "turn_deg"),
+    [
+        (PanelPair(0.5, 0.0, (1.0, 1.5)), 0.0),
+        (PanelPair(8.0, -3.0, (4.0, 3.0)), -12.0),
+        (PanelPair(2.0, 3.0, (0.5, 0.7)), 8.0),
+    ],
+)
+def test_panels_from_end_to_end_of_the_range(panels: PanelPair, turn_deg: float) -> None:
+    """Without speckle all four lengths lie within 3.5 σ of truth, and σ is small enough to mean something."""
+    sensor = read_sensor(SENSOR).model
+    g = measure_gap_flush(extract_profile(image_of(panels, turn_deg), sensor))
+    found = np.array([g.gap_mm, g.flush_mm, *g.radius_mm])
+    sigma = np.array([g.sigma_gap_mm, g.sigma_flush_mm, *g.sigma_radius_mm])
+    off = found - [panels.gap_mm, panels.flush_mm, *panels.radii_mm]
+    assert np.all(np.abs(off) < np.minimum(3.5 * sigma, [ATOL_GAP_MM, ATOL_FLUSH_MM, ATOL_RADIUS_MM, ATOL_RADIUS_MM]))
+    assert g.blur_px == pytest.approx(0.96, abs=0.25)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("speckle", [False, True])
+def test_sigma_of_gap_and_flush_is_true(speckle: bool) -> None:
+    """Monte Carlo over 100 random panels as the benchmark draws them: no bias, errors as large as σ says."""
+    sensor = read_sensor(SENSOR).model
+    config = EmulatorConfig.model_validate({"exposure": {"time_ms": 0.3}, "speckle": {"enabled": speckle}})
+    pulls = []
+    for seed in range(100):
+        rng = np.random.default_rng([3, seed])
+        panels, pose = random_panels(rng)
+        g = measure_gap_flush(
+            extract_profile(render(Scene(sensor, None, solids=panels.solids(pose)), config, rng).image, sensor)
+        )
+        if not g.flag:
+            pulls.append(
+                [(g.gap_mm - panels.gap_mm) / g.sigma_gap_mm, (g.flush_mm - panels.flush_mm) / g.sigma_flush_mm]
+            )
+    assert len(pulls) > 80
+    z = np.array(pulls)
+    assert np.all(np.abs(np.mean(z, axis=0)) < 0.15 + 3 / np.sqrt(len(z)))
+    assert np.all((np.sqrt(np.mean(z**2, axis=0)) > 0.7) & (np.sqrt(np.mean(z**2, axis=0)) < 1.4))
+
+
+def test_points_of_another_make(cli: Cli, picture: Path, tmp_path: Path) -> None:
+    """Two columns are enough; what the blur did to the bend stays in, and that is said."""
+    sensor = read_sensor(SENSOR).model
+    yz = extract_profile(cv2.imread(str(picture), cv2.IMREAD_UNCHANGED), sensor).yz_mm
+    file = tmp_path / "points.csv"
+    file.write_text("y_mm,z_mm\n" + "\n".join(f"{y:.5f},{z:.5f}" for y, z in yz) + "\n")
+    result = cli("gapflush", file, "--json")
+    assert result.code == 0, result.err
+    assert result.json["blur_px"] is None
+    assert "points only" in result.err
+    assert result.json["flush_mm"] == pytest.approx(PANELS.flush_mm, abs=ATOL_FLUSH_MM)
+    assert result.json["gap_mm"] == pytest.approx(PANELS.gap_mm, abs=0.25)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("y_mm,x_mm\n1,2\n", "line 1: column 'x_mm' is unknown"),
+        ("y_mm,sigma_y_mm\n1,2\n", "needs the columns y_mm and z_mm"),
+        ("y_mm,z_mm\n1,2\n1\n", "line 3: 1 values for 2 columns"),
+        ("y_mm,z_mm\n1,nan\n", "line 2, column z_mm: nan is not finite"),
+        ("", "needs the columns"),
+    ],
+)
+def test_profiles_that_can_not_be_read(cli: Cli, tmp_path: Path, text: str, words: str) -> None:
+    (tmp_path / "p.csv").write_text(text)
+    result = cli("gapflush", tmp_path / "p.csv")
+    assert result.code == 2
+    assert words in result.err
+    assert len(result.err.splitlines()) == 1
 
 
 def test_a_written_profile_gives_the_same_answer(cli: Cli, picture: Path) -> None:
@@ -83,7 +144,7 @@ def test_settings_and_their_mistakes(cli: Cli, picture: Path, tmp_path: Path) ->
     bad.write_text("[gapflush]\nreferense = 'right'\n")
     right = cli("gapflush", picture, "--sensor", SENSOR, "--config", good, "--json")
     assert right.json["reference"] == "right"
-    assert right.json["flush_mm"] == pytest.approx(-FLUSH_MM, abs=ATOL_FLUSH_MM)
+    assert right.json["flush_mm"] == pytest.approx(-PANELS.flush_mm, abs=ATOL_FLUSH_MM)
     wrong = cli("gapflush", picture, "--sensor", SENSOR, "--config", bad)
     assert wrong.code == 2
     assert "bad.toml, line 2" in wrong.err

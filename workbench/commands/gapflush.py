@@ -8,14 +8,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.table import Table
 
-from workbench.console import say_on_stdout, standard_output
+from workbench.console import say_on_stdout, standard_error, standard_output
 
 if TYPE_CHECKING:
     from extraction import GapFlush
 
 
 def command(
-    profile: Annotated[Path, typer.Argument(metavar="PROFILE.csv|IMAGE", help="A profile of `profile`, or an image.")],
+    profile: Annotated[
+        Path, typer.Argument(metavar="PROFILE.csv|IMAGE", help="A profile (columns y_mm, z_mm, …), or an image.")
+    ],
     sensor: Annotated[Path | None, typer.Option(help="sensor.toml; needed for an image.")] = None,
     laser_off: Annotated[Path | None, typer.Option(help="The same view without laser, subtracted.")] = None,
     mask: Annotated[Path | None, typer.Option(help="Image that is 0 where pixels must not be used.")] = None,
@@ -37,6 +39,9 @@ def command(
         from workbench.results.gapflush_picture import draw_gap_flush
 
         draw_gap_flush(points, answer, picture, settings.gapflush.reference)
+    if answer.blur_px is None:
+        text = "points only, without the stripe's widths and light: the blur's part in the gap is not taken out"
+        standard_error().print(text, soft_wrap=True)
     if as_json:
         say_on_stdout(json_text(_object(answer, settings.gapflush.reference)))
     else:
@@ -54,6 +59,7 @@ def _object(answer: GapFlush, reference: str) -> dict[str, Any]:
         "sigma_radius_mm": answer.sigma_radius_mm,
         "gap_points_mm": answer.gap_points,
         "flush_points_mm": answer.flush_points,
+        "blur_px": answer.blur_px,
         "flag": answer.flag,
     }
 
