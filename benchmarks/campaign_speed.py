@@ -1,71 +1,105 @@
-"""Campaign speed: trials per second, two workers against one, and what storage costs.
+"""Campaign speed: trials per second, two workers against one, and what storage and resuming cost.
 
-    python benchmarks/campaign_speed.py [TRIALS]
-
-Plans of configurations are made before the clock starts, as they are shared by all trials of a long run. The machine's
-other load moves the rates; the ratios are what to read.
+Complete trials of 3 × 7 frames of 1280 × 1024 with the full camera, and extraction-only trials of one frame. Rates are
+of steady work: from the first finished shard on, as start-up and planning are paid once in a long run. Beside the wall
+clock stand the workers' CPU seconds a trial: where other programs share the cores, 2 / CPU is what two free ones would
+give. Efficiency is the rate of two workers over that of one, and the same by CPU: 2 × (CPU with one) / (CPU with two).
+"Parent" is all that the parent process computes (hand out, store, log, merge) over what the workers compute, and
+"resume" is opening and merging the finished run again.
+Run: python benchmarks/campaign_speed.py [complete trials, default 24] [rounds, default 3]
 """
 
 from __future__ import annotations
 
+import resource
 import shutil
 import sys
 import tempfile
 import time
+from dataclasses import dataclass
 from pathlib import Path
 
-from workbench.campaign.engines import run_local
+import numpy as np
+
 from workbench.campaign.plan import Plan
 from workbench.campaign.runner import run_campaign
-from workbench.campaign.shard import run_shard
-from workbench.campaign.store import open_store
+
+SHARD = {"calibrate": 2, "extract": 16}
+PER_COMPLETE = 16  # extraction trials for each complete one
+
+
+@dataclass(frozen=True)
+class Speed:
+    """Steady trials a second, the workers' CPU seconds a trial, the parent's share of CPU, seconds to resume."""
+
+    rate: float
+    cpu_s: float
+    parent: float
+    resume_s: float
 
 
 def plan(run: str, trials: int) -> Plan:
-    """Trials of the default cell: 3 × 7 frames of 1280 × 1024 with the full camera."""
-    return Plan.model_validate({"run": run, "repeats": trials, "shard_trials": 4, "base": {"poses": {"plans": 1}}})
+    """Trials of the default cell with one plan of configurations."""
+    return Plan.model_validate(
+        {"run": run, "repeats": trials, "shard_trials": SHARD[run], "base": {"poses": {"plans": 1}}}
+    )
 
 
-def seconds(chosen: Plan, workers: int) -> float:
-    """Wall time of a whole run, the workers' start included."""
+def children_s() -> float:
+    """CPU seconds of the processes that ended."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
+def measured(chosen: Plan, workers: int, start_cpu_s: float = 0.0) -> Speed:
+    """One whole run. start_cpu_s: what one worker spends before its first trial."""
     folder = Path(tempfile.mkdtemp()) / "run"
+    marks: list[tuple[float, int]] = []
+    before, own = children_s(), time.process_time()
+    run_campaign(chosen, folder, workers=workers, progress=lambda done, _: marks.append((time.perf_counter(), done)))
+    cpu, own = children_s() - before, time.process_time() - own
     start = time.perf_counter()
     run_campaign(chosen, folder, workers=workers)
-    elapsed = time.perf_counter() - start
+    resume_s = time.perf_counter() - start
     shutil.rmtree(folder.parent)
-    return elapsed
+    (first, some), (last, all_done) = marks[workers], marks[-1]
+    work = cpu - workers * start_cpu_s
+    return Speed((all_done - some) / (last - first), work / all_done, own / cpu, resume_s)
 
 
-def storage_share(chosen: Plan) -> float:
-    """Time to save and merge over time to compute, one worker."""
-    folder = Path(tempfile.mkdtemp()) / "run"
-    start = time.perf_counter()
-    store = open_store(folder, chosen)
-    spent = time.perf_counter() - start
-    begin = time.perf_counter()
-    for result in run_local(lambda shard: run_shard(chosen, shard), store.missing(), 1):
-        start = time.perf_counter()
-        store.save(result)
-        spent += time.perf_counter() - start
-    start = time.perf_counter()
-    store.merge()
-    spent += time.perf_counter() - start
-    whole = time.perf_counter() - begin
-    shutil.rmtree(folder.parent)
-    return spent / (whole - spent)
+def start_cpu(run: str) -> float:
+    """CPU seconds of one worker before its first trial, from runs of one shard and of three."""
+    few, more = (measured(plan(run, n * SHARD[run]), 1).cpu_s * n * SHARD[run] for n in (1, 3))
+    return max(0.0, few - (more - few) / 2)
 
 
 def main() -> None:
-    """Print one line a figure."""
+    """Print a few lines for each kind of run."""
     trials = int(sys.argv[1]) if len(sys.argv) > 1 else 24
-    for run, count in (("calibrate", trials), ("extract", 16 * trials)):
-        chosen = plan(run, count)
-        seconds(plan(run, 8), 2)  # warms compiled code and starts the worker pool
-        two, one = seconds(chosen, 2), seconds(chosen, 1)
-        print(
-            f"{run}: {count / two:.2f} trials/s with 2 workers, {count / one:.2f} with 1, efficiency {one / two:.2f} x"
-        )
-    print(f"storage and resume: {100 * storage_share(plan('calibrate', trials)):.1f} % of the computing")
+    rounds = int(sys.argv[2]) if len(sys.argv) > 2 else 3
+    for run, count in (("calibrate", trials), ("extract", PER_COMPLETE * trials)):
+        begin = start_cpu(run)
+        ones, twos = [], []
+        for _ in range(rounds):
+            ones.append(measured(plan(run, count), 1, begin))
+            twos.append(measured(plan(run, count), 2, begin))
+        show(run, count, begin, ones, twos)
+
+
+def show(run: str, count: int, begin: float, ones: list[Speed], twos: list[Speed]) -> None:
+    """Print the medians of one kind of run."""
+    ratios = [b.rate / a.rate for a, b in zip(ones, twos, strict=True)]
+    by_cpu = np.median([2 * a.cpu_s / b.cpu_s for a, b in zip(ones, twos, strict=True)])
+    one = np.median([s.rate for s in ones])
+    two, cpu, parent, again = np.median([(s.rate, s.cpu_s, s.parent, s.resume_s) for s in twos], axis=0)
+    print(f"{run}, {count} trials, medians of {len(twos)} rounds:")
+    print(f"  2 workers {two:.2f} trials/s, 1 worker {one:.2f}")
+    print(f"  CPU {1000 * cpu:.0f} ms a trial: two free cores would give {2 / cpu:.2f} trials/s")
+    print(f"  efficiency {np.median(ratios):.2f} x by the clock ({', '.join(f'{r:.2f}' for r in ratios)})")
+    print(f"  efficiency {by_cpu:.2f} x by CPU")
+    print(
+        f"  parent {100 * parent:.1f} % of the workers' CPU, resume {again:.2f} s, start of a worker {begin:.1f} CPU-s"
+    )
 
 
 if __name__ == "__main__":

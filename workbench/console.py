@@ -7,9 +7,28 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    ProgressColumn,
+    Task,
+    TextColumn,
+    TimeRemainingColumn,
+)
+from rich.text import Text
 
 WIDTH_WITHOUT_TERMINAL = 110
+RATE_S = 300.0  # over which rate and time left are estimated: long pieces of work come in seldom
+
+
+class _RateColumn(ProgressColumn):
+    """How many a second."""
+
+    def render(self, task: Task) -> Text:
+        """The rate, once there is one."""
+        speed = task.finished_speed or task.speed
+        return Text("" if speed is None else f"{speed:.3g}/s", style="progress.data.speed")
 
 
 def standard_output() -> Console:
@@ -28,11 +47,15 @@ def say_on_stdout(text: str) -> None:
 
 
 @contextmanager
-def progress_bar(title: str, total: int) -> Iterator[Callable[[int, int], None]]:
-    """A bar on standard error, shown on terminals only; yields ``update(done, total)``."""
+def progress_bar(
+    title: str, total: int, *, rate: bool = False, quiet: bool = False
+) -> Iterator[Callable[[int, int], None]]:
+    """A bar on standard error, shown on terminals only; yields ``update(done, total)``. rate: tell it too."""
     console = standard_error()
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+    shown = (*columns, _RateColumn()) if rate else columns
+    hidden = quiet or not console.is_terminal
+    with Progress(*shown, console=console, transient=True, disable=hidden, speed_estimate_period=RATE_S) as progress:
         task = progress.add_task(title, total=total)
 
         def update(done: int, of: int) -> None:

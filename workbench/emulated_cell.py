@@ -52,7 +52,7 @@ def draw_truth(cell: Cell, errors: Errors, rng: np.random.Generator, around: Sur
     turn = np.deg2rad(errors.mounting_deg) * rng.standard_normal(3)
     shift = errors.mounting_mm * rng.standard_normal(3)
     mounted = cell.T_hand_sensor_design @ Pose.exp(np.concatenate([shift, turn]))
-    bodies: tuple[Solid, ...] = jig_bodies(jig)
+    bodies: tuple[Solid, ...] = jig_bodies(cell.jig)  # as drawn: the strings have room in the holes
     solids = {name: (*bodies, *around_jig(around, place)) for name, place in cell.T_base_jig.items()}
     carried = around.standing_in("sensor")
     return TrueCell(robot, jig, mounted, cell.T_base_jig, solids, carried, around.string_material)

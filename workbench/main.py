@@ -44,14 +44,16 @@ def run(arguments: Sequence[str]) -> int:
     try:
         code = app(args=list(arguments), prog_name="perceptron-emu", standalone_mode=False)
         sys.stdout.flush()
+        if code == EXIT_INTERRUPTED:  # how typer tells of a KeyboardInterrupt
+            return _say("interrupted", code)
         return code if isinstance(code, int) else 0
     except BrokenPipeError:
         os.dup2(
             os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno()
         )  # the reader left; nothing more can be said to it
         return 0
-    except (KeyboardInterrupt, typer.Abort):
-        return _say("interrupted", EXIT_INTERRUPTED)
+    except (KeyboardInterrupt, typer.Abort) as error:
+        return _say(str(error) or "interrupted", EXIT_INTERRUPTED)
     except Exception as error:  # noqa: BLE001 - the one place where no error may pass as a traceback
         if debug:
             import traceback

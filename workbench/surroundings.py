@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,8 +26,9 @@ SHADOW_RADIUS_MM = 1.0  # strings stand wider in the way than they are: the sens
 STEPS = np.linspace(-REACH_MM, REACH_MM, SAMPLES)
 
 
+@lru_cache(maxsize=64)
 def jig_bodies(jig: Jig) -> tuple[Solid, ...]:
-    """Plates (black) and posts (bare aluminium) of a jig, in its own axes."""
+    """Plates (black) and posts (bare aluminium) of a jig, in its own axes; the same solids for the same jig object."""
     meshes = jig_solids(jig, strings=False)
     return tuple(
         Solid(m, ALUMINIUM if name.startswith("post") else BLACK_PLATE, name=name) for name, m in meshes.items()

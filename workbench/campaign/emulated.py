@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -11,11 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geometry import NoAnswerError, Pose, RobotModel, RobotUncertainty
-from jig_cad import DEFAULT_STRINGS, STRINGS, Jig, sample_tolerance
-from perceptron_emu import EmulatorConfig, Solid
-from workbench.campaign.settings import JigPart, PosesPart, RobotPart, SensorPart, TrialSettings
+from jig_cad import DEFAULT_STRINGS, STRINGS, Jig
+from perceptron_emu import EmulatorConfig
+from perceptron_emu.scene_file import Surroundings
+from workbench.campaign.settings import JigPart, PosesPart, RobotPart, TrialSettings
 from workbench.demo.experiment import DESIGN
-from workbench.emulated_cell import with_errors
+from workbench.emulated_cell import NOTHING, Errors, draw_truth
 from workbench.formats import Cell, Sensor
 from workbench.planning import ViewLimits, ViewProblem, Views, plan_views
 from workbench.presets import find_robot, find_sensor
@@ -27,6 +29,8 @@ Array = NDArray[np.float64]
 VERIFY = "verify"
 _UPRIGHT = np.array([[0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]])  # pillar up, its back away from the robot
 _PLACE_TRIES = 12
+PLANNED_DIAMETER_MM = 0.3
+_SHARED = 4096  # plans of configurations that a worker remembers, a few kilobytes each
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,23 +42,20 @@ class EmulatedCell:
     configurations: tuple[Configuration, ...]
 
 
-def emulated_cell(settings: TrialSettings, rng: np.random.Generator) -> EmulatedCell:
-    """Draw a cell: arm and jig with errors, a mounting off its design, configurations of one of the shared plans."""
-    robot, sensor, jig = nominal_robot(settings.robot), nominal_sensor(settings), nominal_jig(settings.jig)
-    plan = int(rng.integers(settings.poses.plans))
-    places = planned(settings.jig, settings.robot, settings.sensor, settings.poses, settings.clutter, plan)
-    true_jig = sample_tolerance(jig, rng)
-    design = Pose.from_fixed_xyz_deg(*DESIGN)
-    solids = surroundings(true_jig, clutter=settings.clutter)
-    true = TrueCell(
-        robot=with_errors(robot, rng),
-        jig=true_jig,
-        T_hand_sensor=mounted(design, settings.sensor, rng),
-        T_base_jig={p.location: p.T_base_jig for p in places},
-        solids={p.location: solids for p in places},
-    )
+def emulated_cell(settings: TrialSettings, rng: np.random.Generator, *, one_view: bool = False) -> EmulatedCell:
+    """Draw a cell: arm and jig with errors, a mounting off its design, configurations of one of the shared plans.
+
+    one_view: a single configuration, drawn from those of the plan.
+    """
+    places = shared_plan(settings, int(rng.integers(settings.poses.plans)))
+    jig, robot, sensor = nominal_jig(settings.jig), nominal_robot(settings.robot), nominal_sensor(settings)
+    where = {p.location: p.T_base_jig for p in places}
+    cell = Cell(Path(), sensor, jig, robot, (), Pose.from_fixed_xyz_deg(*DESIGN), T_base_jig=where)
+    errors = Errors(settings.sensor.mount_error_deg, settings.sensor.mount_error_mm)
+    true = draw_truth(cell, errors, rng, _around(jig, clutter=settings.clutter))
     views = [(p.location, p.role, joints) for p in places for joints in p.views.joints_rad]
-    cell = Cell(Path(), sensor, jig, robot, (), design)
+    if one_view:
+        views = [views[int(rng.integers(len(views)))]]
     return EmulatedCell(cell, true, with_joint_noise(views, true.robot, rng))
 
 
@@ -68,25 +69,39 @@ class Place:
     views: Views
 
 
-@lru_cache(maxsize=64)
-def planned(
-    jig_part: JigPart, robot_part: RobotPart, sensor_part: SensorPart, poses: PosesPart, clutter: bool, plan: int
-) -> tuple[Place, ...]:
-    """The places and views of plan number ``plan``: a function of its arguments alone, shared by trials and workers."""
-    geometry_only = TrialSettings(jig=jig_part, robot=robot_part, sensor=sensor_part)
-    jig, robot, sensor = nominal_jig(jig_part), nominal_robot(robot_part), nominal_sensor(geometry_only)
+def shared_plan(settings: TrialSettings, plan: int) -> tuple[Place, ...]:
+    """The places and views of plan number ``plan``, shared by trials and workers: of the drawing's geometry alone.
+
+    Strings are planned for as if 0.3 mm thick: what stands in a ray's way is judged with a margin far wider than that.
+    Raises NoAnswerError where the plan can not be made.
+    """
+    thickness = min(PLANNED_DIAMETER_MM, settings.jig.string_diameter_mm)
+    jig = settings.jig.model_copy(update={"string_diameter_mm": thickness, "tolerance_mm": 0.0})
+    poses = settings.poses.model_copy(update={"plans": 1})
+    found = _planned(jig, settings.robot.preset, settings.sensor.preset, poses, settings.clutter, plan)
+    if isinstance(found, NoAnswerError):
+        raise NoAnswerError(str(found))
+    return found
+
+
+@lru_cache(maxsize=_SHARED)
+def _planned(
+    jig_part: JigPart, robot: str, sensor: str, poses: PosesPart, clutter: bool, plan: int
+) -> tuple[Place, ...] | NoAnswerError:
+    """The places, or why there are none: that is remembered as well."""
+    jig, model = nominal_jig(jig_part), _sensor_preset(sensor).model
     rng = np.random.default_rng(np.random.SeedSequence(plan, spawn_key=(77,)))
-    sees_all = sees_all_strings(sensor.model, jig, surroundings(jig, clutter=clutter))
+    solids = (*jig_bodies(jig), *_around(jig, clutter=clutter).standing_in("jig"))
     limits = ViewLimits(tilt_deg=poses.tilt_max_deg, roll_deg=poses.roll_max_deg)
     design = Pose.from_fixed_xyz_deg(*DESIGN)
-    problem = ViewProblem(robot, sensor.model, jig, Pose.identity(), design, limits, sees_all)
+    sees_all = sees_all_strings(model, jig, solids)
+    problem = ViewProblem(_robot_preset(robot), model, jig, Pose.identity(), design, limits, sees_all)
     wanted = [(_name(i), "calibrate", poses.per_location) for i in range(poses.locations)]
     wanted += [(VERIFY, "verify", poses.verify)] if poses.verify else []
-    out = []
-    for name, role, count in wanted:
-        T_base_jig, views = _place(problem, count, rng)
-        out.append(Place(name, role, T_base_jig, views))
-    return tuple(out)
+    try:
+        return tuple(Place(name, role, *_place(problem, count, rng)) for name, role, count in wanted)
+    except NoAnswerError as error:
+        return error
 
 
 def _place(problem: ViewProblem, count: int, rng: np.random.Generator) -> tuple[Pose, Views]:
@@ -118,43 +133,45 @@ def _random_place(robot: RobotModel, rng: np.random.Generator) -> Pose:
     return Pose(turn.R @ _UPRIGHT, origin)
 
 
+@lru_cache(maxsize=64)
 def nominal_jig(part: JigPart) -> Jig:
-    """The jig of the drawing."""
+    """The jig of the drawing; the same object for the same part, whose solids are made ready for light once."""
     strings: Sequence[str] = tuple(STRINGS) if part.six_strings else DEFAULT_STRINGS
     return Jig.nominal(part.side_mm, part.height_mm, part.string_diameter_mm, part.tolerance_mm, tuple(strings))
 
 
+@lru_cache(maxsize=64)
 def nominal_robot(part: RobotPart) -> RobotModel:
     """The preset's table with the uncertainty that the settings give."""
+    scale = part.error_scale
     uncertainty = RobotUncertainty(
         joint_sigma_rad=float(np.deg2rad(part.joint_sigma_deg)),
-        theta_sigma_rad=float(np.deg2rad(part.theta_sigma_deg)),
-        d_sigma_mm=part.d_sigma_mm,
-        a_sigma_mm=part.a_sigma_mm,
-        alpha_sigma_rad=float(np.deg2rad(part.alpha_sigma_deg)),
+        theta_sigma_rad=scale * float(np.deg2rad(part.theta_sigma_deg)),
+        d_sigma_mm=scale * part.d_sigma_mm,
+        a_sigma_mm=scale * part.a_sigma_mm,
+        alpha_sigma_rad=scale * float(np.deg2rad(part.alpha_sigma_deg)),
     )
     return replace(_robot_preset(part.preset), uncertainty=uncertainty)
 
 
 def nominal_sensor(settings: TrialSettings) -> Sensor:
     """The preset's sensor; emulator settings that the plan gives stand over the preset's."""
-    found = _sensor_preset(settings.sensor.preset)
+    return _sensor(settings.sensor.preset, settings.emulator.model_dump_json(exclude_unset=True))
+
+
+@lru_cache(maxsize=64)
+def _sensor(preset: str, emulator_json: str) -> Sensor:
+    found = _sensor_preset(preset)
     own = found.emulator.model_dump()
-    for table, values in settings.emulator.model_dump(exclude_unset=True).items():
+    for table, values in json.loads(emulator_json).items():
         own[table].update(values)
     return replace(found, emulator=EmulatorConfig.model_validate(own))
 
 
-def mounted(design: Pose, part: SensorPart, rng: np.random.Generator) -> Pose:
-    """The true mounting: the design's, off by the settings' σ in every axis."""
-    sigma = np.repeat([part.mount_error_mm, np.deg2rad(part.mount_error_deg)], 3)
-    return design @ Pose.exp(sigma * rng.standard_normal(6))
-
-
-def surroundings(jig: Jig, *, clutter: bool) -> tuple[Solid, ...]:
-    """Plates, and with clutter the posts and a wall as well, in jig axes."""
-    bodies = jig_bodies(jig)
-    return (*bodies, wall_behind(jig, 160.0, turn_deg=8.0)) if clutter else bodies
+@lru_cache(maxsize=64)
+def _around(jig: Jig, *, clutter: bool) -> Surroundings:
+    """What stands around the jig beside its own plates and posts: with clutter a wall behind it."""
+    return Surroundings((("jig", wall_behind(jig, 160.0, turn_deg=8.0)),)) if clutter else NOTHING
 
 
 @lru_cache(maxsize=16)

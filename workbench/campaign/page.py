@@ -1,4 +1,4 @@
-"""One HTML page of a run: errors against factors, consistency, verdicts, worst trials, and the advice."""
+"""One HTML page of a run: the advice, errors against factors, consistency, verdicts, and the worst trials."""
 
 from __future__ import annotations
 
@@ -10,25 +10,33 @@ from typing import Any
 import cv2
 import numpy as np
 
+from workbench.campaign.advice import FEWEST, Cell, advice, cells, reached
 from workbench.campaign.plots import factor_plot, nees_plot
 from workbench.campaign.shard import trial_seed, trial_settings
 from workbench.campaign.summary import (
     Group,
     Run,
     Target,
-    advice,
     by_factor,
     consistency,
+    groups_of,
+    proportion_band,
     read_run,
     verdicts,
+    worst_frame,
     worst_trials,
 )
-from workbench.campaign.trial import trial_frames
+from workbench.campaign.trial import one_trial_frame
 from workbench.formats.atomic import write_text
 
 WORST = 4
-ERRORS = {"calibrate": (("error_mm", "mm"), ("error_deg", "deg"))}
-POINT_ERRORS = (("point_rms_y_mm", "mm in y"), ("point_rms_z_mm", "mm in z"))
+NO_BOUND = "∞"
+# the columns that a kind of run is judged by, and their names on the page
+ERRORS = {
+    "calibrate": (("error_mm", "SCP error [mm]"), ("error_deg", "SCP error [deg]")),
+    "pose": (("pose_rms_mm", "jig pose error, rms [mm]"), ("pose_rms_deg", "jig pose error, rms [deg]")),
+    "extract": (("point_rms_y_mm", "point error in y, rms [mm]"), ("point_rms_z_mm", "point error in z, rms [mm]")),
+}
 
 
 def write_page(folder: Path, target: Target, out: Path | None = None) -> Path:
@@ -44,22 +52,26 @@ def write_page(folder: Path, target: Target, out: Path | None = None) -> Path:
 
 
 def _content(run: Run, target: Target) -> dict[str, Any]:
+    solved = run.plan.run == "calibrate"
     nees = run.real("nees")
-    errors = ERRORS.get(run.plan.run, POINT_ERRORS)
+    nees = nees[np.isfinite(nees) & run.answered]
+    errors = ERRORS[run.plan.run]
     return {
         "title": run.plan.name or run.folder.name,
         "folder": run.folder.name,
-        "trials": run.size,
-        "run": run.plan.run,
-        "design": run.plan.design,
-        "seed": run.plan.seed,
-        "fingerprint": run.plan.fingerprint,
-        "advice": advice(run, target) if run.plan.run == "calibrate" else _spots(run),
-        "verdicts": verdicts(run),
-        "totals": [(f"SCP error [{u}]" if run.plan.run == "calibrate" else u, _total(run.real(e))) for e, u in errors],
+        "run": run,
+        "solved": solved,
+        "target": target,
+        "answered": int(run.answered.sum()),
+        "advice": advice(run, target) if solved else _spots(run),
+        "spots": _spots(run),
+        "cells": [_cell_row(c) for c in cells(run, target)] if solved else [],
+        "fewest": FEWEST,
+        "verdicts": [(code, n, _percent(n, run.size)) for code, n in verdicts(run)],
+        "totals": [(name, _total(np.where(run.answered, run.real(column), np.nan))) for column, name in errors],
         "consistency": consistency(run),
-        "nees_plot": nees_plot(nees[np.isfinite(nees)]) if np.any(np.isfinite(nees)) else "",
-        "factors": [_factor(run, name, errors) for name in run.plan.factors],
+        "nees_plot": nees_plot(nees) if len(nees) else "",
+        "factors": [_factor(run, name, errors, target) for name in run.plan.factors],
         "worst": [_worst(run, i) for i in worst_trials(run, WORST)],
     }
 
@@ -67,10 +79,18 @@ def _content(run: Run, target: Target) -> dict[str, Any]:
 def _spots(run: Run) -> str:
     visible, found = np.nansum(run.real("spots_visible")), np.nansum(run.real("spots_found"))
     wrong, false = np.nansum(run.real("points_mislabelled")), np.nansum(run.real("points_false"))
-    share = 100 * found / visible if visible else 0.0
+    if not visible:
+        return "No string is visible in any trial."
+    low, high = (100 * b for b in proportion_band(int(found), int(visible)))
     return (
-        f"{found:.0f} of {visible:.0f} visible spots found ({share:.2f} %), {wrong:.0f} mislabelled, {false:.0f} false."
+        f"{found:.0f} of {visible:.0f} visible spots found: {100 * found / visible:.2f} % (95 % interval {low:.2f} … "
+        f"{high:.2f} %), {wrong:.0f} mislabelled, {false:.0f} false."
     )
+
+
+def _percent(hits: int, trials: int) -> str:
+    low, high = (100 * b for b in proportion_band(hits, trials))
+    return f"{100 * hits / trials:.1f} % ({low:.1f} … {high:.1f})"
 
 
 def _total(values: Any) -> list[str]:
@@ -80,28 +100,51 @@ def _total(values: Any) -> list[str]:
     return [f"{np.median(known):.4f}", f"{np.quantile(known, 0.95):.4f}", f"{known.max():.4f}"]
 
 
-def _factor(run: Run, name: str, errors: tuple[tuple[str, str], ...]) -> dict[str, Any]:
-    groups = [by_factor(run, name, error) for error, _ in errors]
-    rows = [
-        [g[0].value, g[0].trials, g[0].answered, *(text for one in g for text in _cells(one))]
-        for g in zip(*groups, strict=True)
-    ]
-    units = [unit for _, unit in errors]
-    plots = [factor_plot(name, g, unit) for g, unit in zip(groups, units, strict=True)]
-    return {"name": name, "plots": plots, "rows": rows, "units": units}
+def _cell_row(cell: Cell) -> list[str]:
+    return [f"{cell.poses:.0f}", f"{cell.tilt_deg:.0f}°", str(cell.trials), _percent(cell.hits, cell.trials)]
+
+
+def _factor(run: Run, name: str, errors: tuple[tuple[str, str], ...], target: Target) -> dict[str, Any]:
+    groups = [by_factor(run, name, column) for column, _ in errors]
+    good = reached(run, target) if run.plan.run == "calibrate" else None
+    rows = []
+    for (_, _, mask), one in zip(groups_of(run, name), zip(*groups, strict=True), strict=True):
+        share = [] if good is None else [_percent(int(good[mask].sum()), int(mask.sum()))]
+        texts = [text for group in one for text in _cells(group)]
+        rows.append([one[0].value, one[0].trials, one[0].answered, *texts, *share])
+    factor = run.plan.factors[name]
+    log = not isinstance(factor, list) and factor.log
+    plots = [factor_plot(name, g, label, log=log) for g, (_, label) in zip(groups, errors, strict=True)]
+    return {"name": name, "plots": plots, "rows": rows, "labels": [label for _, label in errors]}
 
 
 def _cells(group: Group) -> tuple[str, str]:
-    return f"{group.median:.4f}", f"{group.p95:.4f} ({group.p95_band[0]:.4f} … {group.p95_band[1]:.4f})"
+    return _with_band(group.median, group.median_band), _with_band(group.p95, group.p95_band)
+
+
+def _with_band(value: float, band: tuple[float, float]) -> str:
+    if not np.isfinite(value):
+        return "–"
+    high = f"{band[1]:.4f}" if np.isfinite(band[1]) else NO_BOUND
+    return f"{value:.4f} ({band[0]:.4f} … {high})"
 
 
 def _worst(run: Run, trial: int) -> dict[str, Any]:
     _, settings = trial_settings(run.plan, trial)
-    frame = next(trial_frames(settings, run.plan.run, trial_seed(run.plan, trial)), None)
-    error = run.trials["error_mm"][trial]
-    text = f"{run.trials['verdict'][trial]}, " + ("no SCP" if error is None else f"{error:.3f} mm off")
+    number = worst_frame(run, trial)
+    frame = one_trial_frame(settings, run.plan.run, trial_seed(run.plan, trial), number)
     values = ", ".join(f"{name} = {run.trials[name][trial]}" for name in run.plan.factors)
-    return {"trial": trial, "image": _picture(None if frame is None else frame[1].image), "text": f"{text}; {values}"}
+    text = f"frame {number}; {run.trials['verdict'][trial]}; {_how_bad(run, trial)}; {values}"
+    return {"trial": trial, "image": _picture(None if frame is None else frame.image), "text": text}
+
+
+def _how_bad(run: Run, trial: int) -> str:
+    parts = []
+    for column, name in ERRORS[run.plan.run]:
+        value = run.trials[column][trial]
+        parts.append(f"{name} " + ("–" if value is None else f"{value:.4f}"))
+    seen, found = run.trials["spots_visible"][trial], run.trials["spots_found"][trial]
+    return ", ".join(parts) + ("" if seen is None else f"; {found} of {seen} spots")
 
 
 def _picture(image: Any) -> str:

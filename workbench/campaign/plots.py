@@ -13,28 +13,58 @@ from workbench.campaign.summary import Group
 
 Array = NDArray[np.float64]
 
+MARKED = 8  # so many values of a factor are written at its axis
 _BLUE, _ORANGE = "#2563a8", "#c2571a"
 
 
-def factor_plot(factor: str, groups: Sequence[Group], unit: str) -> str:
-    """Median and 95 % error against a factor, each with its confidence band; SVG text."""
+def factor_plot(factor: str, groups: Sequence[Group], label: str, *, log: bool = False) -> str:
+    """Median and 95 % error against a factor, each with its confidence band; SVG text.
+
+    An open band ends at the plot's upper edge, dotted. log: equal ratios along the factor's axis.
+    """
     plt, figure, axes = _figure(5.2, 3.2)
+    groups = [g for g in groups if g.answered]
+    if not groups:
+        plt.close(figure)
+        return ""
     numeric = all(g.centre is not None for g in groups)
     x = np.array([g.centre for g in groups], dtype=float) if numeric else np.arange(len(groups), dtype=float)
-    for name, colour, middle, band in (
-        ("median", _BLUE, [g.median for g in groups], [g.median_band for g in groups]),
-        ("95 %", _ORANGE, [g.p95 for g in groups], [g.p95_band for g in groups]),
-    ):
-        low, high = np.array(band).T
-        axes.plot(x, middle, "o-", color=colour, label=name, markersize=4)
-        axes.fill_between(x, low, high, color=colour, alpha=0.18, linewidth=0)
-    if not numeric:
+    known = [v for g in groups for v in (g.p95, g.median_band[1], g.p95_band[1]) if np.isfinite(v)]
+    top = 1.08 * max(known)
+    _series(axes, x, [(g.median, g.median_band) for g in groups], (_BLUE, "median"), top, joined=numeric)
+    _series(axes, x, [(g.p95, g.p95_band) for g in groups], (_ORANGE, "95 % of the trials"), top, joined=numeric)
+    if log and numeric:
+        axes.set_xscale("log")
+    elif len(groups) <= MARKED:
         axes.set_xticks(x, [g.value for g in groups])
+    if not numeric:
+        axes.set_xlim(-0.5, len(groups) - 0.5)
     axes.set_xlabel(factor)
-    axes.set_ylabel(f"SCP error [{unit}]")
-    axes.set_ylim(bottom=0)
-    axes.legend(frameon=False)
+    axes.set_ylabel(label)
+    axes.set_ylim(0, top)
+    axes.legend(frameon=False, ncols=2, loc="lower center", bbox_to_anchor=(0.5, 1.0))
     return _svg(plt, figure)
+
+
+def _series(
+    axes: Any,
+    x: Array,
+    values: list[tuple[float, tuple[float, float]]],
+    look: tuple[str, str],
+    top: float,
+    *,
+    joined: bool,
+) -> None:
+    """One quantile with its band: a ribbon along numbers, bars at names."""
+    colour, name = look
+    middle = np.array([v for v, _ in values])
+    low, high = np.array([band for _, band in values]).T
+    axes.plot(x, middle, "o-" if joined else "o", color=colour, label=name, markersize=4)
+    seen = np.where(np.isfinite(high), high, top)
+    if joined and len(x) > 1:
+        axes.fill_between(x, low, seen, color=colour, alpha=0.15, linewidth=0)
+    for one, a, b, closed in zip(x, low, seen, np.isfinite(high), strict=True):
+        axes.plot([one, one], [a, b], color=colour, linewidth=1.2, linestyle="-" if closed else ":", alpha=0.7)
 
 
 def nees_plot(nees: Array) -> str:

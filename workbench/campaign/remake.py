@@ -6,9 +6,9 @@ from pathlib import Path
 
 from geometry import InputError, NoAnswerError
 from workbench.campaign.design import n_trials
-from workbench.campaign.plan import Plan, plan_of, read_plan
+from workbench.campaign.manifest import plan_of_run
+from workbench.campaign.plan import Plan, read_plan
 from workbench.campaign.shard import trial_seed, trial_settings
-from workbench.campaign.store import read_manifest
 from workbench.campaign.trial import image_name, png, trial_frames
 from workbench.formats.atomic import write_bytes
 
@@ -34,9 +34,4 @@ def remake_trial(plan_or_run: Path, trial: int, out: Path) -> int:
 
 
 def _plan(path: Path) -> Plan:
-    if not path.is_dir():
-        return read_plan(path)
-    data = read_manifest(path)["plan"]
-    if not isinstance(data, dict):
-        raise InputError(f"{path / 'run.json'}: its plan is not a table")
-    return plan_of(data)
+    return plan_of_run(path) if path.is_dir() else read_plan(path)

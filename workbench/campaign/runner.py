@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -10,7 +11,7 @@ from pathlib import Path
 from workbench.campaign.engines import default_workers, run_dask, run_local
 from workbench.campaign.plan import Plan
 from workbench.campaign.shard import run_shard
-from workbench.campaign.store import Store, open_store
+from workbench.campaign.store import Store, opened_store
 
 Progress = Callable[[int, int], None]
 
@@ -31,22 +32,35 @@ def run_campaign(
 
     workers: processes of this machine, default all its cores. dask: address of a scheduler in their place. progress is
     told the trials done and the trials in all. The tables are the same bytes whatever the workers, timings apart.
+    Raises KeyboardInterrupt with a sentence that says what is safe.
     """
-    store = open_store(folder, plan)
+    with opened_store(folder, plan) as store:
+        try:
+            return _run(store, workers, dask, progress)
+        except KeyboardInterrupt:
+            done = store.trials - _count(store, store.missing())
+            raise KeyboardInterrupt(
+                f"interrupted: {done} of {store.trials} trials are safe in {folder}; the same command goes on there"
+            ) from None
+
+
+def _run(store: Store, workers: int | None, dask: str | None, progress: Progress | None) -> RunSummary:
     missing = store.missing()
     done = store.trials - _count(store, missing)
-    resumed = done
-    work = partial(run_shard, plan)
+    summary = RunSummary(store.folder, store.trials, resumed=done)
     if progress:
         progress(done, store.trials)
-    results = run_dask(work, missing, dask) if dask else run_local(work, missing, workers or default_workers())
-    for result in results if missing else ():
-        store.save(result)
-        done += len(store.trials_of(result.shard))
-        if progress:
-            progress(done, store.trials)
+    work = partial(run_shard, store.plan)
+    if missing:
+        results = run_dask(work, missing, dask) if dask else run_local(work, missing, workers or default_workers())
+        with closing(results):  # type: ignore[type-var]
+            for result in results:
+                store.save(result)
+                done += len(store.trials_of(result.shard))
+                if progress:
+                    progress(done, store.trials)
     store.merge()
-    return RunSummary(folder, store.trials, resumed)
+    return summary
 
 
 def _count(store: Store, shards: list[int]) -> int:

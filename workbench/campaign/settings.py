@@ -39,6 +39,7 @@ class RobotPart(Part):
     d_sigma_mm: float = Field(0.15, ge=0)
     a_sigma_mm: float = Field(0.15, ge=0)
     alpha_sigma_deg: float = Field(0.015, ge=0)
+    error_scale: float = Field(1.0, ge=0, description="factor on the four σ of the table: 0.2 for a measured arm")
 
 
 class SensorPart(Part):
@@ -67,7 +68,7 @@ class TrialSettings(Part):
     robot: RobotPart = RobotPart()
     sensor: SensorPart = SensorPart()
     poses: PosesPart = PosesPart()
-    clutter: bool = Field(False, description="posts in the laser's way and a wall behind, as in a real cell")
+    clutter: bool = Field(False, description="a wall behind the jig, as in a real cell")
     emulator: EmulatorConfig = EmulatorConfig()
     extraction: ExtractionConfig = ExtractionConfig()
     calib: CalibConfig = CalibConfig()

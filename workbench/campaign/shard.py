@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import io
-import os
 from collections.abc import Mapping, Sequence
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -13,19 +11,19 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from workbench.campaign.design import Point, design_points
-from workbench.campaign.plan import Plan, plan_of
-from workbench.campaign.rows import FRAME_SCHEMA, TIMING_SCHEMA, trial_schema
+from workbench.campaign.plan import Plan
+from workbench.campaign.rows import FRAME_SCHEMA, PARQUET, TIMING_SCHEMA, trial_schema
 from workbench.campaign.settings import TrialSettings, with_values
 from workbench.campaign.store import ShardResult
 from workbench.campaign.trial import Trial, run_trial
+from workbench.campaign.worker import one_thread
 
 _KEEP, _TRIAL = 1, 2  # which stream of the plan's seed
 
 
 def trial_settings(plan: Plan, trial: int) -> tuple[Point, TrialSettings]:
     """The design point of a trial and all its settings."""
-    point = _points(plan.fingerprint, plan.model_dump_json())[trial // plan.repeats]
-    return point, with_values(plan.base, point)
+    return _prepared(plan).of_trial(trial)
 
 
 def trial_seed(plan: Plan, trial: int) -> np.random.SeedSequence:
@@ -42,14 +40,18 @@ def keeps_images(plan: Plan, trial: int) -> bool:
 def run_one(plan: Plan, trial: int) -> Trial:
     """Run one trial of the plan."""
     _, settings = trial_settings(plan, trial)
-    return run_trial(settings, plan.run, trial_seed(plan, trial), keep_images=keeps_images(plan, trial))
+    try:
+        return run_trial(settings, plan.run, trial_seed(plan, trial), keep_images=keeps_images(plan, trial))
+    except Exception as error:
+        error.add_note(f"in trial {trial}")
+        raise
 
 
 def run_shard(plan: Plan, shard: int) -> ShardResult:
     """Run a shard's trials; what is returned depends on the plan and the shard alone, timings apart."""
-    _one_thread()
+    one_thread()
     first = shard * plan.shard_trials
-    last = min(first + plan.shard_trials, len(_points(plan.fingerprint, plan.model_dump_json())) * plan.repeats)
+    last = min(first + plan.shard_trials, len(_prepared(plan).points) * plan.repeats)
     trials, frames, timings = [], [], []
     images: dict[str, bytes] = {}
     for number in range(first, last):
@@ -70,21 +72,34 @@ def run_shard(plan: Plan, shard: int) -> ShardResult:
 
 def _parquet(rows: Sequence[Mapping[str, Any]], schema: pa.Schema) -> bytes:
     sink = io.BytesIO()
-    pq.write_table(pa.Table.from_pylist(list(rows), schema), sink, compression="zstd")
+    pq.write_table(pa.Table.from_pylist(list(rows), schema), sink, **PARQUET)
     return sink.getvalue()
 
 
-@lru_cache(maxsize=4)
-def _points(fingerprint: str, plan_json: str) -> list[Point]:
-    import json
+class _Prepared:
+    """A plan's design points, and the settings of the point asked for last."""
 
-    return design_points(plan_of(json.loads(plan_json)))
+    def __init__(self, plan: Plan) -> None:
+        self.plan, self.points = plan, design_points(plan)
+        self._last: tuple[int, TrialSettings] | None = None
+
+    def of_trial(self, trial: int) -> tuple[Point, TrialSettings]:
+        number = trial // self.plan.repeats
+        if self._last is None or self._last[0] != number:
+            self._last = (number, with_values(self.plan.base, self.points[number]))
+        return self.points[number], self._last[1]
 
 
-def _one_thread() -> None:
-    """One core a worker: OpenCV is told here, BLAS by its pool's limits."""
-    import cv2
+_PREPARED: dict[str, _Prepared] = {}  # of the last plan only: design points may be many
 
-    cv2.setNumThreads(1)
-    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ.setdefault(name, "1")
+
+def _prepared(plan: Plan) -> _Prepared:
+    for known in _PREPARED.values():
+        if known.plan is plan:
+            return known
+    name = plan.fingerprint
+    if name not in _PREPARED:
+        fresh = _Prepared(plan)
+        _PREPARED.clear()
+        _PREPARED[name] = fresh
+    return _PREPARED[name]

@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-import json
-import os
 import shutil
 import tempfile
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-import pyarrow as pa
 import pyarrow.parquet as pq
 
 from geometry import InputError
 from workbench.campaign.design import n_trials
+from workbench.campaign.files import locked, sync_folder, write_synced
+from workbench.campaign.manifest import LOCK, check_manifest, is_ours, write_manifest
+from workbench.campaign.merge import DAMAGED, TABLES, damaged, merge_tables
 from workbench.campaign.plan import Plan
-from workbench.formats.atomic import write_text
-
-TABLES = ("trials", "frames", "timings")
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,20 +51,36 @@ class Store:
         done = {p.name for p in (self.folder / "shards").iterdir() if p.is_dir()}
         return [s for s in range(self.shards) if _name(s) not in done]
 
+    def check(self) -> None:
+        """InputError where a finished shard is not what was written: found before hours are spent, not at their end."""
+        missing = set(self.missing())
+        for shard in (s for s in range(self.shards) if s not in missing):
+            folder = self.path_of(shard, TABLES[0]).parent
+            try:
+                rows = {t: pq.read_metadata(self.path_of(shard, t)).num_rows for t in TABLES}
+            except DAMAGED as error:
+                raise InputError(f"{damaged(folder)} ({error})") from None
+            if rows["trials"] != len(self.trials_of(shard)):
+                raise InputError(f"{damaged(folder)} ({rows['trials']} rows, not {len(self.trials_of(shard))})")
+
     def save(self, result: ShardResult) -> None:
         """Put a finished shard in its place; a crash at any moment leaves it whole or absent."""
         final = self.folder / "shards" / _name(result.shard)
         try:
             for path, data in result.images.items():
                 target = self.folder / path
+                part = target.with_suffix(target.suffix + ".part")
                 target.parent.mkdir(parents=True, exist_ok=True)
-                _write_synced(target.with_suffix(target.suffix + ".part"), data)
-                target.with_suffix(target.suffix + ".part").replace(target)
+                write_synced(part, data)
+                part.replace(target)
             temporary = Path(tempfile.mkdtemp(dir=self.folder / "parts"))
             for table, data in result.tables.items():
-                _write_synced(temporary / f"{table}.parquet", data)
-            if not final.exists():
-                temporary.rename(final)
+                write_synced(temporary / f"{table}.parquet", data)
+            if final.exists():
+                shutil.rmtree(temporary)
+                return
+            temporary.rename(final)
+            sync_folder(final.parent)
         except OSError as error:
             done = self.shards - len(self.missing())
             raise InputError(
@@ -73,86 +88,53 @@ class Store:
                 f"{self.shards} shards are safe, make room and run the same command again"
             ) from None
 
-    def merge(self) -> dict[str, Path]:
+    def path_of(self, shard: int, table: str) -> Path:
+        """Where a shard's table lies."""
+        return self.folder / "shards" / _name(shard) / f"{table}.parquet"
+
+    def merge(self) -> None:
         """Write trials, frames and timings of all shards, in the order of the trials, as one Parquet file each."""
-        out: dict[str, Path] = {}
         for table in TABLES:
-            parts = [self.folder / "shards" / _name(s) / f"{table}.parquet" for s in range(self.shards)]
-            out[table] = self.folder / f"{table}.parquet"
-            _merge_parquet(parts, out[table])
-        return out
+            parts = (self.path_of(s, table) for s in range(self.shards))
+            merge_tables(parts, self.folder / f"{table}.parquet", self.folder / "parts")
 
 
-def open_store(folder: Path, plan: Plan) -> Store:
-    """Open or make the run's folder; InputError where it belongs to another plan or holds something else."""
+@contextmanager
+def opened_store(folder: Path, plan: Plan) -> Iterator[Store]:
+    """Open or make the run's folder, for one process at a time.
+
+    InputError where it belongs to another plan, holds something else or a damaged shard, or is in use.
+    """
     manifest = folder / "run.json"
+    if not manifest.exists() and folder.exists() and not (folder.is_dir() and all(map(is_ours, folder.iterdir()))):
+        raise InputError(f"{folder}: is not an empty folder and holds no run.json; give an empty or new one")
     trials = n_trials(plan)
     if manifest.exists():
-        _check_manifest(manifest, plan)
-    elif folder.exists() and any(folder.iterdir()):
-        raise InputError(f"{folder}: is not empty and holds no run.json; give an empty or new folder for this run")
-    try:
-        for name in ("shards", "parts"):
-            (folder / name).mkdir(parents=True, exist_ok=True)
-        for left in (folder / "parts").iterdir():  # what a killed run had in flight
-            shutil.rmtree(left, ignore_errors=True)
-    except OSError as error:
-        raise InputError(f"{folder}: can not be written ({error.strerror or error})") from None
-    record = {
-        "fingerprint": plan.fingerprint,
-        "trials": trials,
-        "plan": plan.model_dump(mode="json", exclude_unset=True),
-    }
-    if not manifest.exists():
-        write_text(manifest, json.dumps(record, indent=2, allow_nan=False) + "\n")
-    return Store(folder, plan, trials)
+        check_manifest(folder, plan)
+    in_use = f"{folder}: another sweep runs in this folder; wait for it or give another folder"
+    with ExitStack() as held:
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            held.enter_context(locked(folder / LOCK, in_use))
+            store = _ready(folder, plan, trials)
+        except OSError as error:
+            raise InputError(f"{folder}: can not be written ({error.strerror or error})") from None
+        yield store
 
 
-def read_manifest(folder: Path) -> dict[str, object]:
-    """The run.json of a run's folder; InputError where there is none or it is damaged."""
-    path = folder / "run.json"
-    try:
-        record = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise InputError(f"{folder}: holds no run.json, so it is not the folder of a run") from None
-    except (OSError, ValueError) as error:
-        raise InputError(f"{path}: can not be read ({error})") from None
-    if not isinstance(record, dict) or not {"fingerprint", "trials", "plan"} <= record.keys():
-        raise InputError(f"{path}: is not the record of a run")
-    return record
-
-
-def _check_manifest(manifest: Path, plan: Plan) -> None:
-    record = read_manifest(manifest.parent)
-    if record["fingerprint"] != plan.fingerprint:
-        raise InputError(
-            f"{manifest.parent}: belongs to another plan, or this plan was changed since the run began; nothing was "
-            "touched: give a new folder, or the plan as it was (run.json holds it)"
-        )
+def _ready(folder: Path, plan: Plan, trials: int) -> Store:
+    """The folder's tables cleared of what a killed run had in flight."""
+    write_manifest(folder, plan, trials)
+    for name in ("shards", "parts"):
+        (folder / name).mkdir(exist_ok=True)
+    for left in (folder / "parts").iterdir():
+        shutil.rmtree(left) if left.is_dir() else left.unlink()
+    for left in (folder / "images").rglob("*.part") if (folder / "images").exists() else ():
+        left.unlink()
+    store = Store(folder, plan, trials)
+    store.check()
+    return store
 
 
 def _name(shard: int) -> str:
     return f"{shard:06d}"
-
-
-def _write_synced(path: Path, data: bytes) -> None:
-    with path.open("wb") as stream:
-        stream.write(data)
-        stream.flush()
-        os.fsync(stream.fileno())
-
-
-def _merge_parquet(parts: list[Path], target: Path) -> None:
-    temporary = target.with_suffix(".parquet.part")
-    writer: pq.ParquetWriter | None = None
-    try:
-        for part in parts:
-            table: pa.Table = pq.read_table(part)
-            writer = writer or pq.ParquetWriter(temporary, table.schema, compression="zstd")
-            writer.write_table(table)
-    except OSError as error:
-        raise InputError(f"{target}: can not be written ({error.strerror or error}); the shards are safe") from None
-    finally:
-        if writer is not None:
-            writer.close()
-    temporary.replace(target)

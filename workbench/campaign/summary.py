@@ -10,13 +10,16 @@ from typing import Any
 import numpy as np
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
-from scipy.stats import beta, chi2
+from scipy.stats import beta, binom, chi2
 
+from calib.result import TRUSTWORTHY
 from geometry import InputError
-from workbench.campaign.plan import Plan, plan_of
-from workbench.campaign.store import read_manifest
+from workbench.campaign.manifest import plan_of_run
+from workbench.campaign.merge import DAMAGED
+from workbench.campaign.plan import Plan
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 BINS = 8  # groups of a factor that was sampled, each with as many trials
 LEVEL = 0.95
@@ -48,12 +51,20 @@ class Run:
         """The number of trials."""
         return len(self.trials["trial"])
 
+    @property
+    def answered(self) -> Mask:
+        """Trials with an answer that may be used: in a calibration one of which the verdict says so."""
+        if self.plan.run != "calibrate":
+            return np.array([v != "no_answer" for v in self.trials["verdict"]])
+        return np.array([v in TRUSTWORTHY for v in self.trials["verdict"]]) & np.isfinite(self.real("error_mm"))
+
 
 @dataclass(frozen=True, eq=False)
 class Group:
     """Trials that share a factor's value: quantiles of an error with their 95 % confidence bands (low, high).
 
-    answered: how many trials gave an answer at all.
+    A band is open (0 or infinite) where the trials are too few to bound it. answered: how many trials gave an answer
+    that may be used; quantiles are theirs. The counts speak of all.
     """
 
     value: str
@@ -79,39 +90,48 @@ class Consistency:
 
 def read_run(folder: Path) -> Run:
     """The tables of a finished run; InputError where the run is not finished or not a run."""
-    record = read_manifest(folder)
-    path = folder / "trials.parquet"
+    plan, path = plan_of_run(folder), folder / "trials.parquet"
     if not path.exists():
         raise InputError(f"{folder}: the run is not finished, run the same `perceptron-emu sweep` command again")
-    plan = record["plan"]
-    if not isinstance(plan, dict):
-        raise InputError(f"{folder / 'run.json'}: its plan is not a table")
-    return Run(folder, plan_of(plan), pq.read_table(path).to_pydict())
+    try:
+        table = pq.read_table(path, page_checksum_verification=True)
+    except DAMAGED as error:
+        raise InputError(
+            f"{path}: can not be read ({error}); `perceptron-emu sweep` makes it again of the shards"
+        ) from None
+    return Run(folder, plan, table.to_pydict())
 
 
-def by_factor(run: Run, factor: str, error: str) -> list[Group]:
-    """Groups of one factor in ascending order: its values, or BINS of equal counts where it was sampled."""
+def groups_of(run: Run, factor: str) -> list[tuple[str, float | None, Mask]]:
+    """The trials of one factor in ascending order of its value: (text, number or None, which trials).
+
+    A factor sampled at many values is cut into BINS groups of equal counts.
+    """
     values = run.trials[factor]
     distinct = sorted({v for v in values if v is not None})
-    errors = run.real(error)
     if len(distinct) <= 2 * BINS:
         column = np.array([distinct.index(v) for v in values])
-        numbers = [float(v) if not isinstance(v, str) else None for v in distinct]
-        return [_group(_text(v), numbers[i], errors[column == i]) for i, v in enumerate(distinct)]
+        return [(_text(v), _number(v), column == i) for i, v in enumerate(distinct)]
     x = run.real(factor)
     edges = np.quantile(x, np.linspace(0, 1, BINS + 1))
     place = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, BINS - 1)
     return [
-        _group(f"{edges[i]:.3g} … {edges[i + 1]:.3g}", float(np.median(x[place == i])), errors[place == i])
+        (f"{edges[i]:.3g} … {edges[i + 1]:.3g}", float(np.median(x[place == i])), place == i)
         for i in range(BINS)
         if np.any(place == i)
     ]
 
 
+def by_factor(run: Run, factor: str, error: str) -> list[Group]:
+    """Groups of one factor with the quantiles of one error."""
+    errors = np.where(run.answered, run.real(error), np.nan)
+    return [_group(text, number, errors[mask]) for text, number, mask in groups_of(run, factor)]
+
+
 def consistency(run: Run) -> Consistency | None:
     """NEES and coverage over the trials with an answer; None where there are none."""
     nees = run.real("nees")
-    nees = nees[np.isfinite(nees)]
+    nees = nees[np.isfinite(nees) & run.answered]
     n = len(nees)
     if n == 0:
         return None
@@ -126,35 +146,23 @@ def verdicts(run: Run) -> list[tuple[str, int]]:
 
 
 def worst_trials(run: Run, count: int) -> list[int]:
-    """Trials with the largest translation error, those without an answer after them."""
-    error = np.nan_to_num(run.real("error_mm"), nan=-1.0)
-    return [int(i) for i in np.argsort(-error, kind="stable")[:count]]
+    """Trials that went worst: the largest error of what the run measures, before them those that missed most spots."""
+    error = run.real({"calibrate": "error_mm", "pose": "pose_rms_mm"}.get(run.plan.run, "point_rms_z_mm"))
+    lost = np.zeros(run.size)
+    if run.plan.run != "calibrate":
+        lost = np.nan_to_num(run.real("spots_visible") - run.real("spots_found"), nan=-1.0)
+    return [int(i) for i in np.lexsort((np.arange(run.size), -np.nan_to_num(error, nan=-1.0), -lost))[:count]]
 
 
-def advice(run: Run, target: Target) -> str:
-    """The sentence a user came for: the fewest poses, with which tilts, that reach the target."""
-    poses = _setting(run, "poses.locations") * _setting(run, "poses.per_location")
-    tilt = _setting(run, "poses.tilt_max_deg")
-    good = (run.real("error_mm") <= target.mm) & (run.real("error_deg") <= target.deg)
-    wanted = f"{target.mm:g} mm / {target.deg:g}° at {100 * target.level:g} %"
-    cells = sorted(set(zip(_rounded(poses), _rounded(tilt), strict=True)))
-    shares = {c: good[(_rounded(poses) == c[0]) & (_rounded(tilt) == c[1])] for c in cells}
-    reached = [c for c, g in shares.items() if g.mean() >= target.level]
-    if reached:
-        n, degrees = min(reached)
-        share, size = shares[n, degrees].mean(), len(shares[n, degrees])
-        return (
-            f"For {wanted} take ≥ {n:.0f} poses with tilts up to ≥ {degrees:.0f}°: {100 * share:.1f} % of {size} "
-            f"trials reached it (over all other factors of this plan)."
-        )
-    best = max(cells, key=lambda c: shares[c].mean())
-    reach_mm = float(np.nanquantile(run.real("error_mm"), target.level))
-    reach_deg = float(np.nanquantile(run.real("error_deg"), target.level))
-    return (
-        f"No setting of this plan reaches {wanted}: the best, {best[0]:.0f} poses with tilts up to {best[1]:.0f}°, "
-        f"does so in {100 * shares[best].mean():.1f} % of its trials; over all trials the {100 * target.level:g} % "
-        f"errors are {reach_mm:.3f} mm and {reach_deg:.3f}°."
-    )
+def worst_frame(run: Run, trial: int) -> int:
+    """The frame of a trial that shows best what went wrong: spots missed or taken wrongly, then the largest error."""
+    table = pq.read_table(run.folder / "frames.parquet", filters=[("trial", "=", trial)]).to_pylist()
+
+    def badness(row: dict[str, Any]) -> tuple[float, float]:
+        lost = row["visible"] - row["found"] + row["mislabelled"] + row["false_points"]
+        return lost, row["rms_z_mm"] or 0.0
+
+    return int(max(table, key=badness)["frame"]) if table else 0
 
 
 def proportion_band(hits: int, n: int) -> tuple[float, float]:
@@ -164,35 +172,27 @@ def proportion_band(hits: int, n: int) -> tuple[float, float]:
     return low, high
 
 
-def _group(value: str, centre: float | None, errors: Array) -> Group:
-    known = np.sort(errors[np.isfinite(errors)])
-    median, p95 = (_quantile(known, q) for q in (0.5, LEVEL))
-    return Group(value, centre, len(errors), len(known), *median, *p95)
+def quantile_band(ordered: Array, q: float) -> tuple[float, tuple[float, float]]:
+    """A quantile of ascending values and its 95 % band, free of any distribution (order statistics, binomial ranks).
 
-
-def _quantile(ordered: Array, q: float) -> tuple[float, tuple[float, float]]:
-    """A quantile and its 95 % band from the order statistics, free of any distribution (binomial ranks)."""
+    An end of the band is 0 or infinite where the values are too few: an upper bound of the 95 % error needs 72.
+    """
     n = len(ordered)
     if n == 0:
         return float("nan"), (float("nan"), float("nan"))
-    spread = 1.96 * np.sqrt(n * q * (1 - q))
-    low, high = (int(np.clip(round(n * q + s), 0, n - 1)) for s in (-spread, spread))
-    return float(np.quantile(ordered, q, method="inverted_cdf")), (float(ordered[low]), float(ordered[high]))
+    low, high = int(binom.ppf(0.025, n, q)) - 1, int(binom.ppf(0.975, n, q))
+    band = (float(ordered[low]) if low >= 0 else 0.0, float(ordered[high]) if high < n else float("inf"))
+    return float(np.quantile(ordered, q, method="inverted_cdf")), band
 
 
-def _setting(run: Run, name: str) -> Array:
-    """A setting of every trial: the factor's column, or the plan's one value."""
-    if name in run.plan.factors:
-        return run.real(name)
-    here: Any = run.plan.base
-    for part in name.split("."):
-        here = getattr(here, part)
-    return np.full(run.size, float(here))
+def _group(value: str, centre: float | None, errors: Array) -> Group:
+    known = np.sort(errors[np.isfinite(errors)])
+    median, p95 = (quantile_band(known, q) for q in (0.5, LEVEL))
+    return Group(value, centre, len(errors), len(known), *median, *p95)
 
 
-def _rounded(values: Array) -> Array:
-    """Values on whole numbers, upward, so that sampled settings fall into groups."""
-    return np.ceil(values / 5 - 1e-9) * 5 if len(np.unique(values)) > 2 * BINS else values
+def _number(value: object) -> float | None:
+    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
 
 
 def _text(value: object) -> str:

@@ -21,6 +21,7 @@ from workbench.campaign.settings import TrialSettings
 from workbench.pipeline import frames_to_learn, learns
 from workbench.recording import Configuration, frame_scene
 
+ONE_VIEW = "extract"  # the kind of run whose trials are a single frame
 PNG_FASTEST = [cv2.IMWRITE_PNG_COMPRESSION, 1]
 
 
@@ -40,10 +41,9 @@ def run_trial(settings: TrialSettings, run: str, seed: np.random.SeedSequence, *
     A trial from which no answer follows is a row too: its verdict says why.
     """
     clock = _Clock()
-    settings = one_frame(settings) if run == "extract" else settings
     try:
         with clock("plan_s"):
-            emulated = emulated_cell(settings, _cell_rng(seed))
+            emulated = emulated_cell(settings, _cell_rng(seed), one_view=run == ONE_VIEW)
         frames, points = _measure(emulated, settings, seed, clock)
         with clock("calibrate_s"):
             observations = _observations(emulated, points)
@@ -66,19 +66,21 @@ def trial_frames(
     settings: TrialSettings, run: str, seed: np.random.SeedSequence
 ) -> Iterator[tuple[Configuration, Frame]]:
     """The frames of a trial alone, the same bytes as when it was run; none where no configurations were found."""
-    settings = one_frame(settings) if run == "extract" else settings
     try:
-        emulated = emulated_cell(settings, _cell_rng(seed))
+        emulated = emulated_cell(settings, _cell_rng(seed), one_view=run == ONE_VIEW)
     except PerceptronEmuError:
         return
     for configuration in emulated.configurations:
         yield configuration, render_frame(emulated, configuration, seed)
 
 
-def one_frame(settings: TrialSettings) -> TrialSettings:
-    """The same settings with a single frame, for trials of extraction alone."""
-    poses = settings.poses.model_copy(update={"locations": 1, "per_location": 1, "verify": 0})
-    return settings.model_copy(update={"poses": poses})
+def one_trial_frame(settings: TrialSettings, run: str, seed: np.random.SeedSequence, frame: int) -> Frame | None:
+    """One frame of a trial as when it was run; None where no configurations were found."""
+    try:
+        emulated = emulated_cell(settings, _cell_rng(seed), one_view=run == ONE_VIEW)
+    except PerceptronEmuError:
+        return None
+    return render_frame(emulated, emulated.configurations[frame], seed)
 
 
 def _cell_rng(seed: np.random.SeedSequence) -> np.random.Generator:

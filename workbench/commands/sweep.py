@@ -26,12 +26,14 @@ def command(
 
     checked = read_plan(plan)
     folder = out or plan.with_suffix("")
+    try:
+        with progress_bar("trials", 0, rate=True, quiet=as_json) as progress:
+            summary = run_campaign(checked, folder, workers, dask, progress)
+    except KeyboardInterrupt as error:
+        raise typer.Abort(str(error)) from None
     if as_json:
-        summary = run_campaign(checked, folder, workers, dask)
         say_on_stdout(json.dumps({"folder": str(summary.folder), "trials": summary.trials, "resumed": summary.resumed}))
         return
-    with progress_bar("trials", 0) as progress:
-        summary = run_campaign(checked, folder, workers, dask, progress)
     standard_output().print(
         f"{summary.trials} trials in {summary.folder} (trials.parquet, frames.parquet, timings.parquet); "
         f"`perceptron-emu report {summary.folder}` makes a page of them."
