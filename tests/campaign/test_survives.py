@@ -36,7 +36,7 @@ def plan_path(tmp_path: Path) -> Path:
 def test_interrupted_is_resumable_and_said_so(tmp_path: Path) -> None:
     """Ctrl-C reaches the whole group, as on a terminal."""
     plan, out = write_plan(tmp_path / "plan.toml", repeats=200), tmp_path / "run"
-    process = start_sweep(plan, out)
+    process = start_sweep(plan, out, workers=1)
     try:
         wait_until(lambda: shards_of(out))
         os.killpg(process.pid, signal.SIGINT)
