@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
 from functools import lru_cache
 
 import cv2
@@ -16,6 +18,7 @@ from perceptron_emu.optics import sharp_sigma_px, working_f_number
 from perceptron_emu.projection import to_camera
 from perceptron_emu.scene import Material, Scene
 from perceptron_emu.strings import Cylinders
+from perceptron_emu.touched import CELL_PX, cells, parts, spread, widened
 from perceptron_emu.transport import Light
 
 Array = NDArray[np.float64]
@@ -23,11 +26,11 @@ Float32 = NDArray[np.float32]
 
 LEVELS = 32767.0  # grey steps of a white surface
 NEAR_MM = 5.0  # what is nearer to the camera than this is not drawn
+BLUR_REACH = 3.0  # σ of the blur that its kernel takes in
+MAX_CANVAS = 4.0  # image sizes: farther out a lens's distortion shows nothing
 
 
-def ambient_electrons(
-    scene: Scene, strings: Cylinders | None, material: Material, config: EmulatorConfig, light: Light
-) -> Float32:
+def ambient_electrons(scene: Scene, strings: Cylinders | None, material: Material, config: EmulatorConfig) -> Float32:
     """Mean electrons (H, W) that the room's light brings, passed through the interference filter.
 
     A surface of albedo ρ under the irradiance E Δλ (directional part by Lambert's cosine, the rest from everywhere,
@@ -36,21 +39,27 @@ def ambient_electrons(
     sensor = scene.sensor
     triangles, level = _faces(scene, strings, material, config)
     camera = to_camera(sensor, triangles)
-    shape = (sensor.height_px, sensor.width_px)
-    if len(camera) == 0:
-        return np.zeros(shape, np.float32)
-    inverse_depth, image = np.zeros(shape, np.float32), np.zeros(shape, np.uint16)
-    keep = camera[..., 2].max(1) > NEAR_MM
-    intrinsics = (sensor.fx_px, sensor.fy_px, sensor.cx_px, sensor.cy_px)
+    electrons = np.zeros((sensor.height_px, sensor.width_px), np.float32)
+    keep = camera[..., 2].max(1, initial=0.0) > NEAR_MM
     camera, level = _clip_near(camera[keep], level[keep])
+    maps = _undistortion(sensor) if any(sensor.distortion) else None
+    canvas = _Canvas(0, 0, sensor.width_px, sensor.height_px) if maps is None else maps.canvas
     # 16-bit levels: OpenCV blurs them three times as fast as floats, and a step is far below an electron
+    image, inverse_depth = np.zeros(canvas.shape, np.uint16), np.zeros(canvas.shape, np.float32)
+    intrinsics = (sensor.fx_px, sensor.fy_px, sensor.cx_px - canvas.left, sensor.cy_px - canvas.top)
+    touched = cells(canvas.shape)
     steps = np.round(level * LEVELS).astype(np.uint16)
-    _rasterise(image, inverse_depth, camera, steps, *intrinsics)
-    if any(sensor.distortion):
-        image = cv2.remap(image, *_distortion_maps(sensor), cv2.INTER_LINEAR)  # type: ignore[assignment]
+    _rasterise(image, inverse_depth, touched, camera, steps, *intrinsics)
     sigma = sharp_sigma_px(config.optics, sensor, config.laser.wavelength_nm)
-    image = cv2.GaussianBlur(image, (0, 0), sigma)  # type: ignore[assignment]
-    return image * _electrons_per_irradiance(config, sensor, light)
+    reach, moved = math.ceil(BLUR_REACH * sigma), 0 if maps is None else maps.largest_px
+    touched = spread(touched, (canvas.top // CELL_PX, canvas.left // CELL_PX), reach + moved + 1, electrons.shape)
+    per_level = _electrons_per_level(config, sensor)
+    for part in parts(touched, electrons.shape):
+        wide, inner = widened(part, reach, electrons.shape)
+        shown = image[wide] if maps is None else cv2.remap(image, maps.whole[wide], maps.rest[wide], cv2.INTER_LINEAR)
+        blurred = cv2.GaussianBlur(shown, (2 * reach + 1, 2 * reach + 1), sigma)
+        np.multiply(blurred[inner], per_level[part], out=electrons[part])
+    return electrons
 
 
 def _faces(scene: Scene, strings: Cylinders | None, material: Material, config: EmulatorConfig) -> tuple[Array, Array]:
@@ -60,11 +69,13 @@ def _faces(scene: Scene, strings: Cylinders | None, material: Material, config: 
     fill = config.ambient.fill
     triangles, levels = [np.zeros((0, 3, 3))], [np.zeros(0)]
     for solid in scene.solids:
-        pose = solid.T_sensor_mesh
-        t = body_of(solid).triangles @ pose.R.T + pose.t
-        normal = np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0])
-        normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
-        normal *= np.where(np.sum(normal * (camera - t[:, 0]), 1) < 0, -1, 1)[:, None]
+        pose, body = solid.T_sensor_mesh, body_of(solid)
+        seen = slice(None)
+        if body.closed:
+            from_mesh = pose.R.T @ (camera - pose.t)
+            seen = np.einsum("ij,ij->i", body.outwards, from_mesh - body.triangles[:, 0]) > 0
+        t, normal = body.triangles[seen] @ pose.R.T + pose.t, body.outwards[seen] @ pose.R.T
+        normal *= np.where(np.einsum("ij,ij->i", normal, camera - t[:, 0]) < 0, -1, 1)[:, None]
         triangles.append(t)
         albedo = solid.material.diffuse + solid.material.specular * 0.5
         levels.append(albedo * (fill + (1 - fill) * np.maximum(normal @ towards, 0)))
@@ -78,30 +89,65 @@ def _faces(scene: Scene, strings: Cylinders | None, material: Material, config: 
     return np.concatenate(triangles), np.concatenate(levels)
 
 
-def _electrons_per_irradiance(config: EmulatorConfig, sensor: SensorModel, light: Light) -> Float32:
-    """Electrons (H, W) of a perfect white surface that faces the light."""
+@lru_cache(maxsize=8)
+def _electrons_per_level(config: EmulatorConfig, sensor: SensorModel) -> Float32:
+    """Electrons (H, W) that a grey step of a surface facing the light brings."""
     optics, ambient = config.optics, config.ambient
     wavelength = optics.filter_centre_nm or config.laser.wavelength_nm
     band_mw_mm2 = ambient.irradiance_mw_m2_nm * 1e-6 * optics.filter_fwhm_nm * optics.filter_peak * optics.transmission
     chip = band_mw_mm2 / (4 * working_f_number(optics, sensor) ** 2) * (optics.pixel_um * 1e-3) ** 2
-    return np.float32(chip / LEVELS * light.electrons_per_mw(wavelength)) * _vignette(sensor, optics.vignetting)
+    per_mw = Light(sensor, config).electrons_per_mw(wavelength)
+    return np.float32(chip / LEVELS * per_mw) * _vignette(sensor, optics.vignetting)
 
 
 @lru_cache(maxsize=8)
 def _vignette(sensor: SensorModel, on: bool) -> Float32:
     x = (np.arange(sensor.width_px, dtype=np.float32) - sensor.cx_px) / sensor.fx_px
     y = (np.arange(sensor.height_px, dtype=np.float32)[:, None] - sensor.cy_px) / sensor.fy_px
-    return np.asarray((1 + x * x + y * y) ** -2 if on else np.ones((1, 1)), np.float32)
+    return np.asarray((1 + x * x + y * y) ** -2 if on else np.ones_like(x + y), np.float32)
+
+
+@dataclass(frozen=True)
+class _Canvas:
+    """A part of the endless pinhole image: its first pixel, whole cells away from the image's own, and its size."""
+
+    left: int
+    top: int
+    width: int
+    height: int
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns."""
+        return self.height, self.width
+
+
+@dataclass(frozen=True, eq=False)
+class _Undistortion:
+    """For every pixel of the distorted image the place in the canvas, as OpenCV's fixed-point pair of maps.
+
+    canvas: the part of the pinhole image that the distorted one shows. largest_px: the farthest that a pixel is moved.
+    """
+
+    whole: NDArray[np.int16]
+    rest: NDArray[np.uint16]
+    canvas: _Canvas
+    largest_px: int
 
 
 @lru_cache(maxsize=4)
-def _distortion_maps(sensor: SensorModel) -> tuple[Float32, Float32]:
-    """For every pixel of the distorted image the place in the pinhole image."""
+def _undistortion(sensor: SensorModel) -> _Undistortion:
     u, v = np.meshgrid(np.arange(sensor.width_px, dtype=np.float64), np.arange(sensor.height_px, dtype=np.float64))
     pixels = np.stack([u.ravel(), v.ravel()], -1)[:, None]
     ideal = cv2.undistortPoints(pixels, sensor.camera_matrix, sensor.distortion14, P=sensor.camera_matrix)[:, 0]
-    maps = ideal.astype(np.float32).reshape(sensor.height_px, sensor.width_px, 2)
-    return np.ascontiguousarray(maps[..., 0]), np.ascontiguousarray(maps[..., 1])
+    largest = MAX_CANVAS * max(sensor.width_px, sensor.height_px)
+    ideal = np.clip(np.nan_to_num(ideal, nan=-largest), -largest, largest)
+    low = CELL_PX * ((np.floor(ideal.min(0)).astype(int) - 1) // CELL_PX)
+    high = np.ceil(ideal.max(0)).astype(int) + 1
+    canvas = _Canvas(int(low[0]), int(low[1]), *(int(n) for n in high - low + 1))
+    maps = (ideal - low).astype(np.float32).reshape(sensor.height_px, sensor.width_px, 2)
+    whole, rest = cv2.convertMaps(maps[..., 0], maps[..., 1], cv2.CV_16SC2)
+    return _Undistortion(whole, rest, canvas, math.ceil(float(np.abs(ideal - pixels[:, 0]).max())))  # type: ignore[arg-type]
 
 
 def _clip_near(camera: Array, level: Array) -> tuple[Array, Array]:
@@ -123,8 +169,8 @@ def _clip_near(camera: Array, level: Array) -> tuple[Array, Array]:
 
 
 @njit(cache=True, error_model="numpy", fastmath=True)
-def _rasterise(image, inverse_depth, camera, level, fx, fy, cx, cy):  # type: ignore[no-untyped-def]
-    """Nearest triangle of every pixel's centre; 1/z is linear in the image."""
+def _rasterise(image, inverse_depth, touched, camera, level, fx, fy, cx, cy):  # type: ignore[no-untyped-def]
+    """Nearest triangle of every pixel's centre; 1/z is linear in the image. touched: 1 in the cells drawn in."""
     height, width = image.shape
     for t in range(len(camera)):
         c = camera[t]
@@ -136,6 +182,7 @@ def _rasterise(image, inverse_depth, camera, level, fx, fy, cx, cy):  # type: ig
             continue
         low, high = int(max(np.ceil(min(v0, v1, v2)), 0.0)), int(min(np.floor(max(v0, v1, v2)), height - 1.0))
         w0, w1, w2 = 1 / c[0, 2] / area, 1 / c[1, 2] / area, 1 / c[2, 2] / area
+        step = np.float32((v1 - v2) * w0 + (v2 - v0) * w1 + (v0 - v1) * w2)
         for j in range(low, high + 1):
             left, right = 1e30, -1e30
             for a, b, p, q in ((u0, v0, u1, v1), (u1, v1, u2, v2), (u2, v2, u0, v0)):
@@ -145,12 +192,13 @@ def _rasterise(image, inverse_depth, camera, level, fx, fy, cx, cy):  # type: ig
             first, last = int(max(np.ceil(left), 0.0)), int(min(np.floor(right), width - 1.0))
             if first > last:
                 continue
+            touched[j // CELL_PX, first // CELL_PX : last // CELL_PX + 1] = 1
             a0 = (u1 - first) * (v2 - j) - (u2 - first) * (v1 - j)
             a1 = (u2 - first) * (v0 - j) - (u0 - first) * (v2 - j)
-            inverse = a0 * w0 + a1 * w1 + (area - a0 - a1) * w2
-            step = (v1 - v2) * w0 + (v2 - v0) * w1 + (v0 - v1) * w2
-            for i in range(first, last + 1):
-                if inverse > inverse_depth[j, i]:
-                    inverse_depth[j, i] = inverse
-                    image[j, i] = level[t]
-                inverse += step
+            inverse = np.float32(a0 * w0 + a1 * w1 + (area - a0 - a1) * w2)
+            depths, greys = inverse_depth[j, first : last + 1], image[j, first : last + 1]
+            for i in range(len(depths)):
+                here = inverse + np.float32(i) * step
+                nearer = here > depths[i]
+                depths[i] = here if nearer else depths[i]
+                greys[i] = level[t] if nearer else greys[i]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 from numba import njit, uint64
@@ -10,12 +11,14 @@ from numpy.typing import NDArray
 
 from geometry import SensorModel
 from perceptron_emu.config import NoiseConfig
-from perceptron_emu.hashing import NORMAL, mix
+from perceptron_emu.hashing import BITS, LOW, NORMAL, mix
 
 Float32 = NDArray[np.float32]
 Image = NDArray[np.uint8] | NDArray[np.uint16]
 
 FULL_WELL_OVER_RANGE = 1.03  # a saturated pixel then gives the largest grey level, its noise notwithstanding
+RUN = 1024  # pixels that are exposed at a time
+SURE = 6.0  # σ of shot noise that the full well must be away for it not to matter
 
 
 def gain_dn_per_e(noise: NoiseConfig, sensor: SensorModel) -> float:
@@ -28,7 +31,7 @@ def expose(electrons: Float32, noise: NoiseConfig, sensor: SensorModel, time_s: 
 
     key: 64 random bits; with the pixel's number they give its noise (counter-based, hence the same on every machine
     and thread).
-    y = K·(clip(n) + read) + black, quantised; n has the mean μ·(1 + PRNU) + dark + DSNU and Poisson's variance and
+    y = K·(clip(n) + DSNU + read) + black, quantised; n has the mean μ·(1 + PRNU) + dark and Poisson's variance and
     skewness.
     Source: EMVA Standard 1288, release 4.0 linear, section 2.
     """
@@ -40,27 +43,87 @@ def expose(electrons: Float32, noise: NoiseConfig, sensor: SensorModel, time_s: 
         grey += np.float32(sensor.black_level + 0.5)
         np.clip(grey, 0, sensor.saturation_dn, out=grey)
         return grey.astype(out.dtype)
-    _expose(electrons.ravel(), out.ravel(), NORMAL, np.uint64(key), np.uint64(noise.pattern_seed * 2 + 1), gain,
-            sensor.black_level, float(sensor.saturation_dn), noise.full_well_e, noise.read_noise_e,
-            noise.dark_current_e_s * time_s, noise.dsnu_e, noise.prnu, noise.shot)  # fmt: skip
+    own_gain, own_offset = _pattern(electrons.size, noise.pattern_seed, noise.prnu, noise.dsnu_e)
+    _expose(electrons.ravel(), out.ravel(), own_gain, own_offset, NORMAL, np.uint64(key), gain, sensor.black_level,
+            float(sensor.saturation_dn), noise.full_well_e, _sure_limit(noise.full_well_e), noise.read_noise_e,
+            noise.dark_current_e_s * time_s, noise.shot)  # fmt: skip
     return out
 
 
+def _sure_limit(well_e: float) -> float:
+    """Mean charge whose shot noise stays below the full well, by SURE of its σ."""
+    root = (math.sqrt(SURE**2 + 4 * well_e) - SURE) / 2
+    return root * root
+
+
+@lru_cache(maxsize=4)
+def _pattern(pixels: int, seed: int, prnu: float, dsnu_e: float) -> tuple[Float32, Float32]:
+    """The chip's own gains and offsets [e⁻] of all pixels, (N,) each; the same for every exposure of a camera."""
+    own_gain, own_offset = np.empty(pixels, np.float32), np.empty(pixels, np.float32)
+    _draw_pattern(own_gain, own_offset, NORMAL, np.uint64(seed * 2 + 1), prnu, dsnu_e)
+    return own_gain, own_offset
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _deviate(bits, place, normal):  # type: ignore[no-untyped-def]
+    """A standard normal deviate from 24 of the bits: the sum of two of the table is smooth where one is a staircase."""
+    low, half = uint64(LOW), uint64(place + BITS)
+    return np.float32(0.8) * normal[(bits >> uint64(place)) & low] + np.float32(0.6) * normal[(bits >> half) & low]
+
+
 @njit(cache=True, error_model="numpy", fastmath=True)
-def _expose(electrons, out, normal, key, pattern, gain, black, top, well, read, dark, dsnu, prnu, shot):  # type: ignore[no-untyped-def]
-    low = uint64(0xFFFF)
-    for i in range(electrons.size):
-        bits = mix(i, pattern)
-        own_gain = np.float32(1) + np.float32(prnu) * normal[bits & low]
-        own_offset = np.float32(dsnu) * normal[(bits >> uint64(16)) & low]
-        mean = max(electrons[i] * own_gain + np.float32(dark), np.float32(0))
+def _draw_pattern(own_gain, own_offset, normal, key, prnu, dsnu):  # type: ignore[no-untyped-def]
+    for i in range(own_gain.size):
         bits = mix(i, key)
-        # the sum of two table deviates is smooth where one alone would be a staircase
-        z = np.float32(0.8) * normal[bits & low] + np.float32(0.6) * normal[(bits >> uint64(16)) & low]
+        own_gain[i] = np.float32(1) + np.float32(prnu) * _deviate(bits, 0, normal)
+        own_offset[i] = np.float32(dsnu) * _deviate(bits, 2 * BITS, normal)
+
+
+@njit(cache=True, error_model="numpy", fastmath=True)
+def _expose(electrons, out, own_gain, own_offset, normal, key, gain, black, top, well, sure, read, dark, shot):  # type: ignore[no-untyped-def]
+    """One draw for shot and read noise together where the well is far, two where it may cut the charge.
+
+    Pixels are taken in runs, in loops simple enough for the compiler to do several at once.
+    """
+    mean, signal, z = np.empty(RUN, np.float32), np.empty(RUN, np.float32), np.empty(RUN, np.float32)
+    for first in range(0, electrons.size, RUN):
+        n = min(RUN, electrons.size - first)
+        light, offset = electrons[first : first + n], own_offset[first : first + n]
+        for i in range(n):
+            z[i] = _deviate(mix(first + i, key), 0, normal)
+        largest = _charge(light, own_gain[first : first + n], np.float32(dark), mean)
         if shot:
-            z2 = np.float32(0.8) * normal[(bits >> uint64(32)) & low] + np.float32(0.6) * normal[bits >> uint64(48)]
-            # Poisson's mean, variance and skewness by Cornish and Fisher's expansion
-            mean = mean + math.sqrt(mean) * z2 + (z2 * z2 - np.float32(1)) * np.float32(1 / 6)
-        signal = min(mean, np.float32(well)) + own_offset + np.float32(read) * z
-        grey = signal * np.float32(gain) + np.float32(black) + np.float32(0.5)
-        out[i] = min(max(grey, np.float32(0)), np.float32(top))
+            _noisy(mean[:n], z, np.float32(read * read), signal)
+        else:
+            for i in range(n):
+                signal[i] = min(mean[i], np.float32(well)) + np.float32(read) * z[i]
+        if shot and largest >= sure:
+            for i in range(n):
+                if mean[i] >= sure:
+                    charge = mean[i] + math.sqrt(mean[i]) * z[i] + (z[i] * z[i] - np.float32(1)) / np.float32(6)
+                    other = _deviate(mix(first + i, key), 2 * BITS, normal)
+                    signal[i] = min(charge, np.float32(well)) + np.float32(read) * other
+        scale, zero, most = np.float32(gain), np.float32(black) + np.float32(0.5), np.float32(top)
+        for i in range(n):
+            signal[i] = min(max((signal[i] + offset[i]) * scale + zero, np.float32(0)), most)
+        for i in range(n):
+            out[first + i] = np.int32(signal[i])
+
+
+@njit(cache=True, error_model="numpy", fastmath=True)
+def _charge(light, own_gain, dark, mean):  # type: ignore[no-untyped-def]
+    """Mean charge [e⁻] of a run of pixels, to ``mean``; returns the largest."""
+    largest = np.float32(0)
+    for i in range(len(light)):
+        mean[i] = max(light[i] * own_gain[i] + dark, np.float32(0))
+        largest = max(largest, mean[i])
+    return largest
+
+
+@njit(cache=True, error_model="numpy", fastmath=True)
+def _noisy(mean, z, read2, signal):  # type: ignore[no-untyped-def]
+    """Charge with shot and read noise: variance μ + r² and third moment μ by Cornish and Fisher's expansion."""
+    one, sixth = np.float32(1), np.float32(1 / 6)
+    for i in range(len(mean)):
+        variance = max(mean[i] + read2, np.float32(1e-12))
+        signal[i] = mean[i] + np.float32(math.sqrt(variance)) * z[i] + (z[i] * z[i] - one) * sixth * mean[i] / variance

@@ -9,8 +9,10 @@ from numba import njit, uint64
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
-# Standard normal deviates at the middles of 2^16 equal slices of probability, scaled to unit variance
-_DEVIATES = ndtri((np.arange(65536) + 0.5) / 65536)
+BITS = 12  # of a place in the table: 16 KB, which the fastest cache holds
+LOW = 2**BITS - 1
+# Standard normal deviates at the middles of equal slices of probability, scaled to unit variance
+_DEVIATES = ndtri((np.arange(2**BITS) + 0.5) / 2**BITS)
 NORMAL = (_DEVIATES / _DEVIATES.std()).astype(np.float32)
 
 
@@ -32,12 +34,12 @@ def white_noise(row: int, column: int, rows: int, columns: int, key: int) -> NDA
 
 @njit(cache=True, error_model="numpy", fastmath=True)
 def _white_noise(out, row, column, key, normal):  # type: ignore[no-untyped-def]
-    low = uint64(0xFFFF)
+    low = uint64(LOW)
     scale = np.float32(math.sqrt(0.5))
     for i in range(out.shape[0]):
         for j in range(out.shape[1]):
             bits = mix((uint64(row + i + 0x40000000) << uint64(32)) | uint64(column + j + 0x40000000), key)
-            out[i, j] = complex(scale * normal[bits & low], scale * normal[(bits >> uint64(16)) & low])
+            out[i, j] = complex(scale * normal[bits & low], scale * normal[(bits >> uint64(BITS)) & low])
 
 
 def mix_keys(key: int, number: int) -> int:

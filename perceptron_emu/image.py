@@ -6,6 +6,7 @@ import math
 from functools import lru_cache
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from geometry import Pose, SensorModel
@@ -111,8 +112,24 @@ def _draw_piece(
     fine = _on_sub_pixels((rows * q, columns * q), u, v, weight, sigma * q)
     moved = np.round(shift_px * q).astype(int)
     origin = (v0 * q - int(moved[1]), u0 * q - int(moved[0]))
-    fine *= speckle_field(origin, fine.shape, grain_px(config, sensor) * q, contrast(config), key)
-    electrons[v0 : v1 + 1, u0 : u1 + 1] += fine.reshape(rows, q, columns, q).sum((1, 3))
+    grains = speckle_field(origin, fine.shape, grain_px(config, sensor) * q, contrast(config), key)
+    _add_product(electrons[v0 : v1 + 1, u0 : u1 + 1], fine, grains, q)
+
+
+@njit(cache=True, error_model="numpy", fastmath=True)
+def _add_product(electrons, light, grains, q):  # type: ignore[no-untyped-def]
+    """Add light · grains (H q, W q), summed over the q × q sub-pixels of every pixel, to the electrons (H, W)."""
+    row = np.empty(light.shape[1], np.float32)
+    for j in range(electrons.shape[0]):
+        row[:] = 0
+        for k in range(j * q, (j + 1) * q):
+            for i in range(len(row)):
+                row[i] += light[k, i] * grains[k, i]
+        for i in range(electrons.shape[1]):
+            total = np.float32(0)
+            for k in range(i * q, (i + 1) * q):
+                total += row[k]
+            electrons[j, i] += total
 
 
 def _on_sub_pixels(shape: tuple[int, int], u: Array, v: Array, weight: Array, sigma: Array) -> Float32:

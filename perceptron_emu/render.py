@@ -20,7 +20,6 @@ from perceptron_emu.labels import label_names, pixel_labels, sheet_curve
 from perceptron_emu.lighting import LitScene, light_scene, thread_of
 from perceptron_emu.motion import Moment, moments, moved
 from perceptron_emu.scene import Scene
-from perceptron_emu.transport import Light
 from perceptron_emu.truth import Frame, FrameTruth, string_truths
 
 Float32 = NDArray[np.float32]
@@ -101,8 +100,7 @@ def _mean_electrons(
 def _electrons_at(scene: Scene, lit: LitScene, moment: Moment, config: EmulatorConfig, speckle_key: int) -> Float32:
     sensor = scene.sensor
     if config.ambient.enabled:
-        light = Light(sensor, config)
-        electrons = ambient_electrons(scene, lit.strings, thread_of(scene, config), config, light)
+        electrons = ambient_electrons(scene, lit.strings, thread_of(scene, config), config)
     else:
         electrons = np.zeros((sensor.height_px, sensor.width_px), np.float32)
     if config.exposure.laser_on:

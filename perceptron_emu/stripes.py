@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geometry import SensorModel
-from perceptron_emu.bodies import hidden_by_solid
+from perceptron_emu.bodies import body_of, hidden_by_solid
 from perceptron_emu.config import EmulatorConfig
 from perceptron_emu.occlusion import hidden_by_strings
 from perceptron_emu.optics import sharp_sigma_px
@@ -129,8 +129,10 @@ def _seen(
         electrons[mine] = light.electrons(xyz[mine], normal[mine], scene.solids[k].material) * area[mine]
     seen = np.flatnonzero(electrons > 0)
     start = xyz + OFF_SURFACE_MM * normal
-    for solid in scene.solids:
-        seen = seen[~hidden_by_solid(solid, start[seen], sensor.camera_centre_mm)]
+    for k, solid in enumerate(scene.solids):
+        todo = number[seen] != k if body_of(solid).convex else np.ones(len(seen), dtype=bool)
+        todo[todo] = hidden_by_solid(solid, start[seen[todo]], sensor.camera_centre_mm)
+        seen = seen[~todo]
     if strings is not None:
         seen = seen[~hidden_by_strings(strings, start[seen], sensor.camera_centre_mm)]
     tile = np.floor(uv[seen] / TILE_PX).astype(np.int64) + 8
