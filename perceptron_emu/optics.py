@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import math
+from typing import NamedTuple
+
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from geometry import SensorModel
@@ -11,6 +15,7 @@ from perceptron_emu.projection import lens, tilt_rotation
 
 Array = NDArray[np.float64]
 
+LN2 = math.log(2)
 AIRY_SIGMA = 0.42  # σ of the Gaussian nearest to Airy's disc, in units of λN (Zhang, Zerubia & Olivo-Marin 2007)
 
 
@@ -33,31 +38,58 @@ def focal_length_mm(optics: OpticsConfig, sensor: SensorModel) -> float:
     return 1 / (1 / principal_distance_mm(optics, sensor) + 1 / focus_distance_mm(optics, sensor))
 
 
-def gather_sr(optics: OpticsConfig, sensor: SensorModel, camera_mm: Array, wavelength_nm: float) -> Array:
-    """Solid angle of the entrance pupil seen from points (..., 3) [mm] of the camera frame, times the lens's and
-    filter's transmission [sr].
+class Gather(NamedTuple):
+    """What `gathered` needs to know of lens and filter. pupil_sr_mm2: area of the entrance pupil [mm²] times the lens's
+    transmission; band: as for `passed`.
+    """
 
+    pupil_sr_mm2: float
+    vignetting: bool
+    band: tuple[float, float, float, float, float]
+
+
+def gather(optics: OpticsConfig, sensor: SensorModel, wavelength_nm: float) -> Gather:
+    """Lens and filter for light of one wavelength [nm]."""
+    pupil = focal_length_mm(optics, sensor) / optics.f_number
+    return Gather(
+        float(np.pi / 4 * pupil**2 * optics.transmission),
+        optics.vignetting,
+        _band(optics, wavelength_nm, wavelength_nm),
+    )
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def gathered(lens, cosine, distance):  # type: ignore[no-untyped-def]
+    """Solid angle of the entrance pupil seen from a point, times the lens's and filter's transmission [sr].
+
+    cosine: of the angle between the optical axis and the way to the point; distance [mm].
     Ω = (π D²/4) cos α / r². With the foreshortened area of a pixel's footprint this gives the cos⁴ law, which is
     divided out where vignetting is off.
     """
-    pupil = focal_length_mm(optics, sensor) / optics.f_number
-    distance = np.linalg.norm(camera_mm, axis=-1)
-    cosine = camera_mm[..., 2] / distance
-    solid = np.pi / 4 * pupil**2 * cosine / distance**2
-    if not optics.vignetting:
-        solid = solid / cosine**4
-    return np.asarray(solid * optics.transmission * filter_transmission(optics, wavelength_nm, cosine, wavelength_nm))
+    solid = lens.pupil_sr_mm2 * cosine / (distance * distance)
+    if not lens.vignetting:
+        solid /= cosine**4
+    return solid * passed(lens.band, cosine)
 
 
 def filter_transmission(optics: OpticsConfig, wavelength_nm: float, cosine: Array, laser_nm: float) -> Array:
-    """Transmission of the interference filter at the angle whose cosine is given.
+    """Transmission of the interference filter at the angles (...) whose cosines are given."""
+    return np.asarray(passed(_band(optics, wavelength_nm, laser_nm), np.asarray(cosine, dtype=float)))
 
-    Its centre moves to λ₀ √(1 − (sin θ/n)²) (Macleod, Thin-Film Optical Filters); the pass band is a Gaussian of
-    order 4 (flat top).
+
+def _band(optics: OpticsConfig, wavelength_nm: float, laser_nm: float) -> tuple[float, float, float, float, float]:
+    centre = float(optics.filter_centre_nm or laser_nm)
+    return float(wavelength_nm), centre, optics.filter_fwhm_nm / 2, optics.filter_index**2, optics.filter_peak
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def passed(band, cosine):  # type: ignore[no-untyped-def]
+    """Transmission of the filter: its centre moves to λ₀ √(1 − (sin θ/n)²) (Macleod, Thin-Film Optical Filters); the
+    pass band is a Gaussian of order 4 (flat top).
     """
-    centre = (optics.filter_centre_nm or laser_nm) * np.sqrt(1 - (1 - cosine**2) / optics.filter_index**2)
-    off = (wavelength_nm - centre) / (optics.filter_fwhm_nm / 2)
-    return np.asarray(optics.filter_peak * np.exp(-np.log(2) * off**4))
+    wavelength, centre, half, index2, peak = band
+    off = (wavelength - centre * np.sqrt(1 - (1 - cosine * cosine) / index2)) / half
+    return peak * np.exp(-LN2 * off * off * off * off)
 
 
 def sharp_sigma_px(optics: OpticsConfig, sensor: SensorModel, wavelength_nm: float) -> float:

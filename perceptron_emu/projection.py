@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
+from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from geometry import SensorModel
@@ -16,10 +19,41 @@ def project(sensor: SensorModel, xyz_mm: ArrayLike) -> Array:
     xyz_mm: (..., 3) [mm] in {P}. Returns uv_px (..., 2), NaN for points that are not in front of the camera.
     Source: OpenCV's calib3d documentation, "Detailed Description", rational model with thin prism and tilt.
     """
-    camera = to_camera(sensor, xyz_mm)
-    depth = np.where(camera[..., 2] > 0, camera[..., 2], np.nan)
-    x, y = tilt(sensor, *lens(sensor, camera[..., 0] / depth, camera[..., 1] / depth))
-    return np.stack([sensor.fx_px * x + sensor.cx_px, sensor.fy_px * y + sensor.cy_px], -1)
+    xyz = np.ascontiguousarray(xyz_mm, dtype=float)
+    out = np.empty((*xyz.shape[:-1], 2))
+    _project(xyz.reshape(-1, 3), *_camera(sensor), out.reshape(-1, 2))
+    return out
+
+
+@lru_cache(maxsize=32)
+def _camera(sensor: SensorModel) -> tuple[Array, Array, Array, Array, Array]:
+    """Rotation and place of the camera in {P}, fx, fy, cx, cy, the twelve terms of the lens, the chip's rotation."""
+    pose, terms = sensor.T_sensor_camera, np.array(sensor.distortion14, dtype=float)
+    intrinsics = np.array([sensor.fx_px, sensor.fy_px, sensor.cx_px, sensor.cy_px])
+    turn = tilt_rotation(float(terms[12]), float(terms[13]))
+    return np.array(pose.R, order="C"), np.array(pose.t), intrinsics, terms[:12].copy(), turn
+
+
+@njit(cache=True, error_model="numpy")
+def _project(xyz, R, t, intrinsics, terms, turn, out):  # type: ignore[no-untyped-def]
+    """The chip turned by R = Ry(τy)·Rx(τx) (OpenCV's signs) passes through (0, 0, 1): the ray q = (x, y, 1) has the
+    coordinates R·q in its axes and reaches it by the projective map of the last lines.
+    """
+    fx, fy, cx, cy = intrinsics
+    for i in range(len(xyz)):
+        px, py, pz = xyz[i, 0] - t[0], xyz[i, 1] - t[1], xyz[i, 2] - t[2]
+        depth = R[0, 2] * px + R[1, 2] * py + R[2, 2] * pz
+        if not depth > 0:
+            out[i, 0], out[i, 1] = np.nan, np.nan
+            continue
+        x = (R[0, 0] * px + R[1, 0] * py + R[2, 0] * pz) / depth
+        y = (R[0, 1] * px + R[1, 1] * py + R[2, 1] * pz) / depth
+        a, b = _bent(x, y, terms)
+        qx = turn[0, 0] * a + turn[0, 1] * b + turn[0, 2]
+        qy = turn[1, 0] * a + turn[1, 1] * b + turn[1, 2]
+        qz = turn[2, 0] * a + turn[2, 1] * b + turn[2, 2]
+        out[i, 0] = fx * (turn[2, 2] * qx - turn[0, 2] * qz) / qz + cx
+        out[i, 1] = fy * (turn[2, 2] * qy - turn[1, 2] * qz) / qz + cy
 
 
 def to_camera(sensor: SensorModel, xyz_mm: ArrayLike) -> Array:
@@ -30,32 +64,28 @@ def to_camera(sensor: SensorModel, xyz_mm: ArrayLike) -> Array:
 
 def lens(sensor: SensorModel, x: Array, y: Array) -> tuple[Array, Array]:
     """Normalised image coordinates after the lens: radial (rational), tangential and thin-prism terms."""
-    terms = sensor.distortion
-    if not any(terms):
+    if not any(sensor.distortion):
         return x, y
-    k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4, _, _ = sensor.distortion14
+    out = np.empty((2, *np.shape(x)))
+    _bend(np.ravel(x), np.ravel(y), np.array(sensor.distortion14[:12]), out.reshape(2, -1))
+    return out[0], out[1]
+
+
+@njit(cache=True, error_model="numpy")
+def _bend(x, y, terms, out):  # type: ignore[no-untyped-def]
+    for i in range(len(x)):
+        out[0, i], out[1, i] = _bent(x[i], y[i], terms)
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _bent(x, y, terms):  # type: ignore[no-untyped-def]
+    k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4 = terms
     r2 = x * x + y * y
-    r4, r6 = r2 * r2, r2 * r2 * r2
-    gain = (1 + k1 * r2 + k2 * r4 + k3 * r6) / (1 + k4 * r2 + k5 * r4 + k6 * r6)
-    xy2 = 2 * x * y
+    gain = (1 + r2 * (k1 + r2 * (k2 + r2 * k3))) / (1 + r2 * (k4 + r2 * (k5 + r2 * k6)))
     return (
-        x * gain + p1 * xy2 + p2 * (r2 + 2 * x * x) + s1 * r2 + s2 * r4,
-        y * gain + p2 * xy2 + p1 * (r2 + 2 * y * y) + s3 * r2 + s4 * r4,
+        x * gain + 2 * p1 * x * y + p2 * (r2 + 2 * x * x) + r2 * (s1 + r2 * s2),
+        y * gain + 2 * p2 * x * y + p1 * (r2 + 2 * y * y) + r2 * (s3 + r2 * s4),
     )
-
-
-def tilt(sensor: SensorModel, x: Array, y: Array) -> tuple[Array, Array]:
-    """Normalised coordinates on a chip turned by τx, τy about its centre: the ray meets the turned plane.
-
-    With R = Ry(τy)·Rx(τx) (OpenCV's signs) a ray q = (x, y, 1) has chip coordinates R·q; it reaches the chip, which
-    passes through (0, 0, 1), at the length that makes ((R q)·t − …) vanish; that is the projective map below.
-    """
-    tau_x, tau_y = sensor.distortion14[12:]
-    if tau_x == 0 and tau_y == 0:
-        return x, y
-    r = tilt_rotation(float(tau_x), float(tau_y))
-    qx, qy, qz = (r[i, 0] * x + r[i, 1] * y + r[i, 2] for i in range(3))
-    return (r[2, 2] * qx - r[0, 2] * qz) / qz, (r[2, 2] * qy - r[1, 2] * qz) / qz
 
 
 def tilt_rotation(tau_x: float, tau_y: float) -> Array:

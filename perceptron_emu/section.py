@@ -43,22 +43,86 @@ def cut_plane(triangles, normals, x):  # type: ignore[no-untyped-def]
     return ends[:n], normal[:n], owner[:n]
 
 
-def first_reached(ends: Array, origin: Array, fan_rad: float) -> tuple[NDArray[np.int64], Array]:
+@njit(cache=True, error_model="numpy")
+def lit_in_planes(triangles, normals, planes, shades, shading, origin, fan_rad):  # type: ignore[no-untyped-def]
+    """The pieces of triangles (T, 3, 3) [mm] that the laser reaches first in the planes of constant x (K,).
+
+    normals: at the triangles' corners (T, 3, 3). shades: segments (K, S, 2, 2) as (y, z) in each plane that only
+    cast shadows, where shading (K, S) says so. origin: the emitter's (y, z).
+    Returns ends (n, 2, 3) [mm], normals there (n, 2, 3), triangle numbers (n,).
+    """
+    grid = _grid(fan_rad)
+    ends, normal, face = np.empty((256, 2, 3)), np.empty((256, 2, 3)), np.empty(256, np.int64)
+    n = 0
+    for k in range(len(planes)):
+        cut, turned, owner = cut_plane(triangles, normals, planes[k])
+        solids = len(cut)
+        segments = np.concatenate((cut, shades[k][shading[k]]))
+        which, where = _first_reached(segments, origin, grid)
+        if n + len(which) > len(face):
+            more = max(2 * len(face), n + len(which))
+            ends, normal, face = _longer(ends, more), _longer(normal, more), _longer_int(face, more)
+        for i in range(len(which)):
+            w = which[i]
+            if w >= solids:
+                continue
+            for e in range(2):
+                ends[n, e, 0] = planes[k]
+                for a in range(2):
+                    ends[n, e, 1 + a] = cut[w, 0, a] + where[i, e] * (cut[w, 1, a] - cut[w, 0, a])
+                for a in range(3):
+                    normal[n, e, a] = turned[w, 0, a] + where[i, e] * (turned[w, 1, a] - turned[w, 0, a])
+            face[n] = owner[w]
+            n += 1
+    return ends[:n].copy(), normal[:n].copy(), face[:n].copy()
+
+
+@njit(cache=True, error_model="numpy")
+def _longer(values, size):  # type: ignore[no-untyped-def]
+    out = np.empty((size, values.shape[1], values.shape[2]))
+    out[: len(values)] = values
+    return out
+
+
+@njit(cache=True, error_model="numpy")
+def _longer_int(values, size):  # type: ignore[no-untyped-def]
+    out = np.empty(size, np.int64)
+    out[: len(values)] = values
+    return out
+
+
+@njit(cache=True, error_model="numpy")
+def _grid(fan_rad):  # type: ignore[no-untyped-def]
+    return np.linspace(-fan_rad / 2, fan_rad / 2, int(fan_rad / GRID_RAD) + 2)
+
+
+@njit(cache=True, error_model="numpy")
+def _first_reached(ends, origin, grid):  # type: ignore[no-untyped-def]
     """The pieces of segments (n, 2, 2) as (y, z) [mm] that rays from the origin (2,) reach first within the fan about
     +z.
 
+    grid: angles that the fan is cut at in any case, from edge to edge.
     Returns which segment (m,) and where along it the piece lies (m, 2), in [0, 1]. Source: the angular sweep of planar
     visibility (Suri & O'Rourke 1986): between two neighbouring ends the nearest segment does not change.
     """
-    towards = ends - origin
-    angle = np.sort(np.arctan2(towards[..., 0], towards[..., 1]), axis=1)
-    angle[angle[:, 1] - angle[:, 0] > np.pi] = 10.0  # passes behind the emitter
-    grid = np.linspace(-fan_rad / 2, fan_rad / 2, int(fan_rad / GRID_RAD) + 2)
-    breaks = np.sort(np.concatenate([angle.ravel(), grid]))
-    breaks = breaks[(breaks >= grid[0]) & (breaks <= grid[-1])]
-    by_start = np.argsort(angle[:, 0], kind="stable")
+    n = len(ends)
+    angle, breaks = np.empty((n, 2)), np.empty(2 * n + len(grid))
+    breaks[: len(grid)] = grid
+    count = len(grid)
+    for i in range(n):
+        first = math.atan2(ends[i, 0, 0] - origin[0], ends[i, 0, 1] - origin[1])
+        second = math.atan2(ends[i, 1, 0] - origin[0], ends[i, 1, 1] - origin[1])
+        angle[i, 0], angle[i, 1] = min(first, second), max(first, second)
+        if angle[i, 1] - angle[i, 0] > math.pi:  # passes behind the emitter
+            angle[i] = 10.0
+        for a in angle[i]:
+            if grid[0] <= a <= grid[-1]:
+                breaks[count] = a
+                count += 1
+    breaks = np.sort(breaks[:count])
+    by_start = np.argsort(angle[:, 0], kind="mergesort")
     which, where = np.empty(len(breaks), np.int64), np.empty((len(breaks), 2))
-    m = _sweep(ends, np.array(origin), angle, breaks, by_start, which, where)
+    m = _sweep(ends, origin, angle, breaks, by_start, which, where)
     return which[:m], where[:m]
 
 

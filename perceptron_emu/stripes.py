@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from geometry import SensorModel
@@ -15,7 +17,7 @@ from perceptron_emu.optics import sharp_sigma_px
 from perceptron_emu.projection import project
 from perceptron_emu.samples import Samples
 from perceptron_emu.scene import Scene
-from perceptron_emu.section import cut_plane, first_reached
+from perceptron_emu.section import lit_in_planes
 from perceptron_emu.sheet_faces import Faces, faces_in_sheet, sheet_planes
 from perceptron_emu.strings import Cylinders
 from perceptron_emu.transport import Light
@@ -61,21 +63,18 @@ def light_solids(scene: Scene, strings: Cylinders | None, config: EmulatorConfig
 
 def lit_pieces(faces: Faces, strings: Cylinders | None, planes: Array, sensor: SensorModel) -> Pieces:
     """What the laser reaches first in the planes of constant x."""
-    found = []
-    origin = np.array(sensor.laser_origin_mm[1:])
-    shades = _silhouettes(strings, planes, origin) if strings is not None else [np.zeros((0, 2, 2))] * len(planes)
-    for x, shade in zip(planes, shades, strict=True):
-        ends, normals, face = cut_plane(faces.triangles, faces.normals, x)
-        n = len(face)
-        which, where = first_reached(np.concatenate([ends, shade]), origin, sensor.fan_rad)
-        where, which = where[which < n], which[which < n]
-        yz, normal = (a[which, :1] + where[:, :, None] * (a[which, 1:] - a[which, :1]) for a in (ends, normals))
-        found.append(Pieces(np.concatenate([np.full((len(yz), 2, 1), x), yz], -1), normal, face[which]))
-    return Pieces(*(np.concatenate([getattr(p, name) for p in found]) for name in ("ends", "normals", "face")))
+    origin = np.array(sensor.laser_origin_mm[1:], dtype=float)
+    shades, shading = _silhouettes(strings, planes, origin)
+    triangles, normals = np.ascontiguousarray(faces.triangles), np.ascontiguousarray(faces.normals)
+    return Pieces(*lit_in_planes(triangles, normals, planes, shades, shading, origin, float(sensor.fan_rad)))
 
 
-def _silhouettes(strings: Cylinders, planes: Array, origin: Array) -> list[Array]:
-    """For each plane of constant x segments (n, 2, 2) as (y, z) across the strings as the emitter sees them in it."""
+def _silhouettes(strings: Cylinders | None, planes: Array, origin: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Segments (K, S, 2, 2) as (y, z) across the strings as the emitter sees them in the planes of constant x (K,), and
+    whether (K, S) a string is met there.
+    """
+    if strings is None:
+        return np.zeros((len(planes), 0, 2, 2)), np.zeros((len(planes), 0), dtype=bool)
     slope = strings.directions[:, 0]
     with np.errstate(divide="ignore", invalid="ignore"):
         t = (planes[:, None] - strings.starts[:, 0]) / slope  # (K, S)
@@ -90,7 +89,7 @@ def _silhouettes(strings: Cylinders, planes: Array, origin: Array) -> list[Array
         half = (distance * sine / np.sqrt(1 - sine**2))[..., None]
         across = np.stack([towards[..., 1], -towards[..., 0]], -1)
         ends = np.stack([centre - half * across, centre + half * across], -2)
-    return [e[r] for e, r in zip(ends, reached, strict=True)]
+    return ends, reached
 
 
 def _in_view(faces: Faces, pieces: Pieces, sensor: SensorModel) -> Pieces:
@@ -118,21 +117,21 @@ def _seen(
 ) -> Samples:
     """Nodes on the pieces that the camera sees, inside the image and past all that stands before it."""
     sensor = scene.sensor
-    xyz, normal, area, face = _nodes(faces, pieces, step, sensor, config)
+    xyz, normal, area, number = _nodes(faces, pieces, step, sensor, config)
     uv = project(sensor, xyz)
-    size = np.array([sensor.width_px, sensor.height_px]) - 1 + MARGIN_PX
-    inside = np.all((uv > -MARGIN_PX) & (uv < size), axis=1)  # false behind the camera, where uv is NaN
-    xyz, normal, area, uv, number = xyz[inside], normal[inside], area[inside], uv[inside], faces.solid[face[inside]]
+    inside = np.flatnonzero(_within(uv, sensor.width_px - 1, sensor.height_px - 1))
+    xyz, normal, area, uv, number = (a[inside] for a in (xyz, normal, area, uv, number))
     electrons = np.zeros(len(xyz))
-    for k in np.unique(number):
-        mine = number == k
-        electrons[mine] = light.electrons(xyz[mine], normal[mine], scene.solids[k].material) * area[mine]
+    for k, solid in enumerate(scene.solids):
+        mine = np.flatnonzero(number == k)
+        if len(mine):
+            electrons[mine] = light.electrons(xyz[mine], normal[mine], solid.material) * area[mine]
     seen = np.flatnonzero(electrons > 0)
     start = xyz + OFF_SURFACE_MM * normal
     for k, solid in enumerate(scene.solids):
-        todo = number[seen] != k if body_of(solid).convex else np.ones(len(seen), dtype=bool)
-        todo[todo] = hidden_by_solid(solid, start[seen[todo]], sensor.camera_centre_mm)
-        seen = seen[~todo]
+        todo = np.flatnonzero(number[seen] != k) if body_of(solid).convex else np.arange(len(seen))
+        hidden = hidden_by_solid(solid, start[seen[todo]], sensor.camera_centre_mm)
+        seen = np.delete(seen, todo[hidden])
     if strings is not None:
         seen = seen[~hidden_by_strings(strings, start[seen], sensor.camera_centre_mm)]
     tile = np.floor(uv[seen] / TILE_PX).astype(np.int64) + 8
@@ -140,10 +139,20 @@ def _seen(
     return Samples(xyz[seen], electrons[seen], group)
 
 
+@njit(cache=True, error_model="numpy")
+def _within(uv, last_u, last_v):  # type: ignore[no-untyped-def]
+    """Whether points (N, 2) of the image lie within MARGIN_PX of it; false behind the camera, where they are NaN."""
+    out = np.empty(len(uv), np.bool_)
+    for i in range(len(uv)):
+        u, v = uv[i, 0], uv[i, 1]
+        out[i] = -MARGIN_PX < u < last_u + MARGIN_PX and -MARGIN_PX < v < last_v + MARGIN_PX
+    return out
+
+
 def _nodes(
     faces: Faces, pieces: Pieces, step: float, sensor: SensorModel, config: EmulatorConfig
 ) -> tuple[Array, Array, Array, Index]:
-    """Pairs of Gauss-Legendre nodes along the pieces: points, normals towards the laser (N, 3), area [mm²], face
+    """Pairs of Gauss-Legendre nodes along the pieces: points, normals towards the laser (N, 3), area [mm²], solid
     (N,).
     """
     uv = project(sensor, pieces.ends)
@@ -151,16 +160,31 @@ def _nodes(
         length = np.linalg.norm(uv[:, 1] - uv[:, 0], axis=1)
     sigma = sharp_sigma_px(config.optics, sensor, config.laser.wavelength_nm)
     pairs = np.clip(np.ceil(np.nan_to_num(length, nan=2000.0) / (NODE_STEP * sigma)), 1, 4000).astype(np.int64)
-    piece = np.repeat(np.arange(len(pairs)), 2 * pairs)
-    number = np.arange(len(piece)) - (np.cumsum(2 * pairs) - 2 * pairs)[piece]
-    s = ((number // 2 + 0.5 + np.where(number % 2, 0.5, -0.5) / np.sqrt(3)) / pairs[piece])[:, None]
-    xyz = pieces.ends[piece, 0] + s * (pieces.ends[piece, 1] - pieces.ends[piece, 0])
-    normal = pieces.normals[piece, 0] + s * (pieces.normals[piece, 1] - pieces.normals[piece, 0])
-    normal /= np.maximum(np.sqrt(np.einsum("ij,ij->i", normal, normal)), 1e-12)[:, None]
-    towards = np.einsum("ij,ij->i", normal[:, 1:], sensor.laser_origin_mm[1:] - xyz[:, 1:])
-    normal *= np.where(towards < 0, -1.0, 1.0)[:, None]
+    count = 2 * int(pairs.sum())
+    xyz, normal, piece = np.empty((count, 3)), np.empty((count, 3)), np.empty(count, np.int64)
+    _place(pieces.ends, pieces.normals, pairs, np.array(sensor.laser_origin_mm, dtype=float), xyz, normal, piece)
     area = _length_mm(pieces) / (2 * pairs) * step / _plane_sine(faces, pieces)
-    return xyz, normal, area[piece], pieces.face[piece]
+    return xyz, normal, area[piece], faces.solid[pieces.face][piece]
+
+
+@njit(cache=True, error_model="numpy")
+def _place(ends, normals, pairs, origin, xyz, normal, piece):  # type: ignore[no-untyped-def]
+    """Fill points, normals towards the laser and the number of the piece of every node."""
+    n = 0
+    for p in range(len(pairs)):
+        for k in range(2 * pairs[p]):
+            s = (k // 2 + 0.5 + (0.5 if k % 2 else -0.5) / math.sqrt(3)) / pairs[p]
+            size = 0.0
+            for a in range(3):
+                xyz[n, a] = ends[p, 0, a] + s * (ends[p, 1, a] - ends[p, 0, a])
+                normal[n, a] = normals[p, 0, a] + s * (normals[p, 1, a] - normals[p, 0, a])
+                size += normal[n, a] * normal[n, a]
+            towards = normal[n, 1] * (origin[1] - xyz[n, 1]) + normal[n, 2] * (origin[2] - xyz[n, 2])
+            scale = (-1.0 if towards < 0 else 1.0) / max(math.sqrt(size), 1e-12)
+            for a in range(3):
+                normal[n, a] *= scale
+            piece[n] = p
+            n += 1
 
 
 def _length_mm(pieces: Pieces) -> Array:

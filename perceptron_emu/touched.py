@@ -7,10 +7,11 @@ from collections.abc import Iterator
 
 import cv2
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 CELL_PX = 16  # side of the squares that are told apart
-BAND = 4  # rows of cells that are worked on together
+BAND = 6  # rows of cells that are worked on together
 
 Cells = NDArray[np.uint8]
 Part = tuple[slice, slice]
@@ -41,11 +42,31 @@ def spread(touched: Cells, offset: tuple[int, int], reach_px: float, shape: tupl
 
 def parts(touched: Cells, shape: tuple[int, ...]) -> Iterator[Part]:
     """Rectangles of the image (H, W), as slices of rows and columns, that hold all touched cells and do not overlap."""
-    for first in range(0, len(touched), BAND):
-        rows = slice(first * CELL_PX, min((first + BAND) * CELL_PX, shape[0]))
-        edges = np.flatnonzero(np.diff(touched[first : first + BAND].any(0), prepend=False, append=False))
-        for left, right in edges.reshape(-1, 2):
-            yield rows, slice(int(left) * CELL_PX, min(int(right) * CELL_PX, shape[1]))
+    for band, left, right in _runs(touched).tolist():
+        yield (
+            slice(band * BAND * CELL_PX, min((band + 1) * BAND * CELL_PX, shape[0])),
+            slice(left * CELL_PX, min(right * CELL_PX, shape[1])),
+        )
+
+
+@njit(cache=True)
+def _runs(touched):  # type: ignore[no-untyped-def]
+    """Runs of columns (n, 3) of the bands in which a cell is touched: number of the band, first, one past the last."""
+    rows, columns = touched.shape
+    out, n = np.empty((rows * (columns // 2 + 1), 3), np.int64), 0
+    for band in range((rows + BAND - 1) // BAND):
+        left = -1
+        for i in range(columns + 1):
+            here = False
+            if i < columns:
+                for j in range(band * BAND, min((band + 1) * BAND, rows)):
+                    here = here or touched[j, i] > 0
+            if here and left < 0:
+                left = i
+            if not here and left >= 0:
+                out[n, 0], out[n, 1], out[n, 2] = band, left, i
+                n, left = n + 1, -1
+    return out[:n]
 
 
 def widened(part: Part, reach_px: int, shape: tuple[int, ...]) -> tuple[Part, Part]:

@@ -2,22 +2,40 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from geometry import SensorModel
 from perceptron_emu.brdf import brdf
 from perceptron_emu.config import EmulatorConfig
-from perceptron_emu.optics import gather_sr
-from perceptron_emu.projection import to_camera
+from perceptron_emu.optics import Gather, gather, gathered
 from perceptron_emu.scene import Material
-from perceptron_emu.sheet import across, along, half_width_mm
+from perceptron_emu.sheet import across, beam, density_at, fan, width_at
 
 Array = NDArray[np.float64]
 
 PLANCK_C_J_NM = 1.98644586e-16  # h·c in J·nm: a photon's energy is this over its wavelength
+
+
+class Source(NamedTuple):
+    """Laser, lens and chip in numbers, for compiled code. scale: electrons per exposure of the whole fan's light on the
+    chip; origin of the laser, camera's centre and unit optical axis in {P} (3,) [mm]; beam, fan, lens: as made by the
+    functions of these names.
+    """
+
+    scale: float
+    origin: Array
+    camera: Array
+    axis: Array
+    beam: tuple[float, float, float]
+    fan: tuple[int, float, float, float]
+    lens: Gather
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,23 +50,50 @@ class Light:
 
         E cos θᵢ · f_r · cos θₒ · Ω T · t · η λ/(hc), E = P f(φ)/s · g(x; w(s)) the sheet's irradiance [mW/mm²].
         """
+        out = np.empty(xyz_mm.shape[:-1])
+        flat = [np.ascontiguousarray(a, dtype=float).reshape(-1, 3) for a in (xyz_mm, normal)]
+        surface = material.diffuse, material.specular, material.roughness
+        _electrons(*flat, self._source, surface, out.reshape(-1))
+        return out
+
+    @cached_property
+    def _source(self) -> Source:
         laser, sensor = self.config.laser, self.sensor
-        to_light = sensor.laser_origin_mm - xyz_mm
-        to_light[..., 0] = 0  # the sheet's rays keep their distance from its middle plane
-        s = np.linalg.norm(to_light, axis=-1)
-        angle = np.arctan2(-to_light[..., 1], -to_light[..., 2])
-        irradiance = laser.power_mw * along(laser, sensor.fan_rad, angle) / s
-        irradiance *= across(xyz_mm[..., 0], half_width_mm(laser, sensor, s))
-        to_light /= s[..., None]
-        to_camera_ = sensor.camera_centre_mm - xyz_mm
-        to_camera_ /= np.linalg.norm(to_camera_, axis=-1, keepdims=True)
-        cosines = np.maximum(np.einsum("...i,...i->...", normal, to_light), 0)
-        cosines *= np.maximum(np.einsum("...i,...i->...", normal, to_camera_), 0)
-        gather = gather_sr(self.config.optics, sensor, to_camera(sensor, xyz_mm), laser.wavelength_nm)
-        scatter = brdf(material, normal, to_light, to_camera_)
-        return np.asarray(irradiance * cosines * scatter * gather * self.electrons_per_mw(laser.wavelength_nm))
+        scale = laser.power_mw * self.electrons_per_mw(laser.wavelength_nm)
+        places = (sensor.laser_origin_mm, sensor.camera_centre_mm, sensor.T_sensor_camera.R[:, 2])
+        lens = gather(self.config.optics, sensor, laser.wavelength_nm)
+        return Source(scale, *(np.array(p, dtype=float) for p in places), beam(laser, sensor),
+                      fan(laser, sensor.fan_rad), lens)  # fmt: skip
 
     def electrons_per_mw(self, wavelength_nm: float) -> float:
         """Photo-electrons of one exposure per mW on the chip: t · η · λ/(hc)."""
         photons_per_mj = 1e-3 * wavelength_nm / PLANCK_C_J_NM
         return self.config.exposure.time_ms * 1e-3 * photons_per_mj * self.config.noise.quantum_efficiency
+
+
+@njit(cache=True, error_model="numpy")
+def _electrons(xyz, normal, source, surface, out):  # type: ignore[no-untyped-def]
+    """Fill out (N,) for points xyz and unit normals (N, 3) of one surface."""
+    diffuse, specular, roughness = surface
+    origin, camera, axis = source.origin, source.camera, source.axis
+    waist, waist_at, rayleigh = source.beam
+    for i in range(len(out)):
+        ly, lz = origin[1] - xyz[i, 1], origin[2] - xyz[i, 2]  # the sheet's rays keep their distance from its middle
+        s = math.sqrt(ly * ly + lz * lz)
+        angle = math.atan2(-ly, -lz)
+        ly, lz = ly / s, lz / s
+        cx, cy, cz = camera[0] - xyz[i, 0], camera[1] - xyz[i, 1], camera[2] - xyz[i, 2]
+        distance = math.sqrt(cx * cx + cy * cy + cz * cz)
+        cx, cy, cz = cx / distance, cy / distance, cz / distance
+        cos_i = normal[i, 1] * ly + normal[i, 2] * lz
+        cos_o = normal[i, 0] * cx + normal[i, 1] * cy + normal[i, 2] * cz
+        cosine = -(axis[0] * cx + axis[1] * cy + axis[2] * cz)
+        if cos_i <= 0 or cos_o <= 0 or cosine <= 0:
+            out[i] = 0
+            continue
+        hy, hz = ly + cy, lz + cz
+        size = max(math.sqrt(cx * cx + hy * hy + hz * hz), 1e-12)
+        cos_h = (normal[i, 0] * cx + normal[i, 1] * hy + normal[i, 2] * hz) / size
+        scatter = brdf(diffuse, specular, roughness, cos_i, cos_o, cos_h, (ly * hy + lz * hz) / size)
+        irradiance = density_at(angle, source.fan) / s * across(xyz[i, 0], width_at(s, waist, waist_at, rayleigh))
+        out[i] = source.scale * irradiance * cos_i * cos_o * scatter * gathered(source.lens, cosine, distance)
