@@ -147,7 +147,7 @@ def _undistortion(sensor: SensorModel) -> _Undistortion:
     canvas = _Canvas(int(low[0]), int(low[1]), *(int(n) for n in high - low + 1))
     maps = (ideal - low).astype(np.float32).reshape(sensor.height_px, sensor.width_px, 2)
     whole, rest = cv2.convertMaps(maps[..., 0], maps[..., 1], cv2.CV_16SC2)
-    return _Undistortion(whole, rest, canvas, math.ceil(float(np.abs(ideal - pixels[:, 0]).max())))  # type: ignore[arg-type]
+    return _Undistortion(whole, rest, canvas, math.ceil(float(np.abs(ideal - pixels[:, 0]).max())))
 
 
 def _clip_near(camera: Array, level: Array) -> tuple[Array, Array]:

@@ -120,7 +120,7 @@ def _seen(
     xyz, normal, area, number = _nodes(faces, pieces, step, sensor, config)
     uv = project(sensor, xyz)
     inside = np.flatnonzero(_within(uv, sensor.width_px - 1, sensor.height_px - 1))
-    xyz, normal, area, uv, number = (a[inside] for a in (xyz, normal, area, uv, number))
+    xyz, normal, area, uv, number = xyz[inside], normal[inside], area[inside], uv[inside], number[inside]
     electrons = np.zeros(len(xyz))
     for k, solid in enumerate(scene.solids):
         mine = np.flatnonzero(number == k)

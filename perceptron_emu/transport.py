@@ -51,19 +51,19 @@ class Light:
         E cos θᵢ · f_r · cos θₒ · Ω T · t · η λ/(hc), E = P f(φ)/s · g(x; w(s)) the sheet's irradiance [mW/mm²].
         """
         out = np.empty(xyz_mm.shape[:-1])
-        flat = [np.ascontiguousarray(a, dtype=float).reshape(-1, 3) for a in (xyz_mm, normal)]
+        points, normals = (np.ascontiguousarray(a, dtype=float).reshape(-1, 3) for a in (xyz_mm, normal))
         surface = material.diffuse, material.specular, material.roughness
-        _electrons(*flat, self._source, surface, out.reshape(-1))
+        _electrons(points, normals, self._source, surface, out.reshape(-1))
         return out
 
     @cached_property
     def _source(self) -> Source:
         laser, sensor = self.config.laser, self.sensor
         scale = laser.power_mw * self.electrons_per_mw(laser.wavelength_nm)
-        places = (sensor.laser_origin_mm, sensor.camera_centre_mm, sensor.T_sensor_camera.R[:, 2])
+        origin, camera = np.array(sensor.laser_origin_mm, dtype=float), np.array(sensor.camera_centre_mm, dtype=float)
+        axis = np.array(sensor.T_sensor_camera.R[:, 2], dtype=float)
         lens = gather(self.config.optics, sensor, laser.wavelength_nm)
-        return Source(scale, *(np.array(p, dtype=float) for p in places), beam(laser, sensor),
-                      fan(laser, sensor.fan_rad), lens)  # fmt: skip
+        return Source(scale, origin, camera, axis, beam(laser, sensor), fan(laser, sensor.fan_rad), lens)
 
     def electrons_per_mw(self, wavelength_nm: float) -> float:
         """Photo-electrons of one exposure per mW on the chip: t · η · λ/(hc)."""
