@@ -3,32 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.information import FrameInformation, scaled, scp_covariance
+from calib.information import FrameInformation, covariances_with, scaled, scp_covariance
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
 RANDOM_PLANS = 50
-EXCHANGE_ROUNDS = 2
+LEVER_MM = 300.0  # at which a rotation's error is weighed against a translation's: a sensor's usual stand-off
+_MAX_SWEEPS = 20
+_GAIN = 1e-6  # a smaller relative gain is rounding
 
 
-@dataclass(frozen=True, eq=False)
-class Choice:
-    """The chosen frames and their predicted covariance (6, 6).
+def size_mm(covariance: Array, criterion: str) -> Array:
+    """The sizes (...) of error ellipsoids (..., 6, 6) as a length [mm], rotations at LEVER_MM.
 
-    ratio: the criterion's size of the error, as a length, over its median for RANDOM_PLANS random choices from the same
-    pool. ratio_of_noise: the same of the noise of points and joints alone.
+    criterion: D the mean of the axes (geometric), E the longest, A the root of the sum of squares: the rms error.
     """
-
-    chosen: Index
-    covariance: Array
-    ratio: float
-    ratio_of_noise: float
+    at_lever = scaled(covariance, LEVER_MM)
+    if criterion == "D":
+        return np.asarray(np.exp(np.linalg.slogdet(at_lever)[1] / 12))
+    if criterion == "E":
+        return np.asarray(np.sqrt(np.linalg.eigvalsh(at_lever)[..., -1]))
+    return np.asarray(np.sqrt(np.trace(at_lever, axis1=-2, axis2=-1)))
 
 
 def choose(
@@ -36,77 +36,55 @@ def choose(
     taken: Index,
     per_location: dict[int, int],
     criterion: str,
-    lever_mm: float,
-    rng: np.random.Generator,
     progress: Callable[[int, int], None] | None = None,
-) -> Choice:
-    """Choose ``per_location`` more frames at each place beside the ``taken`` ones.
-
-    criterion: "D" makes the volume of the SCP's ellipsoid small, "E" its longest axis (rotations at ``lever_mm``).
+) -> Index:
+    """Choose ``per_location`` more frames at each place beside the ``taken`` ones: the most telling first, then
+    exchanges until none makes the criterion's size smaller.
     """
-    pool = {place: _pool(info, taken, place) for place in per_location}
     chosen: list[int] = []
-    wanted = sum(per_location.values())
-    left = dict(per_location)
-
-    def loss(extra: list[int]) -> float:
-        covariance = scp_covariance(info, np.concatenate([taken, np.array(extra, dtype=np.intp)]))
-        return size_mm(covariance, criterion, lever_mm)
-
+    left, wanted = dict(per_location), sum(per_location.values())
+    pool = pools(info, taken, per_location)
     while len(chosen) < wanted:
-        open_ = [i for place, n in left.items() if n for i in pool[place] if i not in chosen]
-        best = min(open_, key=lambda i: loss([*chosen, i]))
+        trials = [_best(info, taken, chosen, pool[place], criterion) for place, n in left.items() if n]
+        best, _ = min(trials, key=lambda trial: trial[1])
         chosen.append(best)
         left[int(info.location[best])] -= 1
         if progress:
             progress(len(chosen), wanted)
-    for _ in range(EXCHANGE_ROUNDS):
-        if not _exchange(chosen, pool, info, loss):
+    now = float(size_mm(scp_covariance(info, _plan(taken, chosen)), criterion))
+    for _ in range(_MAX_SWEEPS):
+        before = now
+        for k in range(wanted):
+            others = chosen[:k] + chosen[k + 1 :]
+            other, value = _best(info, taken, others, pool[int(info.location[chosen[k]])], criterion)
+            if value < now * (1 - _GAIN):
+                chosen[k], now = other, value
+        if now >= before:
             break
-    plan = np.concatenate([taken, np.array(chosen, dtype=np.intp)])
-    random = _random(taken, per_location, pool, rng)
-    ratios = []
-    for noise_alone in (False, True):
-        sizes = [
-            size_mm(scp_covariance(info, p, noise_alone=noise_alone), criterion, lever_mm) for p in (plan, *random)
-        ]
-        ratios.append(sizes[0] / float(np.median(sizes[1:])))
-    return Choice(np.array(chosen, dtype=np.intp), scp_covariance(info, plan), *ratios)
+    return np.array(chosen, dtype=np.intp)
 
 
-def size_mm(covariance: Array, criterion: str, lever_mm: float) -> float:
-    """The size of an error ellipsoid as a length [mm]: D the mean of its axes (geometric), E the longest."""
-    at_lever = scaled(covariance, lever_mm)
-    if criterion == "D":
-        return float(np.exp(np.linalg.slogdet(at_lever)[1] / 12))
-    return float(np.sqrt(np.linalg.eigvalsh(at_lever)[-1]))
+def pools(info: FrameInformation, taken: Index, places: dict[int, int]) -> dict[int, Index]:
+    """The frames of each place that are not ``taken`` yet."""
+    free = np.setdiff1d(np.arange(len(info.location)), taken)
+    return {place: free[info.location[free] == place] for place in places}
 
 
-def _exchange(
-    chosen: list[int], pool: dict[int, list[int]], info: FrameInformation, loss: Callable[[list[int]], float]
-) -> bool:
-    """Replace each chosen frame by a better one of its place; whether anything changed."""
-    changed, now = False, loss(chosen)
-    for k in range(len(chosen)):
-        for other in pool[int(info.location[chosen[k]])]:
-            if other in chosen:
-                continue
-            trial = [*chosen[:k], other, *chosen[k + 1 :]]
-            value = loss(trial)
-            if value < now - 1e-9 * abs(now):
-                chosen[k], now, changed = other, value, True
-    return changed
-
-
-def _random(
-    taken: Index, per_location: dict[int, int], pool: dict[int, list[int]], rng: np.random.Generator
+def random_plans(
+    info: FrameInformation, taken: Index, per_location: dict[int, int], rng: np.random.Generator, count: int
 ) -> list[Index]:
-    plans = []
-    for _ in range(RANDOM_PLANS):
-        extra = [rng.choice(pool[place], n, replace=False) for place, n in per_location.items() if n]
-        plans.append(np.concatenate([taken, *extra]).astype(np.intp))
-    return plans
+    """Plans of the same numbers of frames, drawn at random from the same pools."""
+    pool = pools(info, taken, per_location)
+    draws = [[rng.choice(pool[p], n, replace=False) for p, n in per_location.items() if n] for _ in range(count)]
+    return [np.concatenate([taken, *extra]).astype(np.intp) for extra in draws]
 
 
-def _pool(info: FrameInformation, taken: Index, place: int) -> list[int]:
-    return [int(i) for i in np.flatnonzero(info.location == place) if i not in taken]
+def _best(info: FrameInformation, taken: Index, chosen: list[int], pool: Index, criterion: str) -> tuple[int, float]:
+    """The frame of the pool that tells most beside those taken and chosen, and the size it leaves."""
+    free = np.setdiff1d(pool, chosen)
+    sizes = size_mm(covariances_with(info, _plan(taken, chosen), free), criterion)
+    return int(free[np.argmin(sizes)]), float(np.min(sizes))
+
+
+def _plan(taken: Index, chosen: list[int]) -> Index:
+    return np.concatenate([taken, np.array(chosen, dtype=np.intp)])

@@ -3,28 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import (
-    NoAnswerError,
-    Pose,
-    RobotModel,
-    SensorModel,
-    cross_plane_x0,
-    exp_so3,
-    field_of_view,
-    inside_polygon,
-    stack_poses,
-)
+from geometry import NoAnswerError, Pose, RobotModel, SensorModel, stack_poses
 from geometry.inverse_kinematics import inverse_kinematics
 from jig_cad import Jig
+from workbench.clearance import arm_clears
+from workbench.view_space import Tally, ViewLimits, ViewSpace
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-SeesAll = Callable[[Pose], bool]
+SeesAll = Callable[[Pose], Mask]
 
 BATCH = 96
 MAX_BATCHES = 40
@@ -34,58 +26,39 @@ OUT_OF_REACH = "out of the robot's reach or joint limits"
 POOL_FACTOR = 4  # feasible views gathered for each one wanted, from which the best spread are taken
 
 
-@dataclass(frozen=True)
-class ViewLimits:
-    """Which views are asked for.
-
-    tilt_deg: largest turn about the pillar and up or down. roll_deg: largest turn about the sensor's own depth axis.
-    height: where up the pillar the sheet may aim, as parts of its height. margin_px: strip along the image's border
-    kept free. separation_mm: least distance between two
-    strings' points as emitter and camera see them. clearance_mm: least distance of the sensor's
-    emitter and camera from the jig's box. end_mm: least distance of a point from its string's ends. mounting_deg: how
-    far the sensor may be turned from where it is believed to be; all of the above must hold all the same.
-    """
-
-    tilt_deg: float = 32.0
-    roll_deg: float = 35.0
-    height: tuple[float, float] = (0.3, 0.7)
-    margin_px: float = 15.0
-    separation_mm: float = 2.5
-    clearance_mm: float = 60.0
-    end_mm: float = 6.0
-    mounting_deg: float = 3.0
-
-
 @dataclass(frozen=True, eq=False)
 class Views:
-    """Configurations at one place of the jig: joint readings (N, n) [rad] and the jig's poses in {P} (N)."""
+    """Configurations at one place of the jig: joint readings (N, n) [rad] and the jig's poses in {P} (N).
+
+    parameters: (N, 6), of the ViewSpace that they were drawn from.
+    """
 
     joints_rad: Array
     T_sensor_jig: Pose
+    parameters: Array
 
+    @staticmethod
+    def none(robot: RobotModel) -> Views:
+        """No views."""
+        return Views(np.zeros((0, robot.n_joints)), Pose(np.zeros((0, 3, 3)), np.zeros((0, 3))), np.zeros((0, 6)))
 
-@dataclass
-class Tally:
-    """How many views were tried, and why views were refused."""
+    def __getitem__(self, index: NDArray[np.intp]) -> Views:
+        """The views of ``index``."""
+        return Views(self.joints_rad[index], self.T_sensor_jig[index], self.parameters[index])
 
-    tried: int = 0
-    refused: dict[str, int] = field(default_factory=dict)
-
-    def refuse(self, why: str, mask: Mask) -> None:
-        """Count the views of ``mask`` as refused for ``why``."""
-        self.refused[why] = self.refused.get(why, 0) + int(np.sum(mask))
-
-    def text(self) -> str:
-        """``of 960 views tried, 500 out of the field of view, …``."""
-        parts = [f"{n} {why}" for why, n in sorted(self.refused.items(), key=lambda item: -item[1]) if n]
-        return f"of {self.tried} views tried: " + ", ".join(parts)
+    def followed_by(self, other: Views) -> Views:
+        """These views and then the ``other`` ones."""
+        R = np.concatenate([self.T_sensor_jig.R, other.T_sensor_jig.R])
+        t = np.concatenate([self.T_sensor_jig.t, other.T_sensor_jig.t])
+        joints = np.concatenate([self.joints_rad, other.joints_rad])
+        return Views(joints, Pose(R, t), np.concatenate([self.parameters, other.parameters]))
 
 
 @dataclass(frozen=True, eq=False)
 class ViewProblem:
     """One place of the jig: what the user knows, and what a view must fulfil.
 
-    sees_all: tells whether the strings are free of occlusion at a pose T_sensor_jig; None takes it for granted.
+    sees_all: tells whether the strings are free of occlusion at poses T_sensor_jig (N); None takes it for granted.
     """
 
     robot: RobotModel
@@ -95,6 +68,10 @@ class ViewProblem:
     T_hand_sensor: Pose
     limits: ViewLimits = field(default_factory=ViewLimits)
     sees_all: SeesAll | None = None
+
+    def hand_goals(self, T_sensor_jig: Pose) -> Pose:
+        """T_base_hand (N) that bring the sensor to the poses."""
+        return self.T_base_jig @ T_sensor_jig.inverse() @ self.T_hand_sensor.inverse()
 
 
 def plan_views(problem: ViewProblem, count: int, rng: np.random.Generator) -> Views:
@@ -111,7 +88,7 @@ def plan_views(problem: ViewProblem, count: int, rng: np.random.Generator) -> Vi
             "move the jig, widen the limits of the view, or ask for fewer"
         )
     chosen = spread(pool.T_sensor_jig, problem.jig, count)
-    return Views(pool.joints_rad[chosen], pool.T_sensor_jig[chosen])
+    return pool[chosen]
 
 
 def spread(Ts_sensor_jig: Pose, jig: Jig, count: int) -> NDArray[np.intp]:
@@ -131,54 +108,70 @@ def spread(Ts_sensor_jig: Pose, jig: Jig, count: int) -> NDArray[np.intp]:
     return np.array(chosen, dtype=np.intp)
 
 
-def feasible_views(problem: ViewProblem, wanted: int, rng: np.random.Generator, tally: Tally | None = None) -> Views:
-    """Up to ``wanted`` views that fulfil everything, in the order in which they were drawn."""
+def feasible_views(
+    problem: ViewProblem,
+    wanted: int,
+    rng: np.random.Generator,
+    tally: Tally | None = None,
+    batch: int = BATCH,
+    space: ViewSpace | None = None,
+) -> Views:
+    """Up to ``wanted`` views that fulfil everything, in the order in which they were drawn.
+
+    batch: how many are drawn at a time, MAX_BATCHES times at most. space: where known already.
+    """
     tally = Tally() if tally is None else tally
-    polygon = field_of_view(problem.sensor, problem.limits.margin_px)
-    depths = _depth_range(polygon, 1.15 * problem.jig.side_mm)
-    turns = _turns(problem.limits.mounting_deg)
-    joints: list[Array] = []
-    poses: list[Pose] = []
+    space = space or ViewSpace.of(problem.sensor, problem.jig, problem.limits)
+    found = Views.none(problem.robot)
     seed: Array | None = None
     for _ in range(MAX_BATCHES):
-        T_sensor_jig = _sample_views(problem.jig, depths, problem.limits, rng).inverse()
-        tally.tried += BATCH
-        good = np.ones(BATCH, dtype=bool)
-        for turn in turns:
-            good &= _measurable(problem.sensor, problem.jig, problem.limits, turn @ T_sensor_jig, polygon, good, tally)
-        T_sensor_jig = T_sensor_jig[good]
-        if len(T_sensor_jig) == 0:
+        parameters = space.draw(batch, rng)
+        tally.tried += batch
+        kept = space.measurable(space.poses(parameters), tally)
+        if len(kept) == 0:
             continue
-        goals = problem.T_base_jig @ T_sensor_jig.inverse() @ problem.T_hand_sensor.inverse()
+        candidates = space.poses(parameters[kept])
+        goals = problem.hand_goals(candidates)
         seed = _posture(problem.robot, goals, rng) if seed is None else seed
         if seed is None:
             tally.refuse(OUT_OF_REACH, np.ones(len(goals), dtype=bool))
             if tally.refused[OUT_OF_REACH] > GIVE_UP:
                 break
             continue
-        reached, q = _reach(problem.robot, goals, seed, rng, tally)
-        for i in np.flatnonzero(reached):
-            if problem.sees_all is not None and not all(problem.sees_all(turn @ T_sensor_jig[i]) for turn in turns):
-                tally.refuse("hidden by strings, posts or plates", np.array([True]))
-                continue
-            joints.append(q[i])
-            poses.append(T_sensor_jig[i])
-            if len(joints) == wanted:
-                return _views(joints, poses, problem.robot)
-    return _views(joints, poses, problem.robot)
+        q, reached = _reach(problem, goals, seed, rng, tally)
+        found = found.followed_by(_unhidden(problem, space, Views(q, candidates, parameters[kept]), reached, tally))
+        if len(found.joints_rad) >= wanted:
+            return found[np.arange(wanted)]
+    return found
+
+
+def near_views(
+    problem: ViewProblem, space: ViewSpace, parameters: Array, seeds: Array
+) -> tuple[Views, NDArray[np.intp]]:
+    """The views of ``parameters`` (N, 6) that can be measured and reached from the readings (N, n), and which they are.
+
+    Occlusion is not looked at.
+    """
+    kept = space.measurable(space.poses(parameters), Tally())
+    if len(kept) == 0:
+        return Views.none(problem.robot), kept
+    poses = space.poses(parameters[kept])
+    rng = np.random.default_rng(0)  # not drawn from: no starts beside the seeds
+    found = inverse_kinematics(problem.robot, problem.hand_goals(poses), rng, seeds=seeds[kept], max_starts=0)
+    ok = found.converged & _same_posture(found.joints, seeds[kept])
+    ok &= arm_clears(problem.robot, found.joints, problem.T_hand_sensor, problem.T_base_jig, problem.jig)
+    return Views(found.joints[ok], poses[np.flatnonzero(ok)], parameters[kept[ok]]), kept[ok]
 
 
 def free_views(sensor: SensorModel, jig: Jig, limits: ViewLimits, count: int, rng: np.random.Generator) -> Pose:
     """Poses T_sensor_jig (count) of views without a robot, in which every string crosses the field of view."""
     tally = Tally()
-    polygon = field_of_view(sensor, limits.margin_px)
-    depths = _depth_range(polygon, 1.15 * jig.side_mm)
+    space = ViewSpace.of(sensor, jig, replace(limits, mounting_deg=0.0))
     poses: list[Pose] = []
     for _ in range(10 * MAX_BATCHES):
-        T_sensor_jig = _sample_views(jig, depths, limits, rng).inverse()
+        T_sensor_jig = space.poses(space.draw(BATCH, rng))
         tally.tried += BATCH
-        good = _measurable(sensor, jig, limits, T_sensor_jig, polygon, np.ones(BATCH, dtype=bool), tally)
-        poses += [T_sensor_jig[i] for i in np.flatnonzero(good)]
+        poses += [T_sensor_jig[i] for i in space.measurable(T_sensor_jig, tally)]
         if len(poses) >= count:
             return stack_poses(poses[:count])
     raise NoAnswerError(f"only {len(poses)} of {count} views found that show all strings ({tally.text()})")
@@ -191,97 +184,35 @@ def _posture(robot: RobotModel, goals: Pose, rng: np.random.Generator) -> Array 
     return joints[np.argmin(np.sum(joints**2, axis=1))] if len(joints) else None
 
 
-def _reach(robot: RobotModel, goals: Pose, seed: Array, rng: np.random.Generator, tally: Tally) -> tuple[Mask, Array]:
-    """Which goals (N) are reached without swinging the arm over, and the readings (N, n)."""
-    found = inverse_kinematics(robot, goals, rng, seeds=seed)
-    same = np.all(np.abs(found.joints[:, :3] - seed[:3]) <= POSTURE_RAD, axis=1)
+def _reach(
+    problem: ViewProblem, goals: Pose, seed: Array, rng: np.random.Generator, tally: Tally
+) -> tuple[Array, Mask]:
+    """Readings (N, n), and which goals (N) they reach without swinging the arm over or touching the jig."""
+    found = inverse_kinematics(problem.robot, goals, rng, seeds=seed)
+    same = _same_posture(found.joints, seed)
+    clear = arm_clears(problem.robot, found.joints, problem.T_hand_sensor, problem.T_base_jig, problem.jig)
     tally.refuse(OUT_OF_REACH, ~found.converged)
     tally.refuse("reached in another posture of the arm only", found.converged & ~same)
-    return np.asarray(found.converged & same), found.joints
+    tally.refuse("with the hand or the arm too near the jig", found.converged & same & ~clear)
+    return found.joints, np.asarray(found.converged & same & clear)
 
 
-def _views(joints: list[Array], poses: list[Pose], robot: RobotModel) -> Views:
-    return Views(np.array(joints).reshape(-1, robot.n_joints), stack_poses(poses))
+def _same_posture(joints: Array, seeds: Array) -> Mask:
+    return np.asarray(np.all(np.abs(joints[:, :3] - seeds[..., :3]) <= POSTURE_RAD, axis=1))
 
 
-def _sample_views(jig: Jig, depths: tuple[float, float], limits: ViewLimits, rng: np.random.Generator) -> Pose:
-    """T_jig_sensor (BATCH): turned about the pillar, up or down and about the depth axis, aiming inside the pillar."""
-    tilt, roll = np.deg2rad(limits.tilt_deg), np.deg2rad(limits.roll_deg)
-    about_x = rng.uniform(-tilt, tilt, BATCH)
-    about_y = rng.uniform(-tilt, tilt, BATCH)
-    about_z = rng.uniform(-roll, roll, BATCH)
-    ex, ey, ez = np.eye(3)
-    R = exp_so3(about_x[:, None] * ex) @ exp_so3(about_y[:, None] * ey) @ exp_so3(about_z[:, None] * ez)
-    low, high = limits.height
-    depth_of_centroid = jig.side_mm / np.sqrt(3)
-    aim = np.column_stack(
-        [rng.uniform(low, high, BATCH) * jig.height_mm, np.zeros(BATCH), np.full(BATCH, depth_of_centroid)]
-    )
-    seen_at = np.column_stack(
-        [np.zeros(BATCH), rng.uniform(-0.1, 0.1, BATCH) * jig.side_mm, rng.uniform(*depths, BATCH)]
-    )
-    return Pose(R, aim - (R @ seen_at[..., None])[..., 0])
+def _unhidden(problem: ViewProblem, space: ViewSpace, views: Views, reached: Mask, tally: Tally) -> Views:
+    """The reached views in which nothing hides a string, however the sensor is mounted."""
+    views = views[np.flatnonzero(reached)]
+    seen = unhidden(problem, space, views.T_sensor_jig)
+    tally.refuse("hidden by strings, posts or plates", ~seen)
+    return views[np.flatnonzero(seen)]
 
 
-def _depth_range(polygon: Array, width: float) -> tuple[float, float]:
-    """Depths [mm] at which the field of view is as wide as the jig needs, and not far beyond: near is precise."""
-    z = np.linspace(polygon[:, 1].min(), polygon[:, 1].max(), 200)
-    y = np.linspace(polygon[:, 0].min(), polygon[:, 0].max(), 401)
-    inside = inside_polygon(np.stack(np.broadcast_arrays(y[None, :], z[:, None]), -1), polygon)
-    wide = z[inside.sum(axis=1) * (y[1] - y[0]) >= width]
-    if len(wide) == 0:
-        raise NoAnswerError(f"the sensor's field of view is nowhere {width:.0f} mm wide, as this jig needs")
-    return float(wide[0]), float(min(wide[-1], 1.5 * wide[0]))
-
-
-def _turns(mounting_deg: float) -> list[Pose]:
-    """No turn, and turns of the sensor by ``mounting_deg`` either way about each of its axes."""
-    if mounting_deg == 0:
-        return [Pose.identity()]
-    axes = np.concatenate([np.eye(3), -np.eye(3)]) * np.deg2rad(mounting_deg)
-    return [Pose.identity(), *(Pose(exp_so3(w), np.zeros(3)) for w in axes)]
-
-
-def _measurable(
-    sensor: SensorModel, jig: Jig, limits: ViewLimits, T_sensor_jig: Pose, polygon: Array, still: Mask, tally: Tally
-) -> Mask:
-    """Views (N) in which every string crosses the sheet well inside the field of view and apart from the others."""
-    starts, directions = T_sensor_jig @ jig.starts[None], (T_sensor_jig.R[:, None] @ jig.directions[..., None])[..., 0]
-    points, along = cross_plane_x0(starts, directions)
-    crosses = np.all((along > limits.end_mm) & (along < jig.lengths - limits.end_mm), axis=1)
-    seen = np.all(inside_polygon(np.nan_to_num(points[..., 1:], nan=1e9), polygon), axis=1)
-    apart = _separation(sensor, points) > limits.separation_mm
-    clear = _clearance(sensor, jig, T_sensor_jig) > limits.clearance_mm
-    tests = {
-        "with a string beyond its ends": crosses,
-        "out of the field of view": seen,
-        "with two strings too near each other": apart,
-        "with the sensor too near the jig": clear,
-    }
-    for why, fulfilled in tests.items():  # a view is refused once, for the first test it fails
-        tally.refuse(why, still & ~fulfilled)
-        still = still & fulfilled
-    return np.asarray(still)
-
-
-def _separation(sensor: SensorModel, points: Array) -> Array:
-    """Least distance (N) [mm] of any two points (N, S, 3) across the rays of the emitter and of the camera.
-
-    Two strings of one face of the pillar stand behind each other wherever that face points at the emitter.
-    """
-    least = np.full(len(points), np.inf)
-    for source in (sensor.laser_origin_mm, sensor.camera_centre_mm):
-        ray = points - source
-        distance = np.linalg.norm(ray, axis=-1, keepdims=True)
-        unit = ray / distance
-        across = np.linalg.norm(np.cross(unit[:, :, None], unit[:, None]), axis=-1) * distance
-        least = np.minimum(least, np.min(across + np.eye(points.shape[1]) * 1e9, axis=(1, 2)))
-    return least
-
-
-def _clearance(sensor: SensorModel, jig: Jig, T_sensor_jig: Pose) -> Array:
-    """Least distance (N) [mm] of emitter and camera from the box around the jig's anchors."""
-    body = T_sensor_jig.inverse() @ np.stack([sensor.laser_origin_mm, sensor.camera_centre_mm])[None]
-    low, high = jig.anchors_mm.min(axis=0), jig.anchors_mm.max(axis=0)
-    outside = np.maximum(np.maximum(low - body, body - high), 0)
-    return np.asarray(np.min(np.linalg.norm(outside, axis=-1), axis=1))
+def unhidden(problem: ViewProblem, space: ViewSpace, T_sensor_jig: Pose) -> Mask:
+    """Whether nothing hides a string at the poses (N), however the sensor is mounted."""
+    if problem.sees_all is None or len(T_sensor_jig) == 0:
+        return np.ones(len(T_sensor_jig), dtype=bool)
+    turned = [turn @ T_sensor_jig for turn in space.turns]
+    every = Pose(np.concatenate([p.R for p in turned]), np.concatenate([p.t for p in turned]))
+    return np.asarray(np.all(problem.sees_all(every).reshape(len(turned), -1), axis=0))

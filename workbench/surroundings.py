@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import Pose, SensorModel
+from geometry import Pose, SensorModel, cross_plane_x0
 from jig_cad import Jig
 from jig_cad.solids import jig_solids
 from perceptron_emu import ALUMINIUM, BLACK_PLATE, Solid, panel
@@ -19,6 +19,7 @@ from perceptron_emu.strings import cylinders
 from workbench.planning import SeesAll
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 REACH_MM = 0.6  # half the thickness of sheet that must reach every string: its Gaussian is spent well inside
 SAMPLES = 7
@@ -54,26 +55,38 @@ def around_jig(around: Surroundings, T_base_jig: Pose) -> tuple[Solid, ...]:
 def sees_all_strings(
     sensor: SensorModel, jig: Jig, solids: tuple[Solid, ...], carried: tuple[Solid, ...] = ()
 ) -> SeesAll:
-    """A test that nothing stands between the strings' points and the emitter or the camera at a pose T_sensor_jig.
+    """A test that nothing stands between the strings' points and the emitter or the camera at poses T_sensor_jig (N).
 
     solids: in jig axes. carried: on the sensor, in {P}.
     Every string is tried on a piece REACH_MM to either side of the sheet, a little off its axis.
     """
-    own = np.repeat(np.arange(len(jig.strings)), SAMPLES)
+    strings = replace(cylinders(jig, Pose.identity()), radius=SHADOW_RADIUS_MM)
 
-    def sees_all(T_sensor_jig: Pose) -> bool:
-        placed = [Solid(s.mesh, s.material, T_sensor_jig @ s.T_sensor_mesh, s.name) for s in solids]
-        placed += carried
-        strings = replace(cylinders(jig, T_sensor_jig), radius=SHADOW_RADIUS_MM)
-        along = strings.directions / np.abs(strings.directions[:, :1])  # a step of 1 mm across the sheet
-        points = (strings.crossing[:, None] + STEPS[:, None] * along[:, None]).reshape(-1, 3)
+    def sees_all(T_sensor_jig: Pose) -> Mask:
+        points = _pieces(jig, T_sensor_jig)  # (N, S * SAMPLES, 3) in {P}
+        own = np.tile(np.repeat(np.arange(len(jig.strings)), SAMPLES), len(points))
+        back = T_sensor_jig.inverse()
+        hidden = np.zeros(points.shape[:2], dtype=bool)
         for source in (sensor.laser_origin_mm, sensor.camera_centre_mm):
             towards = (source - points) / np.linalg.norm(source - points, axis=-1, keepdims=True)
             surface = points + jig.string_diameter_mm / 2 * towards
-            if np.any(hidden_by_strings(strings, surface, source, own)):
-                return False
-            if any(np.any(hidden_by_solid(s, surface, np.broadcast_to(source, surface.shape))) for s in placed):
-                return False
-        return True
+            here = (back @ surface).reshape(-1, 3)
+            eye = np.repeat(back @ np.broadcast_to(source, (len(back), 3)), points.shape[1], axis=0)
+            masks = [hidden_by_strings(strings, here, eye, own)]
+            masks += [hidden_by_solid(s, here, eye) for s in solids]
+            flat = surface.reshape(-1, 3)
+            masks += [hidden_by_solid(s, flat, np.broadcast_to(source, flat.shape)) for s in carried]
+            hidden |= np.any(masks, axis=0).reshape(hidden.shape)
+        return np.asarray(~np.any(hidden, axis=1))
 
     return sees_all
+
+
+def _pieces(jig: Jig, T_sensor_jig: Pose) -> Array:
+    """Points (N, S * SAMPLES, 3) in {P} on every string's axis, up to REACH_MM to either side of the sheet."""
+    starts = T_sensor_jig @ jig.starts[None]
+    directions = (T_sensor_jig.R[:, None] @ jig.directions[..., None])[..., 0]
+    crossing, _ = cross_plane_x0(starts, directions)
+    along = directions / np.abs(directions[..., :1])  # a step of 1 mm across the sheet
+    pieces = crossing[:, :, None] + STEPS[:, None] * along[:, :, None]
+    return np.asarray(pieces.reshape(len(pieces), -1, 3))

@@ -14,10 +14,11 @@ from perceptron_emu import EmulatorConfig
 from workbench.demo.experiment import DESIGN, demo_robot, demo_sensor
 from workbench.emulated_cell import with_errors
 from workbench.formats import Cell, Sensor
-from workbench.planning import ViewLimits, ViewProblem, plan_views
+from workbench.planning import ViewProblem, plan_views
 from workbench.recording import TrueCell, record, with_joint_noise
 from workbench.starter import PLACES, place_of_jig
 from workbench.surroundings import jig_bodies, wall_behind
+from workbench.view_space import ViewLimits
 
 SEED = 5
 EMULATION = {"exposure": {"time_ms": 0.8}, "laser": {"power_mw": 6.0}}

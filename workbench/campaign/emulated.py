@@ -19,10 +19,11 @@ from workbench.campaign.settings import JigPart, PosesPart, RobotPart, TrialSett
 from workbench.demo.experiment import DESIGN
 from workbench.emulated_cell import NOTHING, Errors, draw_truth
 from workbench.formats import Cell, Sensor
-from workbench.planning import ViewLimits, ViewProblem, Views, plan_views
+from workbench.planning import ViewProblem, Views, plan_views
 from workbench.presets import find_robot, find_sensor
 from workbench.recording import Configuration, TrueCell, with_joint_noise
 from workbench.surroundings import jig_bodies, sees_all_strings, wall_behind
+from workbench.view_space import ViewLimits
 
 Array = NDArray[np.float64]
 
@@ -120,7 +121,7 @@ def _upright_first(views: Views) -> Views:
     """The views with one first that shows the jig upright: it decides between the two poses of the half turn."""
     first = int(np.argmax(views.T_sensor_jig.R[:, 0, 0]))
     order = np.r_[first, np.delete(np.arange(len(views.joints_rad)), first)]
-    return Views(views.joints_rad[order], views.T_sensor_jig[order])
+    return views[order]
 
 
 def _random_place(robot: RobotModel, rng: np.random.Generator) -> Pose:

@@ -21,6 +21,7 @@ class Criterion(StrEnum):
 
     D = "D"
     E = "E"
+    A = "A"
 
 
 class Model(StrEnum):
@@ -34,7 +35,8 @@ def command(
     cell: Annotated[Path, typer.Argument(metavar="CELL.toml", help="The cell, with its [locations]; frames count.")],
     per_location: Annotated[int, typer.Option(min=1, max=200, help="Configurations proposed at each location.")] = 7,
     criterion: Annotated[
-        Criterion, typer.Option(help="D: small volume of the SCP's error ellipsoid; E: short longest axis.")
+        Criterion,
+        typer.Option(help="D: small volume of the SCP's error ellipsoid; E: short longest axis; A: small rms error."),
     ] = Criterion.D,
     model: Annotated[Model, typer.Option(help="What calibrate will estimate.")] = Model.SCP,
     tilt_deg: Annotated[float, typer.Option(min=0, max=60, help="Largest tilt of a view.")] = 45.0,
@@ -46,16 +48,19 @@ def command(
 ) -> None:
     """Propose the most telling next configurations, and predict the SCP's σ before anyone moves the robot.
 
-    Frames that the cell has already count as taken. Locations with role "verify" get spread views to check with.
+    Frames that the cell has already count as taken; where they were recorded without T_base_jig, they are solved first.
+    Locations with role "verify" get spread views to check with.
     """
     from workbench.formats import frames_text, read_cell
     from workbench.formats.atomic import write_text
-    from workbench.planning import ViewLimits
-    from workbench.proposing import propose
+    from workbench.locating import located
+    from workbench.proposing import plan_limits, propose
     from workbench.results.as_json import json_text
 
-    limits = ViewLimits(tilt_deg=tilt_deg, roll_deg=roll_deg, mounting_deg=mounting_deg)
+    limits = plan_limits(tilt_deg, roll_deg, mounting_deg)
     given = read_cell(cell, recorded=False)
+    with progress_bar("extracting", max(1, len(given.frames))) as progress:
+        given = located(given, progress)
     with progress_bar("planning", 1) as progress:
         proposal = propose(given, per_location, criterion.value, model.value, limits, seed, progress)
     if out is not None:
@@ -86,7 +91,7 @@ def _show(proposal: Proposal) -> None:
         f"predicted σ of the SCP, hand axes: rotation {_three(sigma_r, 4)} °, translation {_three(sigma_t, 3)} mm"
     )
     console.print(
-        f"{proposal.ratio_to_random:.2f} × the median of {RANDOM_PLANS} random plans from the same views "
+        f"{proposal.ratio_to_random:.2f} × the median of {RANDOM_PLANS} random plans within the same bounds "
         f"({proposal.ratio_of_noise:.2f} × without the robot's own errors)"
     )
     console.print("observability " + ", ".join(f"{k} {v:.4g}" for k, v in proposal.indices.items()))

@@ -11,8 +11,9 @@ from geometry import Pose
 from jig_cad import Jig
 from perceptron_emu import EmulatorConfig, Scene, Solid
 from workbench.formats import Sensor
-from workbench.planning import ViewLimits, free_views
+from workbench.planning import free_views
 from workbench.surroundings import jig_bodies, wall_behind
+from workbench.view_space import ViewLimits
 
 GUESS_MM, GUESS_DEG = 3.0, 1.5  # how far off the robot chain's guess of the jig is before a calibration
 CLUTTER = ("strings alone", "plates and posts", "and a wall")
