@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.calibrate import calibrate
+from calib.compliance import Compliance
 from calib.config import CalibConfig
 from calib.synthetic import Cell, Layout, Noise, made_cell, observe, random_cell
 from geometry import NoAnswerError, Pose
@@ -26,13 +27,14 @@ METHODS = {
     "bundle full": CalibConfig(model="full"),
 }
 NONE = Noise(point_mm=0.0, joint_rad=0.0, robot=False, anchors=False)
-ALL = Noise()
+ALL = Noise(compliance=Compliance())
 SOURCES = {
     "all sources": ALL,
     "sensor alone": replace(NONE, point_mm=ALL.point_mm),
     "jig tolerance alone": replace(NONE, anchors=True),
     "joint noise alone": replace(NONE, joint_rad=ALL.joint_rad),
     "DH errors alone": replace(NONE, robot=True),
+    "compliance alone": replace(NONE, compliance=Compliance()),
 }
 
 
@@ -78,6 +80,12 @@ def largest_deviations(rows: tuple[EnsembleRow, ...], source: str, method: str) 
     return np.array(
         [r.solved_mm for r in rows if r.source == source and r.method == method and r.solved_mm is not None]
     )
+
+
+def poses(rows: tuple[EnsembleRow, ...], method: str) -> list[Pose]:
+    """T_hand_sensor of every run that gave an answer, under the first of the sources: all errors."""
+    first = next(iter(SOURCES))
+    return [r.T_hand_sensor for r in rows if r.source == first and r.method == method and r.T_hand_sensor is not None]
 
 
 def _run(cell: Cell, source: str, noise: Noise, rng: np.random.Generator) -> list[EnsembleRow]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.compliance import Compliance, deflection
 from calib.observation import FrameObservation, Observations, Role
 from geometry import AxisPoints, NoAnswerError, Pose, RobotModel, SensorModel, cross_plane_x0, exp_so3, stack_poses
 from jig_cad import Jig, sample_tolerance
@@ -44,6 +45,7 @@ class Noise:
     joint_rad: float = float(np.deg2rad(0.003))
     robot: bool = True  # DH errors drawn from the robot's own uncertainty
     anchors: bool = True  # anchors drawn within the jig's tolerance
+    compliance: Compliance | None = None  # joints that gravity bends; the bundle knows nothing of it
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,6 +127,8 @@ def axis_points(T_sensor_jig: Pose, jig: Jig) -> Array:
 def observe(cell: Cell, made: Cell, rng: np.random.Generator, noise: Noise) -> Observations:
     """Frames of the cell as made: true poses move with joint noise, points with point noise; labels are given."""
     true_joints = cell.joints_rad + rng.normal(size=cell.joints_rad.shape) * noise.joint_rad
+    if noise.compliance is not None:
+        true_joints = true_joints + deflection(made.robot, true_joints, noise.compliance)
     hand = made.robot.hand_pose(true_joints)
     jigs = Pose(
         np.stack([made.T_base_jig[n].R for n in cell.location]), np.stack([made.T_base_jig[n].t for n in cell.location])
