@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from geometry import SensorModel
 from perceptron_emu.bodies import body_of
 from perceptron_emu.config import EmulatorConfig
+from perceptron_emu.level_cells import fill, levels, parts, sources, widened
 from perceptron_emu.optics import sharp_sigma_px, working_f_number
 from perceptron_emu.projection import to_camera
 from perceptron_emu.scene import Material, Scene
 from perceptron_emu.strings import Cylinders
-from perceptron_emu.touched import CELL_PX, cells, parts, spread, widened
 from perceptron_emu.transport import Light
 
 Array = NDArray[np.float64]
@@ -27,7 +27,7 @@ Float32 = NDArray[np.float32]
 LEVELS = 32767.0  # grey steps of a white surface
 NEAR_MM = 5.0  # what is nearer to the camera than this is not drawn
 BLUR_REACH = 3.0  # σ of the blur that its kernel takes in
-MAX_CANVAS = 4.0  # image sizes: farther out a lens's distortion shows nothing
+MAX_VIEW = 4.0  # image sizes: farther out a lens's distortion shows nothing
 
 
 def ambient_electrons(scene: Scene, strings: Cylinders | None, material: Material, config: EmulatorConfig) -> Float32:
@@ -42,23 +42,20 @@ def ambient_electrons(scene: Scene, strings: Cylinders | None, material: Materia
     electrons = np.zeros((sensor.height_px, sensor.width_px), np.float32)
     keep = camera[..., 2].max(1, initial=0.0) > NEAR_MM
     camera, level = _clip_near(camera[keep], level[keep])
-    maps = _undistortion(sensor) if any(sensor.distortion) else None
-    canvas = _Canvas(0, 0, sensor.width_px, sensor.height_px) if maps is None else maps.canvas
-    # 16-bit levels: OpenCV blurs them three times as fast as floats, and a step is far below an electron
-    image, inverse_depth = np.zeros(canvas.shape, np.uint16), np.zeros(canvas.shape, np.float32)
-    intrinsics = (sensor.fx_px, sensor.fy_px, sensor.cx_px - canvas.left, sensor.cy_px - canvas.top)
-    touched = cells(canvas.shape)
-    steps = np.round(level * LEVELS).astype(np.uint16)
-    _rasterise(image, inverse_depth, touched, camera, steps, *intrinsics)
     sigma = sharp_sigma_px(config.optics, sensor, config.laser.wavelength_nm)
-    reach, moved = math.ceil(BLUR_REACH * sigma), 0 if maps is None else maps.largest_px
-    touched = spread(touched, (canvas.top // CELL_PX, canvas.left // CELL_PX), reach + moved + 1, electrons.shape)
+    view = _view(sensor, math.ceil(BLUR_REACH * sigma))
+    # 16-bit levels: OpenCV blurs them three times as fast as floats, and a step is far below an electron
+    image, inverse_depth = np.zeros(view.shape, np.uint16), np.zeros(view.shape, np.float32)
+    intrinsics = (sensor.fx_px, sensor.fy_px, sensor.cx_px - view.left, sensor.cy_px - view.top)
+    _rasterise(image, inverse_depth, camera, np.round(level * LEVELS).astype(np.uint16), *intrinsics)
+    shown, several = levels(image, view.boxes)
     per_level = _electrons_per_level(config, sensor)
-    for part in parts(touched, electrons.shape):
-        wide, inner = widened(part, reach, electrons.shape)
-        shown = image[wide] if maps is None else cv2.remap(image, maps.whole[wide], maps.rest[wide], cv2.INTER_LINEAR)
-        blurred = cv2.GaussianBlur(shown, (2 * reach + 1, 2 * reach + 1), sigma)
-        np.multiply(blurred[inner], per_level[part], out=electrons[part])
+    fill(electrons, shown, several, per_level)
+    size = 2 * view.reach_px + 1
+    for part in parts(several, electrons.shape):
+        wide, inner = widened(part, view.reach_px, electrons.shape)
+        sharp = cv2.remap(image, view.whole[wide], view.rest[wide], cv2.INTER_LINEAR)
+        np.multiply(cv2.GaussianBlur(sharp, (size, size), sigma)[inner], per_level[part], out=electrons[part])
     return electrons
 
 
@@ -107,47 +104,41 @@ def _vignette(sensor: SensorModel, on: bool) -> Float32:
     return np.asarray((1 + x * x + y * y) ** -2 if on else np.ones_like(x + y), np.float32)
 
 
-@dataclass(frozen=True)
-class _Canvas:
-    """A part of the endless pinhole image: its first pixel, whole cells away from the image's own, and its size."""
+@dataclass(frozen=True, eq=False)
+class _View:
+    """From the part of the pinhole image that the lens shows to the image.
+
+    left, top: where that part begins in the pinhole image, shape: its rows and columns. whole, rest: for every pixel
+    (H, W) its place in it, as OpenCV's fixed-point pair of maps. boxes: what the image's cells see of it within the
+    blur's reach_px.
+    """
 
     left: int
     top: int
-    width: int
-    height: int
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        """Rows and columns."""
-        return self.height, self.width
-
-
-@dataclass(frozen=True, eq=False)
-class _Undistortion:
-    """For every pixel of the distorted image the place in the canvas, as OpenCV's fixed-point pair of maps.
-
-    canvas: the part of the pinhole image that the distorted one shows. largest_px: the farthest that a pixel is moved.
-    """
-
+    shape: tuple[int, int]
     whole: NDArray[np.int16]
     rest: NDArray[np.uint16]
-    canvas: _Canvas
-    largest_px: int
+    boxes: NDArray[np.int64]
+    reach_px: int
 
 
 @lru_cache(maxsize=4)
-def _undistortion(sensor: SensorModel) -> _Undistortion:
+def _view(sensor: SensorModel, reach_px: int) -> _View:
     u, v = np.meshgrid(np.arange(sensor.width_px, dtype=np.float64), np.arange(sensor.height_px, dtype=np.float64))
-    pixels = np.stack([u.ravel(), v.ravel()], -1)[:, None]
-    ideal = cv2.undistortPoints(pixels, sensor.camera_matrix, sensor.distortion14, P=sensor.camera_matrix)[:, 0]
-    largest = MAX_CANVAS * max(sensor.width_px, sensor.height_px)
-    ideal = np.clip(np.nan_to_num(ideal, nan=-largest), -largest, largest)
-    low = CELL_PX * ((np.floor(ideal.min(0)).astype(int) - 1) // CELL_PX)
-    high = np.ceil(ideal.max(0)).astype(int) + 1
-    canvas = _Canvas(int(low[0]), int(low[1]), *(int(n) for n in high - low + 1))
-    maps = (ideal - low).astype(np.float32).reshape(sensor.height_px, sensor.width_px, 2)
-    whole, rest = cv2.convertMaps(maps[..., 0], maps[..., 1], cv2.CV_16SC2)
-    return _Undistortion(whole, rest, canvas, math.ceil(float(np.abs(ideal - pixels[:, 0]).max())))
+    pixels: Array = np.stack([u.ravel(), v.ravel()], -1)
+    if any(sensor.distortion):
+        matrix = sensor.camera_matrix
+        pixels = np.asarray(cv2.undistortPoints(pixels[:, None], matrix, sensor.distortion14, P=matrix)[:, 0], float)
+    largest = MAX_VIEW * max(sensor.width_px, sensor.height_px)
+    pixels = np.clip(np.nan_to_num(pixels, nan=-largest), -largest, largest)
+    left, top = (int(c) for c in np.floor(pixels.min(0)) - 1)
+    right, bottom = (int(c) for c in np.ceil(pixels.max(0)) + 1)
+    shape = bottom - top + 1, right - left + 1
+    maps = (pixels - [left, top]).astype(np.float32).reshape(sensor.height_px, sensor.width_px, 2)
+    along_u, along_v = np.ascontiguousarray(maps[..., 0]), np.ascontiguousarray(maps[..., 1])
+    whole, rest = cv2.convertMaps(along_u, along_v, cv2.CV_16SC2)
+    boxes = sources(along_u, along_v, reach_px, shape)
+    return _View(left, top, shape, np.asarray(whole, np.int16), np.asarray(rest, np.uint16), boxes, reach_px)
 
 
 def _clip_near(camera: Array, level: Array) -> tuple[Array, Array]:
@@ -169,8 +160,8 @@ def _clip_near(camera: Array, level: Array) -> tuple[Array, Array]:
 
 
 @njit(cache=True, error_model="numpy", fastmath=True)
-def _rasterise(image, inverse_depth, touched, camera, level, fx, fy, cx, cy):  # type: ignore[no-untyped-def]
-    """Nearest triangle of every pixel's centre; 1/z is linear in the image. touched: 1 in the cells drawn in."""
+def _rasterise(image, inverse_depth, camera, level, fx, fy, cx, cy):  # type: ignore[no-untyped-def]
+    """Nearest triangle of every pixel's centre; 1/z is linear in the image."""
     height, width = image.shape
     for t in range(len(camera)):
         c = camera[t]
@@ -192,7 +183,6 @@ def _rasterise(image, inverse_depth, touched, camera, level, fx, fy, cx, cy):  #
             first, last = int(max(np.ceil(left), 0.0)), int(min(np.floor(right), width - 1.0))
             if first > last:
                 continue
-            touched[j // CELL_PX, first // CELL_PX : last // CELL_PX + 1] = 1
             a0 = (u1 - first) * (v2 - j) - (u2 - first) * (v1 - j)
             a1 = (u2 - first) * (v0 - j) - (u0 - first) * (v2 - j)
             inverse = np.float32(a0 * w0 + a1 * w1 + (area - a0 - a1) * w2)

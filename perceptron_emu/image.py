@@ -98,22 +98,24 @@ def _draw_piece(
 ) -> None:
     """One group of nodes: drawn on sub-pixels, multiplied by speckle, summed over each pixel."""
     height, width = electrons.shape
-    reach = REACH * np.max(sigma) + 1
-    u0, v0 = (max(0, math.floor(c)) for c in np.min(uv, 0) - reach)
-    u1, v1 = (min(n - 1, math.ceil(c)) for n, c in zip((width, height), np.max(uv, 0) + reach, strict=True))
-    if u0 > u1 or v0 > v1:
+    reach = REACH * float(sigma.max()) + 1
+    # the piece's own box; it may stand out over the image's border
+    (u0, u1), (v0, v1) = ((math.floor(c.min() - reach), math.ceil(c.max() + reach)) for c in (uv[:, 0], uv[:, 1]))
+    first_u, last_u, first_v, last_v = max(0, u0), min(width - 1, u1), max(0, v0), min(height - 1, v1)
+    if first_u > last_u or first_v > last_v:
         return
-    rows, columns = v1 - v0 + 1, u1 - u0 + 1
+    target = electrons[first_v : last_v + 1, first_u : last_u + 1]
     if not config.speckle.enabled:
-        deposit(electrons[v0 : v1 + 1, u0 : u1 + 1], uv[:, 0] - u0, uv[:, 1] - v0, weight, sigma)
+        deposit(target, uv[:, 0] - first_u, uv[:, 1] - first_v, weight, sigma)
         return
     q = oversampling(config, sensor)
     u, v = ((uv[:, i] - o + 0.5) * q - 0.5 for i, o in ((0, u0), (1, v0)))
-    fine = _on_sub_pixels((rows * q, columns * q), u, v, weight, sigma * q)
+    fine = _on_sub_pixels(((v1 - v0 + 1) * q, (u1 - u0 + 1) * q), u, v, weight, sigma * q)
     moved = np.round(shift_px * q).astype(int)
     origin = (v0 * q - int(moved[1]), u0 * q - int(moved[0]))
     grains = speckle_field(origin, fine.shape, grain_px(config, sensor) * q, contrast(config), key)
-    _add_product(electrons[v0 : v1 + 1, u0 : u1 + 1], fine, grains, q)
+    inner = np.s_[(first_v - v0) * q : (last_v + 1 - v0) * q, (first_u - u0) * q : (last_u + 1 - u0) * q]
+    _add_product(target, fine[inner], grains[inner], q)
 
 
 @njit(cache=True, error_model="numpy", fastmath=True)
