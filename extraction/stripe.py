@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
@@ -16,6 +18,7 @@ from extraction.stripe_detect import Candidates, detect
 from extraction.stripe_fit import NoiseModel, fit_sections
 from extraction.stripe_noise import estimate_noise
 from extraction.stripe_normal import localise_along_normal
+from extraction.stripe_plateau import join_plateaus
 from extraction.stripe_select import connected, select
 from extraction.stripe_view import StripeView, stripe_view
 from geometry import SensorModel
@@ -74,7 +77,7 @@ def detect_stripe(
     """
     config = config or StripeConfig()
     view = stripe_view(image, config, laser_off, mask, clip_dn, black_dn)
-    found = detect(view.grey, config.threshold_sigma, config.surround_px, config.max_peaks)
+    found = _joined(view, detect(view.grey, config.threshold_sigma, config.surround_px, config.max_peaks))
     noise, widths = _look_ahead(view, found, config)
     fits = _fit(view, found, widths, _WIDTH_ERROR, noise, config)
     good = np.flatnonzero(_acceptable(fits, config))
@@ -84,6 +87,15 @@ def detect_stripe(
     chosen = select(config.select, section, fits[:, col.CENTRE], fits[:, col.AMPLITUDE], config.jump_px, config.max_gap)
     peaks = _peaks(view, section[chosen], fits[chosen], config)
     return localise_along_normal(view, peaks, noise, config) if config.along_normal else peaks
+
+
+def _joined(view: StripeView, found: Candidates) -> Candidates:
+    """The candidates, one for each clipped run; a run with one candidate is left as it is."""
+    if not np.isfinite(view.clip_dn) or len(found) == 0:
+        return found
+    place = (found.centre_px, found.low, found.high)
+    keep, centre, low, high = join_plateaus(view.grey, found.section, place, view.clip_dn)
+    return replace(found, section=found.section[keep], centre_px=centre[keep], low=low[keep], high=high[keep])
 
 
 def _look_ahead(view: StripeView, found: Candidates, config: StripeConfig) -> tuple[NoiseModel, Array]:

@@ -7,52 +7,91 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from extraction.compiled import inner
+from extraction.compiled import compiled, inner
 from extraction.stripe_columns import AMPLITUDE, BACKGROUND, CENTRE, CHI2, CONVERGED, SNR, VARIANCE, WIDTH
 
 Array = NDArray[np.float64]
+IntArray = NDArray[np.int32]
 
 PLATEAU_PIXELS = 6  # clipped pixels from which the flanks are halo more than they are Gaussian
-LEVELS = (0.35, 0.5, 0.65, 0.8)  # of the clipping level above the background
-INTERPOLATION_PX = 0.05  # a flank that rises over one pixel is no straight line between two: error by phase
+FLOOR = 0.2  # of the clipping level above the background: what lies below is halo and surface more than flank
+INTERPOLATION_PX = 0.034  # of a flank that rises over one pixel: error by phase
+_BELOW = 3  # pixels in a row below the floor that end a flank
 _FWHM = 2 * math.sqrt(2 * math.log(2))
 
 
 @inner
 def between_flanks(y: Array, n: int, clip: float, noise: Array, row: Array) -> bool:
-    """Centre of the section's longest clipped run, midway between the flanks' crossings of LEVELS; False if none.
+    """Centre of the section's longest clipped run, midway between its flanks; False where a flank is not seen.
 
-    y: grey levels (n). noise: `NoiseModel.as_array`. The amplitude is what is seen, the least it can be; the width is
-    that of a Gaussian of the same width between the crossings. The levels share their pixels: two count as one.
+    y: grey levels (n). noise: `NoiseModel.as_array`. A flank's place is the mean of where it crosses all levels from
+    FLOOR to ``clip``: the sum of its grey levels, which asks for no monotonous rise. The amplitude is what is seen, the
+    least it can be; the width is that of a Gaussian as wide between the flanks.
     """
     first, last = _longest_run(y, n, clip)
     if last - first + 1 < PLATEAU_PIXELS:
         return False
     background = 0.25 * (y[0] + y[1] + y[n - 1] + y[n - 2])
-    left, right, variance, count = 0.0, 0.0, 0.0, 0
-    for share in LEVELS:
-        level = background + share * (clip - background)
-        a, b = first - 1, last + 1
-        while a >= 0 and y[a] > level:
-            a -= 1
-        while b < n and y[b] > level:
-            b += 1
-        if a >= 1 and b <= n - 2:
-            rise, fall = min(y[a + 1], clip) - y[a], min(y[b - 1], clip) - y[b]
-            s, t = (level - y[a]) / rise, (level - y[b]) / fall
-            left, right, count = left + a + s, right + b - t, count + 1
-            spread = ((1 - s) ** 2 + s**2) / rise**2 + ((1 - t) ** 2 + t**2) / fall**2
-            dark = noise[0] + noise[1] * max(level - noise[3], 0.0)
-            variance += 0.25 * spread * (dark + noise[2] * (level - background) ** 2)
-    if count == 0:
+    height = clip - background
+    left, left_variance = _flank(y, n, (first - 1, -1), (background, height), noise)
+    right, right_variance = _flank(y, n, (last + 1, 1), (background, height), noise)
+    if left < 0 or right < 0:
         return False
-    left, right = left / count, right / count
-    row[CENTRE], row[WIDTH] = 0.5 * (left + right), (right - left) / _FWHM
-    row[AMPLITUDE], row[BACKGROUND] = clip - background, background
-    row[VARIANCE] = variance / count / max(0.5 * count, 1.0) + INTERPOLATION_PX**2
-    row[SNR] = (clip - background) / math.sqrt(noise[0] + noise[1] * max(clip - noise[3], 0.0))
+    row[CENTRE] = 0.5 * (first + last + right - left)
+    row[WIDTH] = (last - first + 1 + left + right) / _FWHM
+    row[AMPLITUDE], row[BACKGROUND] = height, background
+    row[VARIANCE] = 0.25 * (left_variance + right_variance) + INTERPOLATION_PX**2
+    row[SNR] = height / math.sqrt(noise[0] + noise[1] * max(clip - noise[3], 0.0))
     row[CHI2], row[CONVERGED] = 0.0, 1.0
     return True
+
+
+@inner
+def _flank(y: Array, n: int, place: tuple[int, int], level: tuple[float, float], noise: Array) -> tuple[float, float]:
+    """How far a flank reaches from the clipped run [px], and its variance; -1 where the section ends within it.
+
+    place: first pixel and direction; level: background and clipping level above it.
+    """
+    k, step = place
+    background, height = level
+    reach, variance, below = 0.0, 0.0, 0
+    while 0 <= k < n and below < _BELOW:
+        share = ((y[k] - background) / height - FLOOR) / (1.0 - FLOOR)
+        if share > 0:
+            reach += min(share, 1.0)
+            signal = max(y[k] - background, 0.0)
+            dark = noise[0] + noise[1] * max(y[k] - noise[3], 0.0)
+            variance += (dark + noise[2] * signal * signal) / (height * (1.0 - FLOOR)) ** 2
+            below = 0
+        else:
+            below += 1
+        k += step
+    return (reach, variance) if below else (-1.0, 0.0)
+
+
+@compiled
+def join_plateaus(
+    grey: NDArray[np.generic], section: NDArray[np.int32], place: tuple[Array, IntArray, IntArray], clip: float
+) -> tuple[NDArray[np.bool_], Array, IntArray, IntArray]:
+    """Candidates on one clipped run made one: which remain (N,), their places, and their ranges low and high.
+
+    A detector finds no peak on a plateau, or several; each would be given one flank only.
+    place: centre, low and high as in `Candidates`.
+    """
+    centre, low, high = place[0].copy(), place[1].copy(), place[2].copy()
+    keep = np.ones(len(section), dtype=np.bool_)
+    last = 0
+    for i in range(1, len(section)):
+        same = section[i] == section[last]
+        if same:
+            for k in range(int(centre[last] + 0.5), int(centre[i] + 0.5) + 1):
+                same = same and grey[k, section[i]] >= clip
+        if same:
+            keep[i], high[last] = False, high[i]
+            centre[last] = 0.5 * (centre[last] + centre[i])
+        else:
+            last = i
+    return keep, centre, low, high
 
 
 @inner
