@@ -275,7 +275,8 @@ def test_one_plateau_with_several_peaks_is_one_point():
     rng = np.random.default_rng(17)
     centres = np.full(500, 80.0)
     signal = 2500 * np.exp(-0.5 * ((np.arange(160)[:, None] - centres) / 4.5) ** 2)
-    image = (60 + rng.normal(0, 2, signal.shape) + signal * rng.gamma(12, 1 / 12, signal.shape)).round().clip(0, 255).astype(np.uint8)
+    grey = 60 + rng.normal(0, 2, signal.shape) + signal * rng.gamma(12, 1 / 12, signal.shape)
+    image = grey.round().clip(0, 255).astype(np.uint8)
     wide = StripeConfig(max_width_px=12, surround_px=24, select="all")
     peaks = detect_stripe(image, wide)
     assert np.bincount(peaks.section, minlength=500).max() == 1
