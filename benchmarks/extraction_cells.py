@@ -1,60 +1,135 @@
 """String spots of emulated cells: found, false, mislabelled, and the error of the strings' axis points.
 
-Cells of the nominal sensor with posts, a wall behind, gloss, speckle and an arm with errors, 21 frames each, drawn by
-seed. The speckle is learnt from six frames a cell, labels are those of the calibration. "Visible": at least 0.9 of the
-lit patch is seen. Errors and σ are of rightly labelled, visible spots without a flag; bias and scatter (standard
-deviation), and the scatter without the outer 1 % to show the tails; per string label the bias. σ/scatter is the root
-mean square σ over the scatter.
-Run: python benchmarks/extraction_cells.py [CPU seconds, default 240] [first seed]
+Cells of the nominal sensor with posts, a wall behind, speckle and an arm with errors, 21 frames each, drawn by seed; a
+thread of random albedo, gloss and roughness a cell, which the calibration is not told. The speckle is learnt from the
+frames that `calibrate` learns from, labels are the calibration's. "Visible": at least 0.9 of the lit patch is seen.
+Errors and σ are of rightly labelled, visible spots without a flag. "Known reflectance": the same points with the offset
+of the cell's true thread instead of that of the plausible ones. σ/scatter is the root mean square σ over the scatter.
+With `--strips`, two narrow strips a cell stand before the jig and hide strings in part: the last table says what
+becomes of strings by the fraction of their light that is seen.
+Run: python benchmarks/extraction_cells.py [--cells 12] [--first 1] [--jobs 1] [--strips]
 """
 
 from __future__ import annotations
 
-import sys
+import argparse
 import time
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import cv2
 import numpy as np
 
 from calib import FrameObservation, Observations, calibrate
+from calib.axis_offset import surface_offset
+from calib.surface_config import SurfaceConfig
 from extraction import extract, learn_speckle
-from geometry import PerceptronEmuError
-from workbench.campaign.emulated import emulated_cell
+from geometry import PerceptronEmuError, Pose
+from perceptron_emu import ALUMINIUM, Material, Solid, panel
+from workbench.campaign.emulated import EmulatedCell, emulated_cell
 from workbench.campaign.settings import TrialSettings
 from workbench.campaign.trial import render_frame
-from workbench.scoring import score_frame
+from workbench.pipeline import frames_to_learn
+from workbench.scoring import VISIBLE, score_frame
 
 SETTINGS = TrialSettings.model_validate({"clutter": True, "poses": {"plans": 6}})
-LEARNT = 6
 EXTREMES = (0.5, 99.5)  # percentiles between which the trimmed scatter is taken
+SEEN_BINS = (0.0, 0.1, 0.5, 0.7, 0.8, VISIBLE, 1.001)
+# columns of a string's row
+SEED, SEEN, FOUND, FLAGGED = range(4)
+ERROR, SIGMA, KNOWN = slice(4, 6), slice(6, 8), slice(8, 10)
 
 
-def measured_cell(seed: int):
-    """Counts (visible, found, false, mislabelled, labelled, flagged) and rows (error, σ) (K, 4), labels, frames."""
-    sequence = np.random.SeedSequence(seed)
-    emulated = emulated_cell(SETTINGS, np.random.default_rng(sequence))
-    sensor = emulated.cell.sensor.model
-    frames = [render_frame(emulated, c, sequence) for c in emulated.configurations]
-    step = max(1, len(frames) // LEARNT)
-    config = learn_speckle((f.image for f in frames[::step][:LEARNT]), sensor)
-    spots = [extract(f.image, sensor, config) for f in frames]
-    observed = tuple(
-        FrameObservation(c.frame, c.location, c.role, p, joints_rad=c.reading_rad)
-        for c, p in zip(emulated.configurations, spots, strict=True)
-    )
-    observations = Observations(observed, sensor, emulated.cell.T_hand_sensor_design)
-    result = calibrate(observations, emulated.cell.jig, emulated.cell.robot)
-    counts, rows, labels = np.zeros(6, int), [], []
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """One cell: counts (false, mislabelled, labelled, flagged), a row of each string of each frame, their labels."""
+
+    counts: np.ndarray
+    rows: np.ndarray
+    labels: tuple[str, ...]
+    frames: int
+    seconds: float
+    problem: str = ""
+
+
+def random_thread(rng: np.random.Generator) -> Material:
+    """A thread between matte white and dark glossy."""
+    gloss = 0.0 if rng.uniform() < 0.3 else float(np.exp(rng.uniform(np.log(0.02), np.log(0.3))))
+    return Material(float(rng.uniform(0.15, 0.7)), gloss, float(rng.uniform(0.15, 0.5)))
+
+
+def strips(rng: np.random.Generator) -> tuple[Solid, ...]:
+    """Two strips 4 to 12 mm wide before the jig, in its axes (x up the pillar, z away from the arm)."""
+    out = []
+    for number in range(2):
+        a = rng.uniform(0, np.pi)
+        turn = np.array([[np.cos(a), -np.sin(a), 0], [np.sin(a), np.cos(a), 0], [0, 0, 1]])
+        place = np.array([rng.uniform(20, 80), rng.uniform(-45, 45), rng.uniform(-50, -15)])
+        out.append(panel(rng.uniform(4, 12), 160.0, Pose(turn, place), ALUMINIUM, f"strip {number}"))
+    return tuple(out)
+
+
+def drawn_cell(seed: int, *, hide: bool) -> tuple[EmulatedCell, Material]:
+    """The cell of a seed with its thread, and with strips before the jig where they are wanted."""
+    emulated = emulated_cell(SETTINGS, np.random.default_rng(np.random.SeedSequence(seed)))
+    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(5,)))
+    thread = random_thread(rng)
+    solids = emulated.true.solids
+    if hide:
+        solids = {name: (*those, *strips(rng)) for name, those in solids.items()}
+    return replace(emulated, true=replace(emulated.true, string_material=thread, solids=solids)), thread
+
+
+def measured_cell(seed: int, hide: bool) -> Measured:
+    """Render, extract, calibrate and score one cell."""
+    cv2.setNumThreads(1)
+    start = time.process_time()
+    try:
+        emulated, thread = drawn_cell(seed, hide=hide)
+        sensor = emulated.cell.sensor.model
+        sequence = np.random.SeedSequence(seed)
+        frames = [render_frame(emulated, c, sequence) for c in emulated.configurations]
+        config = learn_speckle([frames[i].image for i in frames_to_learn(len(frames))], sensor)
+        spots = [extract(f.image, sensor, config) for f in frames]
+        observed = tuple(
+            FrameObservation(c.frame, c.location, c.role, p, joints_rad=c.reading_rad)
+            for c, p in zip(emulated.configurations, spots, strict=True)
+        )
+        observations = Observations(observed, sensor, emulated.cell.T_hand_sensor_design)
+        result = calibrate(observations, emulated.cell.jig, emulated.cell.robot)
+    except PerceptronEmuError as error:
+        return Measured(np.zeros(4, int), np.zeros((0, 10)), (), 0, time.process_time() - start, str(error))
+    counts, rows, labels = np.zeros(4, int), [], []
     for frame, answer in zip(frames, result.frames, strict=True):
         points = answer.points
         score = score_frame(frame.truth.strings, points.label, points.uv_px, points.yz_mm)
-        flagged = np.array([bool(flag) for flag in points.flag], dtype=bool)
-        counts += [score.visible, score.found, score.false, score.mislabelled, len(points.label), flagged.sum()]
-        for i, error in zip(score.point, score.error_mm, strict=True):
-            if not flagged[i]:
-                rows.append([*error, *points.sigma_yz_mm[i]])
-                labels.append(points.label[i])
-    return counts, np.array(rows).reshape(-1, 4), labels, len(frames)
+        counts += [score.false, score.mislabelled, len(points.label), sum(map(bool, points.flag))]
+        for row in string_rows(seed, frame.truth, points, emulated, thread):
+            rows.append(row[1])
+            labels.append(row[0])
+    table = np.array(rows).reshape(-1, 10)
+    return Measured(counts, table, tuple(labels), len(frames), time.process_time() - start)
+
+
+def string_rows(seed: int, truth, points, emulated: EmulatedCell, thread: Material):
+    """Label and row of every string of a frame that leaves any light in it."""
+    jig, sensor = emulated.cell.jig, emulated.cell.sensor.model
+    own = SurfaceConfig(known=True, diffuse=thread.diffuse, specular=thread.specular, roughness=thread.roughness)
+    for k, string in enumerate(truth.strings):
+        row = np.full(10, np.nan)
+        row[SEED], row[SEEN], row[FOUND], row[FLAGGED] = seed, string.visible_fraction, 0, 0
+        if string.label in points.label:
+            i = points.label.index(string.label)
+            row[FOUND], row[FLAGGED] = np.linalg.norm(points.uv_px[i] - string.image_px) < 8.0, bool(points.flag[i])
+            row[ERROR], row[SIGMA] = points.yz_mm[i] - string.axis_mm, points.sigma_yz_mm[i]
+            direction = truth.T_sensor_jig.R @ jig.directions[k]
+            place = (np.array(string.axis_mm)[None], direction[None], jig.string_diameter_mm / 2, sensor)
+            guessed, true = (surface_offset(*place, surface)[0][0] for surface in (SurfaceConfig(), own))
+            row[KNOWN] = row[ERROR] + guessed - true
+        if np.all(np.isfinite(np.asarray(string.image_px, dtype=float))):
+            yield string.label, row
 
 
 def trimmed(values: np.ndarray) -> float:
@@ -63,46 +138,81 @@ def trimmed(values: np.ndarray) -> float:
     return float(values[(values >= low) & (values <= high)].std())
 
 
-def report(counts: np.ndarray, rows: np.ndarray, labels: np.ndarray, frames: int, cells: int) -> None:
-    """Print the table."""
-    visible, found, false, wrong, labelled, flagged = counts
-    print(f"{cells} cells, {frames} frames, {visible} visible spots, {labelled} labelled points")
-    print(f"visible spots found       {100 * found / visible:8.2f} %   ({visible - found} missed)")
+def report(cells: Sequence[Measured]) -> None:
+    """Print the tables."""
+    false, wrong, labelled, flagged = np.sum([c.counts for c in cells], axis=0)
+    rows = np.concatenate([c.rows for c in cells])
+    labels = np.array([label for c in cells for label in c.labels])
+    visible = rows[:, SEEN] >= VISIBLE
+    count, found = visible.sum(), int(rows[visible, FOUND].sum())
+    print(
+        f"{len(cells)} cells, {sum(c.frames for c in cells)} frames, {count} visible spots, {labelled} labelled points"
+    )
+    print(f"visible spots found       {100 * found / count:8.2f} %   ({count - found} missed)")
     print(f"false after labelling     {100 * false / labelled:8.3f} %   ({false})")
     print(f"mislabelled               {100 * wrong / labelled:8.3f} %   ({wrong})")
     print(f"flagged                   {100 * flagged / labelled:8.2f} %")
+    good = visible & (rows[:, FOUND] > 0) & (rows[:, FLAGGED] == 0)
+    errors(rows[good], labels[good])
+    by_fraction(rows)
+    for cell in cells:
+        if cell.problem:
+            print(f"a cell without answer: {cell.problem}")
+    print(f"{sum(c.seconds for c in cells):.0f} s of processor time")
+
+
+def errors(rows: np.ndarray, labels: np.ndarray) -> None:
+    """Bias, scatter and σ of the axis points, with unknown and with known reflectance."""
     for k, axis in enumerate("yz"):
-        error, sigma = rows[:, k], rows[:, 2 + k]
+        error, sigma, known = rows[:, ERROR][:, k], rows[:, SIGMA][:, k], rows[:, KNOWN][:, k]
         normal = error / sigma
+        cells = np.array([error[rows[:, SEED] == seed].mean() for seed in np.unique(rows[:, SEED])])
         print(
-            f"{axis}: bias {error.mean():+.4f} mm, scatter {error.std():.4f} (inner 99 % {trimmed(error):.4f}) mm, "
-            f"σ/scatter {np.sqrt(np.mean(sigma**2)) / error.std():.2f} "
-            f"(scatter of error/σ {normal.std():.2f}, inner 99 % {trimmed(normal):.2f}), "
-            f"|error| > 5 σ {100 * np.mean(np.abs(normal) > 5):.2f} %"
+            f"{axis}: unknown gloss: bias {error.mean():+.4f} mm (of single cells: root mean square "
+            f"{np.sqrt(np.mean(cells**2)):.4f}, largest {np.abs(cells).max():.4f}), scatter {error.std():.4f} mm "
+            f"(inner 99 % {trimmed(error):.4f})\n"
+            f"   σ/scatter {np.sqrt(np.mean(sigma**2)) / error.std():.2f} (scatter of error/σ {normal.std():.2f}, "
+            f"inner 99 % {trimmed(normal):.2f}), |error| > 5 σ {100 * np.mean(np.abs(normal) > 5):.2f} %\n"
+            f"   known reflectance: bias {known.mean():+.4f} mm, scatter {known.std():.4f} mm"
         )
     for label in sorted(set(labels)):
-        mean, count = rows[labels == label, :2].mean(axis=0), int(np.sum(labels == label))
-        print(f"  {label:2s} bias y {mean[0]:+.4f}, z {mean[1]:+.4f} mm ({count} points)")
+        mine = rows[labels == label]
+        (y, z), (ky, kz) = mine[:, ERROR].mean(axis=0), mine[:, KNOWN].mean(axis=0)
+        print(f"  {label:2s} bias y {y:+.4f}, z {z:+.4f} mm; known y {ky:+.4f}, z {kz:+.4f} mm ({len(mine)} points)")
+
+
+def by_fraction(rows: np.ndarray) -> None:
+    """What becomes of strings by the fraction of their light that is seen."""
+    for low, high in pairwise(SEEN_BINS):
+        mine = rows[(rows[:, SEEN] > low) & (rows[:, SEEN] <= high) | ((low == VISIBLE) & (rows[:, SEEN] == VISIBLE))]
+        if not len(mine):
+            continue
+        found = mine[mine[:, FOUND] > 0]
+        clean = found[found[:, FLAGGED] == 0]
+        share = 100 * len(found) / len(mine)
+        line = f"seen {low:.1f} … {min(high, 1):.1f}: {len(mine):6d} strings, labelled {share:5.1f} %"
+        if len(found):
+            line += f", of these flagged {100 * found[:, FLAGGED].mean():5.1f} %"
+        if len(clean):
+            size, normal = np.abs(clean[:, ERROR]), np.abs(clean[:, ERROR] / clean[:, SIGMA])
+            y, z = np.sqrt(np.mean(size**2, axis=0))
+            line += (
+                f"; unflagged: rms y {y:.4f}, z {z:.4f} mm, |error| > 5 σ {100 * np.mean(normal.max(axis=1) > 5):.1f} %"
+            )
+        print(line)
 
 
 def main() -> None:
-    """Cells until the time is spent, then the table."""
-    cv2.setNumThreads(1)
-    budget = float(sys.argv[1]) if len(sys.argv) > 1 else 240.0
-    seed = int(sys.argv[2]) if len(sys.argv) > 2 else 1
-    counts, rows, labels, frames, cells = np.zeros(6, int), [], [], 0, 0
-    while time.process_time() < budget:
-        try:
-            more, errors, names, shot = measured_cell(seed)
-        except PerceptronEmuError as error:
-            print(f"seed {seed}: {error}")
-        else:
-            counts, frames, cells = counts + more, frames + shot, cells + 1
-            rows.append(errors)
-            labels += names
-        seed += 1
-    report(counts, np.concatenate(rows), np.array(labels), frames, cells)
-    print(f"{time.process_time():.0f} s of processor time")
+    """Measure the cells and print the tables."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--cells", type=int, default=12)
+    parser.add_argument("--first", type=int, default=1, help="first seed")
+    parser.add_argument("--jobs", type=int, default=1, help="processes")
+    parser.add_argument("--strips", action="store_true", help="strips that hide strings")
+    given = parser.parse_args()
+    seeds = range(given.first, given.first + given.cells)
+    with ProcessPoolExecutor(given.jobs) as pool:
+        report(list(pool.map(measured_cell, seeds, [given.strips] * given.cells)))
 
 
 if __name__ == "__main__":

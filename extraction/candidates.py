@@ -7,9 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from extraction.compiled import compiled, inner, inner_fast
+from extraction.blur import BLOCK_PX, Image32
+from extraction.compiled import compiled, inner
 from extraction.config import DetectConfig
-from extraction.preprocess import BLOCK_PX, Image32, Prepared
+from extraction.preprocess import Prepared
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -69,7 +70,7 @@ def find_candidates(prepared: Prepared, config: DetectConfig, mm_per_px: float) 
     """
     peaks = np.empty((MAX_PEAKS, 2), np.int64)
     count = _peaks(
-        prepared.smooth, prepared.background, prepared.noise, BLOCK_PX, config.threshold, PEAK_RADIUS_PX, peaks
+        prepared.smooth, prepared.tops, prepared.background, prepared.noise, config.threshold, PEAK_RADIUS_PX, peaks
     )
     peaks = peaks[:count]
     peaks = peaks[np.lexsort(peaks.T)]  # reading order
@@ -111,22 +112,27 @@ def _reasons(table: Array, config: DetectConfig, length_px: float, width_px: flo
 
 @compiled
 def _peaks(
-    smooth: Image32, background: Image32, noise: Image32, block: int, threshold: float, radius: int, out: Indices
+    smooth: Image32,
+    tops: Image32,
+    background: Image32,
+    noise: Image32,
+    threshold: float,
+    radius: int,
+    out: Indices,
 ) -> int:
     """Write to ``out`` (M, 2) the pixels that are the largest within ``radius`` and stand threshold · noise above the
-    background; returns their number.
+    background; returns their number. tops: as in `Blurred`.
     """
     rows, columns = smooth.shape
     h, w = background.shape
-    top = np.empty(columns, np.float32)
     count = 0
     for bj in range(h):
-        first, last = bj * block, rows if bj == h - 1 else (bj + 1) * block
-        _column_tops(smooth, first, last, top)
+        first, last = bj * BLOCK_PX, rows if bj == h - 1 else (bj + 1) * BLOCK_PX
+        top = tops[bj]
         for bi in range(w):
             limit = background[bj, bi] + threshold * noise[bj, bi]
-            end = columns if bi == w - 1 else (bi + 1) * block
-            for i in range(bi * block, end):
+            end = columns if bi == w - 1 else (bi + 1) * BLOCK_PX
+            for i in range(bi * BLOCK_PX, end):
                 if top[i] <= limit:
                     continue
                 for j in range(first, last):
@@ -135,17 +141,6 @@ def _peaks(
                         out[count, 1] = j
                         count += 1
     return count
-
-
-@inner_fast
-def _column_tops(smooth: Image32, first: int, last: int, top: Image32) -> None:
-    """Largest value of every column (C,) in the rows from first to before last."""
-    for i in range(len(top)):
-        top[i] = smooth[first, i]
-    for j in range(first + 1, last):
-        row = smooth[j]
-        for i in range(len(top)):
-            top[i] = row[i] if row[i] > top[i] else top[i]
 
 
 @inner
@@ -166,31 +161,39 @@ def _is_peak(smooth: Image32, j: int, i: int, radius: int) -> bool:
 
 
 @inner
-def _ring(smooth: Image32, j: int, i: int, radius: int, least_noise: float, row: Array) -> None:
+def _box_sums(smooth: Image32, box: tuple[int, int, int, int], pivot: float) -> tuple[float, float, float]:
+    """Sum and sum of squares about the pivot, and number of the pixels of the box (both ends) that the image has."""
+    total, square, count = 0.0, 0.0, 0.0
+    for y in range(max(0, box[0]), min(len(smooth), box[1] + 1)):
+        for x in range(max(0, box[2]), min(smooth.shape[1], box[3] + 1)):
+            value = smooth[y, x] - pivot
+            total += value
+            square += value * value
+            count += 1.0
+    return total, square, count
+
+
+@inner
+def _ring(smooth: Image32, j: int, i: int, radius: int, least_noise: float, sectors: Array, row: Array) -> None:
     """Background, its spread and its unevenness from eight sectors of a square ring around the pixel.
 
     The background is the brighter side's where an edge passes (third brightest sector); the spread that of the median
-    sector, so that an edge or a neighbour in a few sectors does not count as noise.
+    sector, so that an edge or a neighbour in a few sectors does not count as noise. sectors: scratch (2, 8).
     """
-    rows, columns = smooth.shape
-    total, square, count = np.zeros(8), np.zeros(8), np.zeros(8)
-    pivot = smooth[j, i]
-    for y in range(max(0, j - radius), min(rows - 1, j + radius) + 1):
-        step = 1 if abs(y - j) == radius else 2 * radius
-        for x in range(i - radius, i + radius + 1, step):
-            if 0 <= x < columns:
-                a, b = x - i, y - j
-                sector = (0 if abs(a) > abs(b) else 1) + (2 if a > 0 else 0) + (4 if b > 0 else 0)
-                value = smooth[y, x] - pivot
-                total[sector] += value
-                square[sector] += value * value
-                count[sector] += 1.0
-    mean, spread = np.empty(8), np.empty(8)
-    seen = 0
-    for k in range(8):
-        if count[k] > 3.0:
-            mean[seen] = total[k] / count[k]
-            spread[seen] = np.sqrt(max(square[k] / count[k] - mean[seen] ** 2, 0.0))
+    mean, spread = sectors[0], sectors[1]
+    pivot, seen = smooth[j, i], 0
+    for k in range(8):  # half a side each: left and right without the corners, above and below with them
+        low, high = (-radius, 0) if k % 2 == 0 else (1, radius)
+        side = radius if k % 4 > 1 else -radius
+        if k < 4:
+            low, high = max(low, 1 - radius), min(high, radius - 1)
+            box = (j + low, j + high, i + side, i + side)
+        else:
+            box = (j + side, j + side, i + low, i + high)
+        total, square, count = _box_sums(smooth, box, pivot)
+        if count > 3.0:
+            mean[seen] = total / count
+            spread[seen] = np.sqrt(max(square / count - mean[seen] ** 2, 0.0))
             seen += 1
     if seen == 0:
         row[RING], row[RING_NOISE] = pivot, np.inf
@@ -226,12 +229,12 @@ def _regions(
 ) -> Array:
     """The region table (N, COLUMNS), in the order of ``peaks`` (brightest first)."""
     stack = np.empty((MAX_REGION_PX + 8, 2), np.int64)
-    table = np.zeros((len(peaks), COLUMNS))
+    table, sectors = np.zeros((len(peaks), COLUMNS)), np.empty((2, 8))
     for k in range(len(peaks)):
         i, j = peaks[k, 0], peaks[k, 1]
         row = table[k]
         row[PEAK_U], row[PEAK_V], row[SMOOTH_PEAK] = i, j, smooth[j, i]
-        _ring(smooth, j, i, RING_PX, noise, row)
+        _ring(smooth, j, i, RING_PX, noise, sectors, row)
         height = row[SMOOTH_PEAK] - row[RING]
         if owner[j, i] > 0:
             row[STATE] = JOINED

@@ -32,6 +32,7 @@ PIXEL_VARIANCE_PX2 = 1.0 / 12.0
 MIN_VARIANCE_PX2 = 0.03  # narrower than any lens images: one pixel's spike
 MAX_STEP_PX = 1.0
 WIDEST = 4.0  # variance along a spot, in squares of the window's side, beyond which a fit is given up
+MOST_DAMPING = 1e3  # where even so short a step does not help, the spot is no Gaussian: a spark at MIN_VARIANCE_PX2
 STEP_TOLERANCE = 1e-2  # a step below this share of its own standard deviation ends the iteration
 
 
@@ -201,7 +202,7 @@ def fit_window(data: Array, use: Mask, start: Array, n: int, noise: Array, max_i
     factor, work = np.zeros((9, 9)), (np.zeros((5, 5, 5)), np.zeros((5, 5)), np.empty(data.shape[1]))
     damping, converged, iteration = 0.0, 0.0, 0
     chi2 = _scoring_sums(data, use, p, noise, weight, weight, work, fisher, score)[1]
-    while iteration < max_iterations and converged == 0.0 and damping <= 1e9:
+    while iteration < max_iterations and converged == 0.0 and damping <= MOST_DAMPING:
         iteration += 1
         if cholesky(fisher, damping, n, factor):
             solve(factor, score, n, q)

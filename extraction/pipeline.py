@@ -10,11 +10,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from extraction.blur import Image32
 from extraction.candidates import Candidates, find_candidates
 from extraction.config import ExtractionConfig
 from extraction.localise import Spots, localise
 from extraction.noise import noise_model
-from extraction.preprocess import Image32, Prepared, check_image, prepare
+from extraction.preprocess import Prepared, check_image, prepare
 from extraction.rectify import image_to_sheet, propagate
 from extraction.score import flag_spots, refuse_spots, score_spots
 from extraction.speckle import estimate_speckle

@@ -8,15 +8,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from extraction.compiled import compiled_fast
+from extraction.blur import Image32, blur
 from extraction.config import DetectConfig
 from geometry import InputError, SensorModel
 
 Array = NDArray[np.float64]
-Image32 = NDArray[np.float32]
 Image = NDArray[np.uint8] | NDArray[np.uint16]
 
-BLOCK_PX = 16  # background and noise are constant over such a block and interpolated between
 MAX_PIXELS = 500_000_000
 QUANTISATION_VARIANCE = 1.0 / 12.0  # of one grey level
 
@@ -26,12 +24,14 @@ class Prepared:
     """An image ready for detection.
 
     image: the raw grey levels (H, W). smooth: after the matched blur (H, W) [DN]. kernel: that blur's row (K,).
+    tops: largest value of every column of ``smooth`` in the rows of a block (h, W).
     background, noise: grey level and standard deviation of the blurred image per block (h, w) [DN].
     """
 
     image: Image
     smooth: Image32
     kernel: Array
+    tops: Image32
     background: Image32
     noise: Image32
 
@@ -67,38 +67,9 @@ def check_image(image: object, sensor: SensorModel) -> Image:
 
 def prepare(image: Image, config: DetectConfig) -> Prepared:
     """Blur the image with the matched filter and measure background and noise block by block."""
-    radius = max(1, int(np.ceil(2.4 * config.blur_sigma_px)))
-    kernel = cv2.getGaussianKernel(2 * radius + 1, config.blur_sigma_px, cv2.CV_64F)
-    blurred = cv2.sepFilter2D(image, cv2.CV_32F, kernel, kernel, borderType=cv2.BORDER_REFLECT_101)
-    smooth = np.asarray(blurred, dtype=np.float32)
-    mean, variance = _block_moments(smooth, BLOCK_PX)
+    blurred = blur(image, config.blur_sigma_px)
     # a spot or a stripe lies in the minority of 5 × 5 blocks; the blurred quantisation error is the least noise
-    background = np.asarray(cv2.medianBlur(mean, 5), dtype=np.float32)
-    floor = QUANTISATION_VARIANCE * float(np.sum(kernel**2)) ** 2
-    noise = np.sqrt(np.maximum(cv2.medianBlur(variance, 5), np.float32(floor)))
-    return Prepared(
-        image, smooth, np.asarray(kernel[:, 0], dtype=np.float64), background, np.asarray(noise, np.float32)
-    )
-
-
-@compiled_fast
-def _block_moments(smooth: Image32, block: int) -> tuple[Image32, Image32]:
-    """Mean and variance (h, w) of every block, from every fourth row."""
-    rows, columns = smooth.shape
-    h, w = max(1, rows // block), max(1, columns // block)
-    mean, variance = np.zeros((h, w), np.float32), np.zeros((h, w), np.float32)
-    for j in range(h):
-        last_row = rows if j == h - 1 else (j + 1) * block
-        for i in range(w):
-            first, last = i * block, columns if i == w - 1 else (i + 1) * block
-            total, square, count = 0.0, 0.0, 0
-            pivot = smooth[j * block, first]
-            for r in range(j * block, last_row, 4):
-                for c in range(first, last):
-                    difference = smooth[r, c] - pivot
-                    total += difference
-                    square += difference * difference
-                count += last - first
-            mean[j, i] = pivot + total / count
-            variance[j, i] = max(square / count - (total / count) ** 2, 0.0)
-    return mean, variance
+    background = np.asarray(cv2.medianBlur(blurred.mean, 5), dtype=np.float32)
+    floor = QUANTISATION_VARIANCE * float(np.sum(blurred.kernel**2)) ** 2
+    noise = np.sqrt(np.maximum(cv2.medianBlur(blurred.variance, 5), np.float32(floor)))
+    return Prepared(image, blurred.smooth, blurred.kernel, blurred.tops, background, np.asarray(noise, np.float32))

@@ -64,8 +64,8 @@ def refuse_spots(
     reasons[score < config.localise.min_score] = "low_score"
     reasons[~np.all(np.isfinite(yz_mm), axis=1)] = "not_in_the_sheet"
     reasons[moved > MAX_MOVE * np.sqrt(np.trace(spots.shape_px2, axis1=1, axis2=2)) + 1.0] = "fit_wandered"
-    reasons[~(width2 > config.localise.min_sigma_px**2)] = "pixel_spike"
     reasons[~spots.converged] = "fit_failed"
+    reasons[~(width2 > config.localise.min_sigma_px**2)] = "pixel_spike"
     return reasons
 
 

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from extraction.blur import Image32
 from extraction.candidates import Candidates
-from extraction.preprocess import Image, Image32, Prepared
+from extraction.preprocess import Image, Prepared
 from geometry import SensorModel, SurfacePoints
 
 FLOODED_SHARE = 0.5  # of clipped pixels, above which the image is said to be saturated
