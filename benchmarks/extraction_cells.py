@@ -7,7 +7,7 @@ Errors and σ are of rightly labelled, visible spots without a flag. "Known refl
 of the cell's true thread instead of that of the plausible ones. σ/scatter is the root mean square σ over the scatter.
 With `--strips`, two narrow strips a cell stand before the jig and hide strings in part: the last table says what
 becomes of strings by the fraction of their light that is seen.
-Run: python benchmarks/extraction_cells.py [--cells 12] [--first 1] [--jobs 1] [--strips]
+Run: python benchmarks/extraction_cells.py [--cells 12] [--first 1] [--jobs 1] [--strips] [--minutes M]
 """
 
 from __future__ import annotations
@@ -209,10 +209,17 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=1, help="first seed")
     parser.add_argument("--jobs", type=int, default=1, help="processes")
     parser.add_argument("--strips", action="store_true", help="strips that hide strings")
+    parser.add_argument("--minutes", type=float, default=np.inf, help="report what is measured by then")
     given = parser.parse_args()
-    seeds = range(given.first, given.first + given.cells)
+    end, cells = time.monotonic() + 60 * given.minutes, []
     with ProcessPoolExecutor(given.jobs) as pool:
-        report(list(pool.map(measured_cell, seeds, [given.strips] * given.cells)))
+        seeds = range(given.first, given.first + given.cells)
+        for cell in pool.map(measured_cell, seeds, [given.strips] * given.cells):
+            cells.append(cell)
+            if time.monotonic() > end:
+                pool.shutdown(wait=True, cancel_futures=True)
+                break
+    report(cells)
 
 
 if __name__ == "__main__":

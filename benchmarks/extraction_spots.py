@@ -5,17 +5,24 @@ Bound: extraction.crlb with height, background and shape unknown (round: one wid
 the peak over the standard deviation of a pixel without the spot. Peers: picassosr (gaussmle), photutils, trackpy, sep,
 OpenCV; one that is not installed is skipped, saying so. The last table times whole frames of 1280 × 1024.
 Run: python benchmarks/extraction_spots.py [spots a point, default 5000]
+PEERS_PYTHON=… names an interpreter that has the peers (pip install photutils trackpy sep, and with --no-deps picassosr
+beside numba, pandas, h5py, pyyaml, tqdm, matplotlib and scipy: its windows are not needed); this one where absent.
 """
 
 from __future__ import annotations
 
+import os
+import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
 import numpy as np
+from spot_peers import PEERS
 
 from extraction import ExtractionConfig, LocaliseConfig, extract
 from extraction.crlb import TrueSpot, mean_image, position_bound
@@ -27,7 +34,6 @@ SIDE, WIDTH_PX = 11, 1.3
 ROUND = ((300, 5, 2), (1000, 5, 2), (1000, 50, 2), (10_000, 20, 5), (100_000, 20, 5))  # electrons, background, read
 ELONGATED = ((3.0, 0.9, 0.6), (2.2, 1.2, -0.5), (1.6, 0.85, 1.4))  # widths along and across [px], direction [rad]
 LIGHT = ((3000, 20, 5), (30_000, 20, 5))
-MAX_SLOW = 300  # spots for peers that take milliseconds each
 Method = Callable[[np.ndarray, float], np.ndarray]
 
 
@@ -75,66 +81,48 @@ def peer_opencv(images: np.ndarray, read: float) -> np.ndarray:
     return np.array(out)
 
 
-def peer_sep(images: np.ndarray, read: float) -> np.ndarray:
-    """sep.winpos, started at the true pixel."""
-    import sep
-
-    out = []
-    for im in images:
-        data = np.ascontiguousarray(im - np.median(im))
-        u, v, _ = sep.winpos(data, [SIDE // 2], [SIDE // 2], [WIDTH_PX])
-        out.append((float(u[0]), float(v[0])))
-    return np.array(out)
-
-
-def peer_trackpy(images: np.ndarray, read: float) -> np.ndarray:
-    """trackpy.locate, the brightest feature of each window."""
-    import trackpy
-
-    trackpy.quiet()
-    out = []
-    for im in images[:MAX_SLOW]:
-        found = trackpy.locate(im - im.min(), 7, topn=1)
-        out.append((found.x.iloc[0], found.y.iloc[0]) if len(found) else (np.nan, np.nan))
-    return np.array(out)
-
-
-def peer_photutils(images: np.ndarray, read: float) -> np.ndarray:
-    """photutils.centroids.centroid_2dg, weighted by the true-to-type errors."""
-    from photutils.centroids import centroid_2dg
-
-    out = []
-    for im in images[:MAX_SLOW]:
-        error = np.sqrt(np.maximum(im, 0.0) + read**2)
-        out.append(centroid_2dg(im - np.median(im), error=error))
-    return np.array(out)
-
-
-def peer_picasso(images: np.ndarray, read: float) -> np.ndarray:
-    """Gaussmle of picassosr, read noise added as a constant level as its authors advise."""
-    from picasso import gaussmle
-
-    spots = np.ascontiguousarray(images[:2000] + read**2, dtype=np.float32)
-    theta = gaussmle.gaussmle(spots, 0.001, 100, method="sigma")[0]
-    return np.asarray(theta)[:, :2]
-
-
 METHODS: dict[str, Method] = {
-    "ours, maximum likelihood": own_ml, "ours, fast": own_fast, "picassosr gaussmle": peer_picasso,
-    "photutils centroid_2dg": peer_photutils, "sep.winpos": peer_sep, "trackpy.locate": peer_trackpy,
-    "cv2.moments": peer_opencv,
+    "ours, maximum likelihood": own_ml, "ours, fast": own_fast, "cv2.moments": peer_opencv,
 }  # fmt: skip
 
 
-def ratio_and_rate(method: Method, images: np.ndarray, truth: np.ndarray, bound: float, read: float):
-    """RMSE over the bound, share of failures, spots a second of CPU time."""
-    method(images[:3], read)  # compile and import
-    start = time.process_time()
-    uv = method(images, read)
-    seconds = time.process_time() - start
+@dataclass(frozen=True)
+class Score:
+    """RMSE over the bound, share of failures, spots a second of processor time."""
+
+    ratio: float
+    lost: float
+    rate: float
+
+
+def scored(uv: np.ndarray, seconds: float, truth: np.ndarray, bound: float) -> Score:
+    """The score of the positions (N, 2) of the first N spots."""
     error = uv - truth[: len(uv)]
     good = np.all(np.abs(error) < 3, axis=1)
-    return float(np.sqrt(np.mean(error[good] ** 2)) / bound), float(1 - good.mean()), len(uv) / seconds
+    return Score(float(np.sqrt(np.mean(error[good] ** 2)) / bound), float(1 - good.mean()), len(uv) / seconds)
+
+
+def own_score(method: Method, images: np.ndarray, truth: np.ndarray, bound: float, read: float) -> Score:
+    """The score of a method of this process."""
+    method(images[:3], read)  # compile
+    start = time.process_time()
+    uv = method(images, read)
+    return scored(uv, time.process_time() - start, truth, bound)
+
+
+def peer_score(name: str, images: np.ndarray, truth: np.ndarray, bound: float, read: float, width) -> Score:
+    """The score of a peer in its own process; ImportError where it is not installed."""
+    python = os.environ.get("PEERS_PYTHON", sys.executable)
+    with tempfile.TemporaryDirectory() as folder:
+        source, result = Path(folder, "in.npz"), Path(folder, "out.npz")
+        np.savez(source, images=images, read=read, width=np.array(width))
+        script = Path(__file__).with_name("spot_peers.py")
+        done = subprocess.run([python, script, name, source, result], capture_output=True, text=True, check=False)  # noqa: S603
+        if done.returncode == 3:
+            raise ImportError(done.stderr.strip().splitlines()[-1])
+        done.check_returncode()
+        with np.load(result) as found:
+            return scored(found["uv"], float(found["seconds"]), truth, bound)
 
 
 def table(title: str, cases, count: int) -> None:
@@ -144,14 +132,19 @@ def table(title: str, cases, count: int) -> None:
     peaks = [light[0] / (2 * np.pi * s[0] * s[1]) / np.sqrt(light[1] + light[2] ** 2) for _, light, s in cases]
     print(f"{'peak/noise':26}" + "".join(f"{p:22.1f}" for p in peaks))
     print(f"{'bound [px]':26}" + "".join(f"{bound:22.4f}" for *_, bound in data))
-    for name, method in METHODS.items():
+    for name in (*METHODS, *PEERS):
         try:
-            found = [ratio_and_rate(method, *d, case[1][2]) for d, case in zip(data, cases, strict=True)]
+            found = [
+                own_score(METHODS[name], *d, case[1][2])
+                if name in METHODS
+                else peer_score(name, *d, case[1][2], case[2][:2])
+                for d, case in zip(data, cases, strict=True)
+            ]
         except ImportError as error:
             print(f"{name:26}skipped: {error}")
             continue
-        lost = [f"{r:.3f}" + (f" ({100 * bad:.1f}% lost)" if bad else "") for r, bad, _ in found]
-        print(f"{name:26}" + "".join(f"{text:>22}" for text in lost) + f"{np.median([f[2] for f in found]):12,.0f}")
+        lost = [f"{f.ratio:.3f}" + (f" ({100 * f.lost:.1f}% lost)" if f.lost else "") for f in found]
+        print(f"{name:26}" + "".join(f"{text:>22}" for text in lost) + f"{np.median([f.rate for f in found]):12,.0f}")
 
 
 def calibration(count: int) -> None:
