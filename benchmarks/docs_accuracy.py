@@ -62,7 +62,7 @@ joint readings, through the same code as for a real cell. Afterwards the answer 
 ## What you can expect
 
 Errors of the sensor's position (length) and of its orientation (angle). "95 %": 19 of 20 cells came out better than this; in brackets the 95 % confidence interval
-of that figure. All jigs and strings of the plan are in every row.
+of that figure. All jigs and strings of the plan are in every row; "no bound" stands where the trials are too few for one.
 
 """
 
@@ -242,7 +242,7 @@ def page(run: Run) -> str:
         strings=values[STRING],
         tolerances=values[TOLERANCE],
         tilts=values[TILT],
-        poses=", ".join(str(v) for v in sorted(set(run.trials[POSES]))),
+        poses=" or ".join(str(v) for v in sorted(set(run.trials[POSES]))),
         answered=int(run.answered.sum()),
         verdicts=", ".join(f"{code} {n}" for code, n in verdicts(run)),
     )
@@ -258,7 +258,7 @@ def page(run: Run) -> str:
 
 {sentences}
 
-With {most} poses and tilts up to {max(run.trials[TILT]):.0f}°, so many cells reach it:
+With {most} poses and tilts up to {max(run.trials[TILT]):.0f}°, this share of the cells is at least so accurate:
 
 {shares(run)}
 

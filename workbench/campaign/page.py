@@ -125,8 +125,8 @@ def _cells(group: Group) -> tuple[str, str]:
 def _with_band(value: float, band: tuple[float, float]) -> str:
     if not np.isfinite(value):
         return "–"
-    high = f"{band[1]:.4f}" if np.isfinite(band[1]) else NO_BOUND
-    return f"{value:.4f} ({band[0]:.4f} … {high})"
+    high = f"{band[1]:.3g}" if np.isfinite(band[1]) else NO_BOUND
+    return f"{value:.3g} ({band[0]:.3g} … {high})"
 
 
 def _worst(run: Run, trial: int) -> dict[str, Any]:
