@@ -27,7 +27,7 @@ SHADOW_RADIUS_MM = 1.0  # strings stand wider in the way than they are: the sens
 STEPS = np.linspace(-REACH_MM, REACH_MM, SAMPLES)
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=16)
 def jig_bodies(jig: Jig) -> tuple[Solid, ...]:
     """Plates (black) and posts (bare aluminium) of a jig, in its own axes; the same solids for the same jig object."""
     meshes = jig_solids(jig, strings=False)
