@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from geometry import Pose, SensorModel, cross_plane_x0
 from jig_cad import Jig
+from jig_cad.jig import MIN_SLENDERNESS
 from jig_cad.solids import jig_solids
 from perceptron_emu import ALUMINIUM, BLACK_PLATE, Solid, panel
 from perceptron_emu.bodies import hidden_by_solid
@@ -19,6 +20,7 @@ from perceptron_emu.strings import cylinders
 from workbench.planning import SeesAll
 
 Array = NDArray[np.float64]
+Bodies = tuple[Solid, ...]
 Mask = NDArray[np.bool_]
 
 REACH_MM = 0.6  # half the thickness of sheet that must reach every string: its Gaussian is spent well inside
@@ -27,9 +29,20 @@ SHADOW_RADIUS_MM = 1.0  # strings stand wider in the way than they are: the sens
 STEPS = np.linspace(-REACH_MM, REACH_MM, SAMPLES)
 
 
-@lru_cache(maxsize=16)
 def jig_bodies(jig: Jig) -> tuple[Solid, ...]:
-    """Plates (black) and posts (bare aluminium) of a jig, in its own axes; the same solids for the same jig object."""
+    """Plates (black) and posts (bare aluminium) of a jig, in its own axes; the same solids for jigs that share them.
+
+    The holes are twice as wide as the strings, up to the next tenth of a millimetre, as drills come.
+    """
+    exact = 2 * jig.string_diameter_mm
+    drill = float(np.ceil(10 * exact - 1e-9) / 10)
+    drill = drill if drill * MIN_SLENDERNESS < 2 * min(jig.side_mm, jig.height_mm) else exact
+    return _bodies(jig.side_mm, jig.height_mm, jig.strings, jig.anchors_mm.tobytes(), drill)
+
+
+@lru_cache(maxsize=16)
+def _bodies(side_mm: float, height_mm: float, strings: tuple[str, ...], anchors: bytes, hole: float) -> Bodies:
+    jig = Jig(side_mm, height_mm, hole / 2, 0.0, strings, np.frombuffer(anchors).reshape(6, 3))
     meshes = jig_solids(jig, strings=False)
     return tuple(
         Solid(m, ALUMINIUM if name.startswith("post") else BLACK_PLATE, name=name) for name, m in meshes.items()
