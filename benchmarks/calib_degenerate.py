@@ -44,12 +44,19 @@ def spoils() -> dict[str, Spoil]:
         "rotation about one axis": frames_only(lambda f, c, rng: _alike(f, c, rng, 15.0, 1)),
         "labels swapped (half turn) in half the frames": frames_only(lambda f, c, rng: _swap(f, half_turn_label, 2)),
         "labels swapped (A, B) in all frames": frames_only(lambda f, c, rng: _swap(f, _ab, 1)),
+        "labels swapped (B', C') in all frames": frames_only(lambda f, c, rng: _swap(f, _diagonals, 1)),
         "half the points outliers": frames_only(lambda f, c, rng: _outliers(f, rng)),
         "joints in radians under a degree header": frames_only(
             lambda f, c, rng: tuple(replace(x, joints_rad=np.deg2rad(x.joints_rad)) for x in f)
         ),
         "joints in another order": frames_only(
             lambda f, c, rng: tuple(replace(x, joints_rad=x.joints_rad[[0, 1, 2, 3, 5, 4]]) for x in f)
+        ),
+        "joints of the next frame": frames_only(
+            lambda f, c, rng: tuple(replace(x, joints_rad=y.joints_rad) for x, y in zip(f, (*f[1:], f[0]), strict=True))
+        ),
+        "two locations under one name": frames_only(
+            lambda f, c, rng: tuple(replace(x, location="A" if x.location == "B" else x.location) for x in f)
         ),
         "frames of another location": frames_only(lambda f, c, rng: _misplaced(f)),
         "DH row of another arm (d4)": robot_only(lambda r: r.corrected(_row(1, 3, -142.0))),
@@ -68,6 +75,10 @@ def _row(row: int, joint: int, value: float) -> np.ndarray:
 
 def _ab(label: str) -> str:
     return {"A": "B", "B": "A"}.get(label, label)
+
+
+def _diagonals(label: str) -> str:
+    return {"B'": "C'", "C'": "B'"}.get(label, label)
 
 
 def _alike(frames: Frames, cell: Cell, rng: np.random.Generator, degrees: float, axes: int) -> Frames:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from calib.assemble import Chains, by_location, frame_distances, frame_result, location_figures
 from calib.config import CalibConfig
 from calib.observation import Observations
-from calib.result import CalibrationResult, FrameResult, LocationResult, Verdict
+from calib.result import SIGMA_HOLDS, CalibrationResult, FrameResult, LocationResult, Verdict
 from calib.stations import Station
 from calib.uncertainty import printed_sigmas
 from geometry import Pose, RobotModel
@@ -50,6 +50,16 @@ class Estimate:
 
 
 _OWN = ("reasons", "outliers")  # the other fields go into the result as they are
+_SOLVED = (  # withheld where the covariance is not true
+    "T_hand_sensor",
+    "covariance",
+    "robot",
+    "robot_delta",
+    "robot_sigma",
+    "anchors_delta_mm",
+    "anchors_sigma_mm",
+    "weak_directions",
+)
 
 
 def answer(
@@ -87,8 +97,11 @@ def answer(
     )
     if estimate is None:
         return empty
-    rotation, translation = printed_sigmas(estimate.T_hand_sensor, estimate.covariance)
     taken = {f.name: getattr(estimate, f.name) for f in fields(Estimate) if f.name not in _OWN}
+    if verdict.code not in SIGMA_HOLDS:
+        places = {name: replace(place, T_base_jig=None) for name, place in locations.items()}
+        return replace(empty, locations=places, **{k: v for k, v in taken.items() if k not in _SOLVED})
+    rotation, translation = printed_sigmas(estimate.T_hand_sensor, estimate.covariance)
     return replace(empty, **taken, sigma_rotation_deg=rotation, sigma_translation_mm=translation)
 
 

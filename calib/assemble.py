@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.figures import Fit, agreeing_pose, fit_location, max_deviation, spread_3d
-from calib.jig_pose import jig_pose
 from calib.observation import Observations
+from calib.own_poses import own_poses
 from calib.problem import pad_points
 from calib.result import DesignSolved, Distances, FramePoints, FrameResult, LocationResult
 from calib.stations import Station
-from geometry import NoAnswerError, Pose, RobotModel, stack_poses
+from geometry import Pose, RobotModel, stack_poses
 from jig_cad import Jig
 
 Array = NDArray[np.float64]
@@ -53,8 +53,7 @@ def location_figures(group: Sequence[Station], jig: Jig, chains: Chains) -> Loca
     fit = fit_location(points, sensors, jig.anchors_mm, start)
     design_start, _ = agreeing_pose([design_sensors[i] @ s.candidates for i, s in enumerate(usable)])
     design_fit = fit_location(points, design_sensors, jig.anchors_mm, design_start)
-    guesses = sensors.inverse() @ fit.T_base_jig
-    own = {s.observation.frame: _own_pose(s, jig, guesses[i]) for i, s in enumerate(usable)}
+    own = own_poses(usable, jig, sensors.inverse() @ fit.T_base_jig)
     complete = [i for i, s in enumerate(usable) if set(s.axis.label) == set(jig.strings)]
     own_stack = stack_poses([own[usable[i].observation.frame] for i in complete])
     origins = (design_sensors[complete] @ own_stack).t
@@ -112,17 +111,9 @@ def by_location(observations: Observations, ready: Sequence[Station]) -> dict[st
 def _sensors(usable: Sequence[Station], chain: tuple[Pose, RobotModel | None]) -> Pose:
     """Ts_base_sensor of frames by a chain."""
     T_hand_sensor, robot = chain
-    hands = [
-        s.T_base_hand
-        if s.observation.joints_rad is None or robot is None
-        else robot.hand_pose(s.observation.joints_rad)
-        for s in usable
-    ]
-    return stack_poses(hands) @ T_hand_sensor
-
-
-def _own_pose(s: Station, jig: Jig, guess: Pose) -> Pose:
-    try:
-        return jig_pose(s.axis, jig, guess).T_sensor_jig
-    except NoAnswerError:
-        return guess
+    hands = stack_poses([s.T_base_hand for s in usable])
+    read = {i: q for i, s in enumerate(usable) if (q := s.observation.joints_rad) is not None}
+    if robot is not None and read:
+        moved = robot.hand_pose(np.array(list(read.values())))
+        hands.R[list(read)], hands.t[list(read)] = moved.R, moved.t
+    return hands @ T_hand_sensor

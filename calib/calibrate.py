@@ -21,7 +21,7 @@ from calib.relabel import relabel, settled
 from calib.result import CalibrationResult, Verdict
 from calib.solution import Solution, make_problem, solve_problem
 from calib.stations import Station, label, stations
-from calib.verdict import Motion, judge, judge_motion, motion
+from calib.verdict import Motion, judge, judge_motion, misfit_limit, motion
 from geometry import InputError, Pose, RobotModel, stack_poses
 from jig_cad import Jig
 
@@ -86,13 +86,13 @@ def _prepare(p: Problem) -> tuple[tuple[Station, ...], _Solved]:
     ready = label(stations(o, p.robot), o.sensor, design, o.T_base_jig, p.jig, b.config)
     solved = _solve(b, ready, design)
     for _ in range(p.config.relabel_rounds if any(f.axis is None for f in o.frames) else 0):
-        if solved.estimate is None or not solved.verdict.trustworthy:
+        if solved.solution is None or not solved.verdict.trustworthy:
             break
-        again = _relabel(b, ready, solved.estimate)
+        again = _relabel(b, ready, solved.solution, solved.used)
         if settled(ready, again):
             break
         ready = again
-        solved = _solve(b, ready, solved.estimate.T_hand_sensor)
+        solved = _solve(b, ready, solved.solution.T_hand_sensor)
     return ready, solved
 
 
@@ -140,7 +140,8 @@ def _choose(p: Problem, solution: Solution, used: tuple[Station, ...]) -> tuple[
     asked = p.config.model
     models: tuple[Model, ...] = ("scp",) if asked == "scp" else ("scp", asked)
     scores = {m: left_out_rms(solution, used, p.config, m) for m in models}
-    model, words = choose_model(scores, asked)
+    fits = solution.nominal <= misfit_limit(solution.dof, p.config.misfit_chi2)
+    model, words = choose_model(scores, asked, nominal_fits=fits)
     known: dict[str, float] = {m: rms for m, rms in scores.items() if rms is not None}
     if asked == "scp":
         words = f"leaving one location out, its points are predicted to {known['scp']:.3f} mm" if known else words
@@ -172,9 +173,14 @@ def _refused(ready: tuple[Station, ...]) -> tuple[Station, ...]:
     return tuple(s for s in ready if s.observation.role == "calibrate" and s.reason == "not_labelled" and len(s.axis))
 
 
-def _relabel(p: Problem, ready: tuple[Station, ...], estimate: Estimate) -> tuple[Station, ...]:
+def _relabel(
+    p: Problem, ready: tuple[Station, ...], solution: Solution, used: tuple[Station, ...]
+) -> tuple[Station, ...]:
     """Labels and axis points again, with the solved chain; given jig poses still decide the half turn."""
-    chain, groups = (estimate.T_hand_sensor, estimate.robot), by_location(p.observations, ready)
-    T_base_jig = {n: T for n, g in groups.items() if (T := location_pose(g, p.jig, chain)) is not None}
-    fresh = stations(p.observations, estimate.robot)
+    chain, groups = (solution.T_hand_sensor, solution.robot), by_location(p.observations, ready)
+    names = dict.fromkeys(s.observation.location for s in used)
+    T_base_jig = {n: solution.bundle.state.Ts_base_jig[k] for k, n in enumerate(names)}
+    others = {n: g for n, g in groups.items() if n not in T_base_jig}
+    T_base_jig |= {n: T for n, g in others.items() if (T := location_pose(g, p.jig, chain)) is not None}
+    fresh = stations(p.observations, solution.robot)
     return relabel(ready, fresh, p.observations, chain[0], T_base_jig, p.jig, p.config)

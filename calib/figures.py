@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.problem import Points
-from geometry import Pose, skew, stack_poses
+from geometry import Pose, skew
 
 Array = NDArray[np.float64]
 
@@ -75,13 +75,14 @@ def agreeing_pose(candidates: Sequence[Pose], reach_mm: float = 100.0) -> tuple[
     candidates: one batch of poses T_base_jig a frame. reach_mm: what turns an angle into a length.
     """
     every = Pose(np.concatenate([c.R for c in candidates]), np.concatenate([c.t for c in candidates]))
-    distances = [pose_distance(every[:, None], c[None, :], reach_mm) for c in candidates]  # (K, own)
-    nearest = np.stack([d.min(axis=1) for d in distances], -1)
+    counts = np.array([len(c) for c in candidates])
+    first = np.concatenate([[0], np.cumsum(counts)[:-1]])  # of each frame's candidates
+    distances = pose_distance(every[:, None], every[None], reach_mm)  # (K, K)
+    nearest = np.minimum.reduceat(distances, first, axis=1)  # (K, F)
     limit = np.median(np.sort(nearest, axis=None)[: max(1, nearest.size // 2)]) * 10 + 1e-9
     best = int(np.argmin(np.sum(np.minimum(nearest, limit), axis=1)))
-    choice = [int(np.argmin(d[best])) for d in distances]
-    agreeing = [c[i] for c, i, n in zip(candidates, choice, nearest[best], strict=True) if n <= limit]
-    return mean_pose(stack_poses(agreeing)), choice
+    choice = [int(np.argmin(distances[best, f : f + n])) for f, n in zip(first, counts, strict=True)]
+    return mean_pose(every[(first + choice)[nearest[best] <= limit]]), choice
 
 
 def pose_distance(a: Pose, b: Pose, reach_mm: float = 100.0) -> Array:

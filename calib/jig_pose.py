@@ -51,19 +51,22 @@ def jig_pose(
     return JigPoseResult(fit.candidates, fit.dof, condition, weak, ambiguity)
 
 
-def fit_pose(axis: AxisPoints, jig: Jig, guess: Pose | None = None) -> JigPoseFit:
-    """As ``jig_pose``, without the diagnosis of what the points leave undetermined."""
-    return _search(axis, jig, guess, None)[0]
+def fit_pose(axis: AxisPoints, jig: Jig, guess: Pose | None = None, starts: Pose | None = None) -> JigPoseFit:
+    """As ``jig_pose``, without the diagnosis of what the points leave undetermined.
+
+    starts: poses (K) near all minima, in place of a search for them.
+    """
+    return _search(axis, jig, guess, None, starts)[0]
 
 
 def _search(
-    axis: AxisPoints, jig: Jig, guess: Pose | None, anchor_sigma_mm: float | None
+    axis: AxisPoints, jig: Jig, guess: Pose | None, anchor_sigma_mm: float | None, near: Pose | None = None
 ) -> tuple[JigPoseFit, PoseProblem, Array]:
     """All minima, the problem, and the whitened Jacobian (rows, 6) at the chosen one."""
     index = string_indices(axis, jig)
     starts, directions = jig.starts[index], jig.directions[index]
     problem = PoseProblem(starts, directions, axis.yz_mm, whitening(axis.cov_yz_mm2))
-    solution = _distinct(solve_poses(problem, _starts(problem, guess), max_iterations=30))
+    solution = _distinct(solve_poses(problem, _starts(problem, guess, near), max_iterations=30))
     chi2 = chi2_with_tolerance(solution, axis, jig, index, anchor_sigma_mm)
     along = solution.along_mm / jig.lengths[index]
     possible = np.all((along > -BEYOND) & (along < 1 + BEYOND), axis=-1)
@@ -104,13 +107,10 @@ def string_indices(axis: AxisPoints, jig: Jig) -> NDArray[np.intp]:
     return np.array([jig.strings.index(label) for label in axis.label], dtype=np.intp)
 
 
-def _starts(problem: PoseProblem, guess: Pose | None) -> Pose:
-    n = len(problem.yz_mm)
+def _starts(problem: PoseProblem, guess: Pose | None, near: Pose | None) -> Pose:
     poses = [] if guess is None else [Pose(guess.R[None], guess.t[None])]
-    if n >= 5:
-        poses.append(pencil_starts(problem.starts, problem.directions, problem.yz_mm))
-    if n < 5:
-        poses.append(grid_starts(problem.starts, problem.directions, problem.yz_mm))
+    search = pencil_starts if len(problem.yz_mm) >= 5 else grid_starts
+    poses.append(search(problem.starts, problem.directions, problem.yz_mm) if near is None else near)
     return Pose(np.concatenate([p.R for p in poses]), np.concatenate([p.t for p in poses]))
 
 

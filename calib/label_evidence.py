@@ -53,13 +53,17 @@ class Prior:
 
 @dataclass(frozen=True, eq=False)
 class Hypotheses:
-    """Labellings (H, S), best first: poses (H), posterior covariances (H, 6, 6), χ² (H,) and log evidence (H,)."""
+    """Labellings (H, S), best first: poses (H), posterior covariances (H, 6, 6), χ² (H,) and log evidence (H,).
+
+    minima (H, K): all poses at which each labelling's search ended.
+    """
 
     labels: IntArray
     T_sensor_jig: Pose
     covariance: Array
     chi2: Array
     log_evidence: Array
+    minima: Pose
 
     def __len__(self) -> int:
         """The number of hypotheses."""
@@ -86,7 +90,9 @@ def weigh(labels: IntArray, spots: Spots, jig: Jig, prior: Prior | None, max_til
     if prior is None:
         evidence = evidence - 0.5 * (np.arccos(np.clip(T.R[:, 2, 2], -1, 1)) / FACING_SIGMA_RAD) ** 2
     order = [int(i) for i in np.argsort(-evidence, kind="stable") if np.isfinite(evidence[i])]
-    return Hypotheses(labels[order], T[order], covariance[order], chi2[order], evidence[order])
+    return Hypotheses(
+        labels[order], T[order], covariance[order], chi2[order], evidence[order], solution.T_sensor_jig[order]
+    )
 
 
 def _problem(labels: IntArray, spots: Spots, jig: Jig, prior: Prior | None) -> PoseProblem:

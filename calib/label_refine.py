@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import Literal
 
 import numpy as np
@@ -50,12 +51,14 @@ def refine_labels(
     jig: Jig,
     sensor: SensorModel,
     config: CalibConfig,
+    starts: Pose | None = None,
 ) -> LabelledFrame | None:
     """The labelled frame, or None where its spots do not fit the jig, not even with one of them left out.
 
-    labels: spot of every string (S,), -1 where none. T_sensor_jig: wrong by a degree at most.
+    labels: spot of every string (S,), -1 where none. T_sensor_jig: wrong by a degree at most. starts: the minima (K)
+    of about the same points, where they are known.
     """
-    part = _Part(points, T_sensor_jig, prior, jig, sensor, config)
+    part = _Part(points, T_sensor_jig, prior, jig, sensor, config, starts)
     try:
         axis, pose = part.solve(labels)
         if part.misfit(pose) and len(axis) >= FULL:
@@ -77,6 +80,7 @@ class _Part:
     jig: Jig
     sensor: SensorModel
     config: CalibConfig
+    starts: Pose | None = None
 
     def solve(self, labels: IntArray) -> tuple[AxisPoints, JigPoseFit]:
         """Axis points for the pose, then the pose for the axis points: a pose of 1° suffices for the offsets."""
@@ -89,12 +93,16 @@ class _Part:
         axis = AxisPoints(names, labels[index], yz, cov, spots.flag)
         if given is not None and len(index) < FULL:
             return axis, pose_near(axis, self.jig, *given)
-        return axis, fit_pose(axis, self.jig, T if given is None else given[0])
+        return axis, fit_pose(axis, self.jig, T if given is None else given[0], self.starts)
 
     def misfit(self, pose: JigPoseFit) -> bool:
         """Whether χ² says that some point is not where its string is."""
-        limit = chi2_distribution.isf(self.config.labelling.min_probability, max(pose.dof, 1))
-        return bool(pose.dof > 0 and pose.best.chi2 > limit)
+        return pose.dof > 0 and pose.best.chi2 > _chi2_limit(self.config.labelling.min_probability, pose.dof)
+
+
+@lru_cache
+def _chi2_limit(probability: float, dof: int) -> float:
+    return float(chi2_distribution.isf(probability, dof))
 
 
 def _without_worst(part: _Part, labels: IntArray, axis: AxisPoints) -> tuple[AxisPoints, JigPoseFit]:

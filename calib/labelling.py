@@ -84,7 +84,9 @@ def _choose(
         if np.sum(labels >= 0) < MIN_STRINGS:  # too contested for an answer, too likely to be passed over
             refined.append((float(found.log_evidence[i]), None))
             continue
-        frame = refine_labels(points, labels, found.T_sensor_jig[i], prior, jig, sensor, config)
+        own = prior is None and np.array_equal(labels, found.labels[i])
+        starts = found.minima[i] if own else None
+        frame = refine_labels(points, labels, found.T_sensor_jig[i], prior, jig, sensor, config, starts)
         if frame is not None and frame.T_sensor_jig is not None:
             lost = np.sum(found.labels[i] >= 0) - sum(f != "pose_residual" for f in frame.axis.flag)
             exact = frame.cost + (0.0 if prior is None else prior.chi2(frame.T_sensor_jig))

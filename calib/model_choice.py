@@ -17,6 +17,11 @@ from calib.verdict import judge_motion, motion
 from geometry import stack_poses
 
 _OVERFIT = 1.05  # a larger model must not predict worse than this times the smaller one
+_WORTH = 0.95  # where the smaller one fits, it must predict better than this
+_UNCHECKED = (
+    "fewer than two locations can be left out: how well model {model} predicts elsewhere could not be checked; measure "
+    "the jig at two or more further places"
+)
 
 
 def left_out_rms(solution: Solution, used: tuple[Station, ...], config: CalibConfig, model: Model) -> float | None:
@@ -34,14 +39,19 @@ def left_out_rms(solution: Solution, used: tuple[Station, ...], config: CalibCon
     return float(np.sqrt(np.mean(np.concatenate(squares)))) if len(squares) > 1 else None
 
 
-def choose_model(scores: dict[Model, float | None], asked: Model) -> tuple[Model, str]:
-    """The model to keep of the one asked for and "scp", and why, in words."""
+def choose_model(scores: dict[Model, float | None], asked: Model, *, nominal_fits: bool = False) -> tuple[Model, str]:
+    """The model to keep of the one asked for and "scp", and why, in words.
+
+    scores: rms [mm] at locations left out. nominal_fits: whether χ² finds no fault with the nominal robot.
+    """
     small, large = scores.get("scp"), scores.get(asked)
     if small is None or large is None:
-        return asked, "too few locations to leave one out: the choice of the model could not be checked"
+        return asked, _UNCHECKED.format(model=asked)
     words = f"leaving one location out, its points are predicted to {small:.3f} mm by scp and {large:.3f} mm by {asked}"
     if large > _OVERFIT * small:
         return "scp", f"{words}: {asked} overfits, scp is kept"
+    if nominal_fits and large > _WORTH * small:
+        return "scp", f"{words}, and χ² finds no fault with the nominal robot: {asked} gains nothing, scp is kept"
     return asked, words
 
 

@@ -1,4 +1,4 @@
-"""The paper's method from labelled frames to an estimate: closed-form poses, the iteration, and a true covariance."""
+"""The paper's method from labelled frames to an estimate: closed-form poses, the iteration, the answer."""
 
 from __future__ import annotations
 
@@ -11,20 +11,18 @@ from numpy.typing import NDArray
 from calib.answer import Estimate
 from calib.closed_form import LABELS, closed_forms
 from calib.config import CalibConfig
-from calib.linearise import Linearised, initial_state, linearise
-from calib.paper_scp import PaperProblem, PaperResult, PaperSettings, pairs, solve_paper
+from calib.paper_scp import PaperProblem, PaperResult, PaperSettings, solve_paper
+from calib.paper_spread import PaperSpread, closed_form_derivative, paper_spread
 from calib.problem import Problem
 from calib.solution import make_problem
 from calib.starts import chain_start
 from calib.stations import Station
 from calib.verdict import Facts
-from calib.weights import frame_covariance, removal
 from geometry import AxisPoints, Pose, RobotModel
 from jig_cad import Jig
 
 Array = NDArray[np.float64]
 
-_STEP_MM = 1e-4  # of the numeric derivative of the closed form
 _H1_SLACK_MM = 2.0  # sign candidates that disagree in h₁ by this much more than the best are none
 
 
@@ -74,38 +72,41 @@ def paper_estimate(
     frames: PaperFrames, jig: Jig, robot: RobotModel | None, starts: Starts, config: CalibConfig
 ) -> tuple[Estimate, Facts]:
     """Run the paper's iteration on the frames' closed-form poses."""
+    run = _run(frames, jig, robot, starts, config)
+    spread = paper_spread(run.problem, run.result, run.own, closed_form_derivative(frames.yz_mm, jig, run.choice))
+    return _estimate(frames, robot, run, spread), _facts(run, spread)
+
+
+@dataclass(frozen=True, eq=False)
+class _Run:
+    """The iteration's result, the sign candidates chosen (F,), their poses (F), the joints whose offsets are free."""
+
+    problem: Problem
+    result: PaperResult
+    choice: NDArray[np.intp]
+    own: Pose
+    offsets: tuple[int, ...]
+
+
+def _run(frames: PaperFrames, jig: Jig, robot: RobotModel | None, starts: Starts, config: CalibConfig) -> _Run:
     used = frames.stations
     problem = make_problem(tuple(_in_order(s, frames.yz_mm[i]) for i, s in enumerate(used)), jig, robot, config)
     forms = closed_forms(frames.yz_mm, jig.side_mm, jig.height_mm)
     choice, own = _signs(problem, starts.signs, forms.T_sensor_jig, forms.h1_disagreement_mm)
-    offsets = _offset_joints(problem, config)
-    paper = PaperProblem(
-        own.t, problem.chain.T_base_hand, problem.location, problem.chain.robot, problem.chain.joints_rad, offsets
-    )
+    offsets, chain = _offset_joints(problem, config), problem.chain
+    paper = PaperProblem(own.t, chain.T_base_hand, problem.location, chain.robot, chain.joints_rad, offsets)
     settings = PaperSettings(config.paper_damping, config.paper_switch, config.paper_tolerance)
-    result = solve_paper(paper, starts.T_hand_sensor, settings)
-    derivative = _derivative(frames.yz_mm, jig, choice)
-    noise, robot_part, chi2, explained, dof = _uncertainty(problem, result, own, derivative)
-    left = len(frames.reasons)
-    delta, corrected = _corrected(robot, offsets, result.offsets_rad)
-    facts = Facts(  # no points are left out, and no other answer is looked for
-        result.converged,
-        result.iterations,
-        chi2,
-        explained,
-        dof,
-        result.condition,
-        noise,
-        0.0,
-        (),
-        float("inf"),
-        problem.n_locations,
-    )
-    estimate = Estimate(
+    return _Run(problem, solve_paper(paper, starts.T_hand_sensor, settings), choice, own, offsets)
+
+
+def _estimate(frames: PaperFrames, robot: RobotModel | None, run: _Run, spread: PaperSpread) -> Estimate:
+    result, left = run.result, len(frames.reasons)
+    delta, corrected = _corrected(robot, run.offsets, result.offsets_rad)
+    return Estimate(
         T_hand_sensor=result.T_hand_sensor,
-        covariance=noise + robot_part,
-        chi2_per_dof=chi2,
-        degrees_of_freedom=dof,
+        covariance=spread.noise + spread.robot,
+        chi2_per_dof=spread.chi2_per_dof,
+        degrees_of_freedom=spread.dof,
         converged=result.converged,
         iterations=result.iterations,
         initial_cost=float(result.history[0] ** 2 * len(result.residual)) if len(result.history) else 0.0,
@@ -118,7 +119,23 @@ def paper_estimate(
         robot_delta=delta,
         robot_sigma=np.zeros_like(delta),
     )
-    return estimate, facts
+
+
+def _facts(run: _Run, spread: PaperSpread) -> Facts:
+    """What the paper's answer is judged by: no points are left out, and no other answer is looked for."""
+    return Facts(
+        converged=run.result.converged,
+        iterations=run.result.iterations,
+        chi2_per_dof=spread.chi2_per_dof,
+        explained=spread.explained,
+        dof=spread.dof,
+        condition=run.result.condition,
+        noise_covariance=spread.noise,
+        outlier_share=0.0,
+        outlying_strings=(),
+        rival=float("inf"),
+        locations=run.problem.n_locations,
+    )
 
 
 def _corrected(
@@ -155,64 +172,3 @@ def _offset_joints(problem: Problem, config: CalibConfig) -> tuple[int, ...]:
     if robot is None or config.paper_joint_offsets == 0:
         return ()
     return tuple(range(robot.n_joints - config.paper_joint_offsets, robot.n_joints - 1))
-
-
-def _derivative(yz_mm: Array, jig: Jig, choice: NDArray[np.intp]) -> Array:
-    """Change of the closed form's jig origin with the points (F, 3, 10).
-
-    Differences to both sides, or to one side where a/l > 1 leaves the other undefined.
-    """
-    step = np.zeros((11, 5, 2))
-    step[1:].reshape(10, 10)[np.arange(10), np.arange(10)] = _STEP_MM
-    rows, columns = np.arange(len(yz_mm))[:, None], choice[:, None]
-
-    def origins(sign: float) -> Array:
-        forms = closed_forms(yz_mm[:, None] + sign * step, jig.side_mm, jig.height_mm)
-        return np.asarray(forms.T_sensor_jig.t[rows, np.arange(11), columns])  # (F, 11, 3), the first without a step
-
-    above, below = origins(1.0), origins(-1.0)
-    sides = np.isfinite(above[:, 1:, :1]).astype(float) + np.isfinite(below[:, 1:, :1])
-    middle = above[:, :1]
-    up = np.where(np.isfinite(above[:, 1:]), above[:, 1:] - middle, 0.0)
-    down = np.where(np.isfinite(below[:, 1:]), middle - below[:, 1:], 0.0)
-    return np.asarray(np.swapaxes((up + down) / (np.maximum(sides, 1.0) * _STEP_MM), -1, -2))
-
-
-def _uncertainty(
-    problem: Problem, result: PaperResult, own: Pose, derivative: Array
-) -> tuple[Array, Array, float, float, int]:
-    """Covariances (6, 6) of ξ through C⁺: of points, joints and anchors; of the robot. χ² without and with it."""
-    jigs = (problem.chain.T_base_hand @ result.T_hand_sensor @ own)[_firsts(problem)]
-    lin = linearise(problem, initial_state(problem, result.T_hand_sensor, jigs))
-    base = problem.chain.T_base_hand.R @ result.T_hand_sensor.R
-    to_origin = base @ derivative  # (F, 3, 10): from the points to x
-    noise, anchors, robot = _origin_errors(problem, lin, to_origin)
-    first, other = pairs(problem.location)
-    difference = np.eye(problem.n_frames)[first] - np.eye(problem.n_frames)[other]  # (D, F)
-    independent = np.einsum("af,fij,bf->aibj", difference, noise, difference).reshape(len(result.residual), -1)
-    shared, dh = (np.tensordot(difference, g, 1).reshape(len(result.residual), -1) for g in (anchors, robot))
-    stochastic = independent + shared @ shared.T
-    gain = np.linalg.pinv(result.jacobian)[:6]
-    dof = len(result.residual) - result.jacobian.shape[1]
-    chi2, explained = (
-        float(result.residual @ np.linalg.lstsq(c, result.residual, rcond=None)[0]) / max(dof, 1)
-        for c in (stochastic, stochastic + dh @ dh.T)
-    )
-    return gain @ stochastic @ gain.T, gain @ dh @ dh.T @ gain.T, chi2, explained, dof
-
-
-def _firsts(problem: Problem) -> list[int]:
-    return [int(np.flatnonzero(problem.location == k)[0]) for k in range(problem.n_locations)]
-
-
-def _origin_errors(problem: Problem, lin: Linearised, to_origin: Array) -> tuple[Array, Array, Array]:
-    """Errors of x: covariance of its own noise (F, 3, 3), columns by anchors (F, 3, 12) and robot (F, 3, P).
-
-    An error of the hand's pose moves the points that are seen as well as the chain; both act on x as if the points were
-    exact and the jig had moved, so that one covariance of the points carries it.
-    """
-    f = problem.n_frames
-    points = frame_covariance(problem, lin, removal(~problem.points.present), problem.chain.noise)
-    anchors = to_origin @ lin.anchors.reshape(f, 10, 12) * problem.anchor_sigma_mm
-    robot = to_origin @ (lin.hand.reshape(f, 10, 6) @ lin.parameters) * problem.chain.parameter_sigma
-    return to_origin @ points @ np.swapaxes(to_origin, -1, -2), anchors, robot

@@ -7,12 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from calib.axis_offset import axis_points
+from calib.axis_offset import surface_offset
 from calib.config import CalibConfig
-from calib.label_refine import take
 from calib.observation import Observations
 from calib.stations import Station, label, stays
-from geometry import AxisPoints, Pose, SensorModel
+from geometry import Pose, SensorModel, stack_poses
 from jig_cad import Jig
 
 SETTLED_SIGMA = 0.05  # axis points that moved by less than this share of their σ leave the solution as it is
@@ -31,7 +30,7 @@ def relabel(
 
     fresh: the frames with the solved chain's hand poses. T_base_jig: by the chain; it decides the half turn.
     """
-    kept: dict[int, Station] = {}
+    kept, moved = dict[int, Station](), dict[int, Pose]()
     for s, f in zip(ready, fresh, strict=True):
         place, frame = T_base_jig.get(s.observation.location), s.observation.frame
         if s.observation.axis is not None:
@@ -39,8 +38,12 @@ def relabel(
         elif place is not None and len(s.axis) == len(jig.strings):
             predicted = (f.T_base_hand @ T_hand_sensor).inverse() @ place
             if stays(s, predicted):
-                axis = _with_offsets(s, predicted, jig, observations.sensor, config)
-                kept[frame] = replace(s, T_base_hand=f.T_base_hand, axis=axis)
+                kept[frame] = replace(s, T_base_hand=f.T_base_hand)
+                moved[frame] = predicted
+    if moved:
+        complete = [kept[frame] for frame in moved]
+        offsets = _with_offsets(complete, stack_poses(list(moved.values())), jig, observations.sensor, config)
+        kept |= dict(zip(moved, offsets, strict=True))
     doubtful = tuple(f for f in fresh if f.observation.frame not in kept)
     again = label(doubtful, observations.sensor, T_hand_sensor, T_base_jig, jig, config, refined=True)
     found = kept | {s.observation.frame: s for s in again}
@@ -60,7 +63,14 @@ def _unchanged(a: Station, b: Station) -> bool:
     return bool(np.all(np.abs(b.axis.yz_mm - a.axis.yz_mm) <= SETTLED_SIGMA * sigma))
 
 
-def _with_offsets(s: Station, T_sensor_jig: Pose, jig: Jig, sensor: SensorModel, config: CalibConfig) -> AxisPoints:
-    spots = take(s.observation.points, s.axis.spot)
-    yz, cov = axis_points(spots, s.axis.label, jig, sensor, T_sensor_jig, config)
-    return replace(s.axis, yz_mm=yz, cov_yz_mm2=cov)
+def _with_offsets(
+    frames: Sequence[Station], Ts_sensor_jig: Pose, jig: Jig, sensor: SensorModel, config: CalibConfig
+) -> list[Station]:
+    """Frames (F) that show every string, their axis points by the poses (F)."""
+    yz = np.stack([s.observation.points.yz_mm[s.axis.spot] for s in frames])
+    cov = np.stack([s.observation.points.cov_yz_mm2[s.axis.spot] for s in frames])
+    index = np.array([[jig.strings.index(label) for label in s.axis.label] for s in frames])
+    directions = jig.directions[index] @ np.swapaxes(Ts_sensor_jig.R, -1, -2)
+    offset, spread = surface_offset(yz, directions, jig.string_diameter_mm / 2, sensor, config.surface)
+    points = zip(frames, yz - offset, cov + spread, strict=True)
+    return [replace(s, axis=replace(s.axis, yz_mm=p, cov_yz_mm2=c)) for s, p, c in points]

@@ -26,6 +26,9 @@ Code = Literal[
     "not_converged",
 ]
 TRUSTWORTHY: frozenset[Code] = frozenset({"ok", "model_misfit", "weak"})
+SIGMA_HOLDS: frozenset[Code] = TRUSTWORTHY | {
+    "not_observable"
+}  # verdicts whose covariance says how wrong the answer is
 
 
 @dataclass(frozen=True)
@@ -100,7 +103,8 @@ class LocationResult:
 class CalibrationResult:
     """The answer of calibrate.
 
-    T_hand_sensor: the SCP, None where the data give none. covariance: of ξ in T = T̂·Exp(ξ), sensor axes (6, 6)
+    T_hand_sensor: the SCP, None where the data give none or none whose σ would be true (the figures of ``locations``
+    then show the fit for diagnosis alone). covariance: of ξ in T = T̂·Exp(ξ), sensor axes (6, 6)
     [mm, rad]. sigma_rotation_deg, sigma_translation_mm: of the six printed numbers, hand axes (3,).
     robot: the nominal robot, with its corrections where the model estimates any. robot_sigma: (5, n) in the order of
     geometry.PARAMETERS, after the data (the prior's where considered). weak_directions: in words.

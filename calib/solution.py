@@ -36,7 +36,8 @@ class Solution:
     bundle: the solve that answers. applied: robot parameters (P,) that its robot takes over. outlier (F, M),
     frame_outlier (F,): what was left out. Ts_sensor_jig: each frame's own pose, of its candidates the one that agrees
     with the others. chi2_per_dof: of the model's own fit, by the noise of points and joints and the anchors' tolerance.
-    explained: the same once all robot errors are free within their priors. noise: the σ that made the weights.
+    explained, nominal: the same with all robot errors free within their priors, and with none. noise: the σ that made
+    the weights.
     rival: how much larger the χ² of the next best answer is (other jig poses of the same points); infinite where none.
     """
 
@@ -50,6 +51,7 @@ class Solution:
     dof: int
     chi2_per_dof: float
     explained: float
+    nominal: float
     noise: dict[str, float]
     rival: float
 
@@ -129,8 +131,9 @@ def solve_problem(problem: Problem, candidates: Sequence[Pose], T_hand_sensor: P
     if weighed.changed:
         every = solve_bundle(weighed.problem, every.state, every.free[6:-12], removed)
     model = every if np.all(applied) else _fit_model(weighed.problem, every, applied)
+    nominal = _fit_model(weighed.problem, every, np.zeros_like(applied)) if np.any(applied) else model
     dof = 2 * int((~removed).sum()) - 6 - 6 * problem.n_locations
-    chi2, explained = (stated_cost(weighed.stated, fit) / max(dof, 1) for fit in (model, every))
+    chi2, explained, alone = (stated_cost(weighed.stated, fit) / max(dof, 1) for fit in (model, every, nominal))
     return Solution(
         weighed.problem,
         model,
@@ -142,6 +145,7 @@ def solve_problem(problem: Problem, candidates: Sequence[Pose], T_hand_sensor: P
         dof,
         chi2,
         explained,
+        alone,
         weighed.noise,
         _rival(problem, candidates, own, robust),
     )
@@ -149,6 +153,8 @@ def solve_problem(problem: Problem, candidates: Sequence[Pose], T_hand_sensor: P
 
 def _rival(problem: Problem, candidates: Sequence[Pose], own: Pose, best: RobustResult) -> float:
     """How much more χ² the answer from the frames' other candidates has, or infinity where there is none."""
+    if any(len(c) == 1 for c in candidates):
+        return float("inf")
     others = [c[np.flatnonzero(pose_distance(c, own[i : i + 1]) > _OTHER_MM)] for i, c in enumerate(candidates)]
     if any(len(c) == 0 for c in others):
         return float("inf")

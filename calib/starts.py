@@ -21,13 +21,12 @@ def chain_start(problem: Problem, T_hand_sensor: Pose, candidates: Sequence[Pose
     candidates: one batch of poses T_sensor_jig a frame.
     """
     Ts_base_sensor = problem.chain.T_base_hand @ T_hand_sensor
-    jigs, chosen = [], dict[int, Pose]()
+    jigs, chosen = [], np.zeros(problem.n_frames, dtype=int)
     for location in range(problem.n_locations):
         frames = [int(f) for f in np.flatnonzero(problem.location == location)]
-        jig, choice = agreeing_pose([Ts_base_sensor[f] @ candidates[f] for f in frames])
+        jig, chosen[frames] = agreeing_pose([Ts_base_sensor[f] @ candidates[f] for f in frames])
         jigs.append(jig)
-        chosen |= {f: candidates[f][c] for f, c in zip(frames, choice, strict=True)}
-    own = stack_poses([chosen[f] for f in range(problem.n_frames)])
+    own = stack_poses([c[int(k)] for c, k in zip(candidates, chosen, strict=True)])
     return initial_state(problem, T_hand_sensor, stack_poses(jigs)), own
 
 

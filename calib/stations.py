@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -44,7 +45,22 @@ _NO_POSES = Pose(np.zeros((0, 3, 3)), np.zeros((0, 3)))
 
 def stations(observations: Observations, robot: RobotModel | None) -> tuple[Station, ...]:
     """Every frame with its hand pose; not labelled yet. InputError where neither joints nor pose are given."""
-    return tuple(_station(f, robot) for f in observations.frames)
+    hands = hand_poses(observations.frames, robot)
+    return tuple(_station(f, hands[i], robot) for i, f in enumerate(observations.frames))
+
+
+def hand_poses(frames: Sequence[FrameObservation], robot: RobotModel | None) -> Pose:
+    """T_base_hand (F): as given, else of the joint readings by the robot. InputError where there is neither."""
+    out: dict[int, Pose] = {i: f.T_base_hand for i, f in enumerate(frames) if f.T_base_hand is not None}
+    read = [i for i in range(len(frames)) if i not in out]
+    for i in read:
+        if robot is None or frames[i].joints_rad is None:
+            where = f"frame {frames[i].frame}"
+            raise InputError(f"{where} has neither joint readings with a robot nor a hand pose T_base_hand")
+    if robot is not None and read:
+        moved = robot.hand_pose(np.array([frames[i].joints_rad for i in read]))
+        out |= {i: moved[k] for k, i in enumerate(read)}
+    return stack_poses([out[i] for i in range(len(frames))])
 
 
 def label(
@@ -78,24 +94,18 @@ def label(
 
 
 def stays(s: Station, predicted: Pose) -> bool:
-    """Whether a labelled frame has no flag and its pose is so near the chain's that its surface offsets are right."""
-    if not s.usable or any(s.axis.flag):
+    """Whether a labelled frame has no point far from its string, and its pose is near the chain's: labels are right."""
+    if not s.usable or "pose_residual" in s.axis.flag:
         return False
     apart = predicted.inverse() @ s.candidates[0]
     turn = float(np.linalg.norm(log_so3(apart.R)))
     return bool(np.linalg.norm(apart.t) < NEAR_MM and turn < NEAR_RAD)
 
 
-def _station(frame: FrameObservation, robot: RobotModel | None) -> Station:
+def _station(frame: FrameObservation, hand: Pose, robot: RobotModel | None) -> Station:
     reason = frame.reason
-    if frame.T_base_hand is not None:
-        hand = frame.T_base_hand
-    elif frame.joints_rad is None or robot is None:
-        raise InputError(f"frame {frame.frame} has neither joint readings with a robot nor a hand pose T_base_hand")
-    else:
-        hand = robot.hand_pose(frame.joints_rad)
-        if reason is None and not bool(robot.within_limits(frame.joints_rad)):
-            reason = "robot_out_of_range"
+    if frame.T_base_hand is None and robot is not None and frame.joints_rad is not None and reason is None:
+        reason = None if bool(robot.within_limits(frame.joints_rad)) else "robot_out_of_range"
     return Station(frame, hand, AxisPoints.empty(), _NO_POSES, reason)
 
 

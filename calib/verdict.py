@@ -66,16 +66,12 @@ def motion(Ts_base_hand: Pose, Ts_sensor_jig: Pose, location: NDArray[np.intp]) 
 
 def _distinct(relative: Pose) -> int:
     """How many of the poses differ from all before them."""
+    apart = np.linalg.norm(relative.t[:, None] - relative.t, axis=-1)
+    chord = np.linalg.norm(relative.R[:, None] - relative.R, axis=(-1, -2))  # 2√2 sin(angle / 2)
+    far = (apart > _SAME_MM) | (chord > 2 * np.sqrt(2) * np.sin(np.deg2rad(_SAME_DEG) / 2))
     kept: list[int] = []
     for i in range(len(relative)):
-        if not kept:
-            kept.append(i)
-            continue
-        step = relative[kept].inverse() @ relative[i]
-        far = (np.linalg.norm(step.t, axis=-1) > _SAME_MM) | (
-            np.linalg.norm(log_so3(step.R), axis=-1) > np.deg2rad(_SAME_DEG)
-        )
-        if np.all(far):
+        if np.all(far[i, kept]):
             kept.append(i)
     return len(kept)
 

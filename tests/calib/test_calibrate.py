@@ -172,6 +172,8 @@ def test_bad_data_are_said_to_be_bad(cell: Cell, observed: Observations, spoil, 
     result = calibrate(spoil(observed), cell.jig, cell.robot)
     assert result.verdict.code in codes
     assert not result.verdict.trustworthy
+    assert result.T_hand_sensor is None  # no number whose σ is not true
+    assert result.covariance is None
 
 
 def test_wrong_jig_size_is_no_answer(observed: Observations, cell: Cell) -> None:

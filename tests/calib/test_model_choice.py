@@ -33,6 +33,13 @@ def test_overfitting_model_is_dropped_and_said() -> None:
     assert "overfits" in words
 
 
+def test_model_that_gains_nothing_is_dropped_where_the_nominal_robot_fits() -> None:
+    scores = {"scp": 0.10, "full": 0.099}
+    assert choose_model(scores, "full", nominal_fits=True)[0] == "scp"
+    assert choose_model(scores, "full", nominal_fits=False)[0] == "full"
+    assert choose_model({"scp": 0.10, "full": 0.08}, "full", nominal_fits=True)[0] == "full"
+
+
 def _modified() -> RobotModel:
     """A six-axis arm in the modified convention (UR-like order of axes, with offsets)."""
     alpha = np.deg2rad([0.0, -90.0, 0.0, -90.0, 90.0, -90.0])
