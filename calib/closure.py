@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import t as student_t
 
 from calib.closure_problem import ClosureFit, Socket, closure_problem, positions, solve_closure
 from geometry import InputError, RobotModel
@@ -16,7 +17,7 @@ Array = NDArray[np.float64]
 PRIOR_SCALE = 3.0  # light arms are off by several times an industrial arm's default [uncertainty]
 SEAT_MM = 0.1
 _MIN_CONFIGURATIONS = 3
-_GAIN = 0.9  # a held-out rms must fall below this share of the nominal robot's
+_CONFIDENCE = 0.95  # that the larger model's gain is not chance
 
 
 @dataclass(frozen=True)
@@ -28,16 +29,17 @@ class HeldOut:
     calibrated_mm: float
 
     @property
-    def gains(self) -> bool:
-        """Whether the larger model is better here."""
-        return self.calibrated_mm < _GAIN * self.nominal_mm
+    def fall_mm2(self) -> float:
+        """By how much the larger model makes the mean square smaller; negative where it predicts worse."""
+        return self.nominal_mm**2 - self.calibrated_mm**2
 
 
 @dataclass(frozen=True, eq=False)
 class ClosureResult:
     """Both models fitted to all sockets, and each location predicted from the others.
 
-    keep: the fit to be used; the calibrated one only where it is better at every location it did not see.
+    keep: the fit to be used; the calibrated one only where it gains. gain_mm2: mean fall of the held-out locations'
+    mean squares, and its standard error over the locations, NaN where there are none.
     """
 
     nominal: ClosureFit
@@ -46,9 +48,16 @@ class ClosureResult:
     text: str
 
     @property
+    def gain_mm2(self) -> tuple[float, float]:
+        """Mean and standard error of the held-out fall."""
+        return _gain(self.held_out)
+
+    @property
     def gains(self) -> bool:
-        """Whether the larger model is better at every held-out location."""
-        return bool(self.held_out) and all(h.gains for h in self.held_out)
+        """Whether the larger model is shown to predict locations that it did not see better: Student's test of the
+        falls of the mean square, one-sided, 95 %. A few locations' standard error is itself uncertain; the test knows.
+        """
+        return _shown(*self.gain_mm2, len(self.held_out))
 
     @property
     def keep(self) -> ClosureFit:
@@ -92,14 +101,29 @@ def held_out_rms(fit: ClosureFit, sockets: Sequence[Socket]) -> float:
     return float(np.sqrt(np.mean(np.concatenate(square))))
 
 
+def _gain(held_out: Sequence[HeldOut]) -> tuple[float, float]:
+    falls = np.array([h.fall_mm2 for h in held_out])
+    if len(falls) < 2:
+        return float("nan"), float("nan")
+    return float(falls.mean()), float(falls.std(ddof=1) / np.sqrt(len(falls)))
+
+
 def _text(held_out: Sequence[HeldOut]) -> str:
-    if not held_out:
+    if len(held_out) < 2:
         return "one location only: the larger model can not be judged; add a location and calibrate again"
-    worse = [h for h in held_out if not h.gains]
-    if not worse:
-        return "the calibrated robot is better at every location that it did not see: use it"
-    places = ", ".join(f"{h.location} ({h.nominal_mm:.3f} → {h.calibrated_mm:.3f} mm)" for h in worse)
-    return f"no gain from the larger model at {places}: keep the nominal robot"
+    mean, error = _gain(held_out)
+    needed = float(student_t.ppf(_CONFIDENCE, len(held_out) - 1))
+    figures = (
+        f"at locations left out the mean square falls by {mean:.3f} ± {error:.3f} mm² (standard error over "
+        f"{len(held_out)} locations; {needed:.1f} standard errors would show a gain)"
+    )
+    if _shown(mean, error, len(held_out)):
+        return f"the calibrated robot is better: {figures}; use it"
+    return f"no gain from the larger model is shown: {figures}; keep the nominal robot, or add locations"
+
+
+def _shown(mean: float, error: float, count: int) -> bool:
+    return count > 1 and bool(mean > student_t.ppf(_CONFIDENCE, count - 1) * error)
 
 
 def _check(sockets: Sequence[Socket], robot: RobotModel) -> None:

@@ -43,7 +43,8 @@ class ClosureFit:
     """A solved closure: the tool's point in the hand, the sockets in the base [mm], the robot.
 
     residual_mm (N, 3), rms_mm: between the tool's point and its socket. parameters (P,): corrections of the robot.
-    weight (N,): robust weights, 1 where a configuration is trusted.
+    weight (N,): robust weights, 1 where a configuration is trusted. chi2_per_dof: by the noise of seat and joints.
+    tool_covariance (3, 3) [mm²]: of the point, with the noise that the residuals show where chi2_per_dof is above 1.
     evidence: minus twice the log marginal likelihood, comparable between priors and models on the same data.
     """
 
@@ -55,6 +56,7 @@ class ClosureFit:
     rms_mm: float
     evidence: float
     tool_covariance: Array
+    chi2_per_dof: float
     weight: Array
     converged: bool
 
@@ -246,7 +248,10 @@ def _fit(
     priors = 2 * np.sum(np.log(p.prior_sigma[free[3:]]))
     evidence = _cost(p, rows.white, tool, sockets, values) + rows.log_determinant + determinants + priors
     rms = float(np.sqrt(np.mean(np.sum(rows.residual**2, axis=1))))
-    covariance = np.asarray(np.linalg.inv(information)[:3, :3], dtype=np.float64)
+    dof = 3 * len(p.location) - 3 - 3 * (len(p.paired) + int(p.paired.sum()))
+    chi2 = float(np.sum(rows.distance**2)) / max(dof, 1)
+    covariance = np.asarray(np.linalg.inv(information)[:3, :3] * max(1.0, chi2), dtype=np.float64)
+    robot = corrected(p, values)
     return ClosureFit(
-        tool, sockets, corrected(p, values), values, rows.residual, rms, float(evidence), covariance, weight, converged
+        tool, sockets, robot, values, rows.residual, rms, float(evidence), covariance, chi2, weight, converged
     )

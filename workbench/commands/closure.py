@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
+import numpy as np
 import typer
 from rich.table import Table
 
@@ -12,6 +13,8 @@ from workbench.console import say_on_stdout, standard_output
 
 if TYPE_CHECKING:
     from calib.closure import ClosureResult
+
+MIN_LOCATIONS = 2  # one alone can not be left out
 
 
 def command(
@@ -49,11 +52,16 @@ def _object(result: ClosureResult) -> dict[str, Any]:
         for h in result.held_out
     ]
     return {
+        "verdict": {"code": _verdict(result), "text": result.text},
         "text": result.text,
         "gains": result.gains,
+        "gain_mm2": {"mean": result.gain_mm2[0], "standard_error": result.gain_mm2[1]},
         "rms_mm": {"nominal": result.nominal.rms_mm, "calibrated": result.calibrated.rms_mm},
         "held_out": held_out,
+        "kept": "calibrated" if result.gains else "nominal",
+        "chi2_per_dof": result.keep.chi2_per_dof,
         "tool_mm": result.keep.tool_mm,
+        "tool_sigma_mm": np.sqrt(np.diag(result.keep.tool_covariance)),
         "tool_covariance_mm2": result.keep.tool_covariance,
     }
 
@@ -65,6 +73,19 @@ def _show(result: ClosureResult) -> None:
         table.add_row(h.location, f"{h.nominal_mm:.3f}", f"{h.calibrated_mm:.3f}")
     console.print(table)
     console.print(f"all sockets: {result.nominal.rms_mm:.3f} → {result.calibrated.rms_mm:.3f} mm", markup=False)
-    x, y, z = result.keep.tool_mm
-    console.print(f"tool in the hand: {x:.2f}, {y:.2f}, {z:.2f} mm", markup=False)
+    sigmas = np.sqrt(np.diag(result.keep.tool_covariance))
+    numbers = ", ".join(f"{v:.2f} ± {e:.2f}" for v, e in zip(result.keep.tool_mm, sigmas, strict=True))
+    which = "calibrated" if result.gains else "nominal"
+    console.print(f"tool in the hand, {which} robot: {numbers} mm (σ)", markup=False, soft_wrap=True)
+    console.print(f"χ² per degree of freedom {result.keep.chi2_per_dof:.1f}", markup=False)
+    console.print(f"verdict: {_verdict(result)}", markup=False)
     console.print(result.text, markup=False, soft_wrap=True)
+
+
+def _verdict(result: ClosureResult) -> str:
+    """ok: the calibrated robot is to be used; no_gain: the nominal one; too_few_locations: nothing could be judged."""
+    if not result.keep.converged:
+        return "not_converged"
+    if len(result.held_out) < MIN_LOCATIONS:
+        return "too_few_locations"
+    return "ok" if result.gains else "no_gain"

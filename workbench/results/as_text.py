@@ -12,6 +12,8 @@ from rich.text import Text
 
 from calib import CalibrationResult
 from calib.result import DesignSolved
+from geometry import Pose
+from geometry.conventions import CONVENTIONS, express
 
 AXES = ("X", "Y", "Z")
 COLOURS = {"ok": "green", "model_misfit": "yellow", "weak": "yellow"}
@@ -20,6 +22,8 @@ COLOURS = {"ok": "green", "model_misfit": "yellow", "weak": "yellow"}
 def print_calibration(console: Console, result: CalibrationResult, complaints: dict[int, str] | None = None) -> None:
     """Print the whole result."""
     console.print(_scp_table(result))
+    if result.T_hand_sensor is not None:
+        _print_conventions(console, result.T_hand_sensor)
     console.print(_location_table(result))
     _print_points(console, result)
     _print_left_out(console, result, complaints or {})
@@ -57,6 +61,19 @@ def _scp_rows(table: Table, what: str, unit: str, design: object, solved: object
     for i, axis in enumerate(AXES):
         cells = [f"{d[i]:.4f}", number(s[i], 4), number(e[i], 4), number(s[i] - d[i], 4, sign=True)]
         table.add_row(f"{what} {axis} [{unit}]".replace("[", "\\["), *cells)
+
+
+def _print_conventions(console: Console, pose: Pose) -> None:
+    """The SCP in every maker's numbers, each with its formula, one line a maker."""
+    console.print(Text("The same pose as makers write it"))
+    for name, convention in CONVENTIONS.items():
+        numbers = ", ".join(f"{_short(label)} {value:.7g}" for label, value in express(pose, name).items())
+        unit = "mm" if convention.length_mm == 1 else "m"
+        console.print(Text(f"  {convention.maker} ({unit}): {numbers}   [{convention.formula}]"), soft_wrap=True)
+
+
+def _short(label: str) -> str:
+    return label.split(" / ", maxsplit=1)[0]
 
 
 def _location_table(result: CalibrationResult) -> Table:
