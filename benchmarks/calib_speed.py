@@ -6,16 +6,19 @@ Run: python benchmarks/calib_speed.py. The median of several solves on one threa
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+from calib_accuracy import OPENCV, opencv, scipy_bundle
 
 from calib.bundle import solve_bundle
 from calib.linearise import initial_state
 from calib.problem import Problem, robot_chain
 from calib.synthetic import Noise
-from calib.synthetic_problem import made_problem, true_jigs
+from calib.synthetic_problem import made_problem, true_candidates, true_jigs
 from calib.uncertainty import uncertainty
+from geometry import stack_poses
 
 
 def repeated(problem: Problem, times: int) -> Problem:
@@ -34,26 +37,38 @@ def repeated(problem: Problem, times: int) -> Problem:
     return replace(problem, points=points, chain=chain, location=again(problem.location))
 
 
-def median_ms(problem: Problem, start: object, estimated: np.ndarray, runs: int) -> float:
-    """Median of ``runs`` solves with covariance [ms]."""
+def median_ms(solve: Callable[[], object], runs: int) -> float:
+    """Median CPU time of ``runs`` calls [ms], after one that warms up."""
+    solve()
     spent = []
     for _ in range(runs):
-        started = time.perf_counter()
-        uncertainty(solve_bundle(problem, start, estimated))
-        spent.append(time.perf_counter() - started)
+        started = time.process_time()
+        solve()
+        spent.append(time.process_time() - started)
     return 1e3 * float(np.median(spent))
 
 
 def main() -> None:
-    """Print the medians."""
+    """Print the medians, and the peers' over ours."""
     problem, cell, made = made_problem(1, Noise())
-    start = initial_state(problem, cell.design, true_jigs(made))
+    jigs = true_jigs(made)
     scp, full = np.zeros(24, dtype=bool), np.ones(24, dtype=bool)
-    print(f"21 frames, scp:     {median_ms(problem, start, scp, 21):7.1f} ms (reach 10)")
-    print(f"21 frames, full:    {median_ms(problem, start, full, 21):7.1f} ms")
+
+    def ours(p: Problem, estimated: np.ndarray) -> Callable[[], object]:
+        start = initial_state(p, cell.design, jigs)
+        return lambda: uncertainty(solve_bundle(p, start, estimated))
+
+    own = stack_poses([c[0] for c in true_candidates(made)])
+    ms = median_ms(ours(problem, scp), 21)
+    print(f"21 frames, scp:     {ms:7.1f} ms (reach 10)")
+    print(f"21 frames, full:    {median_ms(ours(problem, full), 21):7.1f} ms")
+    numeric = median_ms(lambda: scipy_bundle(problem, cell.design, jigs), 5)
+    print(f"scipy, numeric Jacobian, no covariance: {numeric:7.1f} ms, {numeric / ms:.1f} x ours")
+    for name, method in OPENCV.items():
+        peer = median_ms(lambda m=method: opencv(problem, own, m), 21)
+        print(f"OpenCV {name + ', no covariance:':32s} {peer:7.1f} ms, {peer / ms:.2f} x ours")
     long = repeated(problem, 48)
-    start = initial_state(long, cell.design, true_jigs(made))
-    print(f"{long.n_frames} frames, scp:   {median_ms(long, start, scp, 5):7.1f} ms (reach 300)")
+    print(f"{long.n_frames} frames, scp:   {median_ms(ours(long, scp), 5):7.1f} ms (reach 300)")
 
 
 if __name__ == "__main__":
