@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +15,13 @@ from extraction import ExtractionConfig, Stages, extract_stages
 from geometry import AxisPoints, SensorModel
 from workbench.formats.images import Image, write_png
 from workbench.points_table import FrameTable
-from workbench.results.overlay import FLAGGED, LABELLED, brighten, mark, overlay, write
+from workbench.results.overlay import LABELLED, Colour, brighten, mark, overlay, write
 
-MAX_NAMED = 60  # refused candidates whose reason is written out; a noisy image has thousands
+SMALLEST_PX, LARGEST_PX = 6.0, 40.0  # circles of candidates
+NAME_PX = (130, 18)  # room that a reason's name takes: where another stands, only the circle's colour tells
+REASONS: tuple[Colour, ...] = (
+    (60, 190, 255), (255, 170, 80), (200, 120, 255), (120, 120, 255), (230, 230, 110), (150, 200, 160), (200, 200, 200),
+)  # fmt: skip
 
 
 def save_stages(
@@ -37,17 +43,23 @@ def save_stages(
 
 
 def _candidates(image: Image, sensor: SensorModel, stages: Stages) -> NDArray[Any]:
-    """Kept candidates in green, refused ones in amber with their reason."""
+    """Kept candidates in green, refused ones in a colour of their reason, which is written where there is room."""
     picture = cv2.cvtColor(brighten(image, sensor), cv2.COLOR_GRAY2BGR)
     found = stages.candidates
-    for i in range(len(found)):
+    counts = Counter(reason for reason in found.reason if reason)
+    colours = dict(zip((reason for reason, _ in counts.most_common()), itertools.cycle(REASONS)))
+    named: list[tuple[int, int]] = []
+    for i in np.argsort([bool(reason) for reason in found.reason], kind="stable")[::-1]:  # kept ones on top
         u, v = found.peak_uv_px[i]
-        kept = not found.reason[i]
-        colour = LABELLED if kept else FLAGGED
-        mark(picture, (u, v), max(float(found.length_px[i]), 6.0) if np.isfinite(found.length_px[i]) else 6.0, colour)
-        if not kept and i < MAX_NAMED:
-            write(picture, (int(u) + 10, int(v) - 8), found.reason[i], colour, 0.5)
-    refused = sum(bool(r) for r in found.reason)
-    title = f"{len(found) - refused} of {len(found)} candidates kept"
-    write(picture, (12, 30), title, (240, 240, 240), 0.7)
+        reason = found.reason[i]
+        size = float(found.length_px[i]) if np.isfinite(found.length_px[i]) else SMALLEST_PX
+        mark(picture, (u, v), float(np.clip(size, SMALLEST_PX, LARGEST_PX)), colours.get(reason, LABELLED))
+        place = int(u) + 10, int(v) - 8
+        if reason and all(abs(place[0] - x) > NAME_PX[0] or abs(place[1] - y) > NAME_PX[1] for x, y in named):
+            write(picture, place, reason, colours[reason], 0.5)
+            named.append(place)
+    kept = len(found) - sum(counts.values())
+    write(picture, (12, 30), f"{kept} of {len(found)} candidates kept", LABELLED, 0.7)
+    for line, (reason, number) in enumerate(counts.most_common(), start=1):
+        write(picture, (12, 30 + 24 * line), f"{number} {reason}", colours[reason], 0.6)
     return np.asarray(picture)
