@@ -30,6 +30,8 @@ def test_rendered_frames(cli: Cli, tmp_path: Path) -> None:
     assert figures["bound_ratio"] > 1
     rows = list(csv.DictReader((out / "strings.csv").read_text().splitlines()))
     assert len(rows) == 2 * 6 * 5
+    assert len((out / "frames.csv").read_text().splitlines()) == 1 + 2 * 6
+    assert abs(figures["bias_u_px"]) < 0.1
     html = (out / "report.html").read_text(encoding="utf-8")
     assert "All 4 thresholds hold" in html
     assert "http" not in html.replace("http-equiv", "")

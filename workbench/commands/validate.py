@@ -27,7 +27,9 @@ def command(
     thresholds: Annotated[
         Path | None, typer.Option(help="TOML of thresholds, such as min_detection_rate; exit code 1 where one fails.")
     ] = None,
-    out: Annotated[Path, typer.Option(help="Folder of report.html, strings.csv, result.json.")] = Path("validation"),
+    out: Annotated[Path, typer.Option(help="Folder of report.html, result.json, strings.csv, frames.csv.")] = Path(
+        "validation"
+    ),
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
 ) -> None:
     """Measure point extraction against truth: detection, false points, labels, bias, scatter, honest σ, the bound."""

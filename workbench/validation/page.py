@@ -32,6 +32,8 @@ WORDS = {
     "bias_z_mm": "bias of the axis point, z [mm]",
     "scatter_y_mm": "scatter of the axis point, y [mm]",
     "scatter_z_mm": "scatter of the axis point, z [mm]",
+    "bias_u_px": "bias of the spot, u [px]",
+    "bias_v_px": "bias of the spot, v [px]",
     "scatter_px": "scatter of the spot [px]",
     "sigma_ratio": "claimed over empirical σ (1 is honest)",
     "bound_ratio": "error over the camera's Cramér-Rao bound (speckle is not in it)",
@@ -56,7 +58,7 @@ def write_pages(
     failed: Sequence[Failure],
     worst: Sequence[dict[str, Any]],
 ) -> None:
-    """Write report.html, strings.csv and result.json into ``out``."""
+    """Write report.html, strings.csv, frames.csv and result.json into ``out``."""
     import jinja2
 
     curves = {factor: curve(measured, factor) for factor in FACTORS}
@@ -67,6 +69,7 @@ def write_pages(
     page = template.render(
         figures=[{"words": WORDS[k], "key": k, "value": v} for k, v in result.items()],
         limits=limits,
+        values=result,
         failed={f.key for f in failed},
         bias=_svg(bias_map(measured)),
         pulls=_svg(pull_plot(measured)),
@@ -75,6 +78,7 @@ def write_pages(
     )
     write_text(out / "report.html", page)
     write_text(out / "strings.csv", _csv(measured.strings))
+    write_text(out / "frames.csv", _csv(measured.counts))
     write_text(out / "result.json", json_text(result_object(result, limits, failed, curves)) + "\n")
 
 

@@ -44,20 +44,26 @@ def bias_map(measured: Measured) -> Figure:
 
 
 def curve_plot(factor: str, points: Sequence[dict[str, Any]]) -> Figure:
-    """Detection rate and scatter against one condition."""
+    """Detection rate, scatter and bias against one condition."""
     figure, axis = _figure(4.2, 2.8)
     x = [p["at"] for p in points]
     for key, colour, label in (("scatter_y_mm", BLUE, "scatter y"), ("scatter_z_mm", RED, "scatter z")):
-        axis.plot(x, [np.nan if p[key] is None else p[key] for p in points], "o-", ms=4, color=colour, label=label)
+        for kind, style, size in (("scatter", "o-", 4), ("bias", ":", 0)):
+            name = key.replace("scatter", kind)
+            values = [np.nan if p[name] is None else p[name] for p in points]
+            axis.plot(
+                x, values, style, ms=size, color=colour, label=label if size else label.replace("scatter", "bias")
+            )
+    axis.axhline(0, color=GREY, lw=0.6)
     axis.set_xlabel(factor)
-    axis.set_ylabel("scatter [mm]")
-    axis.set_ylim(0, 1.35 * axis.get_ylim()[1])  # room for the legend
+    axis.set_ylabel("scatter, bias [mm]")
+    axis.set_ylim(axis.get_ylim()[0], 1.5 * axis.get_ylim()[1])  # room for the legend
     rate = axis.twinx()
     rate.plot(x, [100 * p["detection_rate"] for p in points], "s--", ms=4, color="#5b8c5a", label="found")
     rate.set_ylabel("found [%]")
     rate.set_ylim(0, 140)
     rate.set_yticks([0, 25, 50, 75, 100])
-    axis.legend(fontsize=7, loc="upper left", frameon=False)
+    axis.legend(fontsize=7, loc="upper left", frameon=False, ncols=2)
     rate.legend(fontsize=7, loc="lower right", frameon=False)
     return figure
 

@@ -13,6 +13,10 @@ from workbench.formats.strict import NotNegative, Section, validate
 from workbench.formats.toml_text import read_toml
 from workbench.validation.measure import Measured
 
+ERRORS = (
+    "bias_y_mm", "bias_z_mm", "scatter_y_mm", "scatter_z_mm", "bias_u_px", "bias_v_px", "scatter_px", "sigma_ratio",
+    "bound_ratio",
+)  # fmt: skip
 BINS = 5
 MIN_IN_BIN = 10
 
@@ -29,6 +33,9 @@ class Thresholds(Section):
     max_scatter_y_mm: NotNegative | None = None
     max_scatter_z_mm: NotNegative | None = None
     max_scatter_px: NotNegative | None = None
+    max_bias_u_px: NotNegative | None = None
+    max_bias_v_px: NotNegative | None = None
+    max_bound_ratio: NotNegative | None = None
     min_sigma_ratio: NotNegative | None = None
     max_sigma_ratio: NotNegative | None = None
 
@@ -70,8 +77,7 @@ def figures(measured: Measured) -> dict[str, float | None]:
 
 def _errors(rows: Sequence[dict[str, Any]]) -> dict[str, float | None]:
     if len(rows) < 2:
-        keys = ("bias_y_mm", "bias_z_mm", "scatter_y_mm", "scatter_z_mm", "scatter_px", "sigma_ratio", "bound_ratio")
-        return dict.fromkeys(keys)
+        return dict.fromkeys(ERRORS)
     y, z = (np.array([r[k] for r in rows]) for k in ("error_y_mm", "error_z_mm"))
     px = np.array([[r["error_u_px"], r["error_v_px"]] for r in rows])
     bound = np.array([r["bound_px"] for r in rows])
@@ -83,6 +89,8 @@ def _errors(rows: Sequence[dict[str, Any]]) -> dict[str, float | None]:
         "bias_z_mm": float(z.mean()),
         "scatter_y_mm": float(y.std(ddof=1)),
         "scatter_z_mm": float(z.std(ddof=1)),
+        "bias_u_px": float(px[:, 0].mean()),
+        "bias_v_px": float(px[:, 1].mean()),
         "scatter_px": float(np.sqrt(mean_square)),
         "sigma_ratio": float(1 / np.sqrt(np.mean([r["chi2"] for r in rows]) / 2)),
         "bound_ratio": ratio,
@@ -108,7 +116,9 @@ def curve(measured: Measured, factor: str) -> list[dict[str, Any]]:
     values = np.array([r[factor] for r in rows])
     if len(rows) < 2 * MIN_IN_BIN:
         return []
-    edges = np.unique(np.quantile(values, np.linspace(0, 1, BINS + 1)))
+    kinds = np.unique(values)
+    quantiles = np.unique(np.quantile(values, np.linspace(0, 1, BINS + 1)))
+    edges = np.append(kinds, kinds[-1] + 1) if len(kinds) <= BINS else quantiles  # a few kinds: a point for each
     out = []
     for k in range(max(len(edges) - 1, 1)):
         last = k >= len(edges) - 2
