@@ -38,7 +38,7 @@ def write_profile_csv(profile: Profile, path: str | Path) -> None:
 
 
 def write_profile_ply(profile: Profile, path: str | Path) -> None:
-    """The points as an ASCII PLY cloud (x = 0, y, z) in {P} [mm] with their grey levels as intensity."""
+    """The points as an ASCII PLY cloud (x = 0, y, z) in {P} [mm] with grey level as intensity, sigma_y, sigma_z [mm]."""
     header = [
         "ply",
         "format ascii 1.0",
@@ -46,9 +46,13 @@ def write_profile_ply(profile: Profile, path: str | Path) -> None:
         f"element vertex {len(profile)}",
         *(f"property double {name}" for name in "xyz"),
         "property float intensity",
+        "property float sigma_y",
+        "property float sigma_z",
         "end_header",
     ]
-    rows = [f"0 {y:.9g} {z:.9g} {a:.6g}" for (y, z), a in zip(profile.yz_mm, profile.peaks.amplitude_dn, strict=True)]
+    sigma = np.sqrt(np.maximum(np.diagonal(profile.cov_yz_mm2, axis1=1, axis2=2), 0))
+    numbers = np.column_stack([profile.yz_mm, profile.peaks.amplitude_dn, sigma])
+    rows = ["0 " + " ".join(f"{x:.9g}" for x in row) for row in numbers]
     write_atomically(path, "\n".join([*header, *rows]) + "\n")
 
 

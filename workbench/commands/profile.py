@@ -39,5 +39,15 @@ def command(
     written = ", ".join(str(p) for p in (csv, ply) if p is not None)
     standard_error().print(f"{written}: {len(profile)} points, {flagged} flagged", soft_wrap=True, markup=False)
     if len(profile) == 0:
-        standard_error().print("no stripe in the image: see [stripe] threshold_sigma, min_amplitude_dn, direction")
+        standard_error().print(_why_empty(image, sensor), soft_wrap=True, markup=False)
         raise typer.Exit(EXIT_NO_ANSWER)
+
+
+def _why_empty(image: Path, sensor: Path) -> str:
+    from extraction.stages import FLOODED_SHARE
+    from workbench.formats import read_image, read_sensor
+
+    model = read_sensor(sensor).model
+    if (read_image(image, model) >= model.saturation_dn).mean() > FLOODED_SHARE:
+        return f"no stripe: more than half of the image is saturated ({model.saturation_dn}), lower the exposure"
+    return "no stripe in the image: see [stripe] threshold_sigma, min_amplitude_dn, direction"
