@@ -38,7 +38,7 @@ def write_profile_csv(profile: Profile, path: str | Path) -> None:
 
 
 def write_profile_ply(profile: Profile, path: str | Path) -> None:
-    """The points as an ASCII PLY cloud (x = 0, y, z) in {P} [mm] with grey level as intensity, sigma_y, sigma_z [mm]."""
+    """The points as an ASCII PLY cloud (x = 0, y, z) in {P} [mm] with grey level as intensity, and their σ [mm]."""
     header = [
         "ply",
         "format ascii 1.0",
