@@ -33,6 +33,7 @@ def calibration_object(result: CalibrationResult, complaints: dict[int, str] | N
                 "translation_mm": result.T_hand_sensor_design.t,
             },
             "conventions": {} if pose is None else {name: express(pose, name) for name in CONVENTIONS},
+            "convention_formulas": {name: f"{c.maker}: {c.formula}" for name, c in CONVENTIONS.items()},
             "locations": {name: _location(location) for name, location in result.locations.items()},
             "frames": [_frame(frame, (complaints or {}).get(frame.frame)) for frame in result.frames],
             "solution": _solution(result),
