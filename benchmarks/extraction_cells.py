@@ -6,7 +6,9 @@ frames that `calibrate` learns from, labels are the calibration's. "Visible": at
 Errors and σ are of rightly labelled, visible spots without a flag. "Known reflectance": the same points with the offset
 of the cell's true thread instead of that of the plausible ones. σ/scatter is the root mean square σ over the scatter.
 With `--strips`, two narrow strips a cell stand before the jig and hide strings in part: the last table says what
-becomes of strings by the fraction of their light that is seen.
+becomes of strings by the fraction of their light that is seen. The jig's nominal places are given then ([locations.X]
+T_base_jig of a cell.toml): where the upright first frame of a location is hidden, points alone name its strings as the
+half turn of the jig has them.
 Run: python benchmarks/extraction_cells.py [--cells 12] [--first 1] [--jobs 1] [--strips] [--minutes M]
 """
 
@@ -97,7 +99,8 @@ def measured_cell(seed: int, hide: bool) -> Measured:
             FrameObservation(c.frame, c.location, c.role, p, joints_rad=c.reading_rad)
             for c, p in zip(emulated.configurations, spots, strict=True)
         )
-        observations = Observations(observed, sensor, emulated.cell.T_hand_sensor_design)
+        places = emulated.cell.T_base_jig if hide else {}
+        observations = Observations(observed, sensor, emulated.cell.T_hand_sensor_design, places)
         result = calibrate(observations, emulated.cell.jig, emulated.cell.robot)
     except PerceptronEmuError as error:
         return Measured(np.zeros(4, int), np.zeros((0, 10)), (), 0, time.process_time() - start, str(error))

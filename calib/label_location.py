@@ -34,7 +34,8 @@ def label_location(
     T_base_jig: Pose | None = None,
     refined: bool = False,
 ) -> tuple[LabelledFrame, ...]:
-    """Label the frames of one location, in the order given; the first labelled frame decides the half turn.
+    """Label the frames of one location, in the order given; the first labelled frame (x_jig · x_sensor > 0) decides
+    the half turn.
 
     Ts_base_hand: (N) by the robot. T_hand_sensor: by design, or solved: then set ``refined``, which narrows the gates.
     T_base_jig: where known (cell.toml, or solved before); it then decides the half turn.
@@ -57,7 +58,15 @@ def label_location(
         _settle(points, one, prior, jig, sensor, config)
         for points, one, prior in zip(frames, found, priors, strict=True)
     ]
+    if T_base_jig is None and not first_upright([f.T_sensor_jig for f in out]):
+        out = [half_turned(f, points, jig, sensor, config) for f, points in zip(out, frames, strict=True)]
     return tuple(out)
+
+
+def first_upright(Ts_sensor_jig: Sequence[Pose | None]) -> bool:
+    """Whether the first pose that there is has x_jig · x_sensor > 0, as the half turn's convention asks (or none is)."""
+    first = next((T for T in Ts_sensor_jig if T is not None), None)
+    return first is None or bool(first.R[0, 0] > 0)
 
 
 def _plausible(found: list[LabelledFrame], priors: list[Prior | None], jig: Jig) -> bool:
@@ -102,7 +111,7 @@ class _Pool:
 
 
 def _priors_by_vote(found: list[LabelledFrame], chain: Chain, jig: Jig) -> list[Prior | None]:
-    """Every frame's prediction from the frames that agree with most others, half turn by the first of them."""
+    """Every frame's prediction from the frames that agree with most others, half turn for now by the first of them."""
     pool = _Pool.of(found, jig)
     labelled = np.unique(pool.frame)
     if not len(labelled):

@@ -9,6 +9,7 @@ import numpy as np
 
 from calib.axis_offset import surface_offset
 from calib.config import CalibConfig
+from calib.label_location import first_upright
 from calib.observation import Observations
 from calib.stations import Station, label, stays
 from geometry import Pose, SensorModel, stack_poses
@@ -28,7 +29,8 @@ def relabel(
 ) -> tuple[Station, ...]:
     """Complete frames that stand where the chain has them get their surface offsets by its pose; others new labels.
 
-    fresh: the frames with the solved chain's hand poses. T_base_jig: by the chain; it decides the half turn.
+    fresh: the frames with the solved chain's hand poses. T_base_jig: by the chain; it decides the half turn, unless an
+    earlier frame than before is the location's first used one now: then x_jig · x_sensor > 0 there.
     """
     kept, moved = dict[int, Station](), dict[int, Pose]()
     for s, f in zip(ready, fresh, strict=True):
@@ -47,6 +49,29 @@ def relabel(
     doubtful = tuple(f for f in fresh if f.observation.frame not in kept)
     again = label(doubtful, observations.sensor, T_hand_sensor, T_base_jig, jig, config, refined=True)
     found = kept | {s.observation.frame: s for s in again}
+    return _first_upright(found, fresh, observations, T_hand_sensor, T_base_jig, jig, config)
+
+
+def _first_upright(
+    found: dict[int, Station],
+    fresh: Sequence[Station],
+    observations: Observations,
+    T_hand_sensor: Pose,
+    T_base_jig: dict[str, Pose],
+    jig: Jig,
+    config: CalibConfig,
+) -> tuple[Station, ...]:
+    """Locations whose first used frame, labelled only now, does not show the jig upright get the half turn's labels."""
+    decided = set(observations.T_base_jig) | {f.location for f in observations.frames if f.axis is not None}
+    first: dict[str, list[Pose | None]] = {name: [] for name in T_base_jig if name not in decided}
+    for f in fresh:
+        s = found[f.observation.frame]
+        if s.observation.location in first and s.usable:
+            first[s.observation.location].append(s.candidates[0])
+    turned = {name: T_base_jig[name] @ jig.half_turn for name, poses in first.items() if not first_upright(poses)}
+    over = tuple(f for f in fresh if f.observation.location in turned)
+    anew = label(over, observations.sensor, T_hand_sensor, turned, jig, config, refined=True)
+    found = found | {s.observation.frame: s for s in anew}
     return tuple(found[f.observation.frame] for f in fresh)
 
 

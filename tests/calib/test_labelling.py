@@ -6,6 +6,9 @@ import pytest
 from calib.config import CalibConfig
 from calib.label_location import label_location
 from calib.labelling import label_frame
+from calib.observation import FrameObservation, Observations
+from calib.relabel import relabel
+from calib.stations import label, stations
 from calib.synthetic_views import SpotNoise, View, disturbed, observe_spots, random_pose, random_sensor, random_view
 from geometry import Pose, SurfacePoints, exp_so3, stack_poses
 from jig_cad import Jig, half_turn_label, sample_tolerance
@@ -130,6 +133,42 @@ def test_frames_of_a_location_share_their_half_turn_and_help_those_with_hidden_s
         given = label_location([t.points for t in truth], hands, design, jig, sensor, CONFIG, T_base_jig)
         for frame, one in zip(given, truth, strict=True):
             assert wrong_labels(frame, one) == 0
+
+
+def hidden_first(seed):
+    """A location whose first view hides two strings and is rolled by more than 90° against the next ones, or not."""
+    for k in range(seed, seed + 50):
+        rng = np.random.default_rng(k)
+        made = location(rng, noise=lambda i: SpotNoise(hidden=2 if i == 0 else 0))
+        if made[5].R[0, 0, 0] * made[5].R[1, 0, 0] < 0:
+            return made
+    raise AssertionError("no such location")
+
+
+@pytest.mark.parametrize("seed", [100, 200, 300, 400])
+def test_a_first_frame_with_hidden_strings_decides_the_half_turn_too(seed):
+    """It is labelled through the other frames, which must not decide in its place."""
+    jig, sensor, design, _, hands, poses, truth = hidden_first(seed)
+    frames = label_location([t.points for t in truth], hands, design, jig, sensor, CONFIG)
+    first = next(i for i, f in enumerate(frames) if f.T_sensor_jig is not None)
+    assert frames[first].T_sensor_jig.R[0, 0] > 0
+    for frame, one in zip(frames, truth, strict=True):
+        assert wrong_labels(frame, one, poses[first].R[0, 0] < 0) == 0
+
+
+@pytest.mark.parametrize("given", [False, True])
+def test_a_first_frame_labelled_late_turns_its_location_unless_the_place_is_given(given):
+    jig, sensor, design, T_base_jig, hands, poses, truth = hidden_first(100)
+    wrong = T_base_jig if poses.R[0, 0, 0] < 0 else T_base_jig @ jig.half_turn  # does not show frame 0 upright
+    frames = tuple(FrameObservation(i, "A", "calibrate", t.points, T_base_hand=hands[i]) for i, t in enumerate(truth))
+    observations = Observations(frames, sensor, design, {"A": wrong} if given else {})
+    ready = label(stations(observations, None), sensor, design, {"A": wrong}, jig, CONFIG)
+    again = relabel(ready, stations(observations, None), observations, design, {"A": wrong}, jig, CONFIG)
+    assert sum(s.usable for s in again) >= 6
+    upright = next(s for s in again if s.usable).candidates[0].R[0, 0] > 0
+    assert upright != given
+    for s, one in zip(again, truth, strict=True):
+        assert wrong_labels(s, one, upright == (poses[0].R[0, 0] < 0)) == 0
 
 
 def test_one_alien_frame_does_not_mislead_the_others():
