@@ -64,7 +64,7 @@ def label_location(
 
 
 def first_upright(Ts_sensor_jig: Sequence[Pose | None]) -> bool:
-    """Whether the first pose that there is has x_jig · x_sensor > 0, as the half turn's convention asks (or none is)."""
+    """Whether the first pose that there is has x_jig · x_sensor > 0, the half turn's convention; also where none is."""
     first = next((T for T in Ts_sensor_jig if T is not None), None)
     return first is None or bool(first.R[0, 0] > 0)
 
