@@ -117,7 +117,15 @@ def _without_worst(part: _Part, labels: IntArray, axis: AxisPoints) -> tuple[Axi
     predicted, _ = crossings(pose.T_sensor_jig, part.jig.starts[s : s + 1], part.jig.directions[s : s + 1])
     if np.linalg.norm(predicted[0] - axis.yz_mm[k]) > KEEP_MM:
         return rest, pose
-    return replace(axis, flag=tuple((f or "pose_residual") if i == k else f for i, f in enumerate(axis.flag))), pose
+    flagged = replace(axis, flag=tuple((f or "pose_residual") if i == k else f for i, f in enumerate(axis.flag)))
+    return flagged, replace(pose, candidates=tuple(_seen_by(c, flagged, part.jig) for c in pose.candidates))
+
+
+def _seen_by(candidate: JigPoseCandidate, axis: AxisPoints, jig: Jig) -> JigPoseCandidate:
+    """The candidate with the residuals of all points of ``axis``, of which it was fitted to fewer."""
+    lines = [jig.strings.index(label) for label in axis.label]
+    predicted, _ = crossings(candidate.T_sensor_jig, jig.starts[lines], jig.directions[lines])
+    return replace(candidate, residuals_mm=predicted - axis.yz_mm)
 
 
 def take(points: SurfacePoints, index: IntArray) -> SurfacePoints:

@@ -77,7 +77,13 @@ def _explain(error: Exception) -> int:
         return _say("not enough memory for this input", EXIT_INPUT)
     if isinstance(error, OSError):
         return _say(f"{error.filename or 'input or output'}: {error.strerror or error}", EXIT_INPUT)
-    return _say(f"unexpected {type(error).__name__}: {error} (a fault of the program; --debug shows where)", EXIT_BUG)
+    where = " ".join(getattr(error, "__notes__", ()))
+    words = (
+        f"unexpected {type(error).__name__} {where}: {error}"
+        if where
+        else f"unexpected {type(error).__name__}: {error}"
+    )
+    return _say(f"{words} (a fault of the program; --debug shows where)", EXIT_BUG)
 
 
 def _say(message: str, code: int) -> int:

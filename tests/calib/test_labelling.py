@@ -1,10 +1,13 @@
 """Labels among clutter, with and without a guess, strings hidden or cut short (synthetic spots; no images here)."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from calib.config import CalibConfig
 from calib.label_location import label_location
+from calib.label_refine import half_turned
 from calib.labelling import label_frame
 from calib.observation import FrameObservation, Observations
 from calib.relabel import relabel
@@ -201,3 +204,25 @@ def test_5000_frames():
     assert five >= 0.995 * 2000
     assert six >= 0.96 * 1000
     assert guessed >= 0.99 * 2000
+
+
+def test_a_point_kept_in_doubt_keeps_its_residual_through_the_half_turn():
+    """A spot 0.6 mm off its string is kept with a flag: the frame's candidates speak of all points, turned or not."""
+    rng = np.random.default_rng(11)
+    doubtful = 0
+    for _ in range(16):
+        view = random_view(rng, six=False)
+        truth = observe_spots(view, SpotNoise(), rng)
+        yz = truth.points.yz_mm.copy()
+        yz[list(truth.label).index("B'")] += [0.6, 0.0]
+        frame = label_frame(replace(truth.points, yz_mm=yz), view.jig, view.sensor, view.T_sensor_jig, CONFIG)
+        if "pose_residual" not in frame.axis.flag:
+            continue
+        doubtful += 1
+        turned = half_turned(frame, truth.points, view.jig, view.sensor, CONFIG)
+        for one in (frame, turned):
+            assert all(c.residuals_mm.shape == (len(one.axis), 2) for c in one.candidates)
+            assert np.argmax(np.linalg.norm(one.candidates[0].residuals_mm, axis=1)) == one.axis.flag.index(
+                "pose_residual"
+            )
+    assert doubtful >= 3
