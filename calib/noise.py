@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 _MAX_EVALUATIONS = 80
 _LOG_TOLERANCE = 0.02  # of a variance; far below its own uncertainty
 _SCORE_STEP = 0.3
-_MAX_LOG = 40.0
+_MAX_LOG = 14.0  # a variance a million times smaller or larger than at the start: a σ a thousand times so
 _SIMPLEX = -0.7  # first steps of the search, in the logarithm of a variance
 
 
@@ -37,6 +37,7 @@ def deviance(problem: Problem, result: BundleResult) -> float:
     normal = with_prior(normal_equations(problem, lin, white), sigma, values)
     schur, gain = reduced(normal)
     gradient = normal.gradient_common - np.einsum("lci,li->c", gain, normal.gradient_jigs)
+    free = free & (np.diag(schur) > 0)  # an open direction saves nothing
     information = schur[np.ix_(free, free)]
     saved = gradient[free] @ scaled_solve(information, gradient[free])
     saved += np.sum(normal.gradient_jigs * np.linalg.solve(normal.jigs, normal.gradient_jigs[..., None])[..., 0])
@@ -72,9 +73,13 @@ class Variances:
         return with_noise(problem, value[0], np.einsum("k,kfij->fij", value[1:], np.array(self.components)))
 
     def at(self, log_free: Array) -> Array:
-        """All variances (1 + K,) with the free ones at exp(``log_free``)."""
+        """All variances (1 + K,) with the free ones at exp(``log_free``), held near their start.
+
+        Further off nothing is gained, and the common unknowns' information is lost in the rounding of the points'.
+        """
         value = self.value.copy()
-        value[self.free] = np.exp(np.clip(log_free, -_MAX_LOG, _MAX_LOG))
+        start = np.log(value[self.free])
+        value[self.free] = np.exp(np.clip(log_free, start - _MAX_LOG, start + _MAX_LOG))
         return value
 
 

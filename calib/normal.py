@@ -12,6 +12,8 @@ from calib.problem import Problem
 
 Array = NDArray[np.float64]
 
+_OPEN = 1e100  # variance of a direction that the data leave open: large, and its square is still finite
+
 
 @dataclass(frozen=True, eq=False)
 class Normal:
@@ -101,9 +103,15 @@ def solve(normal: Normal, free: NDArray[np.bool_], damping: float) -> Step:
 
 
 def scaled_solve(matrix: Array, right: Array) -> Array:
-    """Solve a symmetric system after scaling its diagonal to one; by least squares where it is singular."""
-    scale = 1 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-    scaled = matrix * scale[:, None] * scale
+    """Solve a symmetric system after scaling its diagonal to one; by least squares where it is singular.
+
+    Rounding takes the diagonal of an open direction to zero or below. What couples it to the others is rounding then
+    too and is left out; its own solution is _OPEN times its right side.
+    """
+    diagonal = np.diag(matrix)
+    closed = diagonal > 1 / _OPEN
+    scale = np.where(closed, 1 / np.sqrt(np.where(closed, diagonal, 1.0)), np.sqrt(_OPEN))
+    scaled = np.where(closed[:, None] & closed, matrix, 0.0) * scale[:, None] * scale + np.diag(1.0 * ~closed)
     shape = (slice(None), *(None,) * (right.ndim - 1))
     try:
         return np.asarray(scale[shape] * np.linalg.solve(scaled, scale[shape] * right))

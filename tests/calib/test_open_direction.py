@@ -5,7 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from calib.normal import Normal, solve
+from calib.calibrate import calibrate
+from calib.normal import Normal, scaled_solve, solve
+from calib.paper_ensemble import NONE, PLACES
+from calib.synthetic import made_cell, observe, random_cell
 
 
 @pytest.mark.parametrize("left", [0.0, -1e-9])
@@ -16,3 +19,19 @@ def test_open_direction_is_not_moved(left: float) -> None:
     step = solve(normal, np.ones(3, dtype=bool), 0.0)
     np.testing.assert_allclose(step.common, [0.0, -0.5, -1 / 3], rtol=0, atol=1e-12)
     np.testing.assert_allclose(step.jigs, np.full((1, 6), -0.5), rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("left", [0.0, -1e-9, 1e-320])
+def test_open_direction_is_uncertain_and_leaves_the_others_alone(left: float) -> None:
+    """Its variance is huge and finite, also where rounding couples it to a direction that is known."""
+    covariance = scaled_solve(np.array([[left, 1e-9, 0.0], [1e-9, 4.0, 1.0], [0.0, 1.0, 9.0]]), np.eye(3))
+    assert 1e90 < covariance[0, 0] < 1e300
+    np.testing.assert_allclose(covariance[1:, 1:], np.linalg.inv([[4.0, 1.0], [1.0, 9.0]]), rtol=0, atol=1e-12)
+
+
+def test_exact_points_do_not_take_the_noise_out_of_range() -> None:
+    """The search for the noise of points that have none stays where numbers are finite (warnings are errors)."""
+    rng = np.random.default_rng(1)
+    cell = random_cell(rng, PLACES)
+    result = calibrate(observe(cell, made_cell(cell, rng, NONE), rng, NONE), cell.jig, cell.robot)
+    assert result.verdict.code == "ok"
