@@ -1,8 +1,12 @@
 """Makers' pose numbers against their published formulas written out, and round trips through the gimbal lock."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
+from numpy.typing import NDArray
+from pytransform3d import rotations as pr
 from scipy.spatial.transform import Rotation
 
 from geometry import InputError, Pose
@@ -64,3 +68,56 @@ def test_what_can_not_be_a_pose_is_refused() -> None:
         interpret([0, 0, 0, 2, 0, 0, 0], "abb")
     with pytest.raises(InputError, match="finite"):
         interpret([0, 0, 0, np.nan, 0, 0], "kuka")
+
+
+Reader = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+
+
+def euler_readers(order: str) -> tuple[Reader, Reader]:
+    """A maker's angles [deg] as a matrix by scipy (turns about fixed axes) and by pytransform3d (about moving axes).
+
+    ``order``: the axes in the order in which the maker lists their angles. All these makers turn about fixed X, Y, Z.
+    """
+    zyx = [order.index(axis) for axis in "zyx"]
+    return (
+        lambda n: Rotation.from_euler("xyz", n[zyx[::-1]], degrees=True).as_matrix(),
+        lambda n: pr.matrix_from_euler(np.deg2rad(n[zyx]), 2, 1, 0, extrinsic=False),
+    )
+
+
+READERS: dict[str, tuple[Reader, Reader]] = {
+    "kuka": euler_readers("zyx"),
+    "fanuc": euler_readers("xyz"),
+    "yaskawa": euler_readers("xyz"),
+    "mitsubishi": euler_readers("xyz"),
+    "abb": (lambda n: Rotation.from_quat(n, scalar_first=True).as_matrix(), pr.matrix_from_quaternion),
+    "ros": (
+        lambda n: Rotation.from_quat(n).as_matrix(),
+        lambda n: pr.matrix_from_quaternion(pr.quaternion_wxyz_from_xyzw(n)),
+    ),
+    "ur": (lambda n: Rotation.from_rotvec(n).as_matrix(), pr.matrix_from_compact_axis_angle),
+}
+LOCKED = [Pose.from_fixed_xyz_deg([25.0, y, -70.0], np.zeros(3)) for y in (90.0, -90.0, 90 - 1e-10, -90 + 1e-7)]
+HALF_TURNS = [Pose(np.diag(signs), np.zeros(3)) for signs in ([1.0, -1, -1], [-1.0, 1, -1], [-1.0, -1, 1])]
+
+
+def assert_others_agree(convention: str, pose: Pose) -> None:
+    """What is written, scipy and pytransform3d read as the pose; and what they read so is read here so too."""
+    numbers = np.array(list(express(pose, convention).values()))
+    for reader in READERS[convention]:
+        np.testing.assert_allclose(reader(numbers[3:]), pose.R, rtol=0, atol=ATOL_ROTATION)
+        np.testing.assert_allclose(reader(numbers[3:]), interpret(numbers, convention).R, rtol=0, atol=ATOL_ROTATION)
+
+
+@pytest.mark.parametrize("convention", CONVENTIONS)
+@given(pose=poses())
+@settings(max_examples=60)
+def test_scipy_and_pytransform3d_read_what_is_written(convention: str, pose: Pose) -> None:
+    assert_others_agree(convention, pose)
+
+
+@pytest.mark.parametrize("convention", CONVENTIONS)
+@pytest.mark.parametrize("pose", [Pose.identity(), *LOCKED, *HALF_TURNS])
+def test_scipy_and_pytransform3d_read_the_singular_poses(convention: str, pose: Pose) -> None:
+    """Gimbal lock of the angles, half turns of vector and quaternion."""
+    assert_others_agree(convention, pose)
