@@ -20,8 +20,8 @@ class Compliance:
     """Torsional stiffness (n) [N·m/rad] of the joints and the masses (n) [kg] in the middle of the links, last to hand.
 
     payload_kg: at the hand's frame. balanced (n): share of each joint's torque that a weight compensator carries.
-    The defaults are assumed, of a heavy six-axis arm: stiffness of the size that Dumas et al. (Robotics and
-    Computer-Integrated Manufacturing 27, 2011) identify for an arm of 240 kg payload, rounded; masses guessed for an
+    The defaults are assumed, of a heavy six-axis arm: stiffness of the order that Dumas et al. (Robotics and
+    Computer-Integrated Manufacturing 27, 2011) are concerned with, not taken from their table; masses guessed for an
     arm of some 1,300 kg with a compensator at its second joint; no correction in the controller.
     """
 

@@ -116,10 +116,12 @@ def _explained(rows: tuple[EnsembleRow, ...]) -> str:
     parts = sorted(((v, s) for s, v in known.items() if s != everything), reverse=True)
     words = ", ".join(f"{s.removesuffix(' alone')} {v:.2f}" for v, s in parts)
     share = known[everything] / PAPER_MM["paper"]
+    reached = int(np.sum(alone[everything] >= PAPER_MM["paper"]))
     return (
         f"Of the {PAPER_MM['paper']} mm that the paper's method leaves, errors of the sizes drawn here explain "
-        f"{known[everything]:.2f} mm ({share:.0%}); each alone: {words} mm. The rest is not explained: the last column "
-        "says how many times larger a source would have to be to explain all of it by itself."
+        f"{known[everything]:.2f} mm ({share:.0%}) on average; {reached} of {len(alone[everything])} runs reach "
+        f"it. Each alone: {words} mm. The last column says how many times larger a source would have to be to "
+        "explain all of it by itself."
     )
 
 
