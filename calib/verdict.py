@@ -146,7 +146,9 @@ def _not_converged(f: Facts) -> Verdict | None:
         return None
     return Verdict(
         "not_converged",
-        f"the iteration did not settle in {f.iterations} steps: check scp_initial, the labels and the joint columns",
+        f"the iteration did not settle in {f.iterations} steps: check that the robot's table is this arm's, "
+        "scp_initial, the jig's size, the labels, which location each frame names, and the joint columns (order, sign, "
+        "degrees)",
     )
 
 

@@ -45,7 +45,14 @@ CASES: dict[str, tuple[Callable[[Path], object], tuple[str, ...]]] = {
     "zero-byte frames.csv": (_write("frames.csv", b""), ("frames.csv", "empty")),
     "binary sensor.toml": (_write("sensor.toml", b"\xff\xfe\x00[image]"), ("sensor.toml, line 1", "UTF-8")),
     "not TOML": (_edit("jig.toml", "side_mm =", "side_mm"), ("jig.toml, line", "TOML")),
-    "missing file": (_edit("cell.toml", '"jig.toml"', '"jigs.toml"'), ("cell.toml, line", "jigs.toml")),
+    "missing file": (
+        _edit("cell.toml", '"jig.toml"', '"jigs.toml"'),
+        ("cell.toml, line", 'jigs.toml is no file: did you mean "jig.toml"'),
+    ),
+    "preset for a file": (
+        _edit("cell.toml", '"robot.toml"', '"abb_irb2400"'),
+        ("cell.toml, line", "it is a preset", "init --robot abb_irb2400"),
+    ),
     "folder for a file": (_edit("cell.toml", '"jig.toml"', '"images"'), ("cell.toml, line", "no file")),
     "unknown key": (_edit("sensor.toml", "fx_px", "fx_pix"), ("sensor.toml, line", "fx_pix", '"fx_px"')),
     "unknown key without its unit": (_edit("sensor.toml", "fx_px", "fx"), ("[camera] fx", 'did you mean "fx_px"')),

@@ -22,7 +22,7 @@ def command(
     laser_off: Annotated[Path | None, typer.Option(help="The same view without laser, subtracted.")] = None,
     mask: Annotated[Path | None, typer.Option(help="Image that is 0 where pixels must not be used.")] = None,
     config: Annotated[
-        list[Path] | None, typer.Option(help="Settings TOML with [stripe] and [gapflush]; may be repeated.")
+        list[Path] | None, typer.Option(help="Settings TOML with \\[stripe] and \\[gapflush]; may be repeated.")
     ] = None,
     picture: Annotated[Path | None, typer.Option(help="PNG or SVG of the points, edges and the two numbers.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,

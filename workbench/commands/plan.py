@@ -32,7 +32,7 @@ class Model(StrEnum):
 
 
 def command(
-    cell: Annotated[Path, typer.Argument(metavar="CELL.toml", help="The cell, with its [locations]; frames count.")],
+    cell: Annotated[Path, typer.Argument(metavar="CELL.toml", help="The cell, with its \\[locations]; frames count.")],
     per_location: Annotated[int, typer.Option(min=1, max=200, help="Configurations proposed at each location.")] = 7,
     criterion: Annotated[
         Criterion,

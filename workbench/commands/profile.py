@@ -19,7 +19,7 @@ def command(
     ply: Annotated[Path | None, typer.Option(help="File for the points as a PLY cloud.")] = None,
     laser_off: Annotated[Path | None, typer.Option(help="The same view without laser, subtracted.")] = None,
     mask: Annotated[Path | None, typer.Option(help="Image that is 0 where pixels must not be used.")] = None,
-    config: Annotated[list[Path] | None, typer.Option(help="Settings TOML with [stripe]; may be repeated.")] = None,
+    config: Annotated[list[Path] | None, typer.Option(help="Settings TOML with \\[stripe]; may be repeated.")] = None,
 ) -> None:
     """Measure the laser stripe of an image: points (y, z) of the laser plane with covariance, as CSV or PLY."""
     from extraction import write_profile_csv, write_profile_ply

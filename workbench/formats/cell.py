@@ -9,7 +9,8 @@ from typing import Literal
 import numpy as np
 from pydantic import Field, field_validator
 
-from geometry import InputError, Pose, RobotModel
+import assets
+from geometry import InputError, Pose, RobotModel, did_you_mean
 from jig_cad import Jig, jig_from_table
 from jig_cad.files import JigTable
 from workbench.formats.frames_csv import FrameRow, read_frames
@@ -143,8 +144,18 @@ def _cell_path(path: Path) -> Path:
 def _named(folder: Path, name: str, source: TomlSource, key: str) -> Path:
     path = folder / name
     if not name or not path.is_file():
-        raise InputError(f'{source.where((key,))}: {key} = "{name}", but {path} is no file')
+        near = did_you_mean(name, [p.name for p in folder.iterdir() if p.is_file()])
+        raise InputError(
+            f'{source.where((key,))}: {key} = "{name}", but {path} is no file' + (near or _preset(name, key))
+        )
     return path
+
+
+def _preset(name: str, key: str) -> str:
+    """What to do where the ``name`` is a preset's: a cell holds its own files."""
+    if not name or f"{key}s" not in assets.KINDS or name not in assets.list_presets(f"{key}s"):
+        return ""
+    return f": it is a preset, and `perceptron-emu init --{key} {name} FOLDER` writes a cell with its file"
 
 
 def _pose(source: TomlSource, name: str, given: LocationSection) -> Pose:
