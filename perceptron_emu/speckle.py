@@ -18,7 +18,7 @@ from perceptron_emu.optics import working_f_number
 Float32 = NDArray[np.float32]
 
 SIZE_STEP = 8  # boxes are made of these many cells, or twice as many, so that few pupils serve them all
-MIN_CONTRAST = 0.1
+MIN_CONTRAST = 0.1  # of drawn patterns, which take their number; weaker ones are this one beside steady light
 SPARE = 0.05  # of a pattern: not drawn for at most 1.3 % of contrast
 HALO = 2.5  # grains beyond the box over which the amplitude's point spread is not cut
 
@@ -56,6 +56,11 @@ def speckle_field(origin: tuple[int, int], shape: tuple[int, int], grain: float,
     grain: λF#(1 + m) in cells. strength: contrast. Each pattern is |white complex noise seen through a circular
     pupil|²; their weights w add up to 1 and their squares to strength². Source: Goodman 2007, section 3.2 and 3.3.
     """
+    if strength <= 0:
+        return np.ones(shape, np.float32)
+    if strength < MIN_CONTRAST:
+        share = np.float32(strength / MIN_CONTRAST)
+        return 1 - share + share * speckle_field(origin, shape, grain, MIN_CONTRAST, key)
     step = 2 if grain >= 2 else 1  # the pupil passes nothing that white noise on every second cell lacks
     halo = math.ceil(HALO * grain)
     first = [step * ((o - halo) // step) for o in origin]
@@ -100,7 +105,7 @@ def _add_power(total, field, weight):  # type: ignore[no-untyped-def]
 
 def _weights(strength: float) -> list[float]:
     """Non-negative weights of the fewest independent patterns whose sum has the contrast: Σw = 1, Σw² = strength²."""
-    n = max(1, math.ceil(1 / max(strength, MIN_CONTRAST) ** 2 - SPARE))
+    n = max(1, math.ceil(1 / strength**2 - SPARE))
     if n == 1:
         return [1.0]
     # n − 1 weights a and one b = 1 − (n − 1)a
