@@ -64,7 +64,8 @@ def measured(chosen: Plan, workers: int, start_cpu_s: float = 0.0) -> Speed:
     shutil.rmtree(folder.parent)
     (first, some), (last, all_done) = marks[workers], marks[-1]
     work = cpu - workers * start_cpu_s
-    return Speed((all_done - some) / (last - first), work / all_done, own / cpu, resume_s)
+    rate = (all_done - some) / (last - first) if last > first else float("nan")
+    return Speed(rate, work / all_done, own / cpu, resume_s)
 
 
 def start_cpu(run: str) -> float:
