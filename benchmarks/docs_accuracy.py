@@ -202,7 +202,7 @@ def picture(run: Run, path: Path) -> None:
         axes.yaxis.set_major_locator(mpl.ticker.LogLocator(subs=(1, 2, 5)))
         axes.grid(alpha=0.25)
         axes.spines[["top", "right"]].set_visible(False)
-    both[0].legend(frameon=False, fontsize=8)
+    figure.legend(*both[0].get_legend_handles_labels(), loc="outside upper center", ncols=4, frameon=False, fontsize=9)
     figure.savefig(path, dpi=110)
     plt.close(figure)
 
