@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from extraction.blur import BLOCK_PX, Image32
-from extraction.compiled import compiled, inner
+from extraction.compiled import compiled, inner, inner_fast
 from extraction.config import DetectConfig
 from extraction.preprocess import Prepared
 
@@ -18,7 +18,7 @@ Indices = NDArray[np.int64]
 RING_PX = 13  # half side of the square ring whose median is a peak's background
 PEAK_RADIUS_PX = 2
 MAX_REGION_PX = 6000
-MAX_PEAKS = 200_000
+USUAL_PEAKS, MAX_PEAKS = 4_000, 200_000  # room for peaks: at first, at most
 
 # rows of the region table
 PEAK_U, PEAK_V, SMOOTH_PEAK, RING, RING_NOISE, UNEVEN = range(6)
@@ -68,13 +68,9 @@ def find_candidates(prepared: Prepared, config: DetectConfig, mm_per_px: float) 
 
     mm_per_px: scale of the laser sheet in the image, for the limits of size that are given in mm.
     """
-    peaks = np.empty((MAX_PEAKS, 2), np.int64)
-    count = _peaks(
-        prepared.smooth, prepared.tops, prepared.background, prepared.noise, config.threshold, PEAK_RADIUS_PX, peaks
-    )
-    peaks = peaks[:count]
-    peaks = peaks[np.lexsort(peaks.T)]  # reading order
-    order = np.argsort(-prepared.smooth[peaks[:, 1], peaks[:, 0]], kind="stable")[: config.max_candidates]
+    peaks = _all_peaks(prepared, config.threshold)
+    u, v = peaks.T
+    order = np.lexsort((u, v, -prepared.smooth[v, u]))[: config.max_candidates]  # equal ones in reading order
     length = max(config.min_length_px, config.max_length_mm / mm_per_px)
     width = max(config.min_width_px, config.max_width_mm / mm_per_px)
     least = max(config.min_height_dn, 0.0)
@@ -96,6 +92,18 @@ def find_candidates(prepared: Prepared, config: DetectConfig, mm_per_px: float) 
         table[:, UNEVEN], table[:, [MEAN_U, MEAN_V]], cov, table[:, AREA], table[:, LENGTH], table[:, WIDTH], reasons,
         owner,
     )  # fmt: skip
+
+
+def _all_peaks(prepared: Prepared, threshold: float) -> Indices:
+    """The peaks (N, 2): columns, rows; at most MAX_PEAKS."""
+    for most in (USUAL_PEAKS, MAX_PEAKS):
+        peaks = np.empty((most, 2), np.int64)
+        count = _peaks(
+            prepared.smooth, prepared.tops, prepared.background, prepared.noise, threshold, PEAK_RADIUS_PX, peaks
+        )
+        if count < most:
+            break
+    return peaks[:count]
 
 
 def _reasons(table: Array, config: DetectConfig, length_px: float, width_px: float) -> tuple[str, ...]:
@@ -125,22 +133,39 @@ def _peaks(
     """
     rows, columns = smooth.shape
     h, w = background.shape
-    count = 0
+    count, marks = 0, np.empty(2 * BLOCK_PX, np.uint8)
     for bj in range(h):
         first, last = bj * BLOCK_PX, rows if bj == h - 1 else (bj + 1) * BLOCK_PX
-        top = tops[bj]
         for bi in range(w):
             limit = background[bj, bi] + threshold * noise[bj, bi]
-            end = columns if bi == w - 1 else (bi + 1) * BLOCK_PX
-            for i in range(bi * BLOCK_PX, end):
-                if top[i] <= limit:
-                    continue
-                for j in range(first, last):
-                    if smooth[j, i] > limit and count < out.shape[0] and _is_peak(smooth, j, i, radius):
-                        out[count, 0] = i
-                        out[count, 1] = j
+            start, end = bi * BLOCK_PX, columns if bi == w - 1 else (bi + 1) * BLOCK_PX
+            if not _above(tops[bj, start:end], limit):
+                continue
+            for j in range(first, last):
+                here, above, below = smooth[j, start:end], smooth[max(j - 1, 0)], smooth[min(j + 1, rows - 1)]
+                above, below = above[start:end], below[start:end]
+                left, right = smooth[j, max(start - 1, 0) :], smooth[j, min(start + 1, columns - 1) :]
+                some, inside = False, start > 0 and end < columns
+                for i in range(end - start):  # no branch: for the vector unit
+                    value = here[i]
+                    mark = (value > limit) & (value >= above[i]) & (value >= below[i])
+                    mark &= (value >= left[i]) & (value >= right[i]) if inside else True
+                    marks[i] = mark
+                    some |= mark
+                for i in range(end - start if some else 0):
+                    if marks[i] and count < len(out) and _is_peak(smooth, j, start + i, radius):
+                        out[count] = start + i, j
                         count += 1
     return count
+
+
+@inner
+def _above(values: Image32, limit: float) -> bool:
+    """Whether any value is above the limit."""
+    some = False
+    for value in values:
+        some |= value > limit
+    return some
 
 
 @inner
@@ -148,10 +173,6 @@ def _is_peak(smooth: Image32, j: int, i: int, radius: int) -> bool:
     """Whether no pixel within ``radius`` is larger; of equal ones the first in reading order counts."""
     rows, columns = smooth.shape
     here = smooth[j, i]
-    inside = 0 < i < columns - 1 and 0 < j < rows - 1
-    # most pixels fall at once
-    if inside and max(smooth[j, i - 1], smooth[j, i + 1], smooth[j - 1, i], smooth[j + 1, i]) > here:
-        return False
     for y in range(max(0, j - radius), min(rows, j + radius + 1)):
         for x in range(max(0, i - radius), min(columns, i + radius + 1)):
             other = smooth[y, x]
@@ -160,17 +181,18 @@ def _is_peak(smooth: Image32, j: int, i: int, radius: int) -> bool:
     return True
 
 
-@inner
+@inner_fast
 def _box_sums(smooth: Image32, box: tuple[int, int, int, int], pivot: float) -> tuple[float, float, float]:
     """Sum and sum of squares about the pivot, and number of the pixels of the box (both ends) that the image has."""
-    total, square, count = 0.0, 0.0, 0.0
-    for y in range(max(0, box[0]), min(len(smooth), box[1] + 1)):
-        for x in range(max(0, box[2]), min(smooth.shape[1], box[3] + 1)):
+    total, square = 0.0, 0.0
+    top, bottom = max(0, box[0]), min(len(smooth), box[1] + 1)
+    left, right = max(0, box[2]), min(smooth.shape[1], box[3] + 1)
+    for y in range(top, bottom):
+        for x in range(left, right):
             value = smooth[y, x] - pivot
             total += value
             square += value * value
-            count += 1.0
-    return total, square, count
+    return total, square, float(max(bottom - top, 0) * max(right - left, 0))
 
 
 @inner

@@ -141,7 +141,7 @@ class LocaliseConfig(_Section):
         default=20, ge=3, le=60, description="largest half window [px]", json_schema_extra=_slider(3, 60, search=False)
     )
     max_iterations: int = Field(
-        default=30,
+        default=20,
         ge=1,
         le=200,
         description="steps of a fit before it is given up",

@@ -31,9 +31,10 @@ RESULT_COLUMNS = 14  # what `fit_window` writes
 PIXEL_VARIANCE_PX2 = 1.0 / 12.0
 MIN_VARIANCE_PX2 = 0.03  # narrower than any lens images: one pixel's spike
 MAX_STEP_PX = 1.0
-WIDEST = 4.0  # variance along a spot, in squares of the window's side, beyond which a fit is given up
+WIDEST = 0.25  # variance along a spot, in squares of the window's side, beyond which a fit is given up
 MOST_DAMPING = 1e3  # where even so short a step does not help, the spot is no Gaussian: a spark at MIN_VARIANCE_PX2
 STEP_TOLERANCE = 1e-2  # a step below this share of its own standard deviation ends the iteration
+LATE, LATE_TOLERANCE = 10, 0.1  # after so many steps: weights that follow the fit can make it swing by a little
 
 
 @inner_fast
@@ -210,7 +211,7 @@ def fit_window(data: Array, use: Mask, start: Array, n: int, noise: Array, max_i
             for k in range(n):
                 decrement += q[k] * score[k]
             if _moved(p, q, n, trial):
-                small = decrement < STEP_TOLERANCE * STEP_TOLERANCE
+                small = decrement < (STEP_TOLERANCE if iteration <= LATE else LATE_TOLERANCE) ** 2
                 same, new = _scoring_sums(data, use, trial, noise, weight, next_weight, work, next_fisher, next_score)
                 if small or same <= chi2 * (1.0 + 1e-12):
                     p, trial, chi2 = trial, p, new
@@ -220,6 +221,8 @@ def fit_window(data: Array, use: Mask, start: Array, n: int, noise: Array, max_i
                     converged = 1.0 if small else 0.0
                     if (p[3] + p[5]) > WIDEST * max(data.shape) ** 2 * (p[3] * p[5] - p[4] * p[4]):
                         break  # a stripe's piece: no end within the window
+                    if not (-1.0 < p[0] < data.shape[1] and -1.0 < p[1] < data.shape[0]):
+                        break
                     continue
         damping = max(8.0 * damping, 1e-3)
     for k in range(9):

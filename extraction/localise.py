@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,6 +62,19 @@ class Spots:
     def __len__(self) -> int:
         """The number of spots."""
         return len(self.candidate)
+
+    @cached_property
+    def variances_px2(self) -> Array:
+        """Variances of the light across and along each spot (N, 2): the eigenvalues of its shape."""
+        uu, uv, vv = self.shape_px2[:, 0, 0], self.shape_px2[:, 0, 1], self.shape_px2[:, 1, 1]
+        middle, half = 0.5 * (uu + vv), np.hypot(0.5 * (uu - vv), uv)
+        return np.stack([middle - half, middle + half], axis=1)
+
+    @cached_property
+    def axis_rad(self) -> Array:
+        """Direction of each spot's long axis (N,), from the columns to the rows, in (-π/2, π/2]."""
+        uu, uv, vv = self.shape_px2[:, 0, 0], self.shape_px2[:, 0, 1], self.shape_px2[:, 1, 1]
+        return np.asarray(0.5 * np.arctan2(2.0 * uv, uu - vv))
 
 
 def localise(prepared: Prepared, candidates: Candidates, noise: NoiseModel, config: ExtractionConfig) -> Spots:

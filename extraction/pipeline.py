@@ -117,9 +117,6 @@ def _points(
     spots: Spots, kept: NDArray[np.intp], errors: SpotErrors, yz_mm: Array, jacobian: Array, score: Array
 ) -> SurfacePoints:
     cov = errors.cov_uv_px2
-    values, vectors = np.linalg.eigh(spots.shape_px2[kept])
-    angle = np.arctan2(vectors[:, 1, 1], vectors[:, 0, 1])
-    axis = np.pi / 2 - np.mod(np.pi / 2 - angle, np.pi)  # a line's direction: (-π/2, π/2]
     return SurfacePoints(
         uv_px=spots.uv_px[kept],
         cov_uv_px2=cov,
@@ -127,8 +124,8 @@ def _points(
         cov_yz_mm2=propagate(jacobian[kept], cov),
         score=score[kept],
         flag=tuple(flag_spots(spots, kept, errors)),
-        axis_rad=axis,
-        sigma_px=np.sqrt(values[:, ::-1]),
+        axis_rad=spots.axis_rad[kept],
+        sigma_px=np.sqrt(spots.variances_px2[kept, ::-1]),
         amplitude_dn=spots.amplitude_dn[kept],
     )
 

@@ -25,8 +25,7 @@ def score_spots(candidates: Candidates, spots: Spots, config: ExtractionConfig) 
     """Score (N,) in [0, 1]: strong against its surroundings, narrow, short, and like the other spots of the image."""
     k = spots.candidate
     strength = candidates.height_dn[k] / (config.detect.threshold * candidates.ring_noise_dn[k])
-    values = np.maximum(np.linalg.eigvalsh(spots.shape_px2).reshape(-1, 2), 1e-4)
-    width, length = np.sqrt(values[:, 0]), np.sqrt(values[:, 1])
+    width, length = np.sqrt(np.maximum(spots.variances_px2, 1e-4)).T
     own = (1.0 - np.exp(-((strength / 2.5) ** 2))) / ((1.0 + (width / 4.0) ** 4) * (1.0 + (length / 6.0) ** 4))
     own = np.where(spots.clipped > 0, 0.5 * own, own)
     # what is no spot has no say in what the image's spots look like
@@ -59,13 +58,12 @@ def refuse_spots(
 ) -> NDArray[np.object_]:
     """Why each localised spot (N,) is no string spot after all, "" while it may be one."""
     reasons = np.full(len(spots), "", dtype=object)
-    width2 = np.linalg.eigvalsh(spots.shape_px2).reshape(-1, 2)[:, 0]
     moved = np.linalg.norm(spots.uv_px - candidates.mean_uv_px[spots.candidate], axis=1)
     reasons[score < config.localise.min_score] = "low_score"
     reasons[~np.all(np.isfinite(yz_mm), axis=1)] = "not_in_the_sheet"
     reasons[moved > MAX_MOVE * np.sqrt(np.trace(spots.shape_px2, axis1=1, axis2=2)) + 1.0] = "fit_wandered"
     reasons[~spots.converged] = "fit_failed"
-    reasons[~(width2 > config.localise.min_sigma_px**2)] = "pixel_spike"
+    reasons[~(spots.variances_px2[:, 0] > config.localise.min_sigma_px**2)] = "pixel_spike"
     return reasons
 
 
