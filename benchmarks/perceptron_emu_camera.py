@@ -58,13 +58,13 @@ def flat(irradiance: float, seed: int, frames: int) -> tuple[np.ndarray, float]:
 def photon_transfer() -> list[tuple[str, float, float]]:
     """Gain, read noise, DSNU, PRNU and full well as a photon-transfer measurement finds them, beside the truth."""
     dark, _ = flat(0.0, 1, FRAMES)
-    points = [(flat(e, 2, 2)[0]) for e in (2.0, 6.0, 10.0, 14.0)]
+    temporal = np.mean(np.var(dark, axis=0, ddof=1))
+    points = [flat(e, 10 + k, FRAMES // 2)[0] for k, e in enumerate((2.0, 6.0, 10.0, 14.0))]
     signal = np.array([p.mean() for p in points]) - dark.mean()
-    variance = np.array([np.var(p[1] - p[0]) / 2 for p in points]) - np.var(dark[1] - dark[0]) / 2
+    variance = np.array([np.mean(np.var(p, axis=0, ddof=1)) for p in points]) - temporal
     gain = float(signal @ variance / (signal @ signal))
     read = np.sqrt(np.mean([np.var(b - a) / 2 for a, b in pairwise(dark)]) - 1 / 12) / gain
-    temporal = np.mean(np.var(dark, axis=0, ddof=1)) / FRAMES
-    dsnu = np.sqrt(np.var(dark.mean(0)) - temporal) / gain
+    dsnu = np.sqrt(np.var(dark.mean(0)) - temporal / FRAMES) / gain
     half, _ = flat(10.0, 3, FRAMES)
     spatial = np.var(half.mean(0)) - np.mean(np.var(half, axis=0, ddof=1)) / FRAMES - (dsnu * gain) ** 2
     prnu = np.sqrt(spatial) / (half.mean() - dark.mean())

@@ -8,15 +8,16 @@ from functools import lru_cache
 
 import cv2
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from geometry import SensorModel
+from perceptron_emu.blurred import Places, draw_blurred, gaussian_taps
 from perceptron_emu.bodies import body_of
 from perceptron_emu.config import EmulatorConfig
-from perceptron_emu.level_cells import fill, levels, parts, sources, widened
+from perceptron_emu.level_cells import Boxes, fill, levels, sources
 from perceptron_emu.optics import sharp_sigma_px, working_f_number
 from perceptron_emu.projection import to_camera
+from perceptron_emu.rasterise import rasterise
 from perceptron_emu.scene import Material, Scene
 from perceptron_emu.strings import Cylinders
 from perceptron_emu.transport import Light
@@ -24,7 +25,6 @@ from perceptron_emu.transport import Light
 Array = NDArray[np.float64]
 Float32 = NDArray[np.float32]
 
-LEVELS = 32767.0  # grey steps of a white surface
 NEAR_MM = 5.0  # what is nearer to the camera than this is not drawn
 BLUR_REACH = 3.0  # σ of the blur that its kernel takes in
 MAX_VIEW = 4.0  # image sizes: farther out a lens's distortion shows nothing
@@ -39,23 +39,17 @@ def ambient_electrons(scene: Scene, strings: Cylinders | None, material: Materia
     sensor = scene.sensor
     triangles, level = _faces(scene, strings, material, config)
     camera = to_camera(sensor, triangles)
-    electrons = np.zeros((sensor.height_px, sensor.width_px), np.float32)
     keep = camera[..., 2].max(1, initial=0.0) > NEAR_MM
     camera, level = _clip_near(camera[keep], level[keep])
     sigma = sharp_sigma_px(config.optics, sensor, config.laser.wavelength_nm)
     view = _view(sensor, math.ceil(BLUR_REACH * sigma))
-    # 16-bit levels: OpenCV blurs them three times as fast as floats, and a step is far below an electron
-    image, inverse_depth = np.zeros(view.shape, np.uint16), np.zeros(view.shape, np.float32)
     intrinsics = (sensor.fx_px, sensor.fy_px, sensor.cx_px - view.left, sensor.cy_px - view.top)
-    _rasterise(image, inverse_depth, camera, np.round(level * LEVELS).astype(np.uint16), *intrinsics)
-    shown, several = levels(image, view.boxes)
-    per_level = _electrons_per_level(config, sensor)
-    fill(electrons, shown, several, per_level)
-    size = 2 * view.reach_px + 1
-    for part in parts(several, electrons.shape):
-        wide, inner = widened(part, view.reach_px, electrons.shape)
-        sharp = cv2.remap(image, view.whole[wide], view.rest[wide], cv2.INTER_LINEAR)
-        np.multiply(cv2.GaussianBlur(sharp, (size, size), sigma)[inner], per_level[part], out=electrons[part])
+    picture = rasterise(camera, level.astype(np.float32), view.shape, intrinsics)
+    shown, several = levels(picture, view.boxes)
+    of_white = _electrons_of_white(config, sensor)
+    electrons = np.empty((sensor.height_px, sensor.width_px), np.float32)
+    fill(electrons, shown, several, of_white)
+    draw_blurred(electrons, picture, view.places, several, gaussian_taps(sigma, view.reach_px), of_white)
     return electrons
 
 
@@ -87,14 +81,14 @@ def _faces(scene: Scene, strings: Cylinders | None, material: Material, config: 
 
 
 @lru_cache(maxsize=8)
-def _electrons_per_level(config: EmulatorConfig, sensor: SensorModel) -> Float32:
-    """Electrons (H, W) that a grey step of a surface facing the light brings."""
+def _electrons_of_white(config: EmulatorConfig, sensor: SensorModel) -> Float32:
+    """Electrons (H, W) that a white surface facing the light brings."""
     optics, ambient = config.optics, config.ambient
     wavelength = optics.filter_centre_nm or config.laser.wavelength_nm
     band_mw_mm2 = ambient.irradiance_mw_m2_nm * 1e-6 * optics.filter_fwhm_nm * optics.filter_peak * optics.transmission
     chip = band_mw_mm2 / (4 * working_f_number(optics, sensor) ** 2) * (optics.pixel_um * 1e-3) ** 2
     per_mw = Light(sensor, config).electrons_per_mw(wavelength)
-    return np.float32(chip / LEVELS * per_mw) * _vignette(sensor, optics.vignetting)
+    return np.float32(chip * per_mw) * _vignette(sensor, optics.vignetting)
 
 
 @lru_cache(maxsize=8)
@@ -108,17 +102,15 @@ def _vignette(sensor: SensorModel, on: bool) -> Float32:
 class _View:
     """From the part of the pinhole image that the lens shows to the image.
 
-    left, top: where that part begins in the pinhole image, shape: its rows and columns. whole, rest: for every pixel
-    (H, W) its place in it, as OpenCV's fixed-point pair of maps. boxes: what the image's cells see of it within the
-    blur's reach_px.
+    left, top: where that part begins in the pinhole image, shape: its rows and columns. places: of the
+    image's pixels in it. boxes: what the image's cells see of it within the blur's reach_px.
     """
 
     left: int
     top: int
     shape: tuple[int, int]
-    whole: NDArray[np.int16]
-    rest: NDArray[np.uint16]
-    boxes: NDArray[np.int64]
+    places: Places
+    boxes: Boxes
     reach_px: int
 
 
@@ -136,9 +128,8 @@ def _view(sensor: SensorModel, reach_px: int) -> _View:
     shape = bottom - top + 1, right - left + 1
     maps = (pixels - [left, top]).astype(np.float32).reshape(sensor.height_px, sensor.width_px, 2)
     along_u, along_v = np.ascontiguousarray(maps[..., 0]), np.ascontiguousarray(maps[..., 1])
-    whole, rest = cv2.convertMaps(along_u, along_v, cv2.CV_16SC2)
     boxes = sources(along_u, along_v, reach_px, shape)
-    return _View(left, top, shape, np.asarray(whole, np.int16), np.asarray(rest, np.uint16), boxes, reach_px)
+    return _View(left, top, shape, Places.of(along_u, along_v, shape[1]), boxes, reach_px)
 
 
 def _clip_near(camera: Array, level: Array) -> tuple[Array, Array]:
@@ -157,38 +148,3 @@ def _clip_near(camera: Array, level: Array) -> tuple[Array, Array]:
         out.append(np.array(fan).reshape(-1, 3, 3))
         levels.append(np.full(len(fan), value))
     return np.concatenate(out), np.concatenate(levels)
-
-
-@njit(cache=True, error_model="numpy", fastmath=True)
-def _rasterise(image, inverse_depth, camera, level, fx, fy, cx, cy):  # type: ignore[no-untyped-def]
-    """Nearest triangle of every pixel's centre; 1/z is linear in the image."""
-    height, width = image.shape
-    for t in range(len(camera)):
-        c = camera[t]
-        u0, v0 = fx * c[0, 0] / c[0, 2] + cx, fy * c[0, 1] / c[0, 2] + cy
-        u1, v1 = fx * c[1, 0] / c[1, 2] + cx, fy * c[1, 1] / c[1, 2] + cy
-        u2, v2 = fx * c[2, 0] / c[2, 2] + cx, fy * c[2, 1] / c[2, 2] + cy
-        area = (u1 - u0) * (v2 - v0) - (u2 - u0) * (v1 - v0)
-        if abs(area) < 1e-9:
-            continue
-        low, high = int(max(np.ceil(min(v0, v1, v2)), 0.0)), int(min(np.floor(max(v0, v1, v2)), height - 1.0))
-        w0, w1, w2 = 1 / c[0, 2] / area, 1 / c[1, 2] / area, 1 / c[2, 2] / area
-        step = np.float32((v1 - v2) * w0 + (v2 - v0) * w1 + (v0 - v1) * w2)
-        for j in range(low, high + 1):
-            left, right = 1e30, -1e30
-            for a, b, p, q in ((u0, v0, u1, v1), (u1, v1, u2, v2), (u2, v2, u0, v0)):
-                if (b <= j) != (q <= j):
-                    cut = a + (j - b) * (p - a) / (q - b)
-                    left, right = min(left, cut), max(right, cut)
-            first, last = int(max(np.ceil(left), 0.0)), int(min(np.floor(right), width - 1.0))
-            if first > last:
-                continue
-            a0 = (u1 - first) * (v2 - j) - (u2 - first) * (v1 - j)
-            a1 = (u2 - first) * (v0 - j) - (u0 - first) * (v2 - j)
-            inverse = np.float32(a0 * w0 + a1 * w1 + (area - a0 - a1) * w2)
-            depths, greys = inverse_depth[j, first : last + 1], image[j, first : last + 1]
-            for i in range(len(depths)):
-                here = inverse + np.float32(i) * step
-                nearer = here > depths[i]
-                depths[i] = here if nearer else depths[i]
-                greys[i] = level[t] if nearer else greys[i]

@@ -6,12 +6,12 @@ import math
 from functools import lru_cache
 
 import numpy as np
-from numba import njit, uint64
+from numba import njit, uint32, uint64
 from numpy.typing import NDArray
 
 from geometry import SensorModel
 from perceptron_emu.config import NoiseConfig
-from perceptron_emu.hashing import BITS, LOW, NORMAL, mix
+from perceptron_emu.hashing import BITS, LOW, NORMAL, mix, mix32
 
 Float32 = NDArray[np.float32]
 Image = NDArray[np.uint8] | NDArray[np.uint16]
@@ -44,7 +44,8 @@ def expose(electrons: Float32, noise: NoiseConfig, sensor: SensorModel, time_s: 
         np.clip(grey, 0, sensor.saturation_dn, out=grey)
         return grey.astype(out.dtype)
     own_gain, own_offset = _pattern(electrons.size, noise.pattern_seed, noise.prnu, noise.dsnu_e)
-    _expose(electrons.ravel(), out.ravel(), own_gain, own_offset, NORMAL, np.uint64(key), gain, sensor.black_level,
+    _expose(electrons.ravel(), out.ravel(), own_gain, own_offset, NORMAL, np.uint32(key & 0xFFFFFFFF),
+            np.uint32(key >> 32 & 0xFFFFFFFF), gain, sensor.black_level,
             float(sensor.saturation_dn), noise.full_well_e, _sure_limit(noise.full_well_e), noise.read_noise_e,
             noise.dark_current_e_s * time_s, noise.shot)  # fmt: skip
     return out
@@ -80,34 +81,65 @@ def _draw_pattern(own_gain, own_offset, normal, key, prnu, dsnu):  # type: ignor
 
 
 @njit(cache=True, error_model="numpy", fastmath=True)
-def _expose(electrons, out, own_gain, own_offset, normal, key, gain, black, top, well, sure, read, dark, shot):  # type: ignore[no-untyped-def]
+def _expose(electrons, out, own_gain, own_offset, normal, low, high, gain, black, top, well, sure, read, dark, shot):  # type: ignore[no-untyped-def]
     """One draw for shot and read noise together where the well is far, two where it may cut the charge.
 
-    Pixels are taken in runs, in loops simple enough for the compiler to do several at once.
+    Pixels are taken in runs, in loops over few arrays each, simple enough for the compiler to do several at once.
     """
-    mean, signal, z = np.empty(RUN, np.float32), np.empty(RUN, np.float32), np.empty(RUN, np.float32)
+    z, other = np.empty(RUN, np.float32), np.empty(RUN, np.float32)
+    mean, signal = np.empty(RUN, np.float32), np.empty(RUN, np.float32)
+    bits = np.empty(RUN, np.uint32)
     for first in range(0, electrons.size, RUN):
         n = min(RUN, electrons.size - first)
-        light, offset = electrons[first : first + n], own_offset[first : first + n]
-        for i in range(n):
-            z[i] = _deviate(mix(first + i, key), 0, normal)
-        largest = _charge(light, own_gain[first : first + n], np.float32(dark), mean)
-        if shot:
-            _noisy(mean[:n], z, np.float32(read * read), signal)
+        _normal(z[:n], bits, first, low, high, normal)
+        largest = _charge(electrons[first : first + n], own_gain[first : first + n], np.float32(dark), mean)
+        if not shot:
+            _cut(mean[:n], np.float32(well), np.float32(read), z, signal)
         else:
-            for i in range(n):
-                signal[i] = min(mean[i], np.float32(well)) + np.float32(read) * z[i]
-        if shot and largest >= sure:
-            for i in range(n):
-                if mean[i] >= sure:
-                    charge = mean[i] + math.sqrt(mean[i]) * z[i] + (z[i] * z[i] - np.float32(1)) / np.float32(6)
-                    other = _deviate(mix(first + i, key), 2 * BITS, normal)
-                    signal[i] = min(charge, np.float32(well)) + np.float32(read) * other
-        scale, zero, most = np.float32(gain), np.float32(black) + np.float32(0.5), np.float32(top)
-        for i in range(n):
-            signal[i] = min(max((signal[i] + offset[i]) * scale + zero, np.float32(0)), most)
-        for i in range(n):
-            out[first + i] = np.int32(signal[i])
+            _noisy(mean[:n], z, np.float32(read * read), signal)
+            if largest >= sure:
+                _normal(other[:n], bits, first, low, uint32(~high), normal)
+                _near_the_well(mean[:n], z, other, sure, well, read, signal)
+        scale, zero = np.float32(gain), np.float32(black) + np.float32(0.5)
+        _quantise(signal[:n], own_offset[first : first + n], scale, zero, np.float32(top), out[first : first + n])
+
+
+@njit(cache=True, error_model="numpy", fastmath=True)
+def _normal(z, bits, first, low, high, normal):  # type: ignore[no-untyped-def]
+    """Standard normal deviates of the pixels from ``first`` on: sums of two of the table, 24 bits each."""
+    _bits(bits, uint32(first), low, high)
+    for i in range(len(z)):
+        z[i] = np.float32(0.8) * normal[bits[i] & uint32(LOW)] + np.float32(0.6) * normal[bits[i] >> uint32(32 - BITS)]
+
+
+@njit(cache=True, error_model="numpy")
+def _bits(bits, first, low, high):  # type: ignore[no-untyped-def]
+    for i in range(len(bits)):
+        bits[i] = mix32(first + uint32(i), low, high)
+
+
+@njit(cache=True, error_model="numpy", fastmath=True)
+def _cut(mean, well, read, z, signal):  # type: ignore[no-untyped-def]
+    """Charge without shot noise, cut by the full well, with read noise."""
+    for i in range(len(mean)):
+        signal[i] = min(mean[i], well) + read * z[i]
+
+
+@njit(cache=True, error_model="numpy", fastmath=True)
+def _near_the_well(mean, z, other, sure, well, read, signal):  # type: ignore[no-untyped-def]
+    """Charge of the pixels whose shot noise the full well may cut; read noise comes after it."""
+    for i in range(len(mean)):
+        if mean[i] >= sure:
+            charge = mean[i] + math.sqrt(mean[i]) * z[i] + (z[i] * z[i] - np.float32(1)) / np.float32(6)
+            signal[i] = min(charge, np.float32(well)) + np.float32(read) * other[i]
+
+
+@njit(cache=True, error_model="numpy", fastmath=True)
+def _quantise(signal, offset, scale, zero, top, out):  # type: ignore[no-untyped-def]
+    for i in range(len(out)):
+        signal[i] = min(max((signal[i] + offset[i]) * scale + zero, np.float32(0)), top)
+    for i in range(len(out)):
+        out[i] = np.int32(signal[i])
 
 
 @njit(cache=True, error_model="numpy", fastmath=True)
