@@ -1,7 +1,8 @@
 """Data from which no trustworthy answer follows: is it said, every time?
 
 Run: python benchmarks/calib_degenerate.py [CELLS] [SEED]. Every cell is spoilt in every way below; a verdict "ok" or
-"model_misfit" (exit code 0) counts as silence, "weak" as said. The last lines are sound data, where silence is right.
+"model_misfit" (exit code 0) counts as silence, "weak" as said. "named": how often the words name the very cause, where
+one is to be named. The last lines are sound data, where silence is right.
 """
 
 from __future__ import annotations
@@ -23,6 +24,25 @@ from jig_cad import Jig, half_turn_label
 Frames = tuple[FrameObservation, ...]
 Spoil = Callable[[Frames, Cell, np.random.Generator], tuple[Frames, Jig, RobotModel]]
 NOISE = Noise()
+# what the words must hold where the cause can be named
+NAMED = {
+    "labels swapped (half turn) in half the frames": "turned by half",
+    "labels swapped (A, B) in all frames": "labels A and B are exchanged",
+    "labels swapped (B', C') in all frames": "labels B' and C' are exchanged",
+    "joints in radians under a degree header": "hold radians",
+    "joints in another order": "joints 5 and 6 are exchanged",
+    "joints of the next frame": "of the row before",
+    "two locations under one name": "two locations bear one name",
+    "frames of another location": "their location is misnamed",
+    "one frame of another location": "frame 3 does not move as the other frames of location C does but as those of",
+    "one frame with the joints of another": "frame 3 does not move as the other frames of location A",
+    "DH row of another arm (d4)": "d of joint 4",
+    "DH row of another arm (a2)": "a of joint 2",
+    "DH row of another arm (α2)": "α of joint 2",
+    "sign of joint 4 flipped": "joint 4 counts the other way round",
+    "jig file of another size (side)": "side_mm is about 100",
+    "jig file of another size (height)": "height_mm is about 100",
+}
 MIRROR = "mirror images that nothing resolves"
 LEVER = "lever that stands still (paper)"
 
@@ -59,8 +79,15 @@ def spoils() -> dict[str, Spoil]:
             lambda f, c, rng: tuple(replace(x, location="A" if x.location == "B" else x.location) for x in f)
         ),
         "frames of another location": frames_only(lambda f, c, rng: _misplaced(f)),
+        "one frame of another location": frames_only(
+            lambda f, c, rng: tuple(replace(x, location="C") if x.frame == 3 else x for x in f)
+        ),
+        "one frame with the joints of another": frames_only(
+            lambda f, c, rng: tuple(replace(x, joints_rad=f[15].joints_rad) if x.frame == 3 else x for x in f)
+        ),
         "DH row of another arm (d4)": robot_only(lambda r: r.corrected(_row(1, 3, -142.0))),
         "DH row of another arm (a2)": robot_only(lambda r: r.corrected(_row(2, 1, 60.0))),
+        "DH row of another arm (α2)": robot_only(lambda r: r.corrected(_row(3, 1, np.pi / 2))),
         "sign of joint 4 flipped": robot_only(lambda r: replace(r, sign=np.array([1, 1, 1, -1, 1, 1.0]))),
         "jig file of another size (side)": lambda f, c, rng: (f, Jig.nominal(side_mm=80.0), c.robot),
         "jig file of another size (height)": lambda f, c, rng: (f, Jig.nominal(height_mm=120.0), c.robot),
@@ -126,6 +153,7 @@ def main() -> None:
     codes: dict[str, Counter[str]] = {
         name: Counter() for name in [*spoils(), MIRROR, LEVER, "sound (scp)", "sound (full)"]
     }
+    named = Counter[str]()
     for _ in range(cells):
         cell = random_cell(rng, CALIBRATE_ONLY)
         made = made_cell(cell, rng, NOISE)
@@ -133,7 +161,9 @@ def main() -> None:
         for name, spoil in spoils().items():
             frames, jig, robot = spoil(observed.frames, cell, rng)
             spoilt = Observations(frames, observed.sensor, observed.T_hand_sensor_design)
-            codes[name][calibrate(spoilt, jig, robot).verdict.code] += 1
+            verdict = calibrate(spoilt, jig, robot).verdict
+            codes[name][verdict.code] += 1
+            named[name] += NAMED.get(name, "no cause to name") in verdict.text
         mirrored, lever = mirror_frames(cell, rng, NOISE), constant_lever(cell, rng, NOISE)
         codes[MIRROR][calibrate(mirrored, cell.jig, None).verdict.code] += 1
         codes[LEVER][calibrate(lever, cell.jig, None, CalibConfig(method="paper")).verdict.code] += 1
@@ -146,7 +176,8 @@ def main() -> None:
         silent = counts["ok"] + counts["model_misfit"]
         if not name.startswith("sound"):
             said, total = said + sum(counts.values()) - silent, total + sum(counts.values())
-        print(f"{name:48s} {dict(counts)}")
+        cause = f", named {named[name]} of {sum(counts.values())}" if name in NAMED else ""
+        print(f"{name:48s} {dict(counts)}{cause}")
     print(f"said: {said} of {total}")
 
 

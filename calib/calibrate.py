@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from calib.answer import Estimate, answer
 from calib.assemble import by_location, location_pose
 from calib.config import CalibConfig, Model
+from calib.culprit import culprit
+from calib.culprit_jig import wrong_jig
 from calib.estimate import bundle_estimate, bundle_facts
 from calib.given_jigs import given_jig_notes
 from calib.hand_joints import hand_pose_notes, with_joints
@@ -26,6 +28,8 @@ from geometry import InputError, Pose, RobotModel, stack_poses
 from jig_cad import Jig
 
 Array = NDArray[np.float64]
+
+CONTRADICTED = ("not_converged", "outliers", "rotation_too_small", "too_few_poses")
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +76,16 @@ def calibrate(
             solved = _solve(kept, ready, solved.solution.T_hand_sensor)
         result = answer(observations, ready, jig, robot, kept.config, solved.verdict, solved.estimate)
         result = replace(result, left_out_rms_mm=scores, notes=(*result.notes, words, *_lonely(observations)))
+    result = replace(result, verdict=_named(result.verdict, ready, jig, robot))
     return replace(result, notes=(*result.notes, *_remarks(p, ready, result)))
+
+
+def _named(verdict: Verdict, ready: tuple[Station, ...], jig: Jig, robot: RobotModel | None) -> Verdict:
+    """The verdict on data that contradict one another, with what the motions say of the cause before all else."""
+    if verdict.code not in CONTRADICTED:
+        return verdict
+    found = wrong_jig(ready, jig) or culprit(ready, jig, robot)
+    return replace(verdict, text=f"{found}. In all, {verdict.text}") if found else verdict
 
 
 def _prepare(p: Problem) -> tuple[tuple[Station, ...], _Solved]:

@@ -1,0 +1,98 @@
+"""What spoilt a data set is named: frames, joint columns, a row of the robot's table, the jig."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from calib import FrameObservation, calibrate
+from calib.config import CalibConfig
+from calib.culprit import culprit
+from calib.culprit_jig import wrong_jig
+from calib.stations import label, stations
+from calib.synthetic import Cell, Noise, made_cell, observe, random_cell
+from calib.synthetic_problem import CALIBRATE_ONLY
+from geometry import RobotModel
+from jig_cad import Jig, half_turn_label
+
+Frames = tuple[FrameObservation, ...]
+
+
+@pytest.fixture(scope="module")
+def cell_and_frames() -> tuple[Cell, Frames]:
+    rng = np.random.default_rng(3)
+    cell = random_cell(rng, CALIBRATE_ONLY)
+    return cell, observe(cell, made_cell(cell, rng, Noise()), rng, Noise()).frames
+
+
+def _said(cell: Cell, frames: Frames, robot: RobotModel, jig: Jig | None = None) -> str:
+    observed = replace(observe(cell, cell, np.random.default_rng(0), Noise()), frames=frames)
+    jig = jig or cell.jig
+    ready = label(stations(observed, robot), observed.sensor, cell.design, {}, jig, CalibConfig())
+    return wrong_jig(ready, jig) or culprit(ready, jig, robot)
+
+
+def _named(frames: Frames, where: Callable[[int], bool], location: str) -> Frames:
+    return tuple(replace(f, location=location) if where(f.frame) else f for f in frames)
+
+
+def _relabelled(frames: Frames, where: Callable[[int], bool]) -> Frames:
+    def turned(f: FrameObservation) -> FrameObservation:
+        assert f.axis is not None
+        return replace(f, axis=replace(f.axis, label=tuple(map(half_turn_label, f.axis.label))))
+
+    return tuple(turned(f) if where(f.frame) else f for f in frames)
+
+
+def _joints(frames: Frames, change: Callable[[np.ndarray], np.ndarray]) -> Frames:
+    return tuple(replace(f, joints_rad=change(np.asarray(f.joints_rad))) for f in frames)
+
+
+SPOILT = {
+    "": lambda f: f,
+    "joint columns hold radians": lambda f: _joints(f, np.deg2rad),
+    "columns of joints 2 and 3 are exchanged": lambda f: _joints(f, lambda q: q[[0, 2, 1, 3, 4, 5]]),
+    "joint 4 counts the other way round": lambda f: _joints(f, lambda q: q * [1, 1, 1, -1, 1, 1]),
+    "frame 3 does not move as the other frames of location C does but as those of location A": lambda f: _named(
+        f, lambda n: n == 3, "C"
+    ),
+    "frames 7, 8, 9, 10, 11, 12, 13 do not move as the other frames of location A do but as one another": lambda f: (
+        _named(f, lambda n: 7 <= n < 14, "A")
+    ),
+    "labels of frames 2, 9 are those of the jig turned by half": lambda f: _relabelled(f, lambda n: n in (2, 9)),
+}
+
+
+@pytest.mark.parametrize("words", SPOILT)
+def test_frames_and_joint_columns(words: str, cell_and_frames: tuple[Cell, Frames]) -> None:
+    cell, frames = cell_and_frames
+    said = _said(cell, SPOILT[words](frames), cell.robot)
+    assert words in said
+    assert bool(said) == bool(words)
+
+
+def test_row_of_another_arm(cell_and_frames: tuple[Cell, Frames]) -> None:
+    cell, frames = cell_and_frames
+    wrong = np.zeros((5, 6))
+    wrong[1, 3] = -142.0
+    assert "d of joint 4 in the robot's table is changed by about +142 mm" in _said(
+        cell, frames, cell.robot.corrected(wrong)
+    )
+
+
+def test_jig_of_another_size(cell_and_frames: tuple[Cell, Frames]) -> None:
+    cell, frames = cell_and_frames
+    side = cell.jig.side_mm
+    said = _said(cell, frames, cell.robot, Jig.nominal(side_mm=0.8 * side, height_mm=cell.jig.height_mm))
+    assert f"side_mm is about {side:.3g}, not {0.8 * side:g}" in said
+
+
+def test_verdict_says_it_first(cell_and_frames: tuple[Cell, Frames]) -> None:
+    cell, frames = cell_and_frames
+    observed = observe(cell, cell, np.random.default_rng(0), Noise())
+    verdict = calibrate(replace(observed, frames=_named(frames, lambda n: n == 3, "C")), cell.jig, cell.robot).verdict
+    assert not verdict.trustworthy
+    assert verdict.text.startswith("frame 3 does not move")
