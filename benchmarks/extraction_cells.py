@@ -23,6 +23,7 @@ from itertools import pairwise
 
 import cv2
 import numpy as np
+from rendered_strings import random_thread
 
 from calib import FrameObservation, Observations, calibrate
 from calib.axis_offset import surface_offset
@@ -54,12 +55,6 @@ class Measured:
     frames: int
     seconds: float
     problem: str = ""
-
-
-def random_thread(rng: np.random.Generator) -> Material:
-    """A thread between matte white and dark glossy."""
-    gloss = 0.0 if rng.uniform() < 0.3 else float(np.exp(rng.uniform(np.log(0.02), np.log(0.3))))
-    return Material(float(rng.uniform(0.15, 0.7)), gloss, float(rng.uniform(0.15, 0.5)))
 
 
 def strips(rng: np.random.Generator) -> tuple[Solid, ...]:

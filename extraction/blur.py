@@ -15,6 +15,7 @@ Array = NDArray[np.float64]
 Image32 = NDArray[np.float32]
 
 BLOCK_PX = 16  # background and noise are constant over such a block and interpolated between
+ROW_STEP = 4  # rows of a block that its moments are taken from
 RADIUS_IN_SIGMA = 2.4
 RADIUS_PX = 4  # of the kernel that is compiled; others are OpenCV's
 UNIT = 256  # the compiled kernel's weights are whole numbers of this sum: exact in 16 bits for an image of 8
@@ -133,7 +134,7 @@ def _survey_rows(smooth: Image32, first: int, last: int, mean: Image32, variance
     columns = len(tops)
     total, square, count = np.zeros(columns), np.zeros(columns), 0
     tops[:] = smooth[first]
-    for j in range(first, last, 4):
+    for j in range(first, last, ROW_STEP):
         row = smooth[j]
         second, third, fourth = smooth[min(j + 1, last - 1)], smooth[min(j + 2, last - 1)], smooth[min(j + 3, last - 1)]
         count += 1

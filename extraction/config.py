@@ -62,9 +62,9 @@ class NoiseConfig(_Section):
     speckle_grain_px: float | None = Field(
         default=None,
         ge=0,
-        le=1.5,
-        description="the speckle's Gaussian correlation length ℓ, ρ = exp(-r²/4ℓ²)",
-        json_schema_extra=_slider(0.1, 1.5, search=False),
+        le=1.7,
+        description="the speckle's grain on the chip, λF#(1 + m)",
+        json_schema_extra=_slider(0.2, 1.7, search=False),
     )
 
 

@@ -3,12 +3,28 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
+from scipy.special import ndtr
 
+from extraction.blur import BLOCK_PX, ROW_STEP
 from extraction.config import NoiseConfig
 from extraction.preprocess import QUANTISATION_VARIANCE, Prepared
 from geometry import SensorModel
+
+# noise σ about grey level 0, cut off there and rounded: the mean and variance that are left
+CUT_SIGMA = np.geomspace(0.1, 60.0, 120)
+_STEPS = np.arange(300) + 0.5
+_ABOVE = ndtr(-_STEPS / CUT_SIGMA[:, None])
+CUT_MEAN = _ABOVE.sum(axis=1)
+CUT_VARIANCE = 2.0 * _ABOVE @ _STEPS - CUT_MEAN**2
+# noise of σ 1 about t ≥ 0, cut off at 0: variance over that of the same mean about 0, and the share of that correction
+_T = np.linspace(0.0, 4.0, 81)
+_MEAN = np.exp(-0.5 * _T**2) / np.sqrt(2.0 * np.pi) + _T * ndtr(_T)
+_LEFT = ndtr(_T) + _T * _MEAN - _MEAN**2
+ALIKE = _LEFT / _LEFT[0] * (_MEAN[0] / _MEAN) ** 2
+SHARE = (1.0 / _LEFT - 1.0) / (1.0 / (ALIKE * _LEFT[0]) - 1.0)
 
 
 @dataclass(frozen=True)
@@ -40,6 +56,8 @@ def noise_model(prepared: Prepared, sensor: SensorModel, config: NoiseConfig) ->
     else:
         # white noise of variance V has V · Σ kernel² · Σ kernel² after the separable blur
         variance = (float(np.median(prepared.noise)) / float(np.sum(prepared.kernel**2))) ** 2
+        variance /= block_share(tuple(prepared.kernel))
+        variance = uncut_variance(float(np.median(prepared.background)), variance)
     weight = config.speckle_weight
     if config.speckle_contrast is not None:
         weight = min(weight, 4.0 / 3.0 * config.speckle_contrast)
@@ -47,3 +65,33 @@ def noise_model(prepared: Prepared, sensor: SensorModel, config: NoiseConfig) ->
         max(variance, QUANTISATION_VARIANCE), gain, weight, config.speckle_contrast, config.speckle_grain_px,
         float(sensor.saturation_dn), config.model_error,
     )  # fmt: skip
+
+
+@lru_cache(maxsize=16)
+def block_share(kernel: tuple[float, ...]) -> float:
+    """Typical variance within a block over that of blurred white noise: a block's own mean takes some, and the median
+    of blocks lies below their mean (Wilson & Hilferty 1931).
+    """
+    lags = np.correlate(kernel, kernel, "full")[len(kernel) - 1 :]
+    rho = np.pad(lags / lags[0], (0, BLOCK_PX))
+    own, square = 1.0, 1.0
+    for step in (1, ROW_STEP):
+        count = BLOCK_PX // step
+        apart = np.abs(np.subtract.outer(np.arange(count), np.arange(count)))
+        near = rho[np.minimum(apart * step, len(kernel))]
+        own, square = own * float(near.mean()), square * float(np.mean(near**2))
+    return (1.0 - own) * (1.0 - 2.0 * square / 9.0) ** 3
+
+
+def uncut_variance(mean_dn: float, variance_dn2: float) -> float:
+    """Variance of dark pixels before grey level 0 cut their noise off, from what is left of mean and variance [DN²].
+
+    Without a black level dark pixels show less than half their noise, those that a spot lifts all of it. Where levels 0
+    and 1 are all there is, mean and variance say the same, and the dark level is taken as 0.
+    """
+    if not CUT_MEAN[0] < mean_dn < CUT_MEAN[-1]:
+        return variance_dn2
+    whole = float(np.interp(mean_dn, CUT_MEAN, CUT_SIGMA)) ** 2 + QUANTISATION_VARIANCE
+    alike = variance_dn2 / float(np.interp(mean_dn, CUT_MEAN, CUT_VARIANCE))
+    share = float(np.interp(alike, ALIKE[::-1], SHARE[::-1]))
+    return variance_dn2 + share * max(whole - variance_dn2, 0.0)

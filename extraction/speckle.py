@@ -6,18 +6,23 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import j1
 
-from extraction.spot_budget import DISTANCES2
+from extraction.spot_budget import CLASSES, LAGS
 from extraction.spot_noise import SpotNoise
 
 Array = NDArray[np.float64]
 
 # what is expected where an image does not tell, with its spread (ln)
 PRIOR_CONTRAST, PRIOR_CONTRAST_LN = 0.33, 0.3
-PRIOR_GRAIN_PX, PRIOR_GRAIN_LN = 0.4, 0.25
+PRIOR_GRAIN_PX, PRIOR_GRAIN_LN = 0.7, 0.5
 NO_SPECKLE = 0.01  # probability before looking that an image has none, or any other contrast
-CONTRASTS = np.geomspace(0.003, 1.0, 60)
-GRAINS_PX = np.geomspace(0.22, 1.0, 40)
+CONTRASTS = np.geomspace(0.003, 1.0, 600)
+GRAINS_PX = np.geomspace(0.2, 1.7, 40)
+NODES = 20  # of a pixel's side
+# contrast that strings' departure from a Gaussian leaves in the residuals without any speckle or noise: 0.006 for
+# strings of 0.3 mm, 0.02 of 0.5 mm, 0.06 of 1 mm (benchmarks/extraction_model_error.py)
+SHAPE_CONTRAST = 0.02
 OUTLYING = 5.0  # times the median variance
 FREEDOM = 1.5  # independent residuals per unit of Σ signal² over the height's square
 MAX_CONTRAST = 1.0  # fully developed; larger residuals are those of something that is no Gaussian spot
@@ -25,9 +30,7 @@ MAX_CONTRAST = 1.0  # fully developed; larger residuals are those of something t
 
 @dataclass(frozen=True)
 class Speckle:
-    """Speckle of a pixel: its standard deviation over the signal, and the Gaussian correlation length ℓ [px] in
-    ρ(r) = exp(-r²/(4 ℓ²)).
-    """
+    """Speckle of a pixel: its standard deviation over the signal, and the grain λF#(1 + m) on the chip [px]."""
 
     contrast: float
     grain_px: float
@@ -38,12 +41,27 @@ class Speckle:
         return np.asarray(self.contrast**2 * correlation(self.grain_px))
 
 
+def _pupil_correlations() -> Array:
+    """ρ (grains, CLASSES) of two pixels: that of a round pupil's speckle, (2 J₁(x)/x)² with x = π r/grain, over both.
+
+    Two pixels at a lag are uniform points whose difference has a triangle's distribution in u and in v. Source:
+    Goodman, Speckle Phenomena in Optics (2007), sections 4.4 and 4.6.
+    """
+    t = (np.arange(-NODES, NODES) + 0.5) / NODES
+    triangle = (1.0 - np.abs(t)) / NODES
+    lags = np.array([LAGS[LAGS[:, 0] == k][-1, 1:] for k in range(CLASSES)])
+    r = np.hypot(lags[:, 0, None, None] + t[:, None], lags[:, 1, None, None] + t)
+    x = np.pi * r / GRAINS_PX[:, None, None, None]
+    covariance = np.einsum("gkij,i,j->gk", (2.0 * j1(x) / x) ** 2, triangle, triangle)
+    return np.asarray(covariance / covariance[:, :1])
+
+
+GRAIN_CORRELATIONS = _pupil_correlations()
+
+
 def correlation(grain_px: float) -> Array:
-    """ρ for the classes of distance (CLASSES,)."""
-    return np.asarray(np.exp(-DISTANCES2 / (4.0 * max(grain_px, 1e-3) ** 2)))
-
-
-GRAIN_CORRELATIONS = np.array([correlation(grain) for grain in GRAINS_PX])
+    """ρ for the classes of distance (CLASSES,); grains outside GRAINS_PX are taken as its ends."""
+    return np.array([np.interp(grain_px, GRAINS_PX, column) for column in GRAIN_CORRELATIONS.T])
 
 
 def estimate_speckle(
@@ -82,7 +100,7 @@ def _contrast(about: SpotNoise, good: NDArray[np.bool_], grain_px: float) -> flo
         return PRIOR_CONTRAST
     camera = max(float(about.variance_camera[good].sum()) / pixels, 1e-9)
     observed = max(float(about.variance[good].sum()) / pixels + camera, 0.0)
-    variance = CONTRASTS**2 + camera
+    variance = CONTRASTS**2 + camera + SHAPE_CONTRAST**2
     cost = FREEDOM * pixels * (np.log(variance) + observed / variance)
     usual = np.exp(-0.5 * (np.log(CONTRASTS / PRIOR_CONTRAST) / PRIOR_CONTRAST_LN) ** 2)
     likely = np.exp(-0.5 * (cost - cost.min())) * (usual + NO_SPECKLE)
@@ -90,14 +108,15 @@ def _contrast(about: SpotNoise, good: NDArray[np.bool_], grain_px: float) -> flo
 
 
 def _grain(about: SpotNoise, good: NDArray[np.bool_]) -> float:
-    """Mean of the posterior of the grain, from the product of neighbours."""
+    """Mean of the posterior of the grain, from the product of neighbours: unsure where that may be the spots' shape."""
     variance = float(about.variance[good].sum())
     if variance <= 0:
         return PRIOR_GRAIN_PX
     observed = float(about.neighbour[good].sum()) / variance
     rho = GRAIN_CORRELATIONS
     ratio = (rho @ about.neighbour_speckle[good].sum(axis=0)) / (rho @ about.variance_speckle[good].sum(axis=0))
-    freedom = FREEDOM * float(about.variance_speckle[good, 0].sum())
-    cost = (observed - ratio) ** 2 * freedom + (np.log(GRAINS_PX / PRIOR_GRAIN_PX) / PRIOR_GRAIN_LN) ** 2
+    pixels = float(about.variance_speckle[good, 0].sum())
+    error2 = 1.0 / (FREEDOM * pixels) + (SHAPE_CONTRAST**2 * pixels / variance) ** 2
+    cost = (observed - ratio) ** 2 / error2 + (np.log(GRAINS_PX / PRIOR_GRAIN_PX) / PRIOR_GRAIN_LN) ** 2
     likely = np.exp(-0.5 * (cost - cost.min()))
     return float(np.sum(likely * GRAINS_PX) / np.sum(likely))

@@ -32,8 +32,10 @@ BRIGHT = 0.1  # the same for the pixels that the terms are fitted to, when resid
 RIDGE = 1e-11  # terms that the bright pixels do not tell apart
 MOST_TERMS = 11
 # rows of the planes after the terms
-SIGNAL, VARIANCE, WEIGHT, RESIDUAL = range(MOST_TERMS, MOST_TERMS + 4)
-PLANES = MOST_TERMS + 4
+SIGNAL, GRAINY, VARIANCE, WEIGHT, RESIDUAL = range(MOST_TERMS, MOST_TERMS + 5)
+PLANES = MOST_TERMS + 5
+# ⟨x x'⟩ over two points of a pixel [px²], weighted by the correlation of grains of 0.55 px (0.063 at 0.3, 0.018 at 1.3)
+WITHIN_PIXEL = 0.05
 # rows of `moments`, and its columns before those of the classes
 OWN, NEIGHBOUR = 0, 1
 PRODUCT, CAMERA, SPECKLE = 0, 1, 2
@@ -49,10 +51,11 @@ def budgets(
     noises: Array,
     camera: Array,
     speckle: Array,
+    white: Array,
     skew: Array,
     moments: Array,
 ) -> None:
-    """Fill camera (N, 3, 3), speckle (N, 3, 3, K), skew (N,) and moments (N, 2, 2 + K), zeros before.
+    """Fill camera, white (N, 3, 3), speckle (N, 3, 3, K), skew (N,) and moments (N, 2, 2 + K), zeros before.
 
     data, use (N, R, C), of which a window fills size (N, 2) columns and rows; parameters (N, 9), terms (N,), noises
     (N, 5) as `gaussian_fit.fit_window` takes them. moments: of the core's residuals and of neighbours' products over
@@ -63,7 +66,7 @@ def budgets(
         values, valid, n = data[k, :rows, :columns], use[k, :rows, :columns], terms[k]
         planes = np.zeros((PLANES, (rows + 2 * REACH) * (columns + 2 * REACH)))
         _fill(values, valid, parameters[k], n, noises[k], planes)
-        skew[k] = _covariance(planes, columns + 2 * REACH, parameters[k], n, camera[k], speckle[k])
+        skew[k] = _covariance(planes, columns + 2 * REACH, parameters[k], n, camera[k], speckle[k], white[k])
         top, bottom, left, right = _bright_box(values, planes[SIGNAL], valid)
         if bottom <= top:
             continue
@@ -76,10 +79,11 @@ def budgets(
 
 @inner
 def _fill(data: Array, use: Mask, p: Array, n: int, noise: Array, planes: Array) -> None:
-    """The model's terms at every pixel, signal, camera variance, weight and residual.
+    """The model's terms at every pixel, signal, what speckle multiplies, camera variance, weight and residual.
 
     After the fit's n terms: third and fourth moment along the long axis. A spot is no perfect Gaussian along its
-    string (dim light on the rest of it, the sheet's wings); without these terms that would pass for speckle.
+    string (dim light on the rest of it, the sheet's wings); without these terms that would pass for speckle. Where the
+    light falls off within a pixel, its bright part's few grains rule: speckle multiplies more than the mean light.
     """
     a, b, c = p[3], p[4], p[5]
     angle = 0.5 * math.atan2(-2.0 * b, c - a)  # long axis: the small eigenvalue of the precision
@@ -89,7 +93,8 @@ def _fill(data: Array, use: Mask, p: Array, n: int, noise: Array, planes: Array)
     for j in range(data.shape[0]):
         for i in range(data.shape[1]):
             x, y, at = i - p[0], j - p[1], (j + REACH) * stride + i + REACH
-            bell = math.exp(-0.5 * (a * x * x + 2.0 * b * x * y + c * y * y))
+            fall, drop = a * x + b * y, b * x + c * y  # of the light's logarithm
+            bell = math.exp(-0.5 * (fall * x + drop * y))
             signal, t = p[2] * bell, along * (cosine * x + sine * y)
             mu = signal + p[6] + p[7] * i + p[8] * j
             variance = noise[0] + noise[1] * max(mu - noise[2], 0.0)
@@ -101,6 +106,7 @@ def _fill(data: Array, use: Mask, p: Array, n: int, noise: Array, planes: Array)
             planes[n, at] = signal * (t * t * t - 3.0 * t) / 6.0
             planes[n + 1, at] = signal * (t * t * (t * t - 6.0) + 3.0) / 24.0
             planes[SIGNAL, at], planes[VARIANCE, at] = signal, variance
+            planes[GRAINY, at] = signal * math.sqrt(1.0 + WITHIN_PIXEL * (fall * fall + drop * drop))
             if use[j, i]:
                 planes[WEIGHT, at] = 1.0 / (variance + noise[3] * signal * signal + noise[4])
                 planes[RESIDUAL, at] = data[j, i] - mu
@@ -160,8 +166,10 @@ def _scaled(planes: Array, factor: Array, n: int) -> Array:
 
 
 @inner
-def _covariance(planes: Array, stride: int, p: Array, n: int, camera: Array, speckle: Array) -> float:
-    """Covariance (3, 3) of (u, v, skew) by camera and (3, 3, K) by speckle of contrast 1; returns the skew."""
+def _covariance(planes: Array, stride: int, p: Array, n: int, camera: Array, speckle: Array, white: Array) -> float:
+    """Covariance (3, 3) of (u, v, skew) by camera, (3, 3, K) by speckle of contrast 1 and (3, 3) by independent errors
+    of 1 grey level in all pixels; returns the skew.
+    """
     fisher, factor = np.zeros((n + 1, n + 1)), np.zeros((n + 1, n + 1))
     weighted = _scaled(planes, planes[WEIGHT], n + 1)
     _gram(weighted, planes, n + 1, fisher)
@@ -176,9 +184,10 @@ def _covariance(planes: Array, stride: int, p: Array, n: int, camera: Array, spe
         for a in range(3):
             freed[a, i] = moved[a, i] * planes[VARIANCE, i]
     _gram(freed, moved, 3, camera)
+    _gram(moved, moved, 3, white)
     for i in range(planes.shape[1]):
         for a in range(3):
-            freed[a, i] = moved[a, i] * planes[SIGNAL, i]
+            freed[a, i] = moved[a, i] * planes[GRAINY, i]
     _lagged(freed, stride, speckle)
     return skew
 
@@ -248,7 +257,7 @@ def _residual_moments(planes: Array, stride: int, n: int, height: float, moments
             share += weighted[r, i] * planes[RESIDUAL, i]
         for i in range(planes.shape[1]):
             left[i] -= z[r, i] * share
-    signal = planes[SIGNAL] * core
+    signal = planes[GRAINY] * core
     left += planes[RESIDUAL] * core
     around, left_around, signal_around = np.zeros_like(z), np.zeros_like(left), np.zeros_like(left)
     for r in range(n):
@@ -286,7 +295,7 @@ def _moments(planes: Array, weighted: Array, stride: int, z: Array, other: Array
         for s in range(n):
             pairs[r, s] = _dot(z[r], other[s])
     scattered = _scaled(weighted, planes[VARIANCE], n)
-    signalled = _scaled(weighted, planes[SIGNAL], n)
+    signalled = _scaled(weighted, planes[GRAINY], n)
     _mix(pairs, weighted, n, mixed)
     for r in range(n):
         out[CAMERA] += _dot(scattered[r], mixed[r]) - 2.0 * _dot(scattered[r], other[r])

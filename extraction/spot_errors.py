@@ -9,12 +9,14 @@ from numpy.typing import NDArray
 
 from extraction.localise import Spots
 from extraction.noise import NoiseModel
-from extraction.speckle import estimate_speckle
+from extraction.speckle import SHAPE_CONTRAST, estimate_speckle
 from extraction.spot_noise import SpotNoise, spot_noise, take
 
 Array = NDArray[np.float64]
 
-MODEL_SHIFT = 2.0  # widths that a spot moves per share of its height by which it departs from the Gaussian
+# what departs from a Gaussian moves a spot as independent errors of this share of `model_error` in every pixel would:
+# between 0.36 and 1.35 for strings of 0.1 to 0.5 mm (benchmarks/extraction_model_error.py)
+MODEL_SHARE = 0.6
 LEAST_VARIANCE = 1e-9  # of residuals over the height's square: as many pixels as terms leave none
 
 
@@ -51,10 +53,12 @@ def spot_errors(spots: Spots, kept: NDArray[np.intp], noise: NoiseModel) -> Spot
     )
     speckle = estimate_speckle(about, spots.converged[kept], noise.speckle_contrast, noise.speckle_grain_px)
     cov = about.camera + about.speckle @ speckle.variances
-    expected = about.variance_camera + about.variance_speckle @ speckle.variances
+    shape = SHAPE_CONTRAST**2 * about.variance_speckle[:, 0]
+    expected = about.variance_camera + about.variance_speckle @ speckle.variances + shape
     misfit = (about.variance + about.variance_camera) / np.maximum(expected, LEAST_VARIANCE)
+    # the Gaussian's own error, other from pose to pose, as if it were another noise of every pixel
+    cov = cov + (MODEL_SHARE * noise.model_error) ** 2 * about.white
+    position = cov[:, :2, :2]
     skew = about.skew / np.sqrt(np.maximum(cov[:, 2, 2], 1e-30))
-    # the Gaussian's own error moves the spot by some share of its widths: it differs from pose to pose
-    position = cov[:, :2, :2] + (MODEL_SHIFT * noise.model_error) ** 2 * spots.shape_px2[kept]
     good = np.all(np.isfinite(cov), axis=(1, 2)) & (np.linalg.det(position) > 0)
     return SpotErrors(position, skew, misfit, good, about)

@@ -27,7 +27,8 @@ Mask = NDArray[np.bool_]
 class SpotNoise:
     """Error budget of N spots; the last axis of what comes from speckle of contrast 1 is the class of distance (K,).
 
-    camera (N, 3, 3), speckle (N, 3, 3, K): Cov of (u, v, skew), NaN where the fit has none. skew (N,): third moment
+    camera (N, 3, 3), speckle (N, 3, 3, K): Cov of (u, v, skew), NaN where the fit has none. white (N, 3, 3): the same
+    of independent errors as large as the spot's height. skew (N,): third moment
     along the long axis that the fit left. variance, neighbour (N,): Σ residual² over the core and Σ of neighbours'
     products, over the height's square, the camera's part taken off; variance_camera (N,): that part of the former.
     variance_speckle, neighbour_speckle (N, K): expectation of both.
@@ -35,6 +36,7 @@ class SpotNoise:
 
     camera: Array
     speckle: Array
+    white: Array
     skew: Array
     variance: Array
     neighbour: Array
@@ -62,10 +64,11 @@ def spot_noise(
     positions from each window's first pixel.
     """
     n = len(parameters)
-    camera, speckle = np.zeros((n, 3, 3)), np.zeros((n, 3, 3, CLASSES))
+    camera, speckle, white = np.zeros((n, 3, 3)), np.zeros((n, 3, 3, CLASSES)), np.zeros((n, 3, 3))
     skew, moments = np.zeros(n), np.zeros((n, 2, SPECKLE + CLASSES))
-    budgets(data, use, size, parameters, terms, noises, camera, speckle, skew, moments)
+    budgets(data, use, size, parameters, terms, noises, camera, speckle, white, skew, moments)
+    white *= parameters[:, 2, None, None] ** 2
     return SpotNoise(
-        camera, speckle, skew, moments[:, OWN, PRODUCT], moments[:, NEIGHBOUR, PRODUCT], moments[:, OWN, CAMERA],
-        moments[:, OWN, SPECKLE:], moments[:, NEIGHBOUR, SPECKLE:],
+        camera, speckle, white, skew, moments[:, OWN, PRODUCT], moments[:, NEIGHBOUR, PRODUCT],
+        moments[:, OWN, CAMERA], moments[:, OWN, SPECKLE:], moments[:, NEIGHBOUR, SPECKLE:],
     )  # fmt: skip

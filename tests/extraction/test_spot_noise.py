@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from extraction.speckle import correlation
-from extraction.spot_budget import BRIGHT, CORE, DISTANCES2
+from extraction.spot_budget import BRIGHT, CORE, DISTANCES2, WITHIN_PIXEL
 from extraction.spot_noise import spot_noise
 
 ROWS, COLUMNS = 13, 15
@@ -43,8 +43,10 @@ def budget(data, use, p, terms):
     )  # fmt: skip
 
 
-def speckle_matrix(signal, place, grain):
+def speckle_matrix(signal, p, place, grain):
     """Covariance of speckle of contrast 1 over the pixels, cut where the classes of distance end."""
+    slope = place @ np.array([[p[3], p[4]], [p[4], p[5]]])  # of the light's logarithm
+    signal = signal * np.sqrt(1 + WITHIN_PIXEL * np.sum(slope**2, axis=1))
     d2 = np.rint(np.sum((place[:, None] - place[None]) ** 2, axis=2)).astype(int)
     rho = np.zeros(d2.shape)
     for distance, value in zip(DISTANCES2, correlation(grain), strict=True):
@@ -61,7 +63,8 @@ def test_covariance_is_that_of_the_linear_estimate(terms):
     precision = np.array([[p[3], p[4]], [p[4], p[5]]])
     move = np.linalg.inv(precision) / p[2] @ (inverse @ (weight[:, None] * fit).T)[1:3]
     np.testing.assert_allclose(about.camera[0, :2, :2], move @ np.diag(variance) @ move.T, rtol=1e-8)
-    speckled = move @ speckle_matrix(signal, place, 0.5) @ move.T
+    np.testing.assert_allclose(about.white[0, :2, :2], p[2] ** 2 * move @ move.T, rtol=1e-8)
+    speckled = move @ speckle_matrix(signal, p, place, 0.5) @ move.T
     np.testing.assert_allclose(about.speckle[0, :2, :2] @ correlation(0.5), speckled, rtol=1e-8)
 
 
@@ -74,7 +77,7 @@ def test_residuals_are_expected_as_the_hat_matrix_makes_them(terms):
     hat = e @ np.linalg.inv(e.T @ (weight[:, None] * e)) @ (weight[:, None] * e).T
     left = np.eye(len(data)) - hat
     residual = left @ np.where(use, data - mean, 0.0)
-    camera, speckle = left @ np.diag(variance) @ left.T, left @ speckle_matrix(signal, place, 0.5) @ left.T
+    camera, speckle = left @ np.diag(variance) @ left.T, left @ speckle_matrix(signal, p, place, 0.5) @ left.T
     beside = [(a, b) for a in core for b in core if a < b and np.sum(np.abs(place[a] - place[b])) < 1.5]
     first, second = np.array(beside).T
     rho = correlation(0.5)
