@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 PRIOR_CONTRAST, PRIOR_CONTRAST_LN = 0.33, 0.3
 PRIOR_GRAIN_PX, PRIOR_GRAIN_LN = 0.7, 0.5
 NO_SPECKLE = 0.01  # probability before looking that an image has none, or any other contrast
-CONTRASTS = np.geomspace(0.003, 1.0, 600)
+CONTRASTS = np.geomspace(0.003, 1.0, 300)
 GRAINS_PX = np.geomspace(0.2, 1.7, 40)
 NODES = 20  # of a pixel's side
 # contrast that strings' departure from a Gaussian leaves in the residuals without any speckle or noise: 0.006 for
@@ -61,7 +61,9 @@ GRAIN_CORRELATIONS = _pupil_correlations()
 
 def correlation(grain_px: float) -> Array:
     """ρ for the classes of distance (CLASSES,); grains outside GRAINS_PX are taken as its ends."""
-    return np.array([np.interp(grain_px, GRAINS_PX, column) for column in GRAIN_CORRELATIONS.T])
+    place = float(np.interp(grain_px, GRAINS_PX, np.arange(len(GRAINS_PX))))
+    low = min(int(place), len(GRAINS_PX) - 2)
+    return np.asarray(GRAIN_CORRELATIONS[low] + (place - low) * (GRAIN_CORRELATIONS[low + 1] - GRAIN_CORRELATIONS[low]))
 
 
 def estimate_speckle(
