@@ -92,7 +92,7 @@ def speckle(polarised: bool) -> list[tuple[str, float, float]]:
     config, scene = EmulatorConfig.from_tables(tables), Scene(sensor, solids=(plate,))
     smooth = mean_electrons(scene, config.off("speckle"))
     window = np.s_[int(np.argmax(smooth.sum(1))) - 15 : int(np.argmax(smooth.sum(1))) + 16, 100:1180]
-    fields = [mean_electrons(scene, config, key)[window] / smooth[window] for key in range(6)]
+    fields = [mean_electrons(scene, config, key)[window] / smooth[window] for key in range(24)]
     measured = np.mean([covariance(f) for f in fields], 0)
     grain, strength = grain_px(config, sensor), contrast(config)
     expected = pixel_covariance(grain)

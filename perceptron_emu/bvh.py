@@ -132,7 +132,7 @@ def _blocked(boxes, children, triangles, origins, targets, R, t):  # type: ignor
         iz = 1 / dz if abs(dz) > 1e-12 else 1e12
         stack[0] = 0
         top = 1
-        while top > 0 and not out[r]:
+        while top > 0:
             top -= 1
             node = stack[top]
             a, b = (boxes[node, 0] - ox) * ix, (boxes[node, 3] - ox) * ix
@@ -143,14 +143,15 @@ def _blocked(boxes, children, triangles, origins, targets, R, t):  # type: ignor
             near, far = max(near, min(a, b)), min(far, max(a, b))
             if near > far + SLACK:
                 continue
-            if children[node, 0] >= 0:
-                stack[top], stack[top + 1] = children[node, 0], children[node, 1]
+            first, second = children[node, 0], children[node, 1]
+            if first >= 0:
+                stack[top], stack[top + 1] = first, second
                 top += 2
                 continue
-            first = -1 - children[node, 0]
-            for i in range(first, first + children[node, 1]):
+            for i in range(-1 - first, second - 1 - first):
                 if _cuts(triangles, i, ox, oy, oz, dx, dy, dz):
                     out[r] = True
+                    top = 0
                     break
     return out
 
@@ -175,13 +176,15 @@ def _cuts(triangles, i, ox, oy, oz, dx, dy, dz):  # type: ignore[no-untyped-def]
     det = e1x * px + e1y * py + e1z * pz
     if det == 0:
         return False
+    # all are compared in units of the determinant: most triangles are missed, and a division is dear
+    size, sign = abs(det), (1.0 if det > 0 else -1.0)
+    slack = 1e-12 * size
     sx, sy, sz = ox - ax, oy - ay, oz - az
-    u = (sx * px + sy * py + sz * pz) / det
-    if u < -1e-12 or u > 1 + 1e-12:
+    u = (sx * px + sy * py + sz * pz) * sign
+    if u < -slack or u > size + slack:
         return False
     qx, qy, qz = sy * e1z - sz * e1y, sz * e1x - sx * e1z, sx * e1y - sy * e1x
-    v = (dx * qx + dy * qy + dz * qz) / det
-    if v < -1e-12 or u + v > 1 + 1e-12:
+    v = (dx * qx + dy * qy + dz * qz) * sign
+    if v < -slack or u + v > size + slack:
         return False
-    s = (e2x * qx + e2y * qy + e2z * qz) / det
-    return 0 < s < 1
+    return 0 < (e2x * qx + e2y * qy + e2z * qz) * sign < size

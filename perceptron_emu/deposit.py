@@ -74,16 +74,19 @@ def deposit_fine(shape: tuple[int, int], u: Array, v: Array, weight: Array, sigm
     grid = np.zeros((rows, columns), np.float32)
     _spread(grid, u, v, weight)
     spectrum = scipy.fft.rfft2(grid, overwrite_x=True)
-    spectrum *= _transfer(rows, columns, round(sigma, 4))
+    along_v, along_u = _transfer(rows, round(sigma, 4)), _transfer(columns, round(sigma, 4))
+    spectrum *= along_v[:, None] * along_u[: spectrum.shape[1]]
     image = scipy.fft.irfft2(spectrum, s=(rows, columns), overwrite_x=True)
     return np.asarray(image[: shape[0], : shape[1]], np.float32)
 
 
-@lru_cache(maxsize=128)
-def _transfer(rows: int, columns: int, sigma: float) -> Float32:
-    fy, fx = np.fft.fftfreq(rows)[:, None], np.fft.rfftfreq(columns)[None, :]
-    gauss = np.exp(-2 * (np.pi * sigma) ** 2 * (fx**2 + fy**2))
-    return np.asarray(gauss / (np.sinc(fx) * np.sinc(fy)) ** 3, np.float32)  # pixel's sinc over the spline's sinc⁴
+@lru_cache(maxsize=256)
+def _transfer(cells: int, sigma: float) -> Float32:
+    """What a Gaussian and the pixel make of the spline's amplitude at each frequency of one axis (cells,)."""
+    f = np.fft.fftfreq(cells)
+    return np.asarray(
+        np.exp(-2 * (np.pi * sigma * f) ** 2) / np.sinc(f) ** 3, np.float32
+    )  # sinc over the spline's sinc⁴
 
 
 @njit(cache=True, error_model="numpy", fastmath=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numba import njit, uint32, uint64
@@ -40,10 +41,11 @@ def mix32(counter, low, high):  # type: ignore[no-untyped-def]
     return uint32(x ^ (x >> uint32(15)))
 
 
-def white_noise(row: int, column: int, rows: int, columns: int, key: int) -> NDArray[np.complex64]:
-    """Complex circular Gaussian noise of unit power on part of an endless grid."""
-    out = np.empty((rows, columns), np.complex64)
-    _white_noise(out, row, column, np.uint64(key & 0xFFFFFFFFFFFFFFFF), NORMAL)
+def white_noise(row: int, column: int, rows: int, columns: int, keys: Sequence[int]) -> NDArray[np.complex64]:
+    """Complex circular Gaussian noise (n, rows, columns) of unit power on part of an endless grid, one for each key."""
+    out = np.empty((len(keys), rows, columns), np.complex64)
+    for own, key in zip(out, keys, strict=True):
+        _white_noise(own, row, column, np.uint64(key & 0xFFFFFFFFFFFFFFFF), NORMAL)
     return out
 
 

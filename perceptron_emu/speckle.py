@@ -45,8 +45,10 @@ def contrast(config: EmulatorConfig) -> float:
 
 
 def oversampling(config: EmulatorConfig, sensor: SensorModel) -> int:
-    """Sub-pixels a pixel's side needs: the pattern's intensity is band-limited at two samples a grain."""
-    return int(np.clip(math.ceil(2 / grain_px(config, sensor)), 1, 8))
+    """Sub-pixels a pixel's side needs: the pattern's intensity is band-limited at two samples a grain, and a pixel
+    averages it.
+    """
+    return min(max(math.ceil(2 / grain_px(config, sensor)), 2), 8)
 
 
 def speckle_field(origin: tuple[int, int], shape: tuple[int, int], grain: float, strength: float, key: int) -> Float32:
@@ -66,15 +68,15 @@ def speckle_field(origin: tuple[int, int], shape: tuple[int, int], grain: float,
     first = [step * ((o - halo) // step) for o in origin]
     skip = [o - f for o, f in zip(origin, first, strict=True)]
     rows, columns = (step * _cells(-(-(n + s + halo) // step)) for n, s in zip(shape, skip, strict=True))
-    pupil = _pupil(rows, columns, grain)
-    inner = np.s_[skip[0] : skip[0] + shape[0], skip[1] : skip[1] + shape[1]]
-    total = np.zeros(shape, np.float32)
-    for number, weight in enumerate(_weights(strength)):
-        place = first[0] // step, first[1] // step
-        noise = white_noise(*place, rows // step, columns // step, key + 0x51_7C_C1 * (number + 1))
-        spectrum = _widened(scipy.fft.fft2(noise, overwrite_x=True), rows, columns) * pupil
-        _add_power(total, scipy.fft.ifft2(spectrum, overwrite_x=True)[inner], step * step * weight)
-    return total
+    weights = _weights(strength)
+    keys = [key + 0x51_7C_C1 * (number + 1) for number in range(len(weights))]
+    noise = white_noise(first[0] // step, first[1] // step, rows // step, columns // step, keys)
+    spectrum = scipy.fft.fft2(noise, overwrite_x=True)
+    spectrum *= _pupil(rows, columns, step, grain)
+    # a spectrum's place among the frequencies turns the amplitude's phase alone: zeros at its end make the grid finer
+    across = scipy.fft.ifft(spectrum, rows, axis=1, overwrite_x=True)[:, skip[0] : skip[0] + shape[0]]
+    field = scipy.fft.ifft(across, columns, axis=2)[..., skip[1] : skip[1] + shape[1]]
+    return np.asarray(_power(field, np.array(weights, np.float32) * np.float32(step * step)))
 
 
 def _cells(least: int) -> int:
@@ -82,25 +84,16 @@ def _cells(least: int) -> int:
     return int(scipy.fft.next_fast_len(SIZE_STEP * -(-least // SIZE_STEP)))
 
 
-def _widened(spectrum: NDArray[np.complex64], rows: int, columns: int) -> NDArray[np.complex64]:
-    """A spectrum with zeros at the frequencies that the finer grid (rows, columns) has beyond its own."""
-    r, c = spectrum.shape
-    if (r, c) == (rows, columns):
-        return spectrum
-    out = np.zeros((rows, columns), np.complex64)
-    for from_, to in ((np.s_[: r // 2], np.s_[: r // 2]), (np.s_[r // 2 :], np.s_[rows - (r - r // 2) :])):
-        out[to, : c // 2] = spectrum[from_, : c // 2]
-        out[to, columns - (c - c // 2) :] = spectrum[from_, c // 2 :]
-    return out
-
-
 @njit(cache=True, error_model="numpy", fastmath=True)
-def _add_power(total, field, weight):  # type: ignore[no-untyped-def]
-    """Add weight · |field|² to total (H, W)."""
-    for j in range(total.shape[0]):
-        for i in range(total.shape[1]):
-            value = field[j, i]
-            total[j, i] += np.float32(weight) * (value.real * value.real + value.imag * value.imag)
+def _power(field, weights):  # type: ignore[no-untyped-def]
+    """Σ weight · |field|² (H, W) over the fields (n, H, W)."""
+    total = np.zeros(field.shape[1:], np.float32)
+    for k in range(len(weights)):
+        for j in range(total.shape[0]):
+            row, sum_ = field[k, j], total[j]
+            for i in range(len(sum_)):
+                sum_[i] += weights[k] * (row[i].real * row[i].real + row[i].imag * row[i].imag)
+    return total
 
 
 def _weights(strength: float) -> list[float]:
@@ -115,13 +108,13 @@ def _weights(strength: float) -> list[float]:
     return [a] * m + [max(0.0, 1 - m * a)]
 
 
-@lru_cache(maxsize=128)
-def _pupil(rows: int, columns: int, grain: float) -> Float32:
-    """Transfer function (rows, columns) of a circular pupil of diameter 1/grain cycles a cell, scaled to mean power
-    1.
+@lru_cache(maxsize=256)
+def _pupil(rows: int, columns: int, step: int, grain: float) -> Float32:
+    """Transfer function (rows/step, columns/step) of a circular pupil of diameter 1/grain cycles a cell, scaled to mean
+    power 1 on the fine grid; frequency 0 in the middle.
     """
-    fy, fx = np.fft.fftfreq(rows)[:, None], np.fft.fftfreq(columns)[None, :]
+    fy, fx = ((np.arange(n // step) - n // step // 2) / n for n in (rows, columns))
     # a soft rim one frequency cell wide, so that the pupil's area does not jump with the box's size
     radius, cell = 0.5 / grain, 0.5 * (1 / rows + 1 / columns)
-    pupil = np.clip((radius - np.hypot(fy, fx)) / cell + 0.5, 0, 1)
-    return np.asarray(pupil / math.sqrt(np.mean(pupil**2)), np.float32)
+    pupil = np.clip((radius - np.hypot(fy[:, None], fx)) / cell + 0.5, 0, 1)
+    return np.asarray(pupil * math.sqrt(rows * columns / np.sum(pupil**2)), np.float32)
