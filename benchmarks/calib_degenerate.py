@@ -40,8 +40,8 @@ NAMED = {
     "DH row of another arm (a2)": "a of joint 2",
     "DH row of another arm (α2)": "α of joint 2",
     "sign of joint 4 flipped": "joint 4 counts the other way round",
-    "jig file of another size (side)": "side_mm is about 100",
-    "jig file of another size (height)": "height_mm is about 100",
+    "jig file of another size (side)": "its side_mm is about",
+    "jig file of another size (height)": "its height_mm is about",
 }
 MIRROR = "mirror images that nothing resolves"
 LEVER = "lever that stands still (paper)"

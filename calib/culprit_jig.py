@@ -78,4 +78,4 @@ def _sizes(axes: list[AxisPoints], jig: Jig) -> Iterator[tuple[float, str]]:
         coarse = min(size * SIZES, key=rms)
         step = SIZES[1] / SIZES[0]
         value = minimize_scalar(rms, bounds=(coarse / step, coarse * step), method="bounded").x
-        yield rms(value), f"its {key} is about {value:.3g}, not {size:g}"
+        yield rms(value), f"its {key} is about {value:.0f}, not {size:g}"
