@@ -38,7 +38,7 @@ EQUAL = 0.03  # suspicions this near in their share are told apart by nothing
 
 @dataclass(frozen=True, eq=False)
 class _Views:
-    """Frames of one location name each: numbers, pairs (P, 2) of one location, and the jig's screw between them."""
+    """Frames, the names of their locations, pairs (P, 2) that share one, and the jig's screw between them."""
 
     stations: tuple[Station, ...]
     names: tuple[str, ...]
@@ -58,7 +58,7 @@ def culprit(ready: tuple[Station, ...], jig: Jig, robot: RobotModel | None) -> s
     return (
         (_joints(v, robot, float(agree.mean())) if agree.mean() < SOUND else "")
         or _frames(v, apart.min(axis=0), jig)
-        or (_half_turned(v, apart[0] < 1.0) if agree.mean() >= SOUND else "")
+        or (_half_turned(v, (apart[0] >= 1.0) & (apart[1] < 1.0)) if agree.mean() >= SOUND else "")
     )
 
 
@@ -100,17 +100,16 @@ def _share(v: _Views, hands: Pose) -> float:
     return float(np.mean(_apart(v, hands).min(axis=0) < 1.0))
 
 
-def _half_turned(v: _Views, same: Mask) -> str:
-    """The frames whose labels are those of the half-turned jig, where only that keeps the motions from agreeing.
+def _half_turned(v: _Views, only: Mask) -> str:
+    """The frames whose labels are those of the half-turned jig against most others of their location.
 
-    same: which pairs (P,) agree as labelled.
+    only: which pairs (P,) agree with one frame's labels half turned, and not as labelled.
     """
     turned: list[int] = []
     for name in dict.fromkeys(v.names):
         group = [i for i, n in enumerate(v.names) if n == name]
-        alike = {i: [j for j in group if j == i or _holds(v, same, i, j)] for i in group}
-        most = max(group, key=lambda i: len(alike[i]))
-        turned += [i for i in group if i not in alike[most]]
+        against = {i: [j for j in group if _holds(v, only, i, j)] for i in group}
+        turned += against[min(group, key=lambda i: len(against[i]))]
     if not turned:
         return ""
     return (
@@ -135,24 +134,27 @@ def _frames(v: _Views, apart: Array, jig: Jig) -> str:
     strange: dict[str, list[int]] = {}
     for name in dict.fromkeys(v.names):
         group = [i for i, n in enumerate(v.names) if n == name]
-        kept = _largest_group(v, apart < 1.0, group)
+        kept = _largest_group(v, apart >= 1.0, group)
         rest = [i for i in group if i not in kept]
-        halves = len(kept) > 2 and len(_largest_group(v, apart < 1.0, rest)) == len(rest) > 2
+        halves = len(kept) > 2 and len(_largest_group(v, apart >= 1.0, rest)) == len(rest) > 2
         if len(group) > 2 and len(kept) < max(3.0, MAJORITY * len(group)) and not halves:
             return ""
         between = np.isin(v.pairs, kept).any(axis=1) & np.isin(v.pairs, rest).any(axis=1)
-        if rest and np.median(apart[between]) < GROSS:
+        if rest and not np.median(apart[between]) >= GROSS:
             return ""  # all motions are somewhat off: not these frames' fault
         sound[name] = kept
         strange |= {name: rest} if rest else {}
     return "; ".join(_stranger(v, name, rest, sound, strange, jig) for name, rest in strange.items())
 
 
-def _largest_group(v: _Views, agree: Mask, group: list[int]) -> list[int]:
-    """The frames about the one that agrees with most, of which each agrees with most of the others."""
+def _largest_group(v: _Views, contrary: Mask, group: list[int]) -> list[int]:
+    """The frames about the one that contradicts fewest, of which each contradicts few of the others.
+
+    contrary: which pairs (P,) disagree; frames that hardly turned against each other are no pair and tell nothing.
+    """
     if not group:
         return []
-    alike = {i: {j for j in group if j == i or _holds(v, agree, i, j)} for i in group}
+    alike = {i: {j for j in group if not _holds(v, contrary, i, j)} for i in group}
     kept = alike[max(group, key=lambda i: len(alike[i]))]
     return sorted(i for i in kept if len(alike[i] & kept) > 0.6 * len(kept))
 

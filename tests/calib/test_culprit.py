@@ -74,6 +74,15 @@ def test_frames_and_joint_columns(words: str, cell_and_frames: tuple[Cell, Frame
     assert bool(said) == bool(words)
 
 
+def test_frames_that_hardly_turn_are_not_accused(cell_and_frames: tuple[Cell, Frames]) -> None:
+    """Location A holds two configurations, four times each: pairs without an axis say nothing against a frame."""
+    cell, frames = cell_and_frames
+    copies = tuple(replace(frames[k % 2], frame=k) for k in range(8))
+    kept = (*copies, *(replace(f, frame=f.frame + 1) for f in frames[7:]))
+    assert _said(cell, kept, cell.robot) == ""
+    assert "labels of frame 10 are those" in _said(cell, _relabelled(kept, lambda n: n == 10), cell.robot)
+
+
 def test_row_of_another_arm(cell_and_frames: tuple[Cell, Frames]) -> None:
     cell, frames = cell_and_frames
     wrong = np.zeros((5, 6))
