@@ -35,11 +35,15 @@ def tables(folder: Path) -> dict[str, bytes]:
 
 
 def start_sweep(plan: Path, out: Path, workers: int = 2) -> subprocess.Popen[str]:
-    """The command in a process group of its own."""
+    """The command in a process group of its own, as a terminal starts it.
+
+    A shell lets its background jobs ignore Ctrl-C, and children inherit that: it would hold for the sweep, too.
+    """
     command = [sys.executable, "-m", "workbench", "sweep", str(plan), "--out", str(out), "--workers", str(workers)]
     return subprocess.Popen(
-        command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, start_new_session=True
-    )
+        command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, start_new_session=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )  # fmt: skip
 
 
 def shards_of(out: Path) -> list[Path]:
