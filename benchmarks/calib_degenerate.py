@@ -53,6 +53,9 @@ def spoils() -> dict[str, Spoil]:
     def frames_only(change: Callable[[Frames, Cell, np.random.Generator], Frames]) -> Spoil:
         return lambda f, c, rng: (change(f, c, rng), c.jig, c.robot)
 
+    def each(change: Callable[[FrameObservation], FrameObservation]) -> Spoil:
+        return frames_only(lambda f, c, rng: tuple(map(change, f)))
+
     def robot_only(change: Callable[[RobotModel], RobotModel]) -> Spoil:
         return lambda f, c, rng: (f, c.jig, change(c.robot))
 
@@ -66,22 +69,14 @@ def spoils() -> dict[str, Spoil]:
         "labels swapped (A, B) in all frames": frames_only(lambda f, c, rng: _swap(f, _ab, 1)),
         "labels swapped (B', C') in all frames": frames_only(lambda f, c, rng: _swap(f, _diagonals, 1)),
         "half the points outliers": frames_only(lambda f, c, rng: _outliers(f, rng)),
-        "joints in radians under a degree header": frames_only(
-            lambda f, c, rng: tuple(replace(x, joints_rad=np.deg2rad(x.joints_rad)) for x in f)
-        ),
-        "joints in another order": frames_only(
-            lambda f, c, rng: tuple(replace(x, joints_rad=x.joints_rad[[0, 1, 2, 3, 5, 4]]) for x in f)
-        ),
+        "joints in radians under a degree header": each(lambda x: replace(x, joints_rad=np.deg2rad(x.joints_rad))),
+        "joints in another order": each(lambda x: replace(x, joints_rad=x.joints_rad[[0, 1, 2, 3, 5, 4]])),
         "joints of the next frame": frames_only(
             lambda f, c, rng: tuple(replace(x, joints_rad=y.joints_rad) for x, y in zip(f, (*f[1:], f[0]), strict=True))
         ),
-        "two locations under one name": frames_only(
-            lambda f, c, rng: tuple(replace(x, location="A" if x.location == "B" else x.location) for x in f)
-        ),
+        "two locations under one name": each(lambda x: replace(x, location="A" if x.location == "B" else x.location)),
         "frames of another location": frames_only(lambda f, c, rng: _misplaced(f)),
-        "one frame of another location": frames_only(
-            lambda f, c, rng: tuple(replace(x, location="C") if x.frame == 3 else x for x in f)
-        ),
+        "one frame of another location": each(lambda x: replace(x, location="C") if x.frame == 3 else x),
         "one frame with the joints of another": frames_only(
             lambda f, c, rng: tuple(replace(x, joints_rad=f[15].joints_rad) if x.frame == 3 else x for x in f)
         ),
