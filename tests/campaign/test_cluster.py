@@ -130,7 +130,7 @@ def test_a_scheduler_without_workers_is_one_sentence(
 
 @pytest.mark.slow
 def test_a_worker_with_loose_threads_is_refused(small_run: Path, tmp_path: Path) -> None:
-    loose = Cluster(tmp_path, {"DASK_DISTRIBUTED__NANNY__PRE_SPAWN_ENVIRON__OPENBLAS_NUM_THREADS": "2"})
+    loose = Cluster(tmp_path, {"OPENBLAS_NUM_THREADS": "2"})
     try:
         loose.add_workers(1)
         with pytest.raises(InputError, match="start it with OMP_NUM_THREADS=1"):
