@@ -37,8 +37,8 @@ def ambient_electrons(scene: Scene, strings: Cylinders | None, material: Materia
     no shadows) has the radiance L = ρ E Δλ/π; on the chip it gives π L T cos⁴α/(4 F²) (1 + m)⁻².
     """
     sensor = scene.sensor
-    triangles, level = _faces(scene, strings, material, config)
-    camera = to_camera(sensor, triangles)
+    facets, level = _facets(scene, strings, material, config)
+    camera = to_camera(sensor, facets)
     keep = camera[..., 2].max(1, initial=0.0) > NEAR_MM
     camera, level = _clip_near(camera[keep], level[keep])
     sigma = sharp_sigma_px(config.optics, sensor, config.laser.wavelength_nm)
@@ -53,31 +53,27 @@ def ambient_electrons(scene: Scene, strings: Cylinders | None, material: Materia
     return electrons
 
 
-def _faces(scene: Scene, strings: Cylinders | None, material: Material, config: EmulatorConfig) -> tuple[Array, Array]:
-    """All triangles (T, 3, 3) in {P} and the light that each sends back, in units of the irradiance."""
+def _facets(scene: Scene, strings: Cylinders | None, material: Material, config: EmulatorConfig) -> tuple[Array, Array]:
+    """All flat faces (F, 4, 3) in {P} and the light that each sends back, in units of the irradiance."""
     camera = scene.sensor.camera_centre_mm
     towards = -np.array(config.ambient.direction) / np.linalg.norm(config.ambient.direction)
     fill = config.ambient.fill
-    triangles, levels = [np.zeros((0, 3, 3))], [np.zeros(0)]
+    facets, levels = [np.zeros((0, 4, 3))], [np.zeros(0)]
     for solid in scene.solids:
         pose, body = solid.T_sensor_mesh, body_of(solid)
-        seen = slice(None)
-        if body.closed:
-            from_mesh = pose.R.T @ (camera - pose.t)
-            seen = np.einsum("ij,ij->i", body.outwards, from_mesh - body.triangles[:, 0]) > 0
-        t, normal = body.triangles[seen] @ pose.R.T + pose.t, body.outwards[seen] @ pose.R.T
-        normal *= np.where(np.einsum("ij,ij->i", normal, camera - t[:, 0]) < 0, -1, 1)[:, None]
-        triangles.append(t)
+        above = np.einsum("ij,ij->i", body.facing, pose.R.T @ (camera - pose.t) - body.facets[:, 0])
+        seen = above > 0 if body.closed else np.ones(len(above), dtype=bool)
+        facets.append((body.facets[seen].reshape(-1, 3) @ pose.R.T + pose.t).reshape(-1, 4, 3))
+        towards_light = np.where(above[seen] < 0, -1, 1) * (body.facing[seen] @ (pose.R.T @ towards))
         albedo = solid.material.diffuse + solid.material.specular * 0.5
-        levels.append(albedo * (fill + (1 - fill) * np.maximum(normal @ towards, 0)))
+        levels.append(albedo * (fill + (1 - fill) * np.maximum(towards_light, 0)))
     if strings is not None:
         ends = strings.starts, strings.starts + strings.lengths[:, None] * strings.directions
         side = np.cross(strings.directions, camera - strings.starts)
         side *= strings.radius / np.linalg.norm(side, axis=1, keepdims=True)
-        quad = [ends[0] - side, ends[1] - side, ends[1] + side, ends[0] + side]
-        triangles += [np.stack([quad[i] for i in three], 1) for three in ((0, 1, 2), (0, 2, 3))]
-        levels += [np.full(len(side), material.diffuse * (fill + (1 - fill) * 0.6))] * 2
-    return np.concatenate(triangles), np.concatenate(levels)
+        facets.append(np.stack([ends[0] - side, ends[1] - side, ends[1] + side, ends[0] + side], 1))
+        levels.append(np.full(len(side), material.diffuse * (fill + (1 - fill) * 0.6)))
+    return np.concatenate(facets), np.concatenate(levels)
 
 
 @lru_cache(maxsize=8)
@@ -133,9 +129,11 @@ def _view(sensor: SensorModel, reach_px: int) -> _View:
 
 
 def _clip_near(camera: Array, level: Array) -> tuple[Array, Array]:
-    """Triangles (T, 3, 3) of the camera frame cut at the near plane, and their levels."""
+    """Flat faces (F, 4, 3) of the camera frame cut at the near plane, and their levels."""
     behind = camera[..., 2] < NEAR_MM
     whole = ~np.any(behind, 1)
+    if np.all(whole):
+        return camera, level
     out, levels = [camera[whole]], [level[whole]]
     for corners, value in zip(camera[~whole], level[~whole], strict=True):
         polygon = []
@@ -144,7 +142,7 @@ def _clip_near(camera: Array, level: Array) -> tuple[Array, Array]:
                 polygon.append(a)
             if (a[2] >= NEAR_MM) != (b[2] >= NEAR_MM):
                 polygon.append(a + (NEAR_MM - a[2]) / (b[2] - a[2]) * (b - a))
-        fan = [[polygon[0], polygon[i], polygon[i + 1]] for i in range(1, len(polygon) - 1)]
-        out.append(np.array(fan).reshape(-1, 3, 3))
+        fan = [[polygon[0], polygon[i], polygon[i + 1], polygon[i + 1]] for i in range(1, len(polygon) - 1)]
+        out.append(np.array(fan).reshape(-1, 4, 3))
         levels.append(np.full(len(fan), value))
     return np.concatenate(out), np.concatenate(levels)

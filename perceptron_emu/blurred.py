@@ -8,6 +8,7 @@ import numpy as np
 from numba import njit, uint32
 from numpy.typing import NDArray
 
+from perceptron_emu.convolve import convolved
 from perceptron_emu.level_cells import CELL_PX, Flags
 
 Float32 = NDArray[np.float32]
@@ -69,7 +70,7 @@ def _draw(target, picture, columns, where, cells, taps, scale):  # type: ignore[
             right = min(a * CELL_PX, width)
             _bent(sharp, picture, columns, where, top, bottom, left, right, reach)
             for j in range(bottom - top + 2 * reach):
-                _along(sharp[j], taps, level[j, : right - left])
+                convolved(sharp[j], taps, level[j, : right - left])
             for j in range(top, bottom):
                 _across(level[j - top : j - top + len(taps)], taps, scale[j, left:right], target[j, left:right])
 
@@ -101,19 +102,6 @@ def _bent(sharp, picture, columns, where, top, bottom, left, right, reach):  # t
 @njit(cache=True, inline="always")
 def _mirrored(i, n):  # type: ignore[no-untyped-def]
     return -i if i < 0 else (2 * n - 2 - i if i >= n else i)
-
-
-@njit(cache=True, error_model="numpy", fastmath=True)
-def _along(line, taps, out):  # type: ignore[no-untyped-def]
-    """A line blurred along itself; the taps are the same to either side."""
-    reach = len(taps) // 2
-    n, middle = len(out), line[reach : reach + len(out)]
-    for i in range(n):
-        out[i] = taps[reach] * middle[i]
-    for k in range(reach):
-        weight, before, after = taps[k], line[k : k + n], line[2 * reach - k : 2 * reach - k + n]
-        for i in range(n):
-            out[i] += weight * (before[i] + after[i])
 
 
 @njit(cache=True, error_model="numpy", fastmath=True)

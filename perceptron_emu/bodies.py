@@ -11,6 +11,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from perceptron_emu.bvh import Bvh, blocked, build_bvh
+from perceptron_emu.facets import facets
 from perceptron_emu.scene import Solid
 
 Array = NDArray[np.float64]
@@ -24,12 +25,15 @@ FLAT = 1e-9  # of a mesh's size: corners no farther from a face's plane lie in i
 class Body:
     """A mesh in its own axes. triangles: (T, 3, 3) [mm]. outwards: their unit normals (T, 3), by their winding.
 
-    normals: unit normals for shading at the corners (T, 3, 3). closed: without a hole in its surface and wound
+    facets: its flat faces of up to four corners (F, 4, 3), `facets`; facing: their unit normals (F, 3). normals: unit
+    normals for shading at the triangles' corners (T, 3, 3). closed: without a hole in its surface and wound
     outwards, so that back faces are never seen. convex: it never hides a part of its own surface that faces the camera.
     """
 
     triangles: Array
     outwards: Array
+    facets: Array
+    facing: Array
     normals: Array
     bvh: Bvh
     closed: bool
@@ -49,7 +53,10 @@ def body_of(solid: Solid) -> Body:
     triangles = np.asarray(mesh.triangles, dtype=float)
     convex = _convex(triangles, np.array(mesh.vertices, dtype=float))
     outwards = _face_normals(triangles)[0]
-    body = Body(triangles, outwards, corner_normals(mesh), build_bvh(triangles), bool(mesh.is_volume), convex)
+    flat, owner = facets(np.array(mesh.vertices, dtype=float), np.array(mesh.faces, dtype=np.int64), outwards)
+    bvh = build_bvh(triangles)
+    normals, closed = corner_normals(mesh), bool(mesh.is_volume)
+    body = Body(triangles, outwards, flat, outwards[owner], normals, bvh, closed, convex)
     _BODIES[key] = (weakref.ref(solid.mesh, lambda _: _BODIES.pop(key, None)), body)
     return body
 

@@ -12,26 +12,51 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 LEAF = 4
+PACKET = 16  # segments that are tried together
+PIECES, MAX_PIECES = 8, 100_000  # of a mesh's length; pieces of a mesh after which none is halved
 UNTURNED, UNMOVED = np.eye(3), np.zeros(3)
 SLACK = 1e-9  # of a segment's length: a flat box must not be missed by rounding
 
 
 @dataclass(frozen=True, eq=False)
 class Bvh:
-    """Boxes (M, 6) of low and high corners, children (M, 2) or, in leaves, (−1 − first, count), triangles (T, 3, 3)
-    in leaf order.
+    """Boxes (M, 6) of low and high corners, children (M, 2) or, in leaves, (−1 − first, count) of the members (P,),
+    numbers of triangles (T, 3, 3); one that is long is the member of several leaves.
     """
 
     boxes: Array
     children: NDArray[np.int64]
+    members: NDArray[np.int64]
     triangles: Array
 
 
 def build_bvh(triangles: Array) -> Bvh:
-    """Hierarchy over triangles (T, 3, 3) [mm], split where the boxes become small."""
+    """Hierarchy over triangles (T, 3, 3) [mm], split where the boxes become small.
+
+    Long triangles are boxed in pieces: else the fans about a drilled hole fill their plane with overlapping boxes.
+    Source: early split clipping, Ernst & Greiner 2007.
+    """
     triangles = np.ascontiguousarray(triangles, dtype=float)
-    order, boxes, children = _build(triangles.min(1), triangles.max(1))
-    return Bvh(boxes, children, triangles[order].copy())
+    pieces, owner = _in_pieces(triangles)
+    order, boxes, children = _build(pieces.min(1), pieces.max(1))
+    return Bvh(boxes, children, owner[order].copy(), triangles)
+
+
+def _in_pieces(triangles: Array) -> tuple[Array, NDArray[np.int64]]:
+    """Triangles halved across their longest edges until none is long: (P, 3, 3), and whose pieces they are (P,)."""
+    longest = max(float(np.ptp(triangles.reshape(-1, 3), axis=0).max()) / PIECES, 1e-9)
+    pieces, owner = triangles, np.arange(len(triangles))
+    while LEAF < len(pieces) < MAX_PIECES:
+        edges = np.linalg.norm(np.roll(pieces, -1, axis=1) - pieces, axis=2)
+        long = edges.max(1) > longest
+        if not np.any(long):
+            break
+        turned = np.take_along_axis(pieces[long], (edges[long].argmax(1)[:, None] + [0, 1, 2])[..., None] % 3, axis=1)
+        halves = np.repeat(turned, 2, axis=0)
+        halves[::2, 1] = halves[1::2, 0] = turned[:, :2].mean(1)
+        pieces = np.concatenate([pieces[~long], halves])
+        owner = np.concatenate([owner[~long], np.repeat(owner[long], 2)])
+    return pieces, owner
 
 
 def blocked(bvh: Bvh, origins: Array, targets: Array, R: Array = UNTURNED, t: Array = UNMOVED) -> Mask:
@@ -43,7 +68,7 @@ def blocked(bvh: Bvh, origins: Array, targets: Array, R: Array = UNTURNED, t: Ar
     # copies: never a read-only view
     targets = np.array(np.atleast_2d(targets), dtype=float, order="C")
     pose = np.array(R, dtype=float, order="C"), np.array(t, dtype=float)
-    return np.asarray(_blocked(bvh.boxes, bvh.children, bvh.triangles, origins, targets, *pose))
+    return np.asarray(_blocked(bvh.boxes, bvh.children, bvh.members, bvh.triangles, origins, targets, *pose))
 
 
 def _build(low: Array, high: Array) -> tuple[NDArray[np.int64], Array, NDArray[np.int64]]:
@@ -118,52 +143,85 @@ def _split(low, high, members, cost):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _blocked(boxes, children, triangles, origins, targets, R, t):  # type: ignore[no-untyped-def]
+def _blocked(boxes, children, members, triangles, origins, targets, R, t):  # type: ignore[no-untyped-def]
+    """Segments are taken in packets of neighbours: most packets come near no triangle at all."""
     out = np.zeros(len(origins), np.bool_)
     stack = np.empty(128, np.int64)
-    for r in range(len(origins)):
-        k = r if len(targets) > 1 else 0
-        ox, oy, oz = _into(R, origins[r, 0] - t[0], origins[r, 1] - t[1], origins[r, 2] - t[2])
-        dx, dy, dz = _into(R, targets[k, 0] - t[0], targets[k, 1] - t[1], targets[k, 2] - t[2])
-        dx, dy, dz = dx - ox, dy - oy, dz - oz
-        # a component of 0 becomes one so small that its slab is all or nothing
-        ix = 1 / dx if abs(dx) > 1e-12 else 1e12
-        iy = 1 / dy if abs(dy) > 1e-12 else 1e12
-        iz = 1 / dz if abs(dz) > 1e-12 else 1e12
-        stack[0] = 0
-        top = 1
-        while top > 0:
-            top -= 1
-            node = stack[top]
-            a, b = (boxes[node, 0] - ox) * ix, (boxes[node, 3] - ox) * ix
-            near, far = max(0.0, min(a, b)), min(1.0, max(a, b))
-            a, b = (boxes[node, 1] - oy) * iy, (boxes[node, 4] - oy) * iy
-            near, far = max(near, min(a, b)), min(far, max(a, b))
-            a, b = (boxes[node, 2] - oz) * iz, (boxes[node, 5] - oz) * iz
-            near, far = max(near, min(a, b)), min(far, max(a, b))
-            if near > far + SLACK:
-                continue
-            first, second = children[node, 0], children[node, 1]
-            if first >= 0:
-                stack[top], stack[top + 1] = first, second
-                top += 2
-                continue
-            for i in range(-1 - first, second - 1 - first):
-                if _cuts(triangles, i, ox, oy, oz, dx, dy, dz):
-                    out[r] = True
-                    top = 0
-                    break
+    begin, end = np.empty((2, PACKET, 3))
+    begin_box, end_box = np.empty((2, 6))
+    middle, way, half = np.empty(3), np.empty(3), np.empty(3)
+    single = np.zeros(3)
+    for first in range(0, len(origins), PACKET):
+        n = min(PACKET, len(origins) - first)
+        for k in range(n):
+            _into(R, t, origins[first + k], begin[k])
+            _into(R, t, targets[first + k if len(targets) > 1 else 0], end[k])
+        _bounds(begin, n, begin_box)
+        _bounds(end, n, end_box)
+        for a in range(3):
+            middle[a] = (begin_box[a] + begin_box[3 + a]) / 2
+            way[a] = (end_box[a] + end_box[3 + a]) / 2 - middle[a]
+            half[a] = max(begin_box[3 + a] - begin_box[a], end_box[3 + a] - end_box[a]) / 2
+        if not _meets(boxes, children, members, triangles, middle, way, half, False, stack):
+            continue
+        for k in range(n):
+            for a in range(3):
+                way[a] = end[k, a] - begin[k, a]
+            out[first + k] = _meets(boxes, children, members, triangles, begin[k], way, single, True, stack)
     return out
 
 
+@njit(cache=True, error_model="numpy")
+def _bounds(points, n, box):  # type: ignore[no-untyped-def]
+    for a in range(3):
+        low, high = points[0, a], points[0, a]
+        for k in range(1, n):
+            low, high = min(low, points[k, a]), max(high, points[k, a])
+        box[a], box[3 + a] = low, high
+
+
+@njit(cache=True, error_model="numpy")
+def _meets(boxes, children, members, triangles, origin, way, half, exact, stack):  # type: ignore[no-untyped-def]
+    """Whether the segment from the origin along the way cuts a triangle; not exact: whether it comes within half of the
+    box of a few triangles along each axis.
+    """
+    (ox, oy, oz), (dx, dy, dz), (hx, hy, hz) = origin, way, half
+    # a component of 0 becomes one so small that its slab is all or nothing
+    ix = 1 / dx if abs(dx) > 1e-12 else 1e12
+    iy = 1 / dy if abs(dy) > 1e-12 else 1e12
+    iz = 1 / dz if abs(dz) > 1e-12 else 1e12
+    stack[0] = 0
+    top = 1
+    while top > 0:
+        top -= 1
+        node = stack[top]
+        a, b = (boxes[node, 0] - hx - ox) * ix, (boxes[node, 3] + hx - ox) * ix
+        near, far = max(0.0, min(a, b)), min(1.0, max(a, b))
+        a, b = (boxes[node, 1] - hy - oy) * iy, (boxes[node, 4] + hy - oy) * iy
+        near, far = max(near, min(a, b)), min(far, max(a, b))
+        a, b = (boxes[node, 2] - hz - oz) * iz, (boxes[node, 5] + hz - oz) * iz
+        near, far = max(near, min(a, b)), min(far, max(a, b))
+        if near > far + SLACK:
+            continue
+        first, second = children[node, 0], children[node, 1]
+        if first >= 0:
+            stack[top], stack[top + 1] = first, second
+            top += 2
+            continue
+        if not exact:
+            return True
+        for i in range(-1 - first, second - 1 - first):
+            if _cuts(triangles, members[i], ox, oy, oz, dx, dy, dz):
+                return True
+    return False
+
+
 @njit(cache=True, error_model="numpy", inline="always")
-def _into(R, x, y, z):  # type: ignore[no-untyped-def]
-    """Rᵀ (x, y, z)."""
-    return (
-        R[0, 0] * x + R[1, 0] * y + R[2, 0] * z,
-        R[0, 1] * x + R[1, 1] * y + R[2, 1] * z,
-        R[0, 2] * x + R[1, 2] * y + R[2, 2] * z,
-    )
+def _into(R, t, point, out):  # type: ignore[no-untyped-def]
+    """Set out to Rᵀ (point − t)."""
+    x, y, z = point[0] - t[0], point[1] - t[1], point[2] - t[2]
+    for a in range(3):
+        out[a] = R[0, a] * x + R[1, a] * y + R[2, a] * z
 
 
 @njit(cache=True, error_model="numpy", inline="always")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
+from itertools import pairwise
 
 import numpy as np
 from numba import njit
@@ -21,7 +22,7 @@ Array = NDArray[np.float64]
 Float32 = NDArray[np.float32]
 
 MAX_RINGS = 16
-FFT_SIGMA = 2.5  # sub-pixels: sharper spots would alias on the splines that they are spread by
+SPLINE_SIGMA = 2.5  # sub-pixels: sharper spots would alias on the splines that they are spread by
 
 
 def draw(
@@ -44,11 +45,11 @@ def draw(
     uv, sigma, weight, group = _defocused(uv, sigma, samples, sensor, config)
     order = np.argsort(group, kind="stable")
     uv, sigma, weight, group = uv[order], sigma[order], weight[order], group[order]
-    ends = np.flatnonzero(np.diff(group)) + 1
-    for piece in np.split(np.arange(len(group)), ends):
-        shift = np.zeros(2)
+    bounds = [0, *(np.flatnonzero(np.diff(group)) + 1), len(group)]
+    for begin, end in pairwise(bounds):
+        piece, shift = slice(begin, end), np.zeros(2)
         if drift is not None:
-            shift = _speckle_shift(samples.xyz_mm[samples.group == group[piece[0]]], sensor, drift)
+            shift = _speckle_shift(samples.xyz_mm[samples.group == group[begin]], sensor, drift)
         _draw_piece(electrons, uv[piece], weight[piece], sigma[piece], sensor, config, key, shift)
 
 
@@ -135,10 +136,10 @@ def _add_product(electrons, light, grains, q):  # type: ignore[no-untyped-def]
 
 
 def _on_sub_pixels(shape: tuple[int, int], u: Array, v: Array, weight: Array, sigma: Array) -> Float32:
-    """Spots drawn on sub-pixels: by the Fourier transform where they are alike and clear of the border."""
+    """Spots drawn on sub-pixels: all in one convolution where they are alike and clear of the border."""
     low, high = float(np.min(sigma)), float(np.max(sigma))
     clear = min(u.min(), v.min(), shape[1] - 1 - u.max(), shape[0] - 1 - v.max()) > REACH * high - 0.5
-    if clear and low >= FFT_SIGMA and high - low < 0.01 * low:
+    if clear and low >= SPLINE_SIGMA and high - low < 0.01 * low:
         return deposit_fine(shape, u, v, weight, (low + high) / 2)
     fine = np.zeros(shape, np.float32)
     deposit(fine, u, v, weight, sigma)

@@ -61,15 +61,15 @@ def light_scene(scene: Scene, config: EmulatorConfig) -> LitScene:
 
 def _unhidden(strings: Cylinders, lit: LitStrings, scene: Scene) -> Array:
     """1 where a node (S, T, K) is reached by the laser and seen by the camera past other strings and solids, else 0."""
-    points = lit.xyz_mm.reshape(-1, 3)
-    own = np.repeat(np.arange(len(strings.labels)), lit.electrons[0].size)
     todo = np.flatnonzero(lit.electrons)
+    points, own = lit.xyz_mm.reshape(-1, 3)[todo], todo // lit.electrons[0].size
     emitter = points.copy()
     emitter[:, 1:] = scene.sensor.laser_origin_mm[1:]
-    for source in (emitter, np.broadcast_to(scene.sensor.camera_centre_mm, points.shape)):
-        todo = todo[~hidden_by_strings(strings, points[todo], source[todo], own[todo])]
+    hidden = np.zeros(len(todo), dtype=bool)
+    for source in (emitter, scene.sensor.camera_centre_mm):
+        hidden |= hidden_by_strings(strings, points, source, own)
         for solid in scene.solids:
-            todo = todo[~hidden_by_solid(solid, points[todo], source[todo])]
-    clear = np.zeros(len(points))
-    clear[todo] = 1
+            hidden |= hidden_by_solid(solid, points, source)
+    clear = np.zeros(lit.electrons.size)
+    clear[todo[~hidden]] = 1
     return clear.reshape(lit.electrons.shape)

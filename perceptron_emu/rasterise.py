@@ -1,4 +1,4 @@
-"""Triangles to pixels: the level of the nearest one at every pixel's centre."""
+"""Flat faces to pixels: the level of the nearest one at every pixel's centre."""
 
 from __future__ import annotations
 
@@ -10,52 +10,71 @@ Array = NDArray[np.float64]
 Float32 = NDArray[np.float32]
 
 SHORT = 12  # pixels of a row that are not worth drawing several at once
+FLAT_PX2 = 1e-9  # twice the area of a face's image below which it is not drawn
 
 
 def rasterise(
-    triangles: Array, level: Float32, shape: tuple[int, int], intrinsics: tuple[float, float, float, float]
+    facets: Array, level: Float32, shape: tuple[int, int], intrinsics: tuple[float, float, float, float]
 ) -> Float32:
-    """The pinhole picture (H, W) of triangles (T, 3, 3) [mm] of the camera frame, all before it; 0 where none is.
+    """The pinhole picture (H, W) of convex flat faces (F, 4, 3) [mm] of the camera frame, all before it; 0 where none
+    is. A triangle has its last corner twice.
 
     intrinsics: fx, fy, cx, cy [px]. 1/z is linear in the image.
     """
     picture, inverse_depth = np.zeros((2, *shape), np.float32)
-    _rasterise(picture, inverse_depth, triangles, level, *intrinsics)
+    _rasterise(picture, inverse_depth, facets, level, *intrinsics)
     return picture
 
 
 @njit(cache=True, error_model="numpy")
-def _rasterise(picture, inverse_depth, triangles, level, fx, fy, cx, cy):  # type: ignore[no-untyped-def]
-    corners = np.empty((3, 3))  # (v, u, 1/z), from the top down
-    for t in range(len(triangles)):
-        for k in range(3):
-            x, y, z = triangles[t, k, 0], triangles[t, k, 1], triangles[t, k, 2]
-            corners[k, 0], corners[k, 1], corners[k, 2] = fy * y / z + cy, fx * x / z + cx, 1 / z
-        for a, b in ((0, 1), (1, 2), (0, 1)):
-            if corners[a, 0] > corners[b, 0]:
-                for k in range(3):
-                    corners[a, k], corners[b, k] = corners[b, k], corners[a, k]
-        _draw_triangle(picture, inverse_depth, corners, level[t])
+def _rasterise(picture, inverse_depth, facets, level, fx, fy, cx, cy):  # type: ignore[no-untyped-def]
+    corners = np.empty((4, 3))  # (u, v, 1/z)
+    left, right = np.empty((2, len(picture)))
+    for f in range(len(facets)):
+        for k in range(4):
+            x, y, z = facets[f, k, 0], facets[f, k, 1], facets[f, k, 2]
+            corners[k, 0], corners[k, 1], corners[k, 2] = fx * x / z + cx, fy * y / z + cy, 1 / z
+        top, bottom = _edges(corners, left, right)
+        if top <= bottom:
+            _draw_facet(picture, inverse_depth, corners, level[f], top, bottom, left, right)
 
 
 @njit(cache=True, error_model="numpy", fastmath=True)
-def _draw_triangle(picture, inverse_depth, corners, level):  # type: ignore[no-untyped-def]
-    height, width = picture.shape
-    (v0, u0, w0), (v1, u1, w1), (v2, u2, w2) = corners[0], corners[1], corners[2]
+def _edges(corners, left, right):  # type: ignore[no-untyped-def]
+    """Fill where rows enter and leave the face; its first and last row."""
+    last = len(left) - 1.0
+    first_row = int(max(np.ceil(corners[:, 1].min()), 0.0))
+    last_row = int(min(np.floor(corners[:, 1].max()), last))
+    for j in range(first_row, last_row + 1):
+        left[j], right[j] = 1e30, -1e30
+    for k in range(4):
+        u0, v0, u1, v1 = corners[k, 0], corners[k, 1], corners[(k + 1) % 4, 0], corners[(k + 1) % 4, 1]
+        if v0 > v1:
+            u0, v0, u1, v1 = u1, v1, u0, v0
+        if not v1 > v0:
+            continue
+        slope = (u1 - u0) / (v1 - v0)
+        for j in range(int(max(np.ceil(v0), 0.0)), int(min(np.floor(v1), last)) + 1):
+            u = u0 + (j - v0) * slope
+            left[j], right[j] = min(left[j], u), max(right[j], u)
+    return first_row, last_row
+
+
+@njit(cache=True, error_model="numpy", fastmath=True)
+def _draw_facet(picture, inverse_depth, corners, level, top, bottom, left, right):  # type: ignore[no-untyped-def]
+    last_column = picture.shape[1] - 1.0
+    (u0, v0, w0), (u1, v1, w1), (u2, v2, w2), (u3, v3, w3) = corners[0], corners[1], corners[2], corners[3]
     area = (u1 - u0) * (v2 - v0) - (u2 - u0) * (v1 - v0)
-    if abs(area) < 1e-9:
+    rest = (u2 - u0) * (v3 - v0) - (u3 - u0) * (v2 - v0)
+    if abs(rest) > abs(area):  # the larger half tells the plane
+        u1, v1, w1, area = u3, v3, w3, -rest
+    if abs(area) < FLAT_PX2:
         return
     along_u = ((w1 - w0) * (v2 - v0) - (w2 - w0) * (v1 - v0)) / area
     along_v = ((w2 - w0) * (u1 - u0) - (w1 - w0) * (u2 - u0)) / area
     step = np.float32(along_u)
-    upper, lower, whole = (u1 - u0) / (v1 - v0), (u2 - u1) / (v2 - v1), (u2 - u0) / (v2 - v0)
-    for j in range(int(max(np.ceil(v0), 0.0)), int(min(np.floor(v2), height - 1.0)) + 1):
-        one = u0 + (j - v0) * whole
-        other = u0 + (j - v0) * upper if j < v1 else u1 + (j - v1) * lower
-        left, right = max(np.ceil(min(one, other)), 0.0), min(np.floor(max(one, other)), width - 1.0)
-        if not left <= right:
-            continue
-        first, last = int(left), int(right)
+    for j in range(top, bottom + 1):
+        first, last = int(np.ceil(max(left[j], 0.0))), int(np.floor(min(right[j], last_column)))
         inverse = np.float32(w0 + along_u * (first - u0) + along_v * (j - v0))
         if last - first < SHORT:
             for i in range(first, last + 1):

@@ -24,9 +24,12 @@ MAX_SLOPE = 3.0  # a steeper face is hardly lit
 
 @dataclass(frozen=True, eq=False)
 class Faces:
-    """Triangles (T, 3, 3) [mm] in {P}, unit normals at their corners (T, 3, 3), the solid each belongs to (T,)."""
+    """Triangles (T, 3, 3) [mm] in {P}, their unit normals (T, 3), those for shading at their corners (T, 3, 3), the
+    solid each belongs to (T,).
+    """
 
     triangles: Array
+    facing: Array
     normals: Array
     solid: Index
 
@@ -34,15 +37,18 @@ class Faces:
 def faces_in_sheet(scene: Scene, config: EmulatorConfig) -> Faces:
     """The faces of all solids that come near enough to x = 0 to be lit."""
     reach = SHEET_REACH * _widest_mm(scene.sensor, config) / 2
-    triangles, normals, owner = [np.zeros((0, 3, 3))], [np.zeros((0, 3, 3))], [np.zeros(0, dtype=np.int64)]
+    triangles, facing, normals = [np.zeros((0, 3, 3))], [np.zeros((0, 3))], [np.zeros((0, 3, 3))]
+    owner = [np.zeros(0, dtype=np.int64)]
     for number, solid in enumerate(scene.solids):
         pose, body = solid.T_sensor_mesh, body_of(solid)
-        x = body.triangles @ pose.R[0] + pose.t[0]
-        near = (x.min(1) <= reach) & (x.max(1) >= -reach)
-        triangles.append(body.triangles[near] @ pose.R.T + pose.t)
-        normals.append(body.normals[near] @ pose.R.T)
-        owner.append(np.full(int(near.sum()), number))
-    return Faces(np.concatenate(triangles), np.concatenate(normals), np.concatenate(owner))
+        x = (body.triangles.reshape(-1, 3) @ pose.R[0] + pose.t[0]).reshape(-1, 3)
+        low, high = (f(f(x[:, 0], x[:, 1]), x[:, 2]) for f in (np.minimum, np.maximum))
+        near = np.flatnonzero((low <= reach) & (high >= -reach))
+        triangles.append((body.triangles[near].reshape(-1, 3) @ pose.R.T + pose.t).reshape(-1, 3, 3))
+        facing.append(body.outwards[near] @ pose.R.T)
+        normals.append((body.normals[near].reshape(-1, 3) @ pose.R.T).reshape(-1, 3, 3))
+        owner.append(np.full(len(near), number))
+    return Faces(np.concatenate(triangles), np.concatenate(facing), np.concatenate(normals), np.concatenate(owner))
 
 
 def sheet_planes(faces: Faces, sensor: SensorModel, config: EmulatorConfig) -> tuple[Array, float]:
@@ -67,7 +73,7 @@ def _image_spread(faces: Faces, sensor: SensorModel) -> float:
     On a face with normal n the ray along r is met at (1, −nₓ/(n·r) r) from one plane to the next.
     """
     middle = faces.triangles.mean(1)
-    normal = np.cross(faces.triangles[:, 1] - faces.triangles[:, 0], faces.triangles[:, 2] - faces.triangles[:, 0])
+    normal = faces.facing
     ray = (middle - sensor.laser_origin_mm) * [0, 1, 1]
     ray /= np.linalg.norm(ray, axis=1, keepdims=True)
     facing = np.einsum("ij,ij->i", normal, ray)

@@ -57,8 +57,9 @@ def light_solids(scene: Scene, strings: Cylinders | None, config: EmulatorConfig
     if len(faces.triangles) == 0:
         return Samples.none()
     planes, step = sheet_planes(faces, scene.sensor, config)
-    pieces = _in_view(faces, lit_pieces(faces, strings, planes, scene.sensor), scene.sensor)
-    return _seen(faces, pieces, step, scene, strings, config, light)
+    pieces, length_px = _in_view(faces, lit_pieces(faces, strings, planes, scene.sensor), scene.sensor)
+    nodes = _nodes(faces, pieces, length_px, step, scene.sensor, config)
+    return _seen(*nodes, scene, strings, light)
 
 
 def lit_pieces(faces: Faces, strings: Cylinders | None, planes: Array, sensor: SensorModel) -> Pieces:
@@ -92,51 +93,48 @@ def _silhouettes(strings: Cylinders | None, planes: Array, origin: Array) -> tup
     return ends, reached
 
 
-def _in_view(faces: Faces, pieces: Pieces, sensor: SensorModel) -> Pieces:
-    """The pieces that turn the lit side to the camera and whose box in the image touches it."""
-    corner, normal = faces.triangles[pieces.face, 0], _face_normals(faces)[pieces.face]
+def _in_view(faces: Faces, pieces: Pieces, sensor: SensorModel) -> tuple[Pieces, Array]:
+    """The pieces that turn the lit side to the camera and whose box in the image touches it, and the lengths (n,) [px]
+    of their images, NaN where they reach behind the camera.
+    """
+    corner, normal = faces.triangles[pieces.face, 0], faces.facing[pieces.face]
     to_laser = np.einsum("ij,ij->i", normal[:, 1:], sensor.laser_origin_mm[1:] - corner[:, 1:])
     to_laser += normal[:, 0] * (pieces.ends[:, 0, 0] - corner[:, 0])  # the sheet's rays keep their x
-    keep = to_laser * np.einsum("ij,ij->i", normal, sensor.camera_centre_mm - corner) > 0
-    uv = project(sensor, pieces.ends[keep])
-    size = np.array([sensor.width_px, sensor.height_px]) - 1 + MARGIN_PX
-    with np.errstate(invalid="ignore"):
-        touches = np.all((uv.max(1) > -MARGIN_PX) & (uv.min(1) < size), axis=1)
-    keep[keep] = touches | np.any(np.isnan(uv), axis=(1, 2))
-    return Pieces(pieces.ends[keep], pieces.normals[keep], pieces.face[keep])
+    facing = np.flatnonzero(to_laser * np.einsum("ij,ij->i", normal, sensor.camera_centre_mm - corner) > 0)
+    ends = pieces.ends[facing]
+    uv = project(sensor, ends)
+    outside = np.zeros(len(uv), dtype=bool)  # all of a piece on one side; never where it is behind the camera, NaN
+    for a, size in enumerate((sensor.width_px, sensor.height_px)):
+        first, last = uv[:, 0, a], uv[:, 1, a]
+        outside |= (first <= -MARGIN_PX) & (last <= -MARGIN_PX)
+        outside |= (first >= size - 1 + MARGIN_PX) & (last >= size - 1 + MARGIN_PX)
+    kept, length = facing[~outside], np.hypot(uv[:, 1, 0] - uv[:, 0, 0], uv[:, 1, 1] - uv[:, 0, 1])
+    return Pieces(ends[~outside], pieces.normals[kept], pieces.face[kept]), length[~outside]
 
 
 def _seen(
-    faces: Faces,
-    pieces: Pieces,
-    step: float,
-    scene: Scene,
-    strings: Cylinders | None,
-    config: EmulatorConfig,
-    light: Light,
+    xyz: Array, normal: Array, area: Array, number: Index, scene: Scene, strings: Cylinders | None, light: Light
 ) -> Samples:
-    """Nodes on the pieces that the camera sees, inside the image and past all that stands before it."""
+    """The nodes that the camera sees, inside the image and past all that stands before it."""
     sensor = scene.sensor
-    xyz, normal, area, number = _nodes(faces, pieces, step, sensor, config)
     uv = project(sensor, xyz)
-    inside = np.flatnonzero(_within(uv, sensor.width_px - 1, sensor.height_px - 1))
-    xyz, normal, area, uv, number = xyz[inside], normal[inside], area[inside], uv[inside], number[inside]
-    electrons = np.zeros(len(xyz))
-    for k, solid in enumerate(scene.solids):
-        mine = np.flatnonzero(number == k)
-        if len(mine):
-            electrons[mine] = light.electrons(xyz[mine], normal[mine], solid.material) * area[mine]
-    seen = np.flatnonzero(electrons > 0)
-    start = xyz + OFF_SURFACE_MM * normal
-    for k, solid in enumerate(scene.solids):
-        todo = np.flatnonzero(number[seen] != k) if body_of(solid).convex else np.arange(len(seen))
-        hidden = hidden_by_solid(solid, start[seen[todo]], sensor.camera_centre_mm)
-        seen = np.delete(seen, todo[hidden])
+    electrons = area * light.electrons_on(xyz, normal, [s.material for s in scene.solids], number)
+    bright = np.flatnonzero((electrons > 0) & _within(uv, sensor.width_px - 1, sensor.height_px - 1))
+    xyz, uv, electrons, number = xyz[bright], uv[bright], electrons[bright], number[bright]
+    hidden = np.zeros(len(bright), dtype=bool)
+    start = xyz + OFF_SURFACE_MM * normal[bright]
     if strings is not None:
-        seen = seen[~hidden_by_strings(strings, start[seen], sensor.camera_centre_mm)]
-    tile = np.floor(uv[seen] / TILE_PX).astype(np.int64) + 8
-    group = FIRST_STRIPE_GROUP + number[seen] * GROUPS_A_SOLID + tile[:, 1] * TILES_A_ROW + tile[:, 0]
-    return Samples(xyz[seen], electrons[seen], group)
+        hidden |= hidden_by_strings(strings, start, sensor.camera_centre_mm)
+    for k, solid in enumerate(scene.solids):
+        if not body_of(solid).convex:
+            hidden |= hidden_by_solid(solid, start, sensor.camera_centre_mm)
+            continue
+        others = np.flatnonzero(number != k)
+        hidden[others] |= hidden_by_solid(solid, start[others], sensor.camera_centre_mm)
+    tile = np.floor(uv / TILE_PX).astype(np.int64) + 8
+    group = FIRST_STRIPE_GROUP + number * GROUPS_A_SOLID + tile[:, 1] * TILES_A_ROW + tile[:, 0]
+    seen = slice(None) if not np.any(hidden) else ~hidden
+    return Samples(xyz[seen], electrons[seen], group[seen])
 
 
 @njit(cache=True, error_model="numpy")
@@ -150,16 +148,13 @@ def _within(uv, last_u, last_v):  # type: ignore[no-untyped-def]
 
 
 def _nodes(
-    faces: Faces, pieces: Pieces, step: float, sensor: SensorModel, config: EmulatorConfig
+    faces: Faces, pieces: Pieces, length_px: Array, step: float, sensor: SensorModel, config: EmulatorConfig
 ) -> tuple[Array, Array, Array, Index]:
     """Pairs of Gauss-Legendre nodes along the pieces: points, normals towards the laser (N, 3), area [mm²], solid
     (N,).
     """
-    uv = project(sensor, pieces.ends)
-    with np.errstate(invalid="ignore"):
-        length = np.linalg.norm(uv[:, 1] - uv[:, 0], axis=1)
     sigma = sharp_sigma_px(config.optics, sensor, config.laser.wavelength_nm)
-    pairs = np.clip(np.ceil(np.nan_to_num(length, nan=2000.0) / (NODE_STEP * sigma)), 1, 4000).astype(np.int64)
+    pairs = np.clip(np.ceil(np.nan_to_num(length_px, nan=2000.0) / (NODE_STEP * sigma)), 1, 4000).astype(np.int64)
     count = 2 * int(pairs.sum())
     xyz, normal, piece = np.empty((count, 3)), np.empty((count, 3)), np.empty(count, np.int64)
     _place(pieces.ends, pieces.normals, pairs, np.array(sensor.laser_origin_mm, dtype=float), xyz, normal, piece)
@@ -191,12 +186,6 @@ def _length_mm(pieces: Pieces) -> Array:
     return np.asarray(np.linalg.norm(pieces.ends[:, 1] - pieces.ends[:, 0], axis=1))
 
 
-def _face_normals(faces: Faces) -> Array:
-    t = faces.triangles
-    normal = np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0])
-    return np.asarray(normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300))
-
-
 def _plane_sine(faces: Faces, pieces: Pieces) -> Array:
     """√(1 − nₓ²) of each piece's face: the width that the sheet's spacing dx has on it is dx over this."""
-    return np.asarray(np.sqrt(np.maximum(1 - _face_normals(faces)[pieces.face, 0] ** 2, 1e-12)))
+    return np.asarray(np.sqrt(np.maximum(1 - faces.facing[pieces.face, 0] ** 2, 1e-12)))

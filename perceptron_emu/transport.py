@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -19,6 +20,7 @@ from perceptron_emu.scene import Material
 from perceptron_emu.sheet import across, beam, density_at, fan, width_at
 
 Array = NDArray[np.float64]
+Index = NDArray[np.int64]
 
 PLANCK_C_J_NM = 1.98644586e-16  # h·c in J·nm: a photon's energy is this over its wavelength
 
@@ -50,10 +52,17 @@ class Light:
 
         E cos θᵢ · f_r · cos θₒ · Ω T · t · η λ/(hc), E = P f(φ)/s · g(x; w(s)) the sheet's irradiance [mW/mm²].
         """
-        out = np.empty(xyz_mm.shape[:-1])
-        points, normals = (np.ascontiguousarray(a, dtype=float).reshape(-1, 3) for a in (xyz_mm, normal))
-        surface = material.diffuse, material.specular, material.roughness
-        _electrons(points, normals, self._source, surface, out.reshape(-1))
+        points, normals = (np.reshape(a, (-1, 3)) for a in (xyz_mm, normal))
+        return self.electrons_on(points, normals, [material], np.zeros(len(points), np.int64)).reshape(
+            xyz_mm.shape[:-1]
+        )
+
+    def electrons_on(self, xyz_mm: Array, normal: Array, materials: Sequence[Material], which: Index) -> Array:
+        """The same at points (N, 3) of several materials, which[n] of them at point n."""
+        out = np.empty(len(xyz_mm))
+        points, normals = (np.ascontiguousarray(a, dtype=float) for a in (xyz_mm, normal))
+        surfaces = np.array([[m.diffuse, m.specular, m.roughness] for m in materials])
+        _electrons(points, normals, self._source, surfaces, which, out)
         return out
 
     @cached_property
@@ -72,9 +81,8 @@ class Light:
 
 
 @njit(cache=True, error_model="numpy")
-def _electrons(xyz, normal, source, surface, out):  # type: ignore[no-untyped-def]
-    """Fill out (N,) for points xyz and unit normals (N, 3) of one surface."""
-    diffuse, specular, roughness = surface
+def _electrons(xyz, normal, source, surfaces, which, out):  # type: ignore[no-untyped-def]
+    """Fill out (N,) for points xyz and unit normals (N, 3) of the surfaces (M, 3)."""
     origin, camera, axis = source.origin, source.camera, source.axis
     waist, waist_at, rayleigh = source.beam
     for i in range(len(out)):
@@ -94,6 +102,7 @@ def _electrons(xyz, normal, source, surface, out):  # type: ignore[no-untyped-de
         hy, hz = ly + cy, lz + cz
         size = max(math.sqrt(cx * cx + hy * hy + hz * hz), 1e-12)
         cos_h = (normal[i, 0] * cx + normal[i, 1] * hy + normal[i, 2] * hz) / size
+        diffuse, specular, roughness = surfaces[which[i]]
         scatter = brdf(diffuse, specular, roughness, cos_i, cos_o, cos_h, (ly * hy + lz * hz) / size)
         irradiance = density_at(angle, source.fan) / s * across(xyz[i, 0], width_at(s, waist, waist_at, rayleigh))
         out[i] = source.scale * irradiance * cos_i * cos_o * scatter * gathered(source.lens, cosine, distance)

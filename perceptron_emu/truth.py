@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from geometry import Pose, SensorModel
@@ -81,26 +82,47 @@ def string_truths(
     """
     if now.strings is None:
         return ()
-    axes = now.strings.crossing[:, 1:]
-    return tuple(_string_truth(i, label, axes[i], parts, shares, sensor) for i, label in enumerate(now.strings.labels))
+    axes, every = now.strings.crossing[:, 1:], range(len(now.strings.labels))
+    nodes = [p.string_samples[i] for i in every for p in parts]
+    uv = project(sensor, np.concatenate([n.xyz_mm for n in nodes]))
+    ends = np.cumsum([len(n.electrons) for n in nodes])
+    images = iter(np.split(uv, ends[:-1]))
+    size, share = (sensor.width_px, sensor.height_px), np.stack(shares)
+    truths = []
+    for i, label in enumerate(now.strings.labels):
+        sums, unhidden = np.zeros(5), 0.0
+        for part, rows in zip(parts, share, strict=True):
+            of_string = part.string_samples[i]
+            taken = _add(sums, next(images), of_string.xyz_mm, of_string.electrons, rows, *size)
+            unhidden += taken * float(part.unhidden[i])
+        truths.append(_string_truth(label, axes[i], sums, unhidden))
+    return tuple(truths)
 
 
-def _string_truth(
-    i: int, label: str, axis: Array, parts: list[LitScene], shares: list[Array], sensor: SensorModel
-) -> StringTruth:
-    xyz = np.concatenate([p.string_samples[i].xyz_mm for p in parts])
-    uv = project(sensor, xyz)
-    row = np.clip(np.nan_to_num(np.round(uv[:, 1])), 0, sensor.height_px - 1).astype(int)
-    part = np.repeat(np.arange(len(parts)), [len(p.string_samples[i].electrons) for p in parts])
-    share = np.stack(shares)[part, row]
-    electrons = np.concatenate([p.string_samples[i].electrons for p in parts]) * share
-    weight = np.bincount(part, share, len(parts)) / np.maximum(np.bincount(part, minlength=len(parts)), 1)
-    unhidden = float(np.array([p.unhidden[i] for p in parts]) @ weight)
-    inside = np.all((uv > -0.5) & (uv < np.array([sensor.width_px, sensor.height_px]) - 0.5), axis=1)
-    xyz, uv, electrons = xyz[inside], uv[inside], electrons[inside]
-    total = float(electrons.sum())
+@njit(cache=True, error_model="numpy")
+def _add(sums, uv, xyz, electrons, share, width, height):  # type: ignore[no-untyped-def]
+    """Add the electrons of the nodes inside the image, and these times y, z, u and v, to the sums (5,); returns the
+    mean share (H,) of the rows of all nodes.
+    """
+    taken = 0.0
+    for k in range(len(electrons)):
+        u, v = uv[k, 0], uv[k, 1]
+        row = 0 if not v > 0 else int(min(round(v), height - 1))
+        taken += share[row]
+        if -0.5 < u < width - 0.5 and -0.5 < v < height - 0.5:
+            light = electrons[k] * share[row]
+            sums[0] += light
+            sums[1] += light * xyz[k, 1]
+            sums[2] += light * xyz[k, 2]
+            sums[3] += light * u
+            sums[4] += light * v
+    return taken / max(len(electrons), 1)
+
+
+def _string_truth(label: str, axis: Array, sums: Array, unhidden: float) -> StringTruth:
+    total = float(sums[0])
     if total == 0:
         return StringTruth(label, axis, np.full(2, np.nan), np.full(2, np.nan), 0.0)
     # a sum of parts over the sum of all: rounding alone could carry the fraction past 1
     fraction = min(1.0, total / unhidden)
-    return StringTruth(label, axis, electrons @ xyz[:, 1:] / total, electrons @ uv / total, fraction, total)
+    return StringTruth(label, axis, sums[1:3] / total, sums[3:] / total, fraction, total)
