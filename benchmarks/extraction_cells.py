@@ -4,7 +4,8 @@ Cells of the nominal sensor with posts, a wall behind, speckle and an arm with e
 thread of random albedo, gloss and roughness a cell, which the calibration is not told. The speckle is learnt from the
 frames that `calibrate` learns from, labels are the calibration's. "Visible": at least 0.9 of the lit patch is seen.
 Errors and σ are of rightly labelled, visible spots without a flag. "Known reflectance": the same points with the offset
-of the cell's true thread instead of that of the plausible ones. σ/scatter is the root mean square σ over the scatter.
+of the cell's true thread instead of that of the plausible ones. σ/scatter is the root mean square σ over the scatter;
+with known reflectance σ is the spot's own, without the reserve for the thread, which is an offset and no scatter.
 With `--strips`, two narrow strips a cell stand before the jig and hide strings in part: the last table says what
 becomes of strings by the fraction of their light that is seen. The jig's nominal places are given then ([locations.X]
 T_base_jig of a cell.toml): where the upright first frame of a location is hidden, points alone name its strings as the
@@ -42,7 +43,8 @@ EXTREMES = (0.5, 99.5)  # percentiles between which the trimmed scatter is taken
 SEEN_BINS = (0.0, 0.1, 0.5, 0.7, 0.8, VISIBLE, 1.001)
 # columns of a string's row
 SEED, SEEN, FOUND, FLAGGED = range(4)
-ERROR, SIGMA, KNOWN = slice(4, 6), slice(6, 8), slice(8, 10)
+ERROR, SIGMA, KNOWN, RESERVE = slice(4, 6), slice(6, 8), slice(8, 10), slice(10, 12)
+COLUMNS = 12
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +100,7 @@ def measured_cell(seed: int, hide: bool) -> Measured:
         observations = Observations(observed, sensor, emulated.cell.T_hand_sensor_design, places)
         result = calibrate(observations, emulated.cell.jig, emulated.cell.robot)
     except PerceptronEmuError as error:
-        return Measured(np.zeros(4, int), np.zeros((0, 10)), (), 0, time.process_time() - start, str(error))
+        return Measured(np.zeros(4, int), np.zeros((0, COLUMNS)), (), 0, time.process_time() - start, str(error))
     counts, rows, labels = np.zeros(4, int), [], []
     for frame, answer in zip(frames, result.frames, strict=True):
         points = answer.points
@@ -107,7 +109,7 @@ def measured_cell(seed: int, hide: bool) -> Measured:
         for row in string_rows(seed, frame.truth, points, emulated, thread):
             rows.append(row[1])
             labels.append(row[0])
-    table = np.array(rows).reshape(-1, 10)
+    table = np.array(rows).reshape(-1, COLUMNS)
     return Measured(counts, table, tuple(labels), len(frames), time.process_time() - start)
 
 
@@ -116,7 +118,7 @@ def string_rows(seed: int, truth, points, emulated: EmulatedCell, thread: Materi
     jig, sensor = emulated.cell.jig, emulated.cell.sensor.model
     own = SurfaceConfig(known=True, diffuse=thread.diffuse, specular=thread.specular, roughness=thread.roughness)
     for k, string in enumerate(truth.strings):
-        row = np.full(10, np.nan)
+        row = np.full(COLUMNS, np.nan)
         row[SEED], row[SEEN], row[FOUND], row[FLAGGED] = seed, string.visible_fraction, 0, 0
         if string.label in points.label:
             i = points.label.index(string.label)
@@ -124,8 +126,9 @@ def string_rows(seed: int, truth, points, emulated: EmulatedCell, thread: Materi
             row[ERROR], row[SIGMA] = points.yz_mm[i] - string.axis_mm, points.sigma_yz_mm[i]
             direction = truth.T_sensor_jig.R @ jig.directions[k]
             place = (np.array(string.axis_mm)[None], direction[None], jig.string_diameter_mm / 2, sensor)
-            guessed, true = (surface_offset(*place, surface)[0][0] for surface in (SurfaceConfig(), own))
-            row[KNOWN] = row[ERROR] + guessed - true
+            (guessed, spread), (true, _) = (surface_offset(*place, surface) for surface in (SurfaceConfig(), own))
+            row[KNOWN] = row[ERROR] + guessed[0] - true[0]
+            row[RESERVE] = np.sqrt(np.diag(spread[0]))
         if np.all(np.isfinite(np.asarray(string.image_px, dtype=float))):
             yield string.label, row
 
@@ -163,15 +166,18 @@ def errors(rows: np.ndarray, labels: np.ndarray) -> None:
     """Bias, scatter and σ of the axis points, with unknown and with known reflectance."""
     for k, axis in enumerate("yz"):
         error, sigma, known = rows[:, ERROR][:, k], rows[:, SIGMA][:, k], rows[:, KNOWN][:, k]
-        normal = error / sigma
+        normal, rms = error / sigma, np.sqrt(np.mean(sigma**2))
+        spot = np.sqrt(np.mean(sigma**2 - rows[:, RESERVE][:, k] ** 2))
         cells = np.array([error[rows[:, SEED] == seed].mean() for seed in np.unique(rows[:, SEED])])
         print(
             f"{axis}: unknown gloss: bias {error.mean():+.4f} mm (of single cells: root mean square "
             f"{np.sqrt(np.mean(cells**2)):.4f}, largest {np.abs(cells).max():.4f}), scatter {error.std():.4f} mm "
             f"(inner 99 % {trimmed(error):.4f})\n"
-            f"   σ/scatter {np.sqrt(np.mean(sigma**2)) / error.std():.2f} (scatter of error/σ {normal.std():.2f}, "
-            f"inner 99 % {trimmed(normal):.2f}), |error| > 5 σ {100 * np.mean(np.abs(normal) > 5):.2f} %\n"
-            f"   known reflectance: bias {known.mean():+.4f} mm, scatter {known.std():.4f} mm"
+            f"   σ/scatter {rms / error.std():.2f}, σ/rms error {rms / np.sqrt(np.mean(error**2)):.2f} "
+            f"(scatter of error/σ {normal.std():.2f}, inner 99 % {trimmed(normal):.2f}), "
+            f"|error| > 5 σ {100 * np.mean(np.abs(normal) > 5):.2f} %\n"
+            f"   known reflectance: bias {known.mean():+.4f} mm, scatter {known.std():.4f} mm, "
+            f"σ/scatter {spot / known.std():.2f}"
         )
     for label in sorted(set(labels)):
         mine = rows[labels == label]
