@@ -25,6 +25,21 @@ def test_the_hierarchy_finds_what_all_triangles_find() -> None:
     assert 0.1 < alone.mean() < 0.9
 
 
+def test_long_triangles_and_neighbouring_rays_are_found_too() -> None:
+    """Through the plane of a drilled plate: its triangles are boxed in pieces, most packets of rays hit no box."""
+    plate = trimesh.creation.annulus(10, 60, 2, sections=48)
+    u, v = np.meshgrid(np.linspace(-70, 70, 71), np.linspace(-70, 70, 71))
+    origins = np.column_stack([u.ravel(), v.ravel(), np.full(u.size, -20.0)])
+    tree = build_bvh(plate.triangles)
+    assert len(tree.members) > len(plate.triangles)
+    targets = origins + [3.0, 1.0, 40.0]
+    alone = np.zeros(len(origins), dtype=bool)
+    for triangle in plate.triangles:
+        alone |= blocked(build_bvh(triangle[None]), origins, targets)
+    np.testing.assert_array_equal(blocked(tree, origins, targets), alone)
+    assert 0.3 < alone.mean() < 0.9
+
+
 def test_the_hierarchy_agrees_with_embree() -> None:
     """But for rays that graze an edge, where Embree's single precision may differ."""
     mesh = trimesh.creation.torus(20, 7)
