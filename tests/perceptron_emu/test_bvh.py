@@ -32,7 +32,7 @@ def test_long_triangles_and_neighbouring_rays_are_found_too() -> None:
     origins = np.column_stack([u.ravel(), v.ravel(), np.full(u.size, -20.0)])
     tree = build_bvh(plate.triangles)
     assert len(tree.members) > len(plate.triangles)
-    targets = origins + [3.0, 1.0, 40.0]
+    targets = origins + np.array([3.0, 1.0, 40.0])
     alone = np.zeros(len(origins), dtype=bool)
     for triangle in plate.triangles:
         alone |= blocked(build_bvh(triangle[None]), origins, targets)
