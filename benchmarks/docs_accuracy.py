@@ -274,9 +274,6 @@ The median error after a change over that before it, everything else mixed as in
 
 ## What this does not say
 
-The run was begun before two late changes of the labelling and ended after them (which frame decides the jig's half turn; a fault that stopped trial 1,068). Six of its trials made again after
-them moved by up to 0.01 mm. Since then the renderer draws other noise, and the spots' σ are other ones; a new run of the plan gives this page anew.
-
 The arm's errors are those of its table and its joint readings: no temperature, no gear error, no bending under load, and the sensor's own calibration is exact. Tilts and places are random within their
 limits, not the best ones (`perceptron-emu plan` finds better). A real cell with such effects is worse than this page; its `calibrate` report says by how much.
 """
