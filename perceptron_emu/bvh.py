@@ -13,7 +13,7 @@ Mask = NDArray[np.bool_]
 
 LEAF = 4
 PACKET = 16  # segments that are tried together
-PIECES, MAX_PIECES = 8, 100_000  # of a mesh's length; pieces of a mesh after which none is halved
+PIECES, MAX_PIECES = 4, 100_000  # of a mesh's length; pieces of a mesh after which none is halved
 UNTURNED, UNMOVED = np.eye(3), np.zeros(3)
 SLACK = 1e-9  # of a segment's length: a flat box must not be missed by rounding
 
