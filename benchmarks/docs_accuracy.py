@@ -226,13 +226,11 @@ def sigma_text(run: Run) -> str:
     return "\n".join(lines)
 
 
-def page(run: Run) -> str:
-    """The whole page."""
-    robot, values = (
-        run.plan.base.robot,
-        {n: " or ".join(f"{v:g}" for v in sorted(set(run.trials[n]))) for n in (TOLERANCE, STRING, TILT)},
-    )
-    head = HEAD.format(
+def head(run: Run) -> str:
+    """What was tested."""
+    robot = run.plan.base.robot
+    values = {n: " or ".join(f"{v:g}" for v in sorted(set(run.trials[n]))) for n in (TOLERANCE, STRING, TILT, POSES)}
+    return HEAD.format(
         trials=run.size,
         theta=robot.theta_sigma_deg,
         d=robot.d_sigma_mm,
@@ -242,13 +240,17 @@ def page(run: Run) -> str:
         strings=values[STRING],
         tolerances=values[TOLERANCE],
         tilts=values[TILT],
-        poses=" or ".join(str(v) for v in sorted(set(run.trials[POSES]))),
+        poses=values[POSES],
         answered=int(run.answered.sum()),
         verdicts=", ".join(f"{code} {n}" for code, n in verdicts(run)),
     )
+
+
+def page(run: Run) -> str:
+    """The whole page."""
     sentences = "\n".join(f"- {advice(run, target)}" for target in TARGETS)
     most = run.plan.base.poses.locations * max(run.trials[POSES])
-    return f"""{head}{big_table(run)}
+    return f"""{head(run)}{big_table(run)}
 
 ![95 % error against the number of poses](pictures/accuracy.png)
 

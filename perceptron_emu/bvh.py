@@ -36,7 +36,7 @@ def build_bvh(triangles: Array) -> Bvh:
     Long triangles are boxed in pieces: else the fans about a drilled hole fill their plane with overlapping boxes.
     Source: early split clipping, Ernst & Greiner 2007.
     """
-    triangles = np.ascontiguousarray(triangles, dtype=float)
+    triangles = np.array(triangles, dtype=float, order="C")  # a copy: never a read-only view
     pieces, owner = _in_pieces(triangles)
     order, boxes, children = _build(pieces.min(1), pieces.max(1))
     return Bvh(boxes, children, owner[order].copy(), triangles)

@@ -53,9 +53,8 @@ class Light:
         E cos θᵢ · f_r · cos θₒ · Ω T · t · η λ/(hc), E = P f(φ)/s · g(x; w(s)) the sheet's irradiance [mW/mm²].
         """
         points, normals = (np.reshape(a, (-1, 3)) for a in (xyz_mm, normal))
-        return self.electrons_on(points, normals, [material], np.zeros(len(points), np.int64)).reshape(
-            xyz_mm.shape[:-1]
-        )
+        out = self.electrons_on(points, normals, [material], np.zeros(len(points), np.int64))
+        return out.reshape(xyz_mm.shape[:-1])
 
     def electrons_on(self, xyz_mm: Array, normal: Array, materials: Sequence[Material], which: Index) -> Array:
         """The same at points (N, 3) of several materials, which[n] of them at point n."""

@@ -82,18 +82,13 @@ def string_truths(
     """
     if now.strings is None:
         return ()
-    axes, every = now.strings.crossing[:, 1:], range(len(now.strings.labels))
-    nodes = [p.string_samples[i] for i in every for p in parts]
-    uv = project(sensor, np.concatenate([n.xyz_mm for n in nodes]))
-    ends = np.cumsum([len(n.electrons) for n in nodes])
-    images = iter(np.split(uv, ends[:-1]))
-    size, share = (sensor.width_px, sensor.height_px), np.stack(shares)
-    truths = []
+    axes, truths = now.strings.crossing[:, 1:], []
     for i, label in enumerate(now.strings.labels):
         sums, unhidden = np.zeros(5), 0.0
-        for part, rows in zip(parts, share, strict=True):
-            of_string = part.string_samples[i]
-            taken = _add(sums, next(images), of_string.xyz_mm, of_string.electrons, rows, *size)
+        for part, share in zip(parts, shares, strict=True):
+            nodes = part.string_samples[i]
+            uv = project(sensor, nodes.xyz_mm)
+            taken = _add(sums, uv, nodes.xyz_mm, nodes.electrons, share, sensor.width_px, sensor.height_px)
             unhidden += taken * float(part.unhidden[i])
         truths.append(_string_truth(label, axes[i], sums, unhidden))
     return tuple(truths)
