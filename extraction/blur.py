@@ -1,8 +1,9 @@
-"""The matched blur, and on the same pass over memory what detection wants to know of it: block moments, column tops."""
+"""The matched blur, and on the same pass over memory what detection wants to know of its blocks: moments and tops."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import cv2
@@ -25,8 +26,7 @@ UNIT = 256  # the compiled kernel's weights are whole numbers of this sum: exact
 class Blurred:
     """A blurred image: smooth (H, W) [DN], kernel: its row (K,).
 
-    mean, variance (h, w): of every block, from every fourth row. tops (h, W): largest value of every column in the rows
-    of a block.
+    mean, variance (h, w): of every block, from every fourth row. tops (h, w): largest value of every block.
     """
 
     smooth: Image32
@@ -39,27 +39,32 @@ class Blurred:
 def blur(image: NDArray[Any], sigma_px: float) -> Blurred:
     """The image (H, W) blurred by a Gaussian that is cut at 2.4 σ, mirrored at the border pixel."""
     radius = max(1, int(np.ceil(RADIUS_IN_SIGMA * sigma_px)))
-    kernel = cv2.getGaussianKernel(2 * radius + 1, sigma_px, cv2.CV_64F)[:, 0]
     rows, columns = image.shape
     h, w = max(1, rows // BLOCK_PX), max(1, columns // BLOCK_PX)
-    mean, variance, tops = (
-        np.empty((h, w), np.float32),
-        np.empty((h, w), np.float32),
-        np.empty((h, columns), np.float32),
-    )
+    mean, variance, tops = np.empty((3, h, w), np.float32)
     if radius == RADIUS_PX and min(rows, columns) > RADIUS_PX:
-        middle = 2 * np.rint(UNIT // 2 * kernel[RADIUS_PX])
-        side = np.rint(0.5 * (UNIT - middle) * np.cumsum(kernel[RADIUS_PX + 1 :]) / kernel[RADIUS_PX + 1 :].sum())
-        weights = np.concatenate([[middle], np.diff(side, prepend=0.0)]).astype(np.uint16)
-        kernel = np.concatenate([weights[:0:-1], weights]) / UNIT
+        weights, kernel = _whole_weights(sigma_px)
         smooth = np.empty(image.shape, np.float32)
         whole = np.empty(columns, np.uint16 if image.dtype == np.uint8 else np.uint32)
         _blur(np.ascontiguousarray(image), weights, whole, smooth, mean, variance, tops)
     else:
+        kernel = np.asarray(cv2.getGaussianKernel(2 * radius + 1, sigma_px, cv2.CV_64F)[:, 0], dtype=np.float64)
         filtered = cv2.sepFilter2D(image, cv2.CV_32F, kernel, kernel, borderType=cv2.BORDER_REFLECT_101)
         smooth = np.asarray(filtered, dtype=np.float32)
         _survey(smooth, mean, variance, tops)
-    return Blurred(smooth, np.asarray(kernel, dtype=np.float64), mean, variance, tops)
+    return Blurred(smooth, kernel, mean, variance, tops)
+
+
+@lru_cache(maxsize=16)
+def _whole_weights(sigma_px: float) -> tuple[NDArray[np.uint16], Array]:
+    """Whole weights (5,) from the kernel's middle outwards, and its row (9,) of sum 1."""
+    kernel = cv2.getGaussianKernel(2 * RADIUS_PX + 1, sigma_px, cv2.CV_64F)[:, 0]
+    middle = 2 * np.rint(UNIT // 2 * kernel[RADIUS_PX])
+    side = np.rint(0.5 * (UNIT - middle) * np.cumsum(kernel[RADIUS_PX + 1 :]) / kernel[RADIUS_PX + 1 :].sum())
+    weights = np.concatenate([[middle], np.diff(side, prepend=0.0)]).astype(np.uint16)
+    whole = np.concatenate([weights[:0:-1], weights]) / UNIT
+    weights.flags.writeable = whole.flags.writeable = False
+    return weights, whole
 
 
 @compiled_fast
@@ -73,23 +78,30 @@ def _blur(
     tops: Image32,
 ) -> None:
     """Fill all from smooth on. whole (W,): scratch. A block's rows are looked at while they are in the cache."""
-    padded = np.empty(image.shape[1] + 2 * RADIUS_PX, np.float32)
+    padded, most = np.empty(image.shape[1] + 2 * RADIUS_PX, np.float32), np.empty(image.shape[1], np.float32)
     shares = np.empty(RADIUS_PX + 1, np.float32)
     for k in range(RADIUS_PX + 1):
         shares[k] = weights[k] / float(UNIT * UNIT)
     for block in range(len(mean)):
         first, last = _rows(block, len(mean), len(image))
+        most[:] = 0.0
         for j in range(first, last):
             _down(image, j, weights, whole)
-            _along(whole, padded, shares, smooth[j])
-        _survey_rows(smooth, first, last, mean[block], variance[block], tops[block])
+            _along(whole, padded, shares, smooth[j], most)
+        _block_tops(most, tops[block])
+        _moments(smooth, first, last, mean[block], variance[block])
 
 
 @compiled_fast
 def _survey(smooth: Image32, mean: Image32, variance: Image32, tops: Image32) -> None:
+    most = np.empty(smooth.shape[1], np.float32)
     for block in range(len(mean)):
         first, last = _rows(block, len(mean), len(smooth))
-        _survey_rows(smooth, first, last, mean[block], variance[block], tops[block])
+        most[:] = 0.0
+        for j in range(first, last):
+            _raise(most, smooth[j])
+        _block_tops(most, tops[block])
+        _moments(smooth, first, last, mean[block], variance[block])
 
 
 @inner_fast
@@ -113,8 +125,8 @@ def _down(image: NDArray[Any], j: int, w: NDArray[Any], whole: NDArray[Any]) -> 
 
 
 @inner_fast
-def _along(whole: NDArray[Any], padded: Image32, w: Image32, out: Image32) -> None:
-    """The same along the row, into grey levels (W,)."""
+def _along(whole: NDArray[Any], padded: Image32, w: Image32, out: Image32, most: Image32) -> None:
+    """The same along the row, into grey levels (W,); most (W,): raised to them."""
     n = len(whole)
     middle = padded[RADIUS_PX : RADIUS_PX + n]
     for i in range(n):
@@ -126,20 +138,35 @@ def _along(whole: NDArray[Any], padded: Image32, w: Image32, out: Image32) -> No
     for i in range(n):
         near = w0 * padded[i + 4] + w1 * (padded[i + 3] + padded[i + 5]) + w2 * (padded[i + 2] + padded[i + 6])
         out[i] = near + w3 * (padded[i + 1] + padded[i + 7]) + w4 * (padded[i] + padded[i + 8])
+    _raise(most, out)
 
 
 @inner_fast
-def _survey_rows(smooth: Image32, first: int, last: int, mean: Image32, variance: Image32, tops: Image32) -> None:
-    """Moments (w,) of a row of blocks and largest values (W,) of its columns."""
-    columns = len(tops)
+def _raise(most: Image32, values: Image32) -> None:
+    """Raise ``most`` (W,) to the values, none of which is negative: their bits order as they do, and LLVM has a vector
+    maximum for whole numbers only.
+    """
+    old, new = most.view(np.int32), values.view(np.int32)
+    for i in range(len(old)):
+        old[i] = max(old[i], new[i])
+
+
+@inner_fast
+def _block_tops(most: Image32, tops: Image32) -> None:
+    """Largest value (w,) of each block's columns."""
+    for k in range(len(tops)):
+        start, end = k * BLOCK_PX, len(most) if k == len(tops) - 1 else (k + 1) * BLOCK_PX
+        tops[k] = most[start:end].max()
+
+
+@inner_fast
+def _moments(smooth: Image32, first: int, last: int, mean: Image32, variance: Image32) -> None:
+    """Mean and variance (w,) of a row of blocks."""
+    columns = smooth.shape[1]
     total, square, count = np.zeros(columns), np.zeros(columns), 0
-    tops[:] = smooth[first]
     for j in range(first, last, ROW_STEP):
         row = smooth[j]
-        second, third, fourth = smooth[min(j + 1, last - 1)], smooth[min(j + 2, last - 1)], smooth[min(j + 3, last - 1)]
         count += 1
-        for i in range(columns):
-            tops[i] = max(row[i], second[i], third[i], fourth[i], tops[i])
         for i in range(columns):
             value = np.float64(row[i])
             total[i] += value

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +16,7 @@ from extraction.preprocess import Prepared
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
+Marks = NDArray[np.uint8]
 
 RING_PX = 13  # half side of the square ring whose median is a peak's background
 PEAK_RADIUS_PX = 2
@@ -22,10 +25,18 @@ USUAL_PEAKS, MAX_PEAKS = 4_000, 200_000  # room for peaks: at first, at most
 
 # rows of the region table
 PEAK_U, PEAK_V, SMOOTH_PEAK, RING, RING_NOISE, UNEVEN = range(6)
-AREA, MEAN_U, MEAN_V, COV_UU, COV_UV, COV_VV, LENGTH, WIDTH, STATE = range(6, 15)
-COLUMNS = 15
+AREA, MEAN_U, MEAN_V, COV_UU, COV_UV, COV_VU, COV_VV, LENGTH, WIDTH, STATE = range(6, 16)
+COLUMNS = 16
 # values of STATE
 WHOLE, ESCAPED, JOINED = 0, 1, 2
+
+REASONS = ("", "too_wide", "too_long", "part_of_brighter", "too_faint", "in_the_noise")  # a later one hides the others
+# pairs of places that Batcher's odd-even merge sort of eight values compares
+EXCHANGES = (
+    (0, 1), (2, 3), (4, 5), (6, 7), (0, 2), (1, 3), (4, 6), (5, 7), (1, 2), (5, 6), (0, 4), (1, 5), (2, 6), (3, 7),
+    (2, 4), (3, 5), (1, 2), (3, 4), (5, 6),
+)  # fmt: skip
+PLACE = 2**32 - 1  # bits of a peak's key that hold its place in reading order
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +47,7 @@ class Candidates:
     their spread, and how much one side is brighter than the other (N,).
     mean_uv_px, cov_uv_px2: moments (N, 2), (N, 2, 2) of the region above `region_level` of the height.
     area_px, length_px, width_px: of that region, along and across its long axis (N,).
+    refusal: place in REASONS (N,). later: reason of those that were refused after they were localised.
     owner: 1 + index of the candidate whose region a pixel belongs to, 0 for none (H, W).
     """
 
@@ -49,18 +61,22 @@ class Candidates:
     area_px: Array
     length_px: Array
     width_px: Array
-    reason: tuple[str, ...]
+    refusal: NDArray[np.uint8]
     owner: NDArray[np.int16]
+    later: Mapping[int, str] = field(default_factory=dict)
 
     def __len__(self) -> int:
         """The number of candidates, refused ones included."""
-        return len(self.reason)
+        return len(self.refusal)
+
+    @cached_property
+    def reason(self) -> tuple[str, ...]:
+        """Why each was refused (N,), "" while it stands."""
+        return tuple(self.later.get(k, REASONS[code]) for k, code in enumerate(self.refusal))
 
     def refused(self, index: NDArray[np.intp], reasons: NDArray[np.object_]) -> Candidates:
         """The same, with the reasons of the candidates ``index`` (N,) replaced by ``reasons`` (N,)."""
-        every = np.array(self.reason, dtype=object)
-        every[index] = reasons
-        return replace(self, reason=tuple(every))
+        return replace(self, later={**self.later, **dict(zip(index.tolist(), reasons, strict=True))})
 
 
 def find_candidates(prepared: Prepared, config: DetectConfig, mm_per_px: float) -> Candidates:
@@ -68,54 +84,45 @@ def find_candidates(prepared: Prepared, config: DetectConfig, mm_per_px: float) 
 
     mm_per_px: scale of the laser sheet in the image, for the limits of size that are given in mm.
     """
-    peaks = _all_peaks(prepared, config.threshold)
-    u, v = peaks.T
-    order = np.lexsort((u, v, -prepared.smooth[v, u]))[: config.max_candidates]  # equal ones in reading order
+    peaks = np.sort(_all_peaks(prepared, config.threshold))[: config.max_candidates]
     length = max(config.min_length_px, config.max_length_mm / mm_per_px)
     width = max(config.min_width_px, config.max_width_mm / mm_per_px)
     least = max(config.min_height_dn, 0.0)
     owner = np.zeros(prepared.smooth.shape, np.int16)  # pages that no region touches stay unwritten
-    table = _regions(
-        prepared.smooth,
-        owner,
-        peaks[order],
-        config.threshold,
-        least,
-        config.region_level,
-        length,
-        float(prepared.noise.min()),
-    )
-    reasons = _reasons(table, config, length, width)
-    cov = table[:, [COV_UU, COV_UV, COV_UV, COV_VV]].reshape(-1, 2, 2)
+    noise = float(prepared.noise.min())
+    table = _regions(prepared.smooth, owner, peaks, config.threshold, least, config.region_level, length, noise)
+    height = table[:, SMOOTH_PEAK] - table[:, RING]
     return Candidates(
-        table[:, [PEAK_U, PEAK_V]], table[:, SMOOTH_PEAK] - table[:, RING], table[:, RING], table[:, RING_NOISE],
-        table[:, UNEVEN], table[:, [MEAN_U, MEAN_V]], cov, table[:, AREA], table[:, LENGTH], table[:, WIDTH], reasons,
-        owner,
+        table[:, PEAK_U : PEAK_V + 1], height, table[:, RING], table[:, RING_NOISE], table[:, UNEVEN],
+        table[:, MEAN_U : MEAN_V + 1], table[:, COV_UU : COV_VV + 1].reshape(-1, 2, 2), table[:, AREA],
+        table[:, LENGTH], table[:, WIDTH], _refusals(table, height, config, length, width), owner,
     )  # fmt: skip
 
 
 def _all_peaks(prepared: Prepared, threshold: float) -> Indices:
-    """The peaks (N, 2): columns, rows; at most MAX_PEAKS."""
+    """The peaks' keys (N,), at most MAX_PEAKS: the smaller the brighter, of equal ones first in reading order."""
     for most in (USUAL_PEAKS, MAX_PEAKS):
-        peaks = np.empty((most, 2), np.int64)
+        keys = np.empty(most, np.int64)
         count = _peaks(
-            prepared.smooth, prepared.tops, prepared.background, prepared.noise, threshold, PEAK_RADIUS_PX, peaks
+            prepared.smooth, prepared.tops, prepared.background, prepared.noise, threshold, PEAK_RADIUS_PX, keys
         )
         if count < most:
             break
-    return peaks[:count]
+    return keys[:count]
 
 
-def _reasons(table: Array, config: DetectConfig, length_px: float, width_px: float) -> tuple[str, ...]:
-    """Why each peak is refused, "" where it is not."""
-    height = table[:, SMOOTH_PEAK] - table[:, RING]
-    reasons = np.full(len(table), "", dtype=object)
-    reasons[table[:, WIDTH] > width_px] = "too_wide"
-    reasons[(table[:, LENGTH] > length_px) | (table[:, STATE] == ESCAPED)] = "too_long"
-    reasons[table[:, STATE] == JOINED] = "part_of_brighter"
-    reasons[height < config.min_height_dn] = "too_faint"
-    reasons[height < config.threshold * table[:, RING_NOISE]] = "in_the_noise"
-    return tuple(reasons)
+def _refusals(
+    table: Array, height: Array, config: DetectConfig, length_px: float, width_px: float
+) -> NDArray[np.uint8]:
+    """Why each peak is refused: its place in REASONS."""
+    state = table[:, STATE]
+    codes = np.zeros(len(table), np.uint8)
+    codes[table[:, WIDTH] > width_px] = 1
+    codes[(table[:, LENGTH] > length_px) | (state == ESCAPED)] = 2
+    codes[state == JOINED] = 3
+    codes[height < config.min_height_dn] = 4
+    codes[height < config.threshold * table[:, RING_NOISE]] = 5
+    return codes
 
 
 @compiled
@@ -126,46 +133,65 @@ def _peaks(
     noise: Image32,
     threshold: float,
     radius: int,
-    out: Indices,
+    keys: Indices,
 ) -> int:
-    """Write to ``out`` (M, 2) the pixels that are the largest within ``radius`` and stand threshold · noise above the
+    """Write to ``keys`` (M,) the pixels that are the largest within ``radius`` and stand threshold · noise above the
     background; returns their number. tops: as in `Blurred`.
     """
     rows, columns = smooth.shape
     h, w = background.shape
-    count, marks = 0, np.empty(2 * BLOCK_PX, np.uint8)
+    count, marks, limits, bits = 0, np.zeros(columns + 8, np.uint8), np.empty(w), smooth.view(np.int32)
+    eights = marks[: columns // 8 * 8 + 8].view(np.int64)
     for bj in range(h):
-        first, last = bj * BLOCK_PX, rows if bj == h - 1 else (bj + 1) * BLOCK_PX
+        first, last, end = bj * BLOCK_PX, rows if bj == h - 1 else (bj + 1) * BLOCK_PX, 0
         for bi in range(w):
-            limit = background[bj, bi] + threshold * noise[bj, bi]
-            start, end = bi * BLOCK_PX, columns if bi == w - 1 else (bi + 1) * BLOCK_PX
-            if not _above(tops[bj, start:end], limit):
+            limits[bi] = background[bj, bi] + threshold * noise[bj, bi]
+        while end < w:
+            begin = end
+            while end < w and tops[bj, end] > limits[end]:
+                end += 1
+            if end == begin:
+                end += 1
                 continue
+            least = np.float32(limits[begin:end].min() * (1.0 - 1e-6))  # not above the limits themselves
+            left, right = begin * BLOCK_PX, columns if end == w else end * BLOCK_PX
             for j in range(first, last):
-                here, above, below = smooth[j, start:end], smooth[max(j - 1, 0)], smooth[min(j + 1, rows - 1)]
-                above, below = above[start:end], below[start:end]
-                left, right = smooth[j, max(start - 1, 0) :], smooth[j, min(start + 1, columns - 1) :]
-                some, inside = False, start > 0 and end < columns
-                for i in range(end - start):  # no branch: for the vector unit
-                    value = here[i]
-                    mark = (value > limit) & (value >= above[i]) & (value >= below[i])
-                    mark &= (value >= left[i]) & (value >= right[i]) if inside else True
-                    marks[i] = mark
-                    some |= mark
-                for i in range(end - start if some else 0):
-                    if marks[i] and count < len(out) and _is_peak(smooth, j, start + i, radius):
-                        out[count] = start + i, j
-                        count += 1
+                _mark(smooth, j, left, right, least, marks)
+                for eight in range(left // 8, (right + 7) // 8):
+                    if eights[eight] == 0:
+                        continue
+                    for i in range(8 * eight, min(8 * eight + 8, right)):
+                        limit = limits[min(i // BLOCK_PX, w - 1)]
+                        if marks[i] and smooth[j, i] > limit and count < len(keys) and _is_peak(smooth, j, i, radius):
+                            keys[count] = j * columns + i - (np.int64(bits[j, i]) << 32)
+                            count += 1
     return count
 
 
 @inner
-def _above(values: Image32, limit: float) -> bool:
-    """Whether any value is above the limit."""
-    some = False
-    for value in values:
-        some |= value > limit
-    return some
+def _mark(smooth: Image32, j: int, left: int, right: int, limit: np.float32, marks: Marks) -> None:
+    """Mark in row j, from column ``left`` to before ``right``, what is above the limit and no less than its four
+    neighbours; at the image's left and right border all that is above the limit.
+    """
+    here, above, below = smooth[j], smooth[max(j - 1, 0)], smooth[min(j + 1, len(smooth) - 1)]
+    low, high = max(left, 1), min(right, len(here) - 1)
+    for i in range(left, low):
+        marks[i] = here[i] > limit
+    for i in range(high, right):
+        marks[i] = here[i] > limit
+    # no branch and no negative index: for the vector unit
+    middle, above, below, before, after = (
+        here[low:high],
+        above[low:high],
+        below[low:high],
+        here[low - 1 :],
+        here[low + 1 :],
+    )
+    out = marks[low:high]
+    for i in range(high - low):
+        value = middle[i]
+        mark = (value > limit) & (value >= above[i]) & (value >= below[i])
+        out[i] = mark & (value >= before[i]) & (value >= after[i])
 
 
 @inner
@@ -182,17 +208,14 @@ def _is_peak(smooth: Image32, j: int, i: int, radius: int) -> bool:
 
 
 @inner_fast
-def _box_sums(smooth: Image32, box: tuple[int, int, int, int], pivot: float) -> tuple[float, float, float]:
-    """Sum and sum of squares about the pivot, and number of the pixels of the box (both ends) that the image has."""
+def _line_sums(line: Image32, pivot: float) -> tuple[float, float]:
+    """Sum and sum of squares of a line of pixels about the pivot."""
     total, square = 0.0, 0.0
-    top, bottom = max(0, box[0]), min(len(smooth), box[1] + 1)
-    left, right = max(0, box[2]), min(smooth.shape[1], box[3] + 1)
-    for y in range(top, bottom):
-        for x in range(left, right):
-            value = smooth[y, x] - pivot
-            total += value
-            square += value * value
-    return total, square, float(max(bottom - top, 0) * max(right - left, 0))
+    for value in line:
+        away = value - pivot
+        total += away
+        square += away * away
+    return total, square
 
 
 @inner
@@ -202,59 +225,62 @@ def _ring(smooth: Image32, j: int, i: int, radius: int, least_noise: float, sect
     The background is the brighter side's where an edge passes (third brightest sector); the spread that of the median
     sector, so that an edge or a neighbour in a few sectors does not count as noise. sectors: scratch (2, 8).
     """
-    mean, spread = sectors[0], sectors[1]
-    pivot, seen = smooth[j, i], 0
+    mean, variance, pivot, seen = sectors[0], sectors[1], float(smooth[j, i]), 0
+    sectors[:] = np.inf
+    rows, columns = smooth.shape
     for k in range(8):  # half a side each: left and right without the corners, above and below with them
-        low, high = (-radius, 0) if k % 2 == 0 else (1, radius)
+        low, high = (-radius, 1) if k % 2 == 0 else (1, radius + 1)
         side = radius if k % 4 > 1 else -radius
-        if k < 4:
-            low, high = max(low, 1 - radius), min(high, radius - 1)
-            box = (j + low, j + high, i + side, i + side)
+        if k < 4 and 0 <= i + side < columns:
+            low, high = max(low, 1 - radius, -j), min(high, radius, rows - j)
+            count = high - low
+            total, square = _line_sums(smooth[j + low : j + high, i + side], pivot) if count > 3 else (0.0, 0.0)
+        elif k >= 4 and 0 <= j + side < rows:
+            low, high = max(low, -i), min(high, columns - i)
+            count = high - low
+            total, square = _line_sums(smooth[j + side, i + low : i + high], pivot) if count > 3 else (0.0, 0.0)
         else:
-            box = (j + side, j + side, i + low, i + high)
-        total, square, count = _box_sums(smooth, box, pivot)
-        if count > 3.0:
+            count = 0
+        if count > 3:
             mean[seen] = total / count
-            spread[seen] = np.sqrt(max(square / count - mean[seen] ** 2, 0.0))
+            variance[seen] = square / count - mean[seen] ** 2
             seen += 1
     if seen == 0:
         row[RING], row[RING_NOISE] = pivot, np.inf
         return
-    _sort(mean, seen)
-    _sort(spread, seen)
+    _sort8(mean)
+    _sort8(variance)
     row[RING] = pivot + mean[(5 * seen) // 8]
-    row[RING_NOISE] = max(spread[(seen - 1) // 2], least_noise)
+    row[RING_NOISE] = max(np.sqrt(max(variance[(seen - 1) // 2], 0.0)), least_noise)
     row[UNEVEN] = mean[(6 * seen) // 8] - mean[seen // 8]
 
 
 @inner
-def _sort(values: Array, count: int) -> None:
-    """Sort the leading ``count`` values in place; there are eight at most."""
-    for k in range(1, count):
-        value, at = values[k], k
-        while at > 0 and values[at - 1] > value:
-            values[at] = values[at - 1]
-            at -= 1
-        values[at] = value
+def _sort8(v: Array) -> None:
+    """Sort eight values in place, without a branch that could be foretold wrongly (Batcher's odd-even merge sort)."""
+    for low, high in EXCHANGES:
+        a, b = v[low], v[high]
+        v[low], v[high] = min(a, b), max(a, b)
 
 
 @compiled
 def _regions(
     smooth: Image32,
     owner: NDArray[np.int16],
-    peaks: NDArray[np.int64],
+    peaks: Indices,
     threshold: float,
     least: float,
     level: float,
     length: float,
     noise: float,
 ) -> Array:
-    """The region table (N, COLUMNS), in the order of ``peaks`` (brightest first)."""
+    """The region table (N, COLUMNS), in the order of the keys ``peaks`` (brightest first)."""
     stack = np.empty((MAX_REGION_PX + 8, 2), np.int64)
     table, sectors = np.zeros((len(peaks), COLUMNS)), np.empty((2, 8))
     for k in range(len(peaks)):
-        i, j = peaks[k, 0], peaks[k, 1]
-        row = table[k]
+        place = peaks[k] & PLACE
+        j = place // smooth.shape[1]
+        i, row = place - j * smooth.shape[1], table[k]
         row[PEAK_U], row[PEAK_V], row[SMOOTH_PEAK] = i, j, smooth[j, i]
         _ring(smooth, j, i, RING_PX, noise, sectors, row)
         height = row[SMOOTH_PEAK] - row[RING]
@@ -309,7 +335,7 @@ def _shape(pixels: NDArray[np.int64], size: int, sums: Array, row: Array) -> Non
     u, v = sums[1] / total, sums[2] / total
     uu, uv, vv = sums[3] / total - u * u, sums[4] / total - u * v, sums[5] / total - v * v
     row[AREA], row[MEAN_U], row[MEAN_V] = size, i0 + u, j0 + v
-    row[COV_UU], row[COV_UV], row[COV_VV] = uu, uv, vv
+    row[COV_UU], row[COV_UV], row[COV_VU], row[COV_VV] = uu, uv, uv, vv
     angle = 0.5 * np.arctan2(2.0 * uv, uu - vv)
     cosine, sine = np.cos(angle), np.sin(angle)
     low_a, high_a, low_c, high_c = 0.0, 0.0, 0.0, 0.0

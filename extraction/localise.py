@@ -79,7 +79,7 @@ class Spots:
 
 def localise(prepared: Prepared, candidates: Candidates, noise: NoiseModel, config: ExtractionConfig) -> Spots:
     """Localise every candidate that was not refused."""
-    index = np.flatnonzero([reason == "" for reason in candidates.reason])
+    index = np.flatnonzero(candidates.refusal == 0)
     if config.localise.method == "fast":
         return _fast(prepared, candidates, index, noise)
     if not len(index):

@@ -24,16 +24,15 @@ class Prepared:
     """An image ready for detection.
 
     image: the raw grey levels (H, W). smooth: after the matched blur (H, W) [DN]. kernel: that blur's row (K,).
-    tops: largest value of every column of ``smooth`` in the rows of a block (h, W).
-    background, noise: grey level and standard deviation of the blurred image per block (h, w) [DN].
+    background, noise, tops: level, standard deviation and largest value of the blurred image per block (h, w) [DN].
     """
 
     image: Image
     smooth: Image32
     kernel: Array
-    tops: Image32
     background: Image32
     noise: Image32
+    tops: Image32
 
 
 def check_image(image: object, sensor: SensorModel) -> Image:
@@ -72,4 +71,4 @@ def prepare(image: Image, config: DetectConfig) -> Prepared:
     background = np.asarray(cv2.medianBlur(blurred.mean, 5), dtype=np.float32)
     floor = QUANTISATION_VARIANCE * float(np.sum(blurred.kernel**2)) ** 2
     noise = np.sqrt(np.maximum(cv2.medianBlur(blurred.variance, 5), np.float32(floor)))
-    return Prepared(image, blurred.smooth, blurred.kernel, blurred.tops, background, np.asarray(noise, np.float32))
+    return Prepared(image, blurred.smooth, blurred.kernel, background, np.asarray(noise, np.float32), blurred.tops)

@@ -1,6 +1,7 @@
 """Compiled error budget of one fitted spot; `spot_noise` says what it is made of.
 
-Pixels lie in flat planes with a margin of REACH pixels of weight zero all around, so that a neighbour is a shift.
+Pixels lie in flat planes, REACH of weight zero behind each row, REACH such rows before the first and after the last: a
+neighbour is a shift.
 """
 
 from __future__ import annotations
@@ -27,6 +28,8 @@ LAGS = np.array(
         if a * a + b * b == d
     ]
 )
+# those of other pixels by fours that a quarter turn makes of one: class, rows down, columns right (CROSSES, 3)
+CROSSES = np.array([lag for lag in LAGS if lag[1] >= 0 and lag[2] > 0])
 CORE = 0.2  # share of the height above which a pixel's residual tells of the speckle
 BRIGHT = 0.1  # the same for the pixels that the terms are fitted to, when residuals are judged
 RIDGE = 1e-11  # terms that the bright pixels do not tell apart
@@ -64,17 +67,22 @@ def budgets(
     for k in range(len(parameters)):
         columns, rows = size[k, 0], size[k, 1]
         values, valid, n = data[k, :rows, :columns], use[k, :rows, :columns], terms[k]
-        planes = np.zeros((PLANES, (rows + 2 * REACH) * (columns + 2 * REACH)))
+        planes = np.zeros((PLANES, _plane_size(rows, columns)))
         _fill(values, valid, parameters[k], n, noises[k], planes)
-        skew[k] = _covariance(planes, columns + 2 * REACH, parameters[k], n, camera[k], speckle[k], white[k])
+        skew[k] = _covariance(planes, columns + REACH, parameters[k], n, camera[k], speckle[k], white[k])
         top, bottom, left, right = _bright_box(values, planes[SIGNAL], valid)
         if bottom <= top:
             continue
-        part = np.zeros((PLANES, (bottom - top + 2 * REACH) * (right - left + 2 * REACH)))
+        part = np.zeros((PLANES, _plane_size(bottom - top, right - left)))
         p = parameters[k].copy()
         p[0], p[1], p[6] = p[0] - left, p[1] - top, p[6] + p[7] * left + p[8] * top
         _fill(values[top:bottom, left:right], valid[top:bottom, left:right], p, n, noises[k], part)
-        _residual_moments(part, right - left + 2 * REACH, n + 2, planes[SIGNAL].max(), moments[k])
+        _residual_moments(part, right - left + REACH, n + 2, planes[SIGNAL].max(), moments[k])
+
+
+@inner
+def _plane_size(rows: int, columns: int) -> int:
+    return (rows + 2 * REACH) * (columns + REACH) + 2 * REACH
 
 
 @inner
@@ -89,7 +97,7 @@ def _fill(data: Array, use: Mask, p: Array, n: int, noise: Array, planes: Array)
     angle = 0.5 * math.atan2(-2.0 * b, c - a)  # long axis: the small eigenvalue of the precision
     cosine, sine = math.cos(angle), math.sin(angle)
     along = math.sqrt(max(a * cosine**2 + 2.0 * b * cosine * sine + c * sine**2, 1e-12))
-    stride = data.shape[1] + 2 * REACH
+    stride = data.shape[1] + REACH
     for j in range(data.shape[0]):
         for i in range(data.shape[1]):
             x, y, at = i - p[0], j - p[1], (j + REACH) * stride + i + REACH
@@ -115,7 +123,7 @@ def _fill(data: Array, use: Mask, p: Array, n: int, noise: Array, planes: Array)
 @inner
 def _bright_box(data: Array, signal: Array, use: Mask) -> tuple[int, int, int, int]:
     """Top, bottom, left, right of the bright pixels in use: there a spot is a Gaussian, its wings do not matter."""
-    least, stride = BRIGHT * signal.max(), data.shape[1] + 2 * REACH
+    least, stride = BRIGHT * signal.max(), data.shape[1] + REACH
     top, bottom, left, right = data.shape[0], 0, data.shape[1], 0
     for j in range(data.shape[0]):
         for i in range(data.shape[1]):
@@ -131,6 +139,23 @@ def _dot(first: Array, second: Array) -> float:
     for i in range(len(first)):
         total += first[i] * second[i]
     return total
+
+
+@inner_fast
+def _lagged_dots(first: Array, second: Array, stride: int, out: Array) -> None:
+    """Add to ``out`` (K,) the sums of products of all pairs of pixels of each class of distance, one of each row."""
+    start = REACH * stride + REACH
+    end = len(first) - start
+    inside = first[start:end]
+    out[0] += _dot(inside, second[start:end])
+    for k, b, a in CROSSES:
+        along, across = b * stride + a, b - a * stride
+        one, two = second[start + along : end + along], second[start - along : end - along]
+        three, four = second[start + across : end + across], second[start - across : end - across]
+        total = 0.0
+        for i in range(len(inside)):
+            total += inside[i] * ((one[i] + two[i]) + (three[i] + four[i]))
+        out[k] += total
 
 
 @inner_fast
@@ -219,15 +244,9 @@ def _influence(p: Array, fisher: Array, factor: Array, n: int) -> Array:
 @inner_fast
 def _lagged(q: Array, stride: int, out: Array) -> None:
     """Out (3, 3, K): sums of q_a q_b (3, P) over all pairs of pixels of each class of distance."""
-    first = REACH * stride + REACH
-    last = q.shape[1] - first
-    for lag in range(len(LAGS)):
-        k, off = LAGS[lag, 0], LAGS[lag, 1] * stride + LAGS[lag, 2]
-        for a in range(3):
-            for b in range(a + 1):
-                out[a, b, k] += _dot(q[a, first:last], q[b, first + off : last + off])
     for a in range(3):
-        for b in range(a):
+        for b in range(a + 1):
+            _lagged_dots(q[a], q[b], stride, out[a, b])
             out[b, a] = out[a, b]
 
 
@@ -301,11 +320,7 @@ def _moments(planes: Array, weighted: Array, stride: int, z: Array, other: Array
         out[CAMERA] += _dot(scattered[r], mixed[r]) - 2.0 * _dot(scattered[r], other[r])
     _mix(pairs, signalled, n, mixed)
     beside = _scaled(other, signal, n)
-    first = REACH * stride + REACH
-    last = z.shape[1] - first
     for r in range(n):
         for i in range(z.shape[1]):
             mixed[r, i] -= 2.0 * beside[r, i]
-        for lag in range(len(LAGS)):
-            off = LAGS[lag, 1] * stride + LAGS[lag, 2]
-            out[SPECKLE + LAGS[lag, 0]] += _dot(mixed[r, first:last], signalled[r, first + off : last + off])
+        _lagged_dots(mixed[r], signalled[r], stride, out[SPECKLE:])
