@@ -29,14 +29,14 @@ from rendered_strings import random_thread
 from calib import FrameObservation, Observations, calibrate
 from calib.axis_offset import surface_offset
 from calib.surface_config import SurfaceConfig
-from extraction import extract, learn_speckle
+from extraction import ExtractionConfig, extract
 from geometry import PerceptronEmuError, Pose
 from perceptron_emu import ALUMINIUM, Material, Solid, panel
 from workbench.campaign.emulated import EmulatedCell, emulated_cell
 from workbench.campaign.settings import TrialSettings
 from workbench.campaign.trial import render_frame
-from workbench.pipeline import frames_to_learn
 from workbench.scoring import VISIBLE, score_frame
+from workbench.speckle import dataset_config
 
 SETTINGS = TrialSettings.model_validate({"clutter": True, "poses": {"plans": 6}})
 EXTREMES = (0.5, 99.5)  # percentiles between which the trimmed scatter is taken
@@ -90,7 +90,8 @@ def measured_cell(seed: int, hide: bool) -> Measured:
         sensor = emulated.cell.sensor.model
         sequence = np.random.SeedSequence(seed)
         frames = [render_frame(emulated, c, sequence) for c in emulated.configurations]
-        config = learn_speckle([frames[i].image for i in frames_to_learn(len(frames))], sensor)
+        seen_by = emulated.cell.sensor
+        config = dataset_config(seen_by, ExtractionConfig(), len(frames), lambda some: [frames[i].image for i in some])
         spots = [extract(f.image, sensor, config) for f in frames]
         observed = tuple(
             FrameObservation(c.frame, c.location, c.role, p, joints_rad=c.reading_rad)

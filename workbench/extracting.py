@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from extraction import extract
+from extraction import ExtractionConfig, extract
 from geometry import AxisPoints, InputError, SensorModel, SurfacePoints
 from jig_cad import Jig
 from workbench.formats import read_cell, read_image, read_jig_file, read_sensor
@@ -15,6 +15,7 @@ from workbench.formats.settings_file import Settings
 from workbench.labels import label_dataset, label_image
 from workbench.pipeline import observe
 from workbench.points_table import FrameTable
+from workbench.speckle import with_known_grain
 
 Progress = Callable[[int, int], None]
 MAX_IMAGES = 100_000
@@ -41,9 +42,10 @@ def extract_inputs(
         return _dataset(first, sensor, jig, settings, progress)
     if sensor is None:
         raise InputError(f"{first} is no cell dataset (no cell.toml); bare images need --sensor FILE")
-    model = read_sensor(sensor).model
+    seen_by = read_sensor(sensor)
+    config = with_known_grain(seen_by, settings.extraction)
     given = read_jig_file(jig) if jig is not None else None
-    return _images(image_files(inputs), model, given, settings, progress)
+    return _images(image_files(inputs), seen_by.model, given, config, progress)
 
 
 def image_files(inputs: Sequence[Path]) -> list[Path]:
@@ -74,13 +76,13 @@ def _dataset(path: Path, sensor: Path | None, jig: Path | None, settings: Settin
 
 
 def _images(
-    files: Sequence[Path], sensor: SensorModel, jig: Jig | None, settings: Settings, progress: Progress
+    files: Sequence[Path], sensor: SensorModel, jig: Jig | None, config: ExtractionConfig, progress: Progress
 ) -> Extracted:
     tables, complaints = [], {}
     for frame, path in enumerate(files):
         points, reason = SurfacePoints.empty(), None
         try:
-            points = extract(read_image(path, sensor), sensor, settings.extraction)
+            points = extract(read_image(path, sensor), sensor, config)
         except InputError as error:
             complaints[frame], reason = str(error), "image_unreadable"
         if jig is None or reason is not None:

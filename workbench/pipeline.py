@@ -8,16 +8,15 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 
 from calib import CalibConfig, CalibrationResult, FrameObservation, Observations, calibrate
-from extraction import extract, learn_speckle
+from extraction import extract
 from extraction.config import ExtractionConfig
 from geometry import InputError, SensorModel, SurfacePoints
 from workbench.formats import Cell, FrameRow, read_image
 from workbench.remarks import remarks
+from workbench.speckle import dataset_config
 
 Progress = Callable[[int, int], None]
 WORKERS = 2  # decoding and OpenCV release the interpreter's lock; more threads than cores would only wait
-LEARNT_FRAMES = 6  # frames that the speckle is learnt from, and the largest share of a dataset's
-LEARNT_SHARE = 0.3
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +31,7 @@ def observe(cell: Cell, config: ExtractionConfig | None = None, progress: Progre
     """Measure every frame of ``cell``: its image's spots, or its rows of points.csv."""
     frames: list[FrameObservation] = []
     complaints: dict[int, str] = {}
-    for frame, complaint in _measured(cell, dataset_config(cell, config or ExtractionConfig())):
+    for frame, complaint in _measured(cell, config or ExtractionConfig()):
         frames.append(frame)
         if complaint:
             complaints[frame.frame] = complaint
@@ -48,34 +47,10 @@ def solve(cell: Cell, observed: Observed, config: CalibConfig | None = None) -> 
     return replace(result, notes=(*remarks(result), *result.notes))
 
 
-def dataset_config(cell: Cell, config: ExtractionConfig) -> ExtractionConfig:
-    """The configuration with the speckle of the cell's images, learnt from a few frames spread over all of them.
-
-    One frame's spots tell little of it; the σ of all points hang on it. What the configuration gives is kept.
-    """
-    if cell.points is not None or not learns(config):
-        return config
-    rows = [cell.frames[i] for i in frames_to_learn(len(cell.frames))]
-    return learn_speckle(_readable(cell, rows), cell.sensor.model, config)
-
-
-def learns(config: ExtractionConfig) -> bool:
-    """Whether the configuration leaves the speckle to be learnt from the images."""
-    noise = config.noise
-    known = noise.speckle_contrast is not None and noise.speckle_grain_px is not None
-    return config.localise.method == "ml" and not known
-
-
-def frames_to_learn(total: int) -> list[int]:
-    """Which of ``total`` frames the speckle is learnt from: a few, spread over all."""
-    count = min(LEARNT_FRAMES, max(1, int(LEARNT_SHARE * total)), total)
-    return [(2 * n + 1) * total // (2 * count) for n in range(count)]
-
-
-def _readable(cell: Cell, rows: list[FrameRow]) -> Iterator[object]:
-    for row in rows:
+def _readable(cell: Cell, frames: list[int]) -> Iterator[object]:
+    for k in frames:
         with suppress(InputError):
-            yield read_image(cell.folder / row.image, cell.sensor.model)
+            yield read_image(cell.folder / cell.frames[k].image, cell.sensor.model)
 
 
 def _measured(cell: Cell, config: ExtractionConfig) -> Iterator[tuple[FrameObservation, str]]:
@@ -83,6 +58,7 @@ def _measured(cell: Cell, config: ExtractionConfig) -> Iterator[tuple[FrameObser
         for row in cell.frames:
             yield _from_points(cell, row), ""
         return
+    config = dataset_config(cell.sensor, config, len(cell.frames), lambda frames: _readable(cell, frames))
     with ThreadPoolExecutor(WORKERS) as pool:
         jobs = pool.map(lambda row: _from_image(cell, row, config), cell.frames)
         yield from jobs

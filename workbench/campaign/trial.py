@@ -12,14 +12,14 @@ import cv2
 import numpy as np
 
 from calib import FrameObservation, Observations, calibrate
-from extraction import extract, learn_speckle
+from extraction import extract
 from geometry import PerceptronEmuError, SurfacePoints
 from perceptron_emu import Frame, render
 from workbench.campaign.emulated import EmulatedCell, emulated_cell
 from workbench.campaign.outcome import Outcome, calibrated, frame_rows, labelled_only, trial_row
 from workbench.campaign.settings import TrialSettings
-from workbench.pipeline import frames_to_learn, learns
 from workbench.recording import Configuration, frame_scene
+from workbench.speckle import dataset_config
 
 ONE_VIEW = "extract"  # the kind of run whose trials are a single frame
 PNG_FASTEST = [cv2.IMWRITE_PNG_COMPRESSION, 1]
@@ -104,13 +104,12 @@ def _measure(
     emulated: EmulatedCell, settings: TrialSettings, seed: np.random.SeedSequence, clock: _Clock
 ) -> tuple[list[Frame], list[SurfacePoints]]:
     """All frames, and their spots by the configuration that a dataset of these images would be given."""
-    sensor, config = emulated.cell.sensor.model, settings.extraction
+    sensor = emulated.cell.sensor
     with clock("render_s"):
         frames = [render_frame(emulated, c, seed) for c in emulated.configurations]
     with clock("extract_s"):
-        if learns(config) and len(frames) > 1:
-            config = learn_speckle([frames[i].image for i in frames_to_learn(len(frames))], sensor, config)
-        points = [extract(f.image, sensor, config) for f in frames]
+        config = dataset_config(sensor, settings.extraction, len(frames), lambda some: [frames[i].image for i in some])
+        points = [extract(f.image, sensor.model, config) for f in frames]
     return frames, points
 
 

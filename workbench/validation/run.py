@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ from workbench.pipeline import Progress, observe
 from workbench.presets import find_jig, find_sensor
 from workbench.results.overlay import overlay
 from workbench.results.report import jpeg
+from workbench.speckle import with_known_grain
 from workbench.validation.dataset import measure_dataset
 from workbench.validation.drawing import Drawn, draw_frames
 from workbench.validation.measure import Measured, label_drawn, measure_drawn
@@ -34,7 +35,9 @@ class Validation:
 
 def validate_drawn(sensor: str, jig: str, frames: int, seed: int, settings: Settings, progress: Progress) -> Validation:
     """Validate on frames drawn for a sensor and a jig."""
-    drawn = list(draw_frames(find_sensor(sensor), find_jig(jig), frames, seed))
+    seen_by = find_sensor(sensor)
+    settings = replace(settings, extraction=with_known_grain(seen_by, settings.extraction))
+    drawn = list(draw_frames(seen_by, find_jig(jig), frames, seed))
     measured = measure_drawn(drawn, settings, progress)
     worst = [_drawn_picture(drawn[number], why, settings) for number, why in _worst(measured)]
     return Validation(measured, worst)
