@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -16,10 +17,10 @@ from extraction.gaussian_fit import PIXEL_VARIANCE_PX2
 from extraction.noise import NoiseModel
 from extraction.preprocess import Prepared
 from extraction.speckle import PRIOR_CONTRAST
+from extraction.starts import start_fits
 
 Array = NDArray[np.float64]
 
-MIN_START_VARIANCE_PX2 = 0.3
 SLOPE_SIGMA = 4.0  # surroundings that differ by more across the spot are fitted with a slope
 MAX_RING_VARIANCE = 25.0  # of the frame's noise: an uneven ring is not noise
 
@@ -84,38 +85,40 @@ def localise(prepared: Prepared, candidates: Candidates, noise: NoiseModel, conf
         return _fast(prepared, candidates, index, noise)
     if not len(index):
         return _no_spots()
-    shapes = _start_shapes(candidates.cov_uv_px2[index], config)
-    windows = _windows(candidates.mean_uv_px[index], shapes, prepared, config)
-    return _fit(prepared, candidates, index, shapes, windows, noise, config)
+    return _fit(prepared, candidates, index, noise, config)
 
 
 def _fit(
     prepared: Prepared,
     candidates: Candidates,
     index: NDArray[np.intp],
-    shapes: Array,
-    windows: NDArray[np.int64],
     noise: NoiseModel,
     config: ExtractionConfig,
 ) -> Spots:
-    starts = _starts(candidates, index, shapes, config)
-    starts[:, :2] -= windows[:, :2]
-    ring = (candidates.ring_noise_dn[index] / np.sum(prepared.kernel**2)) ** 2
-    variance = np.clip(ring, noise.variance_dn2, MAX_RING_VARIANCE * noise.variance_dn2)
-    gain, weight = np.full(len(index), noise.gain_dn_per_e), np.full(len(index), noise.speckle_weight**2)
-    wings = (noise.model_error * starts[:, 2]) ** 2
-    noises = np.column_stack([variance, gain, candidates.ring_dn[index], weight, wings])
-    uneven = candidates.uneven_dn[index] > SLOPE_SIGMA * candidates.ring_noise_dn[index]
-    terms = np.where(uneven, 9, 7)
+    windows, starts = np.empty((len(index), 4), np.int64), np.empty((len(index), 9))
+    ring_noise, ring, detect = candidates.ring_noise_dn[index], candidates.ring_dn[index], config.detect
+    start_fits(
+        candidates.mean_uv_px[index], candidates.cov_uv_px2[index], candidates.height_dn[index], ring,
+        _region_share(detect.region_level), detect.blur_sigma_px, config.localise.window_sigma,
+        float(config.localise.max_half_window_px), prepared.image.shape, windows, starts,
+    )  # fmt: skip
+    noises = np.empty((len(index), 5))
+    variance = (ring_noise / np.sum(prepared.kernel**2)) ** 2
+    noises[:, 0] = np.minimum(np.maximum(variance, noise.variance_dn2), MAX_RING_VARIANCE * noise.variance_dn2)
+    noises[:, 1], noises[:, 2], noises[:, 3] = noise.gain_dn_per_e, ring, noise.speckle_weight**2
+    noises[:, 4] = (noise.model_error * starts[:, 2]) ** 2
+    terms = np.where(candidates.uneven_dn[index] > SLOPE_SIGMA * ring_noise, 9, 7)
     size = (len(index), int(windows[:, 3].max()), int(windows[:, 2].max()))
     data, use, table = np.zeros(size), np.zeros(size, dtype=np.bool_), np.zeros((len(index), COLUMNS))
     fit_frame(
         prepared.image, candidates.owner, candidates.height_dn, index, windows, starts, noises, terms,
         noise.saturation_dn, config.localise.max_iterations, data, use, table,
     )  # fmt: skip
-    shape = np.linalg.inv(table[:, [3, 4, 4, 5]].reshape(-1, 2, 2)) - PIXEL_VARIANCE_PX2 * np.eye(2)
+    a, h, c = table[:, 3], table[:, 4], table[:, 5]
+    shape = np.stack([c, -h, -h, a], axis=1) / (a * c - h * h)[:, None]
+    shape[:, ::3] -= PIXEL_VARIANCE_PX2
     return Spots(
-        table[:, :2] + windows[:, :2], table[:, 2], shape, table[:, CLIPPED].astype(np.intp),
+        table[:, :2] + windows[:, :2], table[:, 2], shape.reshape(-1, 2, 2), table[:, CLIPPED].astype(np.intp),
         table[:, FOREIGN].astype(np.intp), table[:, CONVERGED] > 0, index,
         Fits(data, use, table[:, :9], terms, noises, windows[:, 2:]),
     )  # fmt: skip
@@ -146,34 +149,7 @@ def _no_spots() -> Spots:
     return Spots(np.zeros((0, 2)), zero, matrix, none, none, np.zeros(0, dtype=np.bool_), none, cov_uv_px2=matrix)
 
 
-def _start_shapes(region_cov: Array, config: ExtractionConfig) -> Array:
-    """Covariances (N, 2, 2) of the spots on the raw image from their regions' moments on the blurred one."""
-    level = config.detect.region_level
-    t = np.log(1.0 / level)
-    # second moment of a Gaussian's part above `level`, weighted by what stands above, as a share of its variance
-    share = (1.0 - (1.0 + t) * level - 0.5 * level * t * t) / (1.0 - level - level * t)
-    values, vectors = np.linalg.eigh(region_cov / share - config.detect.blur_sigma_px**2 * np.eye(2))
-    values = np.maximum(values, MIN_START_VARIANCE_PX2)
-    return np.asarray(np.einsum("nij,nj,nkj->nik", vectors, values, vectors))
-
-
-def _windows(centre: Array, shapes: Array, prepared: Prepared, config: ExtractionConfig) -> NDArray[np.int64]:
-    """Left, top, columns, rows (N, 4) around the spots, inside the image."""
-    rows, columns = prepared.image.shape
-    half = np.ceil(config.localise.window_sigma * np.sqrt(np.diagonal(shapes, axis1=1, axis2=2)) + 2.0)
-    half = np.clip(half, 4, config.localise.max_half_window_px)
-    low, high = np.rint(centre) - half, np.rint(centre) + half + 1
-    low, high = np.maximum(low, 0), np.minimum(high, [columns, rows])
-    return np.hstack([low, high - low]).astype(np.int64)
-
-
-def _starts(candidates: Candidates, index: NDArray[np.intp], shapes: Array, config: ExtractionConfig) -> Array:
-    """Start parameters (N, 9) of the fits, in image pixels."""
-    starts = np.zeros((len(index), 9))
-    blurred = shapes + config.detect.blur_sigma_px**2 * np.eye(2)
-    # the blur lowered the peak by √(det Σ / det (Σ + blur))
-    height = candidates.height_dn[index] * np.sqrt(np.linalg.det(blurred) / np.linalg.det(shapes))
-    precision = np.linalg.inv(shapes)
-    starts[:, :2], starts[:, 2], starts[:, 6] = candidates.mean_uv_px[index], height, candidates.ring_dn[index]
-    starts[:, 3], starts[:, 4], starts[:, 5] = precision[:, 0, 0], precision[:, 0, 1], precision[:, 1, 1]
-    return starts
+def _region_share(level: float) -> float:
+    """Second moment of a Gaussian's part above ``level``, weighted by what stands above, as a share of its variance."""
+    t = math.log(1.0 / level)
+    return (1.0 - (1.0 + t) * level - 0.5 * level * t * t) / (1.0 - level - level * t)

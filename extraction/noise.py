@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.special import ndtr
 
-from extraction.blur import BLOCK_PX, ROW_STEP
+from extraction.blur import BLOCK_PX, ROW_STEP, Image32
 from extraction.config import NoiseConfig
 from extraction.preprocess import QUANTISATION_VARIANCE, Prepared
 from geometry import SensorModel
@@ -55,9 +55,9 @@ def noise_model(prepared: Prepared, sensor: SensorModel, config: NoiseConfig) ->
         variance = config.read_noise_dn**2 + QUANTISATION_VARIANCE
     else:
         # white noise of variance V has V · Σ kernel² · Σ kernel² after the separable blur
-        variance = (float(np.median(prepared.noise)) / float(np.sum(prepared.kernel**2))) ** 2
+        variance = (_median(prepared.noise) / float(np.sum(prepared.kernel**2))) ** 2
         variance /= block_share(tuple(prepared.kernel))
-        variance = uncut_variance(float(np.median(prepared.background)), variance)
+        variance = uncut_variance(_median(prepared.background), variance)
     weight = config.speckle_weight
     if config.speckle_contrast is not None:
         weight = min(weight, 4.0 / 3.0 * config.speckle_contrast)
@@ -65,6 +65,11 @@ def noise_model(prepared: Prepared, sensor: SensorModel, config: NoiseConfig) ->
         max(variance, QUANTISATION_VARIANCE), gain, weight, config.speckle_contrast, config.speckle_grain_px,
         float(sensor.saturation_dn), config.model_error,
     )  # fmt: skip
+
+
+def _median(values: Image32) -> float:
+    """Median of finite values, the upper one of two: numpy's own looks for NaN and takes three times as long."""
+    return float(np.partition(values, values.size // 2, axis=None)[values.size // 2])
 
 
 @lru_cache(maxsize=16)

@@ -25,12 +25,12 @@ def score_spots(candidates: Candidates, spots: Spots, config: ExtractionConfig) 
     """Score (N,) in [0, 1]: strong against its surroundings, narrow, short, and like the other spots of the image."""
     k = spots.candidate
     strength = candidates.height_dn[k] / (config.detect.threshold * candidates.ring_noise_dn[k])
-    width, length = np.sqrt(np.maximum(spots.variances_px2, 1e-4)).T
-    own = (1.0 - np.exp(-((strength / 2.5) ** 2))) / ((1.0 + (width / 4.0) ** 4) * (1.0 + (length / 6.0) ** 4))
-    own = np.where(spots.clipped > 0, 0.5 * own, own)
+    across, along = np.maximum(spots.variances_px2, 1e-4).T
+    own = (1.0 - np.exp(-((strength / 2.5) ** 2))) / ((1.0 + (across / 16.0) ** 2) * (1.0 + (along / 36.0) ** 2))
+    own *= np.where(spots.clipped > 0, 0.5, 1.0)
     # what is no spot has no say in what the image's spots look like
-    own = np.where(spots.converged & (width > config.localise.min_sigma_px), own, 0.0)
-    return np.asarray(own * _likeness(own, width, spots.amplitude_dn))
+    own *= spots.converged & (across > config.localise.min_sigma_px**2)
+    return np.asarray(own * _likeness(own, np.sqrt(across), spots.amplitude_dn))
 
 
 def _likeness(own: Array, width: Array, amplitude: Array) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +20,9 @@ PRIOR_GRAIN_PX, PRIOR_GRAIN_LN = 0.7, 0.5
 NO_SPECKLE = 0.01  # probability before looking that an image has none, or any other contrast
 CONTRASTS = np.geomspace(0.003, 1.0, 300)
 GRAINS_PX = np.geomspace(0.2, 1.7, 40)
+VARIANCES = CONTRASTS**2
+USUAL_CONTRAST = np.exp(-0.5 * (np.log(CONTRASTS / PRIOR_CONTRAST) / PRIOR_CONTRAST_LN) ** 2) + NO_SPECKLE
+UNUSUAL_GRAIN = (np.log(GRAINS_PX / PRIOR_GRAIN_PX) / PRIOR_GRAIN_LN) ** 2
 NODES = 20  # of a pixel's side
 # contrast that strings' departure from a Gaussian leaves in the residuals without any speckle or noise: 0.006 for
 # strings of 0.3 mm, 0.02 of 0.5 mm, 0.06 of 1 mm (benchmarks/extraction_model_error.py)
@@ -102,11 +106,10 @@ def _contrast(about: SpotNoise, good: NDArray[np.bool_], grain_px: float) -> flo
         return PRIOR_CONTRAST
     camera = max(float(about.variance_camera[good].sum()) / pixels, 1e-9)
     observed = max(float(about.variance[good].sum()) / pixels + camera, 0.0)
-    variance = CONTRASTS**2 + camera + SHAPE_CONTRAST**2
+    variance = VARIANCES + (camera + SHAPE_CONTRAST**2)
     cost = FREEDOM * pixels * (np.log(variance) + observed / variance)
-    usual = np.exp(-0.5 * (np.log(CONTRASTS / PRIOR_CONTRAST) / PRIOR_CONTRAST_LN) ** 2)
-    likely = np.exp(-0.5 * (cost - cost.min())) * (usual + NO_SPECKLE)
-    return float(np.sqrt(np.sum(likely * CONTRASTS**2) / np.sum(likely)))
+    likely = np.exp(-0.5 * (cost - cost.min())) * USUAL_CONTRAST
+    return math.sqrt(float(likely @ VARIANCES) / float(np.sum(likely)))
 
 
 def _grain(about: SpotNoise, good: NDArray[np.bool_]) -> float:
@@ -119,6 +122,6 @@ def _grain(about: SpotNoise, good: NDArray[np.bool_]) -> float:
     ratio = (rho @ about.neighbour_speckle[good].sum(axis=0)) / (rho @ about.variance_speckle[good].sum(axis=0))
     pixels = float(about.variance_speckle[good, 0].sum())
     error2 = 1.0 / (FREEDOM * pixels) + (SHAPE_CONTRAST**2 * pixels / variance) ** 2
-    cost = (observed - ratio) ** 2 / error2 + (np.log(GRAINS_PX / PRIOR_GRAIN_PX) / PRIOR_GRAIN_LN) ** 2
+    cost = (observed - ratio) ** 2 / error2 + UNUSUAL_GRAIN
     likely = np.exp(-0.5 * (cost - cost.min()))
     return float(np.sum(likely * GRAINS_PX) / np.sum(likely))
