@@ -13,7 +13,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import cv2
@@ -139,14 +139,15 @@ def score(points: Points, centre: np.ndarray) -> tuple[float, int]:
     return float(np.sum(error[near] ** 2)), int(near.sum())
 
 
-def rate(method: Callable[[], object], repeats: int = 15) -> float:
-    """Mpx/s by the median CPU time of one core."""
-    times = []
-    for _ in range(repeats):
-        start = time.process_time()
-        method()
-        times.append(time.process_time() - start)
-    return HEIGHT * WIDTH / float(np.median(times)) / 1e6
+def rates(methods: Sequence[Callable[[], object]], rounds: int = 15) -> list[float]:
+    """Mpx/s of one core by the median CPU time of each method; they take turns, as clocks wander."""
+    times = np.empty((rounds, len(methods)))
+    for k in range(rounds):
+        for n, method in enumerate(methods):
+            start = time.thread_time()
+            method()
+            times[k, n] = time.thread_time() - start
+    return list(HEIGHT * WIDTH / np.median(times, axis=0) / 1e6)
 
 
 def run_case(peak: float, sigma: float, gain: float, read: float, frames: int) -> None:
@@ -169,10 +170,11 @@ def run_case(peak: float, sigma: float, gain: float, read: float, frames: int) -
         peaks = detect_stripe(image)
         nees.append((peaks.uv_px[:, 1] - centre[peaks.section]) / peaks.sigma_px)
     print(f"\npeak {peak:g} DN, σ {sigma:g} px, gain {gain:g} DN/e, read {read:g} DN: bound {bound:.4f} px")
-    for name, method in methods.items():
+    speeds = rates([lambda m=method: m(image) for method in methods.values()])
+    for name, speed in zip(methods, speeds, strict=True):
         total, count = sums[name]
         line = f"  {name:22s} RMSE/CRLB {np.sqrt(total / count) / bound:6.3f}   found {count / frames / WIDTH:6.1%}"
-        line += f"   {rate(lambda m=method: m(image)):6.0f} Mpx/s"
+        line += f"   {speed:6.0f} Mpx/s"
         print(line + (f"   scatter/σ {np.std(np.concatenate(nees)):.3f}" if name == "perceptron-emu" else ""))
     ridge = ridge_detector(image, sigma, peak)
     if ridge is not None:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-from extraction.compiled import compiled, inner
+from extraction.compiled import compiled, inner, inner_fast
 from extraction.stripe_columns import AMPLITUDE, BACKGROUND, CENTRE, CHI2, DOF, HIGH, LOW, WIDTH
 from extraction.stripe_config import StripeConfig
 from extraction.stripe_fit import NoiseModel
@@ -18,7 +18,7 @@ from extraction.stripe_view import StripeView
 Array = NDArray[np.float64]
 
 QUANTISATION_DN2 = 1.0 / 12.0
-_BINS = 24  # of signal, finer towards the dark
+_BINS = 24  # of signal
 _ROUNDS = 4  # of reweighting; the weights need not be exact
 _SIGNIFICANT = 9.0  # of a likelihood ratio: three σ
 _MISFIT = 4.0  # a section whose χ² is that many times the median is no Gaussian peak and says nothing on noise
@@ -58,12 +58,11 @@ def _binned_residuals(view: StripeView, section: NDArray[np.int32], fits: Array)
     good = chi2 <= _MISFIT * np.median(chi2)
     place = view.grey, view.left_out, view.clip_dn, view.black_dn
     table = _residuals(*place, section[good], fits[good])
-    signal = np.sqrt(table[:, 0] / max(float(table[:, 0].max(initial=0.0)), 1e-9))
-    which = np.minimum((_BINS * signal).astype(np.intp), _BINS - 1)
-    pixels = np.bincount(which, minlength=_BINS)
-    filled = pixels > 0
-    means = [np.bincount(which, w, _BINS)[filled] / pixels[filled] for w in table[:, 1:].T]
-    return np.column_stack(means[:3]), means[3], pixels[filled].astype(float)
+    bins = _binned(table)
+    filled = bins[:, 0] > 0
+    pixels = bins[filled, 0]
+    means = bins[filled, 1:] / pixels[:, None]
+    return means[:, :3], means[:, 3], pixels
 
 
 @compiled
@@ -103,7 +102,21 @@ def _residuals(
     return out[:count]
 
 
-@inner
+@compiled
+def _binned(table: Array) -> Array:
+    """Pixels and sums of the other columns of ``table`` (P, 5) in bins of its first (B, 5), finer towards the dark."""
+    out, largest = np.zeros((_BINS, 5)), 1e-9
+    for i in range(len(table)):
+        largest = max(largest, table[i, 0])
+    for i in range(len(table)):
+        k = min(int(_BINS * math.sqrt(max(table[i, 0], 0.0) / largest)), _BINS - 1)
+        out[k, 0] += 1.0
+        for c in range(1, 5):
+            out[k, c] += table[i, c]
+    return out
+
+
+@inner_fast
 def _spread(slope: Array, solved: Array, level: Array, n: int, u: Array, out: Array) -> None:
     """One section's rows of `_residuals`; level: signal, μ - black and residual (n, 3)."""
     for a in range(n):

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from extraction.compiled import inner
+from extraction.compiled import inner, inner_fast
 
 Array = NDArray[np.float64]
 
@@ -88,7 +88,7 @@ def _even_bell(centre: float, width: float, n: int, bell: Array) -> None:
         bell[i] = value
 
 
-@inner
+@inner_fast
 def _normal_equations(
     x: Array, y: Array, use: NDArray[np.bool_], n: int, p: Array, bell: Array, noise: Array, work: Array
 ) -> None:
@@ -97,12 +97,11 @@ def _normal_equations(
     g0 = g1 = g2 = g3 = chi2 = 0.0
     inverse = 1 / p[2]
     for i in range(n):
-        if not use[i]:
-            continue
         t = (x[i] - p[0]) * inverse
         signal = p[1] * bell[i]
         mean = signal + p[3]
         w = 1 / (noise[0] + noise[1] * max(mean - noise[3], 0.0) + noise[2] * signal * signal)
+        w = w if use[i] else 0.0
         j0, j1, j2 = signal * t * inverse, bell[i], signal * t * t * inverse
         r = y[i] - mean
         w0, w1, w2 = w * j0, w * j1, w * j2
