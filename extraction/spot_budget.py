@@ -169,14 +169,20 @@ def _gram(first: Array, second: Array, n: int, out: Array) -> None:
 
 @inner_fast
 def _mix(matrix: Array, planes: Array, n: int, out: Array) -> None:
-    """Out (m, P) = matrix (m, n) · planes (n, P)."""
+    """Out (m, P) = matrix (m, n) · planes (n, P), three planes at a time."""
     for a in range(out.shape[0]):
-        row = out[a]
+        row, r = out[a], n % 3
         row[:] = 0.0
-        for r in range(n):
-            factor, plane = matrix[a, r], planes[r]
+        for k in range(r):
+            factor, plane = matrix[a, k], planes[k]
             for i in range(len(row)):
                 row[i] += factor * plane[i]
+        while r < n:
+            f0, f1, f2 = matrix[a, r], matrix[a, r + 1], matrix[a, r + 2]
+            p0, p1, p2 = planes[r], planes[r + 1], planes[r + 2]
+            for i in range(len(row)):
+                row[i] += f0 * p0[i] + f1 * p1[i] + f2 * p2[i]
+            r += 3
 
 
 @inner_fast
@@ -283,8 +289,11 @@ def _residual_moments(planes: Array, stride: int, n: int, height: float, moments
         _half_neighbours(z[r], core, stride, around[r])
     _half_neighbours(left, core, stride, left_around)
     _half_neighbours(signal, core, stride, signal_around)
-    _moments(planes, weighted, stride, z, z, signal, moments[OWN])
-    _moments(planes, weighted, stride, z, around, signal, moments[NEIGHBOUR])
+    scattered, spread = _scaled(weighted, planes[VARIANCE], n), np.empty((n, n))
+    signalled = _scaled(weighted, planes[GRAINY], n)
+    _gram(scattered, weighted, n, spread)
+    _moments(scattered, spread, signalled, stride, z, z, signal, moments[OWN])
+    _moments(scattered, spread, signalled, stride, z, around, signal, moments[NEIGHBOUR])
     moments[OWN, PRODUCT] = np.sum(left * left) - moments[OWN, CAMERA] - np.sum(planes[VARIANCE] * core)
     moments[OWN, CAMERA] += np.sum(planes[VARIANCE] * core)
     moments[OWN, SPECKLE] += np.sum(signal * signal)
@@ -302,25 +311,32 @@ def _half_neighbours(values: Array, core: Array, stride: int, out: Array) -> Non
 
 
 @inner_fast
-def _moments(planes: Array, weighted: Array, stride: int, z: Array, other: Array, signal: Array, out: Array) -> None:
+def _moments(
+    scattered: Array,
+    spread: Array,
+    signalled: Array,
+    stride: int,
+    z: Array,
+    other: Array,
+    signal: Array,
+    out: Array,
+) -> None:
     """Camera's and speckle's part (2 + K,) of Σ residual_i residual_j over the pairs that make ``other`` of z.
 
     Without the noise of the pair's own two pixels, which the caller adds. With z = F⁻¹ e (n, P) the residual is
     error_i - z_iᵀ Σ_l w_l e_l error_l, so that only sums over pixels are needed, none over pairs beyond REACH.
+    scattered, signalled (n, P): w e times the camera's variance, and times what speckle multiplies. spread (n, n):
+    Σ w e V w eᵀ.
     """
     n = len(z)
-    pairs, mixed = np.zeros((n, n)), np.empty_like(z)
+    pairs, mixed = np.empty((n, n)), np.empty_like(z)
+    _gram(z, other, n, pairs)
     for r in range(n):
         for s in range(n):
-            pairs[r, s] = _dot(z[r], other[s])
-    scattered = _scaled(weighted, planes[VARIANCE], n)
-    signalled = _scaled(weighted, planes[GRAINY], n)
-    _mix(pairs, weighted, n, mixed)
-    for r in range(n):
-        out[CAMERA] += _dot(scattered[r], mixed[r]) - 2.0 * _dot(scattered[r], other[r])
+            out[CAMERA] += pairs[r, s] * spread[r, s]
+        out[CAMERA] -= 2.0 * _dot(scattered[r], other[r])
     _mix(pairs, signalled, n, mixed)
-    beside = _scaled(other, signal, n)
     for r in range(n):
         for i in range(z.shape[1]):
-            mixed[r, i] -= 2.0 * beside[r, i]
+            mixed[r, i] -= 2.0 * other[r, i] * signal[i]
         _lagged_dots(mixed[r], signalled[r], stride, out[SPECKLE:])
