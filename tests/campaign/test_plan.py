@@ -9,6 +9,7 @@ import pytest
 
 from geometry import InputError
 from workbench.campaign.design import design_points
+from workbench.campaign.emulated import planned_diameter_mm
 from workbench.campaign.plan import Plan, read_plan
 from workbench.campaign.settings import TrialSettings, leaf_paths, with_values
 
@@ -106,3 +107,12 @@ def test_every_setting_is_a_factor_by_its_dotted_name() -> None:
     known = leaf_paths(TrialSettings)
     assert {"jig.string_diameter_mm", "emulator.noise.read_noise_e", "calib.model", "clutter"} <= set(known)
     assert with_values(TrialSettings(), {"emulator.noise.read_noise_e": 3.0}).emulator.noise.read_noise_e == 3.0
+
+
+def test_strings_of_many_diameters_share_few_plans() -> None:
+    """Not planned thicker than they are, and a random diameter does not ask for a plan of its own."""
+    diameters = np.linspace(0.05, 1.0, 200)
+    planned = np.array([planned_diameter_mm(d) for d in diameters])
+    assert np.all(planned <= diameters)
+    assert np.all(planned[diameters >= 0.3] == 0.3)
+    assert len(set(planned.tolist())) == 4

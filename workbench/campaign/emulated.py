@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -73,16 +74,23 @@ class Place:
 def shared_plan(settings: TrialSettings, plan: int) -> tuple[Place, ...]:
     """The places and views of plan number ``plan``, shared by trials and workers: of the drawing's geometry alone.
 
-    Strings are planned for as if 0.3 mm thick: what stands in a ray's way is judged with a margin far wider than that.
     Raises NoAnswerError where the plan can not be made.
     """
-    thickness = min(PLANNED_DIAMETER_MM, settings.jig.string_diameter_mm)
+    thickness = planned_diameter_mm(settings.jig.string_diameter_mm)
     jig = settings.jig.model_copy(update={"string_diameter_mm": thickness, "tolerance_mm": 0.0})
     poses = settings.poses.model_copy(update={"plans": 1})
     found = _planned(jig, settings.robot.preset, settings.sensor.preset, poses, settings.clutter, plan)
     if isinstance(found, NoAnswerError):
         raise NoAnswerError(str(found))
     return found
+
+
+def planned_diameter_mm(diameter_mm: float) -> float:
+    """Strings are planned for as if 0.3 mm thick, thinner ones as half of it, a quarter, …: not thicker than they are,
+    and few plans do for all. What stands in a ray's way is judged with a margin far wider than a string.
+    """
+    halvings = max(0, math.ceil(math.log2(PLANNED_DIAMETER_MM / diameter_mm)))
+    return float(PLANNED_DIAMETER_MM / 2**halvings)
 
 
 @lru_cache(maxsize=_SHARED)
