@@ -87,18 +87,17 @@ def measured_cell(seed: int, hide: bool) -> Measured:
     start = time.process_time()
     try:
         emulated, thread = drawn_cell(seed, hide=hide)
-        sensor = emulated.cell.sensor.model
+        seen_by = emulated.cell.sensor
         sequence = np.random.SeedSequence(seed)
         frames = [render_frame(emulated, c, sequence) for c in emulated.configurations]
-        seen_by = emulated.cell.sensor
         config = dataset_config(seen_by, ExtractionConfig(), len(frames), lambda some: [frames[i].image for i in some])
-        spots = [extract(f.image, sensor, config) for f in frames]
+        spots = [extract(f.image, seen_by.model, config) for f in frames]
         observed = tuple(
             FrameObservation(c.frame, c.location, c.role, p, joints_rad=c.reading_rad)
             for c, p in zip(emulated.configurations, spots, strict=True)
         )
         places = emulated.cell.T_base_jig if hide else {}
-        observations = Observations(observed, sensor, emulated.cell.T_hand_sensor_design, places)
+        observations = Observations(observed, seen_by.model, emulated.cell.T_hand_sensor_design, places)
         result = calibrate(observations, emulated.cell.jig, emulated.cell.robot)
     except PerceptronEmuError as error:
         return Measured(np.zeros(4, int), np.zeros((0, COLUMNS)), (), 0, time.process_time() - start, str(error))

@@ -277,9 +277,7 @@ def _residual_moments(planes: Array, stride: int, n: int, height: float, moments
     _mix(inverse, planes, n, z)
     z = _scaled(z, core, n)
     for r in range(n):
-        share = 0.0
-        for i in range(planes.shape[1]):
-            share += weighted[r, i] * planes[RESIDUAL, i]
+        share = _dot(weighted[r], planes[RESIDUAL])
         for i in range(planes.shape[1]):
             left[i] -= z[r, i] * share
     signal = planes[GRAINY] * core

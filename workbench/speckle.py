@@ -6,12 +6,13 @@ from collections.abc import Callable, Iterable
 
 from extraction import learn_speckle
 from extraction.config import ExtractionConfig
+from extraction.speckle import GRAINS_PX
 from perceptron_emu.speckle import grain_px
 from workbench.formats.sensor_file import Sensor
 
 LEARNT_FRAMES = 6  # frames that the speckle is learnt from, and the largest share of a dataset's
 LEARNT_SHARE = 0.3
-MAX_GRAIN_PX = 1.7  # of `NoiseConfig.speckle_grain_px`: coarser grains are much the same to neighbouring pixels
+MAX_GRAIN_PX = float(GRAINS_PX[-1])  # the coarsest that `NoiseConfig.speckle_grain_px` takes
 # what tells the grain λF#(1 + m), by table of sensor.toml; the emulator's defaults are no knowledge of a real sensor
 OPTICS = {"laser": {"wavelength_nm"}, "optics": {"pixel_um", "f_number"}}
 
