@@ -63,7 +63,7 @@ class Cell:
 
 
 def industrial_arm() -> RobotModel:
-    """A six-axis arm of 2.5 m reach (FACTS: IRB 6640-180/2.55), standard DH, mm and radians."""
+    """A six-axis arm of 2.5 m reach (ABB's data sheet of the IRB 6640-180/2.55), standard DH, mm and radians."""
     theta = np.deg2rad([0.0, -90.0, 0.0, 0.0, 0.0, 180.0])
     alpha = np.deg2rad([-90.0, 0.0, -90.0, 90.0, -90.0, 0.0])
     return RobotModel.from_dh(

@@ -72,7 +72,7 @@ def test_the_two_heights_disagree_under_noise():
 
 
 def test_noise_near_a_perpendicular_view_leaves_no_angle():
-    """a/l > 1 is reported by an empty answer, never by a number (THEORY.md 1.7)."""
+    """a/l > 1 is reported by an empty answer, never by a number (docs/theory.md, the closed form)."""
     jig, _, yz = cells(200, seed=3, tilt_deg=(0.0, 1.0))
     noisy = yz + np.random.default_rng(0).normal(0, 0.03, yz.shape)
     forms = closed_forms(noisy, SIDE_MM, HEIGHT_MM)

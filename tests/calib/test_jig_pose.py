@@ -131,7 +131,7 @@ def test_covariance_is_true():
 
 
 def mirror_view(jig):
-    """Pitch of 20° through mid-height, where B' and C' stand at equal height (THEORY.md 1.9)."""
+    """Pitch of 20° through mid-height, where B' and C' stand at equal height (docs/theory.md, mirror poses)."""
     R = exp_so3(np.deg2rad(20.0) * np.array([0.0, 1.0, 0.0]))
     middle = np.array([jig.height_mm / 2, 0.0, 0.5 * np.sqrt(3) / 2 * jig.side_mm])
     return Pose(R, middle - R @ np.array([0.0, 0.0, 300.0])).inverse()
