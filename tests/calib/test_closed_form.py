@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from calib.closed_form import LABELS, closed_form_poses, closed_forms
-from calib.crossings import crossings
-from calib.jig_pose import jig_pose
-from calib.pose_solver import PoseProblem, solve_poses
-from calib.pose_weakness import scaled_condition
-from calib.synthetic_views import random_pose
+from calib.pose.closed_form import LABELS, closed_form_poses, closed_forms
+from calib.pose.crossings import crossings
+from calib.pose.fit import jig_pose
+from calib.pose.solver import PoseProblem, solve_poses
+from calib.pose.weakness import scaled_condition
+from calib.synthetic.views import random_pose
 from geometry import AxisPoints, NoAnswerError, Pose, stack_poses
 from jig_cad import Jig
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from calib.closure import Socket, closure, held_out_rms
-from calib.closure_problem import closure_problem, solve_closure
-from calib.synthetic import dh_errors, industrial_arm
+from calib.closure.closure import Socket, closure, held_out_rms
+from calib.closure.problem import closure_problem, solve_closure
+from calib.synthetic.cell import dh_errors, industrial_arm
 from geometry import RobotModel
 from tests.recordings import MISSING, recording
 

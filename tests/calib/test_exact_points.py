@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from calib.exact_recovery import recover
 from calib.figures import agreeing_pose
-from calib.paper_scp import PaperProblem, PaperSettings, solve_paper
-from calib.synthetic import DESIGN
-from calib.synthetic_problem import exact_pose_problem
+from calib.paper.scp import PaperProblem, PaperSettings, solve_paper
+from calib.synthetic.cell import DESIGN
+from calib.synthetic.exact_recovery import recover
+from calib.synthetic.problem import exact_pose_problem
 from geometry import Pose
 from jig_cad import Jig
 

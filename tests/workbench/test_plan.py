@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import workbench.proposing
-from calib.information import scp_covariance
+from calib.bundle.information import scp_covariance
 from tests.workbench.helpers import Cli
 from workbench.expected import view_information
 from workbench.formats import read_cell, read_frames
