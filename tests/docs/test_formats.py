@@ -47,7 +47,7 @@ def keys(model: type[BaseModel]) -> Iterator[str]:
             yield from keys(inner)
 
 
-@pytest.mark.parametrize("model", (*CELL, *SETTINGS, *OTHERS), ids=lambda model: model.__name__)
+@pytest.mark.parametrize("model", [*CELL, *SETTINGS, *OTHERS], ids=lambda model: model.__name__)
 def test_every_key_is_described(model: type[BaseModel]) -> None:
     assert not set(keys(model)) - WORDS
 
