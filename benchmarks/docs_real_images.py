@@ -11,9 +11,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from extraction.profile import StripePeaks
-from extraction.stripe import detect_stripe
-from extraction.stripe_config import StripeConfig
+from extraction.stripe.config import StripeConfig
+from extraction.stripe.pipeline import detect_stripe
+from extraction.stripe.profile import StripePeaks
 
 REPOSITORY = Path(__file__).parents[1]
 GREEN, ORANGE = (0, 255, 0), (0, 165, 255)

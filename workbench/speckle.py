@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 
 from extraction import learn_speckle
 from extraction.config import ExtractionConfig
-from extraction.speckle import GRAINS_PX
+from extraction.spots.speckle import GRAINS_PX
 from perceptron_emu.speckle import grain_px
 from workbench.formats.sensor_file import Sensor
 

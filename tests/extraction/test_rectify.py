@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from extraction.lens import undistort
-from extraction.rectify import image_to_sheet, propagate
-from extraction.sheet_table import SheetTable, sheet_table
+from extraction.sheet.lens import undistort
+from extraction.sheet.rectify import image_to_sheet, propagate
+from extraction.sheet.table import SheetTable, sheet_table
 from geometry import InputError, Pose, SensorModel, exp_so3
 
 ATOL_PX = 1e-9
