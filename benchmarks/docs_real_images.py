@@ -11,9 +11,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from extraction.stripe.config import StripeConfig
-from extraction.stripe.pipeline import detect_stripe
-from extraction.stripe.profile import StripePeaks
+from extraction.stripe import StripeConfig, StripePeaks, detect_stripe
 
 REPOSITORY = Path(__file__).parents[1]
 GREEN, ORANGE = (0, 255, 0), (0, 165, 255)

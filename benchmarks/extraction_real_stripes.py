@@ -18,8 +18,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from extraction.stripe.config import StripeConfig
-from extraction.stripe.pipeline import detect_stripe
+from extraction.stripe import StripeConfig, detect_stripe
 
 DEFAULT = Path(__file__).parents[2] / "shared/data/real/etna"
 CORNERS, SQUARE_MM, NEAR_PX = (7, 6), 10.0, 3.0

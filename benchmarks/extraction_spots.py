@@ -25,9 +25,7 @@ import numpy as np
 from spot_peers import PEERS
 
 from extraction import ExtractionConfig, LocaliseConfig, extract
-from extraction.spots.bound import TrueSpot, mean_image, position_bound
-from extraction.spots.fast import fit_peaks
-from extraction.spots.stack import fit_stack
+from extraction.spots import TrueSpot, fit_peaks, fit_stack, mean_image, position_bound
 from geometry import Pose, SensorModel
 
 SIDE, WIDTH_PX = 11, 1.3

@@ -20,7 +20,7 @@ import cv2
 import numpy as np
 from scipy.special import ndtr
 
-from extraction.stripe.pipeline import detect_stripe
+from extraction.stripe import detect_stripe
 
 HEIGHT, WIDTH, BACKGROUND_DN = 1024, 1280, 10.0
 CASES = ((150, 2.0), (40, 2.0), (15, 2.0), (150, 1.0), (40, 1.0), (15, 1.0))  # peak DN, σ px

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from extraction.stripe.profile import Profile
+from extraction.stripe import Profile
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]

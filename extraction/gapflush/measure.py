@@ -12,7 +12,7 @@ from extraction.gapflush.edge import MIN_ARC_RAD, PanelEdge, fit_edge
 from extraction.gapflush.faces import facing_pair, find_faces
 from extraction.gapflush.light import sections_of
 from extraction.gapflush.pair import fit_pair
-from extraction.stripe.profile import Profile
+from extraction.stripe import Profile
 from geometry import InputError, NoAnswerError
 
 Array = NDArray[np.float64]

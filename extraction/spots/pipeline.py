@@ -11,13 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from extraction.config import ExtractionConfig
-from extraction.sheet.rectify import image_to_sheet, propagate
+from extraction.image import check_image
+from extraction.sheet import image_to_sheet, propagate
 from extraction.spots.blur import Image32
 from extraction.spots.candidates import Candidates, find_candidates
 from extraction.spots.errors import SpotErrors, spot_errors
 from extraction.spots.localise import Spots, localise
 from extraction.spots.noise import noise_model
-from extraction.spots.prepare import Prepared, check_image, prepare
+from extraction.spots.prepare import Prepared, prepare
 from extraction.spots.score import flag_spots, refuse_spots, score_spots
 from extraction.spots.speckle import estimate_speckle
 from extraction.spots.spot_noise import SpotNoise, concatenate, take

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from extraction.image import Image
 from extraction.spots.blur import Image32
 from extraction.spots.candidates import Candidates
-from extraction.spots.prepare import Image, Prepared
+from extraction.spots.prepare import Prepared
 from geometry import SensorModel, SurfacePoints
 
 FLOODED_SHARE = 0.5  # of clipped pixels, above which the image is said to be saturated

@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
-from extraction.sheet.rectify import image_to_sheet, propagate
-from extraction.sheet.table import sheet_table
-from extraction.spots.prepare import check_image
+from extraction.image import check_image
+from extraction.sheet import image_to_sheet, propagate, sheet_table
 from extraction.stripe import columns as col
 from extraction.stripe.config import StripeConfig
 from extraction.stripe.detect import Candidates, detect

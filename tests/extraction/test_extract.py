@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from extraction import ExtractionConfig, LocaliseConfig, NoiseConfig, extract, extract_stages, image_to_sheet
-from extraction.spots.bound import TrueSpot
+from extraction.spots import TrueSpot
 from tests.extraction.spots import camera, make_sensor, mean_frame, some_spots
 
 CELL_A = Path(__file__).parents[3] / "shared/data/cell_a"

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from extraction.gapflush.config import GapFlushConfig
-from extraction.gapflush.measure import measure_gap_flush
-from extraction.stripe.profile import Profile, StripePeaks
+from extraction.gapflush import GapFlushConfig, measure_gap_flush
+from extraction.stripe import Profile, StripePeaks
 from geometry import InputError, NoAnswerError
 
 SIGMA_MM = 0.01

@@ -6,8 +6,8 @@ Proves the sums, not that speckle is as assumed: the rendered frames of test_ext
 import numpy as np
 import pytest
 
+from extraction.spots import correlation
 from extraction.spots.budget import BRIGHT, CORE, DISTANCES2, WITHIN_PIXEL
-from extraction.spots.speckle import correlation
 from extraction.spots.spot_noise import spot_noise
 
 ROWS, COLUMNS = 13, 15

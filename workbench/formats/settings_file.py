@@ -10,7 +10,7 @@ from typing import Any
 from pydantic import BaseModel, Field, create_model
 
 from calib import CalibConfig
-from extraction.config import ExtractionConfig
+from extraction import ExtractionConfig
 from workbench.formats.sensor_file import toml_value
 from workbench.formats.strict import Section, validate
 from workbench.formats.toml_text import read_toml

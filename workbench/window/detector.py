@@ -13,7 +13,7 @@ from pydantic import BaseModel
 from calib import CalibConfig
 from calib.labelling import label_frame
 from extraction import ExtractionConfig, Stages, extract_stages, image_to_sheet
-from extraction.spots.candidates import Candidates
+from extraction.spots import Candidates
 from geometry import InputError, Pose, SensorModel, SurfacePoints
 from jig_cad import Jig
 from workbench.formats.images import Image
