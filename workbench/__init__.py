@@ -1,1 +1,1 @@
-"""TODO."""
+"""The roof: files, tools, reports and the window over what the other rooms do."""

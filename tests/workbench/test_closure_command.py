@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from workbench.main import run
+from workbench.cli.main import run
 
 RECORDED = Path(__file__).parents[3] / "shared" / "data" / "real" / "socket_closure" / "data"
 
