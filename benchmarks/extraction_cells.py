@@ -27,7 +27,7 @@ import numpy as np
 from rendered_strings import random_thread
 
 from calib import FrameObservation, Observations, calibrate
-from calib.axis_offset import surface_offset
+from calib.label.surface_offset import surface_offset
 from calib.surface_config import SurfaceConfig
 from extraction import ExtractionConfig, extract
 from geometry import PerceptronEmuError, Pose

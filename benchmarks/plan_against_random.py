@@ -18,10 +18,10 @@ from pathlib import Path
 import numpy as np
 
 from calib import CalibConfig
-from calib.information import scp_covariance
-from calib.problem import Problem, robot_chain
-from calib.solution import solve_problem
-from calib.synthetic import axis_points, dh_errors
+from calib.bundle.information import scp_covariance
+from calib.bundle.problem import Problem, robot_chain
+from calib.bundle.solution import solve_problem
+from calib.synthetic.cell import axis_points, dh_errors
 from geometry import Pose, stack_poses
 from jig_cad import sample_tolerance
 from workbench.cell.locating import located

@@ -1,1 +1,1 @@
-"""The roof: files, tools, reports and the window over what the other rooms do."""
+"""The roof: files, the command line, recording, planning, reports, campaigns and the process window."""

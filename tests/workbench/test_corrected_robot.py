@@ -10,8 +10,8 @@ import numpy as np
 
 from calib import CalibConfig, calibrate
 from calib.result import CalibrationResult
-from calib.synthetic import Noise, made_cell, observe, random_cell
-from calib.synthetic_problem import CALIBRATE_ONLY
+from calib.synthetic.cell import Noise, made_cell, observe, random_cell
+from calib.synthetic.problem import CALIBRATE_ONLY
 from tests.workbench.helpers import Cli
 from tests.workbench.test_urdf import SIX, urdf_text
 from workbench.files import Cell, read_cell, read_robot

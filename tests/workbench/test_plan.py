@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import workbench.plan.propose
-from calib.information import scp_covariance
+from calib.bundle.information import scp_covariance
 from tests.workbench.helpers import Cli
 from workbench.files import read_cell, read_frames
 from workbench.plan.expected import view_information

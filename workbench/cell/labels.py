@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from calib import CalibConfig, CalibrationResult, Observations
-from calib.label_location import label_location
-from calib.label_refine import LabelledFrame
-from calib.labelling import label_frame
+from calib.label.frame import label_frame
+from calib.label.location import label_location
+from calib.label.refine import LabelledFrame
 from geometry import AxisPoints, NoAnswerError, SensorModel, SurfacePoints, stack_poses
 from jig_cad import Jig
 from workbench.cell.pipeline import Observed, solve

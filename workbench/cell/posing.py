@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from calib import CalibConfig
-from calib.jig_pose import jig_pose
-from calib.jig_pose_types import JigPoseResult
-from calib.labelling import label_frame
+from calib.label.frame import label_frame
+from calib.pose.candidates import JigPoseResult
+from calib.pose.fit import jig_pose
 from geometry import AxisPoints, InputError, NoAnswerError, SensorModel
 from jig_cad import Jig
 from workbench.cell.presets import find_jig, find_sensor

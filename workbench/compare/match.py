@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
-VISIBLE = 0.9  # FORMATS: "visible" in every figure means at least this fraction of the lit patch
+VISIBLE = 0.9  # docs/formats.md: "visible" in every figure means at least this fraction of the lit patch
 GATE_PX = 8.0  # a point further than this from every string's image shows no string
 
 

@@ -1,4 +1,4 @@
-"""frames.csv of FORMATS.md: which image was taken where, with the joint readings or the hand's pose."""
+"""frames.csv (docs/formats.md): which image was taken where, with the joint readings or the hand's pose."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""points.csv of FORMATS.md: extract's columns, written by `extract` and read in place of images."""
+"""points.csv (docs/formats.md): extract's columns, written by `extract` and read in place of images."""
 
 from __future__ import annotations
 

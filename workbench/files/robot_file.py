@@ -1,4 +1,4 @@
-"""robot.toml of FORMATS.md: a Denavit-Hartenberg table or a URDF, with what it does not know of itself."""
+"""robot.toml (docs/formats.md): a Denavit-Hartenberg table or a URDF, with what it does not know of itself."""
 
 from __future__ import annotations
 

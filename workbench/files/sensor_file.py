@@ -1,4 +1,4 @@
-"""sensor.toml of FORMATS.md: the geometry every room needs, and the emulator's own keys beside it."""
+"""sensor.toml (docs/formats.md): the geometry every room needs, and the emulator's own keys beside it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""truth.json of FORMATS.md: what an emulated recording knows of itself."""
+"""truth.json (docs/formats.md): what an emulated recording knows of itself."""
 
 from __future__ import annotations
 

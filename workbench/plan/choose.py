@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.information import FrameInformation, covariances_with, scaled, scp_covariance
+from calib.bundle.information import FrameInformation, covariances_with, scaled, scp_covariance
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.information import FrameInformation, Model, frame_information
-from calib.problem import Points, Problem, pad_points, robot_chain
+from calib.bundle.information import FrameInformation, Model, frame_information
+from calib.bundle.problem import Points, Problem, pad_points, robot_chain
 from extraction import image_to_sheet
 from geometry import AxisPoints, Pose, RobotModel, SensorModel, cross_plane_x0
 from jig_cad import Jig

@@ -1,4 +1,4 @@
-"""The result of calibrate as FORMATS.md's JSON object: null never NaN, ASCII labels, the points of every frame."""
+"""The result of calibrate as the JSON object of docs/formats.md: null never NaN, ASCII labels, every frame."""
 
 from __future__ import annotations
 

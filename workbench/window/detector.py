@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel
 
 from calib import CalibConfig
-from calib.labelling import label_frame
+from calib.label.frame import label_frame
 from extraction import ExtractionConfig, Stages, extract_stages, image_to_sheet
 from extraction.candidates import Candidates
 from geometry import InputError, Pose, SensorModel, SurfacePoints
