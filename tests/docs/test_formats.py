@@ -16,13 +16,13 @@ from extraction.config import ExtractionConfig
 from jig_cad.files import JigTable
 from perceptron_emu import EmulatorConfig
 from perceptron_emu.scene_file import SceneFile
-from workbench.formats.cell import CellFile
-from workbench.formats.frames_csv import POSE_COLUMNS
-from workbench.formats.points_csv import COLUMNS
-from workbench.formats.robot_file import RobotFile
-from workbench.formats.sensor_file import SensorFile
-from workbench.formats.truth_file import Truth
-from workbench.validation.summary import Thresholds
+from workbench.files.cell import CellFile
+from workbench.files.frames_csv import POSE_COLUMNS
+from workbench.files.points_csv import COLUMNS
+from workbench.files.robot_file import RobotFile
+from workbench.files.sensor_file import SensorFile
+from workbench.files.truth_file import Truth
+from workbench.validate.summary import Thresholds
 
 PAGE = (Path(__file__).parents[2] / "docs" / "formats.md").read_text(encoding="utf-8")
 WORDS = set(re.findall(r"\w+", PAGE))
