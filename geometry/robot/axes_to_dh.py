@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from geometry.errors import InputError
 from geometry.pose import Pose
-from geometry.robot import RobotModel
+from geometry.robot.dh import RobotModel
 
 Array = NDArray[np.float64]
 

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import InputError, RobotModel
+from geometry.errors import InputError
+from geometry.robot.dh import RobotModel
 
 Array = NDArray[np.float64]
 
