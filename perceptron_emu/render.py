@@ -10,15 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geometry import InputError, SensorModel
-from perceptron_emu.ambient import ambient_electrons
-from perceptron_emu.camera import expose
 from perceptron_emu.check import check_optics
+from perceptron_emu.chip.camera import expose
+from perceptron_emu.chip.hdr import expose_hdr
 from perceptron_emu.config import EmulatorConfig
-from perceptron_emu.hdr import expose_hdr
-from perceptron_emu.image import draw
-from perceptron_emu.labels import label_names, pixel_labels, sheet_curve
-from perceptron_emu.lighting import LitScene, light_scene, thread_of
-from perceptron_emu.motion import Moment, moments, moved
+from perceptron_emu.image.ambient import ambient_electrons
+from perceptron_emu.image.draw import draw
+from perceptron_emu.image.labels import label_names, pixel_labels, sheet_curve
+from perceptron_emu.light.lighting import LitScene, light_scene, thread_of
+from perceptron_emu.light.motion import Moment, moments, moved
 from perceptron_emu.scene import Scene
 from perceptron_emu.truth import Frame, FrameTruth, string_truths
 
@@ -78,7 +78,7 @@ def _finder(renderer: str) -> Callable[[Scene, EmulatorConfig], LitScene]:
     if renderer == "own":
         return light_scene
     if renderer == "pyrender":
-        from perceptron_emu.pyrender_backend import light_scene_gl
+        from perceptron_emu.gl.backend import light_scene_gl
 
         return light_scene_gl
     raise InputError(f'renderer "{renderer}": must be "own" or "pyrender"')

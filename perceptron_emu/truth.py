@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from geometry import Pose, SensorModel
 from geometry.compiled import kernel
-from perceptron_emu.lighting import LitScene
-from perceptron_emu.projection import project
+from perceptron_emu.lens.projection import project
+from perceptron_emu.light.lighting import LitScene
 
 Array = NDArray[np.float64]
 

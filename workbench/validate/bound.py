@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import correlate1d
 
 from perceptron_emu import EmulatorConfig, Scene, render
-from perceptron_emu.camera import gain_dn_per_e
+from perceptron_emu.chip.camera import gain_dn_per_e
 
 Array = NDArray[np.float64]
 

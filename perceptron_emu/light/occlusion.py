@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geometry.compiled import kernel
-from perceptron_emu.strings import Cylinders
+from perceptron_emu.light.strings import Cylinders
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

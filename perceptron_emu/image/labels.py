@@ -5,16 +5,16 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from perceptron_emu.bodies import hidden_by_solid
 from perceptron_emu.config import EmulatorConfig
-from perceptron_emu.image import draw
-from perceptron_emu.lighting import LitScene
-from perceptron_emu.occlusion import hidden_by_strings
-from perceptron_emu.projection import project
-from perceptron_emu.samples import Samples
+from perceptron_emu.image.draw import draw
+from perceptron_emu.lens.projection import project
+from perceptron_emu.light.lighting import LitScene
+from perceptron_emu.light.occlusion import hidden_by_strings
+from perceptron_emu.light.samples import Samples
+from perceptron_emu.light.sheet_faces import faces_in_sheet
+from perceptron_emu.light.stripes import FIRST_STRIPE_GROUP, GROUPS_A_SOLID, OFF_SURFACE_MM, lit_pieces
 from perceptron_emu.scene import Scene
-from perceptron_emu.sheet_faces import faces_in_sheet
-from perceptron_emu.stripes import FIRST_STRIPE_GROUP, GROUPS_A_SOLID, OFF_SURFACE_MM, lit_pieces
+from perceptron_emu.solids.bodies import hidden_by_solid
 from perceptron_emu.truth import SheetCurve
 
 MIN_ELECTRONS = 1.0  # a pixel with less mean laser light than this belongs to nothing

@@ -7,14 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from perceptron_emu.bodies import hidden_by_solid
 from perceptron_emu.config import EmulatorConfig
-from perceptron_emu.occlusion import hidden_by_strings
-from perceptron_emu.samples import Samples, join
+from perceptron_emu.light.occlusion import hidden_by_strings
+from perceptron_emu.light.samples import Samples, join
+from perceptron_emu.light.strings import Cylinders, LitStrings, cylinders, light_strings
+from perceptron_emu.light.stripes import light_solids
+from perceptron_emu.light.transport import Light
 from perceptron_emu.scene import Material, Scene
-from perceptron_emu.strings import Cylinders, LitStrings, cylinders, light_strings
-from perceptron_emu.stripes import light_solids
-from perceptron_emu.transport import Light
+from perceptron_emu.solids.bodies import hidden_by_solid
 
 Array = NDArray[np.float64]
 

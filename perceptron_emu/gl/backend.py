@@ -10,15 +10,15 @@ from numpy.typing import NDArray
 
 from geometry import Pose, SensorModel
 from perceptron_emu.config import EmulatorConfig
-from perceptron_emu.gl_world import GlWorld, View, back_project, depth_and_identity, gl_world
-from perceptron_emu.lighting import LitScene, thread_of
-from perceptron_emu.projection import to_camera
-from perceptron_emu.samples import Samples, join
+from perceptron_emu.gl.world import GlWorld, View, back_project, depth_and_identity, gl_world
+from perceptron_emu.lens.projection import to_camera
+from perceptron_emu.light.lighting import LitScene, thread_of
+from perceptron_emu.light.samples import Samples, join
+from perceptron_emu.light.sheet import SHEET_REACH, axis_meets_sheet_mm, half_width_mm
+from perceptron_emu.light.strings import cylinders, light_strings
+from perceptron_emu.light.stripes import FIRST_STRIPE_GROUP, GROUPS_A_SOLID, TILES_A_ROW
+from perceptron_emu.light.transport import Light
 from perceptron_emu.scene import Scene
-from perceptron_emu.sheet import SHEET_REACH, axis_meets_sheet_mm, half_width_mm
-from perceptron_emu.strings import cylinders, light_strings
-from perceptron_emu.stripes import FIRST_STRIPE_GROUP, GROUPS_A_SOLID, TILES_A_ROW
-from perceptron_emu.transport import Light
 
 Array = NDArray[np.float64]
 

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from geometry import SensorModel
 from geometry.compiled import kernel
-from perceptron_emu.brdf import brdf
 from perceptron_emu.config import EmulatorConfig
-from perceptron_emu.optics import Gather, gather, gathered
+from perceptron_emu.lens.optics import Gather, gather, gathered
+from perceptron_emu.light.brdf import brdf
+from perceptron_emu.light.sheet import across, beam, density_at, fan, width_at
 from perceptron_emu.scene import Material
-from perceptron_emu.sheet import across, beam, density_at, fan, width_at
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]

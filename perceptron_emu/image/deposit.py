@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from geometry.compiled import kernel
-from perceptron_emu.convolve import convolved
+from perceptron_emu.image.convolve import convolved
 
 Float32 = NDArray[np.float32]
 Array = NDArray[np.float64]

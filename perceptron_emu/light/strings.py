@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from geometry import Pose, SensorModel, cross_plane_x0
 from jig_cad import Jig
 from perceptron_emu.config import EmulatorConfig
-from perceptron_emu.optics import sharp_sigma_px
+from perceptron_emu.lens.optics import sharp_sigma_px
+from perceptron_emu.light.sheet import SHEET_REACH, STEP, half_width_mm
+from perceptron_emu.light.transport import Light
 from perceptron_emu.scene import Material
-from perceptron_emu.sheet import SHEET_REACH, STEP, half_width_mm
-from perceptron_emu.transport import Light
 
 Array = NDArray[np.float64]
 

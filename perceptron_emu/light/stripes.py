@@ -10,17 +10,17 @@ from numpy.typing import NDArray
 
 from geometry import SensorModel
 from geometry.compiled import kernel
-from perceptron_emu.bodies import body_of, hidden_by_solid
 from perceptron_emu.config import EmulatorConfig
-from perceptron_emu.occlusion import hidden_by_strings
-from perceptron_emu.optics import sharp_sigma_px
-from perceptron_emu.projection import project
-from perceptron_emu.samples import Samples
+from perceptron_emu.lens.optics import sharp_sigma_px
+from perceptron_emu.lens.projection import project
+from perceptron_emu.light.occlusion import hidden_by_strings
+from perceptron_emu.light.samples import Samples
+from perceptron_emu.light.sheet_faces import Faces, faces_in_sheet, sheet_planes
+from perceptron_emu.light.strings import Cylinders
+from perceptron_emu.light.transport import Light
 from perceptron_emu.scene import Scene
-from perceptron_emu.section import lit_in_planes
-from perceptron_emu.sheet_faces import Faces, faces_in_sheet, sheet_planes
-from perceptron_emu.strings import Cylinders
-from perceptron_emu.transport import Light
+from perceptron_emu.solids.bodies import body_of, hidden_by_solid
+from perceptron_emu.solids.section import lit_in_planes
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
