@@ -6,16 +6,14 @@ import numpy as np
 
 from geometry import InputError, SensorModel, field_of_view, inside_polygon
 from perceptron_emu.config import EmulatorConfig
-from perceptron_emu.lens.optics import (
+from perceptron_emu.lens import (
     defocus_radius_px,
     filter_transmission,
     focus_distance_mm,
     principal_distance_mm,
+    to_camera,
 )
-from perceptron_emu.lens.projection import to_camera
-from perceptron_emu.light.sheet import axis_meets_sheet_mm
-from perceptron_emu.light.sheet_faces import faces_in_sheet
-from perceptron_emu.light.strings import cylinders
+from perceptron_emu.light import axis_meets_sheet_mm, cylinders, faces_in_sheet
 from perceptron_emu.scene import Scene
 
 MIN_TRANSMISSION = 1e-3

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from geometry import Pose
 from perceptron_emu.gl.context import draw_gl, load_pyrender
-from perceptron_emu.light.strings import Cylinders
+from perceptron_emu.light import Cylinders
 from perceptron_emu.scene import Scene
 
 Array = NDArray[np.float64]

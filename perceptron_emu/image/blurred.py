@@ -9,7 +9,7 @@ from numba import uint32
 from numpy.typing import NDArray
 
 from geometry.compiled import kernel
-from perceptron_emu.image.convolve import convolved
+from perceptron_emu.image.deposit import convolved
 from perceptron_emu.image.level_cells import CELL_PX, Flags
 
 Float32 = NDArray[np.float32]

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from geometry import SensorModel
 from geometry.compiled import kernel
-from perceptron_emu.chip.hashing import white_noise
+from perceptron_emu.chip import white_noise
 from perceptron_emu.config import EmulatorConfig
-from perceptron_emu.lens.optics import working_f_number
+from perceptron_emu.lens import working_f_number
 
 Float32 = NDArray[np.float32]
 

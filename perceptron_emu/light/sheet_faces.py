@@ -9,11 +9,10 @@ from numpy.typing import NDArray
 
 from geometry import SensorModel
 from perceptron_emu.config import EmulatorConfig
-from perceptron_emu.lens.optics import sharp_sigma_px
-from perceptron_emu.lens.projection import project
+from perceptron_emu.lens import project, sharp_sigma_px
 from perceptron_emu.light.sheet import SHEET_REACH, STEP, axis_meets_sheet_mm, half_width_mm
 from perceptron_emu.scene import Scene
-from perceptron_emu.solids.bodies import body_of
+from perceptron_emu.solids import body_of
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]

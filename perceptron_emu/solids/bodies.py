@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from geometry.compiled import kernel
 from perceptron_emu.scene import Solid
 from perceptron_emu.solids.bvh import Bvh, blocked, build_bvh
-from perceptron_emu.solids.facets import facets
+from perceptron_emu.solids.flat_faces import facets
 
 Array = NDArray[np.float64]
 

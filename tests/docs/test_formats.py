@@ -14,8 +14,7 @@ from calib import CalibConfig
 from extraction import GapFlushConfig, StripeConfig
 from extraction.config import ExtractionConfig
 from jig_cad.files import JigTable
-from perceptron_emu import EmulatorConfig
-from perceptron_emu.scene_file import SceneFile
+from perceptron_emu import EmulatorConfig, SceneFile
 from workbench.files.cell import CellFile
 from workbench.files.frames_csv import POSE_COLUMNS
 from workbench.files.points_csv import COLUMNS

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from geometry import MissingDependencyError
-from perceptron_emu.gl.context import gl_problem
+from perceptron_emu.gl import gl_problem
 from tests.workbench.helpers import Cli
 from workbench.cell.pipeline import observe, solve
 from workbench.cli import diagnosis

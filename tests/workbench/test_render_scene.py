@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from perceptron_emu.gl.context import gl_problem
+from perceptron_emu.gl import gl_problem
 from tests.workbench.helpers import Cli
 from workbench.files import read_cell
 

@@ -12,11 +12,16 @@ from geometry import Pose, SensorModel, cross_plane_x0
 from jig_cad import Jig
 from jig_cad.jig import MIN_SLENDERNESS
 from jig_cad.solids import jig_solids
-from perceptron_emu import ALUMINIUM, BLACK_PLATE, Solid, panel
-from perceptron_emu.light.occlusion import hidden_by_strings
-from perceptron_emu.light.strings import cylinders
-from perceptron_emu.scene_file import Surroundings
-from perceptron_emu.solids.bodies import hidden_by_solid
+from perceptron_emu import (
+    ALUMINIUM,
+    BLACK_PLATE,
+    Solid,
+    Surroundings,
+    cylinders,
+    hidden_by_solid,
+    hidden_by_strings,
+    panel,
+)
 from workbench.plan.views import SeesAll
 
 Array = NDArray[np.float64]

@@ -89,7 +89,7 @@ def _extras() -> Iterator[Finding]:
 
 def _gl() -> Finding:
     """Whether a frame can truly be drawn: a library that is there may still find no device."""
-    from perceptron_emu.gl.context import gl_problem
+    from perceptron_emu.gl import gl_problem
 
     problem = gl_problem()
     if problem is None:
