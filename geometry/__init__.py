@@ -8,6 +8,7 @@ from geometry.points import AxisPoints, SurfacePoints
 from geometry.pose import Pose, cross, exp_so3, log_so3, nearest_rotation, quaternion_wxyz, skew, stack_poses
 from geometry.robot import PARAMETERS, RobotModel, RobotUncertainty
 from geometry.sensor import SensorModel
+from geometry.target import Symmetry
 
 __all__ = [
     "PARAMETERS",
@@ -22,6 +23,7 @@ __all__ = [
     "RobotUncertainty",
     "SensorModel",
     "SurfacePoints",
+    "Symmetry",
     "all_solutions",
     "cross",
     "cross_plane_x0",
