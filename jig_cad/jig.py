@@ -1,4 +1,4 @@
-"""The string jig: lines between anchors, its symmetries, its tolerance."""
+"""The string jig: lines between anchors, its symmetries, its tolerance (docs/conventions.md)."""
 
 from __future__ import annotations
 
