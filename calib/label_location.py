@@ -13,7 +13,7 @@ from calib.label_chain import Chain, mahalanobis2
 from calib.label_evidence import Prior
 from calib.label_refine import LabelledFrame, half_turned, with_pose
 from calib.labelling import label_spots
-from geometry import Pose, SensorModel, SurfacePoints, stack_poses
+from geometry import Pose, Sensor, SurfacePoints, stack_poses
 from jig_cad import Jig
 
 Array = NDArray[np.float64]
@@ -29,7 +29,7 @@ def label_location(
     Ts_base_hand: Pose,
     T_hand_sensor: Pose,
     jig: Jig,
-    sensor: SensorModel,
+    sensor: Sensor,
     config: CalibConfig,
     T_base_jig: Pose | None = None,
     refined: bool = False,
@@ -137,7 +137,7 @@ def _best_priors(pool: _Pool, references: NDArray[np.intp], chain: Chain, n_fram
 
 
 def _settle(
-    points: SurfacePoints, found: LabelledFrame, prior: Prior | None, jig: Jig, sensor: SensorModel, config: CalibConfig
+    points: SurfacePoints, found: LabelledFrame, prior: Prior | None, jig: Jig, sensor: Sensor, config: CalibConfig
 ) -> LabelledFrame:
     """The frame's own labels, turned and with the candidate that the chain names; labelled anew where they disagree."""
     if prior is None:

@@ -16,7 +16,7 @@ from calib.crossings import crossings
 from calib.jig_pose import fit_pose, pose_near
 from calib.jig_pose_types import JigPoseCandidate, JigPoseFit
 from calib.label_evidence import Prior
-from geometry import AxisPoints, NoAnswerError, Pose, SensorModel, SurfacePoints
+from geometry import AxisPoints, NoAnswerError, Pose, Sensor, SurfacePoints
 from jig_cad import Jig, half_turn_label
 
 Array = NDArray[np.float64]
@@ -49,7 +49,7 @@ def refine_labels(
     T_sensor_jig: Pose,
     prior: Prior | None,
     jig: Jig,
-    sensor: SensorModel,
+    sensor: Sensor,
     config: CalibConfig,
     starts: Pose | None = None,
 ) -> LabelledFrame | None:
@@ -78,7 +78,7 @@ class _Part:
     T_sensor_jig: Pose
     prior: Prior | None
     jig: Jig
-    sensor: SensorModel
+    sensor: Sensor
     config: CalibConfig
     starts: Pose | None = None
 
@@ -145,7 +145,7 @@ def take(points: SurfacePoints, index: IntArray) -> SurfacePoints:
 
 
 def half_turned(
-    frame: LabelledFrame, points: SurfacePoints, jig: Jig, sensor: SensorModel, config: CalibConfig
+    frame: LabelledFrame, points: SurfacePoints, jig: Jig, sensor: Sensor, config: CalibConfig
 ) -> LabelledFrame:
     """The frame with the jig the other way up (B and C change places); unchanged where the jig has no such twin."""
     if frame.T_sensor_jig is None or any(half_turn_label(label) not in jig.strings for label in frame.axis.label):

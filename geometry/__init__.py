@@ -1,17 +1,17 @@
 """Ground floor: poses, lines, the sensor, the robot, measured points and errors (numpy and scipy only)."""
 
 from geometry.errors import InputError, MissingDependencyError, NoAnswerError, PerceptronEmuError, did_you_mean
-from geometry.field_of_view import field_of_view, inside_polygon
 from geometry.inverse_kinematics import InverseKinematics, all_solutions, inverse_kinematics
 from geometry.lines import cross_plane_x0, distance_to_line
 from geometry.points import AxisPoints, SurfacePoints
 from geometry.pose import Pose, cross, exp_so3, log_so3, nearest_rotation, quaternion_wxyz, skew, stack_poses
 from geometry.robot import PARAMETERS, RobotModel, RobotUncertainty
-from geometry.sensor import SensorModel
+from geometry.sensor import Camera, Sensor, Sheet, field_of_view, inside_polygon
 
 __all__ = [
     "PARAMETERS",
     "AxisPoints",
+    "Camera",
     "InputError",
     "InverseKinematics",
     "MissingDependencyError",
@@ -20,7 +20,8 @@ __all__ = [
     "Pose",
     "RobotModel",
     "RobotUncertainty",
-    "SensorModel",
+    "Sensor",
+    "Sheet",
     "SurfacePoints",
     "all_solutions",
     "cross",

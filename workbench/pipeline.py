@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from calib import CalibConfig, CalibrationResult, FrameObservation, Observations, calibrate
 from extraction import extract
 from extraction.config import ExtractionConfig
-from geometry import InputError, SensorModel, SurfacePoints
+from geometry import InputError, Sensor, SurfacePoints
 from workbench.formats import Cell, FrameRow, read_image
 from workbench.remarks import remarks
 from workbench.speckle import dataset_config
@@ -65,7 +65,7 @@ def _measured(cell: Cell, config: ExtractionConfig) -> Iterator[tuple[FrameObser
 
 
 def _from_image(cell: Cell, row: FrameRow, config: ExtractionConfig) -> tuple[FrameObservation, str]:
-    sensor: SensorModel = cell.sensor.model
+    sensor: Sensor = cell.sensor.model
     try:
         image = read_image(cell.folder / row.image, sensor)
     except InputError as error:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from geometry import InputError, Pose, RobotModel
-from workbench.formats import Sensor, read_robot, read_sensor
+from workbench.formats import SensorDescription, read_robot, read_sensor
 from workbench.formats.atomic import write_text
 from workbench.formats.sensor_file import toml_value
 from workbench.presets import preset_path
@@ -82,5 +82,5 @@ def _locations(arm: RobotModel) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _name(arm: RobotModel, sensor: Sensor) -> str:
+def _name(arm: RobotModel, sensor: SensorDescription) -> str:
     return f"{sensor.model.name or 'sensor'} on {arm.name or 'arm'}"

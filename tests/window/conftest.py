@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +12,7 @@ from jig_cad import Jig, sample_tolerance
 from perceptron_emu import EmulatorConfig
 from workbench.demo.experiment import DESIGN, demo_robot, demo_sensor
 from workbench.emulated_cell import with_errors
-from workbench.formats import Cell, Sensor
+from workbench.formats import Cell, SensorDescription
 from workbench.planning import ViewProblem, plan_views
 from workbench.recording import TrueCell, record, with_joint_noise
 from workbench.starter import PLACES, place_of_jig
@@ -30,9 +29,9 @@ def cell_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("cell")
     rng = np.random.default_rng(SEED)
     big = demo_sensor()
-    half = {k: getattr(big.model, k) / 2 for k in ("fx_px", "fy_px", "cx_px", "cy_px")}
-    sensor = Sensor(
-        replace(big.model, width_px=640, height_px=512, **half), EmulatorConfig.model_validate(EMULATION), EMULATION
+    half = {k: getattr(big.model.camera, k) / 2 for k in ("fx_px", "fy_px", "cx_px", "cy_px")}
+    sensor = SensorDescription(
+        big.model.with_camera(width_px=640, height_px=512, **half), EmulatorConfig.model_validate(EMULATION), EMULATION
     )
     jig = Jig.nominal()
     true_jig = sample_tolerance(jig, rng)

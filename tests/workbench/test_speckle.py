@@ -9,7 +9,7 @@ import pytest
 
 from extraction import ExtractionConfig, NoiseConfig
 from workbench.formats import read_cell, read_image, read_sensor
-from workbench.formats.sensor_file import Sensor, sensor_text
+from workbench.formats.sensor_file import SensorDescription, sensor_text
 from workbench.presets import find_sensor
 from workbench.speckle import MAX_GRAIN_PX, dataset_config, frames_to_learn, with_known_grain
 
@@ -17,7 +17,7 @@ from workbench.speckle import MAX_GRAIN_PX, dataset_config, frames_to_learn, wit
 NOMINAL_GRAIN_PX = 0.660 * 4.0 * (1.0 + 12.19 / 313.6) / 5.3
 
 
-def _sensor(tmp_path: Path, old: str, new: str) -> Sensor:
+def _sensor(tmp_path: Path, old: str, new: str) -> SensorDescription:
     path = tmp_path / "sensor.toml"
     text = sensor_text(find_sensor("nominal"))
     assert old in text

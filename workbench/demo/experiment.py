@@ -12,7 +12,7 @@ from geometry import Pose, RobotModel
 from jig_cad import Jig, sample_tolerance
 from perceptron_emu import Solid
 from workbench.emulated_cell import with_errors
-from workbench.formats import Cell, Sensor, read_jig_file, read_robot, read_sensor
+from workbench.formats import Cell, SensorDescription, read_jig_file, read_robot, read_sensor
 from workbench.planning import ViewProblem, plan_views
 from workbench.recording import Configuration, TrueCell, with_joint_noise
 from workbench.starter import PLACES, place_of_jig
@@ -76,7 +76,7 @@ def demo_robot() -> RobotModel:
     return read_robot(assets.path("robots", "abb_irb6640_180_255"))
 
 
-def demo_sensor() -> Sensor:
+def demo_sensor() -> SensorDescription:
     """The nominal laser-line sensor that ships with the package."""
     return read_sensor(assets.path("sensors", "nominal"))
 

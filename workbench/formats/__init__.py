@@ -5,7 +5,7 @@ from workbench.formats.frames_csv import FrameRow, frames_text, read_frames
 from workbench.formats.images import read_image, write_png
 from workbench.formats.points_csv import FramePoints, points_text, read_points
 from workbench.formats.robot_file import read_robot, robot_text
-from workbench.formats.sensor_file import Sensor, read_sensor, sensor_text
+from workbench.formats.sensor_file import SensorDescription, read_sensor, sensor_text
 from workbench.formats.truth_file import Truth, TruthFrame, TruthPoint, read_truth, write_truth
 from workbench.formats.write_cell import cell_text, write_cell
 
@@ -13,7 +13,7 @@ __all__ = [
     "Cell",
     "FramePoints",
     "FrameRow",
-    "Sensor",
+    "SensorDescription",
     "Truth",
     "TruthFrame",
     "TruthPoint",

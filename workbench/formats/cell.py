@@ -16,7 +16,7 @@ from jig_cad.files import JigTable
 from workbench.formats.frames_csv import FrameRow, read_frames
 from workbench.formats.points_csv import FramePoints, read_points
 from workbench.formats.robot_file import read_robot
-from workbench.formats.sensor_file import ATOL_ROTATION, Sensor, read_sensor
+from workbench.formats.sensor_file import ATOL_ROTATION, SensorDescription, read_sensor
 from workbench.formats.strict import Matrix4, Section, Text, Vector3, suggestion, validate
 from workbench.formats.toml_text import TomlSource, read_toml
 from workbench.formats.truth_file import Truth, read_truth
@@ -64,7 +64,7 @@ class Cell:
     """
 
     folder: Path
-    sensor: Sensor
+    sensor: SensorDescription
     jig: Jig
     robot: RobotModel
     frames: tuple[FrameRow, ...]
