@@ -1,7 +1,7 @@
 """Spots against their bound: RMSE over the Cramér–Rao bound, calibration of σ and speed, beside peers on one data.
 
 Windows of 11 × 11 px, one spot at a random phase, pixel-integrated by quadrature, shot and read noise, in electrons.
-Bound: extraction.crlb with height, background and shape unknown (round: one width, elongated: three). "peak/noise" is
+Bound: `position_bound`, height, background and shape unknown (round: one width, elongated: three). "peak/noise" is
 the peak over the standard deviation of a pixel without the spot. Peers: picassosr (gaussmle), photutils, trackpy, sep,
 OpenCV; one that is not installed is skipped, saying so. The last table times whole frames of 1280 × 1024.
 Run: python benchmarks/extraction_spots.py [spots a point, default 5000]
@@ -24,10 +24,9 @@ import cv2
 import numpy as np
 from spot_peers import PEERS
 
+import assets
 from extraction import ExtractionConfig, LocaliseConfig, extract
-from extraction.crlb import TrueSpot, mean_image, position_bound
-from extraction.fast import fit_peaks
-from extraction.stack import fit_stack
+from extraction.spots import TrueSpot, fit_peaks, fit_stack, mean_image, position_bound
 from geometry import Camera, Pose, Sensor, Sheet
 
 SIDE, WIDTH_PX = 11, 1.3
@@ -170,7 +169,7 @@ def frames() -> None:
     rng, sensor = np.random.default_rng(3), frame_sensor()
     print("\nstring frame 1280 × 1024 → surface points with covariance, one core")
     images = {"five spots, noise 0.6 DN": synthetic_frame(rng)}
-    recorded = sorted((Path(__file__).parents[2] / "shared/data/cell_a/images").glob("*.png"))
+    recorded = sorted((assets.path("samples", "cell_a") / "images").glob("*.png"))
     for path in recorded[:4]:
         images[f"cell_a {path.name}"] = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
     for name, image in images.items():
