@@ -26,6 +26,7 @@ from geometry.robot import (
     with_beta_prior,
 )
 from geometry.sensor import Camera, Sensor, Sheet, field_of_view, inside_polygon
+from geometry.target import Symmetry
 
 __all__ = [
     "PARAMETERS",
@@ -51,6 +52,7 @@ __all__ = [
     "Sensor",
     "Sheet",
     "SurfacePoints",
+    "Symmetry",
     "all_solutions",
     "cross",
     "cross_plane_x0",
