@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.table import Table
 
+from workbench import defaults
 from workbench.cli.console import say_on_stdout, standard_error, standard_output
 
 if TYPE_CHECKING:
@@ -15,7 +16,9 @@ if TYPE_CHECKING:
 
 
 def command(
-    jig: Annotated[str, typer.Argument(metavar="FILE|PRESET", help="A jig.toml, or the name of a preset.")] = "paper",
+    jig: Annotated[
+        str, typer.Argument(metavar="FILE|PRESET", help="A jig.toml, or the name of a preset.")
+    ] = defaults.JIG,
     export: Annotated[
         list[Path] | None,
         typer.Option(help="Write the jig as .stl, .glb or .svg (drawing); may be repeated."),
