@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geometry import NoAnswerError, Pose, RobotModel, SensorModel, stack_poses
-from geometry.inverse_kinematics import inverse_kinematics
+from geometry.robot import inverse_kinematics
 from jig_cad import Jig
 from workbench.cell.surroundings import SeesAll
 from workbench.plan.clearance import arm_clears

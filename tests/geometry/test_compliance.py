@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from calib.compliance import GRAVITY, Compliance, deflection
 from calib.synthetic.cell import industrial_arm
 from geometry import InputError
+from geometry.robot import GRAVITY, Compliance, deflection
 
 ATOL_RAD = 1e-9
 NONE = (0.0,) * 6
