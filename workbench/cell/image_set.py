@@ -9,7 +9,7 @@ from pathlib import Path
 
 from calib import CalibrationResult
 from extraction import ExtractionConfig
-from geometry import InputError, SensorModel
+from geometry import InputError, Sensor
 from workbench.cell.inputs import BareImages, read_inputs
 from workbench.cell.labeller import Labeller
 from workbench.cell.labels import poses_in_sensor
@@ -60,7 +60,7 @@ class ImageSet:
     cell: Cell | None = None
 
     @property
-    def sensor(self) -> SensorModel:
+    def sensor(self) -> Sensor:
         """The sensor that took the images."""
         return self.labeller.sensor
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from geometry import InputError
 from jig_cad import Jig
-from workbench.files import Cell, Sensor, read_cell, read_jig_file, read_sensor
+from workbench.files import Cell, SensorDescription, read_cell, read_jig_file, read_sensor
 from workbench.files.images import SUFFIXES
 
 MAX_IMAGES = 100_000
@@ -19,7 +19,7 @@ class BareImages:
     """Image files of a sensor, without a robot. jig: where one is given; without it nothing can be labelled."""
 
     paths: tuple[Path, ...]
-    sensor: Sensor
+    sensor: SensorDescription
     jig: Jig | None
 
 

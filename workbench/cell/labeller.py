@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from calib import CalibConfig
 from calib.label.frame import label_frame
 from calib.label.refine import LabelledFrame
-from geometry import InputError, Pose, SensorModel, SurfacePoints
+from geometry import InputError, Pose, Sensor, SurfacePoints
 from jig_cad import Jig
 
 
@@ -19,7 +19,7 @@ class Labeller:
     guesses: T_sensor_jig by image index, from the solved robot chain; ``epoch`` counts their changes.
     """
 
-    sensor: SensorModel
+    sensor: Sensor
     jig: Jig | None
     calib: CalibConfig = field(default_factory=CalibConfig)
     epoch: int = 0

@@ -7,7 +7,7 @@ from calib.label.frame import label_frame
 from calib.label.location import label_location
 from calib.label.refine import LabelledFrame
 from calib.stations import hand_poses
-from geometry import AxisPoints, NoAnswerError, Pose, SensorModel, SurfacePoints
+from geometry import AxisPoints, NoAnswerError, Pose, Sensor, SurfacePoints
 from jig_cad import Jig
 from workbench.cell.pipeline import Observed, solve
 from workbench.cell.points_table import FrameTable
@@ -34,7 +34,7 @@ def label_dataset(
     ]
 
 
-def label_image(frame: int, image: str, points: SurfacePoints, jig: Jig, sensor: SensorModel) -> FrameTable:
+def label_image(frame: int, image: str, points: SurfacePoints, jig: Jig, sensor: Sensor) -> FrameTable:
     """One image's spots with labels from the jig's geometry alone."""
     return _table(frame, image, points, label_frame(points, jig, sensor, None, CalibConfig()), None)
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from geometry import InputError, Pose, RobotModel
 from workbench.cell.presets import DESIGN_SCP, preset_path
-from workbench.files import Sensor, read_robot, read_sensor
+from workbench.files import SensorDescription, read_robot, read_sensor
 from workbench.files.atomic import write_text
 from workbench.files.sensor_file import toml_value
 
@@ -73,7 +73,7 @@ def reach_mm(robot: RobotModel) -> float:
     return float(np.sum(np.abs(robot.a[1:])) + np.sum(np.abs(robot.d[1:])) + abs(robot.a[0]))
 
 
-def _cell_text(arm: RobotModel, sensor: Sensor) -> str:
+def _cell_text(arm: RobotModel, sensor: SensorDescription) -> str:
     rotation, translation = (np.round(v, 9) + 0.0 for v in (DESIGN_SCP.fixed_xyz_deg, DESIGN_SCP.t))
     numbers = {"rotation": toml_value(rotation.tolist()), "translation": toml_value(translation.tolist())}
     return CELL.format(name=toml_value(_name(arm, sensor)), **numbers) + _locations(arm)
@@ -88,5 +88,5 @@ def _locations(arm: RobotModel) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _name(arm: RobotModel, sensor: Sensor) -> str:
+def _name(arm: RobotModel, sensor: SensorDescription) -> str:
     return f"{sensor.model.name or 'sensor'} on {arm.name or 'arm'}"

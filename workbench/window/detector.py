@@ -12,7 +12,7 @@ from pydantic import BaseModel
 from calib.label.refine import LabelledFrame
 from extraction import ExtractionConfig, Stages, extract_stages, image_to_sheet
 from extraction.spots import Candidates
-from geometry import InputError, SensorModel, SurfacePoints
+from geometry import InputError, Sensor, SurfacePoints
 from workbench.cell.labeller import Labeller
 from workbench.files.images import Image
 from workbench.window.engine import Candidate, StageView
@@ -33,7 +33,7 @@ class Detector:
     model: type[BaseModel] = ExtractionConfig
 
     @property
-    def sensor(self) -> SensorModel:
+    def sensor(self) -> Sensor:
         """The sensor that took the images."""
         return self.labeller.sensor
 
@@ -66,7 +66,7 @@ def _checked(config: BaseModel) -> ExtractionConfig:
     return config
 
 
-def _candidates(stages: Stages, sensor: SensorModel, config: ExtractionConfig) -> tuple[Candidate, ...]:
+def _candidates(stages: Stages, sensor: Sensor, config: ExtractionConfig) -> tuple[Candidate, ...]:
     found = stages.candidates
     score = np.full(len(found), np.nan)
     score[stages.candidate] = stages.points.score
@@ -110,7 +110,7 @@ def _boxes(found: Candidates) -> Array:
     return np.column_stack([np.minimum(centre - half, found.peak_uv_px), np.maximum(centre + half, found.peak_uv_px)])
 
 
-def _scale(sensor: SensorModel, uv_px: Array) -> Array:
+def _scale(sensor: Sensor, uv_px: Array) -> Array:
     """Size of the pixels (N, 2) in the laser plane (N,) [mm/px]."""
     if not len(uv_px):
         return np.zeros(0)

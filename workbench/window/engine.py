@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel
 
 from calib.label.refine import LabelledFrame
-from geometry import SensorModel, SurfacePoints
+from geometry import Sensor, SurfacePoints
 from workbench.files.images import Image
 
 Array = NDArray[np.float64]
@@ -54,7 +54,7 @@ class Engine(Protocol):
         ...
 
     @property
-    def sensor(self) -> SensorModel:
+    def sensor(self) -> Sensor:
         """The sensor that took the images."""
         ...
 
