@@ -85,7 +85,7 @@ def _cells(least: int) -> int:
 
 
 @kernel(fastmath=True)
-def _power(field, weights):  # type: ignore[no-untyped-def]
+def _power(field: NDArray[np.complex64], weights: Float32) -> Float32:
     """Σ weight · |field|² (H, W) over the fields (n, H, W)."""
     total = np.zeros(field.shape[1:], np.float32)
     for k in range(len(weights)):
