@@ -33,7 +33,7 @@ def _cdf(z: float) -> float:
     return value
 
 
-class Spots(NamedTuple):
+class GaussianSpots(NamedTuple):
     """Gaussian spots (N,): centres u, v and σ in pixels of a grid, (0, 0) the centre of the first; weight: their
     light.
     """
@@ -43,21 +43,21 @@ class Spots(NamedTuple):
     weight: Array
     sigma: Array
 
-    def part(self, which: Index | slice) -> Spots:
+    def part(self, which: Index | slice) -> GaussianSpots:
         """Some of them, in that order."""
-        return Spots(self.u[which], self.v[which], self.weight[which], self.sigma[which])
+        return GaussianSpots(self.u[which], self.v[which], self.weight[which], self.sigma[which])
 
-    def seen_from(self, column: int, row: int) -> Spots:
+    def seen_from(self, column: int, row: int) -> GaussianSpots:
         """The same in a grid whose first pixel is that one."""
-        return Spots(self.u - column, self.v - row, self.weight, self.sigma)
+        return GaussianSpots(self.u - column, self.v - row, self.weight, self.sigma)
 
-    def on_sub_pixels(self, q: int) -> Spots:
+    def on_sub_pixels(self, q: int) -> GaussianSpots:
         """The same in a grid of q × q sub-pixels a pixel."""
-        return Spots((self.u + 0.5) * q - 0.5, (self.v + 0.5) * q - 0.5, self.weight, self.sigma * q)
+        return GaussianSpots((self.u + 0.5) * q - 0.5, (self.v + 0.5) * q - 0.5, self.weight, self.sigma * q)
 
 
 @kernel(fastmath=True)
-def deposit(image: Float32, spots: Spots) -> None:
+def deposit(image: Float32, spots: GaussianSpots) -> None:
     """Add spots to an image (H, W).
 
     A pixel takes ∫∫ of the spot over its square: the product of two differences of the normal distribution.
@@ -86,11 +86,11 @@ def deposit(image: Float32, spots: Spots) -> None:
                 image[j, i] += factor * row[i]
 
 
-def deposit_fine(shape: tuple[int, int], spots: Spots, sigma: float) -> Float32:
+def deposit_fine(shape: tuple[int, int], spots: GaussianSpots, sigma: float) -> Float32:
     """An image (H, W) of spots, all of one σ of several pixels.
 
-    Nodes are spread by cubic B-splines; one convolution along each axis divides the spline out again and multiplies
-    Gaussian and pixel in (the non-uniform FFT's gridding; the error is below 1e-4 of the peak for σ ≥ 2.5). Spots must
+    They are spread by cubic B-splines; one convolution along each axis divides the spline out again and multiplies
+    Gaussian and pixel in (the non-uniform FFT's gridding; the error is below 1e-4 of the peak for σ ≥ 2.5). All must
     keep REACH σ off the border.
     """
     grid, image = np.zeros(shape, np.float32), np.empty(shape, np.float32)
@@ -111,7 +111,7 @@ def _taps(sigma: float) -> Float32:
 
 
 @kernel(fastmath=True)
-def _spread(grid: Float32, spots: Spots) -> tuple[int, int]:
+def _spread(grid: Float32, spots: GaussianSpots) -> tuple[int, int]:
     """Add splines to the grid; the first and the last row that have light."""
     u, v, weight = spots.u, spots.v, spots.weight
     height, width = grid.shape

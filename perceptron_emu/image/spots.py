@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from geometry import Pose, Sensor
 from geometry.compiled import kernel
 from perceptron_emu.config import EmulatorConfig
-from perceptron_emu.image.deposit import REACH, Spots, deposit, deposit_fine
+from perceptron_emu.image.deposit import REACH, GaussianSpots, deposit, deposit_fine
 from perceptron_emu.image.speckle import contrast, grain_px, oversampling, speckle_field
 from perceptron_emu.lens import defocus_radius_px, project, sharp_sigma_px, to_camera
 from perceptron_emu.light import Samples
@@ -57,21 +57,21 @@ def _speckle_shift(xyz_mm: Array, sensor: Sensor, drift: Pose) -> Array:
     return np.asarray(np.nan_to_num(shift))
 
 
-def _defocused(samples: Samples, sensor: Sensor, config: EmulatorConfig) -> tuple[Spots, NDArray[np.int64]]:
+def _defocused(samples: Samples, sensor: Sensor, config: EmulatorConfig) -> tuple[GaussianSpots, NDArray[np.int64]]:
     """The nodes' spots and groups, spread over the disc of defocus; a disc much smaller than the blur is folded into σ
     (σ² + R²/4).
     """
     uv, weight, group = project(sensor, samples.xyz_mm), samples.electrons, samples.group
     sigma = np.full(len(uv), sharp_sigma_px(config.optics, sensor, config.laser.wavelength_nm))
     if not config.optics.defocus:
-        return Spots(uv[:, 0], uv[:, 1], weight, sigma), group
+        return GaussianSpots(uv[:, 0], uv[:, 1], weight, sigma), group
     radius = defocus_radius_px(config.optics, sensor, to_camera(sensor, samples.xyz_mm))
     if np.max(radius) < 0.5 * np.min(sigma):
-        return Spots(uv[:, 0], uv[:, 1], weight, np.sqrt(sigma**2 + radius**2 / 4)), group
+        return GaussianSpots(uv[:, 0], uv[:, 1], weight, np.sqrt(sigma**2 + radius**2 / 4)), group
     disc = _disc(min(MAX_RINGS, math.ceil(float(np.max(radius) / np.min(sigma)))))
     n = len(disc)
     u, v = (uv[:, i, None] + radius[:, None] * disc[:, i] for i in range(2))
-    return Spots(u.ravel(), v.ravel(), np.repeat(weight / n, n), np.repeat(sigma, n)), np.repeat(group, n)
+    return GaussianSpots(u.ravel(), v.ravel(), np.repeat(weight / n, n), np.repeat(sigma, n)), np.repeat(group, n)
 
 
 @lru_cache(maxsize=MAX_RINGS)
@@ -86,7 +86,7 @@ def _disc(rings: int) -> Array:
 
 
 def _draw_piece(
-    electrons: Float32, spots: Spots, sensor: Sensor, config: EmulatorConfig, key: int, shift_px: Array
+    electrons: Float32, spots: GaussianSpots, sensor: Sensor, config: EmulatorConfig, key: int, shift_px: Array
 ) -> None:
     """One group of nodes: drawn on sub-pixels, multiplied by speckle, summed over each pixel."""
     height, width = electrons.shape
@@ -125,8 +125,8 @@ def _add_product(electrons: Float32, light: Float32, grains: Float32, q: int) ->
             electrons[j, i] += total
 
 
-def _on_grid(shape: tuple[int, int], spots: Spots) -> Float32:
-    """Spots drawn on a grid: all in one convolution where they are alike and clear of the border."""
+def _on_grid(shape: tuple[int, int], spots: GaussianSpots) -> Float32:
+    """GaussianSpots drawn on a grid: all in one convolution where they are alike and clear of the border."""
     u, v, _, sigma = spots
     low, high = float(np.min(sigma)), float(np.max(sigma))
     clear = min(u.min(), v.min(), shape[1] - 1 - u.max(), shape[0] - 1 - v.max()) > REACH * high - 0.5
