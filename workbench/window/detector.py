@@ -12,13 +12,12 @@ from pydantic import BaseModel
 
 from calib import CalibConfig
 from calib.label.frame import label_frame
-from extraction import ExtractionConfig, Stages, extract_stages, image_to_sheet
+from extraction import ExtractionConfig, Seen, Stages, explain, extract_stages, image_to_sheet
 from extraction.spots import Candidates
 from geometry import InputError, Pose, SensorModel, SurfacePoints
 from jig_cad import Jig
 from workbench.files.images import Image
 from workbench.window.engine import Candidate, Labels, StageView
-from workbench.window.refusals import Seen, explain
 
 Array = NDArray[np.float64]
 
@@ -99,7 +98,7 @@ def _candidates(stages: Stages, sensor: SensorModel, config: ExtractionConfig) -
     boxes, peaks = _plain(_boxes(found), 1), found.peak_uv_px.tolist()
     out = []
     for k, (u, v) in enumerate(peaks):
-        reason = found.reason[k] or ("low_score" if np.isnan(score[k]) else "")
+        reason = found.reason[k]
         text, parameter = explain(reason, Seen(*numbers[k]), config) if reason else ("", "")
         out.append(Candidate(u, v, boxes[k], reason, text, measured[k], parameter))
     return tuple(out)

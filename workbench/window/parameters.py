@@ -1,4 +1,4 @@
-"""The parameters panel's content, generated from the configuration model's JSON schema."""
+"""The parameters panel's content: the configuration model's JSON schema, with the ranges of `sliders`."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import Any, cast
 from pydantic import BaseModel, ValidationError
 
 from geometry import InputError
+from workbench.window.sliders import FILE_ONLY, SLIDERS, Slider
 
 Schema = dict[str, Any]
 UNITS = {"px": "px", "px2": "px²", "mm": "mm", "dn": "DN", "deg": "°", "rad": "rad", "s": "s", "ms": "ms", "e": "e⁻"}
@@ -17,7 +18,7 @@ MAX_CONFIG_CHARS = 64 * 1024
 
 
 @dataclass(frozen=True)
-class Configuration:
+class ParameterSet:
     """One set of parameters and the hash that its answers carry."""
 
     model: BaseModel
@@ -37,19 +38,22 @@ def hash_of(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
-def parse(model: type[BaseModel], text: str) -> Configuration:
+def parse(model: type[BaseModel], text: str) -> ParameterSet:
     """Parameters from the page's JSON text; ParameterError that names each wrong key."""
     if len(text) > MAX_CONFIG_CHARS:
         raise InputError("the parameters are too long to be parameters")
     try:
-        return Configuration(model.model_validate_json(text), hash_of(text))
+        return ParameterSet(model.model_validate_json(text), hash_of(text))
     except ValidationError as error:
         problems = {".".join(map(str, p["loc"])) or "parameters": p["msg"] for p in error.errors(include_url=False)}
         raise ParameterError(problems) from None
 
 
 def panel(model: type[BaseModel]) -> list[dict[str, Any]]:
-    """Groups of controls in the model's order: ``{title, parameters: [{key, title, kind, unit, help, …}]}``."""
+    """Groups of controls in the model's order: ``{title, parameters: [{key, title, kind, unit, help, …}]}``.
+
+    Tables of FILE_ONLY are left out; a setting without a slider has the bounds of its model.
+    """
     schema = model.model_json_schema()
     definitions: Schema = schema.get("$defs", {})
     defaults = model().model_dump(mode="json")
@@ -64,12 +68,13 @@ def _collect(
     for name, field in schema.get("properties", {}).items():
         resolved, nullable = _resolve(field, definitions)
         here = (*path, name)
+        if ".".join(here) in FILE_ONLY:
+            continue
         if "properties" in resolved:
             inner = str(field.get("title") or _words(name))
             _collect(resolved, definitions, defaults[name], here, inner, groups)
         else:
-            group = str(resolved.get("group") or title)
-            groups.setdefault(group, []).append(_control(here, resolved, nullable, defaults[name]))
+            groups.setdefault(title, []).append(_control(here, resolved, nullable, defaults[name]))
 
 
 def _resolve(field: Schema, definitions: Schema) -> tuple[Schema, bool]:
@@ -90,21 +95,22 @@ def _resolve(field: Schema, definitions: Schema) -> tuple[Schema, bool]:
 
 def _control(path: tuple[str, ...], field: Schema, nullable: bool, default: Any) -> dict[str, Any]:
     """One control; ranges without bounds in the model are opened around the default."""
-    kind = _kind(field)
+    kind, key = _kind(field), ".".join(path)
+    slider = SLIDERS.get(key, Slider(basic=True, search=False))
     help_text, unit_in_help = _split_unit(str(field.get("description", "")))
     control: dict[str, Any] = {
-        "key": ".".join(path),
+        "key": key,
         "title": _title(path[-1], field),
         "kind": kind,
-        "unit": field.get("unit") or unit_in_help or _unit(path[-1]),
+        "unit": unit_in_help or _unit(path[-1]),
         "help": help_text,
-        "level": field.get("level", "expert" if field.get("expert") else "basic"),
+        "level": "basic" if slider.basic else "expert",
         "default": default,
         "nullable": nullable,
-        "search": bool(field.get("search", False)),
+        "search": slider.search,
     }
     if kind in ("number", "integer"):
-        control |= _range(field, default, kind)
+        control |= _range(field, slider, default, kind)
     if kind == "choice":
         control["choices"] = field.get("enum", [field.get("const")])
     return control
@@ -123,18 +129,19 @@ def _kind(field: Schema) -> str:
     return kind if kind in ("number", "integer", "boolean", "array") else "string"
 
 
-def _range(field: Schema, default: Any, kind: str) -> dict[str, Any]:
-    """Bounds of the slider (ui_min, ui_max where the model says so), its step, and whether it is logarithmic."""
+def _range(field: Schema, slider: Slider, default: Any, kind: str) -> dict[str, Any]:
+    """Bounds of the slider, or of the model where it has none; its step, and whether it is logarithmic."""
     size = abs(float(default)) if isinstance(default, int | float) and default else 1.0
-    low = _first(field, ("ui_min", "minimum", "exclusiveMinimum"), 0.0)
-    high = _first(field, ("ui_max", "maximum", "exclusiveMaximum"), max(4 * size, low + 4 * size))
-    log = bool(field.get("log", low > 0 and high / low >= 1000))
-    step = field.get("step", 1 if kind == "integer" else _nice_step((high - low) / 200))
-    return {"min": low, "max": high, "step": step, "log": log and low > 0}
+    low = _first(slider.low, field.get("minimum"), field.get("exclusiveMinimum"), 0.0)
+    high = _first(slider.high, field.get("maximum"), field.get("exclusiveMaximum"), max(4 * size, low + 4 * size))
+    wide = slider.low is None and low > 0 and high / low >= 1000
+    step = 1 if kind == "integer" else _nice_step((high - low) / 200)
+    return {"min": low, "max": high, "step": step, "log": (slider.log or wide) and low > 0}
 
 
-def _first(field: Schema, names: tuple[str, ...], otherwise: float) -> float:
-    return next((float(field[n]) for n in names if field.get(n) is not None), otherwise)
+def _first(*bounds: float | None) -> float:
+    """The first bound that there is."""
+    return next(float(bound) for bound in bounds if bound is not None)
 
 
 def _nice_step(raw: float) -> float:

@@ -15,7 +15,7 @@ from pydantic import BaseModel
 
 from geometry import PerceptronEmuError
 from workbench.window.engine import Engine, FrameOutcome, as_json, process
-from workbench.window.parameters import Configuration
+from workbench.window.parameters import ParameterSet
 from workbench.window.pictures import Pictures, Stamp
 from workbench.window.truth import Comparison, TrueString, compare, comparison_json
 
@@ -89,16 +89,16 @@ class Session:
         with self._lock:
             return 0.0 if self._waiting else time.monotonic() - self._last_interactive
 
-    def outcome(self, index: int, configuration: Configuration) -> FrameOutcome:
+    def outcome(self, index: int, configuration: ParameterSet) -> FrameOutcome:
         """Process one image for the screen, or give the kept answer; equal questions at one time are worked on once."""
         with self._one_at_a_time:
             return self._outcome(index, configuration, keep=True)
 
-    def background_outcome(self, index: int, configuration: Configuration) -> FrameOutcome:
+    def background_outcome(self, index: int, configuration: ParameterSet) -> FrameOutcome:
         """As `outcome`, but nothing is kept and nobody waits for it."""
         return self._outcome(index, configuration, keep=False)
 
-    def _outcome(self, index: int, configuration: Configuration, keep: bool) -> FrameOutcome:
+    def _outcome(self, index: int, configuration: ParameterSet, keep: bool) -> FrameOutcome:
         """The outcome; an image that can not be processed gives its error as one."""
         opened = self.opened
         try:

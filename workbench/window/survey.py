@@ -8,7 +8,7 @@ from collections import OrderedDict
 from contextlib import suppress
 from typing import Any
 
-from workbench.window.parameters import Configuration
+from workbench.window.parameters import ParameterSet
 from workbench.window.session import Session
 from workbench.window.truth import Comparison, statistics_json, summarise
 
@@ -28,7 +28,7 @@ class Survey:
         self._queue: list[_Set] = []
         self._thread: threading.Thread | None = None
 
-    def ask(self, wanted: list[Configuration]) -> None:
+    def ask(self, wanted: list[ParameterSet]) -> None:
         """Have these sets processed, the first one first; sets asked for earlier and not now are given up."""
         with self._wake:
             self._queue = [self._set(c) for c in wanted]
@@ -37,7 +37,7 @@ class Survey:
                 self._thread.start()
             self._wake.notify()
 
-    def _set(self, configuration: Configuration) -> _Set:
+    def _set(self, configuration: ParameterSet) -> _Set:
         one = self._sets.get(configuration.hash)
         if one is None or one.epoch != self.epoch:
             one = _Set(configuration, len(self._session.opened.pictures), self.epoch)
@@ -103,7 +103,7 @@ class Survey:
 class _Set:
     """One set of parameters and the rows that are done."""
 
-    def __init__(self, configuration: Configuration, total: int, epoch: int) -> None:
+    def __init__(self, configuration: ParameterSet, total: int, epoch: int) -> None:
         self.epoch = epoch
         self.configuration = configuration
         self.total = total
