@@ -27,6 +27,7 @@ from geometry.robot import (
     with_beta_prior,
 )
 from geometry.sensor import SensorModel
+from geometry.target import Symmetry
 
 __all__ = [
     "PARAMETERS",
@@ -50,6 +51,7 @@ __all__ = [
     "RobotUncertainty",
     "SensorModel",
     "SurfacePoints",
+    "Symmetry",
     "all_solutions",
     "cross",
     "cross_plane_x0",
