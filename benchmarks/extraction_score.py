@@ -1,8 +1,8 @@
 """What the numbers of `[score]` and `[doubt]` decide: each halved and doubled, on rendered cells.
 
 Frames of the cells of extraction_cells.py: posts, a wall behind, speckle, a thread of random gloss each. Strings
-of which at least 0.9 is seen count. "found": a spot lies within 8 px of the string's image. "first": strings whose score
-is above that of every spot that is no string. "others": spots a frame that are no string; labels drop them later.
+of which at least 0.9 is seen count. "found": a spot lies within 8 px of the string's image. "first": strings whose
+score is above that of every spot that is no string. "others": spots a frame that are no string; labels drop them later.
 Run: python benchmarks/extraction_score.py [cells, default 4] [first seed, default 1]
 """
 

@@ -1,7 +1,7 @@
 """The settings of extraction with their defaults: string spots, stripes, gap and flush.
 
 What is None is estimated from the image. A description says what a number is; the comment above it where the default
-comes from, where that is not the description itself. `workbench.window.sliders` knows which the process window shows.
+comes from, where that is not the description itself. The ranges that the process window shows are its own matter.
 """
 
 from __future__ import annotations

@@ -10,8 +10,9 @@ from pydantic import BaseModel, Field
 
 from extraction import ExtractionConfig
 from geometry import InputError
-from workbench.window.parameters import ParameterError, panel, parse
-from workbench.window.sliders import FILE_ONLY, SLIDERS
+from workbench.cell.parameters import panel
+from workbench.cell.sliders import FILE_ONLY, SLIDERS
+from workbench.window.parameters import ParameterError, parse
 
 
 class Inner(BaseModel):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
@@ -17,11 +18,11 @@ from perceptron_emu.bodies import hidden_by_solid
 from perceptron_emu.occlusion import hidden_by_strings
 from perceptron_emu.scene_file import Surroundings
 from perceptron_emu.strings import cylinders
-from workbench.plan.views import SeesAll
 
 Array = NDArray[np.float64]
 Bodies = tuple[Solid, ...]
 Mask = NDArray[np.bool_]
+SeesAll = Callable[[Pose], Mask]  # which poses T_sensor_jig (N) show every string
 
 REACH_MM = 0.6  # half the thickness of sheet that must reach every string: its Gaussian is spent well inside
 SAMPLES = 7

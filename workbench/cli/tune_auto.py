@@ -12,40 +12,39 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from geometry import PerceptronEmuError
+from workbench.cell.image_set import ImageRequest, ImageSet, open_images
+from workbench.cli import exit_codes
 from workbench.cli.console import standard_error, standard_output
 from workbench.files.atomic import write_text
+from workbench.files.settings_file import settings_toml
+from workbench.tune.cost import Score
 from workbench.tune.judge import Judgement, judge
-from workbench.tune.score import Score
 from workbench.tune.search import Found, search
 from workbench.tune.task import Task, make_task
-from workbench.window.opening import Request, open_session
-from workbench.window.settings_text import settings_toml
 
 RESULT = "tuned.toml"
 JOURNAL = "tune.journal"
-EXIT_INTERRUPTED = 130
 
 
-def run_auto(request: Request, trials: int, seed: int) -> None:
+def run_auto(request: ImageRequest, trials: int, seed: int) -> None:
     """Search ``trials`` settings and print what the held-out images say of them."""
-    opened = open_session(request)
-    if opened.prepare is not None:
-        _prepare(opened.prepare)
-    task = make_task(opened, seed)
-    folder = opened.settings_folder
+    images = open_images(request)
+    start, folder = images.settings.extraction, images.folder
+    _learn_chain(images)
+    task = make_task(images, seed)
     with _progress(trials) as progress:
-        found = search(task, opened.start, trials, seed, folder / JOURNAL, progress)
-    judgement = judge(task, opened.start, found.config, seed)
-    defaults = type(opened.start)()
+        found = search(task, start, trials, seed, folder / JOURNAL, progress)
+    judgement = judge(task, start, found.config, seed)
+    defaults = type(start)()
     chosen = found.config if judgement.better else defaults
     write_text(folder / RESULT, settings_toml(chosen))
     _print(task, found, judgement, defaults, folder / RESULT)
 
 
-def _prepare(prepare: Callable[[], None]) -> None:
+def _learn_chain(images: ImageSet) -> None:
     """Solve the robot chain for better labels; without it every image is labelled for itself."""
     try:
-        prepare()
+        images.learn_chain()
     except PerceptronEmuError as error:
         standard_error().print(f"labels come from each image alone: {error}", markup=False, soft_wrap=True)
 
@@ -83,7 +82,7 @@ def _print(task: Task, found: Found, judgement: Judgement, defaults: BaseModel, 
     console.print(f"saved: {path}", markup=False, soft_wrap=True)
     if found.interrupted:
         console.print("Interrupted; the same command goes on from here.")
-        raise typer.Exit(EXIT_INTERRUPTED)
+        raise typer.Exit(exit_codes.INTERRUPTED)
 
 
 def _table(judgement: Judgement) -> Table:

@@ -7,18 +7,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geometry import SurfacePoints, distance_to_line
+from calib.label.refine import LabelledFrame
+from geometry import distance_to_line
 from jig_cad import Jig
-from workbench.window.engine import Labels
-from workbench.window.truth import VISIBLE, TrueString, compare
+from workbench.compare import Comparison, errors_mm
 
-MISS_MM = (
-    0.5  # what a missed or false point costs, and the most that a found one can: far beyond any good point's error
-)
+# what a missed or false point costs, and the most that a found one can: some ten times a good point's error
+MISS_MM = 0.5
 
 
 @dataclass(frozen=True)
-class FrameScore:
+class FrameCost:
     """One frame. ``cost_mm2``: squared errors with misses and false points at MISS_MM²; over ``wanted`` points.
 
     square_mm2, measured: squared errors of the points that were found, and their number. mislabelled are false too.
@@ -43,20 +42,16 @@ class Score:
     false: int
 
 
-def against_truth(strings: Iterable[TrueString], points: SurfacePoints, labels: Labels | None) -> FrameScore:
-    """Errors of the string's axis (of the lit surface where nothing is labelled) against the true points."""
-    compared = compare(strings, points, labels)
-    visible = [m for m in compared.matches if m.string.visible >= VISIBLE]
-    right = [m for m in visible if m.error_mm is not None and not m.mislabelled and (labels is None or m.of == "axis")]
-    squares = np.array([m.error_mm for m in right], dtype=float).reshape(-1, 2)
-    square = np.sum(squares**2, axis=1)
-    wrong = len(compared.false_spots) + sum(m.mislabelled for m in compared.matches)
-    missed = len(visible) - len(right)
-    cost = float(np.minimum(square, MISS_MM**2).sum()) + (missed + wrong) * MISS_MM**2
-    return FrameScore(cost, len(visible), float(square.sum()), len(right), missed, wrong)
+def against_truth(compared: Comparison) -> FrameCost:
+    """Errors of the string's axis (of the lit surface where no jig is known) against the true points."""
+    square = np.sum(errors_mm([compared]) ** 2, axis=1)
+    visible, found = len(compared.visible), len(compared.found)
+    wrong = len(compared.false_points) + compared.mislabelled
+    cost = float(np.minimum(square, MISS_MM**2).sum()) + (visible - found + wrong) * MISS_MM**2
+    return FrameCost(cost, visible, float(square.sum()), found, visible - found, wrong)
 
 
-def by_consistency(jig: Jig, labels: Labels) -> FrameScore:
+def by_consistency(jig: Jig, labels: LabelledFrame) -> FrameCost:
     """Perpendicular distances of the axis points from the strings of the frame's own pose; absent strings are missed.
 
     Two coordinates a point are measured, six numbers of the pose fitted: the squares are scaled to all of them.
@@ -64,16 +59,16 @@ def by_consistency(jig: Jig, labels: Labels) -> FrameScore:
     strings, n = len(jig.strings), len(labels.axis)
     pose = labels.T_sensor_jig
     if pose is None or n <= 3:
-        return FrameScore(strings * MISS_MM**2, strings, 0.0, 0, strings, 0)
+        return FrameCost(strings * MISS_MM**2, strings, 0.0, 0, strings, 0)
     index = [jig.strings.index(label) for label in labels.axis.label]
     distance = distance_to_line(labels.axis.xyz_mm, pose @ jig.starts[index], jig.directions[index] @ pose.R.T)
     square = np.asarray(distance) ** 2 * (2 * n / (2 * n - 6))
     missed = strings - n
     cost = float(np.minimum(square, MISS_MM**2).sum()) + missed * MISS_MM**2
-    return FrameScore(cost, strings, float(square.sum()), n, missed, 0)
+    return FrameCost(cost, strings, float(square.sum()), n, missed, 0)
 
 
-def total(scores: Iterable[FrameScore]) -> Score:
+def total(scores: Iterable[FrameCost]) -> Score:
     """Figures over frames."""
     frames = list(scores)
     wanted, measured = sum(f.wanted for f in frames), sum(f.measured for f in frames)

@@ -1,4 +1,4 @@
-"""The images of the opened folder: listed once, read when needed, never by a name that came from the browser."""
+"""The images of an opened folder: listed once, read when needed, never by a name that came from outside."""
 
 from __future__ import annotations
 
@@ -9,32 +9,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from geometry import InputError, Sensor
-from workbench.files.images import SUFFIXES, Image, read_image
+from workbench.files.images import Image, read_image
 
-MAX_IMAGES = 20_000
-CACHE_BYTES = 512 * 2**20
+CACHE_BYTES = 512 * 2**20  # some four hundred images of 1280 × 1024
 
 
 class PictureError(InputError):
     """One image that can not be shown; the others can."""
-
-
-def list_images(folder: Path) -> tuple[Path, ...]:
-    """The image files directly in ``folder`` or in its ``images``, sorted by name; InputError where there are none."""
-    if not folder.is_dir():
-        raise InputError(f"{folder}: no such folder")
-    found = _images_in(folder) or _images_in(folder / "images")
-    if not found:
-        raise InputError(f"{folder}: holds no images ({', '.join(SUFFIXES)}), nor does its folder images")
-    if len(found) > MAX_IMAGES:
-        raise InputError(f"{folder}: holds {len(found)} images, at most {MAX_IMAGES} can be opened at once")
-    return found
-
-
-def _images_in(folder: Path) -> tuple[Path, ...]:
-    if not folder.is_dir():
-        return ()
-    return tuple(sorted(p for p in folder.iterdir() if p.suffix.lower() in SUFFIXES and not p.name.startswith(".")))
 
 
 @dataclass(frozen=True)
