@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from geometry import NoAnswerError, Pose, RobotModel, RobotUncertainty
 from jig_cad import DEFAULT_STRINGS, STRINGS, Jig
-from perceptron_emu import EmulatorConfig
-from perceptron_emu.scene_file import Surroundings
+from perceptron_emu import EmulatorConfig, Surroundings
 from workbench.campaign.settings import JigPart, PosesPart, RobotPart, TrialSettings
 from workbench.cell.presets import DESIGN_SCP, find_robot, find_sensor
 from workbench.cell.surroundings import jig_bodies, sees_all_strings, wall_behind
