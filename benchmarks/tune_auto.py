@@ -18,14 +18,13 @@ from pathlib import Path
 import numpy as np
 
 from extraction import ExtractionConfig
-from geometry import Pose, SensorModel
+from geometry import Pose, SensorModel, draw_errors
 from jig_cad import Jig, sample_tolerance
 from perceptron_emu import EmulatorConfig
 from workbench.cell.starter import PLACES, place_of_jig
 from workbench.cell.surroundings import jig_bodies, sees_all_strings, wall_behind
 from workbench.emulate.experiment import DESIGN, demo_robot, demo_sensor
 from workbench.emulate.record import TrueCell, record, with_joint_noise
-from workbench.emulate.truth import with_errors
 from workbench.files import Cell, Sensor
 from workbench.plan.views import ViewProblem, plan_views
 from workbench.tune.judge import judge
@@ -161,7 +160,7 @@ def record_cell(variant: Variant, folder: Path) -> Cell:
     solids = (*jig_bodies(true_jig), *walls)
     robot = demo_robot()
     places = {name: place_of_jig(*PLACES[name][1:]) for name in ("A", "B", "C")}
-    true = TrueCell(with_errors(robot, rng), true_jig, design, places, dict.fromkeys(places, solids))
+    true = TrueCell(robot.corrected(draw_errors(robot, rng)), true_jig, design, places, dict.fromkeys(places, solids))
     sees_all = sees_all_strings(sensor.model, jig, solids)
     views = []
     for name, pose in places.items():

@@ -56,7 +56,7 @@ def _label_one_location(
     if not frames:
         return {}
     robot = cell.robot if result is None or result.robot is None else result.robot
-    hands = [robot.hand_pose(f.joints_rad) if f.joints_rad is not None else f.T_base_hand for f in frames]
+    hands = [robot.pose(f.joints_rad) if f.joints_rad is not None else f.T_base_hand for f in frames]
     scp = cell.T_hand_sensor_design if result is None or result.T_hand_sensor is None else result.T_hand_sensor
     solved = result.locations.get(location) if result is not None else None
     jig_pose = solved.T_base_jig if solved is not None else cell.T_base_jig.get(location)

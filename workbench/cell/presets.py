@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import assets
-from geometry import RobotModel
+from geometry import DhRobot
 from jig_cad import Jig
 from workbench.files import Sensor, read_jig_file, read_robot, read_sensor
 
@@ -28,6 +28,6 @@ def find_sensor(name: str) -> Sensor:
     return read_sensor(preset_path("sensors", name))
 
 
-def find_robot(name: str) -> RobotModel:
+def find_robot(name: str) -> DhRobot:
     """A robot by file or preset."""
     return read_robot(preset_path("robots", name))

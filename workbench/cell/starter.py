@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from geometry import InputError, Pose, RobotModel
+from geometry import DhRobot, InputError, Pose
 from workbench.cell.presets import preset_path
 from workbench.files import Sensor, read_robot, read_sensor
 from workbench.files.atomic import write_text
@@ -68,12 +68,12 @@ def place_of_jig(origin_mm: tuple[float, float, float], turn_deg: float, scale: 
     return Pose(turn.R @ _UPRIGHT, scale * np.array(origin_mm))
 
 
-def reach_mm(robot: RobotModel) -> float:
+def reach_mm(robot: DhRobot) -> float:
     """A rough reach of the arm: its links beyond the first joint's height, end to end."""
     return float(np.sum(np.abs(robot.a[1:])) + np.sum(np.abs(robot.d[1:])) + abs(robot.a[0]))
 
 
-def _locations(arm: RobotModel) -> str:
+def _locations(arm: DhRobot) -> str:
     scale = min(1.0, reach_mm(arm) / REACH_OF_PLACES_MM)
     lines = []
     for name, (role, origin, turn) in PLACES.items():
@@ -82,5 +82,5 @@ def _locations(arm: RobotModel) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _name(arm: RobotModel, sensor: Sensor) -> str:
+def _name(arm: DhRobot, sensor: Sensor) -> str:
     return f"{sensor.model.name or 'sensor'} on {arm.name or 'arm'}"

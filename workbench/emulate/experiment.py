@@ -8,13 +8,12 @@ from pathlib import Path
 import numpy as np
 
 import assets
-from geometry import Pose, RobotModel
+from geometry import DhRobot, Pose, draw_errors
 from jig_cad import Jig, sample_tolerance
 from perceptron_emu import Solid
 from workbench.cell.starter import PLACES, place_of_jig
 from workbench.cell.surroundings import jig_bodies, sees_all_strings, wall_behind
 from workbench.emulate.record import Configuration, TrueCell, with_joint_noise
-from workbench.emulate.truth import with_errors
 from workbench.files import Cell, Sensor, read_jig_file, read_robot, read_sensor
 from workbench.plan.views import ViewProblem, plan_views
 
@@ -46,7 +45,7 @@ def paper_experiment(seed: int) -> Experiment:
     true_jig = sample_tolerance(jig, rng)
     solids = {name: (*jig_bodies(true_jig), *_wall(true_jig, name)) for name in PLACES}
     true = TrueCell(
-        robot=with_errors(robot, rng),
+        robot=robot.corrected(draw_errors(robot, rng)),
         jig=true_jig,
         T_hand_sensor=Pose.from_fixed_xyz_deg(*CALIBRATED),
         T_base_jig=places,
@@ -71,7 +70,7 @@ def paper_experiment(seed: int) -> Experiment:
     return Experiment(cell, true, with_joint_noise(views, true.robot, rng))
 
 
-def demo_robot() -> RobotModel:
+def demo_robot() -> DhRobot:
     """A six-axis arm of 2.55 m reach, whose table ships with the package."""
     return read_robot(assets.path("robots", "abb_irb6640_180_255"))
 

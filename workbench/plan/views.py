@@ -8,8 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import NoAnswerError, Pose, RobotModel, SensorModel, stack_poses
-from geometry.robot import inverse_kinematics
+from geometry import Arm, NoAnswerError, Pose, SensorModel, inverse_kinematics, stack_poses
 from jig_cad import Jig
 from workbench.plan.clearance import arm_clears
 from workbench.plan.view_space import Tally, ViewLimits, ViewSpace
@@ -38,7 +37,7 @@ class Views:
     parameters: Array
 
     @staticmethod
-    def none(robot: RobotModel) -> Views:
+    def none(robot: Arm) -> Views:
         """No views."""
         return Views(np.zeros((0, robot.n_joints)), Pose(np.zeros((0, 3, 3)), np.zeros((0, 3))), np.zeros((0, 6)))
 
@@ -61,7 +60,7 @@ class ViewProblem:
     sees_all: tells whether the strings are free of occlusion at poses T_sensor_jig (N); None takes it for granted.
     """
 
-    robot: RobotModel
+    robot: Arm
     sensor: SensorModel
     jig: Jig
     T_base_jig: Pose
@@ -177,7 +176,7 @@ def free_views(sensor: SensorModel, jig: Jig, limits: ViewLimits, count: int, rn
     raise NoAnswerError(f"only {len(poses)} of {count} views found that show all strings ({tally.text()})")
 
 
-def _posture(robot: RobotModel, goals: Pose, rng: np.random.Generator) -> Array | None:
+def _posture(robot: Arm, goals: Pose, rng: np.random.Generator) -> Array | None:
     """The readings that reach one of the goals with the joints turned least; the other views keep near them."""
     reached = inverse_kinematics(robot, goals, rng)
     joints = reached.joints[reached.converged]
