@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 from pydantic import BaseModel
 
 DIGITS = 12  # last bits, which hang on the processor, are not part of a recipe
+_MOST_PLACES = 15  # of mm and radians: what is left of a zero counts as zero
+_NOTHING = 1e-30
 _OFF_ROUND = 1.37  # keeps the choice of the last digit away from the numbers that people write
 
 
@@ -73,7 +75,7 @@ def _array_words(array: NDArray[Any]) -> Iterator[bytes]:
         yield np.ascontiguousarray(array, dtype="<i8").tobytes()
         return
     largest = float(np.max(np.abs(array), where=np.isfinite(array), initial=0.0))
-    places = DIGITS - math.ceil(math.log10(largest * _OFF_ROUND)) if largest > 0 else 0
+    places = min(DIGITS - math.ceil(math.log10(max(largest, _NOTHING) * _OFF_ROUND)), _MOST_PLACES)
     power = float(10 ** abs(places))
     whole = np.rint(array * power if places >= 0 else array / power) + 0.0  # no negative zero
     yield np.ascontiguousarray(whole, dtype="<f8").tobytes() + f" {places}".encode()
