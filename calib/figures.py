@@ -30,7 +30,7 @@ class Fit:
 def fit_location(points: Points, Ts_base_sensor: Pose, anchors_mm: Array, start: Pose) -> Fit:
     """The pose T_base_jig with the least sum of squared perpendicular distances of the points from their strings.
 
-    points: F frames of one location. Ts_base_sensor (F): by the chain. anchors_mm (6, 3): nominal or of the
+    points: F frames of one location. Ts_base_sensor (F): by the chain. anchors_mm (A, 3): nominal or of the
     jig's file.
     """
     xyz = np.concatenate([np.zeros((*points.present.shape, 1)), points.yz_mm], -1)

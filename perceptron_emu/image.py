@@ -7,10 +7,10 @@ from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from geometry import Pose, SensorModel
+from geometry import Pose, Sensor
+from geometry.compiled import kernel
 from perceptron_emu.config import EmulatorConfig
 from perceptron_emu.deposit import REACH, deposit, deposit_fine
 from perceptron_emu.optics import defocus_radius_px, sharp_sigma_px
@@ -28,7 +28,7 @@ SPLINE_SIGMA = 2.5  # sub-pixels: sharper spots would alias on the splines that 
 def draw(
     electrons: Float32,
     samples: Samples,
-    sensor: SensorModel,
+    sensor: Sensor,
     config: EmulatorConfig,
     key: int,
     drift: Pose | None = None,
@@ -53,7 +53,7 @@ def draw(
         _draw_piece(electrons, uv[piece], weight[piece], sigma[piece], sensor, config, key, shift)
 
 
-def _speckle_shift(xyz_mm: Array, sensor: SensorModel, drift: Pose) -> Array:
+def _speckle_shift(xyz_mm: Array, sensor: Sensor, drift: Pose) -> Array:
     """How far (2,) [px] the image of the surface at the nodes' middle has moved."""
     there = xyz_mm.mean(0)
     shift = project(sensor, there) - project(sensor, drift.inverse() @ there)
@@ -61,7 +61,7 @@ def _speckle_shift(xyz_mm: Array, sensor: SensorModel, drift: Pose) -> Array:
 
 
 def _defocused(
-    uv: Array, sigma: Array, samples: Samples, sensor: SensorModel, config: EmulatorConfig
+    uv: Array, sigma: Array, samples: Samples, sensor: Sensor, config: EmulatorConfig
 ) -> tuple[Array, Array, Array, NDArray[np.int64]]:
     """Nodes spread over the disc of defocus; a disc much smaller than the blur is folded into σ (σ² + R²/4)."""
     weight, group = samples.electrons, samples.group
@@ -92,7 +92,7 @@ def _draw_piece(
     uv: Array,
     weight: Array,
     sigma: Array,
-    sensor: SensorModel,
+    sensor: Sensor,
     config: EmulatorConfig,
     key: int,
     shift_px: Array,
@@ -119,7 +119,7 @@ def _draw_piece(
     _add_product(target, fine[inner], grains[inner], q)
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@kernel(fastmath=True)
 def _add_product(electrons, light, grains, q):  # type: ignore[no-untyped-def]
     """Add light · grains (H q, W q), summed over the q × q sub-pixels of every pixel, to the electrons (H, W)."""
     row = np.empty(light.shape[1], np.float32)

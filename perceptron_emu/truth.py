@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from geometry import Pose, SensorModel
+from geometry import Pose, Sensor
+from geometry.compiled import kernel
 from perceptron_emu.lighting import LitScene
 from perceptron_emu.projection import project
 
@@ -73,13 +73,12 @@ class Frame:
     truth: FrameTruth
 
 
-def string_truths(
-    parts: list[LitScene], shares: list[Array], now: LitScene, sensor: SensorModel
-) -> tuple[StringTruth, ...]:
+def string_truths(parts: list[LitScene], shares: list[Array], now: LitScene, sensor: Sensor) -> tuple[StringTruth, ...]:
     """Truth of every string: sums over the parts of an exposure, axis points at its middle (``now``).
 
     shares: for each part the share of it that the chip's rows take (H,).
     """
+    camera = sensor.require_camera()
     if now.strings is None:
         return ()
     axes, truths = now.strings.crossing[:, 1:], []
@@ -88,13 +87,13 @@ def string_truths(
         for part, share in zip(parts, shares, strict=True):
             nodes = part.string_samples[i]
             uv = project(sensor, nodes.xyz_mm)
-            taken = _add(sums, uv, nodes.xyz_mm, nodes.electrons, share, sensor.width_px, sensor.height_px)
+            taken = _add(sums, uv, nodes.xyz_mm, nodes.electrons, share, camera.width_px, camera.height_px)
             unhidden += taken * float(part.unhidden[i])
         truths.append(_string_truth(label, axes[i], sums, unhidden))
     return tuple(truths)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _add(sums, uv, xyz, electrons, share, width, height):  # type: ignore[no-untyped-def]
     """Add the electrons of the nodes inside the image, and these times y, z, u and v, to the sums (5,); returns the
     mean share (H,) of the rows of all nodes.

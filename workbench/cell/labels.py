@@ -6,7 +6,7 @@ from calib import CalibConfig, CalibrationResult, Observations
 from calib.label.frame import label_frame
 from calib.label.location import label_location
 from calib.label.refine import LabelledFrame
-from geometry import AxisPoints, NoAnswerError, SensorModel, SurfacePoints, stack_poses
+from geometry import AxisPoints, NoAnswerError, Sensor, SurfacePoints, stack_poses
 from jig_cad import Jig
 from workbench.cell.pipeline import Observed, solve
 from workbench.cell.points_table import FrameTable
@@ -33,7 +33,7 @@ def label_dataset(
     ]
 
 
-def label_image(frame: int, image: str, points: SurfacePoints, jig: Jig, sensor: SensorModel) -> FrameTable:
+def label_image(frame: int, image: str, points: SurfacePoints, jig: Jig, sensor: Sensor) -> FrameTable:
     """One image's spots with labels from the jig's geometry alone."""
     return _table(frame, image, points, label_frame(points, jig, sensor, None, CalibConfig()), None)
 

@@ -9,7 +9,7 @@ from calib import CalibConfig
 from calib.label.frame import label_frame
 from calib.pose.candidates import JigPoseResult
 from calib.pose.fit import jig_pose
-from geometry import AxisPoints, InputError, NoAnswerError, SensorModel
+from geometry import AxisPoints, InputError, NoAnswerError, Sensor
 from jig_cad import Jig
 from workbench.cell.presets import find_jig, find_sensor
 from workbench.files import FramePoints, read_points
@@ -57,7 +57,7 @@ def _beside(points: Path, name: str) -> str:
     return str(path)
 
 
-def _pose(frame: int, given: FramePoints, jig: Jig, sensor: SensorModel | None) -> FramePose:
+def _pose(frame: int, given: FramePoints, jig: Jig, sensor: Sensor | None) -> FramePose:
     axis = given.axis
     if axis is None and sensor is not None:
         labelled = label_frame(given.points, jig, sensor, None, CalibConfig())

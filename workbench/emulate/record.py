@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geometry import DH_ROWS, Arm, NoAnswerError, Pose
-from jig_cad import ANCHORS, Jig
+from jig_cad import Jig
 from perceptron_emu import Material, Scene, Solid
 from workbench.emulate.extras import NONE, Extras, Renderer, truth_points
 from workbench.emulate.recipe import recipe_name
@@ -142,7 +142,7 @@ def _truth(true: TrueCell, frames: list[TruthFrame], recipe: str) -> Truth:
         name=recipe,
         T_hand_sensor=true.T_hand_sensor.matrix.tolist(),
         dh=[{key: float(column[i]) for key, column in columns.items()} for i in range(table.n_joints)],
-        anchors_mm={a: tuple(p) for a, p in zip(ANCHORS, true.jig.anchors_mm.tolist(), strict=True)},
+        anchors_mm={a: tuple(p) for a, p in zip(true.jig.anchors, true.jig.anchors_mm.tolist(), strict=True)},
         locations={name: pose.matrix.tolist() for name, pose in true.T_base_jig.items()},
         frames=tuple(frames),
     )

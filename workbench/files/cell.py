@@ -16,7 +16,7 @@ from jig_cad.files import JigTable
 from workbench.files.frames_csv import FrameRow, read_frames
 from workbench.files.points_csv import FramePoints, read_points
 from workbench.files.robot_file import read_robot
-from workbench.files.sensor_file import ATOL_ROTATION, Sensor, read_sensor
+from workbench.files.sensor_file import ATOL_ROTATION, SensorDescription, read_sensor
 from workbench.files.strict import Matrix4, Section, Text, Vector3, suggestion, validate
 from workbench.files.toml_text import TomlSource, read_toml
 from workbench.files.truth_file import Truth, read_truth
@@ -64,7 +64,7 @@ class Cell:
     """
 
     folder: Path
-    sensor: Sensor
+    sensor: SensorDescription
     jig: Jig
     robot: DhRobot
     frames: tuple[FrameRow, ...]

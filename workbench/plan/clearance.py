@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import Arm, Pose, SensorModel
+from geometry import Arm, Pose, Sensor
 from jig_cad import Jig
-from jig_cad.solids import PillarDesign
+from jig_cad.solids import PillarDesign, block_edge_mm
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -18,9 +18,9 @@ ARM_MM = 100.0  # half the thickness of an arm's links, with theirs; assumed
 FIRST_LINK = 2  # the base and the first links stand far off
 
 
-def sensor_clearance_mm(sensor: SensorModel, jig: Jig, T_sensor_jig: Pose) -> Array:
+def sensor_clearance_mm(sensor: Sensor, jig: Jig, T_sensor_jig: Pose) -> Array:
     """Least distance (N) [mm] of the line from emitter to camera from the jig's solids at the poses (N)."""
-    line = _line(np.stack([sensor.laser_origin_mm, sensor.camera_centre_mm])[None])[0]
+    line = _line(np.stack([sensor.sheet.origin_mm, sensor.require_camera().centre_mm])[None])[0]
     return distance_mm(jig, T_sensor_jig.inverse() @ line[None])
 
 
@@ -48,7 +48,14 @@ def distance_mm(jig: Jig, points: Array) -> Array:
 
 
 def _boxes(jig: Jig) -> tuple[Array, Array]:
-    """Least and largest corners (5, 3) of the boxes around both plates, the strings and both posts."""
+    """Least and largest corners (5, 3) of the boxes around both plates, the strings and both posts.
+
+    Of lines that are no pillar: (1, 3), of the box around all strings and the blocks that hold them.
+    """
+    if jig.pillar is None:
+        half = block_edge_mm(jig) / 2
+        points = jig.anchors_mm[jig.used_anchors]
+        return points.min(axis=0, keepdims=True) - half, points.max(axis=0, keepdims=True) + half
     design = PillarDesign()
     y0, z0, y1, z1 = design.plate(jig).bounds
     h, thick, r = jig.height_mm, design.plate_thickness_mm, design.post_diameter_mm / 2

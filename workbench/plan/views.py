@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import Arm, NoAnswerError, Pose, SensorModel, inverse_kinematics, stack_poses
+from geometry import Arm, NoAnswerError, Pose, Sensor, inverse_kinematics, stack_poses
 from jig_cad import Jig
 from workbench.plan.clearance import arm_clears
 from workbench.plan.view_space import Tally, ViewLimits, ViewSpace
@@ -61,7 +61,7 @@ class ViewProblem:
     """
 
     robot: Arm
-    sensor: SensorModel
+    sensor: Sensor
     jig: Jig
     T_base_jig: Pose
     T_hand_sensor: Pose
@@ -162,7 +162,7 @@ def near_views(
     return Views(found.joints[ok], poses[np.flatnonzero(ok)], parameters[kept[ok]]), kept[ok]
 
 
-def free_views(sensor: SensorModel, jig: Jig, limits: ViewLimits, count: int, rng: np.random.Generator) -> Pose:
+def free_views(sensor: Sensor, jig: Jig, limits: ViewLimits, count: int, rng: np.random.Generator) -> Pose:
     """Poses T_sensor_jig (count) of views without a robot, in which every string crosses the field of view."""
     tally = Tally()
     space = ViewSpace.of(sensor, jig, replace(limits, mounting_deg=0.0))
