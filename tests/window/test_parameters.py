@@ -10,7 +10,8 @@ from pydantic import BaseModel, Field
 
 from extraction import ExtractionConfig
 from geometry import InputError
-from workbench.window.parameters import ParameterError, panel, parse
+from workbench.cell.parameters import panel
+from workbench.window.parameters import ParameterError, parse
 
 
 class Inner(BaseModel):

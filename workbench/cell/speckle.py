@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 
 from extraction import ExtractionConfig, learn_speckle
 from extraction.spots import GRAINS_PX
-from perceptron_emu.speckle import grain_px
+from perceptron_emu import grain_px
 from workbench.files.sensor_file import SensorDescription
 
 LEARNT_FRAMES = 6  # frames that the speckle is learnt from, and the largest share of a dataset's

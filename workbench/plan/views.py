@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -10,12 +9,12 @@ from numpy.typing import NDArray
 
 from geometry import Arm, NoAnswerError, Pose, Sensor, inverse_kinematics, stack_poses
 from jig_cad import Jig
+from workbench.cell.surroundings import SeesAll
 from workbench.plan.clearance import arm_clears
 from workbench.plan.view_space import Tally, ViewLimits, ViewSpace
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-SeesAll = Callable[[Pose], Mask]
 
 BATCH = 96
 MAX_BATCHES = 40

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import copy
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 from pydantic import BaseModel
 
-from workbench.window.parameters import panel
+from workbench.cell.parameters import panel
+
+M = TypeVar("M", bound=BaseModel)
 
 
 @dataclass(frozen=True)
@@ -44,7 +46,7 @@ def space(model: type[BaseModel]) -> tuple[Dimension, ...]:
     )
 
 
-def suggest(trial: Suggests, dimensions: tuple[Dimension, ...], base: BaseModel) -> BaseModel:
+def suggest(trial: Suggests, dimensions: tuple[Dimension, ...], base: M) -> M:
     """``base`` with every dimension as the trial suggests it."""
     values: dict[str, float] = {}
     for d in dimensions:
@@ -68,7 +70,7 @@ def values_of(config: BaseModel, dimensions: tuple[Dimension, ...]) -> dict[str,
     return out
 
 
-def with_values(base: BaseModel, values: dict[str, float]) -> BaseModel:
+def with_values(base: M, values: dict[str, float]) -> M:
     """``base`` with some parameters replaced, checked by the model."""
     table = copy.deepcopy(base.model_dump())
     for key, value in values.items():
