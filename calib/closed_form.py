@@ -10,11 +10,13 @@ from numpy.typing import NDArray
 
 from calib.jig_pose_types import JigPoseCandidate
 from geometry import AxisPoints, NoAnswerError, Pose, nearest_rotation
+from geometry.ties import ascending
 from jig_cad import Jig
 
 Array = NDArray[np.float64]
 
 LABELS = ("A", "B", "C", "B'", "C'")
+SAME_MM = 1e-6  # candidates that disagree alike keep the order of their signs
 _SIGNS = np.array([[1.0, 1.0], [1.0, -1.0], [-1.0, 1.0], [-1.0, -1.0]])  # of θ₁, θ₂
 
 
@@ -49,7 +51,7 @@ def closed_form_poses(
     forms = closed_forms(np.array([given[label] for label in LABELS], dtype=float), jig.side_mm, jig.height_mm)
     if not forms.defined:
         return ()
-    order = np.argsort(forms.h1_disagreement_mm, kind="stable")
+    order = ascending(forms.h1_disagreement_mm, SAME_MM)
     return tuple(
         JigPoseCandidate(forms.T_sensor_jig[int(i)], h1_disagreement_mm=float(forms.h1_disagreement_mm[i]))
         for i in order

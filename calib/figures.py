@@ -10,11 +10,14 @@ from numpy.typing import NDArray
 
 from calib.problem import Points
 from geometry import Pose, skew
+from geometry.ties import first_least
 
 Array = NDArray[np.float64]
 
 _ITERATIONS = 30
 _STEP_MM = 1e-9
+_SAME_MM = 0.05  # poses as near as this agree, were they even exact
+_EQUAL_SHARE = 1e-3  # of the distance at which poses agree: what differs by less is equally near
 _MEAN_ITERATIONS = 2
 
 
@@ -79,9 +82,10 @@ def agreeing_pose(candidates: Sequence[Pose], reach_mm: float = 100.0) -> tuple[
     first = np.concatenate([[0], np.cumsum(counts)[:-1]])  # of each frame's candidates
     distances = pose_distance(every[:, None], every[None], reach_mm)  # (K, K)
     nearest = np.minimum.reduceat(distances, first, axis=1)  # (K, F)
-    limit = np.median(np.sort(nearest, axis=None)[: max(1, nearest.size // 2)]) * 10 + 1e-9
-    best = int(np.argmin(np.sum(np.minimum(nearest, limit), axis=1)))
-    choice = [int(np.argmin(distances[best, f : f + n])) for f, n in zip(first, counts, strict=True)]
+    limit = np.median(np.sort(nearest, axis=None)[: max(1, nearest.size // 2)]) * 10 + _SAME_MM
+    # two frames agree with each other equally well: neither is chosen by rounding
+    best = first_least(np.sum(np.minimum(nearest, limit), axis=1), _EQUAL_SHARE * limit)
+    choice = [first_least(distances[best, f : f + n], _EQUAL_SHARE * limit) for f, n in zip(first, counts, strict=True)]
     return mean_pose(every[(first + choice)[nearest[best] <= limit]]), choice
 
 

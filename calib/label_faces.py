@@ -7,11 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from geometry.ties import ascending
 from jig_cad import ANCHORS, STRINGS, Jig
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
+SAME_MISFIT = 1e-6  # in units of what the tolerance allows
 _SIGNS = np.array([[1.0, 1.0], [1.0, -1.0], [-1.0, 1.0], [-1.0, -1.0]])
 
 
@@ -106,7 +108,7 @@ def five_spot_labels(
         found.append(_match(triples, yz_mm, one, two, jig, orientation, tolerance_mm))
     misfit = np.concatenate([m for m, _ in found])
     labels = np.concatenate([lab for _, lab in found])
-    return labels[np.argsort(misfit, kind="stable")[:limit]]
+    return labels[ascending(misfit, SAME_MISFIT)[:limit]]
 
 
 def _match(

@@ -18,6 +18,7 @@ LEAST_LIKENESS = 0.3  # a spot unlike all others of its image is doubted, not lo
 MAX_MOVE = 1.5  # of the fitted centre from the region's, in spot widths, beside one pixel
 MISFIT = 4.0  # variance of the residuals over what noise and speckle make of it: two strings in one, or half a post
 SKEW_SIGMA = 4.0  # asymmetry along the long axis that noise and speckle do not make
+JUST_HALF = 0.5 - 1e-9  # where the weights below and above are equal, the lower value is the median
 CONSENSUS = 3  # spots that make a typical width and height
 
 
@@ -48,9 +49,9 @@ def _likeness(own: Array, width: Array, amplitude: Array) -> Array:
 
 
 def _weighted_median(values: Array, weight: Array) -> float:
-    order = np.argsort(values)
+    order = np.argsort(values, kind="stable")
     cumulative = np.cumsum(weight[order])
-    return float(values[order][np.searchsorted(cumulative, 0.5 * cumulative[-1])])
+    return float(values[order][np.searchsorted(cumulative, JUST_HALF * cumulative[-1])])
 
 
 def refuse_spots(
