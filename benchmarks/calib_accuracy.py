@@ -16,16 +16,16 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from calib import CalibConfig
-from calib.bundle import solve_bundle
-from calib.closed_form import closed_forms
-from calib.jig_pose import jig_pose
-from calib.linearise import initial_state, residuals
-from calib.paper_scp import PaperProblem, solve_paper
-from calib.problem import Problem
-from calib.solution import solve_problem
-from calib.synthetic import Cell, Layout, Noise, made_cell, observe, random_cell
-from calib.synthetic_problem import problem_of, true_candidates
-from calib.uncertainty import uncertainty
+from calib.bundle.bundle import solve_bundle
+from calib.bundle.linearise import initial_state, residuals
+from calib.bundle.problem import Problem
+from calib.bundle.solution import solve_problem
+from calib.bundle.uncertainty import uncertainty
+from calib.paper.scp import PaperProblem, solve_paper
+from calib.pose.closed_form import closed_forms
+from calib.pose.fit import jig_pose
+from calib.synthetic.cell import Cell, Layout, Noise, made_cell, observe, random_cell
+from calib.synthetic.problem import problem_of, true_candidates
 from geometry import Pose, RobotUncertainty, stack_poses
 from jig_cad import Jig
 

@@ -13,10 +13,10 @@ import numpy as np
 from scipy.stats import chi2
 
 from calib import CalibConfig
-from calib.solution import solve_problem
-from calib.synthetic import Noise, made_cell, observe, random_cell
-from calib.synthetic_problem import CALIBRATE_ONLY, problem_of, true_candidates
-from calib.uncertainty import nees
+from calib.bundle.solution import solve_problem
+from calib.bundle.uncertainty import nees
+from calib.synthetic.cell import Noise, made_cell, observe, random_cell
+from calib.synthetic.problem import CALIBRATE_ONLY, problem_of, true_candidates
 
 RUNS_A_CELL = 50
 MODELS = ("scp", "scp+offsets", "full")

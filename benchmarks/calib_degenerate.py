@@ -15,9 +15,9 @@ from dataclasses import replace
 import numpy as np
 
 from calib import CalibConfig, FrameObservation, Observations, calibrate
-from calib.degenerate import constant_lever, mirror_frames
-from calib.synthetic import Cell, Noise, axis_points, made_cell, observe, random_cell
-from calib.synthetic_problem import CALIBRATE_ONLY
+from calib.synthetic.cell import Cell, Noise, axis_points, made_cell, observe, random_cell
+from calib.synthetic.degenerate import constant_lever, mirror_frames
+from calib.synthetic.problem import CALIBRATE_ONLY
 from geometry import AxisPoints, Pose, RobotModel, exp_so3
 from jig_cad import Jig, half_turn_label
 

@@ -10,7 +10,7 @@ import sys
 
 import numpy as np
 
-from calib.exact_recovery import recover
+from calib.synthetic.exact_recovery import recover
 from jig_cad import Jig
 
 WRONG_MM = 1e-3

@@ -1,6 +1,6 @@
 """The jig's pose from one frame: exact recovery, ambiguity said to be so, what the sixth string buys.
 
-Run: python benchmarks/calib_jig_pose.py [cells]. Prints the figures of docs/jig.md; a few minutes for 10,000 cells.
+Run: python benchmarks/calib_jig_pose.py [cells]. Prints those of docs/jig_pose.md; a few minutes for 10,000 cells.
 """
 
 from __future__ import annotations
@@ -11,14 +11,14 @@ import time
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.closed_form import closed_forms
-from calib.crossings import crossings
-from calib.jig_pose import jig_pose
-from calib.jig_pose_types import JigPoseResult
-from calib.pose_solver import PoseProblem, solve_poses
-from calib.pose_starts import pencil_starts
-from calib.pose_weakness import scaled_condition
-from calib.synthetic_views import random_pose
+from calib.pose.candidates import JigPoseResult
+from calib.pose.closed_form import closed_forms
+from calib.pose.crossings import crossings
+from calib.pose.fit import jig_pose
+from calib.pose.solver import PoseProblem, solve_poses
+from calib.pose.starts import pencil_starts
+from calib.pose.weakness import scaled_condition
+from calib.synthetic.views import random_pose
 from geometry import AxisPoints, Pose, nearest_rotation, stack_poses
 from jig_cad import DEFAULT_STRINGS, STRINGS, Jig
 

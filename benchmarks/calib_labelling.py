@@ -13,8 +13,8 @@ from collections import Counter
 import numpy as np
 
 from calib.config import CalibConfig
-from calib.labelling import label_frame
-from calib.synthetic_views import LabelledTruth, SpotNoise, disturbed, observe_spots, random_view
+from calib.label.frame import label_frame
+from calib.synthetic.views import LabelledTruth, SpotNoise, disturbed, observe_spots, random_view
 from geometry import AxisPoints
 from jig_cad import half_turn_label
 

@@ -14,8 +14,8 @@ from dataclasses import replace
 import numpy as np
 
 from calib import CalibConfig, CalibrationResult, calibrate
-from calib.synthetic import Cell, Layout, Noise, dh_errors, made_cell, observe, random_cell
-from calib.uncertainty import nees
+from calib.bundle.uncertainty import nees
+from calib.synthetic.cell import Cell, Layout, Noise, dh_errors, made_cell, observe, random_cell
 
 ONE = Layout(places=(("A", "calibrate", 7),))
 

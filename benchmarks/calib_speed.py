@@ -12,12 +12,12 @@ from dataclasses import replace
 import numpy as np
 from calib_accuracy import OPENCV, opencv, scipy_bundle
 
-from calib.bundle import solve_bundle
-from calib.linearise import initial_state
-from calib.problem import Problem, robot_chain
-from calib.synthetic import Noise
-from calib.synthetic_problem import made_problem, true_candidates, true_jigs
-from calib.uncertainty import uncertainty
+from calib.bundle.bundle import solve_bundle
+from calib.bundle.linearise import initial_state
+from calib.bundle.problem import Problem, robot_chain
+from calib.bundle.uncertainty import uncertainty
+from calib.synthetic.cell import Noise
+from calib.synthetic.problem import made_problem, true_candidates, true_jigs
 from geometry import stack_poses
 
 

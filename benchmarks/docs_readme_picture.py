@@ -1,6 +1,6 @@
 """The picture of the README, from a finished demo: a stripe image with its labelled spots above Fig. 7.
 
-python benchmarks/docs_readme_picture.py demo docs/img/readme.png
+python benchmarks/docs_readme_picture.py demo docs/pictures/readme.png
 """
 
 from __future__ import annotations

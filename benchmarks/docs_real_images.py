@@ -1,6 +1,7 @@
 """Overlays of stripes in real images, as docs/real_images.md shows them; green: a point, orange: one with a flag.
 
-Run: python benchmarks/docs_real_images.py [folder of real images] [folder for the overlays]
+Run: python benchmarks/docs_real_images.py FOLDER [folder for the overlays]; FOLDER holds the recordings that
+docs/real_images.md names, as etna, ciclop and floor_blocks.
 """
 
 from __future__ import annotations
@@ -47,7 +48,9 @@ def difference(real: Path, folder: str, on: str, off: str, config: StripeConfig)
 
 def main() -> None:
     """Write the overlays and print how many points each has."""
-    real = Path(sys.argv[1]) if len(sys.argv) > 1 else REPOSITORY.parent / "shared/data/real"
+    if len(sys.argv) < 2:
+        sys.exit("name the folder of real images")
+    real = Path(sys.argv[1])
     target = Path(sys.argv[2]) if len(sys.argv) > 2 else REPOSITORY / "docs/pictures"
     if not real.is_dir():
         sys.exit(f"{real} is not there: name the folder of real images")

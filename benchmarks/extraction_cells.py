@@ -27,7 +27,7 @@ import numpy as np
 from rendered_strings import random_thread
 
 from calib import FrameObservation, Observations, calibrate
-from calib.axis_offset import surface_offset
+from calib.label.surface_offset import surface_offset
 from calib.surface_config import SurfaceConfig
 from extraction import ExtractionConfig, extract
 from geometry import PerceptronEmuError, Pose
@@ -35,8 +35,8 @@ from perceptron_emu import ALUMINIUM, Material, Solid, panel
 from workbench.campaign.emulated import EmulatedCell, emulated_cell
 from workbench.campaign.settings import TrialSettings
 from workbench.campaign.trial import render_frame
-from workbench.scoring import VISIBLE, score_frame
-from workbench.speckle import dataset_config
+from workbench.cell.speckle import dataset_config
+from workbench.compare.match import VISIBLE, score_frame
 
 SETTINGS = TrialSettings.model_validate({"clutter": True, "poses": {"plans": 6}})
 EXTREMES = (0.5, 99.5)  # percentiles between which the trimmed scatter is taken

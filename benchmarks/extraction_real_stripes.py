@@ -21,7 +21,6 @@ import numpy as np
 from extraction.stripe import detect_stripe
 from extraction.stripe_config import StripeConfig
 
-DEFAULT = Path(__file__).parents[2] / "shared/data/real/etna"
 CORNERS, SQUARE_MM, NEAR_PX = (7, 6), 10.0, 3.0
 
 
@@ -104,7 +103,7 @@ def straightness(points: np.ndarray, K: np.ndarray, k: np.ndarray) -> tuple[floa
 
 def main() -> None:
     """Print a table per set of frames."""
-    folder = Path(sys.argv[1]) if len(sys.argv) > 1 else DEFAULT
+    folder = Path(sys.argv[1] if len(sys.argv) > 1 else "etna")
     if not folder.is_dir():
         sys.exit(f"{folder} is not there: name the folder of etna")
     methods = {

@@ -24,6 +24,7 @@ import cv2
 import numpy as np
 from spot_peers import PEERS
 
+import assets
 from extraction import ExtractionConfig, LocaliseConfig, extract
 from extraction.crlb import TrueSpot, mean_image, position_bound
 from extraction.fast import fit_peaks
@@ -170,7 +171,7 @@ def frames() -> None:
     rng, sensor = np.random.default_rng(3), frame_sensor()
     print("\nstring frame 1280 × 1024 → surface points with covariance, one core")
     images = {"five spots, noise 0.6 DN": synthetic_frame(rng)}
-    recorded = sorted((Path(__file__).parents[2] / "shared/data/cell_a/images").glob("*.png"))
+    recorded = sorted((assets.path("samples", "cell_a") / "images").glob("*.png"))
     for path in recorded[:4]:
         images[f"cell_a {path.name}"] = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
     for name, image in images.items():

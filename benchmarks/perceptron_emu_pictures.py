@@ -1,6 +1,6 @@
 """The pictures of docs/emulator.md: every effect off and on, same frame, zoomed in.
 
-Run: python benchmarks/perceptron_emu_pictures.py [FOLDER], by default docs/img.
+Run: python benchmarks/perceptron_emu_pictures.py [FOLDER], by default docs/pictures.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ Picture = np.ndarray
 
 def main() -> None:
     """Draw and write every pair."""
-    folder = Path(sys.argv[1] if len(sys.argv) > 1 else "docs/img")
+    folder = Path(sys.argv[1] if len(sys.argv) > 1 else "docs/pictures")
     folder.mkdir(parents=True, exist_ok=True)
     for name, make in PAIRS.items():
         off, on = make()

@@ -19,7 +19,7 @@ from extraction.spot_noise import SpotNoise
 from geometry import Pose, SensorModel, SurfacePoints, exp_so3
 from jig_cad import Jig
 from perceptron_emu import EmulatorConfig, Frame, Material, Scene, render
-from workbench.presets import find_sensor
+from workbench.cell.presets import find_sensor
 
 Array = NDArray[np.float64]
 

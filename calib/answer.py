@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.assemble import Chains, by_location, frame_distances, frame_result, location_figures
+from calib.bundle.uncertainty import printed_sigmas
 from calib.config import CalibConfig
 from calib.observation import Observations
 from calib.result import SIGMA_HOLDS, CalibrationResult, FrameResult, LocationResult, Verdict
 from calib.stations import Station
-from calib.uncertainty import printed_sigmas
 from geometry import Pose, RobotModel
 from jig_cad import Jig
 

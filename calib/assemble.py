@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.bundle.problem import pad_points
 from calib.figures import Fit, agreeing_pose, fit_location, max_deviation, spread_3d
 from calib.observation import Observations
-from calib.own_poses import own_poses
-from calib.problem import pad_points
+from calib.pose.own import own_poses
 from calib.result import DesignSolved, Distances, FramePoints, FrameResult, LocationResult
 from calib.stations import Station
 from geometry import Pose, RobotModel, stack_poses

@@ -9,21 +9,21 @@ from numpy.typing import NDArray
 
 from calib.answer import Estimate, answer
 from calib.assemble import by_location, location_pose
+from calib.bundle.solution import Solution, make_problem, solve_problem
 from calib.config import CalibConfig, Model
-from calib.culprit import culprit
-from calib.culprit_jig import wrong_jig
 from calib.estimate import bundle_estimate, bundle_facts
 from calib.given_jigs import given_jig_notes
 from calib.hand_joints import hand_pose_notes, with_joints
-from calib.model_choice import choose_model, left_out_rms
+from calib.judge.culprit import culprit
+from calib.judge.culprit_jig import wrong_jig
+from calib.judge.model_choice import choose_model, left_out_rms
+from calib.judge.verdict import Motion, judge, judge_motion, misfit_limit, motion
+from calib.label.relabel import relabel, settled
 from calib.observation import Observations
-from calib.paper_check import checked
-from calib.paper_estimate import Starts, paper_estimate, paper_frames
-from calib.relabel import relabel, settled
+from calib.paper.check import checked
+from calib.paper.estimate import Starts, paper_estimate, paper_frames
 from calib.result import CalibrationResult, Verdict
-from calib.solution import Solution, make_problem, solve_problem
 from calib.stations import Station, label, stations
-from calib.verdict import Motion, judge, judge_motion, misfit_limit, motion
 from geometry import InputError, Pose, RobotModel, stack_poses
 from jig_cad import Jig
 

@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.answer import Estimate
+from calib.bundle.solution import Solution
 from calib.config import CalibConfig
-from calib.identifiability import weak_directions
-from calib.solution import Solution
+from calib.judge.identifiability import weak_directions
+from calib.judge.verdict import Facts
 from calib.stations import Station
-from calib.verdict import Facts
 
 
 def bundle_estimate(solution: Solution, used: tuple[Station, ...], config: CalibConfig) -> Estimate:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.problem import Points
+from calib.bundle.problem import Points
 from geometry import Pose, skew
 from geometry.ties import first_least
 

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.config import CalibConfig
-from calib.jig_pose import fit_pose
-from calib.label_location import label_location
+from calib.label.location import label_location
 from calib.observation import FrameObservation, Observations
+from calib.pose.fit import fit_pose
 from geometry import AxisPoints, InputError, NoAnswerError, Pose, RobotModel, SensorModel, log_so3, stack_poses
 from jig_cad import Jig
 

@@ -19,7 +19,7 @@ _COLUMNS = ("theta_offset", "d", "a", "alpha", "beta", "sign", "min_rad", "max_r
 
 @dataclass(frozen=True)
 class RobotUncertainty:
-    """Standard deviations of what a robot's table and its joints do not know; FORMATS's defaults of an ordinary arm."""
+    """Standard deviations of a table and its joint readings; the defaults are those of an ordinary arm."""
 
     joint_sigma_rad: float = float(np.deg2rad(0.003))
     theta_sigma_rad: float = float(np.deg2rad(0.03))

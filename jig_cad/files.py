@@ -1,4 +1,4 @@
-"""jig.toml of FORMATS.md: read, validated, written."""
+"""jig.toml (docs/formats.md): read, validated, written."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The string jig: lines between anchors, its symmetry, its tolerance (DESIGN.md section 3)."""
+"""The string jig: lines between anchors, its symmetry, its tolerance (docs/conventions.md)."""
 
 from __future__ import annotations
 

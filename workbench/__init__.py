@@ -1,1 +1,1 @@
-"""TODO."""
+"""The roof: files, the command line, recording, planning, reports, campaigns and the process window."""

@@ -1,7 +1,5 @@
 """Sensor, jig and sample presets: fields of view as in the data sheets, the sample a true part of its recording."""
 
-from pathlib import Path
-
 import cv2
 import numpy as np
 import pytest
@@ -9,7 +7,8 @@ import pytest
 import assets
 from geometry import InputError, field_of_view, inside_polygon
 from jig_cad import read_jig
-from workbench.formats.sensor_file import read_sensor
+from tests.recordings import MISSING, recording
+from workbench.files.sensor_file import read_sensor
 
 # near and far [mm from the face], width near, at the reference distance (None: not published) and far, wavelength [nm]
 DATA_SHEETS = {
@@ -22,7 +21,7 @@ DATA_SHEETS = {
 }
 RTOL = 0.005
 RTOL_REFERENCE = 0.03  # no straight-sided field meets all three of the LJ-X8300's widths
-RECORDING = Path(__file__).resolve().parents[3] / "shared" / "data" / "cell_a"
+RECORDING = recording("cell_a")
 
 
 def width_at(polygon: np.ndarray, depth: float) -> float:
@@ -78,7 +77,7 @@ def test_unknown_presets_are_refused() -> None:
 
 
 def test_the_sample_is_small_and_whole() -> None:
-    from workbench.formats import read_cell
+    from workbench.files import read_cell
 
     folder = assets.path("samples", "cell_a")
     cell = read_cell(folder)
@@ -88,7 +87,7 @@ def test_the_sample_is_small_and_whole() -> None:
     assert len(cell.frames) >= 10
 
 
-@pytest.mark.skipif(not RECORDING.is_dir(), reason="the whole recording is not beside the checkout")
+@pytest.mark.skipif(not RECORDING.is_dir(), reason=MISSING)
 def test_the_samples_pixels_are_the_recordings() -> None:
     folder = assets.path("samples", "cell_a")
     lines = (RECORDING / "frames.csv").read_text().splitlines()

@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from calib.axis_offset import axis_points, centroid_offsets, surface_offset
 from calib.config import CalibConfig
+from calib.label.surface_offset import axis_points, centroid_offsets, surface_offset
 from calib.surface_config import SurfaceConfig
-from calib.synthetic_views import SpotNoise, observe_spots, random_view
+from calib.synthetic.views import SpotNoise, observe_spots, random_view
 from geometry import SensorModel
 
 ATOL_MM = 0.001  # of a string of 0.3 mm

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from calib import CalibConfig, Observations, calibrate
-from calib.synthetic import Cell, Noise, made_cell, observe, random_cell
-from calib.uncertainty import nees
+from calib.bundle.uncertainty import nees
+from calib.synthetic.cell import Cell, Noise, made_cell, observe, random_cell
 from geometry import InputError, Pose
 from jig_cad import Jig
 

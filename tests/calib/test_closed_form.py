@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from calib.closed_form import LABELS, closed_form_poses, closed_forms
-from calib.crossings import crossings
-from calib.jig_pose import jig_pose
-from calib.pose_solver import PoseProblem, solve_poses
-from calib.pose_weakness import scaled_condition
-from calib.synthetic_views import random_pose
+from calib.pose.closed_form import LABELS, closed_form_poses, closed_forms
+from calib.pose.crossings import crossings
+from calib.pose.fit import jig_pose
+from calib.pose.solver import PoseProblem, solve_poses
+from calib.pose.weakness import scaled_condition
+from calib.synthetic.views import random_pose
 from geometry import AxisPoints, NoAnswerError, Pose, stack_poses
 from jig_cad import Jig
 
@@ -72,7 +72,7 @@ def test_the_two_heights_disagree_under_noise():
 
 
 def test_noise_near_a_perpendicular_view_leaves_no_angle():
-    """a/l > 1 is reported by an empty answer, never by a number (THEORY.md 1.7)."""
+    """a/l > 1 is reported by an empty answer, never by a number (docs/theory.md, the closed form)."""
     jig, _, yz = cells(200, seed=3, tilt_deg=(0.0, 1.0))
     noisy = yz + np.random.default_rng(0).normal(0, 0.03, yz.shape)
     forms = closed_forms(noisy, SIDE_MM, HEIGHT_MM)

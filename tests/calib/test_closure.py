@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-from calib.closure import Socket, closure, held_out_rms
-from calib.closure_problem import closure_problem, solve_closure
-from calib.synthetic import dh_errors, industrial_arm
+from calib.closure.closure import Socket, closure, held_out_rms
+from calib.closure.problem import closure_problem, solve_closure
+from calib.synthetic.cell import dh_errors, industrial_arm
 from geometry import RobotModel
+from tests.recordings import MISSING, recording
 
-RECORDED = Path(__file__).parents[3] / "shared" / "data" / "real" / "socket_closure" / "data"
+RECORDED = recording("real/socket_closure/data")
 QUARTER = np.pi / 2
 
 
@@ -32,7 +31,7 @@ def iiwa() -> RobotModel:
 def recorded(name: str) -> list[Socket]:
     """All sockets of a recorded robot."""
     if not RECORDED.is_dir():
-        pytest.skip("the recorded sockets are not beside this checkout (../shared/data/real/socket_closure)")
+        pytest.skip(MISSING)
     files = sorted((RECORDED / name).glob("*/hole_?.csv"))
     return [Socket(f.parent.name, f.stem, np.loadtxt(f, delimiter=",")) for f in files]
 

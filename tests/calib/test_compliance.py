@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from calib.compliance import GRAVITY, Compliance, deflection
-from calib.synthetic import industrial_arm
+from calib.synthetic.cell import industrial_arm
 from geometry import InputError
 
 ATOL_RAD = 1e-9

@@ -10,11 +10,11 @@ import pytest
 
 from calib import FrameObservation, calibrate
 from calib.config import CalibConfig
-from calib.culprit import culprit
-from calib.culprit_jig import wrong_jig
+from calib.judge.culprit import culprit
+from calib.judge.culprit_jig import wrong_jig
 from calib.stations import label, stations
-from calib.synthetic import Cell, Noise, made_cell, observe, random_cell
-from calib.synthetic_problem import CALIBRATE_ONLY
+from calib.synthetic.cell import Cell, Noise, made_cell, observe, random_cell
+from calib.synthetic.problem import CALIBRATE_ONLY
 from geometry import RobotModel
 from jig_cad import Jig, half_turn_label
 

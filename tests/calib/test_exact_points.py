@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from calib.exact_recovery import recover
 from calib.figures import agreeing_pose
-from calib.paper_scp import PaperProblem, PaperSettings, solve_paper
-from calib.synthetic import DESIGN
-from calib.synthetic_problem import exact_pose_problem
+from calib.paper.scp import PaperProblem, PaperSettings, solve_paper
+from calib.synthetic.cell import DESIGN
+from calib.synthetic.exact_recovery import recover
+from calib.synthetic.problem import exact_pose_problem
 from geometry import Pose
 from jig_cad import Jig
 
@@ -37,7 +37,7 @@ def test_exact_points_give_the_exact_scp_in_10000_cells() -> None:
 
 
 def test_printed_sign_diverges() -> None:
-    """With the paper's plus the differences double each step; with minus they fall to rounding (THEORY 1.1)."""
+    """With the printed plus the differences double each step; with minus they fall to rounding (docs/theory.md)."""
     problem, _, Ts_sensor_jig = exact_pose_problem(np.random.default_rng(3), JIG)
     paper = PaperProblem(Ts_sensor_jig.t, problem.chain.T_base_hand, problem.location)
     printed = solve_paper(paper, DESIGN, PaperSettings(sign=1.0, damping=0.0, max_iterations=4)).history

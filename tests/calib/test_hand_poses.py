@@ -9,10 +9,10 @@ import pytest
 from scipy.stats import chi2
 
 from calib import CalibConfig, Observations, calibrate
+from calib.bundle.uncertainty import nees
 from calib.hand_joints import with_joints
-from calib.synthetic import Cell, Noise, made_cell, observe, random_cell
-from calib.synthetic_problem import CALIBRATE_ONLY
-from calib.uncertainty import nees
+from calib.synthetic.cell import Cell, Noise, made_cell, observe, random_cell
+from calib.synthetic.problem import CALIBRATE_ONLY
 from geometry import InputError, Pose
 
 RUNS = 60

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from calib.linearise import State, initial_state, linearise, moved
-from calib.problem import Problem
-from calib.synthetic import Noise
-from calib.synthetic_problem import made_problem, true_jigs
+from calib.bundle.linearise import State, initial_state, linearise, moved
+from calib.bundle.problem import Problem
+from calib.synthetic.cell import Noise
+from calib.synthetic.problem import made_problem, true_jigs
 from geometry import PARAMETERS, RobotModel
 
 STEP = 1e-30

@@ -5,13 +5,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from calib.crossings import anchor_jacobian, crossings, crossings_jacobian
-from calib.jig_pose import jig_pose
-from calib.pose_solver import PoseProblem, solve_poses
-from calib.pose_starts import grid_starts, pencil_starts
-from calib.pose_weakness import scaled_condition
-from calib.pose_weights import whitening
-from calib.synthetic_views import disturbed, random_jig, random_pose, random_view
+from calib.pose.crossings import anchor_jacobian, crossings, crossings_jacobian
+from calib.pose.fit import jig_pose
+from calib.pose.solver import PoseProblem, solve_poses
+from calib.pose.starts import grid_starts, pencil_starts
+from calib.pose.weakness import scaled_condition
+from calib.pose.weights import whitening
+from calib.synthetic.views import disturbed, random_jig, random_pose, random_view
 from geometry import AxisPoints, NoAnswerError, Pose, exp_so3, stack_poses
 from jig_cad import DEFAULT_STRINGS, STRINGS, Jig
 
@@ -131,7 +131,7 @@ def test_covariance_is_true():
 
 
 def mirror_view(jig):
-    """Pitch of 20° through mid-height, where B' and C' stand at equal height (THEORY.md 1.9)."""
+    """Pitch of 20° through mid-height, where B' and C' stand at equal height (docs/theory.md, mirror poses)."""
     R = exp_so3(np.deg2rad(20.0) * np.array([0.0, 1.0, 0.0]))
     middle = np.array([jig.height_mm / 2, 0.0, 0.5 * np.sqrt(3) / 2 * jig.side_mm])
     return Pose(R, middle - R @ np.array([0.0, 0.0, 300.0])).inverse()

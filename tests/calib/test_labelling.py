@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from calib.config import CalibConfig
-from calib.label_location import label_location
-from calib.label_refine import half_turned
-from calib.labelling import label_frame
+from calib.label.frame import label_frame
+from calib.label.location import label_location
+from calib.label.refine import half_turned
+from calib.label.relabel import relabel
 from calib.observation import FrameObservation, Observations
-from calib.relabel import relabel
 from calib.stations import label, stations
-from calib.synthetic_views import SpotNoise, View, disturbed, observe_spots, random_pose, random_sensor, random_view
+from calib.synthetic.views import SpotNoise, View, disturbed, observe_spots, random_pose, random_sensor, random_view
 from geometry import Pose, SurfacePoints, exp_so3, stack_poses
 from jig_cad import Jig, half_turn_label, sample_tolerance
 

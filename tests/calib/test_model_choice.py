@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from calib import CalibConfig, calibrate
-from calib.model_choice import choose_model
-from calib.solution import solve_problem
-from calib.synthetic import Layout, Noise, industrial_arm, made_cell, observe, random_cell
-from calib.synthetic_problem import CALIBRATE_ONLY, problem_of, true_candidates
-from calib.uncertainty import nees
+from calib.bundle.solution import solve_problem
+from calib.bundle.uncertainty import nees
+from calib.judge.model_choice import choose_model
+from calib.synthetic.cell import Layout, Noise, industrial_arm, made_cell, observe, random_cell
+from calib.synthetic.problem import CALIBRATE_ONLY, problem_of, true_candidates
 from geometry import RobotModel, RobotUncertainty
 
 NEES_LIMIT = 30.0  # a sound covariance exceeds it in 4 of 100,000 runs

@@ -10,11 +10,11 @@ from scipy.stats import chi2
 
 from calib import CalibConfig, Observations, calibrate
 from calib.answer import Estimate
-from calib.degenerate import constant_lever, mirror_frames
-from calib.paper_check import checked
+from calib.bundle.uncertainty import nees
+from calib.paper.check import checked
 from calib.result import Verdict
-from calib.synthetic import Cell, Layout, Noise, made_cell, observe, random_cell
-from calib.uncertainty import nees
+from calib.synthetic.cell import Cell, Layout, Noise, made_cell, observe, random_cell
+from calib.synthetic.degenerate import constant_lever, mirror_frames
 from geometry import Pose
 
 PAPER = CalibConfig(method="paper")

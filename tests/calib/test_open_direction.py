@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from calib.bundle.normal import Normal, scaled_solve, solve
 from calib.calibrate import calibrate
-from calib.normal import Normal, scaled_solve, solve
-from calib.paper_ensemble import NONE, PLACES
-from calib.synthetic import made_cell, observe, random_cell
+from calib.paper.ensemble import NONE, PLACES
+from calib.synthetic.cell import made_cell, observe, random_cell
 
 
 @pytest.mark.parametrize("left", [0.0, -1e-9])

@@ -1,16 +1,16 @@
 """Images → surface points: recall, false alarms, covariance, scenes with stripes, edges, sparks, other cameras."""
 
-from pathlib import Path
-
 import cv2
 import numpy as np
 import pytest
 
+import assets
 from extraction import ExtractionConfig, LocaliseConfig, NoiseConfig, extract, extract_stages, image_to_sheet
 from extraction.crlb import TrueSpot
 from tests.extraction.spots import camera, make_sensor, mean_frame, some_spots
+from tests.recordings import MISSING, recording
 
-CELL_A = Path(__file__).parents[3] / "shared/data/cell_a"
+SAMPLE, CELL_A = assets.path("samples", "cell_a"), recording("cell_a")  # half of the recording, and all of it
 QUIET = ExtractionConfig(noise=NoiseConfig(speckle_contrast=0.0, model_error=0.0))
 
 
@@ -145,11 +145,13 @@ def test_stages_are_the_same_path_as_extract():
     assert sum(reason == "" for reason in stages.candidates.reason) == len(points)
 
 
-@pytest.mark.skipif(not CELL_A.is_dir(), reason="cell_a lies beside the checkout as ../shared/data/cell_a, not in it")
-def test_cell_a_shows_its_strings_above_all_clutter():
+@pytest.mark.parametrize(
+    "folder", [SAMPLE, pytest.param(CELL_A, marks=pytest.mark.skipif(not CELL_A.is_dir(), reason=MISSING))]
+)
+def test_cell_a_shows_its_strings_above_all_clutter(folder):
     """Five spots lead the score in each frame but 11 and 25, which hide strings. Proves no position."""
     sensor = make_sensor(1280, 1024)
-    for path in sorted((CELL_A / "images").glob("*.png")):
+    for path in sorted((folder / "images").glob("*.png")):
         points = extract(cv2.imread(str(path), cv2.IMREAD_UNCHANGED), sensor)
         visible = {"011": 3, "025": 4}.get(path.stem, 5)
         assert np.sum(points.score > 0.65) >= visible

@@ -1,4 +1,4 @@
-"""Strings, anchors, symmetry and tolerance of the jig, against DESIGN's words spelled out in numbers."""
+"""Strings, anchors, symmetry and tolerance of the jig, against docs/conventions.md spelled out in numbers."""
 
 from dataclasses import replace
 

@@ -53,7 +53,7 @@ def test_axis_points_lie_on_the_strings_and_in_the_sheet(scene: Scene) -> None:
 
 
 def test_lit_surface_lies_between_axis_and_emitter(scene: Scene) -> None:
-    """THEORY 1.11: nearer by 0.8 to 1.5 radii in z, up to 0.3 in y."""
+    """The lit surface is nearer than the axis by 0.8 to 1.5 radii in z, up to 0.3 in y."""
     radius = 0.15
     for string in render(scene, CLEAN_16BIT).truth.strings:
         dy, dz = (string.surface_mm - string.axis_mm) / radius

@@ -8,14 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from workbench.main import run
+from tests.recordings import MISSING, recording
+from workbench.cli.main import run
 
-RECORDED = Path(__file__).parents[3] / "shared" / "data" / "real" / "socket_closure" / "data"
+RECORDED = recording("real/socket_closure/data")
 
 
 def test_iiwa_gains_nothing(capsys: pytest.CaptureFixture[str]) -> None:
     if not RECORDED.is_dir():
-        pytest.skip("the recorded sockets are not beside this checkout (../shared/data/real/socket_closure)")
+        pytest.skip(MISSING)
     files = [str(p) for p in sorted((RECORDED / "kuka_14").glob("*/hole_?.csv"))]
     assert run(["closure", *files, "--robot", "kuka_iiwa14", "--distance-mm", "50", "--json"]) == 0
     answer = json.loads(capsys.readouterr().out)

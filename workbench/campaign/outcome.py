@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib import CalibConfig, CalibrationResult, Observations
-from calib.labelling import label_frame
+from calib.label.frame import label_frame
 from geometry import Pose
 from jig_cad import Jig, half_turn_label
 from perceptron_emu import Frame
 from workbench.campaign.emulated import VERIFY, EmulatedCell
-from workbench.scoring import FrameScore, score_frame
+from workbench.compare.match import FrameScore, score_frame
 
 Array = NDArray[np.float64]
 

@@ -14,7 +14,7 @@ from workbench.window.engine import Labels, finite
 
 Array = NDArray[np.float64]
 
-VISIBLE = 0.9  # FORMATS.md: "visible" in every figure means at least this fraction of the lit patch
+VISIBLE = 0.9  # docs/formats.md: "visible" in every figure means at least this fraction of the lit patch
 GATE_PX = 8.0  # a spot further than this from every true spot is a false one
 
 

@@ -1,0 +1,1 @@
+"""All frames at once: SCP, places of the target, robot and shape, with outliers, noise and covariance."""

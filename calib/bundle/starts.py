@@ -1,0 +1,53 @@
+"""Where the bundle starts: the design SCP with the frames' own jig poses, or a closed-form hand-eye solution."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.bundle.linearise import State, initial_state
+from calib.bundle.problem import Problem
+from calib.figures import agreeing_pose
+from geometry import Pose, log_so3, nearest_rotation, stack_poses
+
+Array = NDArray[np.float64]
+
+
+def chain_start(problem: Problem, T_hand_sensor: Pose, candidates: Sequence[Pose]) -> tuple[State, Pose]:
+    """A start from an SCP: each location's jig where its frames agree; with the chosen Ts_sensor_jig (F).
+
+    candidates: one batch of poses T_sensor_jig a frame.
+    """
+    Ts_base_sensor = problem.chain.T_base_hand @ T_hand_sensor
+    jigs, chosen = [], np.zeros(problem.n_frames, dtype=int)
+    for location in range(problem.n_locations):
+        frames = [int(f) for f in np.flatnonzero(problem.location == location)]
+        jig, chosen[frames] = agreeing_pose([Ts_base_sensor[f] @ candidates[f] for f in frames])
+        jigs.append(jig)
+    own = stack_poses([c[int(k)] for c, k in zip(candidates, chosen, strict=True)])
+    return initial_state(problem, T_hand_sensor, stack_poses(jigs)), own
+
+
+def hand_eye_start(Ts_base_hand: Pose, Ts_sensor_jig: Pose, location: NDArray[np.intp]) -> Pose | None:
+    """T_hand_sensor in closed form from pairs of frames of a location, or None where the rotations do not suffice.
+
+    A X = X B with A = T_hand(i)_hand(j), B = T_sensor(i)_sensor(j), X = T_hand_sensor. Source: Park & Martin 1994.
+    """
+    i, j = (
+        np.array([(a, b) for a in range(len(location)) for b in range(a) if location[a] == location[b]])
+        .reshape(-1, 2)
+        .T
+    )
+    if len(i) < 2:
+        return None
+    A = Ts_base_hand[i].inverse() @ Ts_base_hand[j]
+    B = Ts_sensor_jig[i] @ Ts_sensor_jig[j].inverse()
+    alpha, beta = log_so3(A.R), log_so3(B.R)
+    moment = np.einsum("ni,nj->ij", alpha, beta)
+    if np.linalg.svd(moment, compute_uv=False)[1] < 1e-9:
+        return None
+    R = nearest_rotation(moment)
+    rows, right = (A.R - np.eye(3)).reshape(-1, 3), ((R @ B.t[..., None])[..., 0] - A.t).reshape(-1)
+    return Pose(R, np.asarray(np.linalg.lstsq(rows, right, rcond=None)[0]))

@@ -1,0 +1,1 @@
+"""Which spot is which string: labels of frames and locations, and the way from the lit surface to the axis."""

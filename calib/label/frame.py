@@ -1,0 +1,173 @@
+"""Which spot is which string: labels from the jig's geometry, among clutter."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.config import CalibConfig
+from calib.label.evidence import SAME_NATS, Hypotheses, Prior, Spots, weigh
+from calib.label.faces import five_spot_labels
+from calib.label.gates import DETECTED, gated_labels
+from calib.label.refine import FULL, LabelledFrame, refine_labels
+from calib.label.surface_offset import rough_offset
+from calib.pose.fit import MIN_STRINGS
+from calib.pose.weights import anchor_sigma
+from geometry import Pose, SensorModel, SurfacePoints, skew
+from geometry.ties import ascending
+from jig_cad import Jig
+
+IntArray = NDArray[np.intp]
+
+HYPOTHESES = 60  # solved in full; the true labelling is among the first few
+MIN_EVIDENCE = 9.0  # nats over "all clutter"
+MARGIN = 7.0  # nats over any other labelling: 1 in 1,100
+FULL_MARGIN = 5.0  # nats over another pose's labelling where five strings or more agree with the true offsets
+RIVALS = 15.0  # nats within which another pose's labelling is refined too: its χ² was coarse
+STRING_NATS = 10.0  # about what one string's spot adds to the evidence
+SAME_POSE_MM = 3.0
+TIGHT_MM = 4.0  # σ of a prior's position below which its gates alone find every labelling
+CUT_MM = 0.25  # σ of a spot cut short by an occluder, for a second, more doubtful round
+OFFSET_SPREAD = 0.5  # radii: how much the lit surface's offset differs between strings of unknown direction
+
+
+def label_frame(
+    points: SurfacePoints,
+    jig: Jig,
+    sensor: SensorModel,
+    T_sensor_jig_guess: Pose | None,
+    config: CalibConfig,
+) -> LabelledFrame:
+    """Label one frame's spots.
+
+    With a guess of the pose (wrong by several mm and a few degrees) three or four strings suffice; without, five are
+    needed and the half turn is chosen so that x_jig · x_sensor > 0.
+    """
+    prior = None if T_sensor_jig_guess is None else guess_prior(T_sensor_jig_guess, jig, config)
+    return label_spots(points, jig, sensor, prior, config)
+
+
+def guess_prior(guess: Pose, jig: Jig, config: CalibConfig) -> Prior:
+    """A guess with the σ of the configuration, which are meant at the jig's middle."""
+    c = jig.anchors_mm.mean(0)
+    sigma = np.repeat([config.labelling.guess_sigma_mm, np.deg2rad(config.labelling.guess_sigma_deg)], 3)
+    to_origin = np.block([[np.eye(3), skew(c)], [np.zeros((3, 3)), np.eye(3)]])
+    return Prior(guess, to_origin @ np.diag(sigma**2) @ to_origin.T)
+
+
+def label_spots(
+    points: SurfacePoints, jig: Jig, sensor: SensorModel, prior: Prior | None, config: CalibConfig
+) -> LabelledFrame:
+    """Label one frame's spots with a prior of any covariance, or none."""
+    if len(points) == 0:
+        return LabelledFrame(reason="no_spots")
+    if len(points) < (5 if prior is None else 3):
+        return LabelledFrame(reason="too_few_spots")
+    for doubt_mm in (0.0, CUT_MM):
+        found = _hypotheses(points, jig, sensor, prior, config, doubt_mm)
+        frame = None if found is None else _choose(points, found, jig, sensor, prior, config)
+        if frame is not None:
+            return frame
+    return LabelledFrame(reason="not_labelled")
+
+
+def _choose(
+    points: SurfacePoints,
+    found: Hypotheses,
+    jig: Jig,
+    sensor: SensorModel,
+    prior: Prior | None,
+    config: CalibConfig,
+) -> LabelledFrame | None:
+    """The best labelling, judged with the true surface offsets; None where none is sure."""
+    refined: list[tuple[float, LabelledFrame | None]] = []
+    for i, labels in _rivals(found, jig):
+        if np.sum(labels >= 0) < MIN_STRINGS:  # too contested for an answer, too likely to be passed over
+            refined.append((float(found.log_evidence[i]), None))
+            continue
+        own = prior is None and np.array_equal(labels, found.labels[i])
+        starts = found.minima[i] if own else None
+        frame = refine_labels(points, labels, found.T_sensor_jig[i], prior, jig, sensor, config, starts)
+        if frame is not None and frame.T_sensor_jig is not None:
+            lost = np.sum(found.labels[i] >= 0) - sum(f != "pose_residual" for f in frame.axis.flag)
+            exact = frame.cost + (0.0 if prior is None else prior.chi2(frame.T_sensor_jig))
+            change = 0.5 * (found.chi2[i] - exact) - STRING_NATS * float(lost)
+            refined.append((float(found.log_evidence[i]) + change, frame))
+    refined = [refined[i] for i in ascending([-nats for nats, _ in refined], SAME_NATS)]
+    if not refined or (best := refined[0][1]) is None:
+        return None
+    margin = FULL_MARGIN if len(best.axis) >= FULL else MARGIN
+    return best if len(refined) == 1 or refined[0][0] > refined[1][0] + margin else None
+
+
+def _hypotheses(
+    points: SurfacePoints, jig: Jig, sensor: SensorModel, prior: Prior | None, config: CalibConfig, doubt_mm: float
+) -> Hypotheses | None:
+    spots = _spots(points, jig, sensor, prior, config, doubt_mm)
+    limits = config.labelling
+    tilt = np.deg2rad(limits.max_tilt_deg)
+    orientation = 1.0 if prior is None else float(np.sign(prior.T_sensor_jig.R[0, 0]))
+    tolerance = 4 * np.sqrt(float(np.median(np.trace(spots.cov_mm2, axis1=1, axis2=2))) / 2)
+    tight = prior is not None and np.trace(prior.covariance[:3, :3]) < TIGHT_MM**2
+    labels = np.zeros((0, len(jig.strings)), dtype=np.intp)
+    if not tight:
+        labels = five_spot_labels(spots.yz_mm, jig, orientation, tolerance, tilt, HYPOTHESES)
+    if prior is not None:
+        more = gated_labels(spots.yz_mm, spots.cov_mm2, jig, prior.T_sensor_jig, prior.covariance, spots.density, 400)
+        labels = np.unique(np.concatenate([labels, more[:HYPOTHESES]]), axis=0)
+    if len(labels) == 0:
+        return None
+    found = weigh(labels, spots, jig, prior, tilt)
+    if prior is None and len(found) and len(jig.strings) > 5:
+        found = _complete(found, spots, jig, tilt)
+    return found
+
+
+def _complete(found: Hypotheses, spots: Spots, jig: Jig, tilt: float) -> Hypotheses:
+    """Further strings of the jig, sought where the poses of the five-spot labellings put them."""
+    labels = [found.labels]
+    for i in range(min(len(found), 5)):
+        base = Prior(found.T_sensor_jig[i], found.covariance[i])
+        labels.append(
+            gated_labels(spots.yz_mm, spots.cov_mm2, jig, base.T_sensor_jig, base.covariance, spots.density, 50)
+        )
+    stacked = np.concatenate(labels)
+    stacked = np.unique(stacked[np.sum(stacked >= 0, axis=1) >= 5], axis=0)
+    return weigh(stacked, spots, jig, None, tilt)
+
+
+def _spots(
+    points: SurfacePoints, jig: Jig, sensor: SensorModel, prior: Prior | None, config: CalibConfig, doubt_mm: float
+) -> Spots:
+    """The spots less a mean surface offset, with everything that a labelling does not know yet in their covariance."""
+    n = min(len(points), config.labelling.max_candidates)
+    x_jig = np.array([1.0, 0.0, 0.0]) if prior is None else prior.T_sensor_jig.R[:, 0]
+    radius = jig.string_diameter_mm / 2
+    offset = rough_offset(points.yz_mm[:n], x_jig, radius, sensor)
+    extra = config.labelling.floor_mm**2 + (OFFSET_SPREAD * radius) ** 2 + anchor_sigma(jig) ** 2 + doubt_mm**2
+    cov = points.cov_yz_mm2[:n] + extra * np.eye(2)
+    odds = 0.5 * np.log((points.score[:n] + 0.05) / (1.05 - points.score[:n]))
+    width, depth = np.ptp(points.yz_mm, axis=0)
+    area = max(width, jig.side_mm) * max(depth, jig.side_mm)
+    return Spots(points.yz_mm[:n] - offset, cov, odds, max(len(points), 5) / area)
+
+
+def _rivals(found: Hypotheses, jig: Jig) -> list[tuple[int, IntArray]]:
+    """Labellings (S,) that are about as good as the best, one a pose, each less what others of its pose contest."""
+    nothing = len(jig.strings) * np.log(1 - DETECTED)
+    if len(found) == 0 or found.log_evidence[0] - nothing < MIN_EVIDENCE:
+        return []
+    near = np.flatnonzero(found.log_evidence >= found.log_evidence[0] - MARGIN - RIVALS)
+    anchors = found.T_sensor_jig[near] @ np.broadcast_to(jig.anchors_mm, (len(near), *jig.anchors_mm.shape))
+    out: list[tuple[int, IntArray]] = []
+    for i in near:
+        mine = found.labels[i]
+        for k, labels in out:
+            part = bool(np.all((mine == found.labels[k]) | (mine < 0)))  # says nothing that k does not say
+            if part or np.sqrt(np.mean(np.sum((anchors[i] - anchors[k]) ** 2, -1))) < SAME_POSE_MM:
+                if found.log_evidence[i] >= found.log_evidence[k] - MARGIN:
+                    labels[mine != found.labels[k]] = -1
+                break
+        else:
+            out.append((int(i), mine.copy()))
+    return out

@@ -1,0 +1,228 @@
+"""Synthetic cells with known truth: robot, jig, poses and exact or noisy axis points, without images."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.compliance import Compliance, deflection
+from calib.observation import FrameObservation, Observations, Role
+from geometry import AxisPoints, NoAnswerError, Pose, RobotModel, SensorModel, cross_plane_x0, exp_so3, stack_poses
+from jig_cad import Jig, sample_tolerance
+
+Array = NDArray[np.float64]
+
+DESIGN = Pose.from_fixed_xyz_deg([0.0, 0.0, 20.0], [-17.0, -76.0, 117.0])  # the paper's Table 1
+TRUTH = Pose.from_fixed_xyz_deg([-1.5241, 1.5871, 22.5287], [-16.8786, -75.5423, 116.5369])
+DEFAULT_PLACES: tuple[tuple[str, Role, int], ...] = (
+    ("A", "calibrate", 7),
+    ("B", "calibrate", 7),
+    ("C", "calibrate", 7),
+    ("D", "verify", 7),
+)
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where the jig stands and how the sensor looks at it; ranges are uniform [low, high]."""
+
+    places: tuple[tuple[str, Role, int], ...] = DEFAULT_PLACES
+    standoff_mm: tuple[float, float] = (270.0, 310.0)
+    tilt_deg: tuple[float, float] = (8.0, 26.0)  # of the sheet against the pillar's cross-section
+    swing_deg: float = 25.0  # about the pillar, to either side
+    half_turns: bool = True  # also views with the sensor rolled by 180 degrees
+    radius_mm: tuple[float, float] = (1300.0, 1800.0)
+    height_mm: tuple[float, float] = (500.0, 1200.0)
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Standard deviations of the measurements, and whether robot and jig are as drawn."""
+
+    point_mm: float = 0.03
+    joint_rad: float = float(np.deg2rad(0.003))
+    robot: bool = True  # DH errors drawn from the robot's own uncertainty
+    anchors: bool = True  # anchors drawn within the jig's tolerance
+    compliance: Compliance | None = None  # joints that gravity bends; the bundle knows nothing of it
+
+
+@dataclass(frozen=True, eq=False)
+class Cell:
+    """A cell and its truth; ``joints_rad`` (F, n) are the configurations as commanded."""
+
+    robot: RobotModel
+    jig: Jig
+    T_hand_sensor: Pose
+    T_base_jig: dict[str, Pose]
+    location: tuple[str, ...]
+    role: tuple[Role, ...]
+    joints_rad: Array
+    design: Pose = field(default=DESIGN)
+
+
+def industrial_arm() -> RobotModel:
+    """A six-axis arm of 2.5 m reach (ABB's data sheet of the IRB 6640-180/2.55), standard DH, mm and radians."""
+    theta = np.deg2rad([0.0, -90.0, 0.0, 0.0, 0.0, 180.0])
+    alpha = np.deg2rad([-90.0, 0.0, -90.0, 90.0, -90.0, 0.0])
+    return RobotModel.from_dh(
+        theta, [780.0, 0, 0, 1142, 0, 200], [320.0, 1075, 200, 0, 0, 0], alpha, name="six-axis arm"
+    )
+
+
+def default_sensor() -> SensorModel:
+    """A sensor at 290 mm stand-off; calibration of given axis points needs no more of it."""
+    rotation = np.array([[0, -0.924016832, -0.382351793], [1, 0, 0], [0, -0.382351793, 0.924016832]])
+    pose = Pose.from_matrix(np.vstack([np.column_stack([rotation, [120, 0, 0]]), [0, 0, 0, 1]]))
+    return SensorModel(1280, 1024, 2300.0, 2300.0, 639.5, 511.5, pose, fan_rad=float(np.deg2rad(44.0)))
+
+
+def random_cell(
+    rng: np.random.Generator,
+    layout: Layout | None = None,
+    jig: Jig | None = None,
+    robot: RobotModel | None = None,
+    T_hand_sensor: Pose = TRUTH,
+) -> Cell:
+    """A cell with jig places and configurations drawn at random such that every view shows every string."""
+    layout, jig, robot = layout or Layout(), jig or Jig.nominal(), robot or industrial_arm()
+    T_base_jig: dict[str, Pose] = {}
+    location: list[str] = []
+    role: list[Role] = []
+    joints: list[Array] = []
+    for name, what, count in layout.places:
+        place, readings = _place(rng, layout, jig, robot, T_hand_sensor, count)
+        T_base_jig[name] = place
+        location += [name] * count
+        role += [what] * count
+        joints += readings
+    return Cell(robot, jig, T_hand_sensor, T_base_jig, tuple(location), tuple(role), np.array(joints))
+
+
+def made_cell(cell: Cell, rng: np.random.Generator, noise: Noise) -> Cell:
+    """The cell as built: DH errors and anchors drawn; the jig's places stay."""
+    robot, jig = cell.robot, cell.jig
+    if noise.robot:
+        robot = robot.corrected(dh_errors(robot, rng))
+    if noise.anchors:
+        jig = sample_tolerance(jig, rng)
+    return replace(cell, robot=robot, jig=jig)
+
+
+def dh_errors(robot: RobotModel, rng: np.random.Generator) -> Array:
+    """DH errors (5, n) drawn from the robot's uncertainty, β without error."""
+    u, n = robot.uncertainty, robot.n_joints
+    sigma = np.array([u.theta_sigma_rad, u.d_sigma_mm, u.a_sigma_mm, u.alpha_sigma_rad, 0.0])
+    return np.asarray(rng.normal(size=(5, n)) * sigma[:, None])
+
+
+def axis_points(T_sensor_jig: Pose, jig: Jig) -> Array:
+    """Where the strings' axes cross the laser plane, (..., S, 2) as (y, z) in {P} [mm]."""
+    starts = T_sensor_jig @ np.broadcast_to(jig.starts, (*T_sensor_jig.t.shape[:-1], *jig.starts.shape))
+    ends = T_sensor_jig @ np.broadcast_to(jig.ends, (*T_sensor_jig.t.shape[:-1], *jig.ends.shape))
+    return cross_plane_x0(starts, ends - starts)[0][..., 1:]
+
+
+def observe(cell: Cell, made: Cell, rng: np.random.Generator, noise: Noise) -> Observations:
+    """Frames of the cell as made: true poses move with joint noise, points with point noise; labels are given."""
+    true_joints = cell.joints_rad + rng.normal(size=cell.joints_rad.shape) * noise.joint_rad
+    if noise.compliance is not None:
+        true_joints = true_joints + deflection(made.robot, true_joints, noise.compliance)
+    hand = made.robot.hand_pose(true_joints)
+    jigs = Pose(
+        np.stack([made.T_base_jig[n].R for n in cell.location]), np.stack([made.T_base_jig[n].t for n in cell.location])
+    )
+    yz = axis_points((hand @ made.T_hand_sensor).inverse() @ jigs, made.jig)
+    yz = yz + rng.normal(size=yz.shape) * noise.point_mm
+    covariance = np.broadcast_to(np.eye(2) * max(noise.point_mm, 1e-6) ** 2, (*yz.shape, 2))
+    labels, spot = made.jig.strings, np.full(yz.shape[1], -1)
+    frames = tuple(
+        FrameObservation(
+            i,
+            cell.location[i],
+            cell.role[i],
+            joints_rad=cell.joints_rad[i],
+            axis=AxisPoints(labels, spot, yz[i], covariance[i], ("",) * len(labels)),
+        )
+        for i in range(len(yz))
+    )
+    return Observations(frames, default_sensor(), cell.design)
+
+
+def pose_cell(
+    rng: np.random.Generator, layout: Layout | None = None, jig: Jig | None = None
+) -> tuple[Pose, Pose, Pose]:
+    """A cell without a robot: T_hand_sensor, and Ts_base_hand and Ts_base_jig of every frame, all drawn at random."""
+    layout, jig = layout or Layout(), jig or Jig.nominal()
+    near = DESIGN @ Pose.exp(rng.normal(size=6) * np.array([2.0] * 3 + [0.03] * 3))
+    jigs = [Pose(exp_so3(rng.uniform(-2, 2, 3)), rng.uniform(-1500, 1500, 3)) for _ in layout.places]
+    repeat = [p for p, (_, _, count) in zip(jigs, layout.places, strict=True) for _ in range(count)]
+    Ts_base_jig = stack_poses(repeat)
+    return near, Ts_base_jig @ views(rng, layout, jig, len(repeat)) @ near.inverse(), Ts_base_jig
+
+
+def views(rng: np.random.Generator, layout: Layout, jig: Jig, count: int) -> Pose:
+    """Poses T_jig_sensor (count) from which the sheet crosses every string well between its anchors."""
+    found = _views(rng, layout, jig, 4 * count)
+    while len(found) < count:
+        more = _views(rng, layout, jig, 4 * count)
+        found = Pose(np.concatenate([found.R, more.R]), np.concatenate([found.t, more.t]))
+    return found[:count]
+
+
+def _views(rng: np.random.Generator, layout: Layout, jig: Jig, n: int) -> Pose:
+    direction, tilt = rng.uniform(0, 2 * np.pi, n), np.deg2rad(rng.uniform(*layout.tilt_deg, n))
+    sheet = exp_so3(np.stack([np.zeros(n), tilt * np.cos(direction), tilt * np.sin(direction)], -1))
+    swing = exp_so3(np.deg2rad(rng.uniform(-1, 1, n) * layout.swing_deg)[:, None] * np.array([1.0, 0.0, 0.0]))
+    turned = (rng.random(n) < 0.5) & layout.half_turns
+    roll = np.where(turned[:, None, None], np.diag([-1.0, -1.0, 1.0]), np.eye(3))
+    aim = np.stack(
+        [jig.height_mm * rng.uniform(0.35, 0.65, n), rng.uniform(-10, 10, n), np.full(n, 0.58 * jig.side_mm)], -1
+    )
+    R = swing @ sheet @ roll
+    T_jig_sensor = Pose(R, aim - R[..., 2] * rng.uniform(*layout.standoff_mm, n)[:, None])
+    to_sensor = T_jig_sensor.inverse()
+    starts, ends = (to_sensor @ np.broadcast_to(p, (n, *p.shape)) for p in (jig.starts, jig.ends))
+    fraction = cross_plane_x0(starts, ends - starts)[1]
+    return T_jig_sensor[np.flatnonzero(np.all((fraction > 0.05) & (fraction < 0.95), axis=1))]
+
+
+def _place(
+    rng: np.random.Generator, layout: Layout, jig: Jig, robot: RobotModel, T_hand_sensor: Pose, count: int
+) -> tuple[Pose, list[Array]]:
+    """One place of the jig, upright on a random heading, and ``count`` configurations that see it."""
+    for _ in range(100):
+        heading, radius = rng.uniform(-1.0, 1.0), rng.uniform(*layout.radius_mm)
+        t = np.array([radius * np.cos(heading), radius * np.sin(heading), rng.uniform(*layout.height_mm)])
+        outward = heading + rng.uniform(-0.5, 0.5)
+        # x_jig up, z_jig away from the robot, so that the sensor looks outward
+        z = np.array([np.cos(outward), np.sin(outward), 0.0])
+        x = np.array([0.0, 0.0, 1.0])
+        place = Pose(np.column_stack([x, np.cross(z, x), z]) @ exp_so3(rng.uniform(-0.3, 0.3, 3)), t)
+        targets = place @ views(rng, layout, jig, 10 * count) @ T_hand_sensor.inverse()
+        readings: list[Array] = []
+        for i in range(len(targets)):
+            q = _reach(robot, targets[i], rng)
+            if q is not None:
+                readings.append(q)
+            if len(readings) == count:
+                return place, readings
+    raise NoAnswerError("no place of the jig can be reached with this layout")
+
+
+def _reach(robot: RobotModel, target: Pose, rng: np.random.Generator) -> Array | None:
+    """Joint readings (n,) [rad] that bring the hand to ``target``, or None (Newton from a random start, damped)."""
+    n = robot.n_joints
+    q = rng.uniform(-1, 1, n) * np.array([1.2, 0.6, 0.6, 3.0, 1.6, 3.0, *[1.0] * max(0, n - 6)])[:n]
+    for i in range(60):
+        error = (robot.hand_pose(q).inverse() @ target).log()
+        if np.linalg.norm(error) < 1e-9:
+            q = np.mod(q + np.pi, 2 * np.pi) - np.pi
+            return np.asarray(q) if abs(q[min(4, n - 1)]) > 0.2 and bool(robot.within_limits(q)) else None
+        scale = np.array([500.0] * 3 + [1.0] * 3)
+        J = robot.joint_jacobian(q) / scale[:, None]
+        damping = 1e-3 if i < 10 else 1e-9
+        step = J.T @ np.linalg.solve(J @ J.T + damping * np.eye(6), error / scale)
+        q = q + step * min(1.0, 0.5 / max(float(np.max(np.abs(step))), 1e-12))
+    return None
