@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 _ITERATIONS = 30
 _STEP_MM = 1e-9
-_SAME_MM = 0.05  # poses as near as this agree, were they even exact
+_SAME_MM = 1e-6  # poses as near as this agree, be they ever so exact
 _EQUAL_SHARE = 1e-3  # of the distance at which poses agree: what differs by less is equally near
 _MEAN_ITERATIONS = 2
 
@@ -91,8 +91,10 @@ def agreeing_pose(candidates: Sequence[Pose], reach_mm: float = 100.0) -> tuple[
 
 def pose_distance(a: Pose, b: Pose, reach_mm: float = 100.0) -> Array:
     """Distance [mm] of poses: of their origins, and of a point ``reach_mm`` away by the angle between them."""
-    cosine = (np.einsum("...ij,...ij->...", a.R, b.R) - 1) / 2
-    angle = np.arccos(np.clip(cosine, -1, 1))
+    chord = np.linalg.norm(a.R - b.R, axis=(-1, -2)) / (
+        2 * np.sqrt(2)
+    )  # no arc cosine: it is rounding near equal poses
+    angle = 2 * np.arcsin(np.minimum(chord, 1.0))
     return np.asarray(np.hypot(np.linalg.norm(a.t - b.t, axis=-1), reach_mm * angle))
 
 
