@@ -48,7 +48,7 @@ def location_figures(group: Sequence[Station], jig: Jig, chains: Chains) -> Loca
     design_sensors = _sensors(usable, chains.design)
     solved_sensors = _sensors(usable, chains.solved) if chains.solved else None
     sensors = solved_sensors if solved_sensors is not None else design_sensors
-    points = pad_points([s.axis for s in usable])
+    points = pad_points([s.axis for s in usable], jig)
     start, _ = agreeing_pose([sensors[i] @ s.candidates for i, s in enumerate(usable)])
     fit = fit_location(points, sensors, jig.anchors_mm, start)
     design_start, _ = agreeing_pose([design_sensors[i] @ s.candidates for i, s in enumerate(usable)])
@@ -77,7 +77,7 @@ def location_pose(group: Sequence[Station], jig: Jig, chain: tuple[Pose, RobotMo
         return None
     sensors = _sensors(usable, chain)
     start, _ = agreeing_pose([sensors[i] @ s.candidates for i, s in enumerate(usable)])
-    return fit_location(pad_points([s.axis for s in usable]), sensors, jig.anchors_mm, start).T_base_jig
+    return fit_location(pad_points([s.axis for s in usable], jig), sensors, jig.anchors_mm, start).T_base_jig
 
 
 def frame_result(

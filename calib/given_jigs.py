@@ -18,7 +18,8 @@ def given_jig_notes(given: Mapping[str, Pose], found: Mapping[str, Pose], jig: J
     for name, T_base_jig in given.items():
         if name not in found:
             continue
-        apart = [T_base_jig.inverse() @ T for T in (found[name], found[name] @ jig.half_turn)]
+        alike = [found[name], *(found[name] @ symmetry.pose for symmetry in jig.symmetries)]
+        apart = [T_base_jig.inverse() @ T for T in alike]
         mm, deg = min((float(np.linalg.norm(a.t)), float(np.rad2deg(np.linalg.norm(log_so3(a.R))))) for a in apart)
         if mm > _FAR_MM or deg > _FAR_DEG:
             out.append(

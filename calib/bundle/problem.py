@@ -9,14 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geometry import PARAMETERS, AxisPoints, Pose, RobotModel, RobotUncertainty
-from jig_cad import ANCHORS, STRINGS
+from jig_cad import Jig
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
-_STARTS = np.array([[a == STRINGS[s][0] for a in ANCHORS] for s in STRINGS], dtype=float)
-_ENDS = np.array([[a == STRINGS[s][1] for a in ANCHORS] for s in STRINGS], dtype=float)
-_ORDER = {s: i for i, s in enumerate(STRINGS)}
 _SIGMA_FLOOR_MM = 1e-6  # exact points must not make the weights infinite
 
 
@@ -24,23 +21,26 @@ _SIGMA_FLOOR_MM = 1e-6  # exact points must not make the weights infinite
 class Points:
     """Axis points of F frames, filled up to M a frame.
 
-    yz_mm (F, M, 2), cov_mm2 (F, M, 2, 2) (unit where absent), present (F, M), string (F, M) index into STRINGS.
+    yz_mm (F, M, 2), cov_mm2 (F, M, 2, 2) (unit where absent), present (F, M), string (F, M) index into the
+    jig's strings. first, second (S, A): which anchor starts and which ends each string of the jig, one-hot.
     """
 
     yz_mm: Array
     cov_mm2: Array
     present: NDArray[np.bool_]
     string: Index
+    first: Array
+    second: Array
 
     @property
     def start_weights(self) -> Array:
-        """Which anchor starts each point's string, one-hot (F, M, 6)."""
-        return np.asarray(_STARTS[self.string])
+        """Which anchor starts each point's string, one-hot (F, M, A)."""
+        return np.asarray(self.first[self.string])
 
     @property
     def end_weights(self) -> Array:
-        """Which anchor ends each point's string, one-hot (F, M, 6)."""
-        return np.asarray(_ENDS[self.string])
+        """Which anchor ends each point's string, one-hot (F, M, A)."""
+        return np.asarray(self.second[self.string])
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +84,7 @@ def at_frames(problem: Problem, chosen: NDArray[np.bool_]) -> Problem:
     """The problem of the ``chosen`` frames (F,) alone, its locations numbered anew."""
     i = np.flatnonzero(chosen)
     p, c = problem.points, problem.chain
-    points = Points(p.yz_mm[i], p.cov_mm2[i], p.present[i], p.string[i])
+    points = Points(p.yz_mm[i], p.cov_mm2[i], p.present[i], p.string[i], p.first, p.second)
     joints = None if c.joints_rad is None else c.joints_rad[i]
     chain = replace(
         c,
@@ -97,17 +97,19 @@ def at_frames(problem: Problem, chosen: NDArray[np.bool_]) -> Problem:
     return replace(problem, points=points, chain=chain, location=location.astype(np.intp), n_locations=len(names))
 
 
-def pad_points(frames: Sequence[AxisPoints]) -> Points:
-    """Frames' axis points in rectangular arrays."""
+def pad_points(frames: Sequence[AxisPoints], jig: Jig) -> Points:
+    """Frames' axis points of the jig's strings in rectangular arrays."""
+    order = {s: i for i, s in enumerate(jig.strings)}
+    every = np.eye(len(jig.anchors))
     count = max((len(f) for f in frames), default=0)
     shape = (len(frames), max(count, 1))
     yz, present, string = np.zeros((*shape, 2)), np.zeros(shape, dtype=bool), np.zeros(shape, dtype=np.intp)
     covariance = np.broadcast_to(np.eye(2), (*shape, 2, 2)).copy()
     for i, f in enumerate(frames):
         n = len(f)
-        yz[i, :n], present[i, :n], string[i, :n] = f.yz_mm, True, [_ORDER[s] for s in f.label]
+        yz[i, :n], present[i, :n], string[i, :n] = f.yz_mm, True, [order[s] for s in f.label]
         covariance[i, :n] = f.cov_yz_mm2 + np.eye(2) * _SIGMA_FLOOR_MM**2
-    return Points(yz, covariance, present, string)
+    return Points(yz, covariance, present, string, every[jig.start_index], every[jig.end_index])
 
 
 def robot_chain(robot: RobotModel, joints_rad: Array, beta_sigma_rad: float = 0.0) -> Chain:
@@ -117,7 +119,7 @@ def robot_chain(robot: RobotModel, joints_rad: Array, beta_sigma_rad: float = 0.
     """
     sigma = parameter_sigmas(robot, beta_sigma_rad)
     rows, joints = np.nonzero(sigma > 0)
-    jacobian = robot.parameter_jacobian(joints_rad)[:, :, rows, joints]
+    jacobian = robot.stacked_jacobian(joints_rad)[:, :, rows, joints]
     j = robot.joint_jacobian(joints_rad)
     noise = robot.uncertainty.joint_sigma_rad**2 * (j @ np.swapaxes(j, -1, -2))
     parameters = np.column_stack([rows, joints])

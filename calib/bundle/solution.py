@@ -93,7 +93,7 @@ def make_problem(used: tuple[Station, ...], jig: Jig, robot: RobotModel | None, 
         chain = pose_chain(stack_poses([s.T_base_hand for s in used]), _hand_noise(config))
     location = np.array([names.index(s.observation.location) for s in used], dtype=np.intp)
     anchor_sigma = 0.0 if jig.measured else jig.tolerance_mm / np.sqrt(12)  # uniform within the full width
-    points = pad_points([s.axis for s in used])
+    points = pad_points([s.axis for s in used], jig)
     return Problem(points, chain, location, len(names), jig.anchors_mm, float(anchor_sigma))
 
 

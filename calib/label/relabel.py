@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from calib.config import CalibConfig
-from calib.label.location import first_upright
+from calib.label.location import upright_turn
 from calib.label.surface_offset import surface_offset
 from calib.observation import Observations
 from calib.stations import Station, label, stays
@@ -61,14 +61,15 @@ def _first_upright(
     jig: Jig,
     config: CalibConfig,
 ) -> tuple[Station, ...]:
-    """Locations whose first used frame, labelled only now, does not show the jig upright get the half turn's labels."""
+    """Locations whose first used frame, labelled only now, does not show the jig upright get the labels turned."""
     decided = set(observations.T_base_jig) | {f.location for f in observations.frames if f.axis is not None}
     first: dict[str, list[Pose | None]] = {name: [] for name in T_base_jig if name not in decided}
     for f in fresh:
         s = found[f.observation.frame]
         if s.observation.location in first and s.usable:
             first[s.observation.location].append(s.candidates[0])
-    turned = {name: T_base_jig[name] @ jig.half_turn for name, poses in first.items() if not first_upright(poses)}
+    turns = {name: upright_turn(poses, jig) for name, poses in first.items()}
+    turned = {name: T_base_jig[name] @ turn.pose for name, turn in turns.items() if turn is not None}
     over = tuple(f for f in fresh if f.observation.location in turned)
     anew = label(over, observations.sensor, T_hand_sensor, turned, jig, config, refined=True)
     found = found | {s.observation.frame: s for s in anew}

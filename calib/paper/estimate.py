@@ -16,7 +16,7 @@ from calib.config import CalibConfig
 from calib.judge.verdict import Facts
 from calib.paper.scp import PaperProblem, PaperResult, PaperSettings, solve_paper
 from calib.paper.spread import PaperSpread, closed_form_derivative, paper_spread
-from calib.pose.closed_form import LABELS, closed_forms
+from calib.pose.closed_form import closed_form_strings, closed_forms
 from calib.stations import Station
 from geometry import AxisPoints, Pose, RobotModel
 from jig_cad import Jig
@@ -28,7 +28,7 @@ _H1_SLACK_MM = 2.0  # sign candidates that disagree in h₁ by this much more th
 
 @dataclass(frozen=True, eq=False)
 class PaperFrames:
-    """The frames that have a closed form, their points in the order of LABELS (F, 5, 2), and why others have none."""
+    """The frames that have a closed form, their points in the paper's order (F, 5, 2), and why others have none."""
 
     stations: tuple[Station, ...]
     yz_mm: Array
@@ -48,16 +48,16 @@ def paper_frames(used: tuple[Station, ...], jig: Jig, outlying: Collection[int] 
 
     outlying: frames with points that the others contradict; they have no five strings to be trusted.
     """
-    kept, points, reasons = [], [], dict[int, str]()
+    names, kept, points, reasons = closed_form_strings(jig), [], [], dict[int, str]()
     for s in used:
         number, given = s.observation.frame, dict(zip(s.axis.label, s.axis.yz_mm, strict=True))
         if number in outlying:
             reasons[number] = "outlier"
             continue
-        if any(label not in given for label in LABELS):
+        if any(label not in given for label in names):
             reasons[number] = "too_few_spots"
             continue
-        yz = np.array([given[label] for label in LABELS])
+        yz = np.array([given[label] for label in names])
         if not closed_forms(yz, jig.side_mm, jig.height_mm).defined:
             reasons[number] = (
                 "outlier"  # noise puts a/l above 1: there is no angle whose cosine it is; the note counts them
@@ -90,7 +90,9 @@ class _Run:
 
 def _run(frames: PaperFrames, jig: Jig, robot: RobotModel | None, starts: Starts, config: CalibConfig) -> _Run:
     used = frames.stations
-    problem = make_problem(tuple(_in_order(s, frames.yz_mm[i]) for i, s in enumerate(used)), jig, robot, config)
+    names = closed_form_strings(jig)
+    ordered = tuple(_in_order(s, names, frames.yz_mm[i]) for i, s in enumerate(used))
+    problem = make_problem(ordered, jig, robot, config)
     forms = closed_forms(frames.yz_mm, jig.side_mm, jig.height_mm)
     choice, own = _signs(problem, starts.signs, forms.T_sensor_jig, forms.h1_disagreement_mm)
     offsets, chain = _offset_joints(problem, config), problem.chain
@@ -147,11 +149,11 @@ def _corrected(
     return delta, robot.corrected(delta) if robot is not None and offsets else robot
 
 
-def _in_order(s: Station, yz_mm: Array) -> Station:
-    """The station with its points in the order of LABELS."""
-    index = [s.axis.label.index(label) for label in LABELS]
+def _in_order(s: Station, names: tuple[str, ...], yz_mm: Array) -> Station:
+    """The station with its points in the order of ``names``."""
+    index = [s.axis.label.index(label) for label in names]
     flag = tuple(s.axis.flag[i] for i in index) if s.axis.flag else ()
-    axis = AxisPoints(LABELS, s.axis.spot[index], yz_mm, s.axis.cov_yz_mm2[index], flag)
+    axis = AxisPoints(names, s.axis.spot[index], yz_mm, s.axis.cov_yz_mm2[index], flag)
     return Station(s.observation, s.T_base_hand, axis, s.candidates, s.reason)
 
 

@@ -20,7 +20,7 @@ def problem_of(observations: Observations, cell: Cell, role: str = "calibrate") 
     names = list(dict.fromkeys(f.location for f in frames))
     location = np.array([names.index(f.location) for f in frames], dtype=np.intp)
     chain = robot_chain(cell.robot, np.array([f.joints_rad for f in frames]))
-    points = pad_points([f.axis for f in frames if f.axis is not None])
+    points = pad_points([f.axis for f in frames if f.axis is not None], cell.jig)
     sigma = cell.jig.tolerance_mm / np.sqrt(12)
     return Problem(points, chain, location, len(names), cell.jig.anchors_mm, float(sigma))
 
@@ -46,7 +46,7 @@ def exact_pose_problem(
     counts = [count for _, _, count in layout.places]
     location = np.repeat(np.arange(len(counts)), counts)
     chain = pose_chain(Ts_base_hand, np.diag([0.01**2] * 3 + [1e-5**2] * 3))
-    problem = Problem(pad_points(frames), chain, location, len(counts), jig.anchors_mm, 0.0)
+    problem = Problem(pad_points(frames, jig), chain, location, len(counts), jig.anchors_mm, 0.0)
     return problem, T_hand_sensor, Ts_sensor_jig
 
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from pytransform3d.urdf import UrdfTransformManager
 
 from geometry import InputError, Pose
-from geometry.axes_to_dh import robot_from_axes
+from geometry.robot import robot_from_axes
 from workbench.files.robot_file import read_robot
 from workbench.files.urdf import read_urdf
 from workbench.files.urdf_write import write_urdf

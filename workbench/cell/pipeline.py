@@ -8,8 +8,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 
 from calib import CalibConfig, CalibrationResult, FrameObservation, Observations, calibrate
-from extraction import extract
-from extraction.config import ExtractionConfig
+from extraction import ExtractionConfig, extract
 from geometry import InputError, SensorModel, SurfacePoints
 from workbench.cell.remarks import remarks
 from workbench.cell.speckle import dataset_config

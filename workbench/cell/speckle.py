@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 
-from extraction import learn_speckle
-from extraction.config import ExtractionConfig
-from extraction.speckle import GRAINS_PX
+from extraction import ExtractionConfig, learn_speckle
+from extraction.spots import GRAINS_PX
 from perceptron_emu.speckle import grain_px
 from workbench.files.sensor_file import Sensor
 

@@ -10,7 +10,7 @@ from typing import Any
 from pydantic import BaseModel, Field, create_model
 
 from calib import CalibConfig
-from extraction.config import ExtractionConfig
+from extraction import ExtractionConfig
 from workbench.files.sensor_file import toml_value
 from workbench.files.strict import Section, validate
 from workbench.files.toml_text import read_toml

@@ -12,7 +12,7 @@ from defusedxml import DefusedXmlException, ElementTree
 from numpy.typing import NDArray
 
 from geometry import InputError, Pose, RobotModel
-from geometry.axes_to_dh import robot_from_axes
+from geometry.robot import robot_from_axes
 from workbench.files.strict import suggestion
 from workbench.files.toml_text import read_text
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geometry import NoAnswerError, Pose, RobotModel, SensorModel, stack_poses
-from geometry.inverse_kinematics import inverse_kinematics
+from geometry.robot import inverse_kinematics
 from geometry.ties import first_least, first_most
 from jig_cad import Jig
 from workbench.plan.clearance import arm_clears

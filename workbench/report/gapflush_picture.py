@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from extraction import GapFlush, Profile
-from extraction.gapflush_edge import PanelEdge
+from extraction.gapflush import PanelEdge
 from geometry import InputError
 from workbench.files.atomic import write_bytes
 

@@ -44,7 +44,7 @@ def command(
 
 
 def _why_empty(image: Path, sensor: Path) -> str:
-    from extraction.stages import FLOODED_SHARE
+    from extraction.spots import FLOODED_SHARE
     from workbench.files import read_image, read_sensor
 
     model = read_sensor(sensor).model
