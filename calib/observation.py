@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import AxisPoints, Pose, SensorModel, SurfacePoints
+from geometry import AxisPoints, Pose, Sensor, SurfacePoints
 
 Array = NDArray[np.float64]
 Role = Literal["calibrate", "verify"]
@@ -40,7 +40,7 @@ class Observations:
     """All frames of a cell, the sensor, the design SCP, and jig poses that are given (may be empty)."""
 
     frames: tuple[FrameObservation, ...]
-    sensor: SensorModel
+    sensor: Sensor
     T_hand_sensor_design: Pose
     T_base_jig: dict[str, Pose] = field(default_factory=dict)
 

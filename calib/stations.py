@@ -12,7 +12,7 @@ from calib.config import CalibConfig
 from calib.label.location import label_location
 from calib.observation import FrameObservation, Observations
 from calib.pose.fit import fit_pose
-from geometry import AxisPoints, InputError, NoAnswerError, Pose, RobotModel, SensorModel, log_so3, stack_poses
+from geometry import AxisPoints, InputError, NoAnswerError, Pose, RobotModel, Sensor, log_so3, stack_poses
 from jig_cad import Jig
 
 Array = NDArray[np.float64]
@@ -65,7 +65,7 @@ def hand_poses(frames: Sequence[FrameObservation], robot: RobotModel | None) -> 
 
 def label(
     ready: tuple[Station, ...],
-    sensor: SensorModel,
+    sensor: Sensor,
     T_hand_sensor: Pose,
     T_base_jig: dict[str, Pose],
     jig: Jig,

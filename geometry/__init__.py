@@ -1,7 +1,6 @@
 """Ground floor: poses, lines, the sensor, the robot, measured points and errors (numpy and scipy only)."""
 
 from geometry.errors import InputError, MissingDependencyError, NoAnswerError, PerceptronEmuError, did_you_mean
-from geometry.field_of_view import field_of_view, inside_polygon
 from geometry.lines import cross_plane_x0, distance_to_line
 from geometry.points import AxisPoints, SurfacePoints
 from geometry.pose import Pose, cross, exp_so3, log_so3, nearest_rotation, quaternion_wxyz, skew, stack_poses
@@ -26,13 +25,14 @@ from geometry.robot import (
     table,
     with_beta_prior,
 )
-from geometry.sensor import SensorModel
+from geometry.sensor import Camera, Sensor, Sheet, field_of_view, inside_polygon
 from geometry.target import Symmetry
 
 __all__ = [
     "PARAMETERS",
     "Arm",
     "AxisPoints",
+    "Camera",
     "Compliance",
     "Compliant",
     "Corrected",
@@ -49,7 +49,8 @@ __all__ = [
     "Robot",
     "RobotModel",
     "RobotUncertainty",
-    "SensorModel",
+    "Sensor",
+    "Sheet",
     "SurfacePoints",
     "Symmetry",
     "all_solutions",

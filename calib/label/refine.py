@@ -16,7 +16,7 @@ from calib.label.surface_offset import axis_points
 from calib.pose.candidates import JigPoseCandidate, JigPoseFit
 from calib.pose.crossings import crossings
 from calib.pose.fit import fit_pose, pose_near
-from geometry import AxisPoints, NoAnswerError, Pose, SensorModel, SurfacePoints, Symmetry
+from geometry import AxisPoints, NoAnswerError, Pose, Sensor, SurfacePoints, Symmetry
 from geometry.ties import first_least
 from jig_cad import Jig
 
@@ -51,7 +51,7 @@ def refine_labels(
     T_sensor_jig: Pose,
     prior: Prior | None,
     jig: Jig,
-    sensor: SensorModel,
+    sensor: Sensor,
     config: CalibConfig,
     starts: Pose | None = None,
 ) -> LabelledFrame | None:
@@ -80,7 +80,7 @@ class _Part:
     T_sensor_jig: Pose
     prior: Prior | None
     jig: Jig
-    sensor: SensorModel
+    sensor: Sensor
     config: CalibConfig
     starts: Pose | None = None
 
@@ -151,7 +151,7 @@ def turned_over(
     turn: Symmetry,
     points: SurfacePoints,
     jig: Jig,
-    sensor: SensorModel,
+    sensor: Sensor,
     config: CalibConfig,
 ) -> LabelledFrame:
     """The frame with the jig carried onto itself: the pillar the other way up, where B and C change places."""

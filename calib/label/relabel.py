@@ -12,7 +12,7 @@ from calib.label.location import upright_turn
 from calib.label.surface_offset import surface_offset
 from calib.observation import Observations
 from calib.stations import Station, label, stays
-from geometry import Pose, SensorModel, stack_poses
+from geometry import Pose, Sensor, stack_poses
 from jig_cad import Jig
 
 SETTLED_SIGMA = 0.05  # axis points that moved by less than this share of their σ leave the solution as it is
@@ -90,7 +90,7 @@ def _unchanged(a: Station, b: Station) -> bool:
 
 
 def _with_offsets(
-    frames: Sequence[Station], Ts_sensor_jig: Pose, jig: Jig, sensor: SensorModel, config: CalibConfig
+    frames: Sequence[Station], Ts_sensor_jig: Pose, jig: Jig, sensor: Sensor, config: CalibConfig
 ) -> list[Station]:
     """Frames (F) that show every string, their axis points by the poses (F)."""
     yz = np.stack([s.observation.points.yz_mm[s.axis.spot] for s in frames])

@@ -8,7 +8,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.observation import FrameObservation, Observations, Role
-from geometry import AxisPoints, NoAnswerError, Pose, RobotModel, SensorModel, cross_plane_x0, exp_so3, stack_poses
+from geometry import (
+    AxisPoints,
+    Camera,
+    NoAnswerError,
+    Pose,
+    RobotModel,
+    Sensor,
+    Sheet,
+    cross_plane_x0,
+    exp_so3,
+    stack_poses,
+)
 from geometry.robot import Compliance, deflection
 from jig_cad import Jig, sample_tolerance
 
@@ -71,11 +82,11 @@ def industrial_arm() -> RobotModel:
     )
 
 
-def default_sensor() -> SensorModel:
+def default_sensor() -> Sensor:
     """A sensor at 290 mm stand-off; calibration of given axis points needs no more of it."""
     rotation = np.array([[0, -0.924016832, -0.382351793], [1, 0, 0], [0, -0.382351793, 0.924016832]])
     pose = Pose.from_matrix(np.vstack([np.column_stack([rotation, [120, 0, 0]]), [0, 0, 0, 1]]))
-    return SensorModel(1280, 1024, 2300.0, 2300.0, 639.5, 511.5, pose, fan_rad=float(np.deg2rad(44.0)))
+    return Sensor(Sheet(fan_rad=float(np.deg2rad(44.0))), Camera(1280, 1024, 2300.0, 2300.0, 639.5, 511.5, pose))
 
 
 def random_cell(

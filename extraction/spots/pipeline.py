@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from extraction.config import ExtractionConfig
 from extraction.image import check_image
+from extraction.reasons import Reason
 from extraction.sheet import image_to_sheet, propagate
 from extraction.spots.blur import Image32
 from extraction.spots.candidates import Candidates, find_candidates
@@ -23,11 +24,9 @@ from extraction.spots.score import flag_spots, refuse_spots, score_spots
 from extraction.spots.speckle import estimate_speckle
 from extraction.spots.spot_noise import SpotNoise, concatenate, take
 from extraction.spots.stages import Stages, why_empty
-from geometry import SensorModel, SurfacePoints
+from geometry import Sensor, SurfacePoints
 
 Array = NDArray[np.float64]
-
-TRUSTED_SCORE = 0.6
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +38,7 @@ class _Extraction:
     about: SpotNoise | None
 
 
-def extract(image: object, sensor: SensorModel, config: ExtractionConfig | None = None) -> SurfacePoints:
+def extract(image: object, sensor: Sensor, config: ExtractionConfig | None = None) -> SurfacePoints:
     """The lit string spots of an image as unlabelled points of the laser sheet, best score first.
 
     image: grey levels (H, W), uint8 or uint16. Raises InputError where image and sensor do not fit each other. No spot
@@ -48,7 +47,7 @@ def extract(image: object, sensor: SensorModel, config: ExtractionConfig | None 
     return _extract(image, sensor, config or ExtractionConfig()).points
 
 
-def extract_stages(image: object, sensor: SensorModel, config: ExtractionConfig | None = None) -> Stages:
+def extract_stages(image: object, sensor: Sensor, config: ExtractionConfig | None = None) -> Stages:
     """As `extract`, with all that it saw on the way."""
     config = config or ExtractionConfig()
     result = _extract(image, sensor, config)
@@ -60,7 +59,7 @@ def extract_stages(image: object, sensor: SensorModel, config: ExtractionConfig 
     return Stages(result.prepared.image, background, mask, result.candidates, result.points, result.candidate, reason)
 
 
-def _extract(image: object, sensor: SensorModel, config: ExtractionConfig) -> _Extraction:
+def _extract(image: object, sensor: Sensor, config: ExtractionConfig) -> _Extraction:
     prepared = prepare(check_image(image, sensor), config.detect)
     candidates = find_candidates(prepared, config.detect, sheet_scale(sensor))
     noise = noise_model(prepared, sensor, config.noise)
@@ -70,20 +69,18 @@ def _extract(image: object, sensor: SensorModel, config: ExtractionConfig) -> _E
     reasons = refuse_spots(candidates, spots, score, yz_mm, config)
     kept = np.flatnonzero(reasons == "")
     kept = kept[np.argsort(-score[kept], kind="stable")]
-    reasons[kept[config.localise.max_spots :]] = "beyond_max_spots"
+    reasons[kept[config.localise.max_spots :]] = Reason.BEYOND_MAX_SPOTS
     kept = kept[: config.localise.max_spots]
     errors = spot_errors(spots, kept, noise)
-    reasons[kept[~errors.good]] = "fit_failed"
+    reasons[kept[~errors.good]] = Reason.FIT_FAILED
     kept, errors = kept[errors.good], errors.taken(errors.good)
-    points = _points(spots, kept, errors, yz_mm, jacobian, score)
+    points = _points(spots, kept, errors, yz_mm, jacobian, score, config)
     return _Extraction(
         prepared, candidates.refused(spots.candidate, reasons), points, spots.candidate[kept], errors.about
     )
 
 
-def learn_speckle(
-    images: Iterable[object], sensor: SensorModel, config: ExtractionConfig | None = None
-) -> ExtractionConfig:
+def learn_speckle(images: Iterable[object], sensor: Sensor, config: ExtractionConfig | None = None) -> ExtractionConfig:
     """The configuration with the speckle's contrast and grain as the trusted spots of all ``images`` show them.
 
     One image's few spots tell little of them; those of a dataset make the reported σ true.
@@ -92,9 +89,10 @@ def learn_speckle(
     known: list[SpotNoise] = []
     for image in images:
         result = _extract(image, sensor, config)
-        good = [n for n, flag in enumerate(result.points.flag) if not flag and result.points.score[n] > TRUSTED_SCORE]
-        if result.about is not None and good:
-            known.append(take(result.about, np.array(good)))
+        flagged = np.array([flag != "" for flag in result.points.flag], dtype=np.bool_)
+        good = np.flatnonzero(~flagged & (result.points.score > config.score.trusted))
+        if result.about is not None and len(good):
+            known.append(take(result.about, good))
     if not known:
         return config
     about, noise = concatenate(known), config.noise
@@ -105,9 +103,10 @@ def learn_speckle(
 
 
 @lru_cache(maxsize=8)
-def sheet_scale(sensor: SensorModel) -> float:
+def sheet_scale(sensor: Sensor) -> float:
     """Typical size of a pixel in the laser sheet [mm/px]: the median over a grid of the image."""
-    u, v = np.meshgrid(np.linspace(0, sensor.width_px - 1, 5), np.linspace(0, sensor.height_px - 1, 5))
+    camera = sensor.require_camera()
+    u, v = np.meshgrid(np.linspace(0, camera.width_px - 1, 5), np.linspace(0, camera.height_px - 1, 5))
     _, jacobian = image_to_sheet(sensor, np.column_stack([u.ravel(), v.ravel()]))
     area = np.abs(np.linalg.det(jacobian))
     area = area[np.isfinite(area) & (area > 0)]
@@ -115,7 +114,13 @@ def sheet_scale(sensor: SensorModel) -> float:
 
 
 def _points(
-    spots: Spots, kept: NDArray[np.intp], errors: SpotErrors, yz_mm: Array, jacobian: Array, score: Array
+    spots: Spots,
+    kept: NDArray[np.intp],
+    errors: SpotErrors,
+    yz_mm: Array,
+    jacobian: Array,
+    score: Array,
+    config: ExtractionConfig,
 ) -> SurfacePoints:
     cov = errors.cov_uv_px2
     return SurfacePoints(
@@ -124,7 +129,7 @@ def _points(
         yz_mm=yz_mm[kept],
         cov_yz_mm2=propagate(jacobian[kept], cov),
         score=score[kept],
-        flag=tuple(flag_spots(spots, kept, errors)),
+        flag=tuple(map(str, flag_spots(spots, kept, errors, config.doubt))),
         axis_rad=spots.axis_rad[kept],
         sigma_px=np.sqrt(spots.variances_px2[kept, ::-1]),
         amplitude_dn=spots.amplitude_dn[kept],

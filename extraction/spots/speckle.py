@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import j1
 
+from extraction.config import MAX_GRAIN_PX
 from extraction.spots.budget import CLASSES, LAGS
 from extraction.spots.spot_noise import SpotNoise
 
@@ -19,7 +20,7 @@ PRIOR_CONTRAST, PRIOR_CONTRAST_LN = 0.33, 0.3
 PRIOR_GRAIN_PX, PRIOR_GRAIN_LN = 0.7, 0.5
 NO_SPECKLE = 0.01  # probability before looking that an image has none, or any other contrast
 CONTRASTS = np.geomspace(0.003, 1.0, 300)
-GRAINS_PX = np.geomspace(0.2, 1.7, 40)
+GRAINS_PX = np.geomspace(0.2, MAX_GRAIN_PX, 40)
 VARIANCES = CONTRASTS**2
 USUAL_CONTRAST = np.exp(-0.5 * (np.log(CONTRASTS / PRIOR_CONTRAST) / PRIOR_CONTRAST_LN) ** 2) + NO_SPECKLE
 UNUSUAL_GRAIN = (np.log(GRAINS_PX / PRIOR_GRAIN_PX) / PRIOR_GRAIN_LN) ** 2

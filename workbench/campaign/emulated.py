@@ -15,15 +15,13 @@ from numpy.typing import NDArray
 from geometry import NoAnswerError, Pose, RobotModel, RobotUncertainty
 from geometry.ties import first_most
 from jig_cad import DEFAULT_STRINGS, STRINGS, Jig
-from perceptron_emu import EmulatorConfig
-from perceptron_emu.scene_file import Surroundings
+from perceptron_emu import EmulatorConfig, Surroundings
 from workbench.campaign.settings import JigPart, PosesPart, RobotPart, TrialSettings
-from workbench.cell.presets import find_robot, find_sensor
+from workbench.cell.presets import DESIGN_SCP, find_robot, find_sensor
 from workbench.cell.surroundings import jig_bodies, sees_all_strings, wall_behind
-from workbench.emulate.experiment import DESIGN
 from workbench.emulate.record import Configuration, TrueCell, with_joint_noise
 from workbench.emulate.truth import NOTHING, Errors, draw_truth
-from workbench.files import Cell, Sensor
+from workbench.files import Cell, SensorDescription
 from workbench.plan.view_space import ViewLimits
 from workbench.plan.views import ViewProblem, Views, plan_views
 
@@ -54,7 +52,7 @@ def emulated_cell(settings: TrialSettings, rng: np.random.Generator, *, one_view
     places = shared_plan(settings, int(rng.integers(settings.poses.plans)))
     jig, robot, sensor = nominal_jig(settings.jig), nominal_robot(settings.robot), nominal_sensor(settings)
     where = {p.location: p.T_base_jig for p in places}
-    cell = Cell(Path(), sensor, jig, robot, (), Pose.from_fixed_xyz_deg(*DESIGN), T_base_jig=where)
+    cell = Cell(Path(), sensor, jig, robot, (), DESIGN_SCP, T_base_jig=where)
     errors = Errors(settings.sensor.mount_error_deg, settings.sensor.mount_error_mm)
     true = draw_truth(cell, errors, rng, _around(jig, clutter=settings.clutter))
     views = [(p.location, p.role, joints) for p in places for joints in p.views.joints_rad]
@@ -104,9 +102,8 @@ def _planned(
     rng = np.random.default_rng(np.random.SeedSequence(plan, spawn_key=(77,)))
     solids = (*jig_bodies(jig), *_around(jig, clutter=clutter).standing_in("jig"))
     limits = ViewLimits(tilt_deg=poses.tilt_max_deg, roll_deg=poses.roll_max_deg)
-    design = Pose.from_fixed_xyz_deg(*DESIGN)
     sees_all = sees_all_strings(model, jig, solids)
-    problem = ViewProblem(_robot_preset(robot), model, jig, Pose.identity(), design, limits, sees_all)
+    problem = ViewProblem(_robot_preset(robot), model, jig, Pose.identity(), DESIGN_SCP, limits, sees_all)
     wanted = [(_name(i), "calibrate", poses.per_location) for i in range(poses.locations)]
     wanted += [(VERIFY, "verify", poses.verify)] if poses.verify else []
     try:
@@ -165,13 +162,13 @@ def nominal_robot(part: RobotPart) -> RobotModel:
     return replace(_robot_preset(part.preset), uncertainty=uncertainty)
 
 
-def nominal_sensor(settings: TrialSettings) -> Sensor:
+def nominal_sensor(settings: TrialSettings) -> SensorDescription:
     """The preset's sensor; emulator settings that the plan gives stand over the preset's."""
     return _sensor(settings.sensor.preset, settings.emulator.model_dump_json(exclude_unset=True))
 
 
 @lru_cache(maxsize=64)
-def _sensor(preset: str, emulator_json: str) -> Sensor:
+def _sensor(preset: str, emulator_json: str) -> SensorDescription:
     found = _sensor_preset(preset)
     own = found.emulator.model_dump()
     for table, values in json.loads(emulator_json).items():
@@ -191,7 +188,7 @@ def _robot_preset(name: str) -> RobotModel:
 
 
 @lru_cache(maxsize=16)
-def _sensor_preset(name: str) -> Sensor:
+def _sensor_preset(name: str) -> SensorDescription:
     return find_sensor(name)
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 from calib import CalibConfig, CalibrationResult, FrameObservation, Observations, calibrate
 from extraction import ExtractionConfig, extract
-from geometry import InputError, SensorModel, SurfacePoints
+from geometry import InputError, Sensor, SurfacePoints
 from workbench.cell.remarks import remarks
 from workbench.cell.speckle import dataset_config
 from workbench.files import Cell, FrameRow, read_image
@@ -64,7 +64,7 @@ def _measured(cell: Cell, config: ExtractionConfig) -> Iterator[tuple[FrameObser
 
 
 def _from_image(cell: Cell, row: FrameRow, config: ExtractionConfig) -> tuple[FrameObservation, str]:
-    sensor: SensorModel = cell.sensor.model
+    sensor: Sensor = cell.sensor.model
     try:
         image = read_image(cell.folder / row.image, sensor)
     except InputError as error:

@@ -5,9 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import assets
+from calib.synthetic.cell import DESIGN
 from geometry import RobotModel
 from jig_cad import Jig
-from workbench.files import Sensor, read_jig_file, read_robot, read_sensor
+from workbench.files import SensorDescription, read_jig_file, read_robot, read_sensor
+
+DESIGN_SCP = DESIGN  # T_hand_sensor by design of the paper's Table 1: emulated cells and starters mount their sensor so
 
 
 def preset_path(kind: str, name: str) -> Path:
@@ -23,7 +26,7 @@ def find_jig(name: str) -> Jig:
     return read_jig_file(preset_path("jigs", name))
 
 
-def find_sensor(name: str) -> Sensor:
+def find_sensor(name: str) -> SensorDescription:
     """A sensor by file or preset."""
     return read_sensor(preset_path("sensors", name))
 

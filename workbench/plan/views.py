@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import NoAnswerError, Pose, RobotModel, SensorModel, stack_poses
+from geometry import NoAnswerError, Pose, RobotModel, Sensor, stack_poses
 from geometry.robot import inverse_kinematics
 from geometry.ties import first_least, first_most
 from jig_cad import Jig
+from workbench.cell.surroundings import SeesAll
 from workbench.plan.clearance import arm_clears
 from workbench.plan.view_space import Tally, ViewLimits, ViewSpace
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-SeesAll = Callable[[Pose], Mask]
 
 BATCH = 96
 MAX_BATCHES = 40
@@ -64,7 +63,7 @@ class ViewProblem:
     """
 
     robot: RobotModel
-    sensor: SensorModel
+    sensor: Sensor
     jig: Jig
     T_base_jig: Pose
     T_hand_sensor: Pose
@@ -165,7 +164,7 @@ def near_views(
     return Views(found.joints[ok], poses[np.flatnonzero(ok)], parameters[kept[ok]]), kept[ok]
 
 
-def free_views(sensor: SensorModel, jig: Jig, limits: ViewLimits, count: int, rng: np.random.Generator) -> Pose:
+def free_views(sensor: Sensor, jig: Jig, limits: ViewLimits, count: int, rng: np.random.Generator) -> Pose:
     """Poses T_sensor_jig (count) of views without a robot, in which every string crosses the field of view."""
     tally = Tally()
     space = ViewSpace.of(sensor, jig, replace(limits, mounting_deg=0.0))

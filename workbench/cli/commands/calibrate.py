@@ -8,9 +8,8 @@ from typing import Annotated
 
 import typer
 
+from workbench.cli import exit_codes
 from workbench.cli.console import progress_bar, say_on_stdout, standard_error, standard_output
-
-EXIT_NO_ANSWER = 3
 
 
 class Method(StrEnum):
@@ -72,4 +71,4 @@ def command(
     else:
         print_calibration(standard_output(), result, observed.complaints)
     if not result.verdict.trustworthy:
-        raise typer.Exit(EXIT_NO_ANSWER)
+        raise typer.Exit(exit_codes.NO_ANSWER)

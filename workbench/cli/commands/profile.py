@@ -7,9 +7,8 @@ from typing import Annotated
 
 import typer
 
+from workbench.cli import exit_codes
 from workbench.cli.console import standard_error
-
-EXIT_NO_ANSWER = 3
 
 
 def command(
@@ -40,7 +39,7 @@ def command(
     standard_error().print(f"{written}: {len(profile)} points, {flagged} flagged", soft_wrap=True, markup=False)
     if len(profile) == 0:
         standard_error().print(_why_empty(image, sensor), soft_wrap=True, markup=False)
-        raise typer.Exit(EXIT_NO_ANSWER)
+        raise typer.Exit(exit_codes.NO_ANSWER)
 
 
 def _why_empty(image: Path, sensor: Path) -> str:
@@ -48,6 +47,7 @@ def _why_empty(image: Path, sensor: Path) -> str:
     from workbench.files import read_image, read_sensor
 
     model = read_sensor(sensor).model
-    if (read_image(image, model) >= model.saturation_dn).mean() > FLOODED_SHARE:
-        return f"no stripe: more than half of the image is saturated ({model.saturation_dn}), lower the exposure"
+    full = model.require_camera().saturation_dn
+    if (read_image(image, model) >= full).mean() > FLOODED_SHARE:
+        return f"no stripe: more than half of the image is saturated ({full}), lower the exposure"
     return "no stripe in the image: see [stripe] threshold_sigma, min_amplitude_dn, direction"

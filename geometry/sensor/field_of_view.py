@@ -1,0 +1,132 @@
+"""The part of the laser sheet that is lit by the fan and seen by the camera, as a polygon."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geometry.errors import InputError
+from geometry.sensor.camera import Camera
+from geometry.sensor.sensor import Sensor
+from geometry.sensor.sheet import Sheet
+
+Array = NDArray[np.float64]
+
+MAX_DISTANCE_MM = 5000.0  # beyond this no line sensor measures; it closes a field of view that is open to the horizon
+
+
+def field_of_view(sensor: Sensor, margin_px: float = 0.0, samples_per_side: int = 24) -> Array:
+    """The field of view in the laser plane: a polygon (N, 2) of (y, z) [mm] in order around it.
+
+    margin_px: strip along the image's border that is left out.
+    Raises InputError where the camera sees nothing of the lit sheet.
+    """
+    camera = sensor.require_camera()
+    border = _image_border(camera, margin_px, samples_per_side)
+    rays = np.column_stack([_undistort(camera, border), np.ones(len(border))]) @ camera.T_sensor_camera.R.T
+    centre = camera.centre_mm
+    # homogeneous point of the sheet on each ray: (y, z, 1) · w with w > 0 in front of the camera
+    w = -rays[:, 0] / centre[0]
+    homogeneous = np.column_stack([centre[1] * w + rays[:, 1], centre[2] * w + rays[:, 2], w])
+    polygon = _clip(homogeneous, np.array([0.0, 0.0, 1.0]), 1.0 / MAX_DISTANCE_MM)
+    for half_plane in _fan_half_planes(sensor.sheet):
+        polygon = _clip(polygon, half_plane, 0.0)
+    if len(polygon) < 3:
+        raise InputError(
+            "the camera sees nothing of the lit laser sheet: check [camera.pose], [camera] and [laser] fan_deg"
+        )
+    return np.asarray(polygon[:, :2] / polygon[:, 2:])
+
+
+def inside_polygon(points: Array, polygon: Array) -> NDArray[np.bool_]:
+    """Whether each point (..., 2) lies inside the simple polygon (N, 2) (crossing number)."""
+    p = np.asarray(points, dtype=float)[..., None, :]
+    a, b = polygon, np.roll(polygon, -1, axis=0)
+    straddles = (a[:, 1] > p[..., 1]) != (b[:, 1] > p[..., 1])
+    slope = (b[:, 0] - a[:, 0]) / np.where(b[:, 1] == a[:, 1], 1.0, b[:, 1] - a[:, 1])
+    left = p[..., 0] < a[:, 0] + slope * (p[..., 1] - a[:, 1])
+    return np.asarray(np.sum(straddles & left, axis=-1) % 2 == 1)
+
+
+def _image_border(c: Camera, margin_px: float, n: int) -> Array:
+    if not 0 <= margin_px < min(c.width_px, c.height_px) / 2:
+        raise InputError(f"margin_px = {margin_px:g}: must lie between 0 and half of the image's shorter side")
+    low, right, bottom = margin_px - 0.5, c.width_px - 0.5 - margin_px, c.height_px - 0.5 - margin_px
+    corners = np.array([[low, low], [right, low], [right, bottom], [low, bottom]])
+    t = np.arange(n)[:, None] / n
+    sides = [a + t * (b - a) for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True)]
+    return np.concatenate(sides)
+
+
+def _undistort(c: Camera, uv_px: Array) -> Array:
+    """Normalised image coordinates (N, 2) of distorted pixels, followed outwards from the image's centre.
+
+    Where the lens model folds back before it reaches a pixel, no ray belongs to that pixel: the last one before the
+    fold, in the same direction, is returned.
+    """
+    goal = (uv_px - [c.cx_px, c.cy_px]) / [c.fx_px, c.fy_px]
+    if not any(c.distortion):
+        return goal
+    xy, reached, step = np.zeros_like(goal), np.zeros(len(goal)), np.full(len(goal), 1 / 8)
+    while np.any(todo := (reached < 1) & (step > 1e-6)):
+        t = np.minimum(reached[todo] + step[todo], 1.0)
+        found, good = _newton(xy[todo], t[:, None] * goal[todo], c.distortion14)
+        index = np.flatnonzero(todo)
+        xy[index[good]], reached[index[good]] = found[good], t[good]
+        step[index[~good]] /= 2
+    return xy
+
+
+def _newton(start: Array, goal: Array, k: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Solve distort(xy) = goal (N, 2) near ``start``; True where it was reached without crossing a fold."""
+    xy, h = start.copy(), 1e-6
+    for _ in range(8):
+        f = _distort(xy, k) - goal
+        j = np.stack([(_distort(xy + h * e, k) - _distort(xy - h * e, k)) / (2 * h) for e in np.eye(2)], -1)
+        det = np.linalg.det(j)
+        unfolded = det > 1e-3
+        j[~unfolded] = np.eye(2)
+        xy = xy - np.where(unfolded[:, None], np.linalg.solve(j, f[..., None])[..., 0], 0.0)
+        xy = np.clip(xy, -20.0, 20.0)  # no lens sees 87° off its axis; keeps a lost iterate finite
+    left = np.max(np.abs(_distort(xy, k) - goal), axis=-1)
+    return xy, unfolded & (left < 1e-12)
+
+
+def _distort(xy: Array, k: Array) -> Array:
+    """OpenCV's rational, tangential, thin-prism and tilt model on normalised coordinates (N, 2)."""
+    x, y = xy[:, 0], xy[:, 1]
+    r2 = x * x + y * y
+    radial = (1 + r2 * (k[0] + r2 * (k[1] + r2 * k[4]))) / (1 + r2 * (k[5] + r2 * (k[6] + r2 * k[7])))
+    xd = x * radial + 2 * k[2] * x * y + k[3] * (r2 + 2 * x * x) + r2 * (k[8] + r2 * k[9])
+    yd = y * radial + k[2] * (r2 + 2 * y * y) + 2 * k[3] * x * y + r2 * (k[10] + r2 * k[11])
+    (sx, sy), (cx, cy) = np.sin(k[12:14]), np.cos(k[12:14])
+    rotation = np.array([[cy, 0, -sy], [0, 1, 0], [sy, 0, cy]]) @ np.array([[1, 0, 0], [0, cx, sx], [0, -sx, cx]])
+    shear = np.array([[rotation[2, 2], 0, -rotation[0, 2]], [0, rotation[2, 2], -rotation[1, 2]], [0, 0, 1]])
+    tilted = np.column_stack([xd, yd, np.ones(len(xd))]) @ (shear @ rotation).T
+    return np.asarray(tilted[:, :2] / tilted[:, 2:])
+
+
+def _fan_half_planes(sheet: Sheet) -> list[Array]:
+    """Half-planes n · (y, z, 1) ≥ 0 whose intersection is the fan."""
+    half = sheet.fan_rad / 2
+    out = []
+    for sign in (-1.0, 1.0):
+        n = np.array([sign * np.cos(half), np.sin(half)])
+        out.append(np.array([*n, -n @ sheet.origin_mm[1:]]))
+    return [*out, np.array([0.0, 1.0, -sheet.origin_mm[2]])]
+
+
+def _clip(polygon: Array, n: Array, limit: float) -> Array:
+    """Sutherland-Hodgman: the part of the homogeneous polygon (N, 3) with n · p ≥ limit."""
+    if len(polygon) == 0:
+        return polygon
+    d = polygon @ n - limit
+    out: list[Array] = []
+    for i, p in enumerate(polygon):
+        j = (i + 1) % len(polygon)
+        if d[i] >= 0:
+            out.append(p)
+        if (d[i] >= 0) != (d[j] >= 0):
+            t = d[i] / (d[i] - d[j])
+            out.append(p + t * (polygon[j] - p))
+    return np.array(out).reshape(-1, 3)
