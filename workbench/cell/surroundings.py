@@ -13,11 +13,16 @@ from geometry import Pose, Sensor, cross_plane_x0
 from jig_cad import Jig
 from jig_cad.jig import MIN_SLENDERNESS
 from jig_cad.solids import jig_solids
-from perceptron_emu import ALUMINIUM, BLACK_PLATE, Solid, panel
-from perceptron_emu.bodies import hidden_by_solid
-from perceptron_emu.occlusion import hidden_by_strings
-from perceptron_emu.scene_file import Surroundings
-from perceptron_emu.strings import cylinders
+from perceptron_emu import (
+    ALUMINIUM,
+    BLACK_PLATE,
+    Solid,
+    Surroundings,
+    cylinders,
+    hidden_by_solid,
+    hidden_by_strings,
+    panel,
+)
 
 Array = NDArray[np.float64]
 Bodies = tuple[Solid, ...]

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from geometry import InputError, Pose, RobotModel
 from jig_cad import sample_tolerance
-from perceptron_emu import Solid
-from perceptron_emu.scene_file import Surroundings
+from perceptron_emu import Solid, Surroundings
 from workbench.cell.surroundings import around_jig, jig_bodies, sees_all_strings
 from workbench.emulate.record import Configuration, TrueCell, with_joint_noise
 from workbench.files import Cell, FrameRow

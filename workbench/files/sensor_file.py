@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field
 
 from geometry import Camera, InputError, Pose, Sensor, Sheet, toml_value
-from perceptron_emu.config import EmulatorConfig
+from perceptron_emu import EmulatorConfig
 from workbench.files.strict import Matrix3, Names, Positive, Real, Section, Vector3, Whole, validate
 from workbench.files.toml_text import TomlSource, read_toml
 

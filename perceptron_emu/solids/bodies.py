@@ -10,9 +10,9 @@ import trimesh
 from numpy.typing import NDArray
 
 from geometry.compiled import kernel
-from perceptron_emu.bvh import Bvh, blocked, build_bvh
-from perceptron_emu.facets import facets
 from perceptron_emu.scene import Solid
+from perceptron_emu.solids.bvh import Bvh, blocked, build_bvh
+from perceptron_emu.solids.flat_faces import facets
 
 Array = NDArray[np.float64]
 

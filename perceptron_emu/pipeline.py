@@ -10,17 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geometry import InputError, Sensor
-from perceptron_emu.ambient import ambient_electrons
-from perceptron_emu.camera import expose
 from perceptron_emu.check import check_optics
+from perceptron_emu.chip import expose, expose_hdr
 from perceptron_emu.config import EmulatorConfig
-from perceptron_emu.hdr import expose_hdr
-from perceptron_emu.image import draw
-from perceptron_emu.labels import label_names, pixel_labels, sheet_curve
-from perceptron_emu.lighting import LitScene, light_scene, thread_of
-from perceptron_emu.motion import Moment, moments, moved
+from perceptron_emu.image import ambient_electrons, draw
+from perceptron_emu.light import LitScene, Moment, light_scene, moments, moved, thread_of
 from perceptron_emu.scene import Scene
-from perceptron_emu.truth import Frame, FrameTruth, string_truths
+from perceptron_emu.truth import Frame, FrameTruth, label_names, pixel_labels, sheet_curve, string_truths
 
 Float32 = NDArray[np.float32]
 
@@ -78,7 +74,7 @@ def _finder(renderer: str) -> Callable[[Scene, EmulatorConfig], LitScene]:
     if renderer == "own":
         return light_scene
     if renderer == "pyrender":
-        from perceptron_emu.pyrender_backend import light_scene_gl
+        from perceptron_emu.gl import light_scene_gl
 
         return light_scene_gl
     raise InputError(f'renderer "{renderer}": must be "own" or "pyrender"')

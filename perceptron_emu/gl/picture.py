@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from geometry import Pose, Sensor, field_of_view
 from jig_cad import Jig
 from jig_cad.solids import jig_solids
-from perceptron_emu.gl import draw_gl, load_pyrender
-from perceptron_emu.gl_world import FROM_GL, two_sided
+from perceptron_emu.gl.context import draw_gl, load_pyrender
+from perceptron_emu.gl.world import FROM_GL, two_sided
 from perceptron_emu.scene import Scene
 
 Array = NDArray[np.float64]

@@ -10,25 +10,18 @@ from numpy.typing import NDArray
 
 from geometry import Sensor
 from geometry.compiled import kernel
-from perceptron_emu.bodies import body_of, hidden_by_solid
 from perceptron_emu.config import EmulatorConfig
-from perceptron_emu.occlusion import hidden_by_strings
-from perceptron_emu.optics import sharp_sigma_px
-from perceptron_emu.projection import project
-from perceptron_emu.samples import Samples
+from perceptron_emu.lens import project, sharp_sigma_px
+from perceptron_emu.light.samples import TILE_PX, Samples, stripe_group
+from perceptron_emu.light.sheet_faces import Faces, faces_in_sheet, sheet_planes
+from perceptron_emu.light.strings import Cylinders, hidden_by_strings
+from perceptron_emu.light.transport import Light
 from perceptron_emu.scene import Scene
-from perceptron_emu.section import lit_in_planes
-from perceptron_emu.sheet_faces import Faces, faces_in_sheet, sheet_planes
-from perceptron_emu.strings import Cylinders
-from perceptron_emu.transport import Light
+from perceptron_emu.solids import body_of, hidden_by_solid, lit_in_planes
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-TILE_PX = 64  # stripes are drawn in tiles of this side
-FIRST_STRIPE_GROUP = 1_000
-TILES_A_ROW = 2048
-GROUPS_A_SOLID = TILES_A_ROW**2
 OFF_SURFACE_MM = 1e-4
 NODE_STEP = 1.7  # length of image, in σ of the blur, that a pair of Gauss nodes covers: ripple 3e-4
 MARGIN_PX = 40.0  # light this far outside the image can still reach into it
@@ -132,8 +125,8 @@ def _seen(
             continue
         others = np.flatnonzero(number != k)
         hidden[others] |= hidden_by_solid(solid, start[others], camera.centre_mm)
-    tile = np.floor(uv / TILE_PX).astype(np.int64) + 8
-    group = FIRST_STRIPE_GROUP + number * GROUPS_A_SOLID + tile[:, 1] * TILES_A_ROW + tile[:, 0]
+    tile = np.floor(uv / TILE_PX).astype(np.int64)
+    group = stripe_group(number, tile[:, 0], tile[:, 1])
     seen = slice(None) if not np.any(hidden) else ~hidden
     return Samples(xyz[seen], electrons[seen], group[seen])
 

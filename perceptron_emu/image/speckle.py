@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from geometry import Sensor
 from geometry.compiled import kernel
+from perceptron_emu.chip import white_noise
 from perceptron_emu.config import EmulatorConfig
-from perceptron_emu.hashing import white_noise
-from perceptron_emu.optics import working_f_number
+from perceptron_emu.lens import working_f_number
 
 Float32 = NDArray[np.float32]
 

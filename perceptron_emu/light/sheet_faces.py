@@ -8,12 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geometry import Sensor
-from perceptron_emu.bodies import body_of
 from perceptron_emu.config import EmulatorConfig
-from perceptron_emu.optics import sharp_sigma_px
-from perceptron_emu.projection import project
+from perceptron_emu.lens import project, sharp_sigma_px
+from perceptron_emu.light.sheet import SHEET_REACH, STEP, axis_meets_sheet_mm, half_width_mm
 from perceptron_emu.scene import Scene
-from perceptron_emu.sheet import SHEET_REACH, STEP, axis_meets_sheet_mm, half_width_mm
+from perceptron_emu.solids import body_of
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]

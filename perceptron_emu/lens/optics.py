@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from geometry import Sensor
 from geometry.compiled import kernel
 from perceptron_emu.config import OpticsConfig
-from perceptron_emu.projection import lens, tilt_rotation
+from perceptron_emu.lens.projection import lens, tilt_rotation
 
 Array = NDArray[np.float64]
 

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from geometry import Sensor
 from geometry.compiled import kernel
+from perceptron_emu.chip.hashing import BITS, LOW, NORMAL, mix, mix32
 from perceptron_emu.config import NoiseConfig
-from perceptron_emu.hashing import BITS, LOW, NORMAL, mix, mix32
 
 Float32 = NDArray[np.float32]
 Image = NDArray[np.uint8] | NDArray[np.uint16]

@@ -11,16 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geometry import Sensor
-from perceptron_emu.blurred import Places, draw_blurred, gaussian_taps
-from perceptron_emu.bodies import body_of
 from perceptron_emu.config import EmulatorConfig
-from perceptron_emu.level_cells import Boxes, fill, levels, sources
-from perceptron_emu.optics import sharp_sigma_px, working_f_number
-from perceptron_emu.projection import to_camera
-from perceptron_emu.rasterise import rasterise
+from perceptron_emu.image.blurred import Places, draw_blurred, gaussian_taps
+from perceptron_emu.image.level_cells import Boxes, fill, levels, sources
+from perceptron_emu.lens import sharp_sigma_px, to_camera, working_f_number
+from perceptron_emu.light import Cylinders, Light
 from perceptron_emu.scene import Material, Scene
-from perceptron_emu.strings import Cylinders
-from perceptron_emu.transport import Light
+from perceptron_emu.solids import body_of, rasterise
 
 Array = NDArray[np.float64]
 Float32 = NDArray[np.float32]

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geometry import Camera, Sensor
-from perceptron_emu.camera import Image, expose
+from perceptron_emu.chip.camera import Image, expose
+from perceptron_emu.chip.hashing import mix_keys
 from perceptron_emu.config import ExposureConfig, NoiseConfig
-from perceptron_emu.hashing import mix_keys
 
 Float32 = NDArray[np.float32]
 

@@ -12,11 +12,10 @@ from numpy.typing import NDArray
 from geometry import Pose, Sensor
 from geometry.compiled import kernel
 from perceptron_emu.config import EmulatorConfig
-from perceptron_emu.deposit import REACH, deposit, deposit_fine
-from perceptron_emu.optics import defocus_radius_px, sharp_sigma_px
-from perceptron_emu.projection import project, to_camera
-from perceptron_emu.samples import Samples
-from perceptron_emu.speckle import contrast, grain_px, oversampling, speckle_field
+from perceptron_emu.image.deposit import REACH, deposit, deposit_fine
+from perceptron_emu.image.speckle import contrast, grain_px, oversampling, speckle_field
+from perceptron_emu.lens import defocus_radius_px, project, sharp_sigma_px, to_camera
+from perceptron_emu.light import Samples
 
 Array = NDArray[np.float64]
 Float32 = NDArray[np.float32]

@@ -7,14 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from perceptron_emu.bodies import hidden_by_solid
 from perceptron_emu.config import EmulatorConfig
-from perceptron_emu.occlusion import hidden_by_strings
-from perceptron_emu.samples import Samples, join
+from perceptron_emu.light.samples import Samples, join, string_group
+from perceptron_emu.light.strings import Cylinders, LitStrings, cylinders, hidden_by_strings, light_strings
+from perceptron_emu.light.stripes import light_solids
+from perceptron_emu.light.transport import Light
 from perceptron_emu.scene import Material, Scene
-from perceptron_emu.strings import Cylinders, LitStrings, cylinders, light_strings
-from perceptron_emu.stripes import light_solids
-from perceptron_emu.transport import Light
+from perceptron_emu.solids import hidden_by_solid
 
 Array = NDArray[np.float64]
 
@@ -55,7 +54,7 @@ def light_scene(scene: Scene, config: EmulatorConfig) -> LitScene:
     parts = []
     for i in range(len(strings.labels)):
         keep = seen[i] > 0
-        parts.append(Samples(lit.xyz_mm[i][keep], seen[i][keep], np.full(int(keep.sum()), i)))
+        parts.append(Samples(lit.xyz_mm[i][keep], seen[i][keep], np.full(int(keep.sum()), string_group(i))))
     return LitScene(strings, tuple(parts), lit.electrons.sum((1, 2)), light_solids(scene, strings, config, light))
 
 

@@ -10,9 +10,9 @@ import trimesh
 from numpy.typing import NDArray
 
 from geometry import Pose
-from perceptron_emu.gl import draw_gl, load_pyrender
+from perceptron_emu.gl.context import draw_gl, load_pyrender
+from perceptron_emu.light import Cylinders
 from perceptron_emu.scene import Scene
-from perceptron_emu.strings import Cylinders
 
 Array = NDArray[np.float64]
 

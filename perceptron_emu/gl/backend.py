@@ -10,19 +10,27 @@ from numpy.typing import NDArray
 
 from geometry import Pose, Sensor
 from perceptron_emu.config import EmulatorConfig
-from perceptron_emu.gl_world import GlWorld, View, back_project, depth_and_identity, gl_world
-from perceptron_emu.lighting import LitScene, thread_of
-from perceptron_emu.projection import to_camera
-from perceptron_emu.samples import Samples, join
+from perceptron_emu.gl.world import GlWorld, View, back_project, depth_and_identity, gl_world
+from perceptron_emu.lens import to_camera
+from perceptron_emu.light import (
+    SHEET_REACH,
+    TILE_PX,
+    Light,
+    LitScene,
+    Samples,
+    axis_meets_sheet_mm,
+    cylinders,
+    half_width_mm,
+    join,
+    light_strings,
+    string_group,
+    stripe_group,
+    thread_of,
+)
 from perceptron_emu.scene import Scene
-from perceptron_emu.sheet import SHEET_REACH, axis_meets_sheet_mm, half_width_mm
-from perceptron_emu.strings import cylinders, light_strings
-from perceptron_emu.stripes import FIRST_STRIPE_GROUP, GROUPS_A_SOLID, TILES_A_ROW
-from perceptron_emu.transport import Light
 
 Array = NDArray[np.float64]
 
-TILE_PX = 64
 SUPERSAMPLING = 8  # a 0.3 mm string is then some 14 sub-pixels wide
 LASER_COLUMNS, LASER_ROWS = 8192, 128
 SHADOW_BIAS_MM = 0.05  # less than a string's radius, more than the depth of a pixel of the laser's map
@@ -57,7 +65,7 @@ def light_scene_gl(scene: Scene, config: EmulatorConfig) -> LitScene:
         lit[lit] = _reached(shadow, xyz[lit])
         for k in np.unique(number[lit]):
             mine = lit & (number == k)
-            group = k - 1 if k <= n else FIRST_STRIPE_GROUP + (k - 1 - n) * GROUPS_A_SOLID + tile
+            group = string_group(k - 1) if k <= n else stripe_group(k - 1 - n, *tile)
             material = thread_of(scene, config) if k <= n else scene.solids[k - 1 - n].material
             electrons = light.electrons(xyz[mine], normal[mine], material)
             electrons *= _footprint_mm2(view, scene.sensor, xyz[mine], normal[mine])
@@ -101,7 +109,7 @@ def _reached(shadow: Shadow, xyz: Array) -> NDArray[np.bool_]:
     return out
 
 
-def _lit_tiles(world: GlWorld, sensor: Sensor, reach: float) -> list[tuple[int, View]]:
+def _lit_tiles(world: GlWorld, sensor: Sensor, reach: float) -> list[tuple[tuple[int, int], View]]:
     """Supersampled views of the tiles of the pinhole image that show surface within reach of the sheet."""
     camera = sensor.require_camera()
     if not world.identity:
@@ -117,7 +125,7 @@ def _lit_tiles(world: GlWorld, sensor: Sensor, reach: float) -> list[tuple[int, 
     hit = ((low <= reach) & (high >= -reach)).reshape(rows, TILE_PX, columns, TILE_PX).any((1, 3))
     return [
         (
-            int((j + 8) * TILES_A_ROW + i + 8),
+            (int(i) - 1, int(j) - 1),
             _view(sensor, i * TILE_PX - margin, j * TILE_PX - margin, TILE_PX, TILE_PX, SUPERSAMPLING),
         )
         for j, i in np.argwhere(hit)

@@ -9,8 +9,8 @@ from numba import uint32
 from numpy.typing import NDArray
 
 from geometry.compiled import kernel
-from perceptron_emu.convolve import convolved
-from perceptron_emu.level_cells import CELL_PX, Flags
+from perceptron_emu.image.deposit import convolved
+from perceptron_emu.image.level_cells import CELL_PX, Flags
 
 Float32 = NDArray[np.float32]
 

@@ -13,11 +13,10 @@ from numpy.typing import NDArray
 
 from geometry import Sensor
 from geometry.compiled import kernel
-from perceptron_emu.brdf import brdf
 from perceptron_emu.config import EmulatorConfig
-from perceptron_emu.optics import Gather, gather, gathered
+from perceptron_emu.lens import Gather, gather, gathered
+from perceptron_emu.light.sheet import across, beam, density_at, fan, width_at
 from perceptron_emu.scene import Material
-from perceptron_emu.sheet import across, beam, density_at, fan, width_at
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -106,3 +105,31 @@ def _electrons(xyz, normal, source, surfaces, which, out):  # type: ignore[no-un
         scatter = brdf(diffuse, specular, roughness, cos_i, cos_o, cos_h, (ly * hy + lz * hz) / size)
         irradiance = density_at(angle, source.fan) / s * across(xyz[i, 0], width_at(s, waist, waist_at, rayleigh))
         out[i] = source.scale * irradiance * cos_i * cos_o * scatter * gathered(source.lens, cosine, distance)
+
+
+@kernel(inline=True)
+def brdf(diffuse, specular, roughness, cos_i, cos_o, cos_h, cos_d):  # type: ignore[no-untyped-def]
+    """Bidirectional reflectance [1/sr] of one surface element.
+
+    cos_i, cos_o: of the angles between its normal and light, and camera; cos_h: normal and halfway vector; cos_d: light
+    and halfway vector.
+    Lambert's ρ/π and a microfacet lobe D·G·F/(4 cos θᵢ cos θₒ): GGX distribution, Smith's separable shadowing,
+    Schlick's Fresnel.
+    Source: Walter, Marschner, Li & Torrance, "Microfacet Models for Refraction through Rough Surfaces", 2007.
+    """
+    if specular == 0:
+        return diffuse / math.pi
+    if cos_i <= 0 or cos_o <= 0:
+        return 0.0
+    alpha2 = roughness * roughness
+    cos_h, cos_d = max(cos_h, 0.0), min(max(cos_d, 0.0), 1.0)
+    spread = cos_h * cos_h * (alpha2 - 1) + 1
+    distribution = alpha2 / (math.pi * spread * spread)
+    fresnel = specular + (1 - specular) * (1 - cos_d) ** 5
+    # D·F·G1(i)·G1(o)/(4 cos cos) with G1(c) = 2c/(c + √(α² + (1 − α²)c²)): the cosines cancel
+    return diffuse / math.pi + distribution * fresnel / (_smith(cos_i, alpha2) * _smith(cos_o, alpha2))
+
+
+@kernel(inline=True)
+def _smith(cosine, alpha2):  # type: ignore[no-untyped-def]
+    return cosine + math.sqrt(alpha2 + (1 - alpha2) * cosine * cosine)

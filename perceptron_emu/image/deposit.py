@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from geometry.compiled import kernel
-from perceptron_emu.convolve import convolved
 
 Float32 = NDArray[np.float32]
 Array = NDArray[np.float64]
@@ -123,6 +122,19 @@ def _convolve(grid, taps, first, last, out):  # type: ignore[no-untyped-def]
         row[:] = 0
         for k in range(max(first, j - reach), min(last, j + reach) + 1):
             _add(row, taps[reach + k - j], lit[k - first])
+
+
+@kernel(fastmath=True)
+def convolved(line, taps, out):  # type: ignore[no-untyped-def]
+    """Fill out (n,) with the line (n + taps − 1,) convolved; taps: of odd number, the same to either side."""
+    reach = len(taps) // 2
+    n, middle = len(out), line[reach : reach + len(out)]
+    for i in range(n):
+        out[i] = taps[reach] * middle[i]
+    for k in range(reach):
+        weight, before, after = taps[k], line[k : k + n], line[2 * reach - k : 2 * reach - k + n]
+        for i in range(n):
+            out[i] += weight * (before[i] + after[i])
 
 
 @kernel(fastmath=True)
