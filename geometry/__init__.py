@@ -38,6 +38,7 @@ from geometry.robot import (
 )
 from geometry.sensor import Camera, Sensor, Sheet, field_of_view, inside_polygon
 from geometry.target import Symmetry
+from geometry.writing import toml_value, write_bytes, write_text
 
 __all__ = [
     "CONVENTIONS",
@@ -92,5 +93,8 @@ __all__ = [
     "skew",
     "stack_poses",
     "table",
+    "toml_value",
     "with_beta_prior",
+    "write_bytes",
+    "write_text",
 ]

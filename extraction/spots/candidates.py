@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from extraction.compiled import compiled, inner, inner_fast
 from extraction.config import DetectConfig
+from extraction.reasons import Reason
 from extraction.spots.blur import BLOCK_PX, Image32
 from extraction.spots.prepare import Prepared
 
@@ -30,7 +31,15 @@ COLUMNS = 16
 # values of STATE
 WHOLE, ESCAPED, JOINED = 0, 1, 2
 
-REASONS = ("", "too_wide", "too_long", "part_of_brighter", "too_faint", "in_the_noise")  # a later one hides the others
+# what `refusal` counts; a later one hides the others
+REASONS = (
+    "",
+    Reason.TOO_WIDE,
+    Reason.TOO_LONG,
+    Reason.PART_OF_BRIGHTER,
+    Reason.TOO_FAINT,
+    Reason.IN_THE_NOISE,
+)
 # pairs of places that Batcher's odd-even merge sort of eight values compares
 EXCHANGES = (
     (0, 1), (2, 3), (4, 5), (6, 7), (0, 2), (1, 3), (4, 6), (5, 7), (1, 2), (5, 6), (0, 4), (1, 5), (2, 6), (3, 7),
@@ -117,11 +126,11 @@ def _refusals(
     """Why each peak is refused: its place in REASONS."""
     state = table[:, STATE]
     codes = np.zeros(len(table), np.uint8)
-    codes[table[:, WIDTH] > width_px] = 1
-    codes[(table[:, LENGTH] > length_px) | (state == ESCAPED)] = 2
-    codes[state == JOINED] = 3
-    codes[height < config.min_height_dn] = 4
-    codes[height < config.threshold * table[:, RING_NOISE]] = 5
+    codes[table[:, WIDTH] > width_px] = REASONS.index(Reason.TOO_WIDE)
+    codes[(table[:, LENGTH] > length_px) | (state == ESCAPED)] = REASONS.index(Reason.TOO_LONG)
+    codes[state == JOINED] = REASONS.index(Reason.PART_OF_BRIGHTER)
+    codes[height < config.min_height_dn] = REASONS.index(Reason.TOO_FAINT)
+    codes[height < config.threshold * table[:, RING_NOISE]] = REASONS.index(Reason.IN_THE_NOISE)
     return codes
 
 

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from scipy.optimize import nnls
 
 from extraction.compiled import compiled, inner, inner_fast
+from extraction.config import StripeConfig
 from extraction.stripe.columns import AMPLITUDE, BACKGROUND, CENTRE, CHI2, DOF, HIGH, LOW, WIDTH
-from extraction.stripe.config import StripeConfig
 from extraction.stripe.fit import NoiseModel
 from extraction.stripe.solve import TERMS, back, factor
 from extraction.stripe.view import StripeView

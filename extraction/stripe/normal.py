@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from extraction.compiled import compiled, inner
-from extraction.stripe.config import StripeConfig
+from extraction.config import StripeConfig
 from extraction.stripe.fit import FEWEST_PIXELS, NoiseModel
 from extraction.stripe.profile import StripePeaks
 from extraction.stripe.solve import TERMS, centre_variance, climb

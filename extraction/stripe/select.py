@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from extraction.compiled import compiled
-from extraction.stripe.config import Selection
+from extraction.config import Selection
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]

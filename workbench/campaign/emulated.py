@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geometry import TYPICAL_SIGMA, Arm, DhRobot, NoAnswerError, Pose, RobotUncertainty
+from geometry.ties import first_most
 from jig_cad import DEFAULT_STRINGS, STRINGS, Jig
 from perceptron_emu import EmulatorConfig, Surroundings
 from workbench.campaign.settings import JigPart, PosesPart, RobotPart, TrialSettings
@@ -30,6 +31,7 @@ VERIFY = "verify"
 _UPRIGHT = np.array([[0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]])  # pillar up, its back away from the robot
 _PLACE_TRIES = 12
 PLANNED_DIAMETER_MM = 0.3
+SAME_COSINE = 1e-6
 _SHARED = 4096  # plans of configurations that a worker remembers, a few kilobytes each
 
 
@@ -124,7 +126,7 @@ def _place(problem: ViewProblem, count: int, rng: np.random.Generator) -> tuple[
 
 def _upright_first(views: Views) -> Views:
     """The views with one first that shows the jig upright: it decides between the two poses of the half turn."""
-    first = int(np.argmax(views.T_sensor_jig.R[:, 0, 0]))
+    first = first_most(views.T_sensor_jig.R[:, 0, 0], SAME_COSINE)
     order = np.r_[first, np.delete(np.arange(len(views.joints_rad)), first)]
     return views[order]
 

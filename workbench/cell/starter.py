@@ -7,11 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from geometry import DhRobot, InputError, Pose
+from geometry import DhRobot, InputError, Pose, toml_value
 from workbench.cell.presets import DESIGN_SCP, preset_path
 from workbench.files import SensorDescription, read_robot, read_sensor
 from workbench.files.atomic import write_text
-from workbench.files.sensor_file import toml_value
 
 REACH_OF_PLACES_MM = 2550.0  # the places below suit an arm of this reach; others get them in proportion
 PLACES = {

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from geometry import DH_ROWS, TYPICAL_SIGMA, DhRobot, InputError, RobotUncertainty
-from workbench.files.sensor_file import toml_value
+from geometry import DH_ROWS, TYPICAL_SIGMA, DhRobot, InputError, RobotUncertainty, toml_value
 from workbench.files.strict import NotNegative, Real, Section, Text, Whole, validate
 from workbench.files.toml_text import read_toml
 
