@@ -14,6 +14,7 @@ from extraction.spots.localise import Spots
 Array = NDArray[np.float64]
 
 NARROWEST_PX2 = 1e-4  # variance across a spot that the fit left with none: it is refused as a spike
+JUST_HALF = 0.5 - 1e-9  # where the weights below and above are equal, the lower value is the median
 
 
 def score_spots(candidates: Candidates, spots: Spots, config: ExtractionConfig) -> Array:
@@ -44,9 +45,9 @@ def _likeness(own: Array, width: Array, amplitude: Array, c: ScoreConfig) -> Arr
 
 
 def _weighted_median(values: Array, weight: Array) -> float:
-    order = np.argsort(values)
+    order = np.argsort(values, kind="stable")
     cumulative = np.cumsum(weight[order])
-    return float(values[order][np.searchsorted(cumulative, 0.5 * cumulative[-1])])
+    return float(values[order][np.searchsorted(cumulative, JUST_HALF * cumulative[-1])])
 
 
 def refuse_spots(

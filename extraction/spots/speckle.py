@@ -28,6 +28,7 @@ NODES = 20  # of a pixel's side
 # contrast that strings' departure from a Gaussian leaves in the residuals without any speckle or noise: 0.006 for
 # strings of 0.3 mm, 0.02 of 0.5 mm, 0.06 of 1 mm (benchmarks/extraction_model_error.py)
 SHAPE_CONTRAST = 0.02
+JUST_HALF = 0.5 - 1e-9  # of equal halves the lower one holds the median
 OUTLYING = 5.0  # times the median variance
 FREEDOM = 1.5  # independent residuals per unit of Σ signal² over the height's square
 MAX_CONTRAST = 1.0  # fully developed; larger residuals are those of something that is no Gaussian spot
@@ -94,9 +95,9 @@ def _alike(about: SpotNoise, good: NDArray[np.bool_]) -> NDArray[np.bool_]:
     if not np.any(usable):
         return usable
     share = np.where(usable, about.variance / np.where(usable, expected, 1.0), np.inf)
-    order = np.argsort(share[usable])
+    order = np.argsort(share[usable], kind="stable")
     weight = np.cumsum(expected[usable][order])
-    median = share[usable][order][np.searchsorted(weight, 0.5 * weight[-1])]
+    median = share[usable][order][np.searchsorted(weight, JUST_HALF * weight[-1])]
     return np.asarray(usable & (share < MAX_CONTRAST**2) & (share <= max(OUTLYING * median, PRIOR_CONTRAST**2)))
 
 

@@ -12,8 +12,7 @@ from pydantic import BaseModel, Field, create_model
 
 from calib import CalibConfig
 from extraction import ExtractionConfig
-from geometry import InputError
-from workbench.files.sensor_file import toml_value
+from geometry import InputError, toml_value
 from workbench.files.strict import Section, validate
 from workbench.files.toml_text import TomlSource, read_toml
 

@@ -59,8 +59,8 @@ def command(
 
         write_results(out, cell, observed, result, settings)
     if report is not None:
+        from workbench.report.calibration import ReportInput, write_report
         from workbench.report.cell_image import cell_image
-        from workbench.report.report import ReportInput, write_report
 
         picture, remark = cell_image(cell, result)
         if remark:
