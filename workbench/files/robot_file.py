@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from geometry import InputError, RobotModel, RobotUncertainty, toml_value
-from workbench.files.strict import NotNegative, Real, Section, Text, Whole, validate
+from workbench.files.strict import FileSection, NotNegative, Real, Text, Whole, validate
 from workbench.files.toml_text import read_toml
 
 COLUMNS = {"theta_offset_deg": "theta_offset", "d_mm": "d", "a_mm": "a", "alpha_deg": "alpha", "beta_deg": "beta"}
 
 
-class JointSection(Section):
+class JointSection(FileSection):
     """One [[joint]]: angle = sign · reading + theta_offset; beta_deg is Hayati's parameter of a calibrated table."""
 
     theta_offset_deg: Real = 0.0
@@ -37,13 +37,13 @@ class JointSection(Section):
         return self
 
 
-class CouplingSection(Section):
+class CouplingSection(FileSection):
     """[coupling]: joint angles = matrix @ readings, for arms whose motors move more than one joint."""
 
     matrix: tuple[tuple[Real, ...], ...]
 
 
-class UncertaintySection(Section):
+class UncertaintySection(FileSection):
     """[uncertainty]: standard deviations of the joints and of the table."""
 
     joint_sigma_deg: NotNegative = 0.003
@@ -53,7 +53,7 @@ class UncertaintySection(Section):
     alpha_sigma_deg: NotNegative = 0.015
 
 
-class RobotFile(Section):
+class RobotFile(FileSection):
     """The keys of robot.toml: either [[joint]] tables or urdf, base, tip."""
 
     convention: Text = "standard"

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.files.strict import NotNegative, Section, validate
+from workbench.files.strict import FileSection, NotNegative, validate
 from workbench.files.toml_text import read_toml
 from workbench.validate.measure import Measured
 
@@ -21,7 +21,7 @@ BINS = 5
 MIN_IN_BIN = 10
 
 
-class Thresholds(Section):
+class Thresholds(FileSection):
     """The keys of a thresholds file; what is absent is not asked for."""
 
     min_detection_rate: NotNegative | None = None
