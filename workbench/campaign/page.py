@@ -28,7 +28,7 @@ from workbench.campaign.trial import one_trial_frame
 from workbench.files.atomic import write_text
 from workbench.report.page import png, render_page
 
-WORST = 4
+WORST = 4  # worst trials that are shown
 NO_BOUND = "∞"
 # the columns that a kind of run is judged by, and their names on the page
 ERRORS = {

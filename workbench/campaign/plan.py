@@ -16,7 +16,7 @@ from workbench.files.strict import FileSection, Real, Text, sentence, suggestion
 from workbench.files.toml_text import TomlSource, read_toml
 
 RESULTS_VERSION = 5  # raised when rows or trials change, so that a half-done run of another version is not continued
-MAX_TRIALS = 10_000_000
+MAX_TRIALS = 10_000_000  # a year of a hundred cores: more is a slip of the pen
 
 Value = bool | Annotated[int, Field(strict=True)] | Real | Text
 

@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 POSE_COLUMNS = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
 ROLES = ("calibrate", "verify")
-MAX_JOINTS = 16
+MAX_JOINTS = 16  # columns that are known; arms have six or seven
 ATOL_QUATERNION = 1e-2  # length of a quaternion as written; digits cut in the file stay far below
 
 

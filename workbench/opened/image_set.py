@@ -19,7 +19,7 @@ from workbench.files.settings_file import Settings, read_settings
 from workbench.opened.labeller import Labeller
 from workbench.opened.pictures import Pictures
 
-MAX_IMAGES = 20_000
+MAX_IMAGES = 20_000  # of one window: its strip and its survey hold a row each
 
 
 @dataclass(frozen=True)

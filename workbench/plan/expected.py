@@ -15,8 +15,11 @@ from perceptron_emu import project
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
-SPOT_SIGMA_PX = 0.07  # a speckled string spot's scatter, as cell recordings show it
-SURFACE_SIGMA_MM = 0.015  # what stays unknown of the way from the lit surface to the axis
+# a speckled string spot's scatter: benchmarks/extraction_cells.py finds 0.0080 mm in y where a pixel is 0.11 mm
+SPOT_SIGMA_PX = 0.07
+# what stays unknown of the way from the lit surface to the axis where the thread's gloss is: half of the 0.03 mm from
+# a matte to a glossy thread, of which a cell's place and views average some away (docs/spots.md: 0.006 mm in z)
+SURFACE_SIGMA_MM = 0.015
 
 
 def view_information(

@@ -25,9 +25,9 @@ Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Progress = Callable[[int, int], None]
 
-POOL = 160  # feasible views gathered at each place
+POOL = 160  # feasible views gathered at each place: refining finds the rest (benchmarks/plan_against_random.py)
 BATCH = 1000  # views drawn at a time
-SAME_PART = 1e-6  # of a direction's unit vector
+SAME_PART = 1e-6  # of a direction's unit vector: equal parts by number
 WEAK_MM = 5.0  # predicted σ beyond which the plan does not identify what is asked
 VERIFY = "verify"
 

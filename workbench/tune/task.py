@@ -14,7 +14,7 @@ from workbench.files.images import Image
 from workbench.opened.image_set import ImageSet
 from workbench.tune.cost import FrameCost, against_truth, by_consistency
 
-LEAST_IMAGES = 4
+LEAST_IMAGES = 4  # two to train on, two held out
 NO_JIG = "without truth.json a search needs the jig's geometry: give --jig FILE"
 
 

@@ -17,8 +17,8 @@ ERRORS = (
     "bias_y_mm", "bias_z_mm", "scatter_y_mm", "scatter_z_mm", "bias_u_px", "bias_v_px", "scatter_px", "sigma_ratio",
     "bound_ratio",
 )  # fmt: skip
-BINS = 5
-MIN_IN_BIN = 10
+BINS = 5  # points of a curve
+MIN_IN_BIN = 10  # strings; a scatter of fewer is known to worse than a quarter of itself
 
 
 class Thresholds(FileSection):
