@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from calib import CalibrationResult
 from calib.result import FrameResult
-from geometry.robot import CONVENTIONS, express
+from geometry import CONVENTIONS, express
 from workbench.cell.labels import label_dataset
 from workbench.cell.pipeline import Observed
 from workbench.cell.points_table import FrameTable
