@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geometry import Pose
+from geometry.ties import ascending, first_least_of_each
 from jig_cad import Jig
 
 Array = NDArray[np.float64]
@@ -32,6 +33,7 @@ MOST_MISSING = 2  # strings passed over on the way to five
 MOST_SPOTS = 20  # best score first; the number of assignments grows with its fifth power
 MOST_PARTIAL = 20_000  # assignments that live on from string to string
 MOST_RANKED = 4_000  # assignments whose planes are compared point by point
+SAME_NATS, SAME_MM2 = 1e-6, 1e-6  # assignments nearer than this are equal, and the first is taken
 CHUNK = 2_000  # assignments extended at a time, for the memory's sake
 
 
@@ -111,7 +113,7 @@ def _planes(jig: Jig, max_tilt_rad: float) -> _Planes:
     middle = anchors.mean(axis=0)
     height = (anchors - middle) @ axis
     step = np.ptp(height) / LEVELS
-    levels = np.arange(height.min(), height.max() + step, step)
+    levels = np.linspace(height.min(), height.max(), LEVELS + 1)
     slopes = _slopes(np.tan(max_tilt_rad))
     g = np.repeat(slopes, len(levels), axis=0)
     h = np.tile(levels, len(slopes))
@@ -188,8 +190,8 @@ def _likeliest(labels: IntArray, odds: Array, most: int) -> IntArray:
     """The ``most`` assignments of the likeliest spots, in their order."""
     if len(labels) <= most:
         return np.arange(len(labels))
-    worth = np.round(np.sum(np.where(labels >= 0, odds[labels], 0.0), axis=1), 6)
-    return np.sort(np.argsort(-worth, kind="stable")[:most])
+    worth = np.sum(np.where(labels >= 0, odds[labels], 0.0), axis=1)
+    return np.sort(ascending(-worth, SAME_NATS)[:most])
 
 
 def _gates(spots: Array, planes: _Planes, tolerance_mm: float) -> dict[tuple[int, int], Words]:
@@ -229,12 +231,13 @@ def _ranked(labels: IntArray, alive: Words, spots: Array, planes: _Planes, strin
     v, w = flat[..., 0] + 1j * flat[..., 1], _complex(found - seen_at[:, None])
     turn = np.stack([np.sum(w * np.conj(v), axis=1), np.sum(w * v, axis=1)], axis=1)  # from the one side, the other
     size = np.sum(np.abs(v) ** 2 + np.abs(w) ** 2, axis=1)
-    misfit = np.round(size[:, None] - 2 * np.abs(turn), 6)
-    side = np.argmin(misfit, axis=1)
-    rows = np.arange(len(h))
-    order = np.lexsort((g, misfit[rows, side], h))
+    misfit = size[:, None] - 2 * np.abs(turn)
+    side = first_least_of_each(misfit, SAME_MM2)
+    least = misfit[np.arange(len(h)), side]
+    order = ascending(least, SAME_MM2)
+    order = order[np.argsort(h[order], kind="stable")]
     best = order[np.unique(h[order], return_index=True)[1]]  # the best plane of every assignment
-    best = best[np.argsort(misfit[best, side[best]], kind="stable")[:limit]]
+    best = best[ascending(least[best], SAME_MM2)[:limit]]
     k, s = g[best], side[best]
     e2 = planes.e2[k] * np.where(s == 0, 1.0, -1.0)[:, None]
     phase = turn[best, s] / np.maximum(np.abs(turn[best, s]), 1e-12)
