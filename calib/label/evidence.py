@@ -13,6 +13,7 @@ from calib.pose.solver import PoseProblem, PoseSolution, solve_poses
 from calib.pose.starts import pencil_starts
 from calib.pose.weights import whitening
 from geometry import Pose
+from geometry.ties import ascending, first_least_of_each
 from jig_cad import Jig
 
 Array = NDArray[np.float64]
@@ -22,6 +23,7 @@ FREE_SIGMA_MM, FREE_SIGMA_RAD = 150.0, 1.0  # where the jig may be when nothing 
 FACING_SIGMA_RAD = float(np.deg2rad(60.0))  # string A, the front of the pillar, mostly faces the sensor
 END_MARGIN = 0.03  # share of its length by which a string may be crossed beyond its anchors
 ITERATIONS = 15
+SAME_CHI2, SAME_NATS = 1e-6, 1e-6  # minima and labellings nearer than this are equal, and the first is taken
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,26 +72,30 @@ class Hypotheses:
         return len(self.chi2)
 
 
-def weigh(labels: IntArray, spots: Spots, jig: Jig, prior: Prior | None, max_tilt_rad: float) -> Hypotheses:
+def weigh(
+    labels: IntArray, spots: Spots, jig: Jig, prior: Prior | None, max_tilt_rad: float, near: Pose | None = None
+) -> Hypotheses:
     """Solve every labelling's pose and weigh it; impossible ones (tilt, beyond the strings' ends) are left out.
 
-    Without a prior every labelling must name the five spots of two faces.
+    Without a prior every labelling must name five spots. near: a further pose (H) from which each is solved.
     """
     problem = _problem(labels, spots, jig, prior)
     start = _starts(labels, spots, jig, prior)
+    if near is not None:
+        start = Pose(np.concatenate([start.R, near.R[:, None]], 1), np.concatenate([start.t, near.t[:, None]], 1))
     many = PoseProblem(
         problem.starts, problem.directions, problem.yz_mm[:, None], problem.whitening[:, None], problem.prior
     )
     solution = solve_poses(many, start, max_iterations=ITERATIONS, tolerance=1e-5)
     chi2 = np.where(_possible(solution, labels, jig, max_tilt_rad), solution.cost, np.inf)
-    best = np.argmin(chi2, axis=1)
+    best = first_least_of_each(chi2, SAME_CHI2)  # starts that ended in one minimum differ by rounding alone
     rows = np.arange(len(labels))
     chi2, T, jacobian = chi2[rows, best], solution.T_sensor_jig[rows, best], solution.jacobian[rows, best]
     covariance, log_volume = _posterior(jacobian, prior)
     evidence = _log_evidence(labels, spots, chi2, log_volume)
-    if prior is None:
+    if prior is None and jig.pillar is not None:
         evidence = evidence - 0.5 * (np.arccos(np.clip(T.R[:, 2, 2], -1, 1)) / FACING_SIGMA_RAD) ** 2
-    order = [int(i) for i in np.argsort(-evidence, kind="stable") if np.isfinite(evidence[i])]
+    order = [int(i) for i in ascending(-evidence, SAME_NATS) if np.isfinite(evidence[i])]
     return Hypotheses(
         labels[order], T[order], covariance[order], chi2[order], evidence[order], solution.T_sensor_jig[order]
     )
@@ -118,7 +124,7 @@ def _starts(labels: IntArray, spots: Spots, jig: Jig, prior: Prior | None) -> Po
 def _possible(solution: PoseSolution, labels: IntArray, jig: Jig, max_tilt_rad: float) -> NDArray[np.bool_]:
     share = solution.along_mm / jig.lengths
     inside = (share > -END_MARGIN) & (share < 1 + END_MARGIN) | (labels < 0)[:, None, :]
-    upright = np.abs(solution.T_sensor_jig.R[..., 0, 0]) > np.cos(max_tilt_rad)
+    upright = np.abs(solution.T_sensor_jig.R[..., 0, :] @ jig.axis) > np.cos(max_tilt_rad)
     return np.asarray(np.all(inside, axis=-1) & upright & np.isfinite(solution.cost))
 
 

@@ -10,15 +10,16 @@ from numpy.typing import NDArray
 
 from calib.config import CalibConfig
 from calib.label.chain import Chain, mahalanobis2
-from calib.label.evidence import Prior
+from calib.label.evidence import SAME_CHI2, Prior
 from calib.label.frame import label_spots
-from calib.label.refine import LabelledFrame, turned_over, with_pose
-from geometry import Pose, Sensor, SurfacePoints, Symmetry, stack_poses
+from calib.label.gates import SAME_GATE
+from calib.label.refine import LabelledFrame, turned_over, upright_turn, with_pose
+from geometry import Pose, Sensor, SurfacePoints, stack_poses
+from geometry.ties import first_least, first_least_of_each
 from jig_cad import Jig
 
 Array = NDArray[np.float64]
 
-ALIKE = 1e-6  # cosines nearer to each other are equal but for rounding
 LIKELY = 1e-6  # a candidate below this share is no rival to the chosen one
 CONSISTENT_CHI2 = 30.0  # 6 degrees of freedom: 4e-5 of true predictions lie farther
 GIVEN_JIG_SIGMA_MM, GIVEN_JIG_SIGMA_DEG = 3.0, 1.0  # how well a T_base_jig of cell.toml is taken to be known
@@ -63,24 +64,6 @@ def label_location(
     if turn is not None:
         out = [turned_over(f, turn, points, jig, sensor, config) for f, points in zip(out, frames, strict=True)]
     return tuple(out)
-
-
-def upright_turn(Ts_sensor_jig: Sequence[Pose | None], jig: Jig) -> Symmetry | None:
-    """The symmetry by which the first pose that there is comes to the convention, None where it is there already.
-
-    Of the poses that points can not tell, the one with the largest x_jig · x_sensor is taken; where turns about x leave
-    that alike, the one with the largest y_jig · y_sensor.
-    """
-    first = next((T for T in Ts_sensor_jig if T is not None), None)
-    if first is None:
-        return None
-    best, upright = None, first
-    for symmetry in jig.symmetries:
-        turned = first @ symmetry.pose
-        x, y = (float(turned.R[k, k] - upright.R[k, k]) for k in (0, 1))
-        if x > ALIKE or (abs(x) <= ALIKE and y > ALIKE):
-            best, upright = symmetry, turned
-    return best
 
 
 def _plausible(found: list[LabelledFrame], priors: list[Prior | None], jig: Jig) -> bool:
@@ -137,7 +120,8 @@ def _priors_by_vote(found: list[LabelledFrame], chain: Chain, jig: Jig) -> list[
     agreeing = {i: {i, *map(int, pool.frame[d < CONSISTENT_CHI2])} for i, d in distances.items()}
     chosen = sorted(agreeing[max(agreeing, key=lambda i: len(agreeing[i]))])
     by_first = distances[chosen[0]]
-    nearest = [min(np.flatnonzero(pool.frame == i), key=lambda k: float(by_first[k])) for i in chosen]
+    mine = [np.flatnonzero(pool.frame == i) for i in chosen]
+    nearest = [k[first_least(by_first[k], SAME_CHI2)] for k in mine]
     return _best_priors(pool, np.array(nearest), chain, len(found))
 
 
@@ -149,7 +133,7 @@ def _best_priors(pool: _Pool, references: NDArray[np.intp], chain: Chain, n_fram
     gates = np.trace(every.covariance[..., :3, :3], axis1=-2, axis2=-1)
     if len(references) > 1:
         gates[np.arange(len(frames)), frames] = np.inf
-    best = np.argmin(gates, axis=0)
+    best = first_least_of_each(np.log(gates.T), SAME_GATE)
     return [Prior(every.T_sensor_jig[int(k), j], every.covariance[k, j]) for j, k in enumerate(best)]
 
 
@@ -163,7 +147,7 @@ def _settle(
     if found.T_sensor_jig is not None and complete:
         pool = _Pool.of([found], jig)
         distances = pool.distances(prior)
-        nearest = int(np.argmin(distances))
+        nearest = first_least(distances, SAME_CHI2)
         if distances[nearest] < CONSISTENT_CHI2:
             turn = int(pool.turn[nearest])
             frame = found if turn < 0 else turned_over(found, jig.symmetries[turn], points, jig, sensor, config)

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from calib.config import CalibConfig
-from calib.label.location import upright_turn
+from calib.label.refine import upright_turn
 from calib.label.surface_offset import surface_offset
 from calib.observation import Observations
 from calib.stations import Station, label, stays

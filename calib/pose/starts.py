@@ -8,20 +8,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geometry import Pose, cross, nearest_rotation
+from geometry.ties import ascending
 
 Array = NDArray[np.float64]
 
 GRID = 1000  # rotations; about 20° apart, a minimum's basin is wider
 GRID_KEPT = 24
+SAME_MM2 = 1e-6  # sums of squared misses nearer than this are equal
 
 
 def pencil_starts(starts: Array, directions: Array, yz_mm: Array) -> Pose:
-    """Starting poses T_sensor_jig (..., 3) from at least five strings, two faces of the pillar among them.
+    """Starting poses T_sensor_jig (..., 3) from at least five strings: any, or two faces of the pillar.
 
     The plane carries (y, z) to {J} by c = t + M (y, z): linear in nine unknowns, two equations a string. Strings of
     one face share a line of the plane, so that five leave a pencil of planes x₀ + μ n about the line through the two
     diagonals' crossings, whose heights are known exactly (an N-localizer each). μ follows from MᵀM = I: a quartic
-    with up to two minima, the pose and its mirror.
+    with up to two minima, the pose and its mirror. Of lines in general position the equations leave no pencil; the one
+    along their weakest direction holds the pose all the same.
     starts, directions: (S, 3) or (..., S, 3) in {J}. yz_mm: (..., S, 2).
     """
     base, direction = _pencil(starts, directions, yz_mm)
@@ -38,7 +41,7 @@ def pencil_starts(starts: Array, directions: Array, yz_mm: Array) -> Pose:
 def grid_starts(starts: Array, directions: Array, yz_mm: Array, kept: int = GRID_KEPT) -> Pose:
     """The ``kept`` best starting poses (kept) out of a grid over all rotations, each with its best translation.
 
-    For few strings, where no pencil is determined. yz_mm: (S, 2) of one frame.
+    For few strings, where no pencil is determined, and beside it for any lines. yz_mm: (S, 2) of one frame.
     """
     R = _rotation_grid()  # R_jig_sensor (G, 3, 3)
     normal = np.eye(3) - directions[:, :, None] * directions[:, None, :]  # (S, 3, 3) across each string
@@ -47,7 +50,7 @@ def grid_starts(starts: Array, directions: Array, yz_mm: Array, kept: int = GRID
     total = normal.sum(0)
     t = np.linalg.lstsq(total, miss.sum(1).T, rcond=1e-9)[0].T
     left = miss - np.einsum("sij,gj->gsi", normal, t)
-    best = np.argsort(np.sum(left**2, axis=(1, 2)), kind="stable")[:kept]
+    best = ascending(np.sum(left**2, axis=(1, 2)), SAME_MM2)[:kept]
     return Pose(R[best], t[best]).inverse()
 
 
@@ -93,11 +96,11 @@ def _across(directions: Array) -> Array:
 
 
 def _cubic_roots(c: Array) -> Array:
-    """Real parts (..., 3) of the roots of cubics (..., 4), highest power first."""
+    """Real parts (..., 3), ascending, of the roots of cubics (..., 4), highest power first."""
     companion = np.zeros((*c.shape[:-1], 3, 3))
     companion[..., 0, :] = -c[..., 1:] / np.maximum(c[..., :1], 1e-12 * np.abs(c).max(-1, keepdims=True) + 1e-300)
     companion[..., 1, 0] = companion[..., 2, 1] = 1.0
-    return np.asarray(np.linalg.eigvals(companion).real)
+    return np.sort(np.linalg.eigvals(companion).real)  # LAPACK's own order hangs on rounding
 
 
 @lru_cache(maxsize=1)

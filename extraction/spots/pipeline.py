@@ -12,22 +12,21 @@ from numpy.typing import NDArray
 
 from extraction.config import ExtractionConfig
 from extraction.image import check_image
+from extraction.reasons import Reason
 from extraction.sheet import image_to_sheet, propagate
 from extraction.spots.blur import Image32
+from extraction.spots.budget import ErrorBudget, concatenate
 from extraction.spots.candidates import Candidates, find_candidates
 from extraction.spots.errors import SpotErrors, spot_errors
-from extraction.spots.localise import Spots, localise
+from extraction.spots.localise import LocalisedSpots, localise
 from extraction.spots.noise import noise_model
 from extraction.spots.prepare import Prepared, prepare
 from extraction.spots.score import flag_spots, refuse_spots, score_spots
 from extraction.spots.speckle import estimate_speckle
-from extraction.spots.spot_noise import SpotNoise, concatenate, take
 from extraction.spots.stages import Stages, why_empty
 from geometry import Sensor, SurfacePoints
 
 Array = NDArray[np.float64]
-
-TRUSTED_SCORE = 0.6
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +35,7 @@ class _Extraction:
     candidates: Candidates
     points: SurfacePoints
     candidate: NDArray[np.intp]
-    about: SpotNoise | None
+    budget: ErrorBudget | None
 
 
 def extract(image: object, sensor: Sensor, config: ExtractionConfig | None = None) -> SurfacePoints:
@@ -70,14 +69,15 @@ def _extract(image: object, sensor: Sensor, config: ExtractionConfig) -> _Extrac
     reasons = refuse_spots(candidates, spots, score, yz_mm, config)
     kept = np.flatnonzero(reasons == "")
     kept = kept[np.argsort(-score[kept], kind="stable")]
-    reasons[kept[config.localise.max_spots :]] = "beyond_max_spots"
+    reasons[kept[config.localise.max_spots :]] = Reason.BEYOND_MAX_SPOTS
     kept = kept[: config.localise.max_spots]
     errors = spot_errors(spots, kept, noise)
-    reasons[kept[~errors.good]] = "fit_failed"
-    kept, errors = kept[errors.good], errors.taken(errors.good)
-    points = _points(spots, kept, errors, yz_mm, jacobian, score)
+    reasons[kept[~errors.good]] = Reason.FIT_FAILED
+    settled = np.flatnonzero(errors.good)
+    kept, errors = kept[settled], errors[settled]
+    points = _points(spots, kept, errors, yz_mm, jacobian, score, config)
     return _Extraction(
-        prepared, candidates.refused(spots.candidate, reasons), points, spots.candidate[kept], errors.about
+        prepared, candidates.refused(spots.candidate, reasons), points, spots.candidate[kept], errors.budget
     )
 
 
@@ -87,17 +87,18 @@ def learn_speckle(images: Iterable[object], sensor: Sensor, config: ExtractionCo
     One image's few spots tell little of them; those of a dataset make the reported σ true.
     """
     config = config or ExtractionConfig()
-    known: list[SpotNoise] = []
+    known: list[ErrorBudget] = []
     for image in images:
         result = _extract(image, sensor, config)
-        good = [n for n, flag in enumerate(result.points.flag) if not flag and result.points.score[n] > TRUSTED_SCORE]
-        if result.about is not None and good:
-            known.append(take(result.about, np.array(good)))
+        flagged = np.array([flag != "" for flag in result.points.flag], dtype=np.bool_)
+        good = np.flatnonzero(~flagged & (result.points.score > config.score.trusted))
+        if result.budget is not None and len(good):
+            known.append(result.budget[good])
     if not known:
         return config
-    about, noise = concatenate(known), config.noise
-    everything = np.ones(len(about.skew), dtype=np.bool_)
-    speckle = estimate_speckle(about, everything, noise.speckle_contrast, noise.speckle_grain_px)
+    budget, noise = concatenate(known), config.noise
+    everything = np.ones(len(budget.skew), dtype=np.bool_)
+    speckle = estimate_speckle(budget, everything, noise.speckle_contrast, noise.speckle_grain_px)
     learnt = {"speckle_contrast": speckle.contrast, "speckle_grain_px": speckle.grain_px}
     return config.model_copy(update={"noise": noise.model_copy(update=learnt)})
 
@@ -114,7 +115,13 @@ def sheet_scale(sensor: Sensor) -> float:
 
 
 def _points(
-    spots: Spots, kept: NDArray[np.intp], errors: SpotErrors, yz_mm: Array, jacobian: Array, score: Array
+    spots: LocalisedSpots,
+    kept: NDArray[np.intp],
+    errors: SpotErrors,
+    yz_mm: Array,
+    jacobian: Array,
+    score: Array,
+    config: ExtractionConfig,
 ) -> SurfacePoints:
     cov = errors.cov_uv_px2
     return SurfacePoints(
@@ -123,7 +130,7 @@ def _points(
         yz_mm=yz_mm[kept],
         cov_yz_mm2=propagate(jacobian[kept], cov),
         score=score[kept],
-        flag=tuple(flag_spots(spots, kept, errors)),
+        flag=tuple(map(str, flag_spots(spots, kept, errors, config.doubt))),
         axis_rad=spots.axis_rad[kept],
         sigma_px=np.sqrt(spots.variances_px2[kept, ::-1]),
         amplitude_dn=spots.amplitude_dn[kept],

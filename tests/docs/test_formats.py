@@ -11,8 +11,7 @@ import pytest
 from pydantic import BaseModel
 
 from calib import CalibConfig
-from extraction import GapFlushConfig, StripeConfig
-from extraction.config import ExtractionConfig
+from extraction import ExtractionConfig, GapFlushConfig, StripeConfig
 from jig_cad.files import JigTable, LinesTable
 from perceptron_emu import EmulatorConfig, SceneFile
 from workbench.files.cell import CellFile

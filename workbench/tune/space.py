@@ -1,4 +1,4 @@
-"""The search space, from the configuration model's own ranges."""
+"""The search space: what the window's sliders may search, over their ranges."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any, Protocol, TypeVar
 
 from pydantic import BaseModel
 
-from workbench.cell.parameters import panel
+from workbench.opened.parameters import panel
 
 M = TypeVar("M", bound=BaseModel)
 
@@ -37,7 +37,7 @@ class Suggests(Protocol):
 
 
 def space(model: type[BaseModel]) -> tuple[Dimension, ...]:
-    """Every parameter that the model marks for search, with the range of its slider."""
+    """Every parameter of the model whose slider the search may move, over its range."""
     controls = [p for group in panel(model) for p in group["parameters"]]
     return tuple(
         Dimension(p["key"], p["kind"], p["min"], p["max"], p["log"])

@@ -10,13 +10,12 @@ from numpy.typing import NDArray
 from pydantic import BaseModel
 
 from calib.label.refine import LabelledFrame
-from extraction import ExtractionConfig, Stages, extract_stages, image_to_sheet
+from extraction import ExtractionConfig, Seen, Stages, explain, extract_stages, image_to_sheet
 from extraction.spots import Candidates
 from geometry import InputError, Sensor, SurfacePoints
-from workbench.cell.labeller import Labeller
 from workbench.files.images import Image
+from workbench.opened.labeller import Labeller
 from workbench.window.engine import Candidate, StageView
-from workbench.window.refusals import Seen, explain
 
 Array = NDArray[np.float64]
 
@@ -88,7 +87,7 @@ def _candidates(stages: Stages, sensor: Sensor, config: ExtractionConfig) -> tup
     boxes, peaks = _plain(_boxes(found), 1), found.peak_uv_px.tolist()
     out = []
     for k, (u, v) in enumerate(peaks):
-        reason = found.reason[k] or ("low_score" if np.isnan(score[k]) else "")
+        reason = found.reason[k]
         text, parameter = explain(reason, Seen(*numbers[k]), config) if reason else ("", "")
         out.append(Candidate(u, v, boxes[k], reason, text, measured[k], parameter))
     return tuple(out)

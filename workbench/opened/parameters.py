@@ -7,12 +7,17 @@ from typing import Any, cast
 
 from pydantic import BaseModel
 
+from workbench.opened.sliders import FILE_ONLY, SLIDERS, Slider
+
 Schema = dict[str, Any]
 UNITS = {"px": "px", "px2": "px²", "mm": "mm", "dn": "DN", "deg": "°", "rad": "rad", "s": "s", "ms": "ms", "e": "e⁻"}
 
 
 def panel(model: type[BaseModel]) -> list[dict[str, Any]]:
-    """Groups of controls in the model's order: ``{title, parameters: [{key, title, kind, unit, help, …}]}``."""
+    """Groups of controls in the model's order: ``{title, parameters: [{key, title, kind, unit, help, …}]}``.
+
+    Tables of FILE_ONLY are left out; a setting without a slider has the bounds of its model.
+    """
     schema = model.model_json_schema()
     definitions: Schema = schema.get("$defs", {})
     defaults = model().model_dump(mode="json")
@@ -27,12 +32,13 @@ def _collect(
     for name, field in schema.get("properties", {}).items():
         resolved, nullable = _resolve(field, definitions)
         here = (*path, name)
+        if ".".join(here) in FILE_ONLY:
+            continue
         if "properties" in resolved:
             inner = str(field.get("title") or _words(name))
             _collect(resolved, definitions, defaults[name], here, inner, groups)
         else:
-            group = str(resolved.get("group") or title)
-            groups.setdefault(group, []).append(_control(here, resolved, nullable, defaults[name]))
+            groups.setdefault(title, []).append(_control(here, resolved, nullable, defaults[name]))
 
 
 def _resolve(field: Schema, definitions: Schema) -> tuple[Schema, bool]:
@@ -53,21 +59,22 @@ def _resolve(field: Schema, definitions: Schema) -> tuple[Schema, bool]:
 
 def _control(path: tuple[str, ...], field: Schema, nullable: bool, default: Any) -> dict[str, Any]:
     """One control; ranges without bounds in the model are opened around the default."""
-    kind = _kind(field)
+    kind, key = _kind(field), ".".join(path)
+    slider = SLIDERS.get(key, Slider(basic=True, search=False))
     help_text, unit_in_help = _split_unit(str(field.get("description", "")))
     control: dict[str, Any] = {
-        "key": ".".join(path),
+        "key": key,
         "title": _title(path[-1], field),
         "kind": kind,
-        "unit": field.get("unit") or unit_in_help or _unit(path[-1]),
+        "unit": unit_in_help or _unit(path[-1]),
         "help": help_text,
-        "level": field.get("level", "expert" if field.get("expert") else "basic"),
+        "level": "basic" if slider.basic else "expert",
         "default": default,
         "nullable": nullable,
-        "search": bool(field.get("search", False)),
+        "search": slider.search,
     }
     if kind in ("number", "integer"):
-        control |= _range(field, default, kind)
+        control |= _range(field, slider, default, kind)
     if kind == "choice":
         control["choices"] = field.get("enum", [field.get("const")])
     return control
@@ -86,18 +93,19 @@ def _kind(field: Schema) -> str:
     return kind if kind in ("number", "integer", "boolean", "array") else "string"
 
 
-def _range(field: Schema, default: Any, kind: str) -> dict[str, Any]:
-    """Bounds of the slider (ui_min, ui_max where the model says so), its step, and whether it is logarithmic."""
+def _range(field: Schema, slider: Slider, default: Any, kind: str) -> dict[str, Any]:
+    """Bounds of the slider, or of the model where it has none; its step, and whether it is logarithmic."""
     size = abs(float(default)) if isinstance(default, int | float) and default else 1.0
-    low = _first(field, ("ui_min", "minimum", "exclusiveMinimum"), 0.0)
-    high = _first(field, ("ui_max", "maximum", "exclusiveMaximum"), max(4 * size, low + 4 * size))
-    log = bool(field.get("log", low > 0 and high / low >= 1000))
-    step = field.get("step", 1 if kind == "integer" else _nice_step((high - low) / 200))
-    return {"min": low, "max": high, "step": step, "log": log and low > 0}
+    low = _first(slider.low, field.get("minimum"), field.get("exclusiveMinimum"), 0.0)
+    high = _first(slider.high, field.get("maximum"), field.get("exclusiveMaximum"), max(4 * size, low + 4 * size))
+    wide = slider.low is None and low > 0 and high / low >= 1000
+    step = 1 if kind == "integer" else _nice_step((high - low) / 200)
+    return {"min": low, "max": high, "step": step, "log": (slider.log or wide) and low > 0}
 
 
-def _first(field: Schema, names: tuple[str, ...], otherwise: float) -> float:
-    return next((float(field[n]) for n in names if field.get(n) is not None), otherwise)
+def _first(*bounds: float | None) -> float:
+    """The first bound that there is."""
+    return next(float(bound) for bound in bounds if bound is not None)
 
 
 def _nice_step(raw: float) -> float:
