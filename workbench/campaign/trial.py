@@ -14,7 +14,7 @@ import numpy as np
 from calib import FrameObservation, Observations, calibrate
 from extraction import extract
 from geometry import PerceptronEmuError, SurfacePoints
-from perceptron_emu import Frame, render
+from perceptron_emu import RenderedFrame, render
 from workbench.campaign.emulated import EmulatedCell, emulated_cell
 from workbench.campaign.outcome import Outcome, calibrated, labelled_only, score_frames, trial_row
 from workbench.campaign.settings import TrialSettings
@@ -64,7 +64,7 @@ def _answer(observations: Observations, emulated: EmulatedCell, settings: TrialS
 
 def trial_frames(
     settings: TrialSettings, run: str, seed: np.random.SeedSequence
-) -> Iterator[tuple[Configuration, Frame]]:
+) -> Iterator[tuple[Configuration, RenderedFrame]]:
     """The frames of a trial alone, the same bytes as when it was run; none where no configurations were found."""
     try:
         emulated = emulated_cell(settings, _cell_rng(seed), one_view=run == ONE_VIEW)
@@ -74,7 +74,9 @@ def trial_frames(
         yield configuration, render_frame(emulated, configuration, seed)
 
 
-def one_trial_frame(settings: TrialSettings, run: str, seed: np.random.SeedSequence, frame: int) -> Frame | None:
+def one_trial_frame(
+    settings: TrialSettings, run: str, seed: np.random.SeedSequence, frame: int
+) -> RenderedFrame | None:
     """One frame of a trial as when it was run; None where no configurations were found."""
     try:
         emulated = emulated_cell(settings, _cell_rng(seed), one_view=run == ONE_VIEW)
@@ -94,7 +96,7 @@ def frame_rng(seed: np.random.SeedSequence, frame: int) -> np.random.Generator:
     return np.random.default_rng(np.random.SeedSequence(seed.entropy, spawn_key=key))
 
 
-def render_frame(emulated: EmulatedCell, configuration: Configuration, seed: np.random.SeedSequence) -> Frame:
+def render_frame(emulated: EmulatedCell, configuration: Configuration, seed: np.random.SeedSequence) -> RenderedFrame:
     """One frame of the trial, the same bytes whenever it is made."""
     scene = frame_scene(emulated.cell, emulated.true, configuration)
     return render(scene, emulated.cell.sensor.emulator, frame_rng(seed, configuration.frame))
@@ -102,7 +104,7 @@ def render_frame(emulated: EmulatedCell, configuration: Configuration, seed: np.
 
 def _measure(
     emulated: EmulatedCell, settings: TrialSettings, seed: np.random.SeedSequence, clock: _Clock
-) -> tuple[list[Frame], list[SurfacePoints]]:
+) -> tuple[list[RenderedFrame], list[SurfacePoints]]:
     """All frames, and their spots by the configuration that a dataset of these images would be given."""
     sensor = emulated.cell.sensor
     with clock("render_s"):
@@ -126,7 +128,7 @@ def image_name(frame: int) -> str:
     return f"{frame:03d}.png"
 
 
-def png(frame: Frame) -> bytes:
+def png(frame: RenderedFrame) -> bytes:
     """A frame's image as it is kept."""
     return bytes(cv2.imencode(".png", frame.image, PNG_FASTEST)[1])
 
