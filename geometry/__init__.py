@@ -8,12 +8,15 @@ from geometry.points import AxisPoints, SurfacePoints
 from geometry.pose import Pose, cross, exp_so3, log_so3, nearest_rotation, quaternion_wxyz, skew, stack_poses
 from geometry.robot import PARAMETERS, RobotModel, RobotUncertainty
 from geometry.sensor import SensorModel
+from geometry.unknowns import Block, Linearised, State, Step, Term, Unknowns
 
 __all__ = [
     "PARAMETERS",
     "AxisPoints",
+    "Block",
     "InputError",
     "InverseKinematics",
+    "Linearised",
     "MissingDependencyError",
     "NoAnswerError",
     "PerceptronEmuError",
@@ -21,7 +24,11 @@ __all__ = [
     "RobotModel",
     "RobotUncertainty",
     "SensorModel",
+    "State",
+    "Step",
     "SurfacePoints",
+    "Term",
+    "Unknowns",
     "all_solutions",
     "cross",
     "cross_plane_x0",
