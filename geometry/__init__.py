@@ -2,25 +2,53 @@
 
 from geometry.errors import InputError, MissingDependencyError, NoAnswerError, PerceptronEmuError, did_you_mean
 from geometry.field_of_view import field_of_view, inside_polygon
-from geometry.inverse_kinematics import InverseKinematics, all_solutions, inverse_kinematics
 from geometry.lines import cross_plane_x0, distance_to_line
 from geometry.points import AxisPoints, SurfacePoints
 from geometry.pose import Pose, cross, exp_so3, log_so3, nearest_rotation, quaternion_wxyz, skew, stack_poses
-from geometry.robot import PARAMETERS, RobotModel, RobotUncertainty
+from geometry.robot import (
+    PARAMETERS,
+    Arm,
+    Compliance,
+    Compliant,
+    Corrected,
+    DhRobot,
+    GivenPoses,
+    InverseKinematics,
+    JointDeviation,
+    Parameter,
+    Robot,
+    RobotModel,
+    RobotUncertainty,
+    all_solutions,
+    draw_errors,
+    inverse_kinematics,
+    require_arm,
+    table,
+    with_beta_prior,
+)
 from geometry.sensor import SensorModel
 from geometry.unknowns import Block, Linearised, State, Step, Term, Unknowns
 
 __all__ = [
     "PARAMETERS",
+    "Arm",
     "AxisPoints",
     "Block",
+    "Compliance",
+    "Compliant",
+    "Corrected",
+    "DhRobot",
+    "GivenPoses",
     "InputError",
     "InverseKinematics",
+    "JointDeviation",
     "Linearised",
     "MissingDependencyError",
     "NoAnswerError",
+    "Parameter",
     "PerceptronEmuError",
     "Pose",
+    "Robot",
     "RobotModel",
     "RobotUncertainty",
     "SensorModel",
@@ -34,6 +62,7 @@ __all__ = [
     "cross_plane_x0",
     "did_you_mean",
     "distance_to_line",
+    "draw_errors",
     "exp_so3",
     "field_of_view",
     "inside_polygon",
@@ -41,6 +70,9 @@ __all__ = [
     "log_so3",
     "nearest_rotation",
     "quaternion_wxyz",
+    "require_arm",
     "skew",
     "stack_poses",
+    "table",
+    "with_beta_prior",
 ]

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geometry import NoAnswerError, Pose, RobotModel, SensorModel, stack_poses
-from geometry.inverse_kinematics import inverse_kinematics
+from geometry.robot.inverse_kinematics import inverse_kinematics
 from jig_cad import Jig
 from workbench.clearance import arm_clears
 from workbench.view_space import Tally, ViewLimits, ViewSpace

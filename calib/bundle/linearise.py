@@ -135,5 +135,5 @@ def _parameters(problem: Problem, state: State) -> Array:
     chain = problem.chain
     if not np.any(state.parameters) or chain.joints_rad is None:
         return chain.parameter_jacobian
-    jacobian = corrected_robot(problem, state.parameters).parameter_jacobian(chain.joints_rad)
+    jacobian = corrected_robot(problem, state.parameters).stacked_jacobian(chain.joints_rad)
     return np.asarray(jacobian[:, :, chain.parameters[:, 0], chain.parameters[:, 1]])

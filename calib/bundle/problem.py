@@ -117,7 +117,7 @@ def robot_chain(robot: RobotModel, joints_rad: Array, beta_sigma_rad: float = 0.
     """
     sigma = parameter_sigmas(robot, beta_sigma_rad)
     rows, joints = np.nonzero(sigma > 0)
-    jacobian = robot.parameter_jacobian(joints_rad)[:, :, rows, joints]
+    jacobian = robot.stacked_jacobian(joints_rad)[:, :, rows, joints]
     j = robot.joint_jacobian(joints_rad)
     noise = robot.uncertainty.joint_sigma_rad**2 * (j @ np.swapaxes(j, -1, -2))
     parameters = np.column_stack([rows, joints])

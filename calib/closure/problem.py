@@ -185,7 +185,7 @@ def _rows(p: ClosureProblem, tool: Array, sockets: Array, values: Array, free: M
     joints = to_point @ robot.joint_jacobian(p.joints_rad)
     covariance = p.seat_mm**2 * np.eye(3) + p.joint_rad**2 * joints @ np.swapaxes(joints, -1, -2)
     white = np.linalg.inv(np.linalg.cholesky(covariance)) * np.sqrt(weight)[:, None, None]
-    moved = to_point @ robot.parameter_jacobian(p.joints_rad)[:, :, p.parameters[:, 0], p.parameters[:, 1]]
+    moved = to_point @ robot.stacked_jacobian(p.joints_rad)[:, :, p.parameters[:, 0], p.parameters[:, 1]]
     residual = hand @ tool - sockets[p.location, p.side]
     a = white @ np.concatenate([hand.R, moved], -1) * free
     r = (white @ residual[..., None])[..., 0]

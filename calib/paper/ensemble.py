@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.calibrate import calibrate
-from calib.compliance import Compliance
 from calib.config import CalibConfig
 from calib.synthetic.cell import Cell, Layout, Noise, made_cell, observe, random_cell
 from geometry import NoAnswerError, Pose
+from geometry.robot.compliant import Compliance
 
 Array = NDArray[np.float64]
 

@@ -110,7 +110,7 @@ def origins(problem: PaperProblem, T_hand_sensor: Pose, offsets_rad: Array) -> t
     scp = np.concatenate([rotation, -rotation @ skew(problem.origins_mm)], -1)
     if not chosen or robot is None or joints is None:
         return hand @ in_hand, scp
-    twists = robot.parameter_jacobian(joints)[:, :, 0, chosen]  # (F, 6, k), hand axes
+    twists = robot.stacked_jacobian(joints)[:, :, 0, chosen]  # (F, 6, k), hand axes
     moved = hand.R @ (twists[:, :3] - skew(in_hand) @ twists[:, 3:])
     return hand @ in_hand, np.concatenate([scp, moved], -1)
 

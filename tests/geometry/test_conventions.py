@@ -10,7 +10,7 @@ from pytransform3d import rotations as pr
 from scipy.spatial.transform import Rotation
 
 from geometry import InputError, Pose
-from geometry.conventions import CONVENTIONS, express, interpret
+from geometry.robot.conventions import CONVENTIONS, express, interpret
 from tests.geometry.strategies import poses
 
 ATOL_ROTATION = 3e-9  # within 1e-9 of the gimbal lock the turn about X is set to 0

@@ -51,7 +51,7 @@ def test_parameter_jacobian_is_the_derivative(seed: int, convention: str) -> Non
     robot = random_robot(rng, 6, convention)
     q = rng.uniform(-np.pi, np.pi, 6)
     back = robot.hand_pose(q).inverse()
-    jacobian = robot.parameter_jacobian(q)
+    jacobian = robot.stacked_jacobian(q)
     step = 1e-5
     for row in range(len(PARAMETERS)):
         for i in range(6):
@@ -85,7 +85,7 @@ def test_batches_are_rows_of_single_readings(seed: int, convention: str) -> None
     for i in np.ndindex(2, 3):
         np.testing.assert_allclose(batch.matrix[i], robot.hand_pose(q[i]).matrix, rtol=0, atol=1e-11)
         np.testing.assert_allclose(links.matrix[i], robot.link_poses(q[i]).matrix, rtol=0, atol=1e-11)
-        for method in ("parameter_jacobian", "joint_jacobian"):
+        for method in ("stacked_jacobian", "joint_jacobian"):
             one, many = getattr(robot, method)(q[i]), getattr(robot, method)(q)[i]
             np.testing.assert_allclose(many, one, rtol=0, atol=1e-10)
 

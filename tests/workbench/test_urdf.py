@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from pytransform3d.urdf import UrdfTransformManager
 
 from geometry import InputError, Pose
-from geometry.axes_to_dh import robot_from_axes
+from geometry.robot.axes_to_dh import robot_from_axes
 from workbench.formats.robot_file import read_robot
 from workbench.formats.urdf import read_urdf
 from workbench.formats.urdf_write import write_urdf

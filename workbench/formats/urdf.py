@@ -12,7 +12,7 @@ from defusedxml import DefusedXmlException, ElementTree
 from numpy.typing import NDArray
 
 from geometry import InputError, Pose, RobotModel
-from geometry.axes_to_dh import robot_from_axes
+from geometry.robot.axes_to_dh import robot_from_axes
 from workbench.formats.strict import suggestion
 from workbench.formats.toml_text import read_text
 

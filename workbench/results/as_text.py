@@ -13,7 +13,7 @@ from rich.text import Text
 from calib import CalibrationResult
 from calib.result import DesignSolved
 from geometry import Pose
-from geometry.conventions import CONVENTIONS, express
+from geometry.robot.conventions import CONVENTIONS, express
 
 AXES = ("X", "Y", "Z")
 COLOURS = {"ok": "green", "model_misfit": "yellow", "weak": "yellow"}

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from calib import CalibrationResult
 from calib.result import FrameResult
-from geometry.conventions import CONVENTIONS, express
+from geometry.robot.conventions import CONVENTIONS, express
 from workbench.formats import Cell, read_image
 from workbench.formats.atomic import write_text
 from workbench.formats.settings_file import Settings, settings_text

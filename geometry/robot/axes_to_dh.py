@@ -9,16 +9,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from geometry.errors import InputError
 from geometry.pose import Pose
-from geometry.robot import RobotModel
+from geometry.robot.dh import DhRobot
 
 Array = NDArray[np.float64]
 
-NEARLY_PARALLEL_RAD = 0.02  # below this the common normal runs away and Hayati's β takes the place of d
+COMMON_NORMAL_RAD = 0.02  # below this the common normal runs away and Hayati's β takes the place of d
 ATOL_MM = 1e-7
 _TOUCHING_MM = 1e-9
 
 
-def robot_from_axes(points: ArrayLike, directions: ArrayLike, T_base_hand: Pose) -> RobotModel:
+def robot_from_axes(points: ArrayLike, directions: ArrayLike, T_base_hand: Pose) -> DhRobot:
     """The standard DH model of revolute joints about given axes, without limits.
 
     points, directions: a point (n, 3) [mm] on every joint's axis and the axis (n, 3), in the base, all readings at 0.
@@ -42,7 +42,7 @@ def robot_from_axes(points: ArrayLike, directions: ArrayLike, T_base_hand: Pose)
     T_last_hand = (here @ _link(rows[-1])).inverse() @ T_base_hand
     if np.max(np.abs(T_last_hand.matrix - np.eye(4))) < 1e-12:
         T_last_hand = Pose.identity()
-    table = RobotModel.from_dh(theta, d, a, alpha, beta=beta)
+    table = DhRobot.from_dh(theta, d, a, alpha, beta=beta)
     robot = replace(table, T_base_first=first, T_last_hand=T_last_hand)
     _check_axes(robot, p, z)
     return robot
@@ -64,7 +64,7 @@ def _row_to_axis(here: Pose, point: Array, axis: Array) -> tuple[float, float, f
     back = here.inverse()
     p, v = back @ point, back.R @ axis  # the next axis, seen from here: own axis is z through the origin
     sine = np.hypot(v[0], v[1])
-    if sine < np.sin(NEARLY_PARALLEL_RAD):
+    if sine < np.sin(COMMON_NORMAL_RAD):
         foot = p - v * (p[2] / v[2])  # where the next axis crosses this frame's xy plane
         a = float(np.hypot(foot[0], foot[1]))
         theta = _angle(foot[1], foot[0]) if a > _TOUCHING_MM else 0.0
@@ -104,10 +104,10 @@ def _turned(v: Array, angle: float) -> Array:
 
 def _link(row: tuple[float, float, float, float, float]) -> Pose:
     theta, d, a, alpha, beta = row
-    return RobotModel.from_dh([theta], [d], [a], [alpha], beta=beta).hand_pose([0.0])
+    return DhRobot.from_dh([theta], [d], [a], [alpha], beta=beta).pose([0.0])
 
 
-def _check_axes(robot: RobotModel, points: Array, directions: Array) -> None:
+def _check_axes(robot: DhRobot, points: Array, directions: Array) -> None:
     """InputError where the table lost an axis, as degenerate input might make it."""
     frames = robot.link_poses(np.zeros(robot.n_joints))[:-1]
     off = np.linalg.norm(np.cross(points - frames.t, directions), axis=1)

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from geometry.errors import InputError
 from geometry.pose import Pose
-from geometry.robot import RobotModel
+from geometry.robot.model import Arm
 
 Array = NDArray[np.float64]
 
@@ -36,7 +36,7 @@ class InverseKinematics:
 
 
 def inverse_kinematics(
-    robot: RobotModel,
+    robot: Arm,
     goals: Pose,
     rng: np.random.Generator,
     seeds: ArrayLike | None = None,
@@ -69,14 +69,14 @@ def inverse_kinematics(
     )
 
 
-def all_solutions(robot: RobotModel, goal: Pose, rng: np.random.Generator, starts: int = 160) -> Array:
+def all_solutions(robot: Arm, goal: Pose, rng: np.random.Generator, starts: int = 160) -> Array:
     """Distinct solutions (S, n) [rad] within the limits for one goal T_base_hand, as found from ``starts`` starts.
 
     Solutions that differ by whole turns are one; a redundant arm has infinitely many, of which these are samples.
     """
     goals = Pose(np.broadcast_to(goal.R, (starts, 3, 3)), np.broadcast_to(goal.t, (starts, 3)))
     _check_goals(goals)
-    start = rng.uniform(robot.min_rad, robot.max_rad, (starts, robot.n_joints))
+    start = rng.uniform(*_limits(robot), (starts, robot.n_joints))
     joints, position, rotation = _solve(robot, goals, start, near=None)
     found = joints[_is_solved(position, rotation)]
     distinct: list[Array] = []
@@ -95,8 +95,9 @@ class _Search:
     rotation: Array
 
     @staticmethod
-    def begin(robot: RobotModel, goals: int) -> _Search:
-        middle = np.tile((robot.min_rad + robot.max_rad) / 2, (goals, 1))
+    def begin(robot: Arm, goals: int) -> _Search:
+        low, high = _limits(robot)
+        middle = np.tile((low + high) / 2, (goals, 1))
         return _Search(middle, np.full(goals, np.inf), np.full(goals, np.inf))
 
     @property
@@ -112,10 +113,10 @@ class _Search:
                 self.position[index[i]], self.rotation[index[i]] = position[i], rotation[i]
 
 
-def _from_pool(robot: RobotModel, goals: Pose, rng: np.random.Generator, max_starts: int, best: _Search) -> None:
+def _from_pool(robot: Arm, goals: Pose, rng: np.random.Generator, max_starts: int, best: _Search) -> None:
     """Rounds of starts from random configurations, nearest to the goal first."""
-    pool = rng.uniform(robot.min_rad, robot.max_rad, (POOL, robot.n_joints))
-    poses = robot.hand_pose(pool)
+    pool = rng.uniform(*_limits(robot), (POOL, robot.n_joints))
+    poses = robot.pose(pool)
     scale = _length(robot)
     for first in range(0, max_starts, STARTS_PER_ROUND):
         open_goals = np.flatnonzero(~best.converged)
@@ -130,7 +131,7 @@ def _from_pool(robot: RobotModel, goals: Pose, rng: np.random.Generator, max_sta
         best.offer(index, *_solve(robot, goals[index], pool[chosen.ravel()], near=None))
 
 
-def _solve(robot: RobotModel, goals: Pose, start: Array, near: Array | None) -> tuple[Array, Array, Array]:
+def _solve(robot: Arm, goals: Pose, start: Array, near: Array | None) -> tuple[Array, Array, Array]:
     """Levenberg-Marquardt from each start (B, n) to its goal (B): readings, position and rotation errors."""
     weight = np.array([1.0, 1.0, 1.0, *[_length(robot)] * 3])  # the twist's error in mm throughout
     joints = _into_limits(robot, np.array(start), near)
@@ -153,10 +154,11 @@ def _solve(robot: RobotModel, goals: Pose, start: Array, near: Array | None) -> 
     return joints, *_norms(error)
 
 
-def _step(robot: RobotModel, joints: Array, error: Array, jacobian: Array, damping: Array) -> Array:
+def _step(robot: Arm, joints: Array, error: Array, jacobian: Array, damping: Array) -> Array:
     """Damped step (B, n); a joint at its limit that would be pushed out stays."""
+    low, high = _limits(robot)
     gradient = (jacobian * error[:, :, None]).sum(1)
-    blocked = ((joints <= robot.min_rad) & (gradient < 0)) | ((joints >= robot.max_rad) & (gradient > 0))
+    blocked = ((joints <= low) & (gradient < 0)) | ((joints >= high) & (gradient > 0))
     free = np.where(blocked, 0.0, 1.0)
     j = jacobian * free[:, None, :]
     squared = np.sum(error**2, -1)
@@ -167,36 +169,44 @@ def _step(robot: RobotModel, joints: Array, error: Array, jacobian: Array, dampi
     return np.asarray(np.linalg.solve(normal, (gradient * free)[..., None])[..., 0])
 
 
-def _error(robot: RobotModel, goals: Pose, joints: Array) -> tuple[Array, Array]:
+def _error(robot: Arm, goals: Pose, joints: Array) -> tuple[Array, Array]:
     """The twists (B, 6) [mm, rad] from the hand to the goals, in the hand's axes, and the Jacobian (B, 6, n)."""
     hand, jacobian = robot.pose_and_jacobian(joints)
     return (hand.inverse() @ goals).log(), jacobian
 
 
-def _into_limits(robot: RobotModel, joints: Array, near: Array | None) -> Array:
+def _into_limits(robot: Arm, joints: Array, near: Array | None) -> Array:
     """The readings turned by whole turns towards ``near`` (or the limits' middle), then clipped."""
-    middle = (robot.min_rad + robot.max_rad) / 2
+    low, high = _limits(robot)
+    middle = (low + high) / 2
     turned = joints - np.where(_turns_freely(robot), 2 * np.pi * np.round((joints - middle) / (2 * np.pi)), 0.0)
     if near is not None:
         closer = turned - np.where(_turns_freely(robot), 2 * np.pi * np.round((turned - near) / (2 * np.pi)), 0.0)
-        turned = np.where((closer >= robot.min_rad) & (closer <= robot.max_rad), closer, turned)
-    return np.clip(turned, robot.min_rad, robot.max_rad)
+        turned = np.where((closer >= low) & (closer <= high), closer, turned)
+    return np.clip(turned, low, high)
 
 
-def _whole_turns_off(robot: RobotModel, difference: Array) -> Array:
+def _whole_turns_off(robot: Arm, difference: Array) -> Array:
     turns = 2 * np.pi * np.round(difference / (2 * np.pi))
     return np.where(_turns_freely(robot), difference - turns, difference)
 
 
-def _turns_freely(robot: RobotModel) -> NDArray[np.bool_]:
+def _turns_freely(robot: Arm) -> NDArray[np.bool_]:
     """Whether a whole turn of a joint's reading leaves the arm as it was (n,): its coupling is in whole numbers."""
-    m = robot.readings_to_angles
+    m = robot.dh_part().readings_to_angles
     return np.asarray(np.all(m == np.round(m), axis=0))
 
 
-def _length(robot: RobotModel) -> float:
+def _limits(robot: Arm) -> tuple[Array, Array]:
+    """Lower and upper limits (n,) of the readings [rad]."""
+    table = robot.dh_part()
+    return table.min_rad, table.max_rad
+
+
+def _length(robot: Arm) -> float:
     """A length [mm] that makes angles comparable to distances: a third of the arm's links in a row."""
-    return float(max(np.sum(np.hypot(robot.a, robot.d)) / 3, 1.0))
+    table = robot.dh_part()
+    return float(max(np.sum(np.hypot(table.a, table.d)) / 3, 1.0))
 
 
 def _norms(error: Array) -> tuple[Array, Array]:
@@ -216,7 +226,7 @@ def _check_goals(goals: Pose) -> None:
         raise InputError("a goal of the inverse kinematics holds a number that is not finite")
 
 
-def _checked_seeds(robot: RobotModel, seeds: ArrayLike) -> Array:
+def _checked_seeds(robot: Arm, seeds: ArrayLike) -> Array:
     q = np.asarray(seeds, dtype=float)
     if q.shape[-1:] != (robot.n_joints,) or not np.all(np.isfinite(q)):
         raise InputError(f"seeds must be finite readings of {robot.n_joints} joints, not of shape {q.shape}")

@@ -1,0 +1,56 @@
+"""Robots: parameters with priors, the hand's pose and its derivatives, decorators, and the way back to readings."""
+
+from geometry.robot.axes_to_dh import robot_from_axes
+from geometry.robot.compliant import GRAVITY, Compliance, Compliant, deflection, torque
+from geometry.robot.conventions import CONVENTIONS, Convention, express, interpret
+from geometry.robot.corrected import Corrected
+from geometry.robot.dh import (
+    DH_CONVENTIONS,
+    DH_ROWS,
+    PARAMETERS,
+    TYPICAL_SIGMA,
+    DhRobot,
+    DhRow,
+    RobotModel,
+    RobotUncertainty,
+)
+from geometry.robot.given_poses import GivenPoses
+from geometry.robot.inverse_kinematics import InverseKinematics, all_solutions, inverse_kinematics
+from geometry.robot.joint_deviation import JointDeviation
+from geometry.robot.model import Arm, Robot, require_arm, with_beta_prior
+from geometry.robot.parameter import Parameter
+from geometry.robot.table import draw_errors, table
+
+__all__ = [
+    "CONVENTIONS",
+    "DH_CONVENTIONS",
+    "DH_ROWS",
+    "GRAVITY",
+    "PARAMETERS",
+    "TYPICAL_SIGMA",
+    "Arm",
+    "Compliance",
+    "Compliant",
+    "Convention",
+    "Corrected",
+    "DhRobot",
+    "DhRow",
+    "GivenPoses",
+    "InverseKinematics",
+    "JointDeviation",
+    "Parameter",
+    "Robot",
+    "RobotModel",
+    "RobotUncertainty",
+    "all_solutions",
+    "deflection",
+    "draw_errors",
+    "express",
+    "interpret",
+    "inverse_kinematics",
+    "require_arm",
+    "robot_from_axes",
+    "table",
+    "torque",
+    "with_beta_prior",
+]
