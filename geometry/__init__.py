@@ -3,7 +3,7 @@
 from geometry.errors import InputError, MissingDependencyError, NoAnswerError, PerceptronEmuError, did_you_mean
 from geometry.field_of_view import field_of_view, inside_polygon
 from geometry.lines import cross_plane_x0, distance_to_line
-from geometry.points import AxisPoints, SurfacePoints
+from geometry.points import AxisPoints, SheetPoints, SurfacePoints
 from geometry.pose import Pose, cross, exp_so3, log_so3, nearest_rotation, quaternion_wxyz, skew, stack_poses
 from geometry.robot import (
     PARAMETERS,
@@ -27,6 +27,7 @@ from geometry.robot import (
     with_beta_prior,
 )
 from geometry.sensor import SensorModel
+from geometry.target import Prediction, Shape, Surface, Symmetry, Target
 from geometry.unknowns import Block, Linearised, State, Step, Term, Unknowns
 
 __all__ = [
@@ -48,13 +49,19 @@ __all__ = [
     "Parameter",
     "PerceptronEmuError",
     "Pose",
+    "Prediction",
     "Robot",
     "RobotModel",
     "RobotUncertainty",
     "SensorModel",
+    "Shape",
+    "SheetPoints",
     "State",
     "Step",
+    "Surface",
     "SurfacePoints",
+    "Symmetry",
+    "Target",
     "Term",
     "Unknowns",
     "all_solutions",

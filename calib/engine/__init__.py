@@ -1,11 +1,20 @@
 """The one least-squares engine: terms and named unknowns in, a result with its covariance out."""
 
 from calib.engine.covariance import Covariance, covariance, deviance, scaled_condition
-from calib.engine.normal import Normal, considered_covariance, group_normals, reduced, scaled_solve, total_normal
-from calib.engine.solve import Loss, Result, cauchy, solve
+from calib.engine.normal import (
+    GroupNormals,
+    Normal,
+    considered_covariance,
+    group_normals,
+    normal_step,
+    reduced,
+    scaled_solve,
+)
+from calib.engine.solve import Loss, Result, cauchy, solve, total_cost
 
 __all__ = [
     "Covariance",
+    "GroupNormals",
     "Loss",
     "Normal",
     "Result",
@@ -14,9 +23,10 @@ __all__ = [
     "covariance",
     "deviance",
     "group_normals",
+    "normal_step",
     "reduced",
     "scaled_condition",
     "scaled_solve",
     "solve",
-    "total_normal",
+    "total_cost",
 ]

@@ -111,6 +111,21 @@ def solve(
     return here.result(initial, iterations, converged)
 
 
+def prior_cost(unknowns: Unknowns, state: State) -> float:
+    """Squared departures of what is free from its priors, in σ."""
+    total = float(prior_weights(unknowns.sigma, unknowns.free) @ departure(unknowns, state) ** 2)
+    for block in unknowns.separate:
+        if not block.is_pose and np.any(weight := prior_weights(block.sigma, block.free)):
+            total += float(np.sum(state.vector(block.name) ** 2 @ weight))
+    return total
+
+
+def total_cost(unknowns: Unknowns, state: State, linearised: Sequence[Linearised]) -> float:
+    """The cost at a state of terms linearised there, by their own covariances."""
+    whitened = (whitener(lin.covariance) @ lin.residual[..., None] for lin in linearised)
+    return sum((float(np.vdot(w, w)) for w in whitened), prior_cost(unknowns, state))
+
+
 @dataclass(frozen=True, eq=False)
 class _Problem:
     terms: tuple[Term, ...]
@@ -124,16 +139,8 @@ class _Problem:
 
     def cost(self, residuals: Sequence[Array], whites: Sequence[Array], state: State) -> float:
         """Squared whitened residuals and priors."""
-        total = 0.0
-        for r, white in zip(residuals, whites, strict=True):
-            w = white @ r[..., None]
-            total += float(np.vdot(w, w))
-        off = departure(self.unknowns, state)
-        total += float(prior_weights(self.unknowns.sigma, self.unknowns.free) @ off**2)
-        for block in self.unknowns.separate:
-            if not block.is_pose and np.any(weight := prior_weights(block.sigma, block.free)):
-                total += float(np.sum(state.vector(block.name) ** 2 @ weight))
-        return total
+        whitened = (white @ r[..., None] for r, white in zip(residuals, whites, strict=True))
+        return sum((float(np.vdot(w, w)) for w in whitened), prior_cost(self.unknowns, state))
 
 
 class _Point:

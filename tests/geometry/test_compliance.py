@@ -5,12 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-<<<<<<< HEAD:tests/calib/test_compliance.py
-from calib.compliance import GRAVITY, Compliance, deflection
 from calib.synthetic.cell import industrial_arm
-=======
-from calib.synthetic import industrial_arm
->>>>>>> h/robot:tests/geometry/test_compliance.py
 from geometry import InputError
 from geometry.robot.compliant import GRAVITY, Compliance, deflection
 
