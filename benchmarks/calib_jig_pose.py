@@ -1,6 +1,6 @@
 """The jig's pose from one frame: exact recovery, ambiguity said to be so, what the sixth string buys.
 
-Run: python benchmarks/calib_jig_pose.py [cells]. Prints those of docs/jig_pose.md; a few minutes for 10,000 cells.
+Run: calib_jig_pose.py [cells]. Prints the figures of docs/jig_pose.md: a few minutes for 10,000 cells.
 """
 
 from __future__ import annotations

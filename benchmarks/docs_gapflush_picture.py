@@ -15,8 +15,8 @@ from extraction import extract_profile, measure_gap_flush
 from geometry import Pose
 from perceptron_emu import EmulatorConfig, Scene, render
 from perceptron_emu.panels import PanelPair
-from workbench.formats import read_sensor
-from workbench.results.gapflush_picture import draw_gap_flush
+from workbench.files import read_sensor
+from workbench.report.gapflush_picture import draw_gap_flush
 
 PANELS = PanelPair(gap_mm=4.0, flush_mm=1.2, radii_mm=(1.5, 2.5))
 

@@ -35,8 +35,8 @@ from perceptron_emu import ALUMINIUM, Material, Solid, panel
 from workbench.campaign.emulated import EmulatedCell, emulated_cell
 from workbench.campaign.settings import TrialSettings
 from workbench.campaign.trial import render_frame
-from workbench.scoring import VISIBLE, score_frame
-from workbench.speckle import dataset_config
+from workbench.cell.speckle import dataset_config
+from workbench.compare.match import VISIBLE, score_frame
 
 SETTINGS = TrialSettings.model_validate({"clutter": True, "poses": {"plans": 6}})
 EXTREMES = (0.5, 99.5)  # percentiles between which the trimmed scatter is taken

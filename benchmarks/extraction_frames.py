@@ -16,7 +16,7 @@ import numpy as np
 
 import assets
 from extraction import extract, extract_stages
-from workbench.formats import read_cell, read_image
+from workbench.files import read_cell, read_image
 
 CROWDED = 100
 

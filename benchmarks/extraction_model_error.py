@@ -19,7 +19,7 @@ import numpy as np
 from rendered_strings import Optics, budgets, matches, optics, scene
 
 from extraction import ExtractionConfig, NoiseConfig, extract, learn_speckle
-from extraction.speckle import correlation
+from extraction.spots import correlation
 from perceptron_emu import Scene, render
 
 DIAMETERS = (0.1, 0.2, 0.3, 0.5, 1.0)

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from rendered_strings import along_across, budgets
 
 from extraction import ExtractionConfig, LocaliseConfig, extract, learn_speckle
-from extraction.speckle import correlation
-from extraction.spot_budget import CLASSES, DISTANCES2, REACH
+from extraction.spots import correlation
+from extraction.spots.budget import CLASSES, DISTANCES2, REACH
 from geometry import Pose, SensorModel
 
 Array = NDArray[np.float64]

@@ -1,7 +1,7 @@
 """Spots against their bound: RMSE over the Cramér–Rao bound, calibration of σ and speed, beside peers on one data.
 
 Windows of 11 × 11 px, one spot at a random phase, pixel-integrated by quadrature, shot and read noise, in electrons.
-Bound: extraction.crlb with height, background and shape unknown (round: one width, elongated: three). "peak/noise" is
+Bound: `position_bound`, height, background and shape unknown (round: one width, elongated: three). "peak/noise" is
 the peak over the standard deviation of a pixel without the spot. Peers: picassosr (gaussmle), photutils, trackpy, sep,
 OpenCV; one that is not installed is skipped, saying so. The last table times whole frames of 1280 × 1024.
 Run: python benchmarks/extraction_spots.py [spots a point, default 5000]
@@ -26,9 +26,7 @@ from spot_peers import PEERS
 
 import assets
 from extraction import ExtractionConfig, LocaliseConfig, extract
-from extraction.crlb import TrueSpot, mean_image, position_bound
-from extraction.fast import fit_peaks
-from extraction.stack import fit_stack
+from extraction.spots import TrueSpot, fit_peaks, fit_stack, mean_image, position_bound
 from geometry import Pose, SensorModel
 
 SIDE, WIDTH_PX = 11, 1.3

@@ -16,7 +16,7 @@ from extraction import Profile, extract_profile, measure_gap_flush
 from geometry import PerceptronEmuError, SensorModel
 from perceptron_emu import EmulatorConfig, Material, Scene, render
 from perceptron_emu.panels import PanelPair, random_panels
-from workbench.formats import read_sensor
+from workbench.files import read_sensor
 
 SURFACES = {"matte": Material(0.6), "satin": Material(0.4, 0.05, 0.35)}
 EXPOSURE_MS = {"matte": 0.3, "satin": 0.15}

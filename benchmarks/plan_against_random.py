@@ -24,12 +24,12 @@ from calib.bundle.solution import solve_problem
 from calib.synthetic.cell import axis_points, dh_errors
 from geometry import Pose, stack_poses
 from jig_cad import sample_tolerance
-from workbench.expected import expected_points
-from workbench.formats import Cell, read_cell
-from workbench.locating import located
-from workbench.optimal import LEVER_MM, RANDOM_PLANS, random_plans, size_mm
-from workbench.proposing import Candidates, best_plan, candidates, plan_limits, pooled
-from workbench.starter import write_starter
+from workbench.cell.locating import located
+from workbench.cell.starter import write_starter
+from workbench.files import Cell, read_cell
+from workbench.plan.choose import LEVER_MM, RANDOM_PLANS, random_plans, size_mm
+from workbench.plan.expected import expected_points
+from workbench.plan.propose import Candidates, best_plan, candidates, plan_limits, pooled
 
 PER_LOCATION = 7
 BLOCKS = 10  # of as many draws as each random plan gets, for the planned views

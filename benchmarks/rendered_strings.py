@@ -9,17 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from extraction import ExtractionConfig, extract, image_to_sheet
-from extraction.candidates import find_candidates
-from extraction.localise import localise
-from extraction.noise import noise_model
-from extraction.pipeline import sheet_scale
-from extraction.preprocess import prepare
-from extraction.spot_errors import spot_errors as all_errors
-from extraction.spot_noise import SpotNoise
+from extraction.spots.candidates import find_candidates
+from extraction.spots.errors import spot_errors as all_errors
+from extraction.spots.localise import localise
+from extraction.spots.noise import noise_model
+from extraction.spots.pipeline import sheet_scale
+from extraction.spots.prepare import prepare
+from extraction.spots.spot_noise import SpotNoise
 from geometry import Pose, SensorModel, SurfacePoints, exp_so3
 from jig_cad import Jig
 from perceptron_emu import EmulatorConfig, Frame, Material, Scene, render
-from workbench.presets import find_sensor
+from workbench.cell.presets import find_sensor
 
 Array = NDArray[np.float64]
 

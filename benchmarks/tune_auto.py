@@ -21,17 +21,17 @@ from extraction import ExtractionConfig
 from geometry import Pose, SensorModel
 from jig_cad import Jig, sample_tolerance
 from perceptron_emu import EmulatorConfig
-from workbench.demo.experiment import DESIGN, demo_robot, demo_sensor
-from workbench.emulated_cell import with_errors
-from workbench.formats import Cell, Sensor
-from workbench.planning import ViewProblem, plan_views
-from workbench.recording import TrueCell, record, with_joint_noise
-from workbench.starter import PLACES, place_of_jig
-from workbench.surroundings import jig_bodies, sees_all_strings, wall_behind
-from workbench.tuning.judge import judge
-from workbench.tuning.score import Score
-from workbench.tuning.search import search
-from workbench.tuning.task import make_task
+from workbench.cell.starter import PLACES, place_of_jig
+from workbench.cell.surroundings import jig_bodies, sees_all_strings, wall_behind
+from workbench.emulate.experiment import DESIGN, demo_robot, demo_sensor
+from workbench.emulate.record import TrueCell, record, with_joint_noise
+from workbench.emulate.truth import with_errors
+from workbench.files import Cell, Sensor
+from workbench.plan.views import ViewProblem, plan_views
+from workbench.tune.judge import judge
+from workbench.tune.score import Score
+from workbench.tune.search import search
+from workbench.tune.task import make_task
 from workbench.window.opening import Request, open_session
 
 PER_LOCATION = 8

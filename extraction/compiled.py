@@ -37,7 +37,7 @@ def inner_fast(function: F) -> F:
 
 def _package_stamp() -> tuple[float, int]:
     """Time of the newest source file with compiled code in the package, and the size of all."""
-    files = [path for path in Path(__file__).parent.glob("*.py") if b"extraction.compiled" in path.read_bytes()]
+    files = [path for path in Path(__file__).parent.rglob("*.py") if b"extraction.compiled" in path.read_bytes()]
     return max(path.stat().st_mtime for path in files), sum(path.stat().st_size for path in files)
 
 

@@ -1,5 +1,5 @@
 """`python -m workbench` is `perceptron-emu`."""
 
-from workbench.main import main
+from workbench.cli.main import main
 
 main()

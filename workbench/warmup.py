@@ -10,9 +10,9 @@ def main() -> None:
     import assets
     from geometry import Pose
     from perceptron_emu import Scene, render
-    from workbench.formats import read_cell
-    from workbench.pipeline import observe, solve
-    from workbench.surroundings import jig_bodies
+    from workbench.cell.pipeline import observe, solve
+    from workbench.cell.surroundings import jig_bodies
+    from workbench.files import read_cell
 
     cell = read_cell(assets.path("samples", "cell_a"))
     T_sensor_jig = Pose.from_fixed_xyz_deg((5.0, 10.0, 0.0), (-50.0, 0.0, 330.0))

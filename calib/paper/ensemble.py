@@ -16,7 +16,7 @@ from calib.calibrate import calibrate
 from calib.config import CalibConfig
 from calib.synthetic.cell import Cell, Layout, Noise, made_cell, observe, random_cell
 from geometry import NoAnswerError, Pose
-from geometry.robot.compliant import Compliance
+from geometry.robot import Compliance
 
 Array = NDArray[np.float64]
 

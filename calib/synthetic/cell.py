@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from calib.observation import FrameObservation, Observations, Role
 from geometry import AxisPoints, NoAnswerError, Pose, RobotModel, SensorModel, cross_plane_x0, exp_so3, stack_poses
-from geometry.robot.compliant import Compliance, deflection
+from geometry.robot import Compliance, deflection
 from jig_cad import Jig, sample_tolerance
 
 Array = NDArray[np.float64]

@@ -63,7 +63,7 @@ def _typical(key: str) -> float:
 
 @dataclass(frozen=True)
 class RobotUncertainty:
-    """Standard deviations of what a robot's table and its joints do not know.
+    """Standard deviations of a table and its joint readings; the defaults are those of an ordinary arm.
 
     Parameters
     ----------

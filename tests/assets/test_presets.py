@@ -8,7 +8,7 @@ import assets
 from geometry import InputError, field_of_view, inside_polygon
 from jig_cad import read_jig
 from tests.recordings import MISSING, recording
-from workbench.formats.sensor_file import read_sensor
+from workbench.files.sensor_file import read_sensor
 
 # near and far [mm from the face], width near, at the reference distance (None: not published) and far, wavelength [nm]
 DATA_SHEETS = {
@@ -77,7 +77,7 @@ def test_unknown_presets_are_refused() -> None:
 
 
 def test_the_sample_is_small_and_whole() -> None:
-    from workbench.formats import read_cell
+    from workbench.files import read_cell
 
     folder = assets.path("samples", "cell_a")
     cell = read_cell(folder)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from extraction.crlb import TrueSpot, mean_image
+from extraction.spots import TrueSpot, mean_image
 from geometry import Pose, SensorModel
 
 CAMERA_ROTATION = np.array([[0, -0.924016832, -0.382351793], [1, 0, 0], [0, -0.382351793, 0.924016832]])

@@ -6,7 +6,7 @@ import pytest
 
 import assets
 from extraction import ExtractionConfig, LocaliseConfig, NoiseConfig, extract, extract_stages, image_to_sheet
-from extraction.crlb import TrueSpot
+from extraction.spots import TrueSpot
 from tests.extraction.spots import camera, make_sensor, mean_frame, some_spots
 from tests.recordings import MISSING, recording
 

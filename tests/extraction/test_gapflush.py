@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from extraction.gapflush import measure_gap_flush
-from extraction.gapflush_config import GapFlushConfig
-from extraction.profile import Profile, StripePeaks
+from extraction.gapflush import GapFlushConfig, measure_gap_flush
+from extraction.stripe import Profile, StripePeaks
 from geometry import InputError, NoAnswerError
 
 SIGMA_MM = 0.01

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from extraction.config import DetectConfig, NoiseConfig
-from extraction.noise import noise_model
-from extraction.preprocess import prepare
+from extraction import DetectConfig, NoiseConfig
+from extraction.spots.noise import noise_model
+from extraction.spots.prepare import prepare
 from tests.extraction.spots import make_sensor
 
 ROUNDING = 1 / 12

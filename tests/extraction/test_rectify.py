@@ -6,9 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from extraction.lens import undistort
-from extraction.rectify import image_to_sheet, propagate
-from extraction.sheet_table import SheetTable, sheet_table
+from extraction.sheet import SheetTable, image_to_sheet, propagate, sheet_table, undistort
 from geometry import InputError, Pose, SensorModel, exp_so3
 
 ATOL_PX = 1e-9

@@ -4,9 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from extraction.crlb import TrueSpot, mean_image, position_bound
-from extraction.fast import fit_peaks
-from extraction.stack import fit_stack
+from extraction.spots import TrueSpot, fit_peaks, fit_stack, mean_image, position_bound
 from geometry import InputError
 
 ATOL_EXACT_PX = 2e-3  # the pixel's integral is taken to fourth order in 1/σ

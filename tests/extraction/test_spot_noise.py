@@ -6,9 +6,9 @@ Proves the sums, not that speckle is as assumed: the rendered frames of test_ext
 import numpy as np
 import pytest
 
-from extraction.speckle import correlation
-from extraction.spot_budget import BRIGHT, CORE, DISTANCES2, WITHIN_PIXEL
-from extraction.spot_noise import spot_noise
+from extraction.spots import correlation
+from extraction.spots.budget import BRIGHT, CORE, DISTANCES2, WITHIN_PIXEL
+from extraction.spots.spot_noise import spot_noise
 
 ROWS, COLUMNS = 13, 15
 NOISE = np.array([2.0, 0.02, 10.0, 0.16, 0.5])  # v₀, gain, level, k², what only the weights have

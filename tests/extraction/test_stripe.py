@@ -4,9 +4,7 @@ import numpy as np
 import pytest
 from scipy.special import ndtr
 
-from extraction.profile import flag_names
-from extraction.stripe import depth_direction, detect_stripe, extract_profile
-from extraction.stripe_config import StripeConfig
+from extraction.stripe import StripeConfig, depth_direction, detect_stripe, extract_profile, flag_names
 from geometry import InputError, Pose, SensorModel
 
 ATOL_CLEAN_PX = 0.004  # without noise what is left is rounding to grey levels

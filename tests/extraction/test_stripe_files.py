@@ -3,8 +3,17 @@
 import numpy as np
 import pytest
 
-from extraction.profile import EDGE, SATURATED, Profile, StripePeaks, flag_bits, flag_names
-from extraction.profile_files import read_profile_csv, write_profile_csv, write_profile_ply
+from extraction.stripe import (
+    EDGE,
+    SATURATED,
+    Profile,
+    StripePeaks,
+    flag_bits,
+    flag_names,
+    read_profile_csv,
+    write_profile_csv,
+    write_profile_ply,
+)
 from geometry import InputError
 
 

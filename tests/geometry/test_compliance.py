@@ -7,7 +7,7 @@ import pytest
 
 from calib.synthetic.cell import industrial_arm
 from geometry import InputError
-from geometry.robot.compliant import GRAVITY, Compliance, deflection
+from geometry.robot import GRAVITY, Compliance, deflection
 
 ATOL_RAD = 1e-9
 NONE = (0.0,) * 6

@@ -11,14 +11,14 @@ import pytest
 from geometry import Pose
 from jig_cad import Jig, sample_tolerance
 from perceptron_emu import EmulatorConfig
-from workbench.demo.experiment import DESIGN, demo_robot, demo_sensor
-from workbench.emulated_cell import with_errors
-from workbench.formats import Cell, Sensor
-from workbench.planning import ViewProblem, plan_views
-from workbench.recording import TrueCell, record, with_joint_noise
-from workbench.starter import PLACES, place_of_jig
-from workbench.surroundings import jig_bodies, wall_behind
-from workbench.view_space import ViewLimits
+from workbench.cell.starter import PLACES, place_of_jig
+from workbench.cell.surroundings import jig_bodies, wall_behind
+from workbench.emulate.experiment import DESIGN, demo_robot, demo_sensor
+from workbench.emulate.record import TrueCell, record, with_joint_noise
+from workbench.emulate.truth import with_errors
+from workbench.files import Cell, Sensor
+from workbench.plan.view_space import ViewLimits
+from workbench.plan.views import ViewProblem, plan_views
 
 SEED = 5
 EMULATION = {"exposure": {"time_ms": 0.8}, "laser": {"power_mw": 6.0}}

@@ -15,7 +15,7 @@ from typing import Any
 
 import pytest
 
-from workbench.main import run
+from workbench.cli.main import run
 
 webdriver = pytest.importorskip("selenium.webdriver", reason="selenium is not installed")
 from selenium.webdriver.chrome.service import Service  # noqa: E402 - after the skip

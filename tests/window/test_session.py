@@ -13,7 +13,7 @@ import pytest
 
 from extraction import ExtractionConfig, extract
 from geometry import InputError
-from workbench.formats import read_cell, read_image
+from workbench.files import read_cell, read_image
 from workbench.window.engine import badge
 from workbench.window.opening import Request, open_session
 from workbench.window.parameters import parse

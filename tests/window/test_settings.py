@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from extraction import ExtractionConfig
 from geometry import InputError
-from workbench.formats.settings_file import read_settings
-from workbench.tuning.space import space, with_values
+from workbench.files.settings_file import read_settings
+from workbench.tune.space import space, with_values
 from workbench.window import settings
 from workbench.window.settings_text import carried_calib, parse_settings, settings_toml
 

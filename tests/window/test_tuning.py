@@ -11,13 +11,13 @@ import pytest
 
 from extraction import ExtractionConfig
 from geometry import InputError
-from workbench.formats.settings_file import read_settings
-from workbench.main import run
-from workbench.tuning.judge import judge
-from workbench.tuning.score import MISS_MM, FrameScore, total
-from workbench.tuning.search import search
-from workbench.tuning.space import space, values_of, with_values
-from workbench.tuning.task import Task, make_task, split
+from workbench.cli.main import run
+from workbench.files.settings_file import read_settings
+from workbench.tune.judge import judge
+from workbench.tune.score import MISS_MM, FrameScore, total
+from workbench.tune.search import search
+from workbench.tune.space import space, values_of, with_values
+from workbench.tune.task import Task, make_task, split
 from workbench.window.opening import Request, open_session
 
 pytest.importorskip("optuna", reason="optuna is not installed")

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from tests.workbench.helpers import Cli, Outcome
-from workbench.main import run
+from workbench.cli.main import run
 
 
 @pytest.fixture

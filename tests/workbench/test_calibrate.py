@@ -152,7 +152,7 @@ def test_points_stand_in_place_of_images(cli: Cli, dataset: Path, answer: Any) -
 def test_hand_poses_stand_in_place_of_joints(cli: Cli, dataset: Path) -> None:
     """Poses are accepted for the SCP alone; a larger model is refused with its reason."""
     from geometry import quaternion_wxyz
-    from workbench.formats import read_cell
+    from workbench.files import read_cell
 
     cell = read_cell(dataset)
     lines = ["frame,image,location,role,x_mm,y_mm,z_mm,qw,qx,qy,qz"]

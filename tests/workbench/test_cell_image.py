@@ -11,10 +11,10 @@ import pytest
 from geometry import MissingDependencyError
 from perceptron_emu.gl import gl_problem
 from tests.workbench.helpers import Cli
-from workbench import diagnosis
-from workbench.formats.settings_file import Settings
-from workbench.pipeline import observe, solve
-from workbench.results.cell_image import cell_image, cell_view
+from workbench.cell.pipeline import observe, solve
+from workbench.cli import diagnosis
+from workbench.files.settings_file import Settings
+from workbench.report.cell_image import cell_image, cell_view
 
 needs_gl = pytest.mark.skipif((PROBLEM := gl_problem()) is not None, reason=str(PROBLEM))
 FIGURE = 'alt="Arm, sensor'
@@ -22,7 +22,7 @@ FIGURE = 'alt="Arm, sensor'
 
 def test_the_view_is_the_solved_cell(recording: Path) -> None:
     """The chain ends at the hand, the sensor sits on it by the solved SCP, every place has its jig."""
-    from workbench.formats import read_cell
+    from workbench.files import read_cell
 
     cell = read_cell(recording)
     result = solve(cell, observe(cell), Settings().calib)
@@ -53,7 +53,7 @@ def test_without_opengl_one_line_says_so(
     def absent(*_: object) -> None:
         raise MissingDependencyError("neither EGL nor OSMesa is installed")
 
-    monkeypatch.setattr("workbench.results.cell_image.cell_picture", absent)
+    monkeypatch.setattr("workbench.report.cell_image.cell_picture", absent)
     page = tmp_path / "report.html"
     result = cli("calibrate", recording, "--report", page)
     assert result.code == 0
@@ -63,7 +63,7 @@ def test_without_opengl_one_line_says_so(
 
 
 def test_without_a_used_frame_there_is_no_picture(dataset: Path) -> None:
-    from workbench.formats import read_cell
+    from workbench.files import read_cell
 
     for image in (dataset / "images").iterdir():
         image.write_bytes(b"")

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.recordings import MISSING, recording
-from workbench.main import run
+from workbench.cli.main import run
 
 RECORDED = recording("real/socket_closure/data")
 

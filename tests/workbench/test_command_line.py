@@ -10,7 +10,7 @@ import pytest
 from rich.text import Text
 
 from tests.workbench.helpers import Cli
-from workbench.lazy import COMMANDS, load
+from workbench.cli.lazy import COMMANDS, load
 
 HEAVY = ("numpy", "scipy", "cv2", "numba", "matplotlib", "pydantic", "trimesh", "skimage")
 
@@ -18,7 +18,7 @@ HEAVY = ("numpy", "scipy", "cv2", "numba", "matplotlib", "pydantic", "trimesh", 
 def test_help_imports_nothing_heavy() -> None:
     """What makes help slow is importing; the time itself is the machine's."""
     code = (
-        "import sys\nfrom workbench.main import run\ncode = run(['--help'])\n"
+        "import sys\nfrom workbench.cli.main import run\ncode = run(['--help'])\n"
         f"print([m for m in {HEAVY!r} if m in sys.modules], file=sys.stderr)\nsys.exit(code)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
@@ -85,12 +85,12 @@ def test_a_closed_pipe_is_no_error() -> None:
 
 
 def test_a_fault_of_the_program_is_one_line(cli: Cli, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    import workbench.formats
+    import workbench.files
 
     def fails(_: Path) -> None:
         raise ZeroDivisionError("boom")
 
-    monkeypatch.setattr(workbench.formats, "read_cell", fails)
+    monkeypatch.setattr(workbench.files, "read_cell", fails)
     result = cli("calibrate", tmp_path)
     assert result.code == 70
     assert "ZeroDivisionError" in result.err
@@ -98,12 +98,12 @@ def test_a_fault_of_the_program_is_one_line(cli: Cli, monkeypatch: pytest.Monkey
 
 
 def test_interruption_is_130(cli: Cli, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    import workbench.formats
+    import workbench.files
 
     def stops(_: Path) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(workbench.formats, "read_cell", stops)
+    monkeypatch.setattr(workbench.files, "read_cell", stops)
     assert cli("calibrate", tmp_path).code == 130
 
 

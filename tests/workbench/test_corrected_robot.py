@@ -14,9 +14,9 @@ from calib.synthetic.cell import Noise, made_cell, observe, random_cell
 from calib.synthetic.problem import CALIBRATE_ONLY
 from tests.workbench.helpers import Cli
 from tests.workbench.test_urdf import SIX, urdf_text
-from workbench.formats import Cell, read_cell, read_robot
-from workbench.formats.urdf import read_urdf
-from workbench.results.robot import write_corrected_robot
+from workbench.files import Cell, read_cell, read_robot
+from workbench.files.urdf import read_urdf
+from workbench.report.robot import write_corrected_robot
 
 ATOL = 1e-6  # mm, and of rotation matrices
 

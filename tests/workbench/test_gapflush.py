@@ -15,7 +15,7 @@ from geometry import Pose
 from perceptron_emu import EmulatorConfig, Scene, render
 from perceptron_emu.panels import PanelPair, random_panels
 from tests.workbench.helpers import Cli
-from workbench.formats import read_sensor, write_png
+from workbench.files import read_sensor, write_png
 
 PANELS = PanelPair(4.0, 0.8, (2.0, 2.5))
 ATOL_GAP_MM, ATOL_FLUSH_MM, ATOL_RADIUS_MM = 0.06, 0.02, 0.1

@@ -8,16 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import workbench.proposing
+import workbench.plan.propose
 from calib.bundle.information import scp_covariance
 from tests.workbench.helpers import Cli
-from workbench.expected import view_information
-from workbench.formats import read_cell, read_frames
+from workbench.files import read_cell, read_frames
+from workbench.plan.expected import view_information
 
 
 @pytest.fixture(autouse=True)
 def small_pool(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(workbench.proposing, "POOL", 24)
+    monkeypatch.setattr(workbench.plan.propose, "POOL", 24)
 
 
 def test_a_proposal(cli: Cli, recording: Path, tmp_path: Path) -> None:

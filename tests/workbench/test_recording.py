@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tests.workbench.helpers import Cli, edit
-from workbench.formats import read_cell, write_cell
+from workbench.files import read_cell, write_cell
 
 SMALL = ("--per-location", 1, "--seed", 5)
 
@@ -114,7 +114,7 @@ def test_bit_depths_and_tiff(cli: Cli, plan: Path, tmp_path: Path) -> None:
     cv2.imwrite(str(out / "images" / "000.tiff"), image)
     cv2.imwrite(str(out / "images" / "001.png"), image * 16)
     edit(out / "frames.csv", "images/000.png", "images/000.tiff")
-    from workbench.formats import read_image
+    from workbench.files import read_image
 
     cell = read_cell(out)
     assert np.array_equal(read_image(out / "images" / "000.tiff", cell.sensor.model), image)

@@ -13,7 +13,7 @@ import trimesh
 
 from perceptron_emu.gl import gl_problem
 from tests.workbench.helpers import Cli
-from workbench.formats import read_cell
+from workbench.files import read_cell
 
 STRING_ATOL_PX = 0.05  # between the two renderers
 SMALL = ("--per-location", 1, "--seed", 5)

@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 from pytransform3d.urdf import UrdfTransformManager
 
 from geometry import InputError, Pose
-from geometry.robot.axes_to_dh import robot_from_axes
-from workbench.formats.robot_file import read_robot
-from workbench.formats.urdf import read_urdf
-from workbench.formats.urdf_write import write_urdf
+from geometry.robot import robot_from_axes
+from workbench.files.robot_file import read_robot
+from workbench.files.urdf import read_urdf
+from workbench.files.urdf_write import write_urdf
 
 ATOL_MM = 1e-8
 ATOL_ROTATION = 1e-12

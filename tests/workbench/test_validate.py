@@ -11,7 +11,7 @@ import pytest
 from geometry import Pose, SensorModel
 from perceptron_emu import EmulatorConfig, Scene
 from tests.workbench.helpers import Cli
-from workbench.validation.bound import position_bound_px
+from workbench.validate.bound import position_bound_px
 
 GOOD = "min_detection_rate = 0.9\nmax_false_rate = 0.02\nmax_mislabel_rate = 0.02\nmax_bias_z_mm = 0.05\n"
 

@@ -17,14 +17,14 @@ from jig_cad import DEFAULT_STRINGS, STRINGS, Jig
 from perceptron_emu import EmulatorConfig
 from perceptron_emu.scene_file import Surroundings
 from workbench.campaign.settings import JigPart, PosesPart, RobotPart, TrialSettings
-from workbench.demo.experiment import DESIGN
-from workbench.emulated_cell import NOTHING, Errors, draw_truth
-from workbench.formats import Cell, Sensor
-from workbench.planning import ViewProblem, Views, plan_views
-from workbench.presets import find_robot, find_sensor
-from workbench.recording import Configuration, TrueCell, with_joint_noise
-from workbench.surroundings import jig_bodies, sees_all_strings, wall_behind
-from workbench.view_space import ViewLimits
+from workbench.cell.presets import find_robot, find_sensor
+from workbench.cell.surroundings import jig_bodies, sees_all_strings, wall_behind
+from workbench.emulate.experiment import DESIGN
+from workbench.emulate.record import Configuration, TrueCell, with_joint_noise
+from workbench.emulate.truth import NOTHING, Errors, draw_truth
+from workbench.files import Cell, Sensor
+from workbench.plan.view_space import ViewLimits
+from workbench.plan.views import ViewProblem, Views, plan_views
 
 Array = NDArray[np.float64]
 

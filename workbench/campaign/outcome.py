@@ -15,7 +15,7 @@ from geometry import Pose
 from jig_cad import Jig, half_turn_label
 from perceptron_emu import Frame
 from workbench.campaign.emulated import VERIFY, EmulatedCell
-from workbench.scoring import FrameScore, score_frame
+from workbench.compare.match import FrameScore, score_frame
 
 Array = NDArray[np.float64]
 

@@ -27,7 +27,7 @@ from workbench.campaign.summary import (
     worst_trials,
 )
 from workbench.campaign.trial import one_trial_frame
-from workbench.formats.atomic import write_text
+from workbench.files.atomic import write_text
 
 WORST = 4
 NO_BOUND = "∞"

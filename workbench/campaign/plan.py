@@ -12,8 +12,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from geometry import InputError
 from workbench.campaign.settings import TrialSettings, leaf_paths, with_values
-from workbench.formats.strict import Real, Section, Text, sentence, suggestion, validate
-from workbench.formats.toml_text import TomlSource, read_toml
+from workbench.files.strict import Real, Section, Text, sentence, suggestion, validate
+from workbench.files.toml_text import TomlSource, read_toml
 
 RESULTS_VERSION = 5  # raised when rows or trials change, so that a half-done run of another version is not continued
 MAX_TRIALS = 10_000_000

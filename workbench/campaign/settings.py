@@ -9,7 +9,7 @@ from typing import Any, get_args
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from calib import CalibConfig
-from extraction.config import ExtractionConfig
+from extraction import ExtractionConfig
 from geometry import InputError
 from perceptron_emu import EmulatorConfig
 

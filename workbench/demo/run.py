@@ -9,18 +9,18 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from calib import CalibrationResult
-from workbench.demo.experiment import paper_experiment
-from workbench.formats import Cell, read_cell, read_image
-from workbench.formats.images import write_png
-from workbench.formats.settings_file import Settings
-from workbench.labels import label_dataset
-from workbench.pipeline import Observed, observe, solve
-from workbench.points_table import FrameTable
-from workbench.recording import record
-from workbench.results.cell_image import cell_image
-from workbench.results.folder import write_results
-from workbench.results.overlay import save_overlays
-from workbench.results.report import ReportInput, write_report
+from workbench.cell.labels import label_dataset
+from workbench.cell.pipeline import Observed, observe, solve
+from workbench.cell.points_table import FrameTable
+from workbench.emulate.experiment import paper_experiment
+from workbench.emulate.record import record
+from workbench.files import Cell, read_cell, read_image
+from workbench.files.images import write_png
+from workbench.files.settings_file import Settings
+from workbench.report.cell_image import cell_image
+from workbench.report.folder import write_results
+from workbench.report.overlay import save_overlays
+from workbench.report.report import ReportInput, write_report
 
 PICTURE_COMPRESSION = 6
 Bar = Callable[[str, int], AbstractContextManager[Callable[[int, int], None]]]

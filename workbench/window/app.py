@@ -17,7 +17,7 @@ from starlette.responses import JSONResponse, PlainTextResponse, Response
 from starlette.routing import Route
 
 from geometry import InputError, PerceptronEmuError
-from workbench.formats.atomic import write_text
+from workbench.files.atomic import write_text
 from workbench.window import settings
 from workbench.window.jobs import Job
 from workbench.window.overview import overview

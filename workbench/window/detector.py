@@ -13,10 +13,10 @@ from pydantic import BaseModel
 from calib import CalibConfig
 from calib.label.frame import label_frame
 from extraction import ExtractionConfig, Stages, extract_stages, image_to_sheet
-from extraction.candidates import Candidates
+from extraction.spots import Candidates
 from geometry import InputError, Pose, SensorModel, SurfacePoints
 from jig_cad import Jig
-from workbench.formats.images import Image
+from workbench.files.images import Image
 from workbench.window.engine import Candidate, Labels, StageView
 from workbench.window.refusals import Seen, explain
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel
 
 from geometry import AxisPoints, Pose, SensorModel, SurfacePoints
-from workbench.formats.images import Image
+from workbench.files.images import Image
 
 Array = NDArray[np.float64]
 

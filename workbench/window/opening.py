@@ -13,11 +13,11 @@ from pydantic import BaseModel
 
 from calib import CalibrationResult
 from geometry import InputError, Pose
-from workbench.extracting import image_files
-from workbench.formats import Cell, read_cell, read_jig_file, read_sensor
-from workbench.formats.settings_file import Settings, read_settings
-from workbench.pipeline import observe, solve
-from workbench.results.as_json import calibration_object, clean
+from workbench.cell.extracting import image_files
+from workbench.cell.pipeline import observe, solve
+from workbench.files import Cell, read_cell, read_jig_file, read_sensor
+from workbench.files.settings_file import Settings, read_settings
+from workbench.report.as_json import calibration_object, clean
 from workbench.window.detector import Detector
 from workbench.window.pictures import MAX_IMAGES, Pictures
 from workbench.window.session import FrameInfo, Opened

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from geometry import InputError, SensorModel
-from workbench.formats.images import SUFFIXES, Image, read_image
+from workbench.files.images import SUFFIXES, Image, read_image
 
 MAX_IMAGES = 20_000
 CACHE_BYTES = 512 * 2**20

@@ -11,9 +11,9 @@ from pydantic import BaseModel
 
 from extraction import ExtractionConfig
 from geometry import InputError
-from workbench.formats.settings_file import settings_model
-from workbench.formats.strict import validate
-from workbench.formats.toml_text import TomlSource
+from workbench.files.settings_file import settings_model
+from workbench.files.strict import validate
+from workbench.files.toml_text import TomlSource
 
 
 def settings_toml(config: BaseModel, carried: dict[str, Any] | None = None) -> str:

@@ -1,0 +1,189 @@
+"""Both edges of a gap fitted in one to what the stripe's sections see: their places, their widths and their light."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import OptimizeResult, least_squares
+
+from extraction.gapflush.config import GapFlushConfig
+from extraction.gapflush.edge import PanelEdge
+from extraction.gapflush.light import Sections
+from extraction.gapflush.model import BEYOND, LIGHT, MEAN, SPREAD, TURN, edge_light
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+Mask = NDArray[np.bool_]
+
+MAX_ARC_RAD = np.deg2rad(78.0)  # steeper, a section is no longer like the Gaussian that is fitted to it
+_BLUR, _BLUR_ERROR = 0.75, 0.2  # of the stripe's width on the faces: what is expected of the blur, before the widths
+_MODEL = 0.1  # of the displacement that the blur causes: error of the model
+_LIGHT_ERROR, _WIDTH_ERROR = 0.05, 0.02  # relative, of the model of light and of squared widths
+_GLOSS_ERROR, _GLOSS_RAD = 0.5, 0.35  # how much brighter or darker than matte a bend may be, from what angle on
+_NEAR = 4.0  # of the blur before the bend, from where on the bend is seen
+_FAINTEST = 0.02  # of the face's light: fainter sections are left out
+_MOST_BEYOND = 0.03  # of a section's light from a flank that nobody knows of
+_START_RADIUS_MM, _LEAST_RADIUS_MM = 0.3, 0.02
+_ROUNDS = 3  # of weights by the fit before
+_SCALE = (0.01, 0.05, 0.5, 0.5)
+_STEPS = (1e-5, 1e-4, 3e-3, 3e-3, 0.01)  # of the derivatives: wide, for a node at the bend's end comes and goes
+BLUR, GLOSS = 8, 9  # places in the parameters: left edge (4), right edge (4), blur, gloss of each (2)
+
+
+@dataclass(frozen=True, eq=False)
+class _Side:
+    """One edge's points in the frame of its face; the first ``on_face`` of them are the face's."""
+
+    edge: PanelEdge
+    index: Indices
+    on_face: int
+    at: Array
+    sections: Sections
+    scatter: tuple[float, float]  # of log light and of squared width, from section to section on the face
+    use: Mask
+    bent: Mask  # where width and light tell of the bend
+    sigma: Array  # (3, N): of place [px], squared width [px²], log light
+
+    def light(self, p: Array, blur: float) -> Array:
+        s = self.sections
+        return edge_light(p, self.at, s.along, s.across, s.view, blur)
+
+
+@dataclass(frozen=True, eq=False)
+class EdgePair:
+    """The fitted edges, their joint covariance (8, 8), the blur [px] with its σ."""
+
+    left: PanelEdge
+    right: PanelEdge
+    covariance: Array
+    blur_px: float
+    sigma_blur_px: float
+
+
+def fit_pair(
+    yz: Array, sections: Sections, left: PanelEdge, right: PanelEdge, bends: tuple[Indices, Indices], c: GapFlushConfig
+) -> EdgePair:
+    """Both edges by robust weighted least squares, from edges fitted to the points alone.
+
+    Unknown beside the edges are the blur along the stripe, which widens the stripe where it is steep, and by how much
+    the bends are brighter or darker than matte ones. bends: the points after each face, in order.
+    """
+    sides = [_side(yz, sections, edge, bend) for edge, bend in zip((left, right), bends, strict=True)]
+    width = float(np.mean([np.median(s.sections.width_px[: s.on_face]) for s in sides]))
+    expected = np.array([_BLUR, _BLUR_ERROR]) * width
+    x = np.concatenate([_start(left), _start(right), [expected[0], 0.0, 0.0]])
+    for _ in range(_ROUNDS):
+        sides = [_weighed(s, x[4 * k : 4 * k + 4], x[BLUR]) for k, s in enumerate(sides)]
+        best = _solve(x, sides, expected, c)
+        x = best.x
+    residuals = _residuals(x, sides, expected)
+    freedom = max(int(np.sum(residuals != 0)) - len(x), 1)
+    chi2 = float(np.sum(np.minimum(residuals**2, 9.0))) / freedom
+    covariance = np.linalg.pinv(best.jac.T @ best.jac) * max(chi2, 1.0)
+    edges = [_edge(s, x, covariance, k) for k, s in enumerate(sides)]
+    return EdgePair(edges[0], edges[1], covariance[:8, :8], float(x[BLUR]), float(np.sqrt(covariance[BLUR, BLUR])))
+
+
+def _side(yz: Array, sections: Sections, edge: PanelEdge, bend: Indices) -> _Side:
+    turn = np.array([edge.side * edge.direction, [-edge.direction[1], edge.direction[0]]])
+    index = np.concatenate([edge.face, bend]).astype(np.intp)
+    mine = sections.take(index, turn)
+    n = len(edge.face)
+    scatter = _scatter(mine.log_light[:n]), _scatter(mine.width_px[:n] ** 2)
+    none = np.zeros(len(index), dtype=bool)
+    at = (yz[index] - edge.origin) @ turn.T
+    return _Side(edge, index, n, at, mine, scatter, none, none, np.ones((3, len(index))))
+
+
+def _scatter(values: Array) -> float:
+    """Robust σ from second differences, blind to slow changes."""
+    return float(1.4826 * np.median(np.abs(np.diff(values, 2)))) / np.sqrt(6.0) if len(values) > 2 else 1.0
+
+
+def _start(edge: PanelEdge) -> Array:
+    angle, offset, tangent, radius = edge.parameters
+    if radius > 0:
+        return edge.parameters
+    return np.array([angle, offset, tangent - _START_RADIUS_MM, _START_RADIUS_MM])
+
+
+def _weighed(side: _Side, p: Array, blur: float) -> _Side:
+    """The side with its usable points and their weights by an estimate."""
+    seen, sharp = side.light(p, blur), side.light(p, 1e-3)
+    moved = np.clip(np.abs(seen[:, MEAN] - sharp[:, MEAN]), 0, 3)
+    s, (light, width) = side.sections, side.scatter
+    use = (seen[:, BEYOND] < _MOST_BEYOND) & (seen[:, LIGHT] > _FAINTEST) & (seen[:, TURN] < MAX_ARC_RAD)
+    bent = use & (side.at[:, 0] > p[2] - _NEAR * blur * np.linalg.norm(s.across, axis=1))
+    noisier = np.minimum(s.sigma_px / np.median(s.sigma_px[: side.on_face]), 10.0)
+    sigma = np.array(
+        [
+            np.hypot(s.sigma_px, _MODEL * moved),
+            np.hypot(width * noisier, _WIDTH_ERROR * s.width_px**2),
+            np.hypot(light * noisier, _LIGHT_ERROR),
+        ]
+    )
+    return replace(side, use=use, bent=bent, sigma=sigma)
+
+
+def _solve(x: Array, sides: list[_Side], expected: Array, config: GapFlushConfig) -> OptimizeResult:
+    top = config.max_radius_mm
+    low, high = [], []
+    for s in sides:
+        end = float(s.at[: s.on_face, 0].max())
+        low += [-0.5, -1.0, end - 2 * top, _LEAST_RADIUS_MM]
+        high += [0.5, 1.0, end + top, top]
+    low, high = [*low, 0.3, -3.0, -3.0], [*high, max(expected[0] / _BLUR * 1.3, 0.5), 3.0, 3.0]
+    x = np.clip(x, np.add(low, 1e-6), np.subtract(high, 1e-6))
+    scale = (*_SCALE, *_SCALE, 0.3, 0.5, 0.5)
+    return least_squares(
+        _residuals, x, _jacobian, bounds=(low, high), args=(sides, expected), loss="soft_l1", f_scale=2.0,
+        x_scale=scale, xtol=1e-6, ftol=1e-6,
+    )  # fmt: skip
+
+
+def _residuals(x: Array, sides: list[_Side], expected: Array) -> Array:
+    """Places, widths and light of both sides over σ, then what is expected of blur and gloss."""
+    parts = [_of_side(s, x[4 * k : 4 * k + 4], x[BLUR], x[GLOSS + k]) for k, s in enumerate(sides)]
+    return np.concatenate([*parts, [(x[BLUR] - expected[0]) / expected[1]], x[GLOSS:] / _GLOSS_ERROR])
+
+
+def _jacobian(x: Array, sides: list[_Side], expected: Array) -> Array:
+    """Central differences of `_residuals`, each side by its own parameters."""
+    rows = [3 * len(s.index) for s in sides]
+    out = np.zeros((sum(rows) + 3, len(x)))
+    for k, side in enumerate(sides):
+        mine = slice(0, rows[0]) if k == 0 else slice(rows[0], rows[0] + rows[1])
+        for column, step in zip((*range(4 * k, 4 * k + 4), BLUR), _STEPS, strict=True):
+            h = np.zeros(len(x))
+            h[column] = step
+            high, low = (_of_side(side, y[4 * k : 4 * k + 4], y[BLUR], y[GLOSS + k]) for y in (x + h, x - h))
+            out[mine, column] = (high - low) / (2 * step)
+        high, low = (_of_side(side, x[4 * k : 4 * k + 4], x[BLUR], x[GLOSS + k] + h) for h in (0.5, -0.5))
+        out[mine, GLOSS + k] = high - low  # linear
+    out[-3, BLUR] = 1 / expected[1]
+    out[[-2, -1], [GLOSS, GLOSS + 1]] = 1 / _GLOSS_ERROR
+    return out
+
+
+def _of_side(side: _Side, p: Array, blur: float, gloss: float) -> Array:
+    seen, s, n = side.light(p, blur), side.sections, side.on_face
+    width = s.width_px**2 - seen[:, SPREAD]
+    light = s.log_light - np.log(np.maximum(seen[:, LIGHT], 1e-6))
+    light -= gloss * (1 - np.exp(-((seen[:, TURN] / _GLOSS_RAD) ** 2)))
+    width, light = width - np.median(width[:n]), light - np.median(light[:n])
+    off = [side.use * seen[:, MEAN], side.bent * width, side.bent * light]
+    return np.concatenate(np.array(off) / side.sigma)
+
+
+def _edge(side: _Side, x: Array, covariance: Array, k: int) -> PanelEdge:
+    p = x[4 * k : 4 * k + 4]
+    own = slice(4 * k, 4 * k + 4)
+    off = _of_side(side, p, x[BLUR], x[GLOSS + k])
+    chi2 = float(np.sum(off**2)) / max(int(np.sum(off != 0)) - 5, 1)
+    arc = side.light(p, x[BLUR])[side.use, TURN].max(initial=0.0)
+    return replace(
+        side.edge, parameters=p, covariance=covariance[own, own], used=np.sort(side.index[side.use]),
+        arc_rad=float(arc), chi2_per_dof=chi2,
+    )  # fmt: skip

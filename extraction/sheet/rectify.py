@@ -1,0 +1,42 @@
+"""Pixels → points (0, y, z) of the laser sheet: undistort, intersect the ray with x = 0, propagate the covariance."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from extraction.sheet.lens import undistort
+from geometry import InputError, SensorModel
+
+Array = NDArray[np.float64]
+
+
+def image_to_sheet(sensor: SensorModel, uv_px: ArrayLike) -> tuple[Array, Array]:
+    """Points of the laser sheet seen at the pixels ``uv_px`` (N, 2), with the Jacobian of that map.
+
+    Returns yz_mm (N, 2) in {P} and d(yz)/d(uv) (N, 2, 2) [mm/px]; both are NaN where the ray runs away from the
+    sheet or the lens model has no inverse. Exact inversion of OpenCV's model, tilt included.
+    """
+    uv = np.asarray(uv_px, dtype=float)
+    if uv.ndim != 2 or uv.shape[1] != 2:
+        raise InputError(f"pixels must be an array of shape (N, 2), not {uv.shape}")
+    rays = undistort(sensor, uv)
+    yz, yz_by_xy = _meet_sheet(sensor, rays.xy)
+    return yz, yz_by_xy @ rays.jacobian
+
+
+def propagate(jacobian: Array, covariance: Array) -> Array:
+    """Covariance J Σ Jᵀ (N, 2, 2) of mapped points, from that of the originals (N, 2, 2) or (2, 2)."""
+    return np.asarray(jacobian @ covariance @ np.swapaxes(jacobian, -1, -2))
+
+
+def _meet_sheet(sensor: SensorModel, xy: Array) -> tuple[Array, Array]:
+    """Where the rays (x, y, 1) of the camera meet x = 0 of {P}: (y, z) (N, 2) and d(yz)/d(xy) (N, 2, 2)."""
+    R, t = sensor.T_sensor_camera.R, sensor.T_sensor_camera.t
+    direction = xy @ R[:, :2].T + R[:, 2]  # (N, 3) in {P}
+    with np.errstate(divide="ignore", invalid="ignore"):
+        reach = -t[0] / direction[:, 0]
+        reach[~(np.isfinite(reach) & (reach > 0))] = np.nan
+        yz = t[1:] + reach[:, None] * direction[:, 1:]
+        by_xy = reach[:, None, None] * (R[1:, :2] - direction[:, 1:, None] * R[0, :2] / direction[:, 0, None, None])
+    return yz, by_xy

@@ -1,0 +1,155 @@
+"""Positions of the candidates by maximum likelihood of an oriented Gaussian, with their covariance."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from extraction.config import ExtractionConfig
+from extraction.spots.candidates import Candidates
+from extraction.spots.fast import fit_peaks
+from extraction.spots.fit import PIXEL_VARIANCE_PX2
+from extraction.spots.fit_frame import CLIPPED, COLUMNS, CONVERGED, FOREIGN, fit_frame
+from extraction.spots.noise import NoiseModel
+from extraction.spots.prepare import Prepared
+from extraction.spots.speckle import PRIOR_CONTRAST
+from extraction.spots.start import start_fits
+
+Array = NDArray[np.float64]
+
+SLOPE_SIGMA = 4.0  # surroundings that differ by more across the spot are fitted with a slope
+MAX_RING_VARIANCE = 25.0  # of the frame's noise: an uneven ring is not noise
+
+
+@dataclass(frozen=True, eq=False)
+class Fits:
+    """What a fit saw: windows data (N, R, C) [DN], pixels in use; parameters (N, 9) from each window's first pixel,
+    terms (N,), noises (N, 5) as in `gaussian_fit.fit_window`; size (N, 2): columns and rows that a window fills.
+    """
+
+    data: Array
+    use: NDArray[np.bool_]
+    parameters: Array
+    terms: NDArray[np.int64]
+    noises: Array
+    size: NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Spots:
+    """Localised spots of one image.
+
+    uv_px (N, 2): position. amplitude_dn (N,): peak above the background.
+    shape_px2 (N, 2, 2): covariance of the spot's light, the pixel's own share taken off.
+    clipped, foreign (N,): pixels left out as saturated, and as part of something else.
+    converged (N,). candidate (N,): index into the candidates.
+    fits: for the errors; without it (the fast method) cov_uv_px2 (N, 2, 2) holds them.
+    """
+
+    uv_px: Array
+    amplitude_dn: Array
+    shape_px2: Array
+    clipped: NDArray[np.intp]
+    foreign: NDArray[np.intp]
+    converged: NDArray[np.bool_]
+    candidate: NDArray[np.intp]
+    fits: Fits | None = None
+    cov_uv_px2: Array | None = None
+
+    def __len__(self) -> int:
+        """The number of spots."""
+        return len(self.candidate)
+
+    @cached_property
+    def variances_px2(self) -> Array:
+        """Variances of the light across and along each spot (N, 2): the eigenvalues of its shape."""
+        uu, uv, vv = self.shape_px2[:, 0, 0], self.shape_px2[:, 0, 1], self.shape_px2[:, 1, 1]
+        middle, half = 0.5 * (uu + vv), np.hypot(0.5 * (uu - vv), uv)
+        return np.stack([middle - half, middle + half], axis=1)
+
+    @cached_property
+    def axis_rad(self) -> Array:
+        """Direction of each spot's long axis (N,), from the columns to the rows, in (-π/2, π/2]."""
+        uu, uv, vv = self.shape_px2[:, 0, 0], self.shape_px2[:, 0, 1], self.shape_px2[:, 1, 1]
+        return np.asarray(0.5 * np.arctan2(2.0 * uv, uu - vv))
+
+
+def localise(prepared: Prepared, candidates: Candidates, noise: NoiseModel, config: ExtractionConfig) -> Spots:
+    """Localise every candidate that was not refused."""
+    index = np.flatnonzero(candidates.refusal == 0)
+    if config.localise.method == "fast":
+        return _fast(prepared, candidates, index, noise)
+    if not len(index):
+        return _no_spots()
+    return _fit(prepared, candidates, index, noise, config)
+
+
+def _fit(
+    prepared: Prepared,
+    candidates: Candidates,
+    index: NDArray[np.intp],
+    noise: NoiseModel,
+    config: ExtractionConfig,
+) -> Spots:
+    windows, starts = np.empty((len(index), 4), np.int64), np.empty((len(index), 9))
+    ring_noise, ring, detect = candidates.ring_noise_dn[index], candidates.ring_dn[index], config.detect
+    start_fits(
+        candidates.mean_uv_px[index], candidates.cov_uv_px2[index], candidates.height_dn[index], ring,
+        _region_share(detect.region_level), detect.blur_sigma_px, config.localise.window_sigma,
+        float(config.localise.max_half_window_px), prepared.image.shape, windows, starts,
+    )  # fmt: skip
+    noises = np.empty((len(index), 5))
+    variance = (ring_noise / np.sum(prepared.kernel**2)) ** 2
+    noises[:, 0] = np.minimum(np.maximum(variance, noise.variance_dn2), MAX_RING_VARIANCE * noise.variance_dn2)
+    noises[:, 1], noises[:, 2], noises[:, 3] = noise.gain_dn_per_e, ring, noise.speckle_weight**2
+    noises[:, 4] = (noise.model_error * starts[:, 2]) ** 2
+    terms = np.where(candidates.uneven_dn[index] > SLOPE_SIGMA * ring_noise, 9, 7)
+    size = (len(index), int(windows[:, 3].max()), int(windows[:, 2].max()))
+    data, use, table = np.zeros(size), np.zeros(size, dtype=np.bool_), np.zeros((len(index), COLUMNS))
+    fit_frame(
+        prepared.image, candidates.owner, candidates.height_dn, index, windows, starts, noises, terms,
+        noise.saturation_dn, config.localise.max_iterations, data, use, table,
+    )  # fmt: skip
+    a, h, c = table[:, 3], table[:, 4], table[:, 5]
+    shape = np.stack([c, -h, -h, a], axis=1) / (a * c - h * h)[:, None]
+    shape[:, ::3] -= PIXEL_VARIANCE_PX2
+    return Spots(
+        table[:, :2] + windows[:, :2], table[:, 2], shape.reshape(-1, 2, 2), table[:, CLIPPED].astype(np.intp),
+        table[:, FOREIGN].astype(np.intp), table[:, CONVERGED] > 0, index,
+        Fits(data, use, table[:, :9], terms, noises, windows[:, 2:]),
+    )  # fmt: skip
+
+
+def _fast(prepared: Prepared, candidates: Candidates, index: NDArray[np.intp], noise: NoiseModel) -> Spots:
+    """The fast method: no window is cut, clipped and foreign pixels are only looked for beside the peak."""
+    peaks = candidates.peak_uv_px[index].astype(np.intp)
+    signal = np.maximum(candidates.height_dn[index], 0.0)
+    # speckle moves a peak as white noise of that contrast would
+    contrast = PRIOR_CONTRAST if noise.speckle_contrast is None else noise.speckle_contrast
+    variance = noise.variance_dn2 + noise.gain_dn_per_e * signal + (contrast * signal) ** 2
+    fit = fit_peaks(prepared.smooth, peaks, candidates.ring_dn[index], variance, prepared.kernel)
+    rows, columns = prepared.image.shape
+    around = np.arange(-1, 2)
+    v = np.clip(peaks[:, 1, None, None] + around[:, None], 0, rows - 1)
+    u = np.clip(peaks[:, 0, None, None] + around, 0, columns - 1)
+    clipped = np.sum(prepared.image[v, u] >= noise.saturation_dn, axis=(1, 2))
+    none = np.zeros(len(index), dtype=np.intp)
+    return Spots(
+        fit.uv_px, fit.height_dn, fit.shape_px2, clipped, none, fit.converged, index, cov_uv_px2=fit.cov_uv_px2
+    )
+
+
+def _no_spots() -> Spots:
+    zero, none = np.zeros(0), np.zeros(0, dtype=np.intp)
+    matrix = np.zeros((0, 2, 2))
+    return Spots(np.zeros((0, 2)), zero, matrix, none, none, np.zeros(0, dtype=np.bool_), none, cov_uv_px2=matrix)
+
+
+def _region_share(level: float) -> float:
+    """Second moment of a Gaussian's part above ``level``, weighted by what stands above, as a share of its variance."""
+    t = math.log(1.0 / level)
+    return (1.0 - (1.0 + t) * level - 0.5 * level * t * t) / (1.0 - level - level * t)

@@ -1,0 +1,102 @@
+"""The noise of a pixel: what the frame, the camera and the speckle put into it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from scipy.special import ndtr
+
+from extraction.config import NoiseConfig
+from extraction.spots.blur import BLOCK_PX, ROW_STEP, Image32
+from extraction.spots.prepare import QUANTISATION_VARIANCE, Prepared
+from geometry import SensorModel
+
+# noise σ about grey level 0, cut off there and rounded: the mean and variance that are left
+CUT_SIGMA = np.geomspace(0.1, 60.0, 120)
+_STEPS = np.arange(300) + 0.5
+_ABOVE = ndtr(-_STEPS / CUT_SIGMA[:, None])
+CUT_MEAN = _ABOVE.sum(axis=1)
+CUT_VARIANCE = 2.0 * _ABOVE @ _STEPS - CUT_MEAN**2
+# noise of σ 1 about t ≥ 0, cut off at 0: variance over that of the same mean about 0, and the share of that correction
+_T = np.linspace(0.0, 4.0, 81)
+_MEAN = np.exp(-0.5 * _T**2) / np.sqrt(2.0 * np.pi) + _T * ndtr(_T)
+_LEFT = ndtr(_T) + _T * _MEAN - _MEAN**2
+ALIKE = _LEFT / _LEFT[0] * (_MEAN[0] / _MEAN) ** 2
+SHARE = (1.0 / _LEFT - 1.0) / (1.0 / (ALIKE * _LEFT[0]) - 1.0)
+
+
+@dataclass(frozen=True)
+class NoiseModel:
+    """Variance of a pixel: variance_dn2 + gain · signal + (contrast · signal)² [DN²].
+
+    variance_dn2: of a raw pixel beside the spots. gain_dn_per_e: shot noise. speckle_weight: contrast in the weights of
+    the fit; speckle_contrast, speckle_grain_px: in the covariance, None where the image tells.
+    saturation_dn: grey level from which a pixel is clipped. model_error: of the Gaussian, over the spot's height.
+    """
+
+    variance_dn2: float
+    gain_dn_per_e: float
+    speckle_weight: float
+    speckle_contrast: float | None
+    speckle_grain_px: float | None
+    saturation_dn: float
+    model_error: float
+
+
+def noise_model(prepared: Prepared, sensor: SensorModel, config: NoiseConfig) -> NoiseModel:
+    """The frame's noise, from the configuration where it says and else from the frame itself."""
+    gain = config.gain_dn_per_e
+    if gain is None:
+        gain = (sensor.saturation_dn - sensor.black_level) / config.full_well_e
+    if config.read_noise_dn is not None:
+        # the dark frame's background has no shot noise of its own to speak of
+        variance = config.read_noise_dn**2 + QUANTISATION_VARIANCE
+    else:
+        # white noise of variance V has V · Σ kernel² · Σ kernel² after the separable blur
+        variance = (_median(prepared.noise) / float(np.sum(prepared.kernel**2))) ** 2
+        variance /= block_share(tuple(prepared.kernel))
+        variance = uncut_variance(_median(prepared.background), variance)
+    weight = config.speckle_weight
+    if config.speckle_contrast is not None:
+        weight = min(weight, 4.0 / 3.0 * config.speckle_contrast)
+    return NoiseModel(
+        max(variance, QUANTISATION_VARIANCE), gain, weight, config.speckle_contrast, config.speckle_grain_px,
+        float(sensor.saturation_dn), config.model_error,
+    )  # fmt: skip
+
+
+def _median(values: Image32) -> float:
+    """Median of finite values, the upper one of two: numpy's own looks for NaN and takes three times as long."""
+    return float(np.partition(values, values.size // 2, axis=None)[values.size // 2])
+
+
+@lru_cache(maxsize=16)
+def block_share(kernel: tuple[float, ...]) -> float:
+    """Typical variance within a block over that of blurred white noise: a block's own mean takes some, and the median
+    of blocks lies below their mean (Wilson & Hilferty 1931).
+    """
+    lags = np.correlate(kernel, kernel, "full")[len(kernel) - 1 :]
+    rho = np.pad(lags / lags[0], (0, BLOCK_PX))
+    own, square = 1.0, 1.0
+    for step in (1, ROW_STEP):
+        count = BLOCK_PX // step
+        apart = np.abs(np.subtract.outer(np.arange(count), np.arange(count)))
+        near = rho[np.minimum(apart * step, len(kernel))]
+        own, square = own * float(near.mean()), square * float(np.mean(near**2))
+    return (1.0 - own) * (1.0 - 2.0 * square / 9.0) ** 3
+
+
+def uncut_variance(mean_dn: float, variance_dn2: float) -> float:
+    """Variance of dark pixels before grey level 0 cut their noise off, from what is left of mean and variance [DN²].
+
+    Without a black level dark pixels show less than half their noise, those that a spot lifts all of it. Where levels 0
+    and 1 are all there is, mean and variance say the same, and the dark level is taken as 0.
+    """
+    if not CUT_MEAN[0] < mean_dn < CUT_MEAN[-1]:
+        return variance_dn2
+    whole = float(np.interp(mean_dn, CUT_MEAN, CUT_SIGMA)) ** 2 + QUANTISATION_VARIANCE
+    alike = variance_dn2 / float(np.interp(mean_dn, CUT_MEAN, CUT_VARIANCE))
+    share = float(np.interp(alike, ALIKE[::-1], SHARE[::-1]))
+    return variance_dn2 + share * max(whole - variance_dn2, 0.0)

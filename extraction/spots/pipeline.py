@@ -1,0 +1,135 @@
+"""The pipeline: image → peaks → regions → spots → points of the laser sheet."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import lru_cache
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from extraction.config import ExtractionConfig
+from extraction.image import check_image
+from extraction.sheet import image_to_sheet, propagate
+from extraction.spots.blur import Image32
+from extraction.spots.candidates import Candidates, find_candidates
+from extraction.spots.errors import SpotErrors, spot_errors
+from extraction.spots.localise import Spots, localise
+from extraction.spots.noise import noise_model
+from extraction.spots.prepare import Prepared, prepare
+from extraction.spots.score import flag_spots, refuse_spots, score_spots
+from extraction.spots.speckle import estimate_speckle
+from extraction.spots.spot_noise import SpotNoise, concatenate, take
+from extraction.spots.stages import Stages, why_empty
+from geometry import SensorModel, SurfacePoints
+
+Array = NDArray[np.float64]
+
+TRUSTED_SCORE = 0.6
+
+
+@dataclass(frozen=True, eq=False)
+class _Extraction:
+    prepared: Prepared
+    candidates: Candidates
+    points: SurfacePoints
+    candidate: NDArray[np.intp]
+    about: SpotNoise | None
+
+
+def extract(image: object, sensor: SensorModel, config: ExtractionConfig | None = None) -> SurfacePoints:
+    """The lit string spots of an image as unlabelled points of the laser sheet, best score first.
+
+    image: grey levels (H, W), uint8 or uint16. Raises InputError where image and sensor do not fit each other. No spot
+    is an empty answer; `extract_stages` says why.
+    """
+    return _extract(image, sensor, config or ExtractionConfig()).points
+
+
+def extract_stages(image: object, sensor: SensorModel, config: ExtractionConfig | None = None) -> Stages:
+    """As `extract`, with all that it saw on the way."""
+    config = config or ExtractionConfig()
+    result = _extract(image, sensor, config)
+    smooth = result.prepared.smooth
+    background = _full_size(result.prepared.background, smooth.shape)
+    noise = _full_size(result.prepared.noise, smooth.shape)
+    mask = smooth > background + np.float32(config.detect.threshold) * noise
+    reason = "" if len(result.points) else why_empty(result.prepared, result.candidates, sensor)
+    return Stages(result.prepared.image, background, mask, result.candidates, result.points, result.candidate, reason)
+
+
+def _extract(image: object, sensor: SensorModel, config: ExtractionConfig) -> _Extraction:
+    prepared = prepare(check_image(image, sensor), config.detect)
+    candidates = find_candidates(prepared, config.detect, sheet_scale(sensor))
+    noise = noise_model(prepared, sensor, config.noise)
+    spots = localise(prepared, candidates, noise, config)
+    yz_mm, jacobian = image_to_sheet(sensor, spots.uv_px)
+    score = score_spots(candidates, spots, config)
+    reasons = refuse_spots(candidates, spots, score, yz_mm, config)
+    kept = np.flatnonzero(reasons == "")
+    kept = kept[np.argsort(-score[kept], kind="stable")]
+    reasons[kept[config.localise.max_spots :]] = "beyond_max_spots"
+    kept = kept[: config.localise.max_spots]
+    errors = spot_errors(spots, kept, noise)
+    reasons[kept[~errors.good]] = "fit_failed"
+    kept, errors = kept[errors.good], errors.taken(errors.good)
+    points = _points(spots, kept, errors, yz_mm, jacobian, score)
+    return _Extraction(
+        prepared, candidates.refused(spots.candidate, reasons), points, spots.candidate[kept], errors.about
+    )
+
+
+def learn_speckle(
+    images: Iterable[object], sensor: SensorModel, config: ExtractionConfig | None = None
+) -> ExtractionConfig:
+    """The configuration with the speckle's contrast and grain as the trusted spots of all ``images`` show them.
+
+    One image's few spots tell little of them; those of a dataset make the reported σ true.
+    """
+    config = config or ExtractionConfig()
+    known: list[SpotNoise] = []
+    for image in images:
+        result = _extract(image, sensor, config)
+        good = [n for n, flag in enumerate(result.points.flag) if not flag and result.points.score[n] > TRUSTED_SCORE]
+        if result.about is not None and good:
+            known.append(take(result.about, np.array(good)))
+    if not known:
+        return config
+    about, noise = concatenate(known), config.noise
+    everything = np.ones(len(about.skew), dtype=np.bool_)
+    speckle = estimate_speckle(about, everything, noise.speckle_contrast, noise.speckle_grain_px)
+    learnt = {"speckle_contrast": speckle.contrast, "speckle_grain_px": speckle.grain_px}
+    return config.model_copy(update={"noise": noise.model_copy(update=learnt)})
+
+
+@lru_cache(maxsize=8)
+def sheet_scale(sensor: SensorModel) -> float:
+    """Typical size of a pixel in the laser sheet [mm/px]: the median over a grid of the image."""
+    u, v = np.meshgrid(np.linspace(0, sensor.width_px - 1, 5), np.linspace(0, sensor.height_px - 1, 5))
+    _, jacobian = image_to_sheet(sensor, np.column_stack([u.ravel(), v.ravel()]))
+    area = np.abs(np.linalg.det(jacobian))
+    area = area[np.isfinite(area) & (area > 0)]
+    return float(np.sqrt(np.median(area))) if len(area) else 1.0
+
+
+def _points(
+    spots: Spots, kept: NDArray[np.intp], errors: SpotErrors, yz_mm: Array, jacobian: Array, score: Array
+) -> SurfacePoints:
+    cov = errors.cov_uv_px2
+    return SurfacePoints(
+        uv_px=spots.uv_px[kept],
+        cov_uv_px2=cov,
+        yz_mm=yz_mm[kept],
+        cov_yz_mm2=propagate(jacobian[kept], cov),
+        score=score[kept],
+        flag=tuple(flag_spots(spots, kept, errors)),
+        axis_rad=spots.axis_rad[kept],
+        sigma_px=np.sqrt(spots.variances_px2[kept, ::-1]),
+        amplitude_dn=spots.amplitude_dn[kept],
+    )
+
+
+def _full_size(blocks: Image32, shape: tuple[int, ...]) -> Image32:
+    return np.asarray(cv2.resize(blocks, (shape[1], shape[0]), interpolation=cv2.INTER_LINEAR), dtype=np.float32)

@@ -1,0 +1,48 @@
+"""Everything that extraction saw on its way from the image to the points, for overlays and the process window."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from extraction.image import Image
+from extraction.spots.blur import Image32
+from extraction.spots.candidates import Candidates
+from extraction.spots.prepare import Prepared
+from geometry import SensorModel, SurfacePoints
+
+FLOODED_SHARE = 0.5  # of clipped pixels, above which the image is said to be saturated
+
+
+@dataclass(frozen=True, eq=False)
+class Stages:
+    """The stages of one image.
+
+    raw: grey levels (H, W). background: local background of the blurred image (H, W) [DN]. mask: pixels that stand
+    above background and noise (H, W). candidates: every peak looked at, with the reason it was refused ("" = kept).
+    points: the spots, and candidate: the candidate of each (N,). reason: why there are no points, "" where there are.
+    """
+
+    raw: Image
+    background: Image32
+    mask: NDArray[np.bool_]
+    candidates: Candidates
+    points: SurfacePoints
+    candidate: NDArray[np.intp]
+    reason: str
+
+
+def why_empty(prepared: Prepared, candidates: Candidates, sensor: SensorModel) -> str:
+    """One sentence on why an image gave no spot."""
+    image = prepared.image
+    if image.min() == image.max():
+        return f"the image is blank: every pixel holds grey level {int(image.min())}"
+    if np.mean(image >= sensor.saturation_dn) > FLOODED_SHARE:
+        return f"more than half of the image is saturated ({sensor.saturation_dn}): lower the exposure"
+    if not len(candidates):
+        return "nothing stands above the noise: no laser in the image, or it is too dark"
+    counts = {reason: candidates.reason.count(reason) for reason in dict.fromkeys(candidates.reason)}
+    listed = ", ".join(f"{number} {reason}" for reason, number in sorted(counts.items(), key=lambda c: -c[1]))
+    return f"none of {len(candidates)} candidates is a string spot: {listed}"

@@ -1,0 +1,23 @@
+"""A laser stripe's profile: image → peaks section by section → points of the sheet with covariance; files of them."""
+
+from extraction.stripe.config import StripeConfig
+from extraction.stripe.files import read_profile_csv, write_profile_csv, write_profile_ply
+from extraction.stripe.pipeline import depth_direction, detect_stripe, extract_profile
+from extraction.stripe.profile import EDGE, SATURATED, SHAPE, Profile, StripePeaks, flag_bits, flag_names
+
+__all__ = [
+    "EDGE",
+    "SATURATED",
+    "SHAPE",
+    "Profile",
+    "StripeConfig",
+    "StripePeaks",
+    "depth_direction",
+    "detect_stripe",
+    "extract_profile",
+    "flag_bits",
+    "flag_names",
+    "read_profile_csv",
+    "write_profile_csv",
+    "write_profile_ply",
+]

@@ -1,0 +1,145 @@
+"""Profiles on disk: CSV with covariance and PLY points, written whole or not at all; CSV read back."""
+
+from __future__ import annotations
+
+import csv
+import os
+import tempfile
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from extraction.stripe.profile import Profile, StripePeaks, flag_bits, flag_names
+from geometry import InputError
+from geometry.errors import did_you_mean
+
+Array = NDArray[np.float64]
+
+COLUMNS = (
+    "section,u_px,v_px,sigma_px,normal_u,normal_v,amplitude_dn,width_px,background_dn,chi2_per_dof,"
+    "y_mm,z_mm,sigma_y_mm,sigma_z_mm,cov_yz_mm2,flag"
+)
+_LEAST_SCATTER_MM = 1e-4
+
+
+def write_profile_csv(profile: Profile, path: str | Path) -> None:
+    """One row a point; (y, z) in {P}, σ and covariance in mm."""
+    p, cov = profile.peaks, profile.cov_yz_mm2
+    sigma = np.sqrt(np.maximum(np.diagonal(cov, axis1=1, axis2=2), 0))
+    more = (profile.yz_mm, sigma, cov[:, 0, 1])
+    numbers = np.column_stack(
+        [p.uv_px, p.sigma_px, p.normal, p.amplitude_dn, p.width_px, p.background_dn, p.chi2_per_dof, *more]
+    )
+    lines = [COLUMNS]
+    for section, row, flag in zip(p.section, numbers, p.flag, strict=True):
+        lines.append(f"{section},{','.join(f'{x:.9g}' for x in row)},{flag_names(int(flag))}")
+    write_atomically(path, "\n".join(lines) + "\n")
+
+
+def write_profile_ply(profile: Profile, path: str | Path) -> None:
+    """The points as an ASCII PLY cloud (x = 0, y, z) in {P} [mm] with grey level as intensity, and their σ [mm]."""
+    header = [
+        "ply",
+        "format ascii 1.0",
+        "comment laser stripe, sensor frame, mm",
+        f"element vertex {len(profile)}",
+        *(f"property double {name}" for name in "xyz"),
+        "property float intensity",
+        "property float sigma_y",
+        "property float sigma_z",
+        "end_header",
+    ]
+    sigma = np.sqrt(np.maximum(np.diagonal(profile.cov_yz_mm2, axis1=1, axis2=2), 0))
+    numbers = np.column_stack([profile.yz_mm, profile.peaks.amplitude_dn, sigma])
+    rows = ["0 " + " ".join(f"{x:.9g}" for x in row) for row in numbers]
+    write_atomically(path, "\n".join([*header, *rows]) + "\n")
+
+
+def read_profile_csv(path: str | Path) -> Profile:
+    """The profile that `write_profile_csv` wrote, or points of any other make in columns y_mm and z_mm.
+
+    Of COLUMNS all others may be missing; σ is then what neighbouring points scatter by, and there are no peaks (zero
+    σ and width in px). InputError names the file and line that can not be used.
+    """
+    try:
+        text = Path(path).read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: not a readable profile: {error}") from None
+    rows = csv.reader(text.splitlines())
+    columns = [name.strip() for name in next(rows, [])]
+    known = COLUMNS.split(",")
+    for name in columns:
+        if name not in known or columns.count(name) > 1:
+            hint = did_you_mean(name, known)
+            raise InputError(f"{path}, line 1: column {name!r} is unknown or given twice{hint}; known are {COLUMNS}")
+    if not {"y_mm", "z_mm"} <= set(columns):
+        raise InputError(f"{path}, line 1: a profile needs the columns y_mm and z_mm; known are {COLUMNS}")
+    table: dict[str, list[float]] = {name: [] for name in columns}
+    for line, row in enumerate(rows, start=2):
+        if len(row) != len(columns):
+            raise InputError(f"{path}, line {line}: {len(row)} values for {len(columns)} columns")
+        for name, value in zip(columns, row, strict=True):
+            table[name].append(_value(name, value, f"{path}, line {line}, column {name}"))
+    return _profile({name: np.array(values, dtype=float) for name, values in table.items()})
+
+
+def _value(name: str, text: str, where: str) -> float:
+    try:
+        value = float(flag_bits(text)) if name == "flag" else float(text)
+    except ValueError as error:
+        raise InputError(f"{where}: {error}") from None
+    if not np.isfinite(value):
+        raise InputError(f"{where}: {text} is not finite")
+    return value
+
+
+def _profile(table: dict[str, Array]) -> Profile:
+    """A profile from the columns that there are."""
+    n = len(table["y_mm"])
+
+    def column(name: str, default: float = 0.0) -> Array:
+        return table.get(name, np.full(n, default))
+
+    yz = np.column_stack([table["y_mm"], table["z_mm"]])
+    peaks = StripePeaks(
+        section=column("section").astype(np.int32) if "section" in table else np.arange(n, dtype=np.int32),
+        uv_px=np.column_stack([column("u_px"), column("v_px")]),
+        normal=np.column_stack([column("normal_u"), column("normal_v", 1.0)]),
+        sigma_px=column("sigma_px"),
+        amplitude_dn=column("amplitude_dn"),
+        width_px=column("width_px"),
+        background_dn=column("background_dn"),
+        chi2_per_dof=column("chi2_per_dof"),
+        flag=column("flag").astype(np.uint8),
+    )
+    cov = np.zeros((n, 2, 2))
+    cov[:, 0, 0] = column("sigma_y_mm") ** 2
+    cov[:, 1, 1] = (table["sigma_z_mm"] if "sigma_z_mm" in table else np.full(n, _scatter_mm(yz))) ** 2
+    cov[:, 0, 1] = cov[:, 1, 0] = column("cov_yz_mm2")
+    return Profile(peaks, yz, cov)
+
+
+def _scatter_mm(yz: Array) -> float:
+    """Robust σ of z from second differences along y, blind to the profile's course."""
+    if len(yz) < 3:
+        return _LEAST_SCATTER_MM
+    second = np.diff(yz[np.argsort(yz[:, 0], kind="stable"), 1], 2)
+    return max(float(1.4826 * np.median(np.abs(second)) / np.sqrt(6)), _LEAST_SCATTER_MM)
+
+
+def write_atomically(path: str | Path, text: str) -> None:
+    """Write beside the target, then rename over it: a reader sees the old file or the new one."""
+    target = Path(path)
+    try:
+        handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
+    except OSError as error:
+        raise InputError(f"{target} can not be written: {error.strerror or error}") from None
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
+            file.write(text)
+        Path(name).chmod(0o644)
+        Path(name).replace(target)
+    except OSError as error:
+        Path(name).unlink(missing_ok=True)
+        raise InputError(f"{target} can not be written: {error.strerror or error}") from None

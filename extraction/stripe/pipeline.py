@@ -1,0 +1,172 @@
+"""A laser stripe's profile: detect, measure the noise, localise, select, carry into the laser plane."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter
+
+from extraction.image import check_image
+from extraction.sheet import image_to_sheet, propagate, sheet_table
+from extraction.stripe import columns as col
+from extraction.stripe.config import StripeConfig
+from extraction.stripe.detect import Candidates, detect
+from extraction.stripe.fit import NoiseModel, fit_sections
+from extraction.stripe.noise import estimate_noise
+from extraction.stripe.normal import localise_along_normal
+from extraction.stripe.plateau import join_plateaus
+from extraction.stripe.profile import EDGE, SATURATED, SHAPE, Profile, StripePeaks
+from extraction.stripe.select import connected, select
+from extraction.stripe.view import StripeView, stripe_view
+from geometry import SensorModel
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+_SAMPLE = 320  # sections that are fitted first, for the noise and the width
+_WIDTH_PX = 1.5  # expected before anything is known
+_WIDTH_ERROR = 0.12  # relative, of the width expected from neighbouring sections; it steadies faint sections only
+
+
+def extract_profile(
+    image: NDArray[np.generic],
+    sensor: SensorModel,
+    config: StripeConfig | None = None,
+    laser_off: NDArray[np.generic] | None = None,
+    mask: Mask | None = None,
+) -> Profile:
+    """The stripe of ``image`` (H, W) as points (y, z) of the laser plane with covariance, section by section.
+
+    laser_off: the same view without laser, subtracted. mask: True where pixels may be used (H, W).
+    Points whose rays miss the sheet are left out. InputError where the image does not fit the sensor.
+    """
+    config = config or StripeConfig()
+    check_image(image, sensor)
+    if config.direction == "auto":
+        config = config.model_copy(update={"direction": depth_direction(sensor)})
+    peaks = detect_stripe(image, config, laser_off, mask, sensor.saturation_dn, sensor.black_level)
+    yz, jacobian = sheet_table(sensor).lookup(peaks.uv_px)
+    seen: Mask = np.asarray(np.isfinite(yz).all(axis=1))
+    return Profile(peaks, yz, propagate(jacobian, peaks.cov_uv_px2))[seen]
+
+
+def depth_direction(sensor: SensorModel) -> str:
+    """The image axis along which depth moves a point more, at the image's middle: "columns" for v, "rows" for u."""
+    middle = np.array([[(sensor.width_px - 1) / 2, (sensor.height_px - 1) / 2]])
+    jacobian = image_to_sheet(sensor, middle)[1][0]
+    if not np.isfinite(jacobian).all():
+        return "columns"
+    px_per_mm = np.linalg.inv(jacobian)[:, 1]
+    return "columns" if abs(px_per_mm[1]) >= abs(px_per_mm[0]) else "rows"
+
+
+def detect_stripe(
+    image: NDArray[np.generic],
+    config: StripeConfig | None = None,
+    laser_off: NDArray[np.generic] | None = None,
+    mask: Mask | None = None,
+    clip_dn: float | None = None,
+    black_dn: float = 0.0,
+) -> StripePeaks:
+    """The stripe's peaks in the image, one a section unless ``select = "all"``; direction "auto" means columns here.
+
+    image: uint8 or uint16 (H, W). clip_dn: grey level from which a pixel is clipped, the type's largest if absent.
+    """
+    config = config or StripeConfig()
+    view = stripe_view(image, config, laser_off, mask, clip_dn, black_dn)
+    found = _joined(view, detect(view.grey, config.threshold_sigma, config.surround_px, config.max_peaks))
+    noise, widths = _look_ahead(view, found, config)
+    fits = _fit(view, found, widths, _WIDTH_ERROR, noise, config)
+    good = np.flatnonzero(_acceptable(fits, config))
+    good = good[connected(found.section[good], fits[good, col.CENTRE], config.min_run)]
+    fits, section = fits[good], found.section[good]
+    noise = _settle(noise, fits, config)
+    chosen = select(config.select, section, fits[:, col.CENTRE], fits[:, col.AMPLITUDE], config.jump_px, config.max_gap)
+    peaks = _peaks(view, section[chosen], fits[chosen], config)
+    return localise_along_normal(view, peaks, noise, config) if config.along_normal else peaks
+
+
+def _joined(view: StripeView, found: Candidates) -> Candidates:
+    """The candidates, one for each clipped run; a run with one candidate is left as it is."""
+    if not np.isfinite(view.clip_dn) or len(found) == 0:
+        return found
+    place = (found.centre_px, found.low, found.high)
+    keep, centre, low, high = join_plateaus(view.grey, found.section, place, view.clip_dn)
+    return replace(found, section=found.section[keep], centre_px=centre[keep], low=low[keep], high=high[keep])
+
+
+def _look_ahead(view: StripeView, found: Candidates, config: StripeConfig) -> tuple[NoiseModel, Array]:
+    """The frame's noise, and the width to be expected at each candidate, from every n-th of them."""
+    some = np.arange(0, len(found), max(1, len(found) // _SAMPLE))
+    guess = np.full(len(some), min(max(_WIDTH_PX, config.min_width_px), config.max_width_px))
+    first = NoiseModel(max(found.noise_dn**2, 1 / 12), 0.0, 0.0, view.black_dn)
+    fits = _fit(view, found.take(some), guess, np.inf, first, config)
+    good = _acceptable(fits, config)
+    section = found.section[some[good]]
+    noise = estimate_noise(view, section, fits[good], config, 6 * found.noise_dn**2)
+    if not good.any():
+        return noise, np.full(len(found), _WIDTH_PX)
+    steady = median_filter(fits[good, col.WIDTH], size=min(9, int(good.sum())), mode="nearest")
+    return noise, np.interp(found.section, section, steady)
+
+
+def _settle(noise: NoiseModel, fits: Array, config: StripeConfig) -> NoiseModel:
+    """The noise scaled to what all sections say, ``fits`` with it in place: the few first ones leave some per cent.
+
+    Only where all of the noise is estimated, and robustly: sections that are no Gaussian peak keep their high χ².
+    """
+    if len(fits) < _SAMPLE or (config.read_noise_dn, config.gain_dn_per_e, config.speckle_contrast) != (None,) * 3:
+        return noise
+    ratio = fits[:, col.CHI2] / np.maximum(fits[:, col.DOF], 1)
+    usual = (ratio <= 3 * np.median(ratio)) & (fits[:, col.DOF] > 0)
+    if usual.sum() < _SAMPLE // 2:
+        return noise
+    scale = float(np.sum(fits[usual, col.CHI2]) / np.sum(fits[usual, col.DOF]))
+    fits[:, col.CHI2] /= scale
+    fits[:, col.VARIANCE] *= scale
+    return noise.scaled(scale)
+
+
+def _fit(
+    view: StripeView, found: Candidates, widths: Array, width_error: float, noise: NoiseModel, config: StripeConfig
+) -> Array:
+    place = (found.section, found.centre_px, found.low, found.high)
+    limits = (view.clip_dn, config.min_width_px, config.max_width_px)
+    return np.asarray(fit_sections(view.grey, view.left_out, place, (widths, width_error), limits, noise.as_array()))
+
+
+def _acceptable(fits: Array, config: StripeConfig) -> Mask:
+    """Which fits are a peak of a stripe: converged, high enough, neither too narrow nor too wide."""
+    width = fits[:, col.WIDTH]
+    return np.asarray(
+        (fits[:, col.CONVERGED] > 0)
+        & (fits[:, col.AMPLITUDE] >= config.min_amplitude_dn)
+        & (fits[:, col.SNR] >= config.min_snr)
+        & (width >= config.min_width_px)
+        & (width <= config.max_width_px)
+        & np.isfinite(fits[:, col.VARIANCE])
+    )
+
+
+def _peaks(view: StripeView, section: NDArray[np.int32], fits: Array, config: StripeConfig) -> StripePeaks:
+    chi2 = fits[:, col.CHI2] / np.maximum(fits[:, col.DOF], 1)
+    near_border = np.minimum(fits[:, col.CENTRE] - fits[:, col.LOW], fits[:, col.HIGH] - 1 - fits[:, col.CENTRE])
+    flag = (
+        SATURATED * (fits[:, col.CLIPPED] > 0)
+        + SHAPE * (chi2 > config.max_chi2_per_dof)
+        + EDGE * (near_border < 1.5 * fits[:, col.WIDTH])
+    )
+    zero = np.zeros(len(section))
+    return StripePeaks(
+        section=section + np.int32(view.first_section),
+        uv_px=view.uv_px(section.astype(float), fits[:, col.CENTRE]),
+        normal=view.directions(zero, zero + 1),
+        sigma_px=np.sqrt(fits[:, col.VARIANCE]),
+        amplitude_dn=fits[:, col.AMPLITUDE],
+        width_px=fits[:, col.WIDTH],
+        background_dn=fits[:, col.BACKGROUND],
+        chi2_per_dof=chi2,
+        flag=flag.astype(np.uint8),
+    )

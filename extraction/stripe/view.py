@@ -1,0 +1,105 @@
+"""An image made ready for stripes: laser-off subtracted, cut to its region, turned so that sections are columns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from extraction.stripe.config import StripeConfig
+from geometry import InputError
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+_NO_MASK = np.zeros((0, 0), dtype=bool)
+
+
+@dataclass(frozen=True, eq=False)
+class StripeView:
+    """The grey levels that the stripe is searched in.
+
+    grey: (sections' length, sections), integer. left_out: pixels not to be used, of the same shape or (0, 0).
+    clip_dn: grey level from which a pixel is clipped. black_dn: level without light.
+    origin_px: (u, v) of the region's first pixel. turned: whether a section is an image row.
+    """
+
+    grey: NDArray[np.generic]
+    left_out: Mask
+    clip_dn: float
+    black_dn: float
+    origin_px: tuple[int, int]
+    turned: bool
+
+    def uv_px(self, section: Array, along: Array) -> Array:
+        """Image coordinates (N, 2) of places ``along`` sections."""
+        pair = (along, section) if self.turned else (section, along)
+        return np.column_stack(pair) + self.origin_px
+
+    def directions(self, across: Array, along: Array) -> Array:
+        """Image directions (N, 2) of vectors with these components across and along the sections."""
+        return np.column_stack((along, across) if self.turned else (across, along))
+
+    @property
+    def first_section(self) -> int:
+        """Image column, or row, of section 0."""
+        return self.origin_px[1 if self.turned else 0]
+
+
+def stripe_view(
+    image: NDArray[np.generic],
+    config: StripeConfig,
+    laser_off: NDArray[np.generic] | None,
+    mask: Mask | None,
+    clip_dn: float | None,
+    black_dn: float,
+) -> StripeView:
+    """The view of ``image`` (H, W) uint8 or uint16 that the config asks for; InputError where the arrays do not fit."""
+    _check(image, laser_off, mask)
+    clip = float(np.iinfo(np.asarray(image).dtype).max if clip_dn is None else clip_dn)
+    u0, v0, u1, v1 = _region(config, image.shape)
+    part = (slice(v0, v1), slice(u0, u1))
+    grey, left_out = image[part], _NO_MASK if mask is None else ~mask[part]
+    if laser_off is not None:
+        bright = np.greater_equal(grey, clip)
+        left_out = bright if mask is None else left_out | bright
+        grey, clip, black_dn = grey.astype(np.int32) - laser_off[part].astype(np.int32), np.inf, 0.0
+    elif grey.dtype != np.uint8:
+        grey = grey.astype(np.int32)  # the kernels are compiled for two kinds of image, not for four
+    turned = config.direction == "rows"
+    return StripeView(_oriented(grey, turned), _oriented(left_out, turned), clip, black_dn, (u0, v0), turned)
+
+
+def _oriented(a: NDArray[Any], turned: bool) -> NDArray[Any]:
+    if a.size == 0 or not turned:
+        return np.ascontiguousarray(a)
+    return cv2.transpose(np.ascontiguousarray(a)) if a.dtype != bool else np.ascontiguousarray(a.T)
+
+
+def _check(image: NDArray[np.generic], laser_off: NDArray[np.generic] | None, mask: Mask | None) -> None:
+    if not isinstance(image, np.ndarray) or image.ndim != 2 or image.dtype not in (np.uint8, np.uint16):
+        what = f"{image.dtype} of shape {image.shape}" if isinstance(image, np.ndarray) else type(image).__name__
+        raise InputError(f"the image is {what}: grey levels (rows, columns) in uint8 or uint16 are needed")
+    if laser_off is not None and (laser_off.shape != image.shape or laser_off.dtype != image.dtype):
+        raise InputError(
+            f"the laser-off image is {laser_off.dtype} {laser_off.shape}: it must be like the image, "
+            f"{image.dtype} {image.shape}"
+        )
+    if mask is not None and (mask.shape != image.shape or mask.dtype != np.bool_):
+        raise InputError(
+            f"the mask is {mask.dtype} {mask.shape}: it must be boolean and as large as the image {image.shape}"
+        )
+
+
+def _region(config: StripeConfig, shape: tuple[int, ...]) -> tuple[int, int, int, int]:
+    if config.region_px is None:
+        return 0, 0, shape[1], shape[0]
+    u0, v0, u1, v1 = config.region_px
+    if not (0 <= u0 < u1 <= shape[1] and 0 <= v0 < v1 <= shape[0]):
+        raise InputError(
+            f"region_px = {list(config.region_px)} (u0, v0, u1, v1) must lie in the image of {shape[1]} × {shape[0]} px"
+        )
+    return u0, v0, u1, v1

@@ -1,0 +1,69 @@
+"""docs/formats.md names every key that a reader knows."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, get_args
+
+import pytest
+from pydantic import BaseModel
+
+from calib import CalibConfig
+from extraction import GapFlushConfig, StripeConfig
+from extraction.config import ExtractionConfig
+from jig_cad.files import JigTable
+from perceptron_emu import EmulatorConfig
+from perceptron_emu.scene_file import SceneFile
+from workbench.files.cell import CellFile
+from workbench.files.frames_csv import POSE_COLUMNS
+from workbench.files.points_csv import COLUMNS
+from workbench.files.robot_file import RobotFile
+from workbench.files.sensor_file import SensorFile
+from workbench.files.truth_file import Truth
+from workbench.validate.summary import Thresholds
+
+PAGE = (Path(__file__).parents[2] / "docs" / "formats.md").read_text(encoding="utf-8")
+WORDS = set(re.findall(r"\w+", PAGE))
+CELL = (CellFile, SensorFile, EmulatorConfig, JigTable, RobotFile, Truth)
+SETTINGS = (ExtractionConfig, CalibConfig, StripeConfig, GapFlushConfig)
+OTHERS = (SceneFile, Thresholds)
+
+
+def models_within(annotation: Any) -> Iterator[type[BaseModel]]:
+    """The models in an annotation."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    for inner in get_args(annotation):
+        yield from models_within(inner)
+
+
+def keys(model: type[BaseModel]) -> Iterator[str]:
+    """All keys of a file's model, those of its tables included."""
+    for name, field in model.model_fields.items():
+        yield name
+        for inner in models_within(field.annotation):
+            yield from keys(inner)
+
+
+@pytest.mark.parametrize("model", [*CELL, *SETTINGS, *OTHERS], ids=lambda model: model.__name__)
+def test_every_key_is_described(model: type[BaseModel]) -> None:
+    assert not set(keys(model)) - WORDS
+
+
+def test_every_column_is_described() -> None:
+    assert {*POSE_COLUMNS, *COLUMNS} <= WORDS
+
+
+def test_every_setting_and_column_of_a_campaign_is_described() -> None:
+    pytest.importorskip("pyarrow")
+    from workbench.campaign.plan import Plan
+
+    assert not set(keys(Plan)) - WORDS
+
+
+def test_every_verdict_is_described() -> None:
+    from calib.result import Code
+
+    assert set(get_args(Code)) <= WORDS

@@ -1,0 +1,1 @@
+"""A cell and its frames: found by name, measured, labelled and solved."""

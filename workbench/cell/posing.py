@@ -1,0 +1,70 @@
+"""Jig poses of the frames of a points.csv."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from calib import CalibConfig
+from calib.label.frame import label_frame
+from calib.pose.candidates import JigPoseResult
+from calib.pose.fit import jig_pose
+from geometry import AxisPoints, InputError, NoAnswerError, SensorModel
+from jig_cad import Jig
+from workbench.cell.presets import find_jig, find_sensor
+from workbench.files import FramePoints, read_points
+
+WORDS = {
+    "unique": "one pose explains the points; the half turn of the jig is chosen so that x_jig · x_sensor > 0",
+    "mirror": "a mirror pose explains the points as well",
+    "weak": "a direction of the pose is hardly determined by these points",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class FramePose:
+    """The poses of one frame, or the reason why there is none."""
+
+    frame: int
+    result: JigPoseResult | None
+    reason: str | None = None
+
+    @property
+    def words(self) -> str:
+        """What the candidates mean."""
+        return WORDS.get(self.result.ambiguity, "") if self.result else ""
+
+
+def frame_poses(points: Path, jig: str | None, sensor: str | None, frame: int | None) -> list[FramePose]:
+    """The poses of every frame of the file, or of one."""
+    frames = read_points(points)
+    if not frames:
+        raise InputError(f"{points}: holds no points")
+    if frame is not None and frame not in frames:
+        raise InputError(f"{points}: holds no frame {frame}; its frames are {min(frames)} … {max(frames)}")
+    the_jig = find_jig(jig or _beside(points, "jig.toml"))
+    chosen = frames if frame is None else {frame: frames[frame]}
+    needs_sensor = any(f.axis is None for f in chosen.values())
+    model = find_sensor(sensor or _beside(points, "sensor.toml")).model if needs_sensor else None
+    return [_pose(number, given, the_jig, model) for number, given in sorted(chosen.items())]
+
+
+def _beside(points: Path, name: str) -> str:
+    path = points.parent / name
+    if not path.exists():
+        option = name.removesuffix(".toml")
+        raise InputError(f"{path}: no such file; give --{option} FILE or the name of a preset")
+    return str(path)
+
+
+def _pose(frame: int, given: FramePoints, jig: Jig, sensor: SensorModel | None) -> FramePose:
+    axis = given.axis
+    if axis is None and sensor is not None:
+        labelled = label_frame(given.points, jig, sensor, None, CalibConfig())
+        if labelled.reason is not None:
+            return FramePose(frame, None, labelled.reason)
+        axis = labelled.axis
+    try:
+        return FramePose(frame, jig_pose(axis or AxisPoints.empty(), jig))
+    except NoAnswerError as error:
+        return FramePose(frame, None, str(error))

@@ -1,0 +1,33 @@
+"""Files and presets by name: what a user may give where a sensor, jig or robot is asked for."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import assets
+from geometry import RobotModel
+from jig_cad import Jig
+from workbench.files import Sensor, read_jig_file, read_robot, read_sensor
+
+
+def preset_path(kind: str, name: str) -> Path:
+    """The file ``name``, or the preset of that name where there is no such file and it does not look like one."""
+    path = Path(name)
+    if path.exists() or path.suffix or "/" in name:
+        return path
+    return assets.path(kind, name)
+
+
+def find_jig(name: str) -> Jig:
+    """A jig by file or preset."""
+    return read_jig_file(preset_path("jigs", name))
+
+
+def find_sensor(name: str) -> Sensor:
+    """A sensor by file or preset."""
+    return read_sensor(preset_path("sensors", name))
+
+
+def find_robot(name: str) -> RobotModel:
+    """A robot by file or preset."""
+    return read_robot(preset_path("robots", name))

@@ -1,0 +1,86 @@
+"""A starter dataset: every file commented, from presets, ready to be emulated or filled with a recording."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+
+from geometry import InputError, Pose, RobotModel
+from workbench.cell.presets import preset_path
+from workbench.files import Sensor, read_robot, read_sensor
+from workbench.files.atomic import write_text
+from workbench.files.sensor_file import toml_value
+
+REACH_OF_PLACES_MM = 2550.0  # the places below suit an arm of this reach; others get them in proportion
+PLACES = {
+    "A": ("calibrate", (1560.0, -780.0, 830.0), -28.0),
+    "B": ("calibrate", (1850.0, 110.0, 700.0), 4.0),
+    "C": ("calibrate", (1450.0, 830.0, 980.0), 32.0),
+    "D": ("verify", (1720.0, -300.0, 980.0), -10.0),
+}
+_UPRIGHT = np.array([[0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]])  # pillar up, its back away from the robot
+
+CELL = """\
+# A cell dataset: sensor, jig, robot and frames of one calibration.
+# `perceptron-emu calibrate FOLDER` solves it, `perceptron-emu render FOLDER --out OTHER` makes images of it.
+name = {name}
+sensor = "sensor.toml"   # camera, laser and (for emulation) light, optics, noise
+jig = "jig.toml"         # the string jig
+robot = "robot.toml"     # the arm's Denavit-Hartenberg table, or urdf = "arm.urdf", base = …, tip = …
+frames = "frames.csv"    # one row an image: location, role, joint readings in degrees
+
+[scp_initial]            # where the sensor sits on the hand by design: T_hand_sensor
+rotation_deg = [0.0, 0.0, 20.0]           # about fixed X, Y, Z: R = Rz Ry Rx
+translation_mm = [-17.0, -76.0, 117.0]
+
+# Where the jig stands, T_base_jig in mm. Needed to emulate; for a recording leave these out, calibrate finds them.
+# role: "calibrate" places are solved with, "verify" places only check the solution.
+"""
+FRAMES = """\
+# frame: a number; image: PNG or TIFF; location: one name for each place of the jig; role: calibrate or verify
+# joint readings in degrees; or x_mm, y_mm, z_mm, qw, qx, qy, qz of T_base_hand in their place
+"""
+
+
+def write_starter(folder: Path, robot: str, sensor: str, jig: str) -> None:
+    """Write cell.toml, sensor.toml, jig.toml, robot.toml, frames.csv and images/ into a new or empty folder."""
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise InputError(f"{folder}: is not empty; a starter dataset needs a new or an empty folder")
+    files = {"robot": preset_path("robots", robot), "sensor": preset_path("sensors", sensor)}
+    files["jig"] = preset_path("jigs", jig)
+    arm, model = read_robot(files["robot"]), read_sensor(files["sensor"])
+    try:
+        (folder / "images").mkdir(parents=True, exist_ok=True)
+        for name, path in files.items():
+            shutil.copyfile(path, folder / f"{name}.toml")
+    except OSError as error:
+        raise InputError(f"{folder}: can not be written ({error.strerror})") from None
+    columns = ",".join(["frame", "image", "location", "role", *(f"j{i + 1}_deg" for i in range(arm.n_joints))])
+    write_text(folder / "frames.csv", FRAMES + columns + "\n")
+    write_text(folder / "cell.toml", CELL.format(name=toml_value(_name(arm, model))) + _locations(arm))
+
+
+def place_of_jig(origin_mm: tuple[float, float, float], turn_deg: float, scale: float = 1.0) -> Pose:
+    """T_base_jig of an upright jig whose front faces the robot, turned about the vertical."""
+    turn = Pose.from_fixed_xyz_deg((0.0, 0.0, turn_deg), (0.0, 0.0, 0.0))
+    return Pose(turn.R @ _UPRIGHT, scale * np.array(origin_mm))
+
+
+def reach_mm(robot: RobotModel) -> float:
+    """A rough reach of the arm: its links beyond the first joint's height, end to end."""
+    return float(np.sum(np.abs(robot.a[1:])) + np.sum(np.abs(robot.d[1:])) + abs(robot.a[0]))
+
+
+def _locations(arm: RobotModel) -> str:
+    scale = min(1.0, reach_mm(arm) / REACH_OF_PLACES_MM)
+    lines = []
+    for name, (role, origin, turn) in PLACES.items():
+        rows = np.round(place_of_jig(origin, turn, scale).matrix, 9) + 0.0
+        lines += [f"[locations.{name}]", f"role = {toml_value(role)}", f"T_base_jig = {toml_value(rows.tolist())}"]
+    return "\n".join(lines) + "\n"
+
+
+def _name(arm: RobotModel, sensor: Sensor) -> str:
+    return f"{sensor.model.name or 'sensor'} on {arm.name or 'arm'}"

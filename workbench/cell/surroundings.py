@@ -1,0 +1,105 @@
+"""What stands around the strings of a jig: its plates and posts, and walls; and whether they hide a string."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geometry import Pose, SensorModel, cross_plane_x0
+from jig_cad import Jig
+from jig_cad.jig import MIN_SLENDERNESS
+from jig_cad.solids import jig_solids
+from perceptron_emu import ALUMINIUM, BLACK_PLATE, Solid, panel
+from perceptron_emu.bodies import hidden_by_solid
+from perceptron_emu.occlusion import hidden_by_strings
+from perceptron_emu.scene_file import Surroundings
+from perceptron_emu.strings import cylinders
+from workbench.plan.views import SeesAll
+
+Array = NDArray[np.float64]
+Bodies = tuple[Solid, ...]
+Mask = NDArray[np.bool_]
+
+REACH_MM = 0.6  # half the thickness of sheet that must reach every string: its Gaussian is spent well inside
+SAMPLES = 7
+SHADOW_RADIUS_MM = 1.0  # strings stand wider in the way than they are: the sensor is not quite where it is believed
+STEPS = np.linspace(-REACH_MM, REACH_MM, SAMPLES)
+
+
+def jig_bodies(jig: Jig) -> tuple[Solid, ...]:
+    """Plates (black) and posts (bare aluminium) of a jig, in its own axes; the same solids for jigs that share them.
+
+    The holes are twice as wide as the strings, up to the next tenth of a millimetre, as drills come.
+    """
+    exact = 2 * jig.string_diameter_mm
+    drill = float(np.ceil(10 * exact - 1e-9) / 10)
+    drill = drill if drill * MIN_SLENDERNESS < 2 * min(jig.side_mm, jig.height_mm) else exact
+    return _bodies(jig.side_mm, jig.height_mm, jig.strings, jig.anchors_mm.tobytes(), drill)
+
+
+@lru_cache(maxsize=16)
+def _bodies(side_mm: float, height_mm: float, strings: tuple[str, ...], anchors: bytes, hole: float) -> Bodies:
+    jig = Jig(side_mm, height_mm, hole / 2, 0.0, strings, np.frombuffer(anchors).reshape(6, 3))
+    meshes = jig_solids(jig, strings=False)
+    return tuple(
+        Solid(m, ALUMINIUM if name.startswith("post") else BLACK_PLATE, name=name) for name, m in meshes.items()
+    )
+
+
+def wall_behind(jig: Jig, distance_mm: float, size_mm: float = 900.0, turn_deg: float = 0.0) -> Solid:
+    """A matte wall beyond the pillar, ``distance_mm`` behind its back strings, turned about the vertical."""
+    turn = np.deg2rad(turn_deg)
+    c, s = np.cos(turn), np.sin(turn)
+    R = np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
+    centre = np.array([jig.height_mm / 2, 0.0, np.sqrt(3) / 2 * jig.side_mm + distance_mm])
+    return panel(size_mm, size_mm, Pose(R, centre), name="wall")
+
+
+def around_jig(around: Surroundings, T_base_jig: Pose) -> tuple[Solid, ...]:
+    """What stands around a jig at its place, in the jig's axes; without what the sensor carries along."""
+    T_jig_base = T_base_jig.inverse()
+    still = (replace(s, T_sensor_mesh=T_jig_base @ s.T_sensor_mesh) for s in around.standing_in("base"))
+    return (*around.standing_in("jig"), *still)
+
+
+def sees_all_strings(
+    sensor: SensorModel, jig: Jig, solids: tuple[Solid, ...], carried: tuple[Solid, ...] = ()
+) -> SeesAll:
+    """A test that nothing stands between the strings' points and the emitter or the camera at poses T_sensor_jig (N).
+
+    solids: in jig axes. carried: on the sensor, in {P}.
+    Every string is tried on a piece REACH_MM to either side of the sheet, a little off its axis.
+    """
+    strings = replace(cylinders(jig, Pose.identity()), radius=SHADOW_RADIUS_MM)
+
+    def sees_all(T_sensor_jig: Pose) -> Mask:
+        points = _pieces(jig, T_sensor_jig)  # (N, S * SAMPLES, 3) in {P}
+        own = np.tile(np.repeat(np.arange(len(jig.strings)), SAMPLES), len(points))
+        back = T_sensor_jig.inverse()
+        hidden = np.zeros(points.shape[:2], dtype=bool)
+        for source in (sensor.laser_origin_mm, sensor.camera_centre_mm):
+            towards = (source - points) / np.linalg.norm(source - points, axis=-1, keepdims=True)
+            surface = points + jig.string_diameter_mm / 2 * towards
+            here = (back @ surface).reshape(-1, 3)
+            eye = np.repeat(back @ np.broadcast_to(source, (len(back), 3)), points.shape[1], axis=0)
+            masks = [hidden_by_strings(strings, here, eye, own)]
+            masks += [hidden_by_solid(s, here, eye) for s in solids]
+            flat = surface.reshape(-1, 3)
+            masks += [hidden_by_solid(s, flat, np.broadcast_to(source, flat.shape)) for s in carried]
+            hidden |= np.any(masks, axis=0).reshape(hidden.shape)
+        return np.asarray(~np.any(hidden, axis=1))
+
+    return sees_all
+
+
+def _pieces(jig: Jig, T_sensor_jig: Pose) -> Array:
+    """Points (N, S * SAMPLES, 3) in {P} on every string's axis, up to REACH_MM to either side of the sheet."""
+    starts = T_sensor_jig @ jig.starts[None]
+    directions = (T_sensor_jig.R[:, None] @ jig.directions[..., None])[..., 0]
+    crossing, _ = cross_plane_x0(starts, directions)
+    along = directions / np.abs(directions[..., :1])  # a step of 1 mm across the sheet
+    pieces = crossing[:, :, None] + STEPS[:, None] * along[:, :, None]
+    return np.asarray(pieces.reshape(len(pieces), -1, 3))

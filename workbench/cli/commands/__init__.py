@@ -1,0 +1,1 @@
+"""The commands of `perceptron-emu`: a module each, imported when it is called (workbench/cli/lazy.py lists them)."""

@@ -1,0 +1,78 @@
+"""Find string points and write them as CSV."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from workbench.cli.console import progress_bar, say_on_stdout, standard_error
+
+if TYPE_CHECKING:
+    from extraction import ExtractionConfig
+    from workbench.cell.extracting import Extracted
+
+
+def command(
+    inputs: Annotated[
+        list[Path], typer.Argument(metavar="DATASET|IMAGES", help="A cell dataset, or image files or their folder.")
+    ],
+    sensor: Annotated[Path | None, typer.Option(help="sensor.toml; needed for bare images.")] = None,
+    jig: Annotated[Path | None, typer.Option(help="jig.toml; without it, bare images give unlabelled spots.")] = None,
+    csv: Annotated[Path | None, typer.Option(help="File for the points; default: standard output.")] = None,
+    overlay: Annotated[Path | None, typer.Option(help="Folder for pictures of what was detected.")] = None,
+    stages: Annotated[bool, typer.Option("--stages", help="With --overlay: a picture of every stage too.")] = False,
+    config: Annotated[list[Path] | None, typer.Option(help="Settings TOML; may be given more than once.")] = None,
+) -> None:
+    """Find the string points of stripe images: pixel, surface point, axis point, σ and label of each, as CSV."""
+    from geometry import InputError
+    from workbench.cell.extracting import extract_inputs
+    from workbench.cell.points_table import rows
+    from workbench.files import points_text
+    from workbench.files.atomic import write_text
+    from workbench.files.settings_file import read_settings
+
+    settings = read_settings(config or [])
+    with progress_bar("extracting", len(inputs)) as progress:
+        extracted = extract_inputs(inputs, sensor, jig, settings, progress)
+    for line in _remarks(extracted):
+        standard_error().print(line, soft_wrap=True, markup=False)
+    text = points_text(rows(extracted.tables))
+    if overlay is not None:
+        _overlays(extracted, overlay, settings.extraction if stages else None)
+    elif stages:
+        raise InputError("--stages needs --overlay DIR, the folder for its pictures")
+    if csv is None:
+        say_on_stdout(text.rstrip("\n"))
+    else:
+        write_text(csv, text)
+        labelled = sum(len(t.axis) for t in extracted.tables)
+        spots = sum(len(t.points) for t in extracted.tables)
+        standard_error().print(f"{csv}: {labelled} labelled of {spots} spots in {len(extracted.tables)} frames")
+
+
+def _remarks(extracted: Extracted) -> Iterator[str]:
+    for table in extracted.tables:
+        if table.frame in extracted.complaints:
+            yield f"warning: frame {table.frame}: {extracted.complaints[table.frame]}"
+        elif table.reason:
+            yield f"warning: frame {table.frame}: {table.reason}, {len(table.points)} spots ({table.image or 'points'})"
+
+
+def _overlays(extracted: Extracted, folder: Path, stages: ExtractionConfig | None) -> None:
+    """Write the overlays; ``stages``: the settings whose stages are wanted as well."""
+    from workbench.files import read_image
+    from workbench.report.overlay import save_overlays
+    from workbench.report.stage_pictures import save_stages
+
+    with progress_bar("overlays", len(extracted.tables)) as progress:
+        for i, table in enumerate(extracted.tables, start=1):
+            path = extracted.paths.get(table.frame)
+            if path is not None and table.frame not in extracted.complaints:
+                image = read_image(path, extracted.sensor)
+                save_overlays(folder, image, extracted.sensor, table)
+                if stages is not None:
+                    save_stages(folder, image, extracted.sensor, table, stages)
+            progress(i, len(extracted.tables))

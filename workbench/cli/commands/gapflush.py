@@ -1,0 +1,75 @@
+"""Gap and flush of two panels."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.table import Table
+
+from workbench.cli.console import say_on_stdout, standard_error, standard_output
+
+if TYPE_CHECKING:
+    from extraction import GapFlush
+
+
+def command(
+    profile: Annotated[
+        Path, typer.Argument(metavar="PROFILE.csv|IMAGE", help="A profile (columns y_mm, z_mm, …), or an image.")
+    ],
+    sensor: Annotated[Path | None, typer.Option(help="sensor.toml; needed for an image.")] = None,
+    laser_off: Annotated[Path | None, typer.Option(help="The same view without laser, subtracted.")] = None,
+    mask: Annotated[Path | None, typer.Option(help="Image that is 0 where pixels must not be used.")] = None,
+    config: Annotated[
+        list[Path] | None, typer.Option(help="Settings TOML with \\[stripe] and \\[gapflush]; may be repeated.")
+    ] = None,
+    picture: Annotated[Path | None, typer.Option(help="PNG or SVG of the points, edges and the two numbers.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
+) -> None:
+    """Measure gap, flush and edge radii of two panels in a profile, with their standard deviations."""
+    from extraction import measure_gap_flush
+    from workbench.cell.profiling import Source, read_profile, read_profile_settings
+    from workbench.report.as_json import json_text
+
+    settings = read_profile_settings(config or [])
+    points = read_profile(Source(profile, sensor, laser_off, mask, settings))
+    answer = measure_gap_flush(points, settings.gapflush)
+    if picture is not None:
+        from workbench.report.gapflush_picture import draw_gap_flush
+
+        draw_gap_flush(points, answer, picture, settings.gapflush.reference)
+    if answer.blur_px is None:
+        text = "points only, without the stripe's widths and light: the blur's part in the gap is not taken out"
+        standard_error().print(text, soft_wrap=True)
+    if as_json:
+        say_on_stdout(json_text(_object(answer, settings.gapflush.reference)))
+    else:
+        standard_output().print(_table(answer))
+
+
+def _object(answer: GapFlush, reference: str) -> dict[str, Any]:
+    return {
+        "reference": reference,
+        "gap_mm": answer.gap_mm,
+        "sigma_gap_mm": answer.sigma_gap_mm,
+        "flush_mm": answer.flush_mm,
+        "sigma_flush_mm": answer.sigma_flush_mm,
+        "radius_mm": answer.radius_mm,
+        "sigma_radius_mm": answer.sigma_radius_mm,
+        "gap_points_mm": answer.gap_points,
+        "flush_points_mm": answer.flush_points,
+        "blur_px": answer.blur_px,
+        "flag": answer.flag,
+    }
+
+
+def _table(answer: GapFlush) -> Table:
+    table = Table("", "mm", "σ")
+    table.add_row("gap", f"{answer.gap_mm:.3f}", f"{answer.sigma_gap_mm:.3f}")
+    table.add_row("flush", f"{answer.flush_mm:+.3f}", f"{answer.sigma_flush_mm:.3f}")
+    for side, radius, sigma in zip(("left", "right"), answer.radius_mm, answer.sigma_radius_mm, strict=True):
+        table.add_row(f"radius {side}", *(("sharp", "") if radius != radius else (f"{radius:.3f}", f"{sigma:.3f}")))
+    if answer.flag:
+        table.caption = f"doubtful: {answer.flag}"
+    return table

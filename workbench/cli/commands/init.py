@@ -1,0 +1,29 @@
+"""Write a starter dataset."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from workbench.cli.console import standard_error
+
+
+def command(
+    folder: Annotated[Path, typer.Argument(help="A new or empty folder.")] = Path("cell"),
+    robot: Annotated[str, typer.Option(help="robot.toml or preset.")] = "abb_irb6640_180_255",
+    sensor: Annotated[str, typer.Option(help="sensor.toml or preset.")] = "nominal",
+    jig: Annotated[str, typer.Option(help="jig.toml or preset.")] = "paper",
+    presets: Annotated[bool, typer.Option("--list", help="List the presets and write nothing.")] = False,
+) -> None:
+    """Write a commented starter dataset from presets: fill it with a recording, or render it."""
+    import assets
+    from workbench.cell.starter import write_starter
+
+    if presets:
+        for kind in ("robots", "sensors", "jigs"):
+            standard_error().print(f"{kind}: {', '.join(assets.list_presets(kind))}", markup=False, soft_wrap=True)
+        return
+    write_starter(folder, robot, sensor, jig)
+    standard_error().print(f"{folder}: fill frames.csv and images/, or: perceptron-emu render {folder} --out recording")

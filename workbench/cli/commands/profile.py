@@ -1,0 +1,53 @@
+"""The laser stripe of an image as a profile."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from workbench.cli.console import standard_error
+
+EXIT_NO_ANSWER = 3
+
+
+def command(
+    image: Annotated[Path, typer.Argument(metavar="IMAGE", help="A stripe image, PNG or TIFF.")],
+    sensor: Annotated[Path, typer.Option(help="sensor.toml of that image.")],
+    csv: Annotated[Path | None, typer.Option(help="File for the points with their covariance.")] = None,
+    ply: Annotated[Path | None, typer.Option(help="File for the points as a PLY cloud.")] = None,
+    laser_off: Annotated[Path | None, typer.Option(help="The same view without laser, subtracted.")] = None,
+    mask: Annotated[Path | None, typer.Option(help="Image that is 0 where pixels must not be used.")] = None,
+    config: Annotated[list[Path] | None, typer.Option(help="Settings TOML with \\[stripe]; may be repeated.")] = None,
+) -> None:
+    """Measure the laser stripe of an image: points (y, z) of the laser plane with covariance, as CSV or PLY."""
+    from extraction import write_profile_csv, write_profile_ply
+    from geometry import InputError
+    from workbench.cell.profiling import Source, read_profile, read_profile_settings
+
+    if csv is None and ply is None:
+        raise InputError("nothing to write: give --csv FILE, --ply FILE or both")
+    if image.suffix.lower() == ".csv":
+        raise InputError(f"{image} is a profile already; `profile` takes an image")
+    profile = read_profile(Source(image, sensor, laser_off, mask, read_profile_settings(config or [])))
+    if csv is not None:
+        write_profile_csv(profile, csv)
+    if ply is not None:
+        write_profile_ply(profile, ply)
+    flagged = int((profile.peaks.flag > 0).sum())
+    written = ", ".join(str(p) for p in (csv, ply) if p is not None)
+    standard_error().print(f"{written}: {len(profile)} points, {flagged} flagged", soft_wrap=True, markup=False)
+    if len(profile) == 0:
+        standard_error().print(_why_empty(image, sensor), soft_wrap=True, markup=False)
+        raise typer.Exit(EXIT_NO_ANSWER)
+
+
+def _why_empty(image: Path, sensor: Path) -> str:
+    from extraction.spots import FLOODED_SHARE
+    from workbench.files import read_image, read_sensor
+
+    model = read_sensor(sensor).model
+    if (read_image(image, model) >= model.saturation_dn).mean() > FLOODED_SHARE:
+        return f"no stripe: more than half of the image is saturated ({model.saturation_dn}), lower the exposure"
+    return "no stripe in the image: see [stripe] threshold_sigma, min_amplitude_dn, direction"

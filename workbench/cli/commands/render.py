@@ -1,0 +1,124 @@
+"""Record a cell in emulation."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from workbench.cli.console import progress_bar, standard_error
+
+if TYPE_CHECKING:
+    from workbench.emulate.extras import Extras
+
+
+class Renderer(StrEnum):
+    """Who finds what is lit and seen."""
+
+    OWN = "own"
+    PYRENDER = "pyrender"
+
+
+def command(
+    cell: Annotated[
+        Path,
+        typer.Argument(
+            metavar="CELL.toml", help="The cell to record, with its \\[locations]; or with --sensor a scene."
+        ),
+    ],
+    out: Annotated[Path, typer.Option(help="Folder for the dataset; a broken-off recording there is resumed.")],
+    seed: Annotated[int, typer.Option(min=0, help="Same seed, same bytes.")] = 0,
+    per_location: Annotated[int, typer.Option(min=1, max=1000, help="Views planned at each location.")] = 7,
+    joints: Annotated[
+        Path | None, typer.Option(help="A frames.csv of views to take; default: the cell's own, else planned ones.")
+    ] = None,
+    renderer: Annotated[Renderer, typer.Option(help="Our own ray casting, or OpenGL's depth buffers.")] = Renderer.OWN,
+    exact: Annotated[bool, typer.Option("--exact", help="No errors of robot, joints, jig and mounting.")] = False,
+    mounting_deg: Annotated[float, typer.Option(min=0, max=10, help="σ of the mounting's rotation.")] = 1.0,
+    mounting_mm: Annotated[float, typer.Option(min=0, max=50, help="σ of the mounting's position.")] = 0.5,
+    scene: Annotated[
+        Path | None, typer.Option(help="A scene.toml: meshes and panels around the cell, by default in the base.")
+    ] = None,
+    sensor: Annotated[
+        str | None, typer.Option(help="File or preset: render one image of the scene.toml given in place of a cell.")
+    ] = None,
+    full_truth: Annotated[bool, typer.Option("--full-truth", help="Pixel labels and the sheet's curve too.")] = False,
+    ambient_frames: Annotated[
+        bool, typer.Option("--ambient-frames", help="The same views with the laser off too, in images_off/.")
+    ] = False,
+    trial: Annotated[
+        int | None, typer.Option(help="Remake this trial of a campaign; CELL.toml is its plan or the run's folder.")
+    ] = None,
+) -> None:
+    r"""Record a cell in emulation: plan views or take given joints, render the images, write a dataset with truth.
+
+    With --sensor, render one image of a scene.toml.
+
+    The true robot, jig and mounting are drawn from \[uncertainty], tolerance_mm and the mounting's σ.
+    """
+    if trial is not None:
+        from workbench.campaign.remake import remake_trial
+
+        count = remake_trial(cell, trial, out)
+        standard_error().print(f"{out}: {count} images of trial {trial}", markup=False)
+        return
+    from workbench.emulate.extras import Extras
+
+    extras = Extras(full_truth, ambient_frames)
+    if sensor is not None:
+        _one_image(cell, sensor, scene, out, seed, renderer, extras)
+        return
+    errors = (0.0, 0.0, False) if exact else (mounting_deg, mounting_mm, True)
+    _record(cell, out, seed, per_location, joints, renderer, errors, scene, extras)
+
+
+def _one_image(
+    path: Path, sensor: str, scene: Path | None, out: Path, seed: int, renderer: Renderer, extras: Extras
+) -> None:
+    from geometry import InputError
+    from workbench.cell.presets import find_sensor
+    from workbench.emulate.scene_frame import render_scene_file
+
+    if scene is not None:
+        raise InputError("--scene places parts around a cell, --sensor renders the scene given in its place: drop one")
+    image = render_scene_file(path, find_sensor(sensor), out, seed, renderer.value, extras)
+    standard_error().print(f"{image}", markup=False, soft_wrap=True)
+
+
+def _record(
+    path: Path,
+    out: Path,
+    seed: int,
+    per_location: int,
+    joints: Path | None,
+    renderer: Renderer,
+    errors_of: tuple[float, float, bool],
+    scene: Path | None,
+    extras: Extras,
+) -> None:
+    import numpy as np
+
+    from perceptron_emu.scene_file import read_surroundings
+    from workbench.emulate.check import all_hidden, check_views, never_met
+    from workbench.emulate.record import record
+    from workbench.emulate.truth import NOTHING, Errors, configurations, draw_truth, given_views, planned_views
+    from workbench.files import read_cell, read_frames
+
+    given = read_cell(path, recorded=False)
+    around = read_surroundings(scene) if scene else NOTHING
+    errors = Errors(*errors_of)
+    rng = np.random.default_rng([seed, 2**31])
+    true = draw_truth(given, errors, rng, around)
+    rows = read_frames(joints, given.robot.n_joints) if joints else given.frames
+    with progress_bar("planning", 1):
+        views = given_views(given, rows) if rows else planned_views(given, per_location, rng, around)
+    taken = configurations(views, true, errors, rng)
+    met = check_views(given, true, taken)
+    with progress_bar("rendering", len(taken)) as progress:
+        done = record(out, given, true, taken, seed, progress, renderer.value, extras)
+    for remark in (never_met((s.name for _, s in around.parts), met), all_hidden(done.truth)):
+        if remark:
+            standard_error().print(remark, markup=False, soft_wrap=True)
+    standard_error().print(f"{out}: {len(taken)} images at {len(given.T_base_jig)} locations", markup=False)

@@ -1,0 +1,73 @@
+"""Validate point extraction against truth."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.table import Table
+
+from workbench.cli.console import progress_bar, say_on_stdout, standard_error, standard_output
+
+EXIT_THRESHOLD = 1
+
+
+def command(
+    dataset: Annotated[
+        Path | None, typer.Argument(help="A dataset with truth.json; without it, frames are rendered.")
+    ] = None,
+    sensor: Annotated[str, typer.Option(help="sensor.toml or preset of the frames to render.")] = "nominal",
+    jig: Annotated[str, typer.Option(help="jig.toml or preset of the frames to render.")] = "paper",
+    frames: Annotated[
+        int, typer.Option(min=2, max=100_000, help="Frames as the files say; as many again under varied conditions.")
+    ] = 60,
+    seed: Annotated[int, typer.Option(min=0, help="Same seed, same frames.")] = 0,
+    config: Annotated[list[Path] | None, typer.Option(help="Settings TOML; may be given more than once.")] = None,
+    thresholds: Annotated[
+        Path | None, typer.Option(help="TOML of thresholds, such as min_detection_rate; exit code 1 where one fails.")
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Folder of report.html, result.json, strings.csv, frames.csv.")] = Path(
+        "validation"
+    ),
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
+) -> None:
+    """Measure point extraction against truth: detection, false points, labels, bias, scatter, honest σ, the bound."""
+    from workbench.files.settings_file import read_settings
+    from workbench.validate.page import WORDS, write_pages
+    from workbench.validate.run import validate_dataset, validate_drawn
+    from workbench.validate.summary import Thresholds, failures, figures, read_thresholds
+
+    settings = read_settings(config or [])
+    limits = read_thresholds(thresholds) if thresholds is not None else Thresholds()
+    with progress_bar("validating", 1) as progress:
+        if dataset is not None:
+            validation = validate_dataset(dataset, settings, progress)
+        else:
+            validation = validate_drawn(sensor, jig, frames, seed, settings, progress)
+    result = figures(validation.measured)
+    failed = failures(result, limits)
+    write_pages(out, validation.measured, result, limits, failed, validation.worst)
+    if as_json:
+        say_on_stdout((out / "result.json").read_text(encoding="utf-8").rstrip("\n"))
+    else:
+        _show(result, WORDS)
+        standard_error().print(f"{out / 'report.html'} written", markup=False)
+    for failure in failed:
+        shown = "none" if failure.value is None else f"{failure.value:.5g}"
+        standard_error().print(f"threshold {failure.key} = {failure.limit:g} not held: {shown}", markup=False)
+    if failed:
+        raise typer.Exit(EXIT_THRESHOLD)
+
+
+def _show(result: dict[str, float | None], words: dict[str, str]) -> None:
+    table = Table(title="extraction against truth, nominal conditions", title_justify="left", show_header=False)
+    for key, value in result.items():
+        if value is None:
+            shown = "–"
+        elif key in ("frames", "points"):
+            shown = f"{value:.0f}"
+        else:
+            shown = f"{100 * value:.2f} %" if key.endswith("_rate") else f"{value:.4f}"
+        table.add_row(words[key].replace("[", "\\["), shown)
+    standard_output().print(table)

@@ -1,1 +1,0 @@
-"""The commands of `perceptron-emu`: a module each, imported when it is called (workbench/lazy.py lists them)."""

@@ -1,0 +1,1 @@
+"""Measured points against their truth."""

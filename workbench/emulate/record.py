@@ -1,0 +1,181 @@
+"""Recording a cell in emulation: rendered images with truth in a dataset folder; resumes, same seed same bytes."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geometry import NoAnswerError, Pose, RobotModel
+from jig_cad import ANCHORS, Jig, jig_text
+from perceptron_emu import Material, Scene, Solid
+from workbench.emulate.extras import NONE, Extras, Renderer, truth_points
+from workbench.files import Cell, FrameRow, Truth, TruthFrame, read_truth, sensor_text, write_cell
+from workbench.files.atomic import write_text
+from workbench.files.images import write_png
+
+Array = NDArray[np.float64]
+Progress = Callable[[int, int], None]
+
+READING_DECIMALS = 4  # digits of a joint reading in degrees, as a controller shows them
+PARTS = ".parts"
+
+
+@dataclass(frozen=True, eq=False)
+class TrueCell:
+    """What stands behind a recording: the true robot, jig and mounting, the jig's places and what is around them.
+
+    solids: by location, in jig axes; plates and posts as well as anything else in the light's way. carried: solids on
+    the sensor, in {P}. string_material: the thread's surface, None for that of the sensor's file.
+    """
+
+    robot: RobotModel
+    jig: Jig
+    T_hand_sensor: Pose
+    T_base_jig: dict[str, Pose]
+    solids: dict[str, tuple[Solid, ...]] = field(default_factory=dict)
+    carried: tuple[Solid, ...] = ()
+    string_material: Material | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Configuration:
+    """One frame to record: the joints as read (n,) [rad] and as they truly stand."""
+
+    frame: int
+    location: str
+    role: str
+    reading_rad: Array
+    true_rad: Array
+
+
+def with_joint_noise(
+    views: Sequence[tuple[str, str, Array]], robot: RobotModel, rng: np.random.Generator
+) -> tuple[Configuration, ...]:
+    """Configurations of (location, role, joints): readings rounded as in the file, true angles off by the joints' σ."""
+    out = []
+    for frame, (location, role, joints) in enumerate(views):
+        reading = np.deg2rad(np.round(np.rad2deg(joints), READING_DECIMALS))
+        true = reading + rng.normal(0, robot.uncertainty.joint_sigma_rad, len(reading))
+        out.append(Configuration(frame, location, role, reading, true))
+    return tuple(out)
+
+
+def record(
+    folder: Path,
+    cell: Cell,
+    true: TrueCell,
+    configurations: Sequence[Configuration],
+    seed: int,
+    progress: Progress | None = None,
+    renderer: Renderer = "own",
+    extras: Extras = NONE,
+) -> Cell:
+    """Render every configuration into ``folder`` as a dataset with truth.json and return the dataset.
+
+    ``cell`` gives what a user knows: nominal robot and jig, design SCP, sensor; its frames are replaced. Frames that
+    stand in the folder already, of the same recipe and with the same extras, are kept.
+    """
+    recipe = _recipe(cell, true, configurations, seed, renderer)
+    rows = tuple(_row(c) for c in configurations)
+    finished = _finished(folder, recipe, rows, extras)
+    if finished is None:
+        frames = []
+        for i, configuration in enumerate(configurations):
+            frames.append(_frame(folder, cell, true, configuration, (seed, recipe, renderer, extras)))
+            if progress:
+                progress(i + 1, len(configurations))
+        finished = _truth(true, frames, recipe)
+    done = replace(cell, folder=folder, frames=rows, truth=finished)
+    write_cell(done, folder, READING_DECIMALS)
+    for part in (folder / PARTS).glob("*.json"):
+        part.unlink()
+    if (folder / PARTS).is_dir():
+        (folder / PARTS).rmdir()
+    return done
+
+
+def frame_scene(cell: Cell, true: TrueCell, configuration: Configuration) -> Scene:
+    """What the sensor sees at one configuration."""
+    T_base_sensor = true.robot.hand_pose(configuration.true_rad) @ true.T_hand_sensor
+    T_sensor_jig = T_base_sensor.inverse() @ true.T_base_jig[configuration.location]
+    solids = true.solids.get(configuration.location, ())
+    placed = tuple(replace(s, T_sensor_mesh=T_sensor_jig @ s.T_sensor_mesh) for s in solids)
+    return Scene(cell.sensor.model, true.jig, T_sensor_jig, (*placed, *true.carried), true.string_material)
+
+
+def _row(c: Configuration) -> FrameRow:
+    return FrameRow(c.frame, f"images/{c.frame:03d}.png", c.location, c.role, c.reading_rad)
+
+
+def _frame(
+    folder: Path, cell: Cell, true: TrueCell, configuration: Configuration, how: tuple[int, str, Renderer, Extras]
+) -> TruthFrame:
+    """Render one frame, or take it from the folder where it was rendered already."""
+    seed, recipe, renderer, extras = how
+    number = configuration.frame
+    part, image = folder / PARTS / f"{number:03d}.json", folder / "images" / f"{number:03d}.png"
+    if part.exists() and all(p.exists() for p in (image, *extras.files(folder, number))):
+        data = json.loads(part.read_text(encoding="utf-8"))
+        if data.pop("recipe", None) == recipe:
+            return TruthFrame.model_validate(data)
+    scene = frame_scene(cell, true, configuration)
+    frame = extras.render(folder, number, scene, cell.sensor.emulator, seed, renderer)
+    if frame.truth.T_sensor_jig is None:
+        raise NoAnswerError(f"frame {number} has no jig in its scene")
+    pose = frame.truth.T_sensor_jig.matrix.tolist()
+    truth = TruthFrame(frame=number, T_sensor_jig=pose, points=truth_points(frame))
+    write_png(image, frame.image)
+    write_text(part, json.dumps({"recipe": recipe, **truth.model_dump()}))
+    return truth
+
+
+def _truth(true: TrueCell, frames: list[TruthFrame], recipe: str) -> Truth:
+    robot = true.robot
+    columns = {"theta_offset_deg": robot.theta_offset, "d_mm": robot.d, "a_mm": robot.a, "alpha_deg": robot.alpha}
+    degrees = {k: np.rad2deg(v) if k.endswith("deg") else v for k, v in columns.items()}
+    return Truth(
+        name=recipe,
+        T_hand_sensor=true.T_hand_sensor.matrix.tolist(),
+        dh=[{k: float(v[i]) for k, v in degrees.items()} for i in range(robot.n_joints)],
+        anchors_mm={a: tuple(p) for a, p in zip(ANCHORS, true.jig.anchors_mm.tolist(), strict=True)},
+        locations={name: pose.matrix.tolist() for name, pose in true.T_base_jig.items()},
+        frames=tuple(frames),
+    )
+
+
+def _finished(folder: Path, recipe: str, rows: Sequence[FrameRow], extras: Extras) -> Truth | None:
+    """The truth of a recording that is complete already, else None."""
+    path = folder / "truth.json"
+    wanted = [p for row in rows for p in (folder / row.image, *extras.files(folder, row.frame))]
+    if not path.exists() or not all(p.exists() for p in wanted):
+        return None
+    truth = read_truth(path)
+    return truth if truth.name == recipe else None
+
+
+def _recipe(cell: Cell, true: TrueCell, configurations: Sequence[Configuration], seed: int, renderer: str) -> str:
+    """A name of everything that decides the images."""
+    from importlib.metadata import version
+
+    digest = hashlib.sha256(
+        f"{version('perceptron-emu')} {renderer} {seed} {sensor_text(cell.sensor)} {jig_text(true.jig)}".encode()
+    )
+    arrays = [true.jig.anchors_mm, true.T_hand_sensor.matrix, true.robot.theta_offset, true.robot.d, true.robot.a]
+    arrays += [true.robot.alpha, *(p.matrix for p in true.T_base_jig.values())]
+    arrays += [v for c in configurations for v in (c.reading_rad, c.true_rad)]
+    for solid in (s for group in (*true.solids.values(), true.carried) for s in group):
+        arrays += [np.asarray(solid.mesh.vertices), solid.T_sensor_mesh.matrix, _surface(solid.material)]
+    arrays += [_surface(true.string_material)]
+    for array in arrays:
+        digest.update(np.ascontiguousarray(array, dtype=float).tobytes())
+    return f"recipe {digest.hexdigest()[:24]}"
+
+
+def _surface(material: Material | None) -> Array:
+    return np.array([] if material is None else [material.diffuse, material.specular, material.roughness])

@@ -1,0 +1,96 @@
+"""A cell to be recorded in emulation: what is drawn as true, which views are taken, from a cell.toml alone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geometry import InputError, Pose, RobotModel
+from jig_cad import sample_tolerance
+from perceptron_emu import Solid
+from perceptron_emu.scene_file import Surroundings
+from workbench.cell.surroundings import around_jig, jig_bodies, sees_all_strings
+from workbench.emulate.record import Configuration, TrueCell, with_joint_noise
+from workbench.files import Cell, FrameRow
+from workbench.plan.views import ViewProblem, plan_views
+
+Array = NDArray[np.float64]
+
+NOTHING = Surroundings()
+
+
+@dataclass(frozen=True)
+class Errors:
+    """How far the emulated cell is from what its files say: σ of the sensor's mounting, and whether the rest is drawn.
+
+    built: the robot's table and joints by [uncertainty], the jig's anchors by its tolerance.
+    """
+
+    mounting_deg: float = 1.0
+    mounting_mm: float = 0.5
+    built: bool = True
+
+
+def with_errors(robot: RobotModel, rng: np.random.Generator) -> RobotModel:
+    """The arm as built: every row of its table off by the σ of its [uncertainty]."""
+    u, n = robot.uncertainty, robot.n_joints
+    sigma = np.array([u.theta_sigma_rad, u.d_sigma_mm, u.a_sigma_mm, u.alpha_sigma_rad, 0.0])
+    return robot.corrected(sigma[:, None] * rng.standard_normal((5, n)))
+
+
+def draw_truth(cell: Cell, errors: Errors, rng: np.random.Generator, around: Surroundings = NOTHING) -> TrueCell:
+    """The true cell of one draw; its locations are those of the file, ``around`` is as its own file says."""
+    if not cell.T_base_jig:
+        raise InputError(
+            f"{cell.folder / 'cell.toml'}: [locations.NAME] T_base_jig is missing: where does the jig stand?"
+        )
+    robot = with_errors(cell.robot, rng) if errors.built else cell.robot
+    jig = sample_tolerance(cell.jig, rng) if errors.built and not cell.jig.measured else cell.jig
+    turn = np.deg2rad(errors.mounting_deg) * rng.standard_normal(3)
+    shift = errors.mounting_mm * rng.standard_normal(3)
+    mounted = cell.T_hand_sensor_design @ Pose.exp(np.concatenate([shift, turn]))
+    bodies: tuple[Solid, ...] = jig_bodies(cell.jig)  # as drawn: the strings have room in the holes
+    solids = {name: (*bodies, *around_jig(around, place)) for name, place in cell.T_base_jig.items()}
+    carried = around.standing_in("sensor")
+    return TrueCell(robot, jig, mounted, cell.T_base_jig, solids, carried, around.string_material)
+
+
+def planned_views(
+    cell: Cell, per_location: int, rng: np.random.Generator, around: Surroundings = NOTHING
+) -> list[tuple[str, str, Array]]:
+    """Views (location, role, joints) planned at every location, with what the files say."""
+    views = []
+    for name, place in cell.T_base_jig.items():
+        bodies = (*jig_bodies(cell.jig), *around_jig(around, place))
+        sees_all = sees_all_strings(cell.sensor.model, cell.jig, bodies, around.standing_in("sensor"))
+        problem = ViewProblem(
+            cell.robot, cell.sensor.model, cell.jig, place, cell.T_hand_sensor_design, sees_all=sees_all
+        )
+        planned = plan_views(problem, per_location, rng)
+        views += [(name, cell.roles.get(name, "calibrate"), joints) for joints in planned.joints_rad]
+    return views
+
+
+def given_views(cell: Cell, rows: Sequence[FrameRow]) -> list[tuple[str, str, Array]]:
+    """Views of the rows of a frames.csv."""
+    views = []
+    for row in rows:
+        if row.joints_rad is None:
+            raise InputError(f"frames.csv, line {row.line}: images are made from joint readings, not from hand poses")
+        if row.location not in cell.T_base_jig:
+            raise InputError(f"frames.csv, line {row.line}: cell.toml has no [locations.{row.location}] T_base_jig")
+        views.append((row.location, row.role, row.joints_rad))
+    return views
+
+
+def configurations(
+    views: Sequence[tuple[str, str, Array]], true: TrueCell, errors: Errors, rng: np.random.Generator
+) -> tuple[Configuration, ...]:
+    """What is recorded: readings as the controller shows them, true angles off by the joints' σ."""
+    drawn = with_joint_noise(views, true.robot, rng)
+    if errors.built:
+        return drawn
+    return tuple(Configuration(c.frame, c.location, c.role, c.reading_rad, c.reading_rad) for c in drawn)

@@ -1,0 +1,198 @@
+"""A cell dataset as a folder: cell.toml and the files it names, read into one value and written from it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from pydantic import Field, field_validator
+
+import assets
+from geometry import InputError, Pose, RobotModel, did_you_mean
+from jig_cad import Jig, jig_from_table
+from jig_cad.files import JigTable
+from workbench.files.frames_csv import FrameRow, read_frames
+from workbench.files.points_csv import FramePoints, read_points
+from workbench.files.robot_file import read_robot
+from workbench.files.sensor_file import ATOL_ROTATION, Sensor, read_sensor
+from workbench.files.strict import Matrix4, Section, Text, Vector3, suggestion, validate
+from workbench.files.toml_text import TomlSource, read_toml
+from workbench.files.truth_file import Truth, read_truth
+
+
+class ScpSection(Section):
+    """[scp_initial]: T_hand_sensor by design; rotations about fixed X, Y, Z, R = Rz·Ry·Rx."""
+
+    rotation_deg: Vector3
+    translation_mm: Vector3
+
+
+class LocationSection(Section):
+    """[locations.NAME]: where the jig stands, if known; decides the half turn. role: of views to be planned."""
+
+    T_base_jig: Matrix4
+    role: Literal["calibrate", "verify"] | None = None
+
+
+class CellFile(Section):
+    """The keys of cell.toml; files are named relative to it."""
+
+    sensor: Text
+    jig: Text
+    robot: Text
+    frames: Text | None = None
+    points: Text | None = None
+    scp_initial: ScpSection
+    locations: dict[str, LocationSection] = Field(default_factory=dict)
+
+    @field_validator("locations", mode="before")
+    @classmethod
+    def _without_name(cls, value: object) -> object:
+        if isinstance(value, dict) and isinstance(value.get("name"), str):
+            return {k: v for k, v in value.items() if k != "name"}
+        return value
+
+
+@dataclass(frozen=True, eq=False)
+class Cell:
+    """A cell dataset: sensor, jig, robot, design SCP, frames; images stay on disk until they are needed.
+
+    points: by frame number, where a points.csv stands in place of images. T_base_jig: by location, where given.
+    roles: of the locations in cell.toml that say one. robot_path: the robot.toml.
+    """
+
+    folder: Path
+    sensor: Sensor
+    jig: Jig
+    robot: RobotModel
+    frames: tuple[FrameRow, ...]
+    T_hand_sensor_design: Pose
+    T_base_jig: dict[str, Pose] = field(default_factory=dict)
+    points: dict[int, FramePoints] | None = None
+    truth: Truth | None = None
+    roles: dict[str, str] = field(default_factory=dict)
+    name: str = ""
+    robot_path: Path | None = None
+
+
+def read_cell(path: Path, *, recorded: bool = True) -> Cell:
+    """The dataset of a folder or of its cell.toml; InputError names file, line and key. Images are not opened here.
+
+    recorded: whether frames must be there; a cell that is yet to be recorded has none.
+    """
+    source = read_toml(_cell_path(path))
+    file = validate(CellFile, source)
+    folder = source.path.parent
+    robot_path = _named(folder, file.robot, source, "robot")
+    robot = read_robot(robot_path)
+    frames, frames_path = _frames(folder, file, source, robot, recorded=recorded)
+    if frames:
+        _check_location_names(file, frames, source)
+    truth = folder / "truth.json"
+    return Cell(
+        folder=folder,
+        sensor=read_sensor(_named(folder, file.sensor, source, "sensor")),
+        jig=read_jig_file(_named(folder, file.jig, source, "jig")),
+        robot=robot,
+        frames=frames,
+        T_hand_sensor_design=Pose.from_fixed_xyz_deg(file.scp_initial.rotation_deg, file.scp_initial.translation_mm),
+        T_base_jig={name: _pose(source, name, given) for name, given in file.locations.items()},
+        points=_points(folder, file, frames, frames_path) if recorded else None,
+        truth=read_truth(truth) if truth.exists() else None,
+        roles={name: given.role for name, given in file.locations.items() if given.role},
+        name=file.name,
+        robot_path=robot_path,
+    )
+
+
+def _frames(
+    folder: Path, file: CellFile, source: TomlSource, robot: RobotModel, *, recorded: bool
+) -> tuple[tuple[FrameRow, ...], Path]:
+    if file.frames is None:
+        if recorded:
+            raise InputError(f"{source.path}: the key frames is missing, it names the frames.csv")
+        return (), folder
+    path = folder / file.frames
+    if not recorded and not path.exists():
+        return (), path
+    path = _named(folder, file.frames, source, "frames")
+    return read_frames(path, robot.n_joints, may_be_empty=not recorded), path
+
+
+def read_jig_file(path: Path) -> Jig:
+    """The jig of a jig.toml; InputError names file, line and key."""
+    source = read_toml(path)
+    validate(JigTable, source, _without_names(source.data))
+    return jig_from_table(_without_names(source.data), str(path))
+
+
+def _without_names(data: dict[str, object]) -> dict[str, object]:
+    """The tables without the ``name`` that is welcome in every one."""
+    return {k: {n: w for n, w in v.items() if n != "name"} if isinstance(v, dict) else v for k, v in data.items()}
+
+
+def _cell_path(path: Path) -> Path:
+    if path.is_dir():
+        if not (path / "cell.toml").exists():
+            raise InputError(f"{path}: the folder holds no cell.toml; `perceptron-emu init FOLDER` writes a first one")
+        return path / "cell.toml"
+    return path
+
+
+def _named(folder: Path, name: str, source: TomlSource, key: str) -> Path:
+    path = folder / name
+    if not name or not path.is_file():
+        near = did_you_mean(name, [p.name for p in folder.iterdir() if p.is_file()])
+        raise InputError(
+            f'{source.where((key,))}: {key} = "{name}", but {path} is no file' + (near or _preset(name, key))
+        )
+    return path
+
+
+def _preset(name: str, key: str) -> str:
+    """What to do where the ``name`` is a preset's: a cell holds its own files."""
+    if not name or f"{key}s" not in assets.KINDS or name not in assets.list_presets(f"{key}s"):
+        return ""
+    return f": it is a preset, and `perceptron-emu init --{key} {name} FOLDER` writes a cell with its file"
+
+
+def _pose(source: TomlSource, name: str, given: LocationSection) -> Pose:
+    try:
+        if not np.allclose(given.T_base_jig[3], (0, 0, 0, 1), rtol=0, atol=1e-9):
+            raise InputError("the last row of a 4 × 4 transform is 0, 0, 0, 1")
+        return Pose.from_matrix(given.T_base_jig, ATOL_ROTATION)
+    except InputError as error:
+        raise InputError(
+            f"{source.where(('locations', name, 'T_base_jig'))}: [locations.{name}] T_base_jig: {error}"
+        ) from None
+
+
+def _check_location_names(file: CellFile, frames: tuple[FrameRow, ...], source: TomlSource) -> None:
+    """A place given but never seen is harmless, unless a place that was seen is not given: then one is misspelt."""
+    seen = list(dict.fromkeys(row.location for row in frames))
+    without_pose = [name for name in seen if name not in file.locations]
+    for name in file.locations:
+        if name not in seen and without_pose:
+            near = suggestion(name, seen)
+            raise InputError(f"{source.where(('locations', name))}: no frame was taken at location {name}{near}")
+
+
+def _points(
+    folder: Path, file: CellFile, frames: tuple[FrameRow, ...], frames_path: Path
+) -> dict[int, FramePoints] | None:
+    """Points in place of images: named in cell.toml, or points.csv where not one of the images exists."""
+    path = folder / (file.points or "points.csv")
+    has_images = any(row.image and (folder / row.image).exists() for row in frames)
+    if file.points is None and (has_images or not path.exists()):
+        for row in frames:
+            if not row.image:
+                raise InputError(f"{frames_path}, line {row.line}, column image: is empty, and there is no points.csv")
+        return None
+    points = read_points(path)
+    known = {row.frame for row in frames}
+    strangers = sorted(set(points) - known)
+    if strangers:
+        raise InputError(f"{path}: frame {strangers[0]} stands in no row of {frames_path.name}")
+    return points

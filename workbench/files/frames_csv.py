@@ -1,0 +1,146 @@
+"""frames.csv (docs/formats.md): which image was taken where, with the joint readings or the hand's pose."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geometry import InputError, Pose
+from workbench.files.table import Row, Table, read_table
+
+Array = NDArray[np.float64]
+
+POSE_COLUMNS = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
+ROLES = ("calibrate", "verify")
+MAX_JOINTS = 16
+ATOL_QUATERNION = 1e-2  # length of a quaternion as written; digits cut in the file stay far below
+
+
+@dataclass(frozen=True, eq=False)
+class FrameRow:
+    """One configuration: image file (relative to the cell's folder, may be empty beside points.csv), location, role.
+
+    joints_rad: (n,) readings [rad], or None where the hand's pose T_base_hand was given.
+    """
+
+    frame: int
+    image: str
+    location: str
+    role: str
+    joints_rad: Array | None
+    T_base_hand: Pose | None = None
+    line: int = 0
+
+
+def read_frames(path: Path, n_joints: int, *, may_be_empty: bool = False) -> tuple[FrameRow, ...]:
+    """The rows of frames.csv for a robot of ``n_joints`` joints; InputError names line and column."""
+    joints = tuple(f"j{i}_deg" for i in range(1, MAX_JOINTS + 1))
+    known = ("frame", "image", "location", "role", *joints, *POSE_COLUMNS)
+    table = read_table(path, known, ("frame", "location", "role"))
+    poses = _check_motion_columns(table, n_joints)
+    rows = tuple(_row(row, n_joints, poses=poses) for row in table.rows)
+    if not rows and not may_be_empty:
+        raise InputError(f"{path}: holds a header but no frames")
+    _check_numbers(path, rows)
+    _check_locations(path, rows)
+    if rows and not poses:
+        _check_degrees(path, rows)
+    return rows
+
+
+def _check_motion_columns(table: Table, n_joints: int) -> bool:
+    """Whether poses stand in place of joints; InputError where the columns are neither or do not fit the robot."""
+    where = f"{table.path}, line {table.header_line}"
+    joints = [c for c in table.columns if re.fullmatch(r"j\d+_deg", c)]
+    pose = [c for c in table.columns if c in POSE_COLUMNS]
+    if joints and pose:
+        raise InputError(
+            f"{where}: gives joints ({joints[0]} …) and poses ({pose[0]} …); only one of the two can be right"
+        )
+    if pose:
+        missing = [c for c in POSE_COLUMNS if c not in pose]
+        if missing:
+            raise InputError(f'{where}: the column "{missing[0]}" is missing beside {", ".join(pose)}')
+        return True
+    if not joints:
+        raise InputError(
+            f"{where}: neither joint columns j1_deg … j{n_joints}_deg nor pose columns {', '.join(POSE_COLUMNS)}"
+        )
+    wanted = {f"j{i}_deg" for i in range(1, n_joints + 1)}
+    if set(joints) != wanted:
+        raise InputError(f"{where}: {len(joints)} joint columns ({', '.join(joints)}) for a robot of {n_joints} joints")
+    return False
+
+
+def _row(row: Row, n_joints: int, *, poses: bool) -> FrameRow:
+    common = {
+        "frame": row.whole("frame"),
+        "image": row.cells.get("image", ""),
+        "location": row.text("location"),
+        "role": row.choice("role", ROLES),
+        "line": row.line,
+    }
+    if not poses:
+        degrees = [row.number(f"j{i}_deg") for i in range(1, n_joints + 1)]
+        return FrameRow(**common, joints_rad=np.deg2rad(degrees))  # type: ignore[arg-type]
+    q = np.array([row.number(c) for c in POSE_COLUMNS[3:]])
+    if abs(np.linalg.norm(q) - 1) > ATOL_QUATERNION:
+        raise row.fail("qw … qz", f"the quaternion has length {np.linalg.norm(q):.4g}, a rotation's is 1")
+    pose = Pose.from_quaternion_wxyz(q, [row.number(c) for c in POSE_COLUMNS[:3]])
+    return FrameRow(**common, joints_rad=None, T_base_hand=pose)  # type: ignore[arg-type]
+
+
+def _check_numbers(path: Path, rows: tuple[FrameRow, ...]) -> None:
+    seen: dict[int, int] = {}
+    for row in rows:
+        if row.frame in seen:
+            raise InputError(f"{path}, line {row.line}: frame {row.frame} stands already on line {seen[row.frame]}")
+        seen[row.frame] = row.line
+
+
+def _check_locations(path: Path, rows: tuple[FrameRow, ...]) -> None:
+    """One spelling and one role a location: a location that solves can not verify."""
+    first: dict[str, FrameRow] = {}
+    for row in rows:
+        before = first.setdefault(row.location.casefold(), row)
+        where = f'{path}, line {row.line}: location "{row.location}"'
+        if before.location != row.location:
+            raise InputError(f'{where} is "{before.location}" on line {before.line}; one spelling is right')
+        if before.role != row.role:
+            raise InputError(f"{where} has role {row.role}, on line {before.line} {before.role}; one role is right")
+
+
+def _check_degrees(path: Path, rows: tuple[FrameRow, ...]) -> None:
+    readings = np.abs([row.joints_rad for row in rows if row.joints_rad is not None])
+    if len(rows) >= 3 and 0.01 < np.max(np.rad2deg(readings)) <= 2 * np.pi:
+        raise InputError(
+            f"{path}: no joint reads more than {np.max(np.rad2deg(readings)):.3g}°, as if in radians; "
+            "the columns j1_deg … are in degrees"
+        )
+
+
+def frames_text(rows: tuple[FrameRow, ...], decimals: int = 6) -> str:
+    """The rows as the text of a frames.csv; joints in degrees with ``decimals`` digits."""
+    joints = rows[0].joints_rad
+    columns = POSE_COLUMNS if joints is None else [f"j{i}_deg" for i in range(1, len(joints) + 1)]
+    lines = [",".join(["frame", "image", "location", "role", *columns])]
+    for row in rows:
+        if row.joints_rad is not None:
+            numbers = [f"{v:.{decimals}f}" for v in np.rad2deg(row.joints_rad)]
+        else:
+            numbers = [f"{float(v):.12g}" for v in _pose_numbers(row)]
+        lines.append(",".join([str(row.frame), row.image, row.location, row.role, *numbers]))
+    return "\n".join(lines) + "\n"
+
+
+def _pose_numbers(row: FrameRow) -> Array:
+    from geometry import quaternion_wxyz
+
+    pose = row.T_base_hand
+    if pose is None:
+        raise InputError(f"frame {row.frame} has neither joints nor a pose")
+    return np.concatenate([pose.t, quaternion_wxyz(pose.R)])

@@ -1,0 +1,156 @@
+"""points.csv (docs/formats.md): extract's columns, written by `extract` and read in place of images."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from geometry import AxisPoints, InputError, SurfacePoints
+from workbench.files.table import Row, read_table
+
+COLUMNS = (
+    "frame",
+    "label",
+    "u_px",
+    "v_px",
+    "y_surface_mm",
+    "z_surface_mm",
+    "y_mm",
+    "z_mm",
+    "sigma_y_mm",
+    "sigma_z_mm",
+    "cov_yz_mm2",
+    "score",
+    "flag",
+)
+LABELS = ("A", "B", "C", "B'", "C'", "D'")
+DEFAULT_SIGMA_MM = 0.03  # where a file gives no σ: a string point's usual scatter with speckle
+_PRIMES = str.maketrans({"′": "'", "’": "'", "`": "'"})
+
+
+@dataclass(frozen=True, eq=False)
+class FramePoints:
+    """One frame of a points.csv: its surface points, and its labelled axis points (None where there are none)."""
+
+    points: SurfacePoints
+    axis: AxisPoints | None
+
+
+@dataclass(frozen=True)
+class _Point:
+    label: str
+    uv: tuple[float, float]
+    surface: tuple[float, float] | None
+    axis: tuple[float, float] | None
+    covariance: tuple[tuple[float, float], tuple[float, float]]
+    score: float
+    flag: str
+
+
+def read_points(path: Path) -> dict[int, FramePoints]:
+    """Points by frame number; InputError names line and column."""
+    table = read_table(path, COLUMNS, ("frame",))
+    if not {"y_mm", "z_mm"} <= set(table.columns) and not {"y_surface_mm", "z_surface_mm"} <= set(table.columns):
+        raise InputError(
+            f"{path}, line {table.header_line}: needs the columns y_mm and z_mm of the axis "
+            "or y_surface_mm and z_surface_mm"
+        )
+    frames: dict[int, list[_Point]] = {}
+    for row in table.rows:
+        points = frames.setdefault(row.whole("frame"), [])
+        point = _point(row)
+        if point.label and any(point.label == other.label for other in points):
+            raise row.fail("label", f'frame {row.cells["frame"]} has a second point "{point.label}"')
+        points.append(point)
+    return {frame: _collect(points) for frame, points in frames.items()}
+
+
+def _point(row: Row) -> _Point:
+    label = row.cells.get("label", "").translate(_PRIMES)
+    if label and label not in LABELS:
+        raise row.fail("label", f'"{label}" is no string; {", ".join(LABELS)} or empty is right')
+    surface, axis = _pair(row, "y_surface_mm", "z_surface_mm"), _pair(row, "y_mm", "z_mm")
+    if surface is None and axis is None:
+        raise row.fail("y_mm", "is empty, and so is y_surface_mm: the row holds no point")
+    if axis is not None and not label and surface is None:
+        raise row.fail(
+            "label", "is empty beside y_mm and z_mm; an unlabelled point goes into y_surface_mm and z_surface_mm"
+        )
+    return _Point(
+        label=label,
+        uv=_pair(row, "u_px", "v_px") or (float("nan"), float("nan")),
+        surface=surface,
+        axis=axis if label else None,
+        covariance=_covariance(row),
+        score=1.0 if (score := row.optional("score")) is None else score,
+        flag=row.cells.get("flag", ""),
+    )
+
+
+def _pair(row: Row, first: str, second: str) -> tuple[float, float] | None:
+    a, b = row.optional(first), row.optional(second)
+    if (a is None) != (b is None):
+        raise row.fail(first if a is None else second, f"is empty beside {second if a is None else first}")
+    return None if a is None or b is None else (a, b)
+
+
+def _covariance(row: Row) -> tuple[tuple[float, float], tuple[float, float]]:
+    sigma = []
+    for column in ("sigma_y_mm", "sigma_z_mm"):
+        value = row.optional(column)
+        if value is not None and value <= 0:
+            raise row.fail(column, f"{value:g} must be above 0")
+        sigma.append(DEFAULT_SIGMA_MM if value is None else value)
+    cross = row.optional("cov_yz_mm2") or 0.0
+    if abs(cross) >= sigma[0] * sigma[1]:
+        raise row.fail(
+            "cov_yz_mm2", f"{cross:g} must be smaller than sigma_y_mm · sigma_z_mm = {sigma[0] * sigma[1]:g}"
+        )
+    return ((sigma[0] ** 2, cross), (cross, sigma[1] ** 2))
+
+
+def _collect(points: list[_Point]) -> FramePoints:
+    surface = [p for p in points if p.surface is not None]
+    index = {id(p): i for i, p in enumerate(surface)}
+    labelled = [p for p in points if p.axis is not None]
+    n = len(surface)
+    nan22 = np.full((n, 2, 2), np.nan)
+    spots = SurfacePoints(
+        uv_px=np.array([p.uv for p in surface]).reshape(n, 2),
+        cov_uv_px2=nan22,
+        yz_mm=np.array([p.surface for p in surface], dtype=float).reshape(n, 2),
+        cov_yz_mm2=np.array([p.covariance for p in surface]).reshape(n, 2, 2),
+        score=np.array([p.score for p in surface]),
+        flag=tuple(p.flag for p in surface),
+        axis_rad=np.full(n, np.nan),
+        sigma_px=np.full((n, 2), np.nan),
+        amplitude_dn=np.full(n, np.nan),
+    )
+    if not labelled:
+        return FramePoints(spots, None)
+    axis = AxisPoints(
+        label=tuple(p.label for p in labelled),
+        spot=np.array([index.get(id(p), -1) for p in labelled], dtype=np.intp),
+        yz_mm=np.array([p.axis for p in labelled], dtype=float),
+        cov_yz_mm2=np.array([p.covariance for p in labelled]),
+        flag=tuple(p.flag for p in labelled),
+    )
+    return FramePoints(spots, axis)
+
+
+def points_text(rows: Iterable[dict[str, object]]) -> str:
+    """Rows by column name as the text of a points.csv; numbers with 6 digits after the point, NaN and None as empty."""
+    lines = [",".join(COLUMNS)]
+    lines += [",".join(_cell(row.get(column)) for column in COLUMNS) for row in rows]
+    return "\n".join(lines) + "\n"
+
+
+def _cell(value: object) -> str:
+    if value is None or (isinstance(value, float) and not np.isfinite(value)):
+        return ""
+    if isinstance(value, float):
+        return f"{value:.6f}" if abs(value) >= 1e-3 or value == 0 else f"{value:.6e}"
+    return str(value)

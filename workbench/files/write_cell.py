@@ -1,0 +1,49 @@
+"""A cell dataset written to a folder; every file appears whole or not at all, cell.toml last."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from geometry import Pose
+from jig_cad import jig_text
+from workbench.files.atomic import write_text
+from workbench.files.cell import Cell
+from workbench.files.frames_csv import frames_text
+from workbench.files.robot_file import robot_text
+from workbench.files.sensor_file import sensor_text, toml_value
+from workbench.files.truth_file import write_truth
+
+
+def write_cell(cell: Cell, folder: Path, decimals: int = 6) -> None:
+    """Write ``cell`` into ``folder`` under the usual file names; images and points.csv are the caller's.
+
+    decimals: digits after the point of the joint readings [deg] in frames.csv.
+    """
+    write_text(folder / "sensor.toml", sensor_text(cell.sensor))
+    write_text(folder / "jig.toml", jig_text(cell.jig))
+    write_text(folder / "robot.toml", robot_text(cell.robot))
+    write_text(folder / "frames.csv", frames_text(cell.frames, decimals))
+    if cell.truth is not None:
+        write_truth(folder / "truth.json", cell.truth)
+    write_text(folder / "cell.toml", cell_text(cell))
+
+
+def cell_text(cell: Cell) -> str:
+    """The text of cell.toml."""
+    lines = ["# a cell: which jig location each frame saw, with the joint readings, is in frames.csv"]
+    lines += [f"name = {toml_value(cell.name)}"] if cell.name else []
+    lines += ['sensor = "sensor.toml"', 'jig = "jig.toml"', 'robot = "robot.toml"', 'frames = "frames.csv"']
+    lines += ["[scp_initial]       # T_hand_sensor by design: rotations about fixed X, Y, Z (R = Rz Ry Rx)"]
+    design = cell.T_hand_sensor_design
+    lines += [f"rotation_deg = {_numbers(design.fixed_xyz_deg)}", f"translation_mm = {_numbers(design.t)}"]
+    for name, pose in cell.T_base_jig.items():
+        lines += [f"[locations.{toml_value(name)}]", f"T_base_jig = {_matrix(pose)}"]
+    return "\n".join(lines) + "\n"
+
+
+def _numbers(values: object) -> str:
+    return "[" + ", ".join(repr(round(float(v), 12)) for v in values) + "]"  # type: ignore[attr-defined]
+
+
+def _matrix(pose: Pose) -> str:
+    return toml_value(pose.matrix.tolist())

@@ -1,0 +1,122 @@
+"""The result of calibrate as the JSON object of docs/formats.md: null never NaN, ASCII labels, every frame."""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Any
+
+import numpy as np
+
+from calib import CalibrationResult, FramePoints, LocationResult
+from calib.result import DesignSolved, FrameResult
+from geometry.robot import CONVENTIONS, express
+
+
+def calibration_object(result: CalibrationResult, complaints: dict[int, str] | None = None) -> dict[str, Any]:
+    """The object that ``calibrate --json`` prints. complaints: what was wrong with a frame's image, by frame."""
+    pose = result.T_hand_sensor
+    out: dict[str, Any] = clean(
+        {
+            "method": result.method,
+            "model": result.model,
+            "verdict": {"code": result.verdict.code, "text": result.verdict.text},
+            "chi2_per_dof": result.chi2_per_dof,
+            "T_hand_sensor": None if pose is None else pose.matrix,
+            "rotation_deg": None if pose is None else pose.fixed_xyz_deg,
+            "translation_mm": None if pose is None else pose.t,
+            "sigma_rotation_deg": result.sigma_rotation_deg,
+            "sigma_translation_mm": result.sigma_translation_mm,
+            "covariance": result.covariance,
+            "design": {
+                "rotation_deg": result.T_hand_sensor_design.fixed_xyz_deg,
+                "translation_mm": result.T_hand_sensor_design.t,
+            },
+            "conventions": {} if pose is None else {name: express(pose, name) for name in CONVENTIONS},
+            "convention_formulas": {name: f"{c.maker}: {c.formula}" for name, c in CONVENTIONS.items()},
+            "locations": {name: _location(location) for name, location in result.locations.items()},
+            "frames": [_frame(frame, (complaints or {}).get(frame.frame)) for frame in result.frames],
+            "solution": _solution(result),
+            "weak_directions": result.weak_directions,
+            "notes": result.notes,
+        }
+    )
+    return out
+
+
+def _solution(result: CalibrationResult) -> dict[str, Any]:
+    return {
+        "converged": result.converged,
+        "iterations": result.iterations,
+        "initial_cost": result.initial_cost,
+        "final_cost": result.final_cost,
+        "degrees_of_freedom": result.degrees_of_freedom,
+        "condition": result.condition,
+        "noise": result.noise,
+    }
+
+
+def _location(location: LocationResult) -> dict[str, Any]:
+    return {
+        "role": location.role,
+        "T_base_jig": None if location.T_base_jig is None else location.T_base_jig.matrix,
+        "max_deviation_mm": _both(location.max_deviation_mm),
+        "spread_3d_mm": _both(location.spread_3d_mm),
+        "point_rms_mm": _both(location.point_rms_mm),
+        "distances": {
+            "frame": location.distances.frame,
+            "design_mm": location.distances.design_mm,
+            "solved_mm": location.distances.solved_mm,
+        },
+    }
+
+
+def _both(pair: DesignSolved) -> dict[str, float | None]:
+    return {"design": pair.design, "solved": pair.solved}
+
+
+def _frame(frame: FrameResult, complaint: str | None) -> dict[str, Any]:
+    out = {
+        "frame": frame.frame,
+        "location": frame.location,
+        "role": frame.role,
+        "image": frame.image,
+        "used": frame.used,
+        "reason": frame.reason,
+        "points": [_point(frame.points, i) for i in range(len(frame.points.label))],
+    }
+    return out | ({"complaint": complaint} if complaint else {})
+
+
+def _point(points: FramePoints, i: int) -> dict[str, Any]:
+    return {
+        "label": points.label[i],
+        "u_px": points.uv_px[i, 0],
+        "v_px": points.uv_px[i, 1],
+        "y_mm": points.yz_mm[i, 0],
+        "z_mm": points.yz_mm[i, 1],
+        "sigma_y_mm": points.sigma_yz_mm[i, 0],
+        "sigma_z_mm": points.sigma_yz_mm[i, 1],
+        "residual_mm": points.residual_mm[i],
+        "flag": points.flag[i] if i < len(points.flag) else "",
+    }
+
+
+def clean(value: Any) -> Any:
+    """Plain JSON values: arrays as lists, numpy numbers as numbers, what is not finite as None."""
+    if isinstance(value, dict):
+        return {str(k): clean(v) for k, v in value.items()}
+    if isinstance(value, np.ndarray):
+        return clean(value.tolist())
+    if isinstance(value, list | tuple):
+        return [clean(v) for v in value]
+    if isinstance(value, np.generic):
+        return clean(value.item())
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return value
+
+
+def json_text(value: Any, indent: int | None = 1) -> str:
+    """One JSON object as ASCII text without NaN."""
+    return json.dumps(clean(value), indent=indent, allow_nan=False)

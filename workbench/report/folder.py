@@ -1,0 +1,25 @@
+"""The files beside a result: the JSON, the points, the picture of Fig. 7 and the settings that led to them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from calib import CalibrationResult
+from workbench.cell.labels import label_dataset
+from workbench.cell.pipeline import Observed
+from workbench.cell.points_table import rows
+from workbench.files import Cell, points_text
+from workbench.files.atomic import write_text
+from workbench.files.settings_file import Settings, settings_text
+from workbench.report.as_json import calibration_object, json_text
+from workbench.report.fig7 import write_fig7
+from workbench.report.robot import write_corrected_robot
+
+
+def write_results(out: Path, cell: Cell, observed: Observed, result: CalibrationResult, settings: Settings) -> None:
+    """Write result.json, points.csv, fig7.png, settings.toml and, where corrected, the robot into ``out``."""
+    write_text(out / "result.json", json_text(calibration_object(result, observed.complaints)) + "\n")
+    write_text(out / "points.csv", points_text(rows(label_dataset(cell, observed, settings.calib, result))))
+    write_fig7(out / "fig7.png", result)
+    write_text(out / "settings.toml", settings_text(settings))
+    write_corrected_robot(out, cell, result)

@@ -1,0 +1,25 @@
+"""The corrected robot as a file of the kind it came from."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from calib import CalibrationResult
+from workbench.files import Cell, robot_text
+from workbench.files.atomic import write_text
+from workbench.files.robot_file import urdf_of
+
+
+def write_corrected_robot(out: Path, cell: Cell, result: CalibrationResult) -> None:
+    """Write robot_corrected.toml, or robot_corrected.urdf for a robot from a URDF; nothing where nothing changed."""
+    if result.robot is None or not result.verdict.trustworthy or not np.any(result.robot_delta):
+        return
+    urdf = None if cell.robot_path is None else urdf_of(cell.robot_path)
+    if urdf is None:
+        write_text(out / "robot_corrected.toml", robot_text(result.robot))
+        return
+    from workbench.files.urdf_write import write_urdf
+
+    write_urdf(urdf.path, urdf.base, urdf.tip, result.robot, out / "robot_corrected.urdf")

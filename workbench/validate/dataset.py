@@ -1,0 +1,34 @@
+"""Validation on a dataset that has truth: its images, labels through the chain."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from geometry import InputError
+from workbench.cell.labels import label_dataset
+from workbench.cell.pipeline import Progress, observe
+from workbench.files import read_cell
+from workbench.files.settings_file import Settings
+from workbench.validate.measure import Measured, score
+
+
+def measure_dataset(path: Path, settings: Settings, progress: Progress) -> Measured:
+    """Extract and label a dataset and set it beside its truth.json."""
+    cell = read_cell(path)
+    if cell.truth is None or not cell.truth.frames:
+        raise InputError(f"{cell.folder / 'truth.json'}: no truth, nothing to compare with; `render` writes one")
+    truth = {frame.frame: frame for frame in cell.truth.frames}
+    observed = observe(cell, settings.extraction, progress)
+    out = Measured([], [])
+    for table in label_dataset(cell, observed, settings.calib):
+        if table.frame not in truth or table.frame in observed.complaints:
+            continue
+        known = truth[table.frame]
+        tilt = float(np.rad2deg(np.arccos(np.clip(known.T_sensor_jig[2][2], -1, 1))))
+        rows, count = score(table, known.points)
+        common = {"frame": table.frame, "nominal": True, "tilt_deg": tilt}
+        out.strings.extend(common | row for row in rows)
+        out.counts.append(common | count)
+    return out

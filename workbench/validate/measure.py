@@ -1,0 +1,109 @@
+"""One row for every string of every frame: found or not, how far off, what σ was claimed, what the bound allows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib import CalibConfig
+from calib.label.frame import label_frame
+from extraction import extract
+from geometry import AxisPoints, SurfacePoints
+from perceptron_emu import render
+from workbench.cell.points_table import FrameTable
+from workbench.compare.match import VISIBLE, StringTruthLike, score_frame
+from workbench.files.settings_file import Settings
+from workbench.validate.bound import noise_free_electrons, position_bound_px
+from workbench.validate.drawing import Drawn
+
+Array = NDArray[np.float64]
+Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """All frames. strings: a row for each string; counts: a row for each frame. worst: errors [mm] by frame."""
+
+    strings: list[dict[str, Any]]
+    counts: list[dict[str, Any]]
+
+
+def measure_drawn(frames: Sequence[Drawn], settings: Settings, progress: Progress) -> Measured:
+    """Render, extract and label every drawn frame and set it beside its truth."""
+    strings: list[dict[str, Any]] = []
+    counts: list[dict[str, Any]] = []
+    for done, frame in enumerate(frames, start=1):
+        rendered = render(frame.scene, frame.config, np.random.default_rng(list(frame.seed)))
+        table = label_drawn(frame, rendered.image, settings)
+        electrons = noise_free_electrons(frame.scene, frame.config)
+        bounds = [position_bound_px(electrons, s.image_px, frame.config, frame.scene) if _seen(s) else np.nan
+                  for s in rendered.truth.strings]  # fmt: skip
+        rows, count = score(table, rendered.truth.strings, bounds)
+        common = {"frame": frame.number, "nominal": frame.nominal} | frame.factors
+        electrons_of = {s.label: s.electrons for s in rendered.truth.strings}
+        strings += [common | row | {"signal_e": electrons_of[row["label"]]} for row in rows]
+        counts.append(common | count)
+        progress(done, len(frames))
+    return Measured(strings, counts)
+
+
+def label_drawn(frame: Drawn, image: NDArray[Any], settings: Settings) -> FrameTable:
+    """The labelled spots of one drawn frame."""
+    points = extract(image, frame.scene.sensor, settings.extraction)
+    labelled = label_frame(points, frame.jig, frame.scene.sensor, frame.guess, settings.calib or CalibConfig())
+    return FrameTable(frame.number, f"frame {frame.number}", points, labelled.axis, labelled.reason)
+
+
+def score(
+    table: FrameTable, truth: Sequence[StringTruthLike], bounds: Sequence[float] | None = None
+) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+    """Rows of one frame's strings and its counts."""
+    uv = _spots_uv(table.axis, table.points)
+    result = score_frame(truth, table.axis.label, uv, table.axis.yz_mm)
+    found = {table.axis.label[p]: k for k, p in enumerate(result.point)}
+    rows = []
+    for i, string in enumerate(truth):
+        row: dict[str, Any] = {
+            "label": string.label,
+            "visible": bool(string.visible_fraction >= VISIBLE),
+            "found": string.label in found,
+            "bound_px": float("nan") if bounds is None else bounds[i],
+        }
+        if string.axis_mm is not None:
+            y, z = np.asarray(string.axis_mm, dtype=float)
+            row |= {"y_mm": float(y), "z_mm": float(z)}
+        rows.append(row | (_errors(table, result, found[string.label]) if string.label in found else {}))
+    count = {"visible": result.visible, "found": result.found, "false": result.false}
+    count |= {"mislabelled": result.mislabelled, "labelled": len(table.axis), "spots": len(table.points)}
+    return rows, count
+
+
+def _errors(table: FrameTable, result: Any, k: int) -> dict[str, Any]:
+    point = int(result.point[k])
+    covariance = table.axis.cov_yz_mm2[point]
+    error = result.error_mm[k]
+    return {
+        "error_u_px": float(result.error_px[k, 0]),
+        "error_v_px": float(result.error_px[k, 1]),
+        "error_y_mm": float(error[0]),
+        "error_z_mm": float(error[1]),
+        "sigma_y_mm": float(np.sqrt(covariance[0, 0])),
+        "sigma_z_mm": float(np.sqrt(covariance[1, 1])),
+        "chi2": float(error @ np.linalg.solve(covariance, error)),
+        "flag": table.axis.flag[point] if point < len(table.axis.flag) else "",
+    }
+
+
+def _spots_uv(axis: AxisPoints, points: SurfacePoints) -> Array:
+    uv = np.full((len(axis), 2), np.nan)
+    known = axis.spot >= 0
+    uv[known] = points.uv_px[axis.spot[known]]
+    return uv
+
+
+def _seen(string: StringTruthLike) -> bool:
+    return string.image_px is not None and bool(np.all(np.isfinite(np.asarray(string.image_px, dtype=float))))

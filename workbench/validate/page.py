@@ -1,0 +1,105 @@
+"""The report of a validation as HTML, CSV and JSON."""
+
+from __future__ import annotations
+
+import base64
+import csv
+import io
+from collections.abc import Sequence
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from matplotlib.figure import Figure
+
+from workbench.files.atomic import write_text
+from workbench.report.as_json import json_text
+from workbench.report.as_text import number
+from workbench.report.fig7 import picture_bytes
+from workbench.validate.drawing import CLUTTER, FACTORS
+from workbench.validate.measure import Measured
+from workbench.validate.plots import bias_map, curve_plot, pull_plot
+from workbench.validate.summary import Failure, Thresholds, curve
+
+WORDS = {
+    "frames": "frames",
+    "points": "points without a flag",
+    "detection_rate": "visible strings found",
+    "false_rate": "labelled points that show no string",
+    "mislabel_rate": "labelled points with another string's label",
+    "flagged_rate": "found points that carry a flag",
+    "bias_y_mm": "bias of the axis point, y [mm]",
+    "bias_z_mm": "bias of the axis point, z [mm]",
+    "scatter_y_mm": "scatter of the axis point, y [mm]",
+    "scatter_z_mm": "scatter of the axis point, z [mm]",
+    "bias_u_px": "bias of the spot, u [px]",
+    "bias_v_px": "bias of the spot, v [px]",
+    "scatter_px": "scatter of the spot [px]",
+    "sigma_ratio": "claimed over empirical σ (1 is honest)",
+    "bound_ratio": "error over the camera's Cramér-Rao bound (speckle is not in it)",
+}
+UNITS = {
+    "exposure_ms": "exposure time [ms]",
+    "ambient": "ambient light [mW/m²/nm]",
+    "speckle": "speckle contrast",
+    "diameter_mm": "string diameter [mm]",
+    "gloss": "gloss (specular reflectance)",
+    "tilt_deg": "tilt of the view [°]",
+    "clutter": "clutter (" + ", ".join(f"{i} {word}" for i, word in enumerate(CLUTTER)) + ")",
+    "signal_e": "signal of the spot [e⁻]",
+}
+
+
+def write_pages(
+    out: Path,
+    measured: Measured,
+    result: dict[str, float | None],
+    thresholds: Thresholds,
+    failed: Sequence[Failure],
+    worst: Sequence[dict[str, Any]],
+) -> None:
+    """Write report.html, strings.csv, frames.csv and result.json into ``out``."""
+    import jinja2
+
+    curves = {factor: curve(measured, factor) for factor in FACTORS}
+    limits = {k: v for k, v in thresholds.model_dump(exclude={"name"}).items() if v is not None}
+    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
+    environment.filters["number"] = lambda value, digits=4: number(value, digits)
+    template = environment.from_string((files("workbench.validate") / "page.html.j2").read_text(encoding="utf-8"))
+    page = template.render(
+        figures=[{"words": WORDS[k], "key": k, "value": v} for k, v in result.items()],
+        limits=limits,
+        values=result,
+        failed={f.key for f in failed},
+        bias=_svg(bias_map(measured)),
+        pulls=_svg(pull_plot(measured)),
+        curves=[(UNITS[f], _svg(curve_plot(UNITS[f], points))) for f, points in curves.items() if len(points) > 1],
+        worst=worst,
+    )
+    write_text(out / "report.html", page)
+    write_text(out / "strings.csv", _csv(measured.strings))
+    write_text(out / "frames.csv", _csv(measured.counts))
+    write_text(out / "result.json", json_text(result_object(result, limits, failed, curves)) + "\n")
+
+
+def result_object(
+    result: dict[str, float | None],
+    limits: dict[str, float],
+    failed: Sequence[Failure],
+    curves: dict[str, list[dict[str, Any]]],
+) -> dict[str, Any]:
+    """The JSON of a validation."""
+    return {"figures": result, "thresholds": limits, "failed": [f.key for f in failed], "curves": curves}
+
+
+def _svg(figure: Figure) -> str:
+    return "data:image/svg+xml;base64," + base64.b64encode(picture_bytes(figure, "svg")).decode()
+
+
+def _csv(rows: Sequence[dict[str, Any]]) -> str:
+    columns = list(dict.fromkeys(key for row in rows for key in row))
+    stream = io.StringIO()
+    writer = csv.DictWriter(stream, columns, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return stream.getvalue()

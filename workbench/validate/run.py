@@ -1,0 +1,81 @@
+"""A validation from start to end."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from perceptron_emu import render
+from workbench.cell.labels import label_dataset
+from workbench.cell.pipeline import Progress, observe
+from workbench.cell.presets import find_jig, find_sensor
+from workbench.cell.speckle import with_known_grain
+from workbench.files import read_cell, read_image
+from workbench.files.settings_file import Settings
+from workbench.report.overlay import overlay
+from workbench.report.report import jpeg
+from workbench.validate.dataset import measure_dataset
+from workbench.validate.drawing import Drawn, draw_frames
+from workbench.validate.measure import Measured, label_drawn, measure_drawn
+
+WORST = 4
+
+
+@dataclass(frozen=True, eq=False)
+class Validation:
+    """What was measured, and pictures of the worst frames."""
+
+    measured: Measured
+    worst: list[dict[str, Any]]
+
+
+def validate_drawn(sensor: str, jig: str, frames: int, seed: int, settings: Settings, progress: Progress) -> Validation:
+    """Validate on frames drawn for a sensor and a jig."""
+    seen_by = find_sensor(sensor)
+    settings = replace(settings, extraction=with_known_grain(seen_by, settings.extraction))
+    drawn = list(draw_frames(seen_by, find_jig(jig), frames, seed))
+    measured = measure_drawn(drawn, settings, progress)
+    worst = [_drawn_picture(drawn[number], why, settings) for number, why in _worst(measured)]
+    return Validation(measured, worst)
+
+
+def validate_dataset(path: Path, settings: Settings, progress: Progress) -> Validation:
+    """Validate on a dataset with truth."""
+    measured = measure_dataset(path, settings, progress)
+    cell = read_cell(path)
+    chosen = dict(_worst(measured))
+    if not chosen or cell.points is not None:
+        return Validation(measured, [])
+    observed = observe(cell, settings.extraction)
+    worst = []
+    for table in label_dataset(cell, observed, settings.calib):
+        if table.frame in chosen:
+            picture = overlay(read_image(cell.folder / table.image, cell.sensor.model), cell.sensor.model, table)
+            worst.append({"frame": table.frame, "why": chosen[table.frame], "image": jpeg(picture)})
+    return Validation(measured, worst)
+
+
+def _worst(measured: Measured) -> Sequence[tuple[int, str]]:
+    """Frames with false or mislabelled points first, then missed strings, then the largest error."""
+    out = []
+    for count in measured.counts:
+        rows = [s for s in measured.strings if s["frame"] == count["frame"] and s["visible"]]
+        missed = sum(not s["found"] for s in rows)
+        error = max((float(np.hypot(s["error_y_mm"], s["error_z_mm"])) for s in rows if s["found"]), default=0.0)
+        why = (
+            f"{count['false']} false, {count['mislabelled']} mislabelled, {missed} missed, largest error {error:.3f} mm"
+        )
+        out.append(((count["false"] + count["mislabelled"], missed, error), count["frame"], why))
+    out.sort(key=lambda item: item[0], reverse=True)
+    return [(frame, why) for _, frame, why in out[:WORST]]
+
+
+def _drawn_picture(frame: Drawn, why: str, settings: Settings) -> dict[str, Any]:
+    image = render(frame.scene, frame.config, np.random.default_rng(list(frame.seed))).image
+    picture = overlay(image, frame.scene.sensor, label_drawn(frame, image, settings))
+    conditions = "nominal" if frame.nominal else ", ".join(f"{k} {v:.3g}" for k, v in frame.factors.items())
+    return {"frame": frame.number, "why": f"{why} ({conditions})", "image": jpeg(picture)}

@@ -1,0 +1,136 @@
+"""Figures of a validation, curves over the conditions, and thresholds that make it pass or fail."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from workbench.files.strict import NotNegative, Section, validate
+from workbench.files.toml_text import read_toml
+from workbench.validate.measure import Measured
+
+ERRORS = (
+    "bias_y_mm", "bias_z_mm", "scatter_y_mm", "scatter_z_mm", "bias_u_px", "bias_v_px", "scatter_px", "sigma_ratio",
+    "bound_ratio",
+)  # fmt: skip
+BINS = 5
+MIN_IN_BIN = 10
+
+
+class Thresholds(Section):
+    """The keys of a thresholds file; what is absent is not asked for."""
+
+    min_detection_rate: NotNegative | None = None
+    max_false_rate: NotNegative | None = None
+    max_mislabel_rate: NotNegative | None = None
+    max_flagged_rate: NotNegative | None = None
+    max_bias_y_mm: NotNegative | None = None
+    max_bias_z_mm: NotNegative | None = None
+    max_scatter_y_mm: NotNegative | None = None
+    max_scatter_z_mm: NotNegative | None = None
+    max_scatter_px: NotNegative | None = None
+    max_bias_u_px: NotNegative | None = None
+    max_bias_v_px: NotNegative | None = None
+    max_bound_ratio: NotNegative | None = None
+    min_sigma_ratio: NotNegative | None = None
+    max_sigma_ratio: NotNegative | None = None
+
+
+@dataclass(frozen=True)
+class Failure:
+    """A figure on the wrong side of its threshold."""
+
+    key: str
+    value: float | None
+    limit: float
+
+
+def read_thresholds(path: Path) -> Thresholds:
+    """Thresholds of a TOML file; InputError names file, line and key."""
+    return validate(Thresholds, read_toml(path))
+
+
+def figures(measured: Measured) -> dict[str, float | None]:
+    """Figures over the nominal frames; errors over visible, rightly labelled points without a flag.
+
+    sigma_ratio: claimed over empirical, 1 is honest. bound_ratio: error over the camera's bound, speckle not in it.
+    """
+    counts = [c for c in measured.counts if c["nominal"]]
+    strings = [s for s in measured.strings if s["nominal"] and s["visible"]]
+    total = {key: sum(c[key] for c in counts) for key in ("visible", "found", "false", "mislabelled", "labelled")}
+    found = [s for s in strings if s["found"]]
+    good = [s for s in found if not s["flag"]]
+    return {
+        "frames": len(counts),
+        "points": len(good),
+        "detection_rate": _share(len(found), len(strings)),
+        "false_rate": _share(total["false"], total["labelled"]),
+        "mislabel_rate": _share(total["mislabelled"], total["labelled"]),
+        "flagged_rate": _share(len(found) - len(good), len(found)),
+        **_errors(good),
+    }
+
+
+def _errors(rows: Sequence[dict[str, Any]]) -> dict[str, float | None]:
+    if len(rows) < 2:
+        return dict.fromkeys(ERRORS)
+    y, z = (np.array([r[k] for r in rows]) for k in ("error_y_mm", "error_z_mm"))
+    px = np.array([[r["error_u_px"], r["error_v_px"]] for r in rows])
+    bound = np.array([r["bound_px"] for r in rows])
+    known = np.isfinite(bound)
+    mean_square = np.mean(np.sum((px - px.mean(axis=0)) ** 2, axis=1) / 2)
+    ratio = float(np.sqrt(np.mean(np.sum(px[known] ** 2, 1) / 2 / bound[known] ** 2))) if known.any() else None
+    return {
+        "bias_y_mm": float(y.mean()),
+        "bias_z_mm": float(z.mean()),
+        "scatter_y_mm": float(y.std(ddof=1)),
+        "scatter_z_mm": float(z.std(ddof=1)),
+        "bias_u_px": float(px[:, 0].mean()),
+        "bias_v_px": float(px[:, 1].mean()),
+        "scatter_px": float(np.sqrt(mean_square)),
+        "sigma_ratio": float(1 / np.sqrt(np.mean([r["chi2"] for r in rows]) / 2)),
+        "bound_ratio": ratio,
+    }
+
+
+def failures(result: dict[str, float | None], thresholds: Thresholds) -> list[Failure]:
+    """Thresholds that are not held; a figure that could not be formed fails its threshold."""
+    out = []
+    for key, limit in thresholds.model_dump(exclude={"name"}).items():
+        if limit is None:
+            continue
+        value = result[key.split("_", 1)[1]]
+        size = None if value is None else abs(value)
+        if size is None or (size < limit if key.startswith("min") else size > limit):
+            out.append(Failure(key, value, limit))
+    return out
+
+
+def curve(measured: Measured, factor: str) -> list[dict[str, Any]]:
+    """Figures in bins of a factor over the varied frames, each with as many strings."""
+    rows = [s for s in measured.strings if not s["nominal"] and s["visible"] and np.isfinite(s.get(factor, np.nan))]
+    values = np.array([r[factor] for r in rows])
+    if len(rows) < 2 * MIN_IN_BIN:
+        return []
+    kinds = np.unique(values)
+    quantiles = np.unique(np.quantile(values, np.linspace(0, 1, BINS + 1)))
+    edges = np.append(kinds, kinds[-1] + 1) if len(kinds) <= BINS else quantiles  # a few kinds: a point for each
+    out = []
+    for k in range(max(len(edges) - 1, 1)):
+        last = k >= len(edges) - 2
+        inside = (values >= edges[k]) & ((values <= edges[-1]) if last else (values < edges[k + 1]))
+        mine = [r for r, use in zip(rows, inside, strict=True) if use]
+        if len(mine) >= MIN_IN_BIN:
+            found = [r for r in mine if r["found"]]
+            good = [r for r in found if not r["flag"]]
+            point: dict[str, Any] = {"at": float(np.median(values[inside])), "detection_rate": len(found) / len(mine)}
+            out.append(point | _errors(good))
+    return out
+
+
+def _share(part: int, whole: int) -> float | None:
+    return part / whole if whole else None
