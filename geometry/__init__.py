@@ -2,6 +2,7 @@
 
 from geometry.errors import InputError, MissingDependencyError, NoAnswerError, PerceptronEmuError, did_you_mean
 from geometry.field_of_view import field_of_view, inside_polygon
+from geometry.frame import NO_POSES, Frame, Role, locations_of
 from geometry.lines import cross_plane_x0, distance_to_line
 from geometry.points import AxisPoints, SheetPoints, SurfacePoints
 from geometry.pose import Pose, cross, exp_so3, log_so3, nearest_rotation, quaternion_wxyz, skew, stack_poses
@@ -31,6 +32,7 @@ from geometry.target import Prediction, Shape, Surface, Symmetry, Target
 from geometry.unknowns import Block, Linearised, State, Step, Term, Unknowns
 
 __all__ = [
+    "NO_POSES",
     "PARAMETERS",
     "Arm",
     "AxisPoints",
@@ -39,6 +41,7 @@ __all__ = [
     "Compliant",
     "Corrected",
     "DhRobot",
+    "Frame",
     "GivenPoses",
     "InputError",
     "InverseKinematics",
@@ -53,6 +56,7 @@ __all__ = [
     "Robot",
     "RobotModel",
     "RobotUncertainty",
+    "Role",
     "SensorModel",
     "Shape",
     "SheetPoints",
@@ -74,6 +78,7 @@ __all__ = [
     "field_of_view",
     "inside_polygon",
     "inverse_kinematics",
+    "locations_of",
     "log_so3",
     "nearest_rotation",
     "quaternion_wxyz",

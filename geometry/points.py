@@ -84,6 +84,11 @@ class AxisPoints:
         """The points (0, y, z) in {P} (N, 3)."""
         return np.column_stack([np.zeros(len(self)), self.yz_mm])
 
+    @property
+    def sigma_yz_mm(self) -> Array:
+        """σ of y and z (N, 2) [mm]."""
+        return np.sqrt(np.diagonal(self.cov_yz_mm2, axis1=-2, axis2=-1))
+
     @staticmethod
     def empty() -> AxisPoints:
         """No points."""

@@ -1,4 +1,4 @@
-"""The evidence of a hand-eye calibration: points of the laser plane that lie on a target, seen from the robot's hand."""
+"""The evidence of a hand-eye calibration: points of the laser plane on a target, seen from the robot's hand."""
 
 from __future__ import annotations
 

@@ -17,7 +17,6 @@ Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 
 
-
 @dataclass(frozen=True, eq=False)
 class Bundle:
     """Frames of one target kind, its unknowns, and the names of its locations.

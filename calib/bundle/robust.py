@@ -56,9 +56,7 @@ def solve_robust(bundle: Bundle, start: State, point_chi2: float = 25.0, max_sha
     return RobustResult(result, outlier, frame_outlier)
 
 
-def _judge(
-    bundle: Bundle, result: Result, outlier: Mask, frame_outlier: Mask, point_chi2: float
-) -> tuple[Mask, Mask]:
+def _judge(bundle: Bundle, result: Result, outlier: Mask, frame_outlier: Mask, point_chi2: float) -> tuple[Mask, Mask]:
     """Outlying points and frames after this solution: at most one new point a frame, else one new frame."""
     present = bundle.term.points.present
     noise, lin = gate_noise(bundle, result), linearisation(result)

@@ -17,8 +17,7 @@ from calib.bundle.starts import chain_start, hand_eye_start
 from calib.config import CalibConfig
 from calib.engine import Covariance, Result, covariance, scaled_condition
 from calib.figures import pose_distance
-from calib.stations import Station
-from geometry import Pose, Robot, Target, stack_poses, with_beta_prior
+from geometry import Frame, Pose, Robot, Target, stack_poses, with_beta_prior
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -80,17 +79,17 @@ class Solution:
         return robot.corrected(self.parameters) if np.any(self.applied) else robot
 
 
-def make_bundle(used: tuple[Station, ...], target: Target, robot: Robot | None, config: CalibConfig) -> Bundle:
+def make_bundle(used: tuple[Frame, ...], target: Target, robot: Robot | None, config: CalibConfig) -> Bundle:
     """The bundle's problem of labelled frames."""
-    joints = [s.observation.joints_rad for s in used]
-    locations = [s.observation.location for s in used]
+    joints = [f.joints_rad for f in used]
+    locations = [f.location for f in used]
     if robot is None or any(q is None for q in joints):
-        hands = Hands.at_poses(stack_poses([s.T_base_hand for s in used]), _hand_noise(config))
-        return Bundle.of([s.axis for s in used], locations, target, hands)
-    inferred = any(s.observation.joints_inferred for s in used)
+        hands = Hands.at_poses(stack_poses([f.at for f in used]), _hand_noise(config))
+        return Bundle.of([f.axis for f in used], locations, target, hands)
+    inferred = any(f.joints_inferred for f in used)
     known = with_beta_prior(robot, float(np.deg2rad(config.beta_sigma_deg)))
     hands = Hands(known, np.array(joints), inferred)
-    bundle = Bundle.of([s.axis for s in used], locations, target, hands)
+    bundle = Bundle.of([f.axis for f in used], locations, target, hands)
     if inferred and config.hand_sigma_mm is not None and config.hand_sigma_deg is not None:
         return bundle.with_noise(1.0, np.broadcast_to(_hand_noise(config), (len(used), 6, 6)).copy())
     return bundle

@@ -1,6 +1,7 @@
 """The one least-squares engine: terms and named unknowns in, a result with its covariance out."""
 
-from calib.engine.covariance import Covariance, covariance, deviance, scaled_condition
+from calib.engine.covariance import Covariance, covariance, deviance, evidence, scaled_condition
+from calib.engine.members import MembersResult, solve_members
 from calib.engine.normal import (
     GroupNormals,
     Normal,
@@ -16,17 +17,20 @@ __all__ = [
     "Covariance",
     "GroupNormals",
     "Loss",
+    "MembersResult",
     "Normal",
     "Result",
     "cauchy",
     "considered_covariance",
     "covariance",
     "deviance",
+    "evidence",
     "group_normals",
     "normal_step",
     "reduced",
     "scaled_condition",
     "scaled_solve",
     "solve",
+    "solve_members",
     "total_cost",
 ]

@@ -121,3 +121,15 @@ def deviance(result: Result, linearised: Sequence[Linearised] | None = None) -> 
         cost += float(np.vdot(w, w))
         determinants -= 2 * float(np.sum(np.log(np.diagonal(white, axis1=-2, axis2=-1))))
     return cost - saved + determinants
+
+
+def evidence(result: Result) -> float:
+    """Minus twice the log marginal likelihood (up to a constant), comparable between priors and models on like data."""
+    u = result.unknowns
+    schur, _ = reduced(result.normal)
+    known = u.free & np.isfinite(u.sigma)
+    total = result.cost + float(np.linalg.slogdet(schur[np.ix_(u.free, u.free)])[1])
+    total += 2 * float(np.sum(np.log(u.sigma[known])))
+    total += sum(float(np.sum(np.linalg.slogdet(own)[1])) for own in result.normal.own.values())
+    diagonals = (np.diagonal(white, axis1=-2, axis2=-1) for white in result.whites)
+    return total - 2 * sum(float(np.sum(np.log(d))) for d in diagonals)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +11,7 @@ from scipy.stats import chi2 as chi2_law
 
 from calib.config import CalibConfig
 from calib.result import Verdict
-from geometry import Pose, log_so3
+from geometry import Frame, Pose, log_so3, stack_poses
 
 Array = NDArray[np.float64]
 
@@ -38,6 +39,14 @@ class Motion:
     rotation_deg: float
     second_deg: float
     lever_mm: float
+
+
+def frames_motion(used: Sequence[Frame]) -> Motion:
+    """How the hand moved between labelled frames."""
+    names = list(dict.fromkeys(f.location for f in used))
+    place = np.array([names.index(f.location) for f in used], dtype=np.intp)
+    firsts = stack_poses([f.candidates[0] for f in used])
+    return motion(stack_poses([f.at for f in used]), firsts, place)
 
 
 def motion(Ts_base_hand: Pose, Ts_sensor_jig: Pose, location: NDArray[np.intp]) -> Motion:

@@ -7,8 +7,21 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.observation import FrameObservation, Observations, Role
-from geometry import AxisPoints, NoAnswerError, Pose, RobotModel, SensorModel, cross_plane_x0, exp_so3, stack_poses
+from calib.calibrate import calibrate
+from calib.config import CalibConfig
+from calib.result import CalibrationResult
+from geometry import (
+    AxisPoints,
+    Frame,
+    NoAnswerError,
+    Pose,
+    RobotModel,
+    Role,
+    SensorModel,
+    cross_plane_x0,
+    exp_so3,
+    stack_poses,
+)
 from geometry.robot import Compliance, deflection
 from jig_cad import Jig, sample_tolerance
 
@@ -49,7 +62,7 @@ class Noise:
 
 
 @dataclass(frozen=True, eq=False)
-class Cell:
+class SyntheticCell:
     """A cell and its truth; ``joints_rad`` (F, n) are the configurations as commanded."""
 
     robot: RobotModel
@@ -60,6 +73,20 @@ class Cell:
     role: tuple[Role, ...]
     joints_rad: Array
     design: Pose = field(default=DESIGN)
+
+
+@dataclass(frozen=True, eq=False)
+class Observed:
+    """The frames of a synthetic cell with labelled points, the sensor, and the SCP by design."""
+
+    frames: tuple[Frame, ...]
+    sensor: SensorModel
+    design: Pose
+
+
+def calibrated(observed: Observed, cell: SyntheticCell, config: CalibConfig | None = None) -> CalibrationResult:
+    """``calibrate`` on what was observed of a cell, by its drawings."""
+    return calibrate(observed.frames, cell.jig, cell.robot, observed.sensor, observed.design, config=config)
 
 
 def industrial_arm() -> RobotModel:
@@ -84,7 +111,7 @@ def random_cell(
     jig: Jig | None = None,
     robot: RobotModel | None = None,
     T_hand_sensor: Pose = TRUTH,
-) -> Cell:
+) -> SyntheticCell:
     """A cell with jig places and configurations drawn at random such that every view shows every string."""
     layout, jig, robot = layout or Layout(), jig or Jig.nominal(), robot or industrial_arm()
     T_base_jig: dict[str, Pose] = {}
@@ -97,10 +124,10 @@ def random_cell(
         location += [name] * count
         role += [what] * count
         joints += readings
-    return Cell(robot, jig, T_hand_sensor, T_base_jig, tuple(location), tuple(role), np.array(joints))
+    return SyntheticCell(robot, jig, T_hand_sensor, T_base_jig, tuple(location), tuple(role), np.array(joints))
 
 
-def made_cell(cell: Cell, rng: np.random.Generator, noise: Noise) -> Cell:
+def made_cell(cell: SyntheticCell, rng: np.random.Generator, noise: Noise) -> SyntheticCell:
     """The cell as built: DH errors and anchors drawn; the jig's places stay."""
     robot, jig = cell.robot, cell.jig
     if noise.robot:
@@ -124,7 +151,7 @@ def axis_points(T_sensor_jig: Pose, jig: Jig) -> Array:
     return cross_plane_x0(starts, ends - starts)[0][..., 1:]
 
 
-def observe(cell: Cell, made: Cell, rng: np.random.Generator, noise: Noise) -> Observations:
+def observe(cell: SyntheticCell, made: SyntheticCell, rng: np.random.Generator, noise: Noise) -> Observed:
     """Frames of the cell as made: true poses move with joint noise, points with point noise; labels are given."""
     true_joints = cell.joints_rad + rng.normal(size=cell.joints_rad.shape) * noise.joint_rad
     if noise.compliance is not None:
@@ -138,16 +165,17 @@ def observe(cell: Cell, made: Cell, rng: np.random.Generator, noise: Noise) -> O
     covariance = np.broadcast_to(np.eye(2) * max(noise.point_mm, 1e-6) ** 2, (*yz.shape, 2))
     labels, spot = made.jig.strings, np.full(yz.shape[1], -1)
     frames = tuple(
-        FrameObservation(
+        Frame(
             i,
             cell.location[i],
             cell.role[i],
             joints_rad=cell.joints_rad[i],
             axis=AxisPoints(labels, spot, yz[i], covariance[i], ("",) * len(labels)),
+            labels_given=True,
         )
         for i in range(len(yz))
     )
-    return Observations(frames, default_sensor(), cell.design)
+    return Observed(frames, default_sensor(), cell.design)
 
 
 def pose_cell(
