@@ -19,7 +19,7 @@ from calib.synthetic.cell import Cell, Noise, axis_points, made_cell, observe, r
 from calib.synthetic.degenerate import constant_lever, mirror_frames
 from calib.synthetic.problem import CALIBRATE_ONLY
 from geometry import AxisPoints, Pose, RobotModel, exp_so3
-from jig_cad import Jig, half_turn_label
+from jig_cad import Jig
 
 Frames = tuple[FrameObservation, ...]
 Spoil = Callable[[Frames, Cell, np.random.Generator], tuple[Frames, Jig, RobotModel]]
@@ -65,7 +65,9 @@ def spoils() -> dict[str, Spoil]:
         "all frames alike": frames_only(lambda f, c, rng: _alike(f, c, rng, 0.0, 3)),
         "rotation of 1°": frames_only(lambda f, c, rng: _alike(f, c, rng, 1.0, 3)),
         "rotation about one axis": frames_only(lambda f, c, rng: _alike(f, c, rng, 15.0, 1)),
-        "labels swapped (half turn) in half the frames": frames_only(lambda f, c, rng: _swap(f, half_turn_label, 2)),
+        "labels swapped (half turn) in half the frames": frames_only(
+            lambda f, c, rng: _swap(f, c.jig.symmetries[0].relabelled, 2)
+        ),
         "labels swapped (A, B) in all frames": frames_only(lambda f, c, rng: _swap(f, _ab, 1)),
         "labels swapped (B', C') in all frames": frames_only(lambda f, c, rng: _swap(f, _diagonals, 1)),
         "half the points outliers": frames_only(lambda f, c, rng: _outliers(f, rng)),

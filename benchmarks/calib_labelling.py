@@ -16,7 +16,7 @@ from calib.config import CalibConfig
 from calib.label.frame import label_frame
 from calib.synthetic.views import LabelledTruth, SpotNoise, disturbed, observe_spots, random_view
 from geometry import AxisPoints
-from jig_cad import half_turn_label
+from jig_cad import Jig
 
 CASES = {
     "all strings, no guess": (SpotNoise(clutter=20), False),
@@ -49,7 +49,9 @@ def run(name: str, most: SpotNoise, guess: bool, frames: int) -> None:
         begin = time.process_time()
         frame = label_frame(truth.points, view.jig, view.sensor, start, CalibConfig())
         clock += time.process_time() - begin
-        tally += min((judge(frame.axis, truth, turned) for turned in ((False,) if guess else (False, True))), key=_bad)
+        tally += min(
+            (judge(frame.axis, truth, view.jig, turned) for turned in ((False,) if guess else (False, True))), key=_bad
+        )
         tally["visible"] += sum(label != "" for label in truth.label)
         tally["unlabelled frames"] += frame.reason is not None
         tally["flagged"] += sum(f != "" for f in frame.axis.flag)
@@ -61,12 +63,12 @@ def run(name: str, most: SpotNoise, guess: bool, frames: int) -> None:
     )
 
 
-def judge(axis: AxisPoints, truth: LabelledTruth, turned: bool) -> Counter[str]:
+def judge(axis: AxisPoints, truth: LabelledTruth, jig: Jig, turned: bool) -> Counter[str]:
     """Labels that are right, wrong (another string's) or false (clutter's)."""
     out: Counter[str] = Counter()
     for label, spot in zip(axis.label, axis.spot, strict=True):
         true = truth.label[spot]
-        true = half_turn_label(true) if turned and true else true
+        true = jig.symmetries[0].relabelled(true) if turned and true else true
         out["right" if true == label else "wrong" if true else "false"] += 1
     return out
 

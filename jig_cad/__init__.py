@@ -4,15 +4,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 from jig_cad.files import jig_from_table, jig_text, read_jig, write_jig
-from jig_cad.jig import (
-    ANCHORS,
-    DEFAULT_STRINGS,
-    STRINGS,
-    Jig,
-    half_turn_label,
-    nominal_anchors,
-    sample_tolerance,
-)
+from jig_cad.jig import Jig, sample_tolerance
+from jig_cad.pillar import ANCHORS, DEFAULT_STRINGS, STRINGS, Pillar, nominal_anchors
 
 if TYPE_CHECKING:
     from jig_cad.drawing import drawing_svg
@@ -24,10 +17,10 @@ __all__ = [
     "DEFAULT_STRINGS",
     "STRINGS",
     "Jig",
+    "Pillar",
     "PillarDesign",
     "drawing_svg",
     "export_jig",
-    "half_turn_label",
     "jig_from_table",
     "jig_solids",
     "jig_text",

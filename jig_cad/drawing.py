@@ -7,8 +7,9 @@ from html import escape
 import numpy as np
 from numpy.typing import NDArray
 
-from jig_cad.jig import ANCHORS, STRINGS, Jig
-from jig_cad.solids import PillarDesign, used_anchors
+from jig_cad.jig import Jig
+from jig_cad.pillar import UPRIGHT, nominal_anchors
+from jig_cad.solids import PillarDesign
 
 Array = NDArray[np.float64]
 
@@ -24,7 +25,11 @@ _STYLE = """
 
 
 def drawing_svg(jig: Jig, design: PillarDesign | None = None) -> str:
-    """The drawing of the jig as it stands (nominal, sampled or measured anchors) as SVG text, one unit a millimetre."""
+    """The drawing of the jig as it stands (nominal, sampled or measured anchors) as SVG text, one unit a millimetre.
+
+    InputError where the jig is no pillar.
+    """
+    jig.require_pillar("the drawing")
     design = design or PillarDesign()
     outline = np.asarray(design.plate(jig).exterior.coords)
     low, high = outline.min(0), outline.max(0)
@@ -40,7 +45,7 @@ def drawing_svg(jig: Jig, design: PillarDesign | None = None) -> str:
         *_front(jig, design, front, low[0], high[0]),
         *_table(jig, design, table_y),
     ]
-    size = (2 * _MARGIN + 2 * width + _GAP, table_y + (len(used_anchors(jig)) + 5) * _LINE + _MARGIN)
+    size = (2 * _MARGIN + 2 * width + _GAP, table_y + (len(jig.used_anchors) + 5) * _LINE + _MARGIN)
     head = f'<svg xmlns="http://www.w3.org/2000/svg" width="{size[0]:.1f}mm" height="{size[1]:.1f}mm"'
     view = f' viewBox="0 0 {size[0]:.1f} {size[1]:.1f}">'
     paper = '<rect width="100%" height="100%" fill="#fff"/>'
@@ -64,12 +69,13 @@ def _plan(jig: Jig, design: PillarDesign, view: _View, outline: Array) -> list[s
     for y, z in design.posts_yz(jig):
         out += _circle(view.at(y, z), design.post_diameter_mm / 2, "part")
         out += [_text(*view.at(y - 5, z - design.post_diameter_mm / 2 - 3.5), "post", "small")]
-    for i in (0, 2, 4):
-        y, z = jig.nominal_anchors_mm[i, 1:]
+    pillar = jig.require_pillar("the drawing")
+    bottom = nominal_anchors(pillar.side_mm, pillar.height_mm)[::2, 1:]
+    for role, (y, z) in zip(UPRIGHT, bottom, strict=True):
         out += _circle(view.at(y, z), design.hole_mm(jig) / 2, "hole")
         x, up = view.at(y, z)
         out += [_line((x - 4, up), (x + 4, up), "axis"), _line((x, up - 4), (x, up + 4), "axis")]
-        out += [_text(x + 2, up - 2, ANCHORS[i][0], "")]
+        out += [_text(x + 2, up - 2, pillar.strings.get(role, role), "")]
     half, deep = jig.side_mm / 2, np.sqrt(3) / 2 * jig.side_mm
     low = float(outline[:, 1].min())
     out += _dimension(view.at(-half, low - 6), view.at(half, low - 6), f"{jig.side_mm:g}")
@@ -99,10 +105,11 @@ def _front(jig: Jig, design: PillarDesign, view: _View, low: float, high: float)
 def _table(jig: Jig, design: PillarDesign, y: float) -> list[str]:
     """Hole positions, and what the maker must keep to."""
     rows = [f"{'hole':<6}{'x / mm':>12}{'y / mm':>12}{'z / mm':>12}   strings"]
-    for anchor in used_anchors(jig):
-        p = jig.anchors_mm[ANCHORS.index(anchor)]
-        ends = ", ".join(s for s in jig.strings if anchor in STRINGS[s])
-        rows += [f"{anchor:<6}{p[0]:12.3f}{p[1]:12.3f}{p[2]:12.3f}   {ends}"]
+    for k in jig.used_anchors:
+        p = jig.anchors_mm[k]
+        at_hole = (jig.start_index == k) | (jig.end_index == k)
+        ends = ", ".join(jig.strings[s] for s in np.flatnonzero(at_hole))
+        rows += [f"{jig.anchors[k]:<6}{p[0]:12.3f}{p[1]:12.3f}{p[2]:12.3f}   {ends}"]
     kind = "as measured" if jig.measured else "where the string leaves the plate's inner face"
     half = jig.tolerance_mm / 2
     notes = [

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import tempfile
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -12,7 +13,8 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from geometry import InputError, did_you_mean
-from jig_cad.jig import ANCHORS, DEFAULT_STRINGS, STRINGS, Jig, nominal_anchors
+from jig_cad.jig import Jig
+from jig_cad.pillar import ANCHORS, DEFAULT_STRINGS, STRINGS
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Point = Annotated[list[Finite], Field(min_length=3, max_length=3)]
@@ -67,19 +69,12 @@ def jig_from_table(table: dict[str, Any], where: str = "jig.toml") -> Jig:
     except ValidationError as error:
         raise InputError(f"{where}: {_explain(error)}") from error
     try:
-        anchors = nominal_anchors(keys.side_mm, keys.height_mm)
-        if keys.anchors_mm is not None:
-            anchors = _measured(anchors, keys.anchors_mm, keys.strings)
-        return Jig(
-            keys.side_mm,
-            keys.height_mm,
-            keys.string_diameter_mm,
-            keys.tolerance_mm,
-            tuple(keys.strings),
-            anchors,
-            measured=keys.anchors_mm is not None,
-            name=keys.name,
+        jig = Jig.nominal(
+            keys.side_mm, keys.height_mm, keys.string_diameter_mm, keys.tolerance_mm, keys.strings, keys.name
         )
+        if keys.anchors_mm is None:
+            return jig
+        return replace(jig, anchors_mm=_measured(jig.anchors_mm, keys.anchors_mm, keys.strings), measured=True)
     except InputError as error:
         raise InputError(f"{where}: {error}") from error
 

@@ -11,10 +11,12 @@ import trimesh
 from numpy.typing import NDArray
 
 from geometry import InputError
-from jig_cad.jig import ANCHORS, STRINGS, Jig
+from jig_cad.jig import Jig
+from jig_cad.pillar import UPRIGHT, nominal_anchors
 
 Array = NDArray[np.float64]
 
+_BLOCK_MM = 4.0  # what holds a string's end where there are no plates
 _ARC_SEGMENTS = 16  # per quarter turn
 _UP = np.array([[0, 0, 1, 0], [1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 1.0]])  # drawn in (y, z), extruded along x
 
@@ -54,14 +56,16 @@ class PillarDesign:
 
     def posts_yz(self, jig: Jig) -> Array:
         """The posts' axes (2, 2) as (y, z) in {J} [mm]."""
-        y, z = jig.side_mm / 2 + self.post_outwards_mm, np.sqrt(3) / 2 * jig.side_mm + self.post_behind_mm
+        side = jig.require_pillar("a plate with posts").side_mm
+        y, z = side / 2 + self.post_outwards_mm, np.sqrt(3) / 2 * side + self.post_behind_mm
         return np.array([[-y, z], [y, z]])
 
     def plate(self, jig: Jig) -> Any:
         """The outline of both plates as a shapely polygon in (y, z) [mm], without holes."""
+        pillar = jig.require_pillar("a plate with posts")
         holes, drawn = jig.anchors_mm[:, 1:], jig.nominal_anchors_mm[:, 1:]
         strayed = holes[np.linalg.norm(holes - drawn, axis=1) > self.plate_margin_mm / 2]
-        corners = np.vstack([drawn, strayed, self.posts_yz(jig)])
+        corners = np.vstack([nominal_anchors(pillar.side_mm, pillar.height_mm)[:, 1:], strayed, self.posts_yz(jig)])
         return shapely.MultiPoint(corners).convex_hull.buffer(self.plate_margin_mm, quad_segs=_ARC_SEGMENTS)
 
 
@@ -70,30 +74,50 @@ def jig_solids(
 ) -> dict[str, trimesh.Trimesh]:
     """Watertight meshes in {J} [mm] by name: "bottom plate", "top plate", "post 1" …, "string A" ….
 
-    The holes are drilled at the jig's anchors (measured or sampled, where they are). strings, posts: whether they are
+    The holes are drilled at the jig's anchors (measured or sampled, where they are). A set of strings that is no
+    pillar has a block at each anchor, "block NAME", in place of plates and posts. strings, posts: whether they are
     wanted; a ray caster that intersects strings as exact cylinders leaves them out.
     """
     design = design or PillarDesign()
+    if jig.pillar is None:
+        return _blocks(jig) | (_strings(jig, design) if strings else {})
     solids = {"bottom plate": _plate(jig, design, top=False), "top plate": _plate(jig, design, top=True)}
     if posts:
         for i, (y, z) in enumerate(design.posts_yz(jig), start=1):
             solids[f"post {i}"] = _rod([0, y, z], [jig.height_mm, y, z], design.post_diameter_mm, 4 * _ARC_SEGMENTS)
-    if strings:
-        for label, start, end in zip(jig.strings, jig.starts, jig.ends, strict=True):
-            beyond = _beyond_anchor(label, jig, design) * (end - start) / np.linalg.norm(end - start)
-            solids[f"string {label}"] = _rod(start - beyond, end + beyond, jig.string_diameter_mm, 24)
+    return solids | (_strings(jig, design) if strings else {})
+
+
+def block_edge_mm(jig: Jig) -> float:
+    """The edge [mm] of the cubes that hold the strings of a set that is no pillar."""
+    return max(_BLOCK_MM, 4 * jig.string_diameter_mm)
+
+
+def _blocks(jig: Jig) -> dict[str, trimesh.Trimesh]:
+    """A cube about every place at which strings end; anchors nearer to each other than half its edge share one."""
+    edge, blocks, taken = block_edge_mm(jig), dict[str, trimesh.Trimesh](), list[Array]()
+    for k in jig.used_anchors:
+        place = jig.anchors_mm[k]
+        if all(np.linalg.norm(place - other) > edge / 2 for other in taken):
+            block: trimesh.Trimesh = trimesh.creation.box(np.full(3, edge))
+            block.apply_translation(place)
+            blocks[f"block {jig.anchors[k]}"] = block
+            taken.append(place)
+    return blocks
+
+
+def _strings(jig: Jig, design: PillarDesign) -> dict[str, trimesh.Trimesh]:
+    solids = {}
+    for label, start, end in zip(jig.strings, jig.starts, jig.ends, strict=True):
+        beyond = _beyond_anchor(label, jig, design) * (end - start) / np.linalg.norm(end - start)
+        solids[f"string {label}"] = _rod(start - beyond, end + beyond, jig.string_diameter_mm, 24)
     return solids
-
-
-def used_anchors(jig: Jig) -> tuple[str, ...]:
-    """The anchors at which a string ends, in the order of ANCHORS."""
-    return tuple(a for a in ANCHORS if any(a in STRINGS[s] for s in jig.strings))
 
 
 def _plate(jig: Jig, design: PillarDesign, *, top: bool) -> trimesh.Trimesh:
     outline, radius = design.plate(jig), design.hole_mm(jig) / 2
-    for i, anchor in enumerate(ANCHORS):
-        if anchor.endswith("t") == top and anchor in used_anchors(jig):
+    for i in jig.used_anchors:
+        if (jig.nominal_anchors_mm[i, 0] > jig.height_mm / 2) == top:
             hole = shapely.Point(jig.anchors_mm[i, 1:]).buffer(radius, quad_segs=_ARC_SEGMENTS)
             outline = outline.difference(hole)
     mesh: trimesh.Trimesh = trimesh.creation.extrude_polygon(outline, design.plate_thickness_mm)
@@ -107,9 +131,12 @@ def _beyond_anchor(label: str, jig: Jig, design: PillarDesign) -> float:
 
     Tubes that end in one point would share edges, and a file of all solids would not be watertight.
     """
-    if not label.endswith("'"):
+    if jig.pillar is None:  # a share of the diameter of its own for each string
+        return 0.3 * jig.string_diameter_mm * jig.strings.index(label) / len(jig.strings)
+    role = jig.pillar.role(label)
+    if role in UPRIGHT:
         return design.plate_thickness_mm
-    return 0.2 * jig.string_diameter_mm if label == "D'" else 0.0
+    return 0.2 * jig.string_diameter_mm if role == "D'" else 0.0
 
 
 def _rod(start: object, end: object, diameter_mm: float, sections: int) -> trimesh.Trimesh:

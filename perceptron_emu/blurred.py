@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit, uint32
+from numba import uint32
 from numpy.typing import NDArray
 
+from geometry.compiled import kernel
 from perceptron_emu.convolve import convolved
 from perceptron_emu.level_cells import CELL_PX, Flags
 
@@ -50,7 +51,7 @@ def draw_blurred(
     _draw(target, picture.ravel(), np.uint32(picture.shape[1]), where, cells, taps, scale)
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@kernel(fastmath=True)
 def _draw(target, picture, columns, where, cells, taps, scale):  # type: ignore[no-untyped-def]
     """Cells of a row that touch are drawn in one run."""
     reach = len(taps) // 2
@@ -75,7 +76,7 @@ def _draw(target, picture, columns, where, cells, taps, scale):  # type: ignore[
                 _across(level[j - top : j - top + len(taps)], taps, scale[j, left:right], target[j, left:right])
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@kernel(fastmath=True)
 def _bent(sharp, picture, columns, where, top, bottom, left, right, reach):  # type: ignore[no-untyped-def]
     """The picture at the pixels of a box and reach around it, between its pixels linearly."""
     pixel, right_of, below = where
@@ -99,12 +100,12 @@ def _bent(sharp, picture, columns, where, top, bottom, left, right, reach):  # t
             line[end + i] = line[end - 2 - i]
 
 
-@njit(cache=True, inline="always")
+@kernel(inline=True)
 def _mirrored(i, n):  # type: ignore[no-untyped-def]
     return -i if i < 0 else (2 * n - 2 - i if i >= n else i)
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@kernel(fastmath=True)
 def _across(lines, taps, scale, out):  # type: ignore[no-untyped-def]
     """Lines (taps, n) blurred across and scaled."""
     reach = len(taps) // 2

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import trimesh
-from numba import njit
 from numpy.typing import NDArray
 
+from geometry.compiled import kernel
 from perceptron_emu.bvh import Bvh, blocked, build_bvh
 from perceptron_emu.facets import facets
 from perceptron_emu.scene import Solid
@@ -73,7 +73,7 @@ def _convex(triangles: Array, corners: Array) -> bool:
     return bool(_one_sided(triangles, corners, FLAT * float(np.ptp(corners, axis=0).max())))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _one_sided(triangles, corners, slack):  # type: ignore[no-untyped-def]
     """Whether no triangle's plane has corners on both sides, farther away than slack."""
     for t in range(len(triangles)):
@@ -110,7 +110,7 @@ def _face_normals(triangles: Array) -> tuple[Array, Array]:
     return area / np.maximum(np.linalg.norm(area, axis=1, keepdims=True), 1e-300), area
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _smooth(order, bounds, area, face, out):  # type: ignore[no-untyped-def]
     """Fill out (3T, 3), a row a corner; those of order[bounds[k] : bounds[k + 1]] are in one place."""
     for k in range(len(bounds) - 1):

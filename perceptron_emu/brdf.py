@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
+from geometry.compiled import kernel
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(inline=True)
 def brdf(diffuse, specular, roughness, cos_i, cos_o, cos_h, cos_d):  # type: ignore[no-untyped-def]
     """Bidirectional reflectance [1/sr] of one surface element.
 
@@ -30,6 +30,6 @@ def brdf(diffuse, specular, roughness, cos_i, cos_o, cos_h, cos_d):  # type: ign
     return diffuse / math.pi + distribution * fresnel / (_smith(cos_i, alpha2) * _smith(cos_o, alpha2))
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(inline=True)
 def _smith(cosine, alpha2):  # type: ignore[no-untyped-def]
     return cosine + math.sqrt(alpha2 + (1 - alpha2) * cosine * cosine)

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from geometry.compiled import kernel
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -79,7 +80,7 @@ def _build(low: Array, high: Array) -> tuple[NDArray[np.int64], Array, NDArray[n
     return order, boxes[:used].copy(), children[:used].copy()
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _grow(low, high, order, boxes, children):  # type: ignore[no-untyped-def]
     """Fill order, boxes and children from the root down; the number of boxes."""
     todo = np.empty((128, 3), np.int64)
@@ -104,7 +105,7 @@ def _grow(low, high, order, boxes, children):  # type: ignore[no-untyped-def]
     return used
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _box_of(low, high, members, box):  # type: ignore[no-untyped-def]
     for axis in range(3):
         box[axis], box[3 + axis] = np.inf, -np.inf
@@ -112,7 +113,7 @@ def _box_of(low, high, members, box):  # type: ignore[no-untyped-def]
             box[axis], box[3 + axis] = min(box[axis], low[i, axis]), max(box[3 + axis], high[i, axis])
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _split(low, high, members, cost):  # type: ignore[no-untyped-def]
     """Order the members along the axis, and return how many go to the first child, for which the children's surfaces
     times their counts are least.
@@ -142,7 +143,7 @@ def _split(low, high, members, cost):  # type: ignore[no-untyped-def]
     return best_at
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _blocked(boxes, children, members, triangles, origins, targets, R, t):  # type: ignore[no-untyped-def]
     """Segments are taken in packets of neighbours: most packets come near no triangle at all."""
     out = np.zeros(len(origins), np.bool_)
@@ -171,7 +172,7 @@ def _blocked(boxes, children, members, triangles, origins, targets, R, t):  # ty
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _bounds(points, n, box):  # type: ignore[no-untyped-def]
     for a in range(3):
         low, high = points[0, a], points[0, a]
@@ -180,7 +181,7 @@ def _bounds(points, n, box):  # type: ignore[no-untyped-def]
         box[a], box[3 + a] = low, high
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _meets(boxes, children, members, triangles, origin, way, half, exact, stack):  # type: ignore[no-untyped-def]
     """Whether the segment from the origin along the way cuts a triangle; not exact: whether it comes within half of the
     box of a few triangles along each axis.
@@ -216,7 +217,7 @@ def _meets(boxes, children, members, triangles, origin, way, half, exact, stack)
     return False
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(inline=True)
 def _into(R, t, point, out):  # type: ignore[no-untyped-def]
     """Set out to Rᵀ (point − t)."""
     x, y, z = point[0] - t[0], point[1] - t[1], point[2] - t[2]
@@ -224,7 +225,7 @@ def _into(R, t, point, out):  # type: ignore[no-untyped-def]
         out[a] = R[0, a] * x + R[1, a] * y + R[2, a] * z
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(inline=True)
 def _cuts(triangles, i, ox, oy, oz, dx, dy, dz):  # type: ignore[no-untyped-def]
     """Möller & Trumbore 1997; closed at the edges, so that no ray slips between two triangles."""
     ax, ay, az = triangles[i, 0, 0], triangles[i, 0, 1], triangles[i, 0, 2]

@@ -6,10 +6,11 @@ import math
 from functools import lru_cache
 
 import numpy as np
-from numba import njit, uint32, uint64
+from numba import uint32, uint64
 from numpy.typing import NDArray
 
 from geometry import SensorModel
+from geometry.compiled import kernel
 from perceptron_emu.config import NoiseConfig
 from perceptron_emu.hashing import BITS, LOW, NORMAL, mix, mix32
 
@@ -65,14 +66,14 @@ def _pattern(pixels: int, seed: int, prnu: float, dsnu_e: float) -> tuple[Float3
     return own_gain, own_offset
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(inline=True)
 def _deviate(bits, place, normal):  # type: ignore[no-untyped-def]
     """A standard normal deviate from 24 of the bits: the sum of two of the table is smooth where one is a staircase."""
     low, half = uint64(LOW), uint64(place + BITS)
     return np.float32(0.8) * normal[(bits >> uint64(place)) & low] + np.float32(0.6) * normal[(bits >> half) & low]
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@kernel(fastmath=True)
 def _draw_pattern(own_gain, own_offset, normal, key, prnu, dsnu):  # type: ignore[no-untyped-def]
     for i in range(own_gain.size):
         bits = mix(i, key)
@@ -80,7 +81,7 @@ def _draw_pattern(own_gain, own_offset, normal, key, prnu, dsnu):  # type: ignor
         own_offset[i] = np.float32(dsnu) * _deviate(bits, 2 * BITS, normal)
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@kernel(fastmath=True)
 def _expose(electrons, out, own_gain, own_offset, normal, low, high, gain, black, top, well, sure, read, dark, shot):  # type: ignore[no-untyped-def]
     """One draw for shot and read noise together where the well is far, two where it may cut the charge.
 
@@ -104,7 +105,7 @@ def _expose(electrons, out, own_gain, own_offset, normal, low, high, gain, black
         _quantise(signal[:n], own_offset[first : first + n], scale, zero, np.float32(top), out[first : first + n])
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@kernel(fastmath=True)
 def _normal(z, bits, first, low, high, normal):  # type: ignore[no-untyped-def]
     """Standard normal deviates of the pixels from ``first`` on: sums of two of the table, 24 bits each."""
     _bits(bits, uint32(first), low, high)
@@ -112,20 +113,20 @@ def _normal(z, bits, first, low, high, normal):  # type: ignore[no-untyped-def]
         z[i] = np.float32(0.8) * normal[bits[i] & uint32(LOW)] + np.float32(0.6) * normal[bits[i] >> uint32(32 - BITS)]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _bits(bits, first, low, high):  # type: ignore[no-untyped-def]
     for i in range(len(bits)):
         bits[i] = mix32(first + uint32(i), low, high)
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@kernel(fastmath=True)
 def _cut(mean, well, read, z, signal):  # type: ignore[no-untyped-def]
     """Charge without shot noise, cut by the full well, with read noise."""
     for i in range(len(mean)):
         signal[i] = min(mean[i], well) + read * z[i]
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@kernel(fastmath=True)
 def _near_the_well(mean, z, other, sure, well, read, signal):  # type: ignore[no-untyped-def]
     """Charge of the pixels whose shot noise the full well may cut; read noise comes after it."""
     for i in range(len(mean)):
@@ -134,7 +135,7 @@ def _near_the_well(mean, z, other, sure, well, read, signal):  # type: ignore[no
             signal[i] = min(charge, np.float32(well)) + np.float32(read) * other[i]
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@kernel(fastmath=True)
 def _quantise(signal, offset, scale, zero, top, out):  # type: ignore[no-untyped-def]
     for i in range(len(out)):
         signal[i] = min(max((signal[i] + offset[i]) * scale + zero, np.float32(0)), top)
@@ -142,7 +143,7 @@ def _quantise(signal, offset, scale, zero, top, out):  # type: ignore[no-untyped
         out[i] = np.int32(signal[i])
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@kernel(fastmath=True)
 def _charge(light, own_gain, dark, mean):  # type: ignore[no-untyped-def]
     """Mean charge [e⁻] of a run of pixels, to ``mean``; returns the largest."""
     largest = np.float32(0)
@@ -152,7 +153,7 @@ def _charge(light, own_gain, dark, mean):  # type: ignore[no-untyped-def]
     return largest
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@kernel(fastmath=True)
 def _noisy(mean, z, read2, signal):  # type: ignore[no-untyped-def]
     """Charge with shot and read noise: variance μ + r² and third moment μ by Cornish and Fisher's expansion."""
     one, sixth = np.float32(1), np.float32(1 / 6)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from numba import njit
+from geometry.compiled import kernel
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@kernel(fastmath=True)
 def convolved(line, taps, out):  # type: ignore[no-untyped-def]
     """Fill out (n,) with the line (n + taps − 1,) convolved; taps: of odd number, the same to either side."""
     reach = len(taps) // 2

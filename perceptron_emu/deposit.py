@@ -6,10 +6,10 @@ import math
 from functools import lru_cache
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
+from geometry.compiled import kernel
 from perceptron_emu.convolve import convolved
 
 Float32 = NDArray[np.float32]
@@ -23,7 +23,7 @@ _EDGE = 6
 NORMAL_CDF = ndtr(np.arange(-_EDGE * STEPS_A_SIGMA, _EDGE * STEPS_A_SIGMA + 2) / STEPS_A_SIGMA)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(inline=True)
 def _cdf(z, table):  # type: ignore[no-untyped-def]
     place = min(max((z + _EDGE) * STEPS_A_SIGMA, 0.0), 2.0 * _EDGE * STEPS_A_SIGMA)
     i = int(place)
@@ -38,7 +38,7 @@ def deposit(image: Float32, u: Array, v: Array, weight: Array, sigma: Array) -> 
     _deposit(image, u, v, weight, sigma, NORMAL_CDF)
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@kernel(fastmath=True)
 def _deposit(image, u, v, weight, sigma, table):  # type: ignore[no-untyped-def]
     height, width = image.shape
     row = np.empty(width, np.float32)
@@ -87,7 +87,7 @@ def _taps(sigma: float) -> Float32:
     return np.asarray(taps / taps.sum(), np.float32)
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@kernel(fastmath=True)
 def _spread(grid, u, v, weight):  # type: ignore[no-untyped-def]
     """Add splines to the grid; the first and the last row that have light."""
     height, width = grid.shape
@@ -109,7 +109,7 @@ def _spread(grid, u, v, weight):  # type: ignore[no-untyped-def]
     return first, last
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@kernel(fastmath=True)
 def _convolve(grid, taps, first, last, out):  # type: ignore[no-untyped-def]
     """Rows first to last of the grid convolved along both axes; nothing is outside."""
     reach = len(taps) // 2
@@ -125,7 +125,7 @@ def _convolve(grid, taps, first, last, out):  # type: ignore[no-untyped-def]
             _add(row, taps[reach + k - j], lit[k - first])
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@kernel(fastmath=True)
 def _add(row, weight, other):  # type: ignore[no-untyped-def]
     for i in range(len(row)):
         row[i] += weight * other[i]

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from geometry.compiled import kernel
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -40,7 +41,7 @@ def _neighbours(faces: Index) -> tuple[Index, Index, Index]:
     return order[twice] // 3, order[twice + 1] // 3, ordered[twice]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _pair(vertices, faces, outwards, first, second, edge, corners, owner):  # type: ignore[no-untyped-def]
     """Fill the facets' corners and owners; their number."""
     taken = np.zeros(len(faces), np.bool_)
@@ -69,7 +70,7 @@ def _pair(vertices, faces, outwards, first, second, edge, corners, owner):  # ty
     return n
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _turns(vertices, a, b, c, normal):  # type: ignore[no-untyped-def]
     """Whether the way from a over b to c turns to the left, seen against the normal."""
     p, q = vertices[b] - vertices[a], vertices[c] - vertices[b]

@@ -6,9 +6,11 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numba import njit, uint32, uint64
+from numba import uint32, uint64
 from numpy.typing import NDArray
 from scipy.special import ndtri
+
+from geometry.compiled import kernel
 
 BITS = 12  # of a place in the table: 16 KB, which the fastest cache holds
 LOW = 2**BITS - 1
@@ -17,7 +19,7 @@ _DEVIATES = ndtri((np.arange(2**BITS) + 0.5) / 2**BITS)
 NORMAL = (_DEVIATES / _DEVIATES.std()).astype(np.float32)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(inline=True)
 def mix(counter, key):  # type: ignore[no-untyped-def]
     """64 well mixed bits of a counter under a key (splitmix64's finaliser; Steele, Lea & Flood 2014)."""
     z = uint64(counter) * uint64(0x9E3779B97F4A7C15) + uint64(key)
@@ -26,7 +28,7 @@ def mix(counter, key):  # type: ignore[no-untyped-def]
     return z ^ (z >> uint64(31))
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(inline=True)
 def mix32(counter, low, high):  # type: ignore[no-untyped-def]
     """32 well mixed bits of a 32-bit counter under two halves of a key: half the width, several at once.
 
@@ -49,7 +51,7 @@ def white_noise(row: int, column: int, rows: int, columns: int, keys: Sequence[i
     return out
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@kernel(fastmath=True)
 def _white_noise(out, row, column, key, normal):  # type: ignore[no-untyped-def]
     low = uint64(LOW)
     scale = np.float32(math.sqrt(0.5))

@@ -7,10 +7,10 @@ from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from geometry import Pose, SensorModel
+from geometry.compiled import kernel
 from perceptron_emu.config import EmulatorConfig
 from perceptron_emu.deposit import REACH, deposit, deposit_fine
 from perceptron_emu.optics import defocus_radius_px, sharp_sigma_px
@@ -119,7 +119,7 @@ def _draw_piece(
     _add_product(target, fine[inner], grains[inner], q)
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@kernel(fastmath=True)
 def _add_product(electrons, light, grains, q):  # type: ignore[no-untyped-def]
     """Add light · grains (H q, W q), summed over the q × q sub-pixels of every pixel, to the electrons (H, W)."""
     row = np.empty(light.shape[1], np.float32)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from geometry.compiled import kernel
 
 CELL_PX = 16  # side of the squares that are told apart
 SOURCE_PX = 4  # side of the squares that they are looked up in; CELL_PX is a multiple
@@ -44,7 +45,7 @@ def _cells(shape: tuple[int, ...], side: int) -> tuple[int, int]:
     return -(-shape[0] // side), -(-shape[1] // side)
 
 
-@njit(cache=True)
+@kernel
 def _reached(place, reach, last, out):  # type: ignore[no-untyped-def]
     """First and last square (h, w, 2) that a cell's pixels are taken from, by their places (H, W) along one axis."""
     height, width = place.shape
@@ -58,7 +59,7 @@ def _reached(place, reach, last, out):  # type: ignore[no-untyped-def]
             out[b, a, 1] = int(min(max(np.ceil(highest), 0), last)) // SOURCE_PX
 
 
-@njit(cache=True, fastmath=True)
+@kernel(fastmath=True)
 def _gather(low, high, boxes, level, several):  # type: ignore[no-untyped-def]
     for b in range(level.shape[0]):
         for a in range(level.shape[1]):
@@ -73,7 +74,7 @@ def _gather(low, high, boxes, level, several):  # type: ignore[no-untyped-def]
             level[b, a], several[b, a] = shown, other
 
 
-@njit(cache=True, fastmath=True)
+@kernel(fastmath=True)
 def _extremes(image, low, high):  # type: ignore[no-untyped-def]
     """Least and largest level of every square."""
     height, width = image.shape
@@ -96,7 +97,7 @@ def _extremes(image, low, high):  # type: ignore[no-untyped-def]
             low[b, -1], high[b, -1] = least[first:].min(), most[first:].max()
 
 
-@njit(cache=True, fastmath=True)
+@kernel(fastmath=True)
 def _fill(target, level, several, scale):  # type: ignore[no-untyped-def]
     height, width = target.shape
     for b in range(level.shape[0]):

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from geometry.compiled import kernel
 from perceptron_emu.strings import Cylinders
 
 Array = NDArray[np.float64]
@@ -28,7 +28,7 @@ def hidden_by_strings(strings: Cylinders, points: Array, sources: Array, own: ND
     )
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@kernel(fastmath=True)
 def _hidden(starts, directions, lengths, radius, points, sources, own):  # type: ignore[no-untyped-def]
     out = np.zeros(len(points), np.bool_)
     for i in range(len(points)):

@@ -6,10 +6,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from geometry import SensorModel
+from geometry.compiled import kernel
 from perceptron_emu.config import OpticsConfig
 from perceptron_emu.projection import lens, tilt_rotation
 
@@ -58,7 +58,7 @@ def gather(optics: OpticsConfig, sensor: SensorModel, wavelength_nm: float) -> G
     )
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(inline=True)
 def gathered(lens, cosine, distance):  # type: ignore[no-untyped-def]
     """Solid angle of the entrance pupil seen from a point, times the lens's and filter's transmission [sr].
 
@@ -82,7 +82,7 @@ def _band(optics: OpticsConfig, wavelength_nm: float, laser_nm: float) -> tuple[
     return float(wavelength_nm), centre, optics.filter_fwhm_nm / 2, optics.filter_index**2, optics.filter_peak
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(inline=True)
 def passed(band, cosine):  # type: ignore[no-untyped-def]
     """Transmission of the filter: its centre moves to λ₀ √(1 − (sin θ/n)²) (Macleod, Thin-Film Optical Filters); the
     pass band is a Gaussian of order 4 (flat top).

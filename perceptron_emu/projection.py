@@ -5,10 +5,10 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from geometry import SensorModel
+from geometry.compiled import kernel
 
 Array = NDArray[np.float64]
 
@@ -34,7 +34,7 @@ def _camera(sensor: SensorModel) -> tuple[Array, Array, Array, Array, Array]:
     return np.array(pose.R, order="C"), np.array(pose.t), intrinsics, terms[:12].copy(), turn
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _project(xyz, R, t, intrinsics, terms, turn, out):  # type: ignore[no-untyped-def]
     """The chip turned by R = Ry(τy)·Rx(τx) (OpenCV's signs) passes through (0, 0, 1): the ray q = (x, y, 1) has the
     coordinates R·q in its axes and reaches it by the projective map of the last lines.
@@ -71,13 +71,13 @@ def lens(sensor: SensorModel, x: Array, y: Array) -> tuple[Array, Array]:
     return out[0], out[1]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _bend(x, y, terms, out):  # type: ignore[no-untyped-def]
     for i in range(len(x)):
         out[0, i], out[1, i] = _bent(x[i], y[i], terms)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(inline=True)
 def _bent(x, y, terms):  # type: ignore[no-untyped-def]
     k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4 = terms
     r2 = x * x + y * y

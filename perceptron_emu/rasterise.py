@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from geometry.compiled import kernel
 
 Array = NDArray[np.float64]
 Float32 = NDArray[np.float32]
@@ -26,7 +27,7 @@ def rasterise(
     return picture
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _rasterise(picture, inverse_depth, facets, level, fx, fy, cx, cy):  # type: ignore[no-untyped-def]
     corners = np.empty((4, 3))  # (u, v, 1/z)
     left, right = np.empty((2, len(picture)))
@@ -39,7 +40,7 @@ def _rasterise(picture, inverse_depth, facets, level, fx, fy, cx, cy):  # type: 
             _draw_facet(picture, inverse_depth, corners, level[f], top, bottom, left, right)
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@kernel(fastmath=True)
 def _edges(corners, left, right):  # type: ignore[no-untyped-def]
     """Fill where rows enter and leave the face; its first and last row."""
     last = len(left) - 1.0
@@ -60,7 +61,7 @@ def _edges(corners, left, right):  # type: ignore[no-untyped-def]
     return first_row, last_row
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@kernel(fastmath=True)
 def _draw_facet(picture, inverse_depth, corners, level, top, bottom, left, right):  # type: ignore[no-untyped-def]
     last_column = picture.shape[1] - 1.0
     (u0, v0, w0), (u1, v1, w1), (u2, v2, w2), (u3, v3, w3) = corners[0], corners[1], corners[2], corners[3]
@@ -85,7 +86,7 @@ def _draw_facet(picture, inverse_depth, corners, level, top, bottom, left, right
             _draw_row(picture[j, first : last + 1], inverse_depth[j, first : last + 1], inverse, step, level)
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@kernel(fastmath=True)
 def _draw_row(levels, depths, inverse, step, level):  # type: ignore[no-untyped-def]
     """Without branches, so that the compiler can do several pixels at once."""
     for i in range(len(depths)):

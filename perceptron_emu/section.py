@@ -5,15 +5,16 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from geometry.compiled import kernel
 
 Array = NDArray[np.float64]
 
 GRID_RAD = 2e-3  # breakpoints at least this close, so that bodies that interpenetrate are told apart
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def cut_plane(triangles, normals, x):  # type: ignore[no-untyped-def]
     """Where triangles (T, 3, 3) [mm] cut the plane of constant x: ends (n, 2, 2) as (y, z) [mm], normals there (n, 2,
     3), triangle numbers (n,).
@@ -43,7 +44,7 @@ def cut_plane(triangles, normals, x):  # type: ignore[no-untyped-def]
     return ends[:n], normal[:n], owner[:n]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def lit_in_planes(triangles, normals, planes, shades, shading, origin, fan_rad):  # type: ignore[no-untyped-def]
     """The pieces of triangles (T, 3, 3) [mm] that the laser reaches first in the planes of constant x (K,).
 
@@ -77,26 +78,26 @@ def lit_in_planes(triangles, normals, planes, shades, shading, origin, fan_rad):
     return ends[:n].copy(), normal[:n].copy(), face[:n].copy()
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _longer(values, size):  # type: ignore[no-untyped-def]
     out = np.empty((size, values.shape[1], values.shape[2]))
     out[: len(values)] = values
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _longer_int(values, size):  # type: ignore[no-untyped-def]
     out = np.empty(size, np.int64)
     out[: len(values)] = values
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _grid(fan_rad):  # type: ignore[no-untyped-def]
     return np.linspace(-fan_rad / 2, fan_rad / 2, int(fan_rad / GRID_RAD) + 2)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _first_reached(ends, origin, grid):  # type: ignore[no-untyped-def]
     """The pieces of segments (n, 2, 2) as (y, z) [mm] that rays from the origin (2,) reach first within the fan about
     +z.
@@ -126,7 +127,7 @@ def _first_reached(ends, origin, grid):  # type: ignore[no-untyped-def]
     return which[:m], where[:m]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _sweep(ends, origin, angle, breaks, by_start, which, where):  # type: ignore[no-untyped-def]
     """Fill which and where from the angular order; the number of pieces."""
     active = np.empty(len(ends), np.int64)
@@ -161,7 +162,7 @@ def _sweep(ends, origin, angle, breaks, by_start, which, where):  # type: ignore
     return m
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(inline=True)
 def _reach(segment, origin, angle):  # type: ignore[no-untyped-def]
     """Distance along the ray at the angle to the segment's line, and the place on it."""
     ry, rz = math.sin(angle), math.cos(angle)

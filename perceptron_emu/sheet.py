@@ -6,10 +6,10 @@ import math
 from functools import lru_cache
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from geometry import SensorModel, field_of_view
+from geometry.compiled import kernel
 from perceptron_emu.config import LaserConfig
 
 Array = NDArray[np.float64]
@@ -36,7 +36,7 @@ def beam(laser: LaserConfig, sensor: SensorModel) -> tuple[float, float, float]:
     return waist, waist_distance_mm(laser, sensor), float(rayleigh)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(inline=True)
 def width_at(distance, waist, at, rayleigh):  # type: ignore[no-untyped-def]
     """`half_width_mm` of one `beam`."""
     off = (distance - at) / rayleigh
@@ -61,7 +61,7 @@ def axis_meets_sheet_mm(sensor: SensorModel) -> float:
     return float(np.min(np.linalg.norm(field_of_view(sensor) - sensor.laser_origin_mm[1:], axis=1)))
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(inline=True)
 def across(x_mm, half_width):  # type: ignore[no-untyped-def]
     """Density across the sheet [1/mm], ∫ dx = 1: √(2/π)/w · exp(−2x²/w²)."""
     t = x_mm / half_width
@@ -86,7 +86,7 @@ def fan(laser: LaserConfig, fan_rad: float) -> tuple[int, float, float, float]:
     return PROFILES.index(laser.profile), fan_rad / 2, laser.edge_fraction, 1 / (fan_rad * norm)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(inline=True)
 def density_at(angle, fan):  # type: ignore[no-untyped-def]
     """`along` of one `fan`."""
     profile, half, edge, scale = fan
@@ -99,7 +99,7 @@ def density_at(angle, fan):  # type: ignore[no-untyped-def]
     return scale * edge ** (t * t) if profile == GAUSSIAN else scale
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _densities(angle, fan, out):  # type: ignore[no-untyped-def]
     for i in range(len(angle)):
         out[i] = density_at(angle[i], fan)

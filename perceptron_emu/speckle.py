@@ -7,10 +7,10 @@ from functools import lru_cache
 
 import numpy as np
 import scipy.fft
-from numba import njit
 from numpy.typing import NDArray
 
 from geometry import SensorModel
+from geometry.compiled import kernel
 from perceptron_emu.config import EmulatorConfig
 from perceptron_emu.hashing import white_noise
 from perceptron_emu.optics import working_f_number
@@ -84,7 +84,7 @@ def _cells(least: int) -> int:
     return int(scipy.fft.next_fast_len(SIZE_STEP * -(-least // SIZE_STEP)))
 
 
-@njit(cache=True, error_model="numpy", fastmath=True)
+@kernel(fastmath=True)
 def _power(field, weights):  # type: ignore[no-untyped-def]
     """Σ weight · |field|² (H, W) over the fields (n, H, W)."""
     total = np.zeros(field.shape[1:], np.float32)

@@ -6,10 +6,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from geometry import SensorModel
+from geometry.compiled import kernel
 from perceptron_emu.bodies import body_of, hidden_by_solid
 from perceptron_emu.config import EmulatorConfig
 from perceptron_emu.occlusion import hidden_by_strings
@@ -137,7 +137,7 @@ def _seen(
     return Samples(xyz[seen], electrons[seen], group[seen])
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _within(uv, last_u, last_v):  # type: ignore[no-untyped-def]
     """Whether points (N, 2) of the image lie within MARGIN_PX of it; false behind the camera, where they are NaN."""
     out = np.empty(len(uv), np.bool_)
@@ -162,7 +162,7 @@ def _nodes(
     return xyz, normal, area[piece], faces.solid[pieces.face][piece]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _place(ends, normals, pairs, origin, xyz, normal, piece):  # type: ignore[no-untyped-def]
     """Fill points, normals towards the laser and the number of the piece of every node."""
     n = 0

@@ -9,10 +9,10 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from geometry import SensorModel
+from geometry.compiled import kernel
 from perceptron_emu.brdf import brdf
 from perceptron_emu.config import EmulatorConfig
 from perceptron_emu.optics import Gather, gather, gathered
@@ -79,7 +79,7 @@ class Light:
         return self.config.exposure.time_ms * 1e-3 * photons_per_mj * self.config.noise.quantum_efficiency
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _electrons(xyz, normal, source, surfaces, which, out):  # type: ignore[no-untyped-def]
     """Fill out (N,) for points xyz and unit normals (N, 3) of the surfaces (M, 3)."""
     origin, camera, axis = source.origin, source.camera, source.axis

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from geometry import Pose, SensorModel
+from geometry.compiled import kernel
 from perceptron_emu.lighting import LitScene
 from perceptron_emu.projection import project
 
@@ -94,7 +94,7 @@ def string_truths(
     return tuple(truths)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _add(sums, uv, xyz, electrons, share, width, height):  # type: ignore[no-untyped-def]
     """Add the electrons of the nodes inside the image, and these times y, z, u and v, to the sums (5,); returns the
     mean share (H,) of the rows of all nodes.

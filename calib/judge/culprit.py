@@ -44,7 +44,7 @@ class _Views:
     frames: tuple[Frame, ...]
     names: tuple[str, ...]
     pairs: NDArray[np.intp]
-    screws: Array  # (2, P, 2): angle and advance, as labelled and with one frame's labels half turned
+    screws: Array  # (1 + K, P, 2): angle and advance, as labelled and with one frame's labels turned
     joints: Array | None
 
 
@@ -59,7 +59,7 @@ def culprit(labelled: tuple[Frame, ...], jig: Jig, robot: Robot | None) -> str:
     return (
         (_joints(v, robot, float(agree.mean())) if agree.mean() < SOUND else "")
         or _frames(v, apart.min(axis=0), jig)
-        or (_half_turned(v, (apart[0] >= 1.0) & (apart[1] < 1.0)) if agree.mean() >= SOUND else "")
+        or (_turned(v, (apart[0] >= 1.0) & agree, jig) if agree.mean() >= SOUND else "")
     )
 
 
@@ -77,10 +77,11 @@ def _views(used: tuple[Frame, ...], jig: Jig) -> _Views:
 
 
 def _jig_screws(used: tuple[Frame, ...], pairs: NDArray[np.intp], jig: Jig) -> Array:
-    """Angle and advance (2, P, 2) of the jig's motions in the sensor, as labelled and half turned."""
+    """Angle and advance (1 + K, P, 2) of the jig's motions in the sensor: as labelled, turned by each symmetry."""
     jigs = stack_poses([s.candidates[0] for s in used])
     first, second = jigs[pairs[:, 0]], jigs[pairs[:, 1]]
-    return np.stack([_screw(second @ turn @ first.inverse()) for turn in (Pose.identity(), jig.half_turn)])
+    turns = (Pose.identity(), *(s.pose for s in jig.symmetries))
+    return np.stack([_screw(second @ turn @ first.inverse()) for turn in turns])
 
 
 def _screw(motion: Pose) -> Array:
@@ -91,20 +92,20 @@ def _screw(motion: Pose) -> Array:
 
 
 def _apart(v: _Views, hands: Pose) -> Array:
-    """How far hand's and jig's screws are apart, over what they may be (2, P): as labelled, half turned."""
+    """How far hand's and jig's screws are apart, over what they may be (1 + K, P): as labelled, turned."""
     screw = _screw(hands[v.pairs[:, 1]].inverse() @ hands[v.pairs[:, 0]])
     return np.asarray(np.linalg.norm((v.screws - screw) / [ANGLE_RAD, ADVANCE_MM], axis=-1))
 
 
 def _share(v: _Views, hands: Pose) -> float:
-    """Share of the pairs that agree, whatever their labels' half turns."""
+    """Share of the pairs that agree, whichever way their labels are turned."""
     return float(np.mean(_apart(v, hands).min(axis=0) < 1.0))
 
 
-def _half_turned(v: _Views, only: Mask) -> str:
-    """The frames whose labels are those of the half-turned jig against most others of their location.
+def _turned(v: _Views, only: Mask, jig: Jig) -> str:
+    """The frames whose labels are those of the turned jig against most others of their location.
 
-    only: which pairs (P,) agree with one frame's labels half turned, and not as labelled.
+    only: which pairs (P,) agree with one frame's labels turned by a symmetry, and not as labelled.
     """
     turned: list[int] = []
     for name in dict.fromkeys(v.names):
@@ -115,8 +116,15 @@ def _half_turned(v: _Views, only: Mask) -> str:
         return ""
     return (
         f"the labels of {_numbers(v, turned)} are those of the jig turned by half against the other frames of "
-        f"{'its' if len(turned) == 1 else 'their'} location: exchange B and C, B' and C' there"
+        f"{'its' if len(turned) == 1 else 'their'} location: exchange {_exchanged(jig)} there"
     )
+
+
+def _exchanged(jig: Jig) -> str:
+    """Which names the jig's turn exchanges: "B and C, B' and C'"."""
+    renaming = jig.symmetries[0].renaming if jig.symmetries else {}
+    pairs = {frozenset(pair): pair for pair in renaming.items() if pair[0] != pair[1]}
+    return ", ".join(f"{a} and {b}" for a, b in pairs.values())
 
 
 def _holds(v: _Views, which: Mask, i: int, j: int) -> bool:

@@ -21,6 +21,7 @@ LEAST_STRINGS = 5  # fewer leave no residual to speak of
 OFF_MM, FITS = 0.1, 0.3  # rms of points that do not fit the jig, and the share of it that a suspicion leaves
 UNFIT_MM = 1e3  # stands for points that no pose explains
 ALIKE = 1.3  # suspicions whose residuals are this near are told apart by nothing
+_EXTENTS = {"side_mm": "width across x in mm", "height_mm": "extent along x in mm"}  # of lines that are no pillar
 SIZES = np.geomspace(0.5, 2.0, 29)
 
 
@@ -70,11 +71,12 @@ def _sizes(axes: list[AxisPoints], jig: Jig) -> Iterator[tuple[float, str]]:
     for key in ("side_mm", "height_mm"):
         size = getattr(jig, key)
 
-        def rms(value: float, key: str = key) -> float:
-            side, height = (value, jig.height_mm) if key == "side_mm" else (jig.side_mm, value)
-            return _rms(axes, Jig.nominal(side, height, strings=jig.strings))
+        def rms(value: float, key: str = key, size: float = size) -> float:
+            along, across = (value / size, 1.0) if key == "height_mm" else (1.0, value / size)
+            return _rms(axes, replace(jig, anchors_mm=jig.nominal_anchors_mm * [along, across, across]))
 
         coarse = min(size * SIZES, key=rms)
         step = SIZES[1] / SIZES[0]
         value = minimize_scalar(rms, bounds=(coarse / step, coarse * step), method="bounded").x
-        yield rms(value), f"its {key} is about {value:.0f}, not {size:g}"
+        what = key if jig.pillar is not None else _EXTENTS[key]
+        yield rms(value), f"its {what} is about {value:.0f}, not {size:g}"

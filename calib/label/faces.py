@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
-from jig_cad import ANCHORS, STRINGS, Jig
+from jig_cad import Jig
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.intp]
+
+UPRIGHT = 0.02  # share of its length by which a rod may lie out of x: its anchors' tolerance, never a diagonal
+SAME_MM = 1e-6  # anchors so near to each other are one hole
 
 _SIGNS = np.array([[1.0, 1.0], [1.0, -1.0], [-1.0, 1.0], [-1.0, -1.0]])
 
@@ -45,19 +49,30 @@ class Triples:
 
 
 def faces(jig: Jig) -> list[Face]:
-    """The faces of the pillar whose rods and diagonal the jig has."""
-    x = {name: float(jig.anchors_mm[ANCHORS.index(name), 0]) for name in ANCHORS}
+    """The faces whose rods and diagonal the jig has: two strings along x, and one from an anchor of each to the other.
+
+    The strings' names say nothing here.
+    """
     out = []
-    for label in jig.strings:
-        first, second = STRINGS[label]
-        rods = (first[0], second[0])  # anchors are named after their rod
-        if rods[0] == rods[1] or not set(rods) <= set(jig.strings):
-            continue
-        u, v = (jig.strings.index(r) for r in rods)
-        apart = jig.starts[v, 1:] - jig.starts[u, 1:]
-        width = float(np.linalg.norm(apart))
-        out.append(Face((u, v), jig.strings.index(label), x[first], x[second], width))
+    for k in range(len(jig.strings)):
+        first, second = jig.start_index[k], jig.end_index[k]
+        for u, v in product(_rods_at(jig, first), _rods_at(jig, second)):
+            if k in (u, v) or u == v:
+                continue
+            apart = jig.starts[v, 1:] - jig.starts[u, 1:]
+            width = float(np.linalg.norm(apart))
+            out.append(Face((u, v), k, float(jig.anchors_mm[first, 0]), float(jig.anchors_mm[second, 0]), width))
     return out
+
+
+def _rods_at(jig: Jig, anchor: int) -> list[int]:
+    """The strings along x, as drawn, that end at the anchor."""
+    drawn = jig.nominal_anchors_mm
+    starts, ends = drawn[jig.start_index], drawn[jig.end_index]
+    along = ends - starts
+    upright = np.linalg.norm(along[:, 1:], axis=1) < UPRIGHT * np.abs(along[:, 0])
+    here = [np.linalg.norm(p - drawn[anchor], axis=1) < SAME_MM for p in (starts, ends)]
+    return [int(s) for s in np.flatnonzero(upright & (here[0] | here[1]))]
 
 
 def face_pairs(jig: Jig) -> list[tuple[Face, Face]]:

@@ -12,12 +12,13 @@ from calib.config import CalibConfig
 from calib.label.chain import Chain, mahalanobis2
 from calib.label.evidence import Prior
 from calib.label.frame import label_spots
-from calib.label.refine import LabelledFrame, half_turned, with_pose
-from geometry import Pose, SensorModel, SurfacePoints, stack_poses
+from calib.label.refine import LabelledFrame, turned_over, with_pose
+from geometry import Pose, SensorModel, SurfacePoints, Symmetry, stack_poses
 from jig_cad import Jig
 
 Array = NDArray[np.float64]
 
+ALIKE = 1e-6  # cosines nearer to each other are equal but for rounding
 LIKELY = 1e-6  # a candidate below this share is no rival to the chosen one
 CONSISTENT_CHI2 = 30.0  # 6 degrees of freedom: 4e-5 of true predictions lie farther
 GIVEN_JIG_SIGMA_MM, GIVEN_JIG_SIGMA_DEG = 3.0, 1.0  # how well a T_base_jig of cell.toml is taken to be known
@@ -35,10 +36,10 @@ def label_location(
     refined: bool = False,
 ) -> tuple[LabelledFrame, ...]:
     """Label the frames of one location, in the order given; the first labelled frame (x_jig · x_sensor > 0) decides
-    the half turn.
+    which of the poses that the jig's symmetries join.
 
     Ts_base_hand: (N) by the robot. T_hand_sensor: by design, or solved: then set ``refined``, which narrows the gates.
-    T_base_jig: where known (cell.toml, or solved before); it then decides the half turn.
+    T_base_jig: where known (cell.toml, or solved before); it then decides that.
     """
     chain = Chain.build(Ts_base_hand, T_hand_sensor, config.labelling, refined)
     priors: list[Prior | None] = []
@@ -58,15 +59,28 @@ def label_location(
         _settle(points, one, prior, jig, sensor, config)
         for points, one, prior in zip(frames, found, priors, strict=True)
     ]
-    if T_base_jig is None and not first_upright([f.T_sensor_jig for f in out]):
-        out = [half_turned(f, points, jig, sensor, config) for f, points in zip(out, frames, strict=True)]
+    turn = None if T_base_jig is not None else upright_turn([f.T_sensor_jig for f in out], jig)
+    if turn is not None:
+        out = [turned_over(f, turn, points, jig, sensor, config) for f, points in zip(out, frames, strict=True)]
     return tuple(out)
 
 
-def first_upright(Ts_sensor_jig: Sequence[Pose | None]) -> bool:
-    """Whether the first pose that there is has x_jig · x_sensor > 0, the half turn's convention; also where none is."""
+def upright_turn(Ts_sensor_jig: Sequence[Pose | None], jig: Jig) -> Symmetry | None:
+    """The symmetry by which the first pose that there is comes to the convention, None where it is there already.
+
+    Of the poses that points can not tell, the one with the largest x_jig · x_sensor is taken; where turns about x leave
+    that alike, the one with the largest y_jig · y_sensor.
+    """
     first = next((T for T in Ts_sensor_jig if T is not None), None)
-    return first is None or bool(first.R[0, 0] > 0)
+    if first is None:
+        return None
+    best, upright = None, first
+    for symmetry in jig.symmetries:
+        turned = first @ symmetry.pose
+        x, y = (float(turned.R[k, k] - upright.R[k, k]) for k in (0, 1))
+        if x > ALIKE or (abs(x) <= ALIKE and y > ALIKE):
+            best, upright = symmetry, turned
+    return best
 
 
 def _plausible(found: list[LabelledFrame], priors: list[Prior | None], jig: Jig) -> bool:
@@ -78,27 +92,30 @@ def _plausible(found: list[LabelledFrame], priors: list[Prior | None], jig: Jig)
 
 @dataclass(frozen=True, eq=False)
 class _Pool:
-    """The likely candidates of all frames, each with its half turn beside it.
+    """The likely candidates of all frames, each with the poses beside it that the jig's symmetries make of it.
 
     T_sensor_jig (C), covariance (C, 6, 6), frame (C,): whose it is; a frame's chosen candidate comes first.
+    turn (C,): which of the jig's symmetries it took, -1 for none.
     """
 
     T_sensor_jig: Pose
     covariance: Array
     frame: NDArray[np.intp]
+    turn: NDArray[np.intp]
 
     @staticmethod
     def of(found: Sequence[LabelledFrame], jig: Jig) -> _Pool:
-        turn = jig.half_turn
-        carried = turn.inverse().adjoint
-        poses, covariances, frames = [], [], []
+        carried = [s.pose.inverse().adjoint for s in jig.symmetries]
+        poses, covariances, frames, turns = [], [], list[int](), list[int]()
         for i, f in enumerate(found):
             for c in f.candidates if f.T_sensor_jig is not None else ():
                 if c is f.candidates[0] or c.likelihood > LIKELY:
-                    poses += [c.T_sensor_jig, c.T_sensor_jig @ turn]
-                    covariances += [c.covariance, carried @ c.covariance @ carried.T]
-                    frames += [i, i]
-        return _Pool(stack_poses(poses), np.array(covariances).reshape(-1, 6, 6), np.array(frames, dtype=np.intp))
+                    poses += [c.T_sensor_jig, *(c.T_sensor_jig @ s.pose for s in jig.symmetries)]
+                    covariances += [c.covariance, *(a @ c.covariance @ a.T for a in carried)]
+                    frames += [i] * (1 + len(carried))
+                    turns += range(-1, len(carried))
+        whose, turned = np.array(frames, dtype=np.intp), np.array(turns, dtype=np.intp)
+        return _Pool(stack_poses(poses), np.array(covariances).reshape(-1, 6, 6), whose, turned)
 
     def distances(self, prior: Prior) -> Array:
         """Squared distances (C,) from a prediction of one frame, or of each candidate's own."""
@@ -111,7 +128,7 @@ class _Pool:
 
 
 def _priors_by_vote(found: list[LabelledFrame], chain: Chain, jig: Jig) -> list[Prior | None]:
-    """Every frame's prediction from the frames that agree with most others, half turn for now by the first of them."""
+    """Every frame's prediction from the frames that agree with most others, turned for now as the first of them."""
     pool = _Pool.of(found, jig)
     labelled = np.unique(pool.frame)
     if not len(labelled):
@@ -146,9 +163,9 @@ def _settle(
     if found.T_sensor_jig is not None and complete:
         pool = _Pool.of([found], jig)
         distances = pool.distances(prior)
-        T = pool.T_sensor_jig[int(np.argmin(distances))]
-        if np.min(distances) < CONSISTENT_CHI2:
-            turned = T.R[:, 0] @ found.T_sensor_jig.R[:, 0] < 0
-            frame = half_turned(found, points, jig, sensor, config) if turned else found
-            return with_pose(frame, T)
+        nearest = int(np.argmin(distances))
+        if distances[nearest] < CONSISTENT_CHI2:
+            turn = int(pool.turn[nearest])
+            frame = found if turn < 0 else turned_over(found, jig.symmetries[turn], points, jig, sensor, config)
+            return with_pose(frame, pool.T_sensor_jig[nearest])
     return label_spots(points, jig, sensor, prior, config)

@@ -16,8 +16,8 @@ from calib.label.surface_offset import axis_points
 from calib.pose.candidates import JigPoseCandidate, JigPoseFit
 from calib.pose.crossings import crossings
 from calib.pose.fit import fit_pose, pose_near
-from geometry import AxisPoints, NoAnswerError, Pose, SensorModel, SurfacePoints
-from jig_cad import Jig, half_turn_label
+from geometry import AxisPoints, NoAnswerError, Pose, SensorModel, SurfacePoints, Symmetry
+from jig_cad import Jig
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.intp]
@@ -144,44 +144,49 @@ def take(points: SurfacePoints, index: IntArray) -> SurfacePoints:
     )
 
 
-def half_turned(
-    frame: LabelledFrame, points: SurfacePoints, jig: Jig, sensor: SensorModel, config: CalibConfig
+def turned_over(
+    frame: LabelledFrame,
+    turn: Symmetry,
+    points: SurfacePoints,
+    jig: Jig,
+    sensor: SensorModel,
+    config: CalibConfig,
 ) -> LabelledFrame:
-    """The frame with the jig the other way up (B and C change places); unchanged where the jig has no such twin."""
-    if frame.T_sensor_jig is None or any(half_turn_label(label) not in jig.strings for label in frame.axis.label):
+    """The frame with the jig carried onto itself: the pillar the other way up, where B and C change places."""
+    if frame.T_sensor_jig is None:
         return frame
-    if not jig.measured:
-        return _renamed(frame, jig)
+    if not jig.measured and jig.pillar is not None:
+        return _renamed(frame, turn, jig)
     labels = np.full(len(jig.strings), -1, dtype=np.intp)
     for label, spot in zip(frame.axis.label, frame.axis.spot, strict=True):
-        labels[jig.strings.index(half_turn_label(label))] = spot
+        labels[jig.strings.index(turn.relabelled(label))] = spot
     flags = {int(s): f for s, f in zip(frame.axis.spot, frame.axis.flag, strict=True)}
-    T = frame.T_sensor_jig @ jig.half_turn
+    T = frame.T_sensor_jig @ turn.pose
     axis, pose = _Part(points, T, None, jig, sensor, config).solve(labels)
     axis = replace(axis, flag=tuple(flags[int(s)] for s in axis.spot))
     return LabelledFrame(axis, pose.T_sensor_jig, pose.candidates, pose.best.chi2, pose.dof)
 
 
-def _renamed(frame: LabelledFrame, jig: Jig) -> LabelledFrame:
-    """The frame half turned where the anchors are nominal: strings change their names, lines and spots stay."""
-    axis, turn = frame.axis, jig.half_turn
-    names = [half_turn_label(label) for label in axis.label]
+def _renamed(frame: LabelledFrame, turn: Symmetry, jig: Jig) -> LabelledFrame:
+    """The frame turned over where that is exact: strings change their names, lines and spots stay."""
+    axis = frame.axis
+    names = [turn.relabelled(label) for label in axis.label]
     order = sorted(range(len(axis)), key=lambda i: jig.strings.index(names[i]))
     flags = tuple(axis.flag[i] for i in order) if axis.flag else ()
     turned = AxisPoints(
         tuple(names[i] for i in order), axis.spot[order], axis.yz_mm[order], axis.cov_yz_mm2[order], flags
     )
-    carried = turn.inverse().adjoint
+    carried = turn.pose.inverse().adjoint
     candidates = tuple(
         replace(
             c,
-            T_sensor_jig=c.T_sensor_jig @ turn,
+            T_sensor_jig=c.T_sensor_jig @ turn.pose,
             covariance=carried @ c.covariance @ carried.T,
             residuals_mm=c.residuals_mm[order],
         )
         for c in frame.candidates
     )
-    T = None if frame.T_sensor_jig is None else frame.T_sensor_jig @ turn
+    T = None if frame.T_sensor_jig is None else frame.T_sensor_jig @ turn.pose
     return replace(frame, axis=turned, T_sensor_jig=T, candidates=candidates)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from calib.config import CalibConfig
 from calib.label.all_frames import label_frames, stays
-from calib.label.location import first_upright
+from calib.label.location import upright_turn
 from calib.label.surface_offset import surface_offset
 from geometry import Frame, Pose, SensorModel, Target, stack_poses
 from jig_cad import Jig
@@ -62,13 +62,14 @@ def relabel(
 def _first_not_upright(
     frames: Sequence[Frame], jig: Jig, places: Mapping[str, Pose], decided: Mapping[str, Pose]
 ) -> dict[str, Pose]:
-    """Half-turned places of locations whose first used frame, labelled only now, does not show the jig upright."""
+    """Turned places of locations whose first used frame, labelled only now, does not show the jig upright."""
     given = set(decided) | {f.location for f in frames if f.labels_given}
     first: dict[str, list[Pose | None]] = {name: [] for name in places if name not in given}
     for f in frames:
         if f.location in first and f.usable:
             first[f.location].append(f.candidates[0])
-    return {name: places[name] @ jig.half_turn for name, poses in first.items() if not first_upright(poses)}
+    turns = {name: upright_turn(poses, jig) for name, poses in first.items()}
+    return {name: places[name] @ turn.pose for name, turn in turns.items() if turn is not None}
 
 
 def settled(before: Sequence[Frame], after: Sequence[Frame]) -> bool:

@@ -15,7 +15,7 @@ from calib.config import CalibConfig
 from calib.judge.verdict import Facts
 from calib.paper.scp import PaperProblem, PaperResult, PaperSettings, solve_paper
 from calib.paper.spread import PaperSpread, closed_form_derivative, paper_spread
-from calib.pose.closed_form import LABELS, closed_forms
+from calib.pose.closed_form import closed_form_strings, closed_forms
 from calib.result import Estimate
 from geometry import AxisPoints, Frame, Pose, Robot
 from jig_cad import Jig
@@ -27,7 +27,7 @@ _H1_SLACK_MM = 2.0  # sign candidates that disagree in h₁ by this much more th
 
 @dataclass(frozen=True, eq=False)
 class PaperFrames:
-    """The frames that have a closed form, their points in the order of LABELS (F, 5, 2), and why others have none."""
+    """The frames that have a closed form, their points in the paper's order (F, 5, 2), and why others have none."""
 
     frames: tuple[Frame, ...]
     yz_mm: Array
@@ -47,16 +47,16 @@ def paper_frames(used: tuple[Frame, ...], jig: Jig, outlying: Collection[int] = 
 
     outlying: frames with points that the others contradict; they have no five strings to be trusted.
     """
-    kept, points, reasons = [], [], dict[int, str]()
+    names, kept, points, reasons = closed_form_strings(jig), [], [], dict[int, str]()
     for f in used:
         number, given = f.number, dict(zip(f.axis.label, f.axis.yz_mm, strict=True))
         if number in outlying:
             reasons[number] = "outlier"
             continue
-        if any(label not in given for label in LABELS):
+        if any(label not in given for label in names):
             reasons[number] = "too_few_spots"
             continue
-        yz = np.array([given[label] for label in LABELS])
+        yz = np.array([given[label] for label in names])
         if not closed_forms(yz, jig.side_mm, jig.height_mm).defined:
             reasons[number] = (
                 "outlier"  # noise puts a/l above 1: there is no angle whose cosine it is; the note counts them
@@ -88,7 +88,8 @@ class _Run:
 
 
 def _run(frames: PaperFrames, jig: Jig, robot: Robot | None, starts: Starts, config: CalibConfig) -> _Run:
-    used = tuple(replace(f, axis=_in_order(f.axis, frames.yz_mm[i])) for i, f in enumerate(frames.frames))
+    names = closed_form_strings(jig)
+    used = tuple(replace(f, axis=_in_order(f.axis, names, frames.yz_mm[i])) for i, f in enumerate(frames.frames))
     bundle = make_bundle(used, jig, robot, config)
     forms = closed_forms(frames.yz_mm, jig.side_mm, jig.height_mm)
     choice, own = _signs(bundle, starts.signs, forms.T_sensor_jig, forms.h1_disagreement_mm)
@@ -144,11 +145,11 @@ def _corrected(robot: Robot | None, run: _Run) -> tuple[Array, Robot | None]:
     return values, run.bundle.hands.robot.corrected(values) if robot is not None and run.offsets else robot
 
 
-def _in_order(axis: AxisPoints, yz_mm: Array) -> AxisPoints:
-    """The points in the order of LABELS."""
-    index = [axis.label.index(label) for label in LABELS]
+def _in_order(axis: AxisPoints, names: tuple[str, ...], yz_mm: Array) -> AxisPoints:
+    """The points in the order of ``names``."""
+    index = [axis.label.index(label) for label in names]
     flag = tuple(axis.flag[i] for i in index) if axis.flag else ()
-    return AxisPoints(LABELS, axis.spot[index], yz_mm, axis.cov_yz_mm2[index], flag)
+    return AxisPoints(names, axis.spot[index], yz_mm, axis.cov_yz_mm2[index], flag)
 
 
 def _signs(bundle: Bundle, T_hand_sensor: Pose, poses: Pose, h1_mm: Array) -> tuple[NDArray[np.intp], Pose]:

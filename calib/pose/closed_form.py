@@ -14,7 +14,7 @@ from jig_cad import Jig
 
 Array = NDArray[np.float64]
 
-LABELS = ("A", "B", "C", "B'", "C'")
+LABELS = ("A", "B", "C", "B'", "C'")  # the paper's names
 _SIGNS = np.array([[1.0, 1.0], [1.0, -1.0], [-1.0, 1.0], [-1.0, -1.0]])  # of θ₁, θ₂
 
 
@@ -40,13 +40,15 @@ def closed_form_poses(
 ) -> tuple[JigPoseCandidate, ...]:
     """Up to four poses T_sensor_jig, one a sign pair (±θ₁, ±θ₂), the smallest disagreement of h₁ first.
 
-    axis_yz: (y, z) [mm] of A, B, C, B', C'. Empty where noise makes a/l > 1, so that θ = acos(a/l) does not exist.
+    axis_yz: (y, z) [mm] by the names of the strings that the paper calls A, B, C, B', C'.
+    Empty where noise makes a/l > 1, so that θ = acos(a/l) does not exist.
     """
     given = dict(zip(axis_yz.label, axis_yz.yz_mm, strict=True)) if isinstance(axis_yz, AxisPoints) else axis_yz
-    missing = [label for label in LABELS if label not in given]
+    names = closed_form_strings(jig)
+    missing = [label for label in names if label not in given]
     if missing:
-        raise NoAnswerError(f"the paper's closed form needs the strings {', '.join(LABELS)}: {missing[0]} is missing")
-    forms = closed_forms(np.array([given[label] for label in LABELS], dtype=float), jig.side_mm, jig.height_mm)
+        raise NoAnswerError(f"the paper's closed form needs the strings {', '.join(names)}: {missing[0]} is missing")
+    forms = closed_forms(np.array([given[label] for label in names], dtype=float), jig.side_mm, jig.height_mm)
     if not forms.defined:
         return ()
     order = np.argsort(forms.h1_disagreement_mm, kind="stable")
@@ -54,6 +56,12 @@ def closed_form_poses(
         JigPoseCandidate(forms.T_sensor_jig[int(i)], h1_disagreement_mm=float(forms.h1_disagreement_mm[i]))
         for i in order
     )
+
+
+def closed_form_strings(jig: Jig) -> tuple[str, ...]:
+    """The names of the strings in the order of LABELS; InputError where the jig is no pillar."""
+    pillar = jig.require_pillar("the paper's closed form")
+    return tuple(pillar.strings.get(role, role) for role in LABELS)
 
 
 def closed_forms(yz_mm: Array, side_mm: float | Array, height_mm: float | Array) -> ClosedForms:

@@ -8,8 +8,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from geometry.compiled import kernel
 
 Array = NDArray[np.float64]
 
@@ -18,7 +19,7 @@ FLAT_CHI2 = 1e-3  # a last step that gained less has reached the floor of the co
 PARALLEL = 1e-9  # |direction's x| below this: the string runs in the plane and crosses it nowhere
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def minimise(  # type: ignore[no-untyped-def]
     starts, directions, yz, white, prior_R, prior_t, root, R, t, max_iterations, tolerance, cost, jacobian, converged
 ) -> None:
@@ -57,7 +58,7 @@ def minimise(  # type: ignore[no-untyped-def]
             converged[k] = True
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _linearise(problem, R, t, work, residual, jacobian):  # type: ignore[no-untyped-def]
     """Whitened residual and Jacobian (rows, 6) at a pose, as in calib.pose.crossings; returns the cost.
 
@@ -98,7 +99,7 @@ def _linearise(problem, R, t, work, residual, jacobian):  # type: ignore[no-unty
     return total
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _add_prior(mean_R, mean_t, root, R, t, first, residual, jacobian):  # type: ignore[no-untyped-def]
     """Departure from the prior's mean in its own axes; the rotation's curvature is left out, the prior being wide."""
     turn, departure = np.empty((3, 3)), np.empty(6)
@@ -127,7 +128,7 @@ def _add_prior(mean_R, mean_t, root, R, t, first, residual, jacobian):  # type: 
     return total
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _step(jacobian, residual, damping, normal, step):  # type: ignore[no-untyped-def]
     """Damped Gauss-Newton step in unit columns, no turn longer than MAX_TURN_RAD; returns its largest component."""
     rows = residual.shape[0]
@@ -171,7 +172,7 @@ def _step(jacobian, residual, damping, normal, step):  # type: ignore[no-untyped
     return largest
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _move(R, t, step, new_R, new_t):  # type: ignore[no-untyped-def]
     """The pose moved by ``step``: translation in its own axes, rotation by the unit quaternion of the vector."""
     angle = math.sqrt(step[3] * step[3] + step[4] * step[4] + step[5] * step[5])
@@ -185,7 +186,7 @@ def _move(R, t, step, new_R, new_t):  # type: ignore[no-untyped-def]
         new_t[i] = t[i] + a * step[0] + b * step[1] + c * step[2]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _copy(from_R, from_t, from_residual, from_jacobian, R, t, residual, jacobian) -> None:  # type: ignore[no-untyped-def]
     for i in range(3):
         t[i] = from_t[i]

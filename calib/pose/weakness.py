@@ -71,5 +71,5 @@ def _principal(covariance: Array, jig: Jig) -> tuple[Array, Array]:
 
 def _anchor_metric(jig: Jig) -> Array:
     """K (6, 6): ξᵀ K ξ is the mean square motion of the jig's anchors [mm²] under ξ."""
-    rows = np.concatenate([np.broadcast_to(np.eye(3), (6, 3, 3)), -skew(jig.anchors_mm)], -1)
+    rows = np.concatenate([np.broadcast_to(np.eye(3), (len(jig.anchors), 3, 3)), -skew(jig.anchors_mm)], -1)
     return np.asarray(np.einsum("kij,kil->jl", rows, rows) / len(rows))

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from calib.pose.crossings import anchor_jacobian
 from calib.pose.solver import PoseSolution
 from geometry import AxisPoints, Pose
-from jig_cad import ANCHORS, STRINGS, Jig
+from jig_cad import Jig
 
 Array = NDArray[np.float64]
 
@@ -35,11 +35,10 @@ def anchor_sigma(jig: Jig) -> float:
 def anchor_covariance(T: Pose, jig: Jig, index: NDArray[np.intp], sigma_mm: float) -> Array:
     """Covariance (..., 2N, 2N) of the crossings of strings ``index`` through their anchors, which strings share."""
     first, second = anchor_jacobian(T, jig.starts[index], jig.directions[index], jig.lengths[index])
-    g = np.zeros((*T.t.shape[:-1], len(index), 2, len(ANCHORS), 2))
+    g = np.zeros((*T.t.shape[:-1], len(index), 2, len(jig.anchors), 2))
     for i, k in enumerate(index):
-        ends = [ANCHORS.index(a) for a in STRINGS[jig.strings[k]]]
-        g[..., i, :, ends[0], :] = first[..., i, :, 1:]
-        g[..., i, :, ends[1], :] = second[..., i, :, 1:]
+        g[..., i, :, jig.start_index[k], :] = first[..., i, :, 1:]
+        g[..., i, :, jig.end_index[k], :] = second[..., i, :, 1:]
     g = g.reshape(*T.t.shape[:-1], 2 * len(index), -1)
     return np.asarray(sigma_mm**2 * g @ np.swapaxes(g, -1, -2))
 

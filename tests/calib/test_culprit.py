@@ -16,7 +16,7 @@ from calib.stations import label, stations
 from calib.synthetic.cell import Cell, Noise, made_cell, observe, random_cell
 from calib.synthetic.problem import CALIBRATE_ONLY
 from geometry import RobotModel
-from jig_cad import Jig, half_turn_label
+from jig_cad import Jig
 
 Frames = tuple[FrameObservation, ...]
 
@@ -42,7 +42,7 @@ def _named(frames: Frames, where: Callable[[int], bool], location: str) -> Frame
 def _relabelled(frames: Frames, where: Callable[[int], bool]) -> Frames:
     def turned(f: FrameObservation) -> FrameObservation:
         assert f.axis is not None
-        return replace(f, axis=replace(f.axis, label=tuple(map(half_turn_label, f.axis.label))))
+        return replace(f, axis=replace(f.axis, label=tuple(map(Jig.nominal().symmetries[0].relabelled, f.axis.label))))
 
     return tuple(turned(f) if where(f.frame) else f for f in frames)
 

@@ -190,7 +190,7 @@ def test_the_half_turn_fits_the_same_points_under_exchanged_labels():
     jig = Jig.nominal(strings=tuple(STRINGS))
     T = random_pose(np.random.default_rng(3), jig, 300.0)
     yz = crossings(T, jig.starts, jig.directions)[0]
-    turned = crossings(T @ jig.half_turn, jig.starts, jig.directions)[0]
+    turned = crossings(T @ jig.symmetries[0].pose, jig.starts, jig.directions)[0]
     exchange = [jig.strings.index(s) for s in ("A", "C", "B", "C'", "B'", "D'")]
     np.testing.assert_allclose(turned, yz[exchange], atol=1e-9)
 

@@ -8,21 +8,22 @@ import pytest
 from calib.config import CalibConfig
 from calib.label.frame import label_frame
 from calib.label.location import label_location
-from calib.label.refine import half_turned
+from calib.label.refine import turned_over
 from calib.label.relabel import relabel
 from calib.observation import FrameObservation, Observations
 from calib.stations import label, stations
 from calib.synthetic.views import SpotNoise, View, disturbed, observe_spots, random_pose, random_sensor, random_view
 from geometry import Pose, SurfacePoints, exp_so3, stack_poses
-from jig_cad import Jig, half_turn_label, sample_tolerance
+from jig_cad import STRINGS, Jig, sample_tolerance
 
 CONFIG = CalibConfig()
+HALF_TURN = Jig.nominal(strings=tuple(STRINGS)).symmetries[0]
 
 
 def wrong_labels(frame, truth, turned=False):
     """How many labels name another string than the truth, or clutter."""
     told = zip(frame.axis.label, frame.axis.spot, strict=True)
-    true = (half_turn_label(t) if turned and t else t for t in (truth.label[s] for _, s in told))
+    true = (HALF_TURN.relabelled(t) if turned and t else t for t in (truth.label[s] for _, s in told))
     return sum(t != label for t, label in zip(true, frame.axis.label, strict=True))
 
 
@@ -162,7 +163,7 @@ def test_a_first_frame_with_hidden_strings_decides_the_half_turn_too(seed):
 @pytest.mark.parametrize("given", [False, True])
 def test_a_first_frame_labelled_late_turns_its_location_unless_the_place_is_given(given):
     jig, sensor, design, T_base_jig, hands, poses, truth = hidden_first(100)
-    wrong = T_base_jig if poses.R[0, 0, 0] < 0 else T_base_jig @ jig.half_turn  # does not show frame 0 upright
+    wrong = T_base_jig if poses.R[0, 0, 0] < 0 else T_base_jig @ jig.symmetries[0].pose  # does not show frame 0 upright
     frames = tuple(FrameObservation(i, "A", "calibrate", t.points, T_base_hand=hands[i]) for i, t in enumerate(truth))
     observations = Observations(frames, sensor, design, {"A": wrong} if given else {})
     ready = label(stations(observations, None), sensor, design, {"A": wrong}, jig, CONFIG)
@@ -219,7 +220,7 @@ def test_a_point_kept_in_doubt_keeps_its_residual_through_the_half_turn():
         if "pose_residual" not in frame.axis.flag:
             continue
         doubtful += 1
-        turned = half_turned(frame, truth.points, view.jig, view.sensor, CONFIG)
+        turned = turned_over(frame, view.jig.symmetries[0], truth.points, view.jig, view.sensor, CONFIG)
         for one in (frame, turned):
             assert all(c.residuals_mm.shape == (len(one.axis), 2) for c in one.candidates)
             assert np.argmax(np.linalg.norm(one.candidates[0].residuals_mm, axis=1)) == one.axis.flag.index(

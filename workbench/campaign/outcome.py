@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from calib import CalibConfig, CalibrationResult, Observations
 from calib.label.frame import label_frame
 from geometry import Pose
-from jig_cad import Jig, half_turn_label
+from jig_cad import Jig
 from perceptron_emu import Frame
 from workbench.campaign.emulated import VERIFY, EmulatedCell
 from workbench.compare.match import FrameScore, score_frame
@@ -89,11 +89,17 @@ def frame_rows(emulated: EmulatedCell, frames: Sequence[Frame], outcome: Outcome
 
 
 def _as_turned(found: FrameOutcome, true_pose: Pose, jig: Jig) -> FrameOutcome:
-    """A frame labelled by itself, named as its truth is: points alone can never tell the half turn."""
-    if found.T_sensor_jig is None or found.T_sensor_jig.R[0, 0] * true_pose.R[0, 0] > 0:
+    """A frame labelled by itself, named as its truth is: points alone can never tell the jig's symmetries."""
+    if found.T_sensor_jig is None:
         return found
-    turned = found.T_sensor_jig @ jig.half_turn
-    return replace(found, label=tuple(half_turn_label(n) for n in found.label), T_sensor_jig=turned)
+    best, nearest = found, float(np.sum(found.T_sensor_jig.R * true_pose.R))
+    for turn in jig.symmetries:
+        turned = found.T_sensor_jig @ turn.pose
+        near = float(np.sum(turned.R * true_pose.R))  # grows with the cosine of the angle between them
+        if near > nearest:
+            label = tuple(turn.relabelled(n) for n in found.label)
+            best, nearest = replace(found, label=label, T_sensor_jig=turned), near
+    return best
 
 
 def trial_row(emulated: EmulatedCell, rows: Sequence[dict[str, Any]], outcome: Outcome) -> dict[str, Any]:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from functools import lru_cache
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,20 +30,39 @@ STEPS = np.linspace(-REACH_MM, REACH_MM, SAMPLES)
 
 
 def jig_bodies(jig: Jig) -> tuple[Solid, ...]:
-    """Plates (black) and posts (bare aluminium) of a jig, in its own axes; the same solids for jigs that share them.
+    """Plates or blocks (black) and posts (bare aluminium) of a jig, in its own axes.
 
-    The holes are twice as wide as the strings, up to the next tenth of a millimetre, as drills come.
+    Jigs that share them get the same solids. The holes are twice as wide as the strings, up to the next tenth of a
+    millimetre, as drills come.
     """
     exact = 2 * jig.string_diameter_mm
     drill = float(np.ceil(10 * exact - 1e-9) / 10)
     drill = drill if drill * MIN_SLENDERNESS < 2 * min(jig.side_mm, jig.height_mm) else exact
-    return _bodies(jig.side_mm, jig.height_mm, jig.strings, jig.anchors_mm.tobytes(), drill)
+    return _bodies(_Shape(replace(jig, string_diameter_mm=drill / 2, tolerance_mm=0.0, name="")))
+
+
+@dataclass(frozen=True, eq=False)
+class _Shape:
+    """A jig that is known by what its solids are made of."""
+
+    jig: Jig
+
+    def __hash__(self) -> int:
+        return hash(self._key)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Shape) and self._key == other._key
+
+    @cached_property
+    def _key(self) -> tuple[object, ...]:
+        j = self.jig
+        arrays = (j.anchors_mm, j.nominal_anchors_mm, j.start_index, j.end_index)
+        return (j.anchors, j.strings, j.string_diameter_mm, *(a.tobytes() for a in arrays))
 
 
 @lru_cache(maxsize=16)
-def _bodies(side_mm: float, height_mm: float, strings: tuple[str, ...], anchors: bytes, hole: float) -> Bodies:
-    jig = Jig(side_mm, height_mm, hole / 2, 0.0, strings, np.frombuffer(anchors).reshape(6, 3))
-    meshes = jig_solids(jig, strings=False)
+def _bodies(shape: _Shape) -> Bodies:
+    meshes = jig_solids(shape.jig, strings=False)
     return tuple(
         Solid(m, ALUMINIUM if name.startswith("post") else BLACK_PLATE, name=name) for name, m in meshes.items()
     )
@@ -55,6 +74,9 @@ def wall_behind(jig: Jig, distance_mm: float, size_mm: float = 900.0, turn_deg: 
     c, s = np.cos(turn), np.sin(turn)
     R = np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
     centre = np.array([jig.height_mm / 2, 0.0, np.sqrt(3) / 2 * jig.side_mm + distance_mm])
+    if jig.pillar is None:
+        back = float(jig.nominal_anchors_mm[jig.used_anchors, 2].max())
+        centre = jig.foot_mm * [1, 1, 0] + [jig.height_mm / 2, 0.0, back + distance_mm]
     return panel(size_mm, size_mm, Pose(R, centre), name="wall")
 
 

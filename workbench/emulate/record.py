@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geometry import NoAnswerError, Pose, RobotModel
-from jig_cad import ANCHORS, Jig, jig_text
+from jig_cad import Jig, jig_text
 from perceptron_emu import Material, Scene, Solid
 from workbench.emulate.extras import NONE, Extras, Renderer, truth_points
 from workbench.files import Cell, FrameRow, Truth, TruthFrame, read_truth, sensor_text, write_cell
@@ -143,7 +143,7 @@ def _truth(true: TrueCell, frames: list[TruthFrame], recipe: str) -> Truth:
         name=recipe,
         T_hand_sensor=true.T_hand_sensor.matrix.tolist(),
         dh=[{k: float(v[i]) for k, v in degrees.items()} for i in range(robot.n_joints)],
-        anchors_mm={a: tuple(p) for a, p in zip(ANCHORS, true.jig.anchors_mm.tolist(), strict=True)},
+        anchors_mm={a: tuple(p) for a, p in zip(true.jig.anchors, true.jig.anchors_mm.tolist(), strict=True)},
         locations={name: pose.matrix.tolist() for name, pose in true.T_base_jig.items()},
         frames=tuple(frames),
     )

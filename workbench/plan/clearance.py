@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from geometry import Pose, RobotModel, SensorModel
 from jig_cad import Jig
-from jig_cad.solids import PillarDesign
+from jig_cad.solids import PillarDesign, block_edge_mm
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -48,7 +48,14 @@ def distance_mm(jig: Jig, points: Array) -> Array:
 
 
 def _boxes(jig: Jig) -> tuple[Array, Array]:
-    """Least and largest corners (5, 3) of the boxes around both plates, the strings and both posts."""
+    """Least and largest corners (5, 3) of the boxes around both plates, the strings and both posts.
+
+    Of lines that are no pillar: (1, 3), of the box around all strings and the blocks that hold them.
+    """
+    if jig.pillar is None:
+        half = block_edge_mm(jig) / 2
+        points = jig.anchors_mm[jig.used_anchors]
+        return points.min(axis=0, keepdims=True) - half, points.max(axis=0, keepdims=True) + half
     design = PillarDesign()
     y0, z0, y1, z1 = design.plate(jig).bounds
     h, thick, r = jig.height_mm, design.plate_thickness_mm, design.post_diameter_mm / 2

@@ -50,4 +50,4 @@ def expected_points(sensor: SensorModel, jig: Jig, T_sensor_jig: Pose) -> Points
     frames = [
         AxisPoints(jig.strings, none, yz, cov, plain) for yz, cov in zip(crossing[..., 1:], covariance, strict=True)
     ]
-    return pad_points(frames)
+    return pad_points(frames, jig)

@@ -106,7 +106,7 @@ class ViewSpace:
         ex, ey, ez = np.eye(3)
         R = exp_so3(about_x[:, None] * ex) @ exp_so3(about_y[:, None] * ey) @ exp_so3(about_z[:, None] * ez)
         none = np.zeros(len(parameters))
-        aim = np.column_stack([height * self.jig.height_mm, none, none + self.jig.side_mm / np.sqrt(3)])
+        aim = self.jig.foot_mm + np.column_stack([height * self.jig.height_mm, none, none])
         seen_at = np.column_stack([none, sideways * self.jig.side_mm, depth])
         return Pose(R, aim - (R @ seen_at[..., None])[..., 0]).inverse()
 

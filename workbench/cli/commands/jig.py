@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from rich.markup import escape
 from rich.table import Table
 
 from workbench.cli.console import say_on_stdout, standard_error, standard_output
@@ -37,8 +38,6 @@ def command(
 
 
 def _show(jig: Jig) -> None:
-    from jig_cad import ANCHORS, STRINGS
-
     console = standard_output()
     console.print(
         f"{jig.name or 'string jig'}: side {jig.side_mm:g} mm, height {jig.height_mm:g} mm, "
@@ -48,10 +47,11 @@ def _show(jig: Jig) -> None:
         soft_wrap=True,
     )
     strings = Table("string", "from", "to", "length [mm]".replace("[", "\\["))
-    for label, length in zip(jig.strings, jig.lengths, strict=True):
-        strings.add_row(label, *STRINGS[label], f"{length:.3f}")
+    for k, (label, length) in enumerate(zip(jig.strings, jig.lengths, strict=True)):
+        ends = (jig.anchors[jig.start_index[k]], jig.anchors[jig.end_index[k]])
+        strings.add_row(*map(escape, (label, *ends)), f"{length:.3f}")
     anchors = Table("anchor", "x", "y", "z", title="anchors in {J} \\[mm]", title_justify="left")
-    for name, point in zip(ANCHORS, jig.anchors_mm, strict=True):
-        anchors.add_row(name, *(f"{v:.3f}" for v in point))
+    for name, point in zip(jig.anchors, jig.anchors_mm, strict=True):
+        anchors.add_row(escape(name), *(f"{v:.3f}" for v in point))
     console.print(strings)
     console.print(anchors)

@@ -1,0 +1,179 @@
+"""Kernels: loops compiled to machine code by numba, kept on disk for later processes.
+
+One decorator serves all packages. What it compiles is kept beside the modules (or where `NUMBA_CACHE_DIR` says, or in
+the user's cache folder) and used again for as long as it is fresh: numba itself looks at a kernel's own file alone, and
+would go on using what it once compiled of a callee in another. Here a kernel is fresh while its file *and* all that the
+file takes from others (kernels, with what they take in turn; named tuples; constants) are as they were.
+Where nothing can be written, every process compiles for itself; it goes on and says so once, through `logging`.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import logging
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from enum import Enum
+from pathlib import Path
+from types import ModuleType
+from typing import Any, TypeVar, overload
+
+import numba
+import numpy as np
+from numba.core.caching import InTreeCacheLocator, UserProvidedCacheLocator, UserWideCacheLocator
+
+_PLACES: tuple[Any, ...] = (UserProvidedCacheLocator, InTreeCacheLocator, UserWideCacheLocator)
+_settings: Any = numba.config
+F = TypeVar("F", bound=Callable[..., object])
+
+
+@overload
+def kernel(function: F, /) -> F: ...
+@overload
+def kernel(*, fastmath: bool = False, inline: bool = False, parallel: bool = False) -> Callable[[F], F]: ...
+def kernel(
+    function: F | None = None, /, *, fastmath: bool = False, inline: bool = False, parallel: bool = False
+) -> F | Callable[[F], F]:
+    """
+    Compile a function on its first call; the checker goes on seeing the function itself.
+
+    Division by zero gives infinity or NaN, as in numpy, and other threads run meanwhile.
+
+    Parameters
+    ----------
+    function
+        A function of numbers, arrays and named tuples of them that calls numpy, `math` and other kernels only.
+    fastmath
+        Sums may be reordered for the vector unit: only where NaN and infinity can not occur.
+    inline
+        Written out in its callers, as numba's `inline="always"`; without, the compiler decides by itself.
+    parallel
+        Loops over `numba.prange` are shared among threads; without, a kernel runs on one.
+
+    Returns
+    -------
+    function
+        The compiled function, with the same signature; or the decorator where no function was given.
+
+    Examples
+    --------
+    >>> @kernel(fastmath=True)
+    ... def total(values: np.ndarray) -> float:
+    ...     found = 0.0
+    ...     for value in values:
+    ...         found += value
+    ...     return found
+    >>> total(np.ones(4))
+    4.0
+    """
+
+    def compiled(function: F) -> F:
+        options: dict[str, Any] = {"error_model": "numpy", "nogil": True, "fastmath": fastmath, "parallel": parallel}
+        options["inline"] = "always" if inline else "never"
+        options["no_cfunc_wrapper"] = True  # nobody calls them from C, and it compiles faster
+        with _own_cache(function) as cache:
+            dispatcher: F = numba.njit(**options, cache=cache)(function)
+        return dispatcher
+
+    return compiled if function is None else compiled(function)
+
+
+class KernelCacheLocator:
+    """Where numba keeps one kernel, and of what source the kept one must be: the class that numba asks for both."""
+
+    def __init__(self, function: Callable[..., object], file: str, folder: str) -> None:
+        self._py_file = file  # numba's remarks name it
+        self._folder = folder
+        self._stamp = _module_stamp(function)
+
+    @classmethod
+    def from_function(cls, function: Callable[..., object], file: str) -> KernelCacheLocator | None:
+        """The first of numba's own folders that can be written, or None."""
+        for places in _PLACES:
+            place = places.from_function(function, file)
+            if place is not None:
+                return cls(function, file, place.get_cache_path())
+        return None
+
+    def get_cache_path(self) -> str:
+        """The folder."""
+        return self._folder
+
+    def ensure_cache_path(self) -> None:
+        """Make the folder where it has gone."""
+        Path(self._folder).mkdir(parents=True, exist_ok=True)
+
+    def get_source_stamp(self) -> str:
+        """The hash of all that the kernel is made of: compared with the kept one's."""
+        return self._stamp
+
+    def get_disambiguator(self) -> str:
+        """The same for all, where numba takes the line number: an edited file leaves no stale files behind."""
+        return "kernel"
+
+
+@contextmanager
+def _own_cache(function: Callable[..., object]) -> Iterator[bool]:
+    """Within, numba asks the locator above; whether that finds a folder. Functions of others are left alone."""
+    with _lock:
+        before = _settings.CACHE_LOCATOR_CLASSES
+        _settings.CACHE_LOCATOR_CLASSES = f"{__name__}.{KernelCacheLocator.__name__}"
+        try:
+            yield _can_keep(function)
+        finally:
+            _settings.CACHE_LOCATOR_CLASSES = before
+
+
+def _can_keep(function: Callable[..., object]) -> bool:
+    global _said  # noqa: PLW0603 - once a process
+    file = Path(function.__code__.co_filename)
+    if not file.exists():  # typed at a prompt
+        return False
+    if KernelCacheLocator.from_function(function, str(file)) is not None:
+        return True
+    if not _said:
+        _said = True
+        logging.getLogger(__name__).warning(
+            "compiled code can be kept neither in %s nor in the user's cache folder: every run compiles again, "
+            "a minute or two. Set NUMBA_CACHE_DIR to a folder that can be written.",
+            file.parent,
+        )
+    return False
+
+
+_lock = threading.RLock()
+_said = False
+_stamps: dict[str, str] = {}  # module name → stamp
+
+
+def _module_stamp(function: Callable[..., object]) -> str:
+    """Hash of a module's file and of what it had imported when its first kernel was met."""
+    name = function.__module__
+    if name not in _stamps:
+        digest = hashlib.sha256(_OWN)
+        digest.update(Path(function.__code__.co_filename).read_bytes())
+        for key, value in sorted(function.__globals__.items()):
+            if not key.startswith("__"):
+                digest.update(f"{key}={_fingerprint(value)};".encode())
+        _stamps[name] = digest.hexdigest()
+    return _stamps[name]
+
+
+def _fingerprint(value: object) -> str:
+    """What of an imported name can change compiled code: plain data by value, kernels and modules of them by stamp."""
+    if isinstance(value, (bool, int, float, complex, str, np.generic, np.dtype, Enum)):
+        return repr(value)
+    if isinstance(value, tuple):
+        return f"({','.join(map(_fingerprint, value))})"
+    if isinstance(value, np.ndarray):
+        return f"{value.dtype}{value.shape}{hashlib.sha256(value.tobytes()).hexdigest()}"
+    if isinstance(value, type) and issubclass(value, Enum):
+        return repr(list(value))
+    if isinstance(value, type) and issubclass(value, tuple):
+        return f"{value.__qualname__}{getattr(value, '__annotations__', {})}"
+    name = value.__name__ if isinstance(value, ModuleType) else getattr(value, "__module__", None)
+    return _stamps.get(str(name), "")
+
+
+_OWN = Path(__file__).read_bytes()

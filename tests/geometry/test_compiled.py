@@ -1,0 +1,136 @@
+"""Compiled kernels are kept, made anew when anything they are made of changes, and work where nothing can be kept.
+
+Every run is a process of its own, as an edit between two runs is what must be noticed. Does not prove that compiling
+anew gives other machine code only where it must.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+PARTS = """
+from typing import NamedTuple
+from geometry.compiled import kernel
+
+FACTOR = 2.0
+
+class State(NamedTuple):
+    first: float
+    second: float
+
+@kernel
+def scaled(x):
+    return 10.0 * x
+"""
+WHOLE = """
+from geometry.compiled import kernel
+from room.parts import FACTOR, State, scaled
+
+@kernel
+def answer(state: State) -> float:
+    return FACTOR * below(state.first)
+
+@kernel(fastmath=True)
+def below(x):
+    return scaled(x)
+"""
+PROGRAM = "from room.whole import State, answer; print(answer(State(1.0, 3.0)), *answer.stats.cache_hits.values())"
+
+
+@pytest.fixture
+def room(tmp_path: Path) -> Path:
+    """A package of two modules, of which one calls the other's kernel."""
+    folder = tmp_path / "room"
+    folder.mkdir()
+    (folder / "__init__.py").touch()
+    (folder / "parts.py").write_text(PARTS)
+    (folder / "whole.py").write_text(WHOLE)
+    return folder
+
+
+def run(room: Path, program: str = PROGRAM, **env: str) -> tuple[str, str]:
+    """What a process that uses the package says on its two outputs."""
+    inherited = {name: value for name, value in os.environ.items() if not name.startswith("NUMBA_")}
+    path = os.pathsep.join((str(room.parent), str(ROOT)))
+    done = subprocess.run(
+        (sys.executable, "-c", program),
+        env=inherited | {"PYTHONPATH": path, "PYTHONDONTWRITEBYTECODE": "1"} | env,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return done.stdout.strip(), done.stderr.strip()
+
+
+def edit(file: Path, before: str, after: str) -> None:
+    """Change a file, its date and size kept."""
+    stat = file.stat()
+    text = file.read_text()
+    assert before in text
+    assert len(before) == len(after)
+    file.write_text(text.replace(before, after))
+    os.utime(file, ns=(stat.st_atime_ns, stat.st_mtime_ns))
+
+
+def test_a_kernel_is_compiled_once(room: Path) -> None:
+    assert run(room)[0] == "20.0"
+    assert run(room)[0] == "20.0 1"
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "answer"),
+    [("10.0 * x", "30.0 * x", "60.0"), ("FACTOR = 2.0", "FACTOR = 4.0", "40.0")],
+    ids=["callee of a callee", "constant"],
+)
+def test_an_edit_in_another_file_is_noticed(room: Path, before: str, after: str, answer: str) -> None:
+    assert run(room)[0] == "20.0"
+    edit(room / "parts.py", before, after)
+    assert run(room)[0] == answer
+    assert run(room)[0] == f"{answer} 1"
+
+
+def test_named_tuples_of_other_fields_are_noticed(room: Path) -> None:
+    assert run(room)[0] == "20.0"
+    text = (room / "parts.py").read_text()
+    swapped = text.replace("first", "x").replace("second", "first").replace("x:", "second:")
+    (room / "parts.py").write_text(swapped)
+    assert run(room)[0] == "60.0"
+
+
+def test_an_edit_leaves_no_stale_files(room: Path) -> None:
+    run(room)
+    kept = sorted(path.name for path in room.rglob("*.nbi"))
+    (room / "whole.py").write_text("# a line more\n" + WHOLE)
+    run(room)
+    assert sorted(path.name for path in room.rglob("*.nbi")) == kept
+
+
+def test_nothing_can_be_written(room: Path) -> None:
+    """A file where each folder would be: refused to the superuser too, who may write into read-only ones."""
+    (room / "__pycache__").touch()
+    nowhere = str(room / "__init__.py")
+    answer, said = run(room, HOME=nowhere, XDG_CACHE_HOME=nowhere)
+    assert answer == "20.0"
+    assert said.count("NUMBA_CACHE_DIR") == 1
+    assert len(said.splitlines()) == 1
+
+
+def test_cache_folder_of_the_users_choice(room: Path, tmp_path: Path) -> None:
+    run(room, NUMBA_CACHE_DIR=str(tmp_path / "kept"))
+    assert list((tmp_path / "kept").rglob("*.nbi"))
+    assert not list(room.rglob("*.nbi"))
+
+
+def test_functions_of_others_are_left_alone(room: Path) -> None:
+    program = (
+        "import numba, room.whole as whole\n"
+        "assert not numba.config.CACHE_LOCATOR_CLASSES\n"
+        "print(whole.below(1.0))"  # a kernel that others call can be called by itself
+    )
+    assert run(room, program)[0] == "10.0"
