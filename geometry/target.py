@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry.points import AxisPoints, SheetPoints
+from geometry.points import SheetPoints
 from geometry.pose import Pose, cross
 
 Array = NDArray[np.float64]
@@ -89,15 +89,11 @@ class Target(Protocol):
         Perpendicular offsets (N, c) [mm], as vectors or as one signed number, and (N, c, 3).
         """
 
-    def candidates(self, axis: AxisPoints, guess: Pose | None) -> Pose:
-        """Poses T_sensor_target (K) that may explain one frame's labelled points, the likeliest first."""
-
 
 class Surface:
     """Base of targets whose points lie on one surface: a subclass gives ``offset`` as one signed distance.
 
-    The residual is the distance itself. Candidate poses are the guess alone: a curve in the sheet hardly ever tells
-    a surface's pose.
+    The residual is the distance itself.
     """
 
     features: tuple[str, ...] = ("surface",)
@@ -124,7 +120,3 @@ class Surface:
         by_pose = np.concatenate([-n, -cross(q[..., None, :], n)], -1)
         by_point = n @ np.swapaxes(T_sensor_target.R, -1, -2)[:, None]  # (F, M, 1, 3) in {P}
         return Prediction(distance * seen, by_pose, np.zeros((*seen.shape, 0)), by_point[..., 1:])
-
-    def candidates(self, axis: AxisPoints, guess: Pose | None) -> Pose:
-        """The guess, where there is one."""
-        return Pose(np.zeros((0, 3, 3)), np.zeros((0, 3))) if guess is None else Pose(guess.R[None], guess.t[None])

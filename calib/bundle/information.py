@@ -97,7 +97,7 @@ def _covariance(info: FrameInformation, schur: Array, noise_alone: bool) -> Arra
     """The SCP's covariances (N, 6, 6) of reduced information (N, C, C)."""
     u = info.unknowns
     free, considered = np.flatnonzero(u.free), np.flatnonzero(u.considered)
-    noise = np.linalg.inv(schur[:, free[:, None], free] + np.diag(u.sigma[free] ** -2.0))
+    noise = np.asarray(np.linalg.inv(schur[:, free[:, None], free] + np.diag(u.sigma[free] ** -2.0)))
     coupling = schur[:, free[:, None], considered]
     total = noise if noise_alone else considered_covariance(noise, coupling, u.sigma[considered])
     scp = np.searchsorted(free, u.indices("scp"))

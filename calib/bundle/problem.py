@@ -28,11 +28,18 @@ class Bundle:
     unknowns: Unknowns
 
     @staticmethod
-    def of(axes: Sequence[AxisPoints], locations: Sequence[str], target: Target, hands: Hands) -> Bundle:
-        """The problem of labelled frames; locations count in the order of their first frame, nothing of the robot is
-        estimated.
+    def of(
+        axes: Sequence[AxisPoints],
+        locations: Sequence[str],
+        target: Target,
+        hands: Hands,
+        names: Sequence[str] | None = None,
+    ) -> Bundle:
+        """The problem of labelled frames, nothing of the robot estimated.
+
+        names: of the locations in their order; by default that of their first frames.
         """
-        names = tuple(dict.fromkeys(locations))
+        names = tuple(names or dict.fromkeys(locations))
         points = SheetPoints.of(axes, target.features)
         member = np.array([names.index(n) for n in locations], dtype=np.intp)
         term = OnTarget(points, target, hands, member, hands.noise, ~points.present)

@@ -84,7 +84,7 @@ class _Members:
         diagonal *= 1 + damping[:, None]
         diagonal[diagonal <= 0] = 1.0
         gradient = np.swapaxes(J, -1, -2) @ self.white_residual[..., None]
-        return -np.linalg.solve(normal, gradient)[..., 0]
+        return np.asarray(-np.linalg.solve(normal, gradient)[..., 0])
 
     def taking(self, other: _Members, chosen: Mask) -> _Members:
         """These members with the ``chosen`` (L,) ones of another state."""

@@ -50,8 +50,12 @@ class GroupNormals:
 
     def followed_by(self, other: GroupNormals) -> GroupNormals:
         """These groups and then the ``other`` ones, of the same unknowns."""
-        pairs = ((self.common, other.common), (self.cross, other.cross), (self.own, other.own))
-        return GroupNormals(*map(np.concatenate, pairs), np.concatenate([self.member, other.member]))
+        return GroupNormals(
+            np.concatenate([self.common, other.common]),
+            np.concatenate([self.cross, other.cross]),
+            np.concatenate([self.own, other.own]),
+            np.concatenate([self.member, other.member]),
+        )
 
 
 def whitener(covariance: Array) -> Array:

@@ -98,11 +98,13 @@ def _(
 
 @singledispatch
 def with_candidates(target: Target, f: Frame, guess: Pose | None) -> Frame:
-    """A frame with labelled points and the poses that explain them; one that no pose explains is left out."""
-    if len(f.axis) == 0:
-        return replace(f, reason="no_spots")
-    poses = target.candidates(f.axis, guess)
-    return replace(f, candidates=poses, reason=None if len(poses) else "not_labelled")
+    """A frame with labelled points and the poses that explain them; one that no pose explains is left out.
+
+    A single curve hardly ever tells a surface's pose: by default the guess is the one candidate.
+    """
+    if len(f.axis) == 0 or guess is None:
+        return replace(f, reason="not_labelled" if len(f.axis) else "no_spots")
+    return replace(f, candidates=stack_poses([guess]), reason=None)
 
 
 @with_candidates.register

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from calib.bundle.uncertainty import printed_sigmas
 from numpy.typing import NDArray
 
 from calib.bundle.information import FrameInformation, Model, observability, scaled, scp_covariance
+from calib.printed import printed_sigmas
 from geometry import InputError, NoAnswerError, stack_poses
 from workbench.cell.surroundings import jig_bodies, sees_all_strings
 from workbench.files import Cell, FrameRow

@@ -167,9 +167,9 @@ def _poses_in_sensor(cell: Cell, result: CalibrationResult, T_hand_sensor: Pose)
     for i, row in enumerate(cell.frames):
         place = result.locations.get(row.location)
         joints, robot = row.joints_rad, result.robot
-        hand = robot.hand_pose(joints) if joints is not None and robot is not None else row.T_base_hand
-        if place is not None and place.T_base_jig is not None and hand is not None:
-            poses[i] = (hand @ T_hand_sensor).inverse() @ place.T_base_jig
+        hand = robot.pose(joints) if joints is not None and robot is not None else row.T_base_hand
+        if place is not None and place.T_base_target is not None and hand is not None:
+            poses[i] = (hand @ T_hand_sensor).inverse() @ place.T_base_target
     return poses
 
 
