@@ -92,7 +92,7 @@ def _run(cell: SyntheticCell, source: str, noise: Noise, rng: np.random.Generato
     observed = observe(cell, made, rng, noise)
     out = []
     for method, config in METHODS.items():
-        result = calibrated(observed, cell, config)
+        result = calibrated(observed, cell.jig, cell.robot, config)
         design = [p.max_deviation_mm.design for p in result.locations.values()]
         solved = [p.max_deviation_mm.solved for p in result.locations.values()]
         if any(d is None for d in design):

@@ -15,10 +15,13 @@ from geometry import (
     Frame,
     NoAnswerError,
     Pose,
+    Robot,
     RobotModel,
     Role,
     SensorModel,
+    Target,
     cross_plane_x0,
+    draw_errors,
     exp_so3,
     stack_poses,
 )
@@ -77,16 +80,19 @@ class SyntheticCell:
 
 @dataclass(frozen=True, eq=False)
 class Observed:
-    """The frames of a synthetic cell with labelled points, the sensor, and the SCP by design."""
+    """The frames of a synthetic cell with labelled points, the sensor, the SCP by design, and places that are given."""
 
     frames: tuple[Frame, ...]
     sensor: SensorModel
     design: Pose
+    places: dict[str, Pose] = field(default_factory=dict)
 
 
-def calibrated(observed: Observed, cell: SyntheticCell, config: CalibConfig | None = None) -> CalibrationResult:
-    """``calibrate`` on what was observed of a cell, by its drawings."""
-    return calibrate(observed.frames, cell.jig, cell.robot, observed.sensor, observed.design, config=config)
+def calibrated(
+    observed: Observed, target: Target, robot: Robot | None, config: CalibConfig | None = None
+) -> CalibrationResult:
+    """``calibrate`` on what was observed of a cell."""
+    return calibrate(observed.frames, target, robot, observed.sensor, observed.design, observed.places, config)
 
 
 def industrial_arm() -> RobotModel:
@@ -131,17 +137,10 @@ def made_cell(cell: SyntheticCell, rng: np.random.Generator, noise: Noise) -> Sy
     """The cell as built: DH errors and anchors drawn; the jig's places stay."""
     robot, jig = cell.robot, cell.jig
     if noise.robot:
-        robot = robot.corrected(dh_errors(robot, rng))
+        robot = robot.corrected(draw_errors(robot, rng))
     if noise.anchors:
         jig = sample_tolerance(jig, rng)
     return replace(cell, robot=robot, jig=jig)
-
-
-def dh_errors(robot: RobotModel, rng: np.random.Generator) -> Array:
-    """DH errors (5, n) drawn from the robot's uncertainty, β without error."""
-    u, n = robot.uncertainty, robot.n_joints
-    sigma = np.array([u.theta_sigma_rad, u.d_sigma_mm, u.a_sigma_mm, u.alpha_sigma_rad, 0.0])
-    return np.asarray(rng.normal(size=(5, n)) * sigma[:, None])
 
 
 def axis_points(T_sensor_jig: Pose, jig: Jig) -> Array:

@@ -7,8 +7,8 @@ import pytest
 
 from calib.closure.closure import Socket, closure, held_out_rms
 from calib.closure.problem import closure_problem, solve_closure
-from calib.synthetic.cell import dh_errors, industrial_arm
-from geometry import RobotModel
+from calib.synthetic.cell import industrial_arm
+from geometry import RobotModel, draw_errors
 from tests.recordings import MISSING, recording
 
 RECORDED = recording("real/socket_closure/data")
@@ -69,7 +69,7 @@ def test_exact_sockets_give_the_tool_and_close() -> None:
 
 def test_wrong_robot_is_corrected() -> None:
     rng = np.random.default_rng(2)
-    made = industrial_arm().corrected(5 * dh_errors(industrial_arm(), rng))
+    made = industrial_arm().corrected(5 * draw_errors(industrial_arm(), rng))
     sockets = synthetic(rng, made, np.array([10.0, -20.0, 140.0]))
     result = closure(sockets, industrial_arm(), 50.0, prior_scale=5.0)
     assert result.gains
