@@ -13,11 +13,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from geometry import draw_errors
-
 from calib import CalibConfig, CalibrationResult
 from calib.printed import nees
 from calib.synthetic.cell import Layout, Noise, SyntheticCell, calibrated, made_cell, observe, random_cell
+from geometry import draw_errors
 
 ONE = Layout(places=(("A", "calibrate", 7),))
 

@@ -41,7 +41,7 @@ def main() -> None:
     images = [read_image(cell.folder / row.image, sensor) for row in cell.frames]
     crowded = np.array([len(extract_stages(image, sensor).candidates) >= CROWDED for image in images])
     times = np.array([frame_ms(image, sensor, runs) for image in images])
-    print(f"{len(images)} frames of {sensor.width_px} × {sensor.height_px} px")
+    print(f"{len(images)} frames of {sensor.camera.width_px} × {sensor.camera.height_px} px")
     for name, which in (("ordinary", ~crowded), ("crowded", crowded)):
         if which.any():
             middle, most = np.median(times[which]), times[which].max()

@@ -29,7 +29,7 @@ QUIET_READ_DN = 0.5  # of 8 bits
 
 def shape_contrast(seen_by: Optics, scenes: list[Scene]) -> float:
     """Contrast of the residuals without noise and speckle."""
-    sensor = replace(seen_by.sensor, bit_depth=16, black_level=seen_by.sensor.black_level * FINE)
+    sensor = seen_by.sensor.with_camera(bit_depth=16, black_level=seen_by.sensor.camera.black_level * FINE)
     emulator = seen_by.emulator.off("noise", "speckle")
     noise = NoiseConfig(read_noise_dn=QUIET_READ_DN * FINE, speckle_contrast=0.3, speckle_grain_px=0.5)
     config, left, light = ExtractionConfig(noise=noise), 0.0, 0.0

@@ -20,7 +20,7 @@ from rendered_strings import along_across, budgets
 from extraction import ExtractionConfig, LocaliseConfig, extract, learn_speckle
 from extraction.spots import correlation
 from extraction.spots.budget import CLASSES, DISTANCES2, REACH
-from geometry import Pose, SensorModel
+from geometry import Camera, Pose, Sensor, Sheet
 
 Array = NDArray[np.float64]
 
@@ -33,11 +33,12 @@ CASES = (
 )  # fmt: skip
 
 
-def sensor() -> SensorModel:
+def sensor() -> Sensor:
     """A sensor of the frames' size that looks at the sheet from the side."""
     turn = np.linalg.svd(np.array([[0, -0.924, -0.382], [1, 0, 0], [0, -0.382, 0.924]]))
     pose, width, height = Pose(turn[0] @ turn[2], np.array([120.0, 0, 0])), COLUMNS * SIDE, ROWS * SIDE
-    return SensorModel(width, height, 2300.0, 2300.0, (width - 1) / 2, (height - 1) / 2, pose, black_level=BLACK_DN)
+    centre = (width - 1) / 2, (height - 1) / 2
+    return Sensor(Sheet(), Camera(width, height, 2300.0, 2300.0, *centre, pose, black_level=BLACK_DN))
 
 
 def field(count: int, grain_px: float, rng: np.random.Generator) -> Array:

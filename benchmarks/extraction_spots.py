@@ -27,7 +27,7 @@ from spot_peers import PEERS
 import assets
 from extraction import ExtractionConfig, LocaliseConfig, extract
 from extraction.spots import TrueSpot, fit_peaks, fit_stack, mean_image, position_bound
-from geometry import Pose, SensorModel
+from geometry import Camera, Pose, Sensor, Sheet
 
 SIDE, WIDTH_PX = 11, 1.3
 ROUND = ((300, 5, 2), (1000, 5, 2), (1000, 50, 2), (10_000, 20, 5), (100_000, 20, 5))  # electrons, background, read
@@ -156,11 +156,11 @@ def calibration(count: int) -> None:
         print(f"  {light!s:22}{sigma / np.std(fit.uv_px - truth):.3f}")
 
 
-def frame_sensor() -> SensorModel:
+def frame_sensor() -> Sensor:
     """A sensor of 1280 × 1024 px that looks at the sheet from the side."""
     camera = np.array([[0, -0.924016832, -0.382351793], [1, 0, 0], [0, -0.382351793, 0.924016832]])
     u, _, vt = np.linalg.svd(camera)
-    return SensorModel(1280, 1024, 2300.0, 2300.0, 639.5, 511.5, Pose(u @ vt, np.array([120.0, 0, 0])))
+    return Sensor(Sheet(), Camera(1280, 1024, 2300.0, 2300.0, 639.5, 511.5, Pose(u @ vt, np.array([120.0, 0, 0]))))
 
 
 def frames() -> None:

@@ -13,7 +13,7 @@ import numpy as np
 
 from assets import path as asset
 from extraction import Profile, extract_profile, measure_gap_flush
-from geometry import PerceptronEmuError, SensorModel
+from geometry import PerceptronEmuError, Sensor
 from perceptron_emu import EmulatorConfig, Material, Scene, render
 from perceptron_emu.panels import PanelPair, random_panels
 from workbench.files import read_sensor
@@ -23,7 +23,7 @@ EXPOSURE_MS = {"matte": 0.3, "satin": 0.15}
 NAMES = ("gap", "flush", "radius left", "radius right")
 
 
-def profile_of(sensor: SensorModel, surface: str, speckle: bool, seed: int) -> tuple[PanelPair, Profile]:
+def profile_of(sensor: Sensor, surface: str, speckle: bool, seed: int) -> tuple[PanelPair, Profile]:
     """Panels and the profile that is extracted from their image."""
     rng = np.random.default_rng([7, seed])
     panels, pose = random_panels(rng)
@@ -34,7 +34,7 @@ def profile_of(sensor: SensorModel, surface: str, speckle: bool, seed: int) -> t
     return panels, extract_profile(image, sensor)
 
 
-def measure(sensor: SensorModel, surface: str, speckle: bool, count: int) -> tuple[np.ndarray, np.ndarray, int, float]:
+def measure(sensor: Sensor, surface: str, speckle: bool, count: int) -> tuple[np.ndarray, np.ndarray, int, float]:
     """Errors and σ (n, 4) of unflagged answers, how many were flagged or refused, seconds each."""
     rows, doubtful, seconds = [], 0, 0.0
     for seed in range(count):

@@ -9,7 +9,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from geometry import Pose, SensorModel, nearest_rotation
+from geometry import Camera, Pose, Sensor, Sheet, nearest_rotation
 from jig_cad import Jig
 from perceptron_emu import EmulatorConfig, Scene, mean_electrons, panel, render
 from perceptron_emu.gl import gl_problem
@@ -40,12 +40,13 @@ def main() -> None:
     print(f"ours against pyrender, strings, largest            {worst:9.6f}")
 
 
-def sensor_with(distortion: tuple[float, ...]) -> SensorModel:
+def sensor_with(distortion: tuple[float, ...]) -> Sensor:
     """The nominal sensor with the given distortion."""
     tilt = np.deg2rad(22.5)
     rotation = nearest_rotation([[0, -np.cos(tilt), -np.sin(tilt)], [1, 0, 0], [0, -np.sin(tilt), np.cos(tilt)]])
     pose = Pose(rotation, np.array([120.0, 0, 0]))
-    return SensorModel(1280, 1024, 2300.0, 2300.0, 639.5, 511.5, pose, distortion, fan_rad=np.deg2rad(44.0))
+    camera = Camera(1280, 1024, 2300.0, 2300.0, 639.5, 511.5, pose, distortion)
+    return Sensor(Sheet(fan_rad=np.deg2rad(44.0)), camera)
 
 
 def tilted_plane(rng: np.random.Generator) -> Pose:
@@ -53,15 +54,15 @@ def tilted_plane(rng: np.random.Generator) -> Pose:
     return Pose.from_fixed_xyz_deg(rng.uniform(-25, 25, 3), [0, 0, rng.uniform(270, 330)])
 
 
-def stripe_error(sensor: SensorModel, plane: Pose, config: EmulatorConfig) -> np.ndarray:
+def stripe_error(sensor: Sensor, plane: Pose, config: EmulatorConfig) -> np.ndarray:
     """Centroid of the stripe less the exact line, by column [px]."""
     image = mean_electrons(Scene(sensor, solids=(panel(500, 500, plane),)), config)
     normal, y = plane.R[:, 2], np.linspace(-75, 75, 6001)
     z = plane.t[2] - (normal[1] * (y - plane.t[1]) - normal[0] * plane.t[0]) / normal[2]
-    inverse = sensor.T_sensor_camera.inverse()
+    inverse = sensor.camera.T_sensor_camera.inverse()
     points = np.column_stack([np.zeros_like(y), y, z])
     line, _ = cv2.projectPoints(
-        points, cv2.Rodrigues(inverse.R)[0], inverse.t, sensor.camera_matrix, sensor.distortion14
+        points, cv2.Rodrigues(inverse.R)[0], inverse.t, sensor.camera.matrix, sensor.camera.distortion14
     )
     return centroids(image) - np.interp(COLUMNS, line[:, 0, 0], line[:, 0, 1])
 
@@ -74,12 +75,12 @@ def centroids(image: np.ndarray) -> np.ndarray:
 
 def gl_electrons(scene: Scene, config: EmulatorConfig) -> np.ndarray:
     """Mean electrons of a scene whose light pyrender has found."""
-    out = np.zeros((scene.sensor.height_px, scene.sensor.width_px), np.float32)
+    out = np.zeros((scene.sensor.camera.height_px, scene.sensor.camera.width_px), np.float32)
     draw(out, light_scene_gl(scene, config).samples, scene.sensor, config, 0)
     return out
 
 
-def strings_apart(sensor: SensorModel, rng: np.random.Generator, config: EmulatorConfig) -> float:
+def strings_apart(sensor: Sensor, rng: np.random.Generator, config: EmulatorConfig) -> float:
     """Largest distance of a string's centroid between the two renderers at a random pose [px]."""
     turn = Pose.from_fixed_xyz_deg(rng.uniform([-12, -25, -25], [12, 25, 25]), np.zeros(3)).R
     scene = Scene(sensor, Jig.nominal(), Pose(turn, np.array([0, 0, 325.0]) - turn @ [50.0, 0, 40]))

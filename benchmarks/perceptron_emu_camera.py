@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.special import j1
 
-from geometry import Pose, SensorModel, nearest_rotation
+from geometry import Camera, Pose, Sensor, Sheet, nearest_rotation
 from perceptron_emu import EmulatorConfig, Material, Scene, mean_electrons, panel, render
 from perceptron_emu.speckle import contrast, grain_px
 
@@ -29,19 +29,20 @@ def main() -> None:
             print(f"  {name:24s} {found:9.4f}  theory {true:9.4f}  {100 * (found / true - 1):+.2f} %")
 
 
-def sensor_12bit() -> SensorModel:
+def sensor_12bit() -> Sensor:
     """A sensor with the converter of a measuring camera."""
     tilt = np.deg2rad(22.5)
     rotation = nearest_rotation([[0, -np.cos(tilt), -np.sin(tilt)], [1, 0, 0], [0, -np.sin(tilt), np.cos(tilt)]])
     pose = Pose(rotation, np.array([120.0, 0, 0]))
-    return SensorModel(1280, 1024, 2300.0, 2300.0, 639.5, 511.5, pose, bit_depth=12, black_level=64.0, fan_rad=0.9)
+    camera = Camera(1280, 1024, 2300.0, 2300.0, 639.5, 511.5, pose, bit_depth=12, black_level=64.0)
+    return Sensor(Sheet(fan_rad=0.9), camera)
 
 
 def flat(irradiance: float, seed: int, frames: int) -> tuple[np.ndarray, float]:
     """Frames (n, H, W) of a grey panel that faces the camera, and the mean electrons that it brings."""
     sensor = sensor_12bit()
-    axis = sensor.T_sensor_camera.R[:, 2]
-    wall = panel(900, 900, Pose(sensor.T_sensor_camera.R, sensor.camera_centre_mm + 330 * axis), Material(0.5))
+    axis = sensor.camera.T_sensor_camera.R[:, 2]
+    wall = panel(900, 900, Pose(sensor.camera.T_sensor_camera.R, sensor.camera.centre_mm + 330 * axis), Material(0.5))
     tables = {
         "ambient": {"irradiance_mw_m2_nm": irradiance, "direction": axis.tolist()},
         "exposure": {"laser_on": False, "time_ms": 10.0},

@@ -104,7 +104,7 @@ def rms(a: np.ndarray) -> np.ndarray:
 
 def our_spots(specular: float) -> list[dict[str, Any]]:
     """One random pose: each string's geometry, light and our own noise-free spot."""
-    from geometry import Pose, SensorModel, nearest_rotation
+    from geometry import Camera, Pose, Sensor, Sheet, nearest_rotation
     from jig_cad import Jig
     from perceptron_emu import EmulatorConfig, Material, Scene, mean_electrons, render
     from perceptron_emu.sheet import half_width_mm
@@ -113,7 +113,7 @@ def our_spots(specular: float) -> list[dict[str, Any]]:
     tilt = np.deg2rad(22.5)
     rotation = nearest_rotation([[0, -np.cos(tilt), -np.sin(tilt)], [1, 0, 0], [0, -np.sin(tilt), np.cos(tilt)]])
     pose = Pose(rotation, np.array([120.0, 0, 0]))
-    sensor = SensorModel(1280, 1024, 2300.0, 2300.0, 639.5, 511.5, pose, fan_rad=float(np.deg2rad(44)))
+    sensor = Sensor(Sheet(fan_rad=float(np.deg2rad(44))), Camera(1280, 1024, 2300.0, 2300.0, 639.5, 511.5, pose))
     tables = {"optics": {"blur_px": BLUR_PX, "diffraction": False, "vignetting": False}}
     config = EmulatorConfig.from_tables(tables).off("noise", "speckle", "ambient")
     material = Material(0.6, specular, 0.3)
@@ -134,6 +134,7 @@ def our_spots(specular: float) -> list[dict[str, Any]]:
         patch = image[corner[1] : corner[1] + 2 * HALF_PX + 1, corner[0] : corner[0] + 2 * HALF_PX + 1]
         mean, sigma = moments(patch)
         sigma = np.sqrt(sigma**2 - BLUR_PX**2 - 1 / 12)
+        camera = sensor.require_camera()
         spots.append(
             {
                 "start": strings.starts[i].tolist(),
@@ -141,8 +142,8 @@ def our_spots(specular: float) -> list[dict[str, Any]]:
                 "radius": strings.radius,
                 "axis": truth.axis_mm.tolist(),
                 "half_width": float(half_width_mm(config.laser, sensor, np.array(distance))),
-                "camera": sensor.T_sensor_camera.matrix.tolist(),
-                "intrinsics": [sensor.fx_px, sensor.cx_px, sensor.cy_px, sensor.width_px, sensor.height_px],
+                "camera": camera.T_sensor_camera.matrix.tolist(),
+                "intrinsics": [camera.fx_px, camera.cx_px, camera.cy_px, camera.width_px, camera.height_px],
                 "corner": corner.tolist(),
                 "material": [material.diffuse, material.specular, material.roughness],
                 "ours": {"mean": (mean + corner).tolist(), "sigma": sigma.tolist(), "cpu_s": cpu_s},

@@ -14,7 +14,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from geometry import Pose, SensorModel, nearest_rotation
+from geometry import Camera, Pose, Sensor, Sheet, nearest_rotation
 from jig_cad import Jig
 from jig_cad.solids import jig_solids
 from perceptron_emu import ALUMINIUM, BLACK_PLATE, MATTE, EmulatorConfig, Material, Scene, Solid, panel, render
@@ -44,15 +44,16 @@ def main() -> None:
         cv2.imwrite(str(folder / f"emulator_{name}.png"), np.hstack([off, bar, on]), [cv2.IMWRITE_PNG_COMPRESSION, 9])
 
 
-def sensor(distortion: tuple[float, ...] = (), **more: Any) -> SensorModel:
+def sensor(distortion: tuple[float, ...] = (), **more: Any) -> Sensor:
     """The nominal sensor of these pictures."""
     pose = Pose(ROTATION, np.array([120.0, 0, 0]))
-    values = {"black_level": 8.0, "fan_rad": np.deg2rad(44.0)} | more
-    return SensorModel(1280, 1024, 2300.0, 2300.0, 639.5, 511.5, pose, distortion, **values)
+    values = {"black_level": 8.0} | more
+    sheet = Sheet(fan_rad=values.pop("fan_rad", np.deg2rad(44.0)))
+    return Sensor(sheet, Camera(1280, 1024, 2300.0, 2300.0, 639.5, 511.5, pose, distortion, **values))
 
 
 def jig_scene(
-    s: SensorModel | None = None,
+    s: Sensor | None = None,
     solids: bool = True,
     wall: bool = False,
     post: Material = ALUMINIUM,

@@ -16,7 +16,7 @@ from dataclasses import replace
 import numpy as np
 import trimesh
 
-from geometry import Pose, SensorModel, nearest_rotation
+from geometry import Camera, Pose, Sensor, Sheet, nearest_rotation
 from jig_cad import Jig
 from jig_cad.solids import jig_solids
 from perceptron_emu import ALUMINIUM, BLACK_PLATE, EmulatorConfig, Scene, Solid, mean_electrons, render
@@ -62,7 +62,8 @@ def example_scene() -> Scene:
     tilt = np.deg2rad(22.5)
     rotation = nearest_rotation([[0, -np.cos(tilt), -np.sin(tilt)], [1, 0, 0], [0, -np.sin(tilt), np.cos(tilt)]])
     pose = Pose(rotation, np.array([120.0, 0, 0]))
-    sensor = SensorModel(1280, 1024, 2300.0, 2300.0, 639.5, 511.5, pose, black_level=10.0, fan_rad=np.deg2rad(44.0))
+    camera = Camera(1280, 1024, 2300.0, 2300.0, 639.5, 511.5, pose, black_level=10.0)
+    sensor = Sensor(Sheet(fan_rad=np.deg2rad(44.0)), camera)
     jig, turn = Jig.nominal(), Pose.from_fixed_xyz_deg([8, 14, -5], [0, 0, 0]).R
     place = Pose(turn, np.array([0, 0, 300.0]) - turn @ [50.0, 0, 0])
     solids = [
@@ -88,17 +89,17 @@ def embree(scene: Scene) -> Callable[[], object]:
         ends = strings.starts + strings.lengths[:, None] * strings.directions
         pairs = zip(strings.starts, ends, strict=True)
         parts += [trimesh.creation.cylinder(strings.radius, segment=np.stack(p)) for p in pairs]
-    world, s = trimesh.util.concatenate(parts), scene.sensor
+    world, s = trimesh.util.concatenate(parts), scene.camera
     u, v = np.meshgrid(np.arange(s.width_px), np.arange(s.height_px))
     rays = np.stack([(u - s.cx_px) / s.fx_px, (v - s.cy_px) / s.fy_px, np.ones(u.shape)], -1).reshape(-1, 3)
     rays = rays @ s.T_sensor_camera.R.T
-    origins = np.broadcast_to(s.camera_centre_mm, rays.shape)
+    origins = np.broadcast_to(s.centre_mm, rays.shape)
     return lambda: world.ray.intersects_first(origins, rays)
 
 
 def pyrender_depth(scene: Scene) -> Callable[[], object]:
     """The depth map of the same scene by OpenGL, without any light on it."""
-    s = scene.sensor
+    s = scene.camera
     world = gl_world(scene, cylinders(scene.jig, scene.T_sensor_jig) if scene.jig else None)
     view = View(s.T_sensor_camera, (s.fx_px, s.fy_px, s.cx_px, s.cy_px), s.width_px, s.height_px)
     return lambda: depth_and_identity(world, view)

@@ -16,7 +16,7 @@ from extraction.spots.noise import noise_model
 from extraction.spots.pipeline import sheet_scale
 from extraction.spots.prepare import prepare
 from extraction.spots.spot_noise import SpotNoise
-from geometry import Pose, SensorModel, SurfacePoints, exp_so3
+from geometry import Pose, Sensor, SurfacePoints, exp_so3
 from jig_cad import Jig
 from perceptron_emu import EmulatorConfig, Frame, Material, Scene, render
 from workbench.cell.presets import find_sensor
@@ -33,7 +33,7 @@ class Optics:
     """A sensor with its emulation."""
 
     name: str
-    sensor: SensorModel
+    sensor: Sensor
     emulator: EmulatorConfig
 
     def plain(self) -> Optics:
@@ -48,10 +48,10 @@ def optics(name: str) -> Optics:
     sensor = find_sensor("nominal" if name in ("nominal-0", "fine") else name)
     model, emulator = sensor.model, sensor.emulator
     if name == "nominal-0":
-        model = replace(model, black_level=0.0)
+        model = model.with_camera(black_level=0.0)
     if name == "fine":
         fine = {"width_px": 2448, "height_px": 2048, "cx_px": 1223.5, "cy_px": 1023.5, "fx_px": 4400.0, "fy_px": 4400.0}
-        model = replace(model, **fine, bit_depth=12, black_level=60.0)
+        model = model.with_camera(**fine, bit_depth=12, black_level=60.0)
         emulator = emulator.model_copy(update={"optics": emulator.optics.model_copy(update={"pixel_um": 3.45})})
     return Optics(name, model, emulator)
 
@@ -65,7 +65,7 @@ def random_thread(rng: np.random.Generator) -> Material:
 def scene(seen_by: Optics, diameter_mm: float, rng: np.random.Generator) -> Scene:
     """The nominal jig with strings of a diameter and a random thread, in the middle of the view at a random pose."""
     sensor = seen_by.sensor
-    middle = image_to_sheet(sensor, np.array([[sensor.width_px / 2, sensor.height_px / 2]]))[0][0]
+    middle = image_to_sheet(sensor, np.array([[sensor.camera.width_px / 2, sensor.camera.height_px / 2]]))[0][0]
     distance = float(np.linalg.norm(middle))
     centre = np.array([0.0, *middle]) + rng.uniform(-1, 1, 3) * SPREAD * distance
     rotation = exp_so3(rng.uniform(-1, 1, 3) * np.deg2rad(TILT_DEG))
@@ -100,7 +100,7 @@ def matches(frame: Frame, points: SurfacePoints) -> Iterator[tuple[int, int]]:
             yield n, k
 
 
-def budgets(image: np.ndarray, sensor: SensorModel, config: ExtractionConfig) -> tuple[np.ndarray, SpotNoise | None]:
+def budgets(image: np.ndarray, sensor: Sensor, config: ExtractionConfig) -> tuple[np.ndarray, SpotNoise | None]:
     """Positions and error budgets of all candidates that are fitted."""
     prepared = prepare(image, config.detect)
     candidates = find_candidates(prepared, config.detect, sheet_scale(sensor))
@@ -109,7 +109,7 @@ def budgets(image: np.ndarray, sensor: SensorModel, config: ExtractionConfig) ->
     return spots.uv_px, all_errors(spots, np.arange(len(spots)), noise).about
 
 
-def spot_errors(rendered: Sequence[Frame], sensor: SensorModel, config: ExtractionConfig) -> tuple[Array, Array]:
+def spot_errors(rendered: Sequence[Frame], sensor: Sensor, config: ExtractionConfig) -> tuple[Array, Array]:
     """Errors (N, 2) and variances (N, 2) along and across the light of all spots [px]."""
     errors, variances = [], []
     for frame in rendered:

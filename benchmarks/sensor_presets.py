@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from geometry import Pose, SensorModel
+from geometry import Camera, Pose, Sensor, Sheet
 
 Array = NDArray[np.float64]
 
@@ -57,7 +57,7 @@ def camera(angle: float, base_mm: float, centre_mm: float) -> Pose:
     return Pose(np.array([[0, -c, -s], [1, 0, 0], [0, -s, c]]), np.array([base_mm, 0, centre_mm]))
 
 
-def solve(sheet: DataSheet) -> SensorModel:
+def solve(sheet: DataSheet) -> Sensor:
     """The camera whose image corners are the corners of the data sheet's field of view."""
     w, h = sheet.width_px, sheet.height_px
     far = [[sheet.far_width_mm / 2, sheet.far_mm], [-sheet.far_width_mm / 2, sheet.far_mm]]
@@ -94,14 +94,14 @@ def chip(T_sensor_camera: Pose, tilt: float, yz: Array) -> Array:
     return np.asarray(q[:, :2] / q[:, 2:])
 
 
-def model(sheet: DataSheet, focal: float, T_sensor_camera: Pose, tilt: float) -> SensorModel:
+def model(sheet: DataSheet, focal: float, T_sensor_camera: Pose, tilt: float) -> Sensor:
     """The sensor, with a fan that opens inside the housing just wide enough to light the whole field."""
     origin = -0.1 * sheet.near_mm
     half = max(
         np.arctan2(width / 2, depth - origin)
         for width, depth in ((sheet.near_width_mm, sheet.near_mm), (sheet.far_width_mm, sheet.far_mm))
     )
-    return SensorModel(
+    camera = Camera(
         width_px=sheet.width_px,
         height_px=sheet.height_px,
         fx_px=focal,
@@ -111,18 +111,18 @@ def model(sheet: DataSheet, focal: float, T_sensor_camera: Pose, tilt: float) ->
         T_sensor_camera=T_sensor_camera,
         distortion=(*[0.0] * 12, tilt, 0.0) if tilt else (),
         bit_depth=8,
-        laser_origin_mm=np.array([0.0, 0.0, round(origin, 1)]),
-        fan_rad=float(np.deg2rad(np.ceil(np.rad2deg(2 * half * 1.06)))),
-        name=sheet.name,
     )
+    fan_rad = float(np.deg2rad(np.ceil(np.rad2deg(2 * half * 1.06))))
+    return Sensor(Sheet(np.array([0.0, 0.0, round(origin, 1)]), fan_rad), camera, name=sheet.name)
 
 
-def text(sheet: DataSheet, s: SensorModel) -> str:
+def text(sheet: DataSheet, s: Sensor) -> str:
     """The preset's sensor.toml."""
-    rows = ",\n  ".join(str([round(float(v), 12) for v in row]) for row in s.T_sensor_camera.R)
-    base = s.T_sensor_camera.t[0]
-    angle = np.rad2deg(np.arctan2(-s.T_sensor_camera.R[0, 2], s.T_sensor_camera.R[2, 2]))
-    tilt = f", chip tilted {np.rad2deg(s.distortion[12]):.1f} deg towards the sheet" if s.distortion else ""
+    c = s.require_camera()
+    rows = ",\n  ".join(str([round(float(v), 12) for v in row]) for row in c.T_sensor_camera.R)
+    base = c.T_sensor_camera.t[0]
+    angle = np.rad2deg(np.arctan2(-c.T_sensor_camera.R[0, 2], c.T_sensor_camera.R[2, 2]))
+    tilt = f", chip tilted {np.rad2deg(c.distortion[12]):.1f} deg towards the sheet" if c.distortion else ""
     return f"""# {sheet.name}: field of view, range and wavelength from the maker's data sheet, all else assumed
 # data sheet: {sheet.near_mm:g} to {sheet.far_mm:g} mm from the face, {sheet.near_width_mm:g} mm wide near, \
 {sheet.far_width_mm:g} mm far
@@ -131,23 +131,23 @@ def text(sheet: DataSheet, s: SensorModel) -> str:
 # {{P}}: laser plane x = 0, y lateral, z depth from the sensor's face
 name = "{sheet.name} (camera assumed)"
 [image] # assumed
-width_px = {s.width_px}
-height_px = {s.height_px}
-bit_depth = {s.bit_depth}
+width_px = {c.width_px}
+height_px = {c.height_px}
+bit_depth = {c.bit_depth}
 [camera] # assumed: solved for the data sheet's field of view
-fx_px = {s.fx_px}
-fy_px = {s.fy_px}
-cx_px = {s.cx_px}
-cy_px = {s.cy_px}
-distortion = {[float(v) for v in s.distortion]}
+fx_px = {c.fx_px}
+fy_px = {c.fy_px}
+cx_px = {c.cx_px}
+cy_px = {c.cy_px}
+distortion = {[float(v) for v in c.distortion]}
 [camera.pose] # assumed; T_sensor_camera
 rotation = [
   {rows},
 ]
-translation_mm = {[float(v) for v in s.T_sensor_camera.t]}
+translation_mm = {[float(v) for v in c.T_sensor_camera.t]}
 [laser]
-origin_mm = {[float(v) for v in s.laser_origin_mm]} # assumed
-fan_deg = {np.rad2deg(s.fan_rad):.1f} # assumed: lights the whole field
+origin_mm = {[float(v) for v in s.sheet.origin_mm]} # assumed
+fan_deg = {np.rad2deg(s.sheet.fan_rad):.1f} # assumed: lights the whole field
 wavelength_nm = {sheet.wavelength_nm:.1f} # data sheet
 [optics]
 pixel_um = {sheet.pixel_um} # assumed
@@ -162,12 +162,12 @@ def main() -> None:
         sensor = solve(sheet)
         if len(sys.argv) > 1:
             Path(sys.argv[1], f"{key}.toml").write_text(text(sheet, sensor), encoding="utf-8")
-        R, t = sensor.T_sensor_camera.R, sensor.T_sensor_camera.t
-        tilt = np.rad2deg(sensor.distortion[12]) if sensor.distortion else 0.0
+        R, t = sensor.camera.T_sensor_camera.R, sensor.camera.T_sensor_camera.t
+        tilt = np.rad2deg(sensor.camera.distortion[12]) if sensor.camera.distortion else 0.0
         angle = np.rad2deg(np.arctan2(-R[0, 2], R[2, 2]))
         print(
-            f"{key:18} f {sensor.fx_px:8.1f} px, base {t[0]:6.1f} mm, centre z {t[2]:6.1f} mm, axis {angle:5.1f}°,"
-            f" tilt {tilt:5.1f}°, fan {np.rad2deg(sensor.fan_rad):4.0f}°"
+            f"{key:18} f {sensor.camera.fx_px:8.1f} px, base {t[0]:6.1f} mm, centre z {t[2]:6.1f} mm,"
+            f" axis {angle:5.1f}°, tilt {tilt:5.1f}°, fan {np.rad2deg(sensor.sheet.fan_rad):4.0f}°"
         )
 
 

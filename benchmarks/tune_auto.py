@@ -12,13 +12,13 @@ import argparse
 import sys
 import tempfile
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from extraction import ExtractionConfig
-from geometry import Pose, SensorModel
+from geometry import Pose
 from jig_cad import Jig, sample_tolerance
 from perceptron_emu import EmulatorConfig
 from workbench.cell.starter import PLACES, place_of_jig
@@ -26,7 +26,7 @@ from workbench.cell.surroundings import jig_bodies, sees_all_strings, wall_behin
 from workbench.emulate.experiment import DESIGN, demo_robot, demo_sensor
 from workbench.emulate.record import TrueCell, record, with_joint_noise
 from workbench.emulate.truth import with_errors
-from workbench.files import Cell, Sensor
+from workbench.files import Cell, SensorDescription
 from workbench.plan.views import ViewProblem, plan_views
 from workbench.tune.judge import judge
 from workbench.tune.score import Score
@@ -173,10 +173,10 @@ def record_cell(variant: Variant, folder: Path) -> Cell:
     return record(folder, cell, true, with_joint_noise(views, true.robot, rng), variant.seed)
 
 
-def other_sensor(base: Sensor, variant: Variant) -> Sensor:
+def other_sensor(base: SensorDescription, variant: Variant) -> SensorDescription:
     """The demo's sensor with the variant's geometry and emulation."""
-    model: SensorModel = replace(base.model, **variant.geometry)
-    return Sensor(model, EmulatorConfig.model_validate(variant.emulation), variant.emulation)
+    model = base.model.with_camera(**variant.geometry)
+    return SensorDescription(model, EmulatorConfig.model_validate(variant.emulation), variant.emulation)
 
 
 if __name__ == "__main__":

@@ -20,7 +20,7 @@ from calib.label.relabel import relabel, settled
 from calib.paper.check import checked
 from calib.paper.estimate import Starts, paper_estimate, paper_frames
 from calib.result import CalibrationResult, Estimate, Verdict
-from geometry import Frame, InputError, Pose, Robot, SensorModel, Target, locations_of
+from geometry import Frame, InputError, Pose, Robot, Sensor, Target, locations_of
 from jig_cad import Jig
 
 CONTRADICTED = ("not_converged", "outliers", "rotation_too_small", "too_few_poses")
@@ -32,7 +32,7 @@ class Setup:
 
     target: Target
     robot: Robot | None
-    sensor: SensorModel
+    sensor: Sensor
     design: Pose
     places: Mapping[str, Pose]
     config: CalibConfig
@@ -56,7 +56,7 @@ def calibrate(
     frames: Sequence[Frame],
     target: Target,
     robot: Robot | None,
-    sensor: SensorModel,
+    sensor: Sensor,
     T_hand_sensor: Pose,
     places: Mapping[str, Pose] | None = None,
     config: CalibConfig | None = None,

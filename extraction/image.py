@@ -5,15 +5,16 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import InputError, SensorModel
+from geometry import InputError, Sensor
 
 Image = NDArray[np.uint8] | NDArray[np.uint16]
 
 MAX_PIXELS = 500_000_000
 
 
-def check_image(image: object, sensor: SensorModel) -> Image:
+def check_image(image: object, sensor: Sensor) -> Image:
     """The image as a grey uint8 or uint16 array of the sensor's size; InputError says what does not fit."""
+    camera = sensor.require_camera()
     if not isinstance(image, np.ndarray):
         raise InputError(f"the image is {type(image).__name__}, not an array of grey levels (rows, columns)")
     if image.ndim == 3 and image.shape[2] == 1:
@@ -25,17 +26,17 @@ def check_image(image: object, sensor: SensorModel) -> Image:
     if image.size > MAX_PIXELS:
         raise InputError(f"the image has {image.size} pixels: at most {MAX_PIXELS} can be handled")
     height, width = image.shape
-    if (width, height) != (sensor.width_px, sensor.height_px):
-        hint = ", it is turned by 90°" if (height, width) == (sensor.width_px, sensor.height_px) else ""
+    if (width, height) != (camera.width_px, camera.height_px):
+        hint = ", it is turned by 90°" if (height, width) == (camera.width_px, camera.height_px) else ""
         raise InputError(
             f"the image is {width} × {height} px but [image] of the sensor says "
-            f"{sensor.width_px} × {sensor.height_px} px{hint}"
+            f"{camera.width_px} × {camera.height_px} px{hint}"
         )
-    if image.dtype == np.uint8 and sensor.bit_depth > 8:
-        raise InputError(f"the image has 8 bits but [image] bit_depth of the sensor is {sensor.bit_depth}")
-    if image.dtype == np.uint16 and int(image.max()) > sensor.saturation_dn:
+    if image.dtype == np.uint8 and camera.bit_depth > 8:
+        raise InputError(f"the image has 8 bits but [image] bit_depth of the sensor is {camera.bit_depth}")
+    if image.dtype == np.uint16 and int(image.max()) > camera.saturation_dn:
         raise InputError(
-            f"the image holds grey level {int(image.max())}, above the {sensor.saturation_dn} of "
-            f"[image] bit_depth = {sensor.bit_depth}"
+            f"the image holds grey level {int(image.max())}, above the {camera.saturation_dn} of "
+            f"[image] bit_depth = {camera.bit_depth}"
         )
     return image

@@ -1,7 +1,6 @@
 """Ground floor: poses, lines, the sensor, the robot, measured points and errors (numpy and scipy only)."""
 
 from geometry.errors import InputError, MissingDependencyError, NoAnswerError, PerceptronEmuError, did_you_mean
-from geometry.field_of_view import field_of_view, inside_polygon
 from geometry.frame import NO_POSES, Frame, Role, locations_of
 from geometry.lines import cross_plane_x0, distance_to_line
 from geometry.points import AxisPoints, SheetPoints, SurfacePoints
@@ -27,7 +26,7 @@ from geometry.robot import (
     table,
     with_beta_prior,
 )
-from geometry.sensor import SensorModel
+from geometry.sensor import Camera, Sensor, Sheet, field_of_view, inside_polygon
 from geometry.target import Prediction, Shape, Surface, Symmetry, Target
 from geometry.unknowns import Block, Linearised, State, Step, Term, Unknowns
 
@@ -37,6 +36,7 @@ __all__ = [
     "Arm",
     "AxisPoints",
     "Block",
+    "Camera",
     "Compliance",
     "Compliant",
     "Corrected",
@@ -57,8 +57,9 @@ __all__ = [
     "RobotModel",
     "RobotUncertainty",
     "Role",
-    "SensorModel",
+    "Sensor",
     "Shape",
+    "Sheet",
     "SheetPoints",
     "State",
     "Step",

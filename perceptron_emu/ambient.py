@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import SensorModel
+from geometry import Sensor
 from perceptron_emu.blurred import Places, draw_blurred, gaussian_taps
 from perceptron_emu.bodies import body_of
 from perceptron_emu.config import EmulatorConfig
@@ -38,16 +38,17 @@ def ambient_electrons(scene: Scene, strings: Cylinders | None, material: Materia
     """
     sensor = scene.sensor
     facets, level = _facets(scene, strings, material, config)
-    camera = to_camera(sensor, facets)
-    keep = camera[..., 2].max(1, initial=0.0) > NEAR_MM
-    camera, level = _clip_near(camera[keep], level[keep])
+    seen = to_camera(sensor, facets)
+    keep = seen[..., 2].max(1, initial=0.0) > NEAR_MM
+    seen, level = _clip_near(seen[keep], level[keep])
     sigma = sharp_sigma_px(config.optics, sensor, config.laser.wavelength_nm)
     view = _view(sensor, math.ceil(BLUR_REACH * sigma))
-    intrinsics = (sensor.fx_px, sensor.fy_px, sensor.cx_px - view.left, sensor.cy_px - view.top)
-    picture = rasterise(camera, level.astype(np.float32), view.shape, intrinsics)
+    camera = sensor.require_camera()
+    intrinsics = (camera.fx_px, camera.fy_px, camera.cx_px - view.left, camera.cy_px - view.top)
+    picture = rasterise(seen, level.astype(np.float32), view.shape, intrinsics)
     shown, several = levels(picture, view.boxes)
     of_white = _electrons_of_white(config, sensor)
-    electrons = np.empty((sensor.height_px, sensor.width_px), np.float32)
+    electrons = np.empty(camera.shape, np.float32)
     fill(electrons, shown, several, of_white)
     draw_blurred(electrons, picture, view.places, several, gaussian_taps(sigma, view.reach_px), of_white)
     return electrons
@@ -55,7 +56,7 @@ def ambient_electrons(scene: Scene, strings: Cylinders | None, material: Materia
 
 def _facets(scene: Scene, strings: Cylinders | None, material: Material, config: EmulatorConfig) -> tuple[Array, Array]:
     """All flat faces (F, 4, 3) in {P} and the light that each sends back, in units of the irradiance."""
-    camera = scene.sensor.camera_centre_mm
+    camera = scene.camera.centre_mm
     towards = -np.array(config.ambient.direction) / np.linalg.norm(config.ambient.direction)
     fill = config.ambient.fill
     facets, levels = [np.zeros((0, 4, 3))], [np.zeros(0)]
@@ -77,7 +78,7 @@ def _facets(scene: Scene, strings: Cylinders | None, material: Material, config:
 
 
 @lru_cache(maxsize=8)
-def _electrons_of_white(config: EmulatorConfig, sensor: SensorModel) -> Float32:
+def _electrons_of_white(config: EmulatorConfig, sensor: Sensor) -> Float32:
     """Electrons (H, W) that a white surface facing the light brings."""
     optics, ambient = config.optics, config.ambient
     wavelength = optics.filter_centre_nm or config.laser.wavelength_nm
@@ -88,9 +89,10 @@ def _electrons_of_white(config: EmulatorConfig, sensor: SensorModel) -> Float32:
 
 
 @lru_cache(maxsize=8)
-def _vignette(sensor: SensorModel, on: bool) -> Float32:
-    x = (np.arange(sensor.width_px, dtype=np.float32) - sensor.cx_px) / sensor.fx_px
-    y = (np.arange(sensor.height_px, dtype=np.float32)[:, None] - sensor.cy_px) / sensor.fy_px
+def _vignette(sensor: Sensor, on: bool) -> Float32:
+    camera = sensor.require_camera()
+    x = (np.arange(camera.width_px, dtype=np.float32) - camera.cx_px) / camera.fx_px
+    y = (np.arange(camera.height_px, dtype=np.float32)[:, None] - camera.cy_px) / camera.fy_px
     return np.asarray((1 + x * x + y * y) ** -2 if on else np.ones_like(x + y), np.float32)
 
 
@@ -111,18 +113,19 @@ class _View:
 
 
 @lru_cache(maxsize=4)
-def _view(sensor: SensorModel, reach_px: int) -> _View:
-    u, v = np.meshgrid(np.arange(sensor.width_px, dtype=np.float64), np.arange(sensor.height_px, dtype=np.float64))
+def _view(sensor: Sensor, reach_px: int) -> _View:
+    camera = sensor.require_camera()
+    u, v = np.meshgrid(np.arange(camera.width_px, dtype=np.float64), np.arange(camera.height_px, dtype=np.float64))
     pixels: Array = np.stack([u.ravel(), v.ravel()], -1)
-    if any(sensor.distortion):
-        matrix = sensor.camera_matrix
-        pixels = np.asarray(cv2.undistortPoints(pixels[:, None], matrix, sensor.distortion14, P=matrix)[:, 0], float)
-    largest = MAX_VIEW * max(sensor.width_px, sensor.height_px)
+    if any(camera.distortion):
+        matrix = camera.matrix
+        pixels = np.asarray(cv2.undistortPoints(pixels[:, None], matrix, camera.distortion14, P=matrix)[:, 0], float)
+    largest = MAX_VIEW * max(camera.width_px, camera.height_px)
     pixels = np.clip(np.nan_to_num(pixels, nan=-largest), -largest, largest)
     left, top = (int(c) for c in np.floor(pixels.min(0)) - 1)
     right, bottom = (int(c) for c in np.ceil(pixels.max(0)) + 1)
     shape = bottom - top + 1, right - left + 1
-    maps = (pixels - [left, top]).astype(np.float32).reshape(sensor.height_px, sensor.width_px, 2)
+    maps = (pixels - [left, top]).astype(np.float32).reshape(camera.height_px, camera.width_px, 2)
     along_u, along_v = np.ascontiguousarray(maps[..., 0]), np.ascontiguousarray(maps[..., 1])
     boxes = sources(along_u, along_v, reach_px, shape)
     return _View(left, top, shape, Places.of(along_u, along_v, shape[1]), boxes, reach_px)

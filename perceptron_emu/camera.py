@@ -9,7 +9,7 @@ import numpy as np
 from numba import uint32, uint64
 from numpy.typing import NDArray
 
-from geometry import SensorModel
+from geometry import Sensor
 from geometry.compiled import kernel
 from perceptron_emu.config import NoiseConfig
 from perceptron_emu.hashing import BITS, LOW, NORMAL, mix, mix32
@@ -22,12 +22,13 @@ RUN = 1024  # pixels that are exposed at a time
 SURE = 6.0  # σ of shot noise that the full well must be away for it not to matter
 
 
-def gain_dn_per_e(noise: NoiseConfig, sensor: SensorModel) -> float:
+def gain_dn_per_e(noise: NoiseConfig, sensor: Sensor) -> float:
     """System gain K [DN/e⁻]: as configured, or such that the converter is full a little before the pixel is."""
-    return noise.gain_dn_per_e or FULL_WELL_OVER_RANGE * (sensor.saturation_dn - sensor.black_level) / noise.full_well_e
+    camera = sensor.require_camera()
+    return noise.gain_dn_per_e or FULL_WELL_OVER_RANGE * (camera.saturation_dn - camera.black_level) / noise.full_well_e
 
 
-def expose(electrons: Float32, noise: NoiseConfig, sensor: SensorModel, time_s: float, key: int) -> Image:
+def expose(electrons: Float32, noise: NoiseConfig, sensor: Sensor, time_s: float, key: int) -> Image:
     """The image (H, W) that the chip delivers for mean photo-electrons (H, W).
 
     key: 64 random bits; with the pixel's number they give its noise (counter-based, hence the same on every machine
@@ -36,18 +37,19 @@ def expose(electrons: Float32, noise: NoiseConfig, sensor: SensorModel, time_s: 
     skewness.
     Source: EMVA Standard 1288, release 4.0 linear, section 2.
     """
-    out = np.empty(electrons.shape, np.uint8 if sensor.bit_depth == 8 else np.uint16)
+    camera = sensor.require_camera()
+    out = np.empty(electrons.shape, np.uint8 if camera.bit_depth == 8 else np.uint16)
     gain = gain_dn_per_e(noise, sensor)
     if not noise.enabled:
         grey = np.minimum(electrons, np.float32(noise.full_well_e))
         grey *= np.float32(gain)
-        grey += np.float32(sensor.black_level + 0.5)
-        np.clip(grey, 0, sensor.saturation_dn, out=grey)
+        grey += np.float32(camera.black_level + 0.5)
+        np.clip(grey, 0, camera.saturation_dn, out=grey)
         return grey.astype(out.dtype)
     own_gain, own_offset = _pattern(electrons.size, noise.pattern_seed, noise.prnu, noise.dsnu_e)
     _expose(electrons.ravel(), out.ravel(), own_gain, own_offset, NORMAL, np.uint32(key & 0xFFFFFFFF),
-            np.uint32(key >> 32 & 0xFFFFFFFF), gain, sensor.black_level,
-            float(sensor.saturation_dn), noise.full_well_e, _sure_limit(noise.full_well_e), noise.read_noise_e,
+            np.uint32(key >> 32 & 0xFFFFFFFF), gain, camera.black_level,
+            float(camera.saturation_dn), noise.full_well_e, _sure_limit(noise.full_well_e), noise.read_noise_e,
             noise.dark_current_e_s * time_s, noise.shot)  # fmt: skip
     return out
 

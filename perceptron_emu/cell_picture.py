@@ -9,7 +9,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from geometry import Pose, SensorModel, field_of_view
+from geometry import Pose, Sensor, field_of_view
 from jig_cad import Jig
 from jig_cad.solids import jig_solids
 from perceptron_emu.gl import draw_gl, load_pyrender
@@ -42,7 +42,7 @@ class CellView:
     T_base_jig each.
     """
 
-    sensor: SensorModel
+    sensor: Sensor
     T_base_sensor: Pose
     jigs: tuple[tuple[Jig, Pose], ...]
     links: Pose | None = None
@@ -65,7 +65,7 @@ def cell_picture(cell: CellView, width: int = 1280, height: int = 960) -> Pictur
 
 def colour_picture(scene: Scene, width: int | None = None, height: int | None = None) -> Picture:
     """What a colour camera in the sensor's place would see of the scene by room light (H, W, 3)."""
-    sensor = scene.sensor
+    seen_by = scene.camera
     pyrender = load_pyrender()
     world = pyrender.Scene(ambient_light=[0.3, 0.3, 0.3], bg_color=[0.05, 0.05, 0.06, 1.0])
     parts = [(s.mesh.copy().apply_transform(s.T_sensor_mesh.matrix), _grey(s.material.diffuse)) for s in scene.solids]
@@ -74,11 +74,11 @@ def colour_picture(scene: Scene, width: int | None = None, height: int | None = 
         parts += [(m.apply_transform(scene.T_sensor_jig.matrix), STRING) for m in tubes]
     for mesh, colour in parts:
         world.add(_coloured(mesh, colour))
-    w, h = width or sensor.width_px, height or sensor.height_px
-    sx, sy = w / sensor.width_px, h / sensor.height_px
-    cx, cy = (sensor.cx_px + 0.5) * sx, (sensor.cy_px + 0.5) * sy
-    camera = pyrender.IntrinsicsCamera(sensor.fx_px * sx, sensor.fy_px * sy, cx, cy, 10.0, 5000.0)
-    eye = sensor.T_sensor_camera.matrix @ FROM_GL
+    w, h = width or seen_by.width_px, height or seen_by.height_px
+    sx, sy = w / seen_by.width_px, h / seen_by.height_px
+    cx, cy = (seen_by.cx_px + 0.5) * sx, (seen_by.cy_px + 0.5) * sy
+    camera = pyrender.IntrinsicsCamera(seen_by.fx_px * sx, seen_by.fy_px * sy, cx, cy, 10.0, 5000.0)
+    eye = seen_by.T_sensor_camera.matrix @ FROM_GL
     world.add(camera, pose=eye)
     world.add(pyrender.DirectionalLight(intensity=4.0), pose=eye)
     return np.array(draw_gl(world, w, h)[0])
@@ -100,13 +100,13 @@ def _arm(links: Pose) -> list[tuple[trimesh.Trimesh, Colour]]:
 
 def _sensor(cell: CellView) -> list[tuple[trimesh.Trimesh, Colour]]:
     sensor, pose = cell.sensor, cell.T_base_sensor
-    ends = np.stack([sensor.laser_origin_mm, sensor.camera_centre_mm])
+    ends = np.stack([sensor.sheet.origin_mm, sensor.require_camera().centre_mm])
     low, high = ends.min(0) - np.array([25, 30, 60]), ends.max(0) + np.array([25, 30, 0])
     body = trimesh.creation.box(bounds=np.stack([low, high]))
     seen = field_of_view(sensor)
     reach = _working_distance(cell) * SHEET_REACH
-    half = np.tan(sensor.fan_rad / 2) * reach
-    oy, oz = sensor.laser_origin_mm[1:]
+    half = np.tan(sensor.sheet.fan_rad / 2) * reach
+    oy, oz = sensor.sheet.origin_mm[1:]
     fan = np.array([[0, oy, oz], [0, oy - half, oz + reach], [0, oy + half, oz + reach]])
     seen = seen[np.all(seen[:, 1:] <= oz + reach, axis=1)] if np.any(seen[:, 1] > oz + reach) else seen
     parts = [(body, SENSOR), (trimesh.Trimesh(fan, [[0, 1, 2]], process=False), SHEET)]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from geometry import InputError, SensorModel, field_of_view, inside_polygon
+from geometry import InputError, Sensor, field_of_view, inside_polygon
 from perceptron_emu.config import EmulatorConfig
 from perceptron_emu.optics import (
     defocus_radius_px,
@@ -45,7 +45,7 @@ def check_scene(scene: Scene) -> None:
         raise InputError("nothing in the scene reaches the laser sheet x = 0: the image would show no stripe")
 
 
-def check_optics(sensor: SensorModel, config: EmulatorConfig) -> None:
+def check_optics(sensor: Sensor, config: EmulatorConfig) -> None:
     """InputError where lens, filter or laser can not be, or can not give an image of the sheet."""
     optics, laser = config.optics, config.laser
     chip, focus = principal_distance_mm(optics, sensor), focus_distance_mm(optics, sensor)
@@ -60,9 +60,9 @@ def check_optics(sensor: SensorModel, config: EmulatorConfig) -> None:
             f"[optics] filter_centre_nm = {optics.filter_centre_nm:g} with filter_fwhm_nm = {optics.filter_fwhm_nm:g} "
             f"blocks the laser's {laser.wavelength_nm:g} nm"
         )
-    ray = sensor.laser_origin_mm + np.array([0.0, 0.0, axis_meets_sheet_mm(sensor)])
+    ray = sensor.sheet.origin_mm + np.array([0.0, 0.0, axis_meets_sheet_mm(sensor)])
     blur = float(defocus_radius_px(optics, sensor, to_camera(sensor, ray)))
-    if blur > LARGEST_BLUR_PX * sensor.width_px:
+    if blur > LARGEST_BLUR_PX * sensor.require_camera().width_px:
         raise InputError(
             f"[optics] focus_distance_mm = {focus:g} at F/{optics.f_number:g} blurs the middle of the sheet to "
             f"{2 * blur:.0f} px: focus nearer to where the camera looks"

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import Pose, SensorModel
+from geometry import Pose, Sensor
 from geometry.compiled import kernel
 from perceptron_emu.config import EmulatorConfig
 from perceptron_emu.deposit import REACH, deposit, deposit_fine
@@ -28,7 +28,7 @@ SPLINE_SIGMA = 2.5  # sub-pixels: sharper spots would alias on the splines that 
 def draw(
     electrons: Float32,
     samples: Samples,
-    sensor: SensorModel,
+    sensor: Sensor,
     config: EmulatorConfig,
     key: int,
     drift: Pose | None = None,
@@ -53,7 +53,7 @@ def draw(
         _draw_piece(electrons, uv[piece], weight[piece], sigma[piece], sensor, config, key, shift)
 
 
-def _speckle_shift(xyz_mm: Array, sensor: SensorModel, drift: Pose) -> Array:
+def _speckle_shift(xyz_mm: Array, sensor: Sensor, drift: Pose) -> Array:
     """How far (2,) [px] the image of the surface at the nodes' middle has moved."""
     there = xyz_mm.mean(0)
     shift = project(sensor, there) - project(sensor, drift.inverse() @ there)
@@ -61,7 +61,7 @@ def _speckle_shift(xyz_mm: Array, sensor: SensorModel, drift: Pose) -> Array:
 
 
 def _defocused(
-    uv: Array, sigma: Array, samples: Samples, sensor: SensorModel, config: EmulatorConfig
+    uv: Array, sigma: Array, samples: Samples, sensor: Sensor, config: EmulatorConfig
 ) -> tuple[Array, Array, Array, NDArray[np.int64]]:
     """Nodes spread over the disc of defocus; a disc much smaller than the blur is folded into σ (σ² + R²/4)."""
     weight, group = samples.electrons, samples.group
@@ -92,7 +92,7 @@ def _draw_piece(
     uv: Array,
     weight: Array,
     sigma: Array,
-    sensor: SensorModel,
+    sensor: Sensor,
     config: EmulatorConfig,
     key: int,
     shift_px: Array,

@@ -28,11 +28,12 @@ def label_names(scene: Scene) -> tuple[str, ...]:
 
 def pixel_labels(scene: Scene, lit: LitScene, config: EmulatorConfig) -> NDArray[np.uint8]:
     """The label (H, W) of the surface that brings most laser light to each pixel, speckle apart."""
+    camera = scene.camera
     samples, plain = lit.samples, config.off("speckle")
     n_strings = len(scene.jig.strings) if scene.jig else 0
     solid = (samples.group - FIRST_STRIPE_GROUP) // GROUPS_A_SOLID
     owner = np.where(samples.group < FIRST_STRIPE_GROUP, samples.group + 1, solid + 1 + n_strings)
-    shape = (scene.sensor.height_px, scene.sensor.width_px)
+    shape = camera.shape
     labels, most = np.zeros(shape, np.uint8), np.full(shape, MIN_ELECTRONS, np.float32)
     for label in np.unique(owner):
         mine, own = owner == label, np.zeros(shape, np.float32)
@@ -45,14 +46,15 @@ def pixel_labels(scene: Scene, lit: LitScene, config: EmulatorConfig) -> NDArray
 
 def sheet_curve(scene: Scene, lit: LitScene, config: EmulatorConfig) -> SheetCurve:
     """Where the sheet's middle plane x = 0 first meets the solids."""
+    camera = scene.camera
     faces = faces_in_sheet(scene, config)
     pieces = lit_pieces(faces, lit.strings, np.zeros(1), scene.sensor)
     middle = pieces.ends.mean(1)
-    towards = scene.sensor.camera_centre_mm - middle
+    towards = camera.centre_mm - middle
     start = middle + OFF_SURFACE_MM * towards / np.linalg.norm(towards, axis=1, keepdims=True)
     hidden = np.zeros(len(middle), dtype=bool)
     for solid in scene.solids:
-        hidden |= hidden_by_solid(solid, start, scene.sensor.camera_centre_mm)
+        hidden |= hidden_by_solid(solid, start, camera.centre_mm)
     if lit.strings is not None:
-        hidden |= hidden_by_strings(lit.strings, start, scene.sensor.camera_centre_mm)
+        hidden |= hidden_by_strings(lit.strings, start, camera.centre_mm)
     return SheetCurve(pieces.ends[..., 1:], project(scene.sensor, pieces.ends), faces.solid[pieces.face], ~hidden)

@@ -64,9 +64,9 @@ def _unhidden(strings: Cylinders, lit: LitStrings, scene: Scene) -> Array:
     todo = np.flatnonzero(lit.electrons)
     points, own = lit.xyz_mm.reshape(-1, 3)[todo], todo // lit.electrons[0].size
     emitter = points.copy()
-    emitter[:, 1:] = scene.sensor.laser_origin_mm[1:]
+    emitter[:, 1:] = scene.sensor.sheet.origin_mm[1:]
     hidden = np.zeros(len(todo), dtype=bool)
-    for source in (emitter, scene.sensor.camera_centre_mm):
+    for source in (emitter, scene.camera.centre_mm):
         hidden |= hidden_by_strings(strings, points, source, own)
         for solid in scene.solids:
             hidden |= hidden_by_solid(solid, points, source)

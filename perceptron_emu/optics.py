@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import SensorModel
+from geometry import Sensor
 from geometry.compiled import kernel
 from perceptron_emu.config import OpticsConfig
 from perceptron_emu.projection import lens, tilt_rotation
@@ -19,21 +19,23 @@ LN2 = math.log(2)
 AIRY_SIGMA = 0.42  # σ of the Gaussian nearest to Airy's disc, in units of λN (Zhang, Zerubia & Olivo-Marin 2007)
 
 
-def principal_distance_mm(optics: OpticsConfig, sensor: SensorModel) -> float:
+def principal_distance_mm(optics: OpticsConfig, sensor: Sensor) -> float:
     """From the rear principal point to the chip [mm]: the camera constant of the calibrated intrinsics."""
-    return (sensor.fx_px + sensor.fy_px) / 2 * optics.pixel_um * 1e-3
+    camera = sensor.require_camera()
+    return (camera.fx_px + camera.fy_px) / 2 * optics.pixel_um * 1e-3
 
 
-def focus_distance_mm(optics: OpticsConfig, sensor: SensorModel) -> float:
+def focus_distance_mm(optics: OpticsConfig, sensor: Sensor) -> float:
     """Distance in focus along the optical axis [mm]: as configured, or where the axis meets the sheet."""
+    camera = sensor.require_camera()
     if optics.focus_distance_mm is not None:
         return optics.focus_distance_mm
-    towards = sensor.T_sensor_camera.R[0, 2]
-    to_sheet = -sensor.camera_centre_mm[0] / towards if towards else np.inf
+    towards = camera.T_sensor_camera.R[0, 2]
+    to_sheet = -camera.centre_mm[0] / towards if towards else np.inf
     return float(to_sheet) if 0 < to_sheet < np.inf else 1e9
 
 
-def focal_length_mm(optics: OpticsConfig, sensor: SensorModel) -> float:
+def focal_length_mm(optics: OpticsConfig, sensor: Sensor) -> float:
     """Focal length [mm] of the thin lens that is in focus there: 1/f = 1/u + 1/v."""
     return 1 / (1 / principal_distance_mm(optics, sensor) + 1 / focus_distance_mm(optics, sensor))
 
@@ -48,7 +50,7 @@ class Gather(NamedTuple):
     band: tuple[float, float, float, float, float]
 
 
-def gather(optics: OpticsConfig, sensor: SensorModel, wavelength_nm: float) -> Gather:
+def gather(optics: OpticsConfig, sensor: Sensor, wavelength_nm: float) -> Gather:
     """Lens and filter for light of one wavelength [nm]."""
     pupil = focal_length_mm(optics, sensor) / optics.f_number
     return Gather(
@@ -92,19 +94,19 @@ def passed(band, cosine):  # type: ignore[no-untyped-def]
     return peak * np.exp(-LN2 * off * off * off * off)
 
 
-def sharp_sigma_px(optics: OpticsConfig, sensor: SensorModel, wavelength_nm: float) -> float:
+def sharp_sigma_px(optics: OpticsConfig, sensor: Sensor, wavelength_nm: float) -> float:
     """σ [px] of the blur in focus: the lens's own and diffraction's, added in variance."""
     airy = AIRY_SIGMA * wavelength_nm * 1e-3 * working_f_number(optics, sensor) / optics.pixel_um
     return float(np.hypot(optics.blur_px, airy if optics.diffraction else 0.0))
 
 
-def working_f_number(optics: OpticsConfig, sensor: SensorModel) -> float:
+def working_f_number(optics: OpticsConfig, sensor: Sensor) -> float:
     """F#·(1 + m), m the magnification at the distance in focus: equals v/D of the thin lens."""
     v = principal_distance_mm(optics, sensor)
     return optics.f_number * v / focal_length_mm(optics, sensor)
 
 
-def defocus_radius_px(optics: OpticsConfig, sensor: SensorModel, camera_mm: Array) -> Array:
+def defocus_radius_px(optics: OpticsConfig, sensor: Sensor, camera_mm: Array) -> Array:
     """Radius (...) [px] of the blur disc of points (..., 3) [mm] of the camera frame.
 
     Thin lens: the point at depth u is sharp at v' = f u/(u − f), the chip lies at v along the axis, on a tilted chip
@@ -120,9 +122,9 @@ def defocus_radius_px(optics: OpticsConfig, sensor: SensorModel, camera_mm: Arra
     return np.asarray(diameter_mm / 2 / (optics.pixel_um * 1e-3))
 
 
-def _chip_depth(sensor: SensorModel, camera_mm: Array) -> Array:
+def _chip_depth(sensor: Sensor, camera_mm: Array) -> Array:
     """Axial distance of the chip where the points' chief rays meet it, in units of the principal distance."""
-    tau_x, tau_y = sensor.distortion14[12:]
+    tau_x, tau_y = sensor.require_camera().distortion14[12:]
     x, y = lens(sensor, camera_mm[..., 0] / camera_mm[..., 2], camera_mm[..., 1] / camera_mm[..., 2])
     normal = tilt_rotation(float(tau_x), float(tau_y))[2]  # the chip's normal in camera axes; the chip holds (0, 0, 1)
     return np.asarray(normal[2] / (normal[0] * x + normal[1] * y + normal[2]))

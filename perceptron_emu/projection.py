@@ -7,13 +7,13 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from geometry import SensorModel
+from geometry import Sensor
 from geometry.compiled import kernel
 
 Array = NDArray[np.float64]
 
 
-def project(sensor: SensorModel, xyz_mm: ArrayLike) -> Array:
+def project(sensor: Sensor, xyz_mm: ArrayLike) -> Array:
     """Where points of {P} fall in the image.
 
     xyz_mm: (..., 3) [mm] in {P}. Returns uv_px (..., 2), NaN for points that are not in front of the camera.
@@ -26,10 +26,11 @@ def project(sensor: SensorModel, xyz_mm: ArrayLike) -> Array:
 
 
 @lru_cache(maxsize=32)
-def _camera(sensor: SensorModel) -> tuple[Array, Array, Array, Array, Array]:
+def _camera(sensor: Sensor) -> tuple[Array, Array, Array, Array, Array]:
     """Rotation and place of the camera in {P}, fx, fy, cx, cy, the twelve terms of the lens, the chip's rotation."""
-    pose, terms = sensor.T_sensor_camera, np.array(sensor.distortion14, dtype=float)
-    intrinsics = np.array([sensor.fx_px, sensor.fy_px, sensor.cx_px, sensor.cy_px])
+    camera = sensor.require_camera()
+    pose, terms = camera.T_sensor_camera, np.array(camera.distortion14, dtype=float)
+    intrinsics = np.array([camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px])
     turn = tilt_rotation(float(terms[12]), float(terms[13]))
     return np.array(pose.R, order="C"), np.array(pose.t), intrinsics, terms[:12].copy(), turn
 
@@ -56,18 +57,19 @@ def _project(xyz, R, t, intrinsics, terms, turn, out):  # type: ignore[no-untype
         out[i, 1] = fy * (turn[2, 2] * qy - turn[1, 2] * qz) / qz + cy
 
 
-def to_camera(sensor: SensorModel, xyz_mm: ArrayLike) -> Array:
+def to_camera(sensor: Sensor, xyz_mm: ArrayLike) -> Array:
     """Points (..., 3) [mm] of {P} in the camera's axes: x right, y down, z forward."""
-    pose = sensor.T_sensor_camera
+    pose = sensor.require_camera().T_sensor_camera
     return np.asarray((np.asarray(xyz_mm, dtype=float) - pose.t) @ pose.R)
 
 
-def lens(sensor: SensorModel, x: Array, y: Array) -> tuple[Array, Array]:
+def lens(sensor: Sensor, x: Array, y: Array) -> tuple[Array, Array]:
     """Normalised image coordinates after the lens: radial (rational), tangential and thin-prism terms."""
-    if not any(sensor.distortion):
+    camera = sensor.require_camera()
+    if not any(camera.distortion):
         return x, y
     out = np.empty((2, *np.shape(x)))
-    _bend(np.ravel(x), np.ravel(y), np.array(sensor.distortion14[:12]), out.reshape(2, -1))
+    _bend(np.ravel(x), np.ravel(y), np.array(camera.distortion14[:12]), out.reshape(2, -1))
     return out[0], out[1]
 
 

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import Pose, SensorModel
+from geometry import Pose, Sensor
 from perceptron_emu.config import EmulatorConfig
 from perceptron_emu.gl_world import GlWorld, View, back_project, depth_and_identity, gl_world
 from perceptron_emu.lighting import LitScene, thread_of
@@ -75,14 +75,14 @@ def _seen(parts: list[Samples]) -> Samples:
     return Samples(whole.xyz_mm[keep], whole.electrons[keep], whole.group[keep])
 
 
-def _reach_mm(sensor: SensorModel, config: EmulatorConfig) -> float:
+def _reach_mm(sensor: Sensor, config: EmulatorConfig) -> float:
     middle = axis_meets_sheet_mm(sensor)
     return float(SHEET_REACH / 2 * half_width_mm(config.laser, sensor, np.array([0.0, middle, 2 * middle])).max())
 
 
-def _laser_depth(world: GlWorld, sensor: SensorModel) -> Shadow:
-    focal = LASER_COLUMNS / (2 * np.tan(sensor.fan_rad / 2))
-    pose = Pose(LASER_AXES, np.array(sensor.laser_origin_mm))
+def _laser_depth(world: GlWorld, sensor: Sensor) -> Shadow:
+    focal = LASER_COLUMNS / (2 * np.tan(sensor.sheet.fan_rad / 2))
+    pose = Pose(LASER_AXES, np.array(sensor.sheet.origin_mm))
     view = View(pose, (focal, focal, (LASER_COLUMNS - 1) / 2, (LASER_ROWS - 1) / 2), LASER_COLUMNS, LASER_ROWS)
     depth, number = depth_and_identity(world, view)
     depth = np.where(number > 0, depth, 1e9)
@@ -101,12 +101,13 @@ def _reached(shadow: Shadow, xyz: Array) -> NDArray[np.bool_]:
     return out
 
 
-def _lit_tiles(world: GlWorld, sensor: SensorModel, reach: float) -> list[tuple[int, View]]:
+def _lit_tiles(world: GlWorld, sensor: Sensor, reach: float) -> list[tuple[int, View]]:
     """Supersampled views of the tiles of the pinhole image that show surface within reach of the sheet."""
+    camera = sensor.require_camera()
     if not world.identity:
         return []
     margin = TILE_PX
-    columns, rows = -(-(sensor.width_px + 2 * margin) // TILE_PX), -(-(sensor.height_px + 2 * margin) // TILE_PX)
+    columns, rows = -(-(camera.width_px + 2 * margin) // TILE_PX), -(-(camera.height_px + 2 * margin) // TILE_PX)
     whole = _view(sensor, -margin, -margin, columns * TILE_PX, rows * TILE_PX, 1)
     depth, number = depth_and_identity(world, whole)
     x = back_project(whole, depth)[..., 0]
@@ -123,10 +124,11 @@ def _lit_tiles(world: GlWorld, sensor: SensorModel, reach: float) -> list[tuple[
     ]
 
 
-def _view(sensor: SensorModel, u0: int, v0: int, width: int, height: int, q: int) -> View:
+def _view(sensor: Sensor, u0: int, v0: int, width: int, height: int, q: int) -> View:
     """The part of the pinhole image whose first pixel is (u0, v0), each pixel divided into q × q."""
-    cx, cy = ((c + 0.5 - o) * q - 0.5 for c, o in ((sensor.cx_px, u0), (sensor.cy_px, v0)))
-    return View(sensor.T_sensor_camera, (sensor.fx_px * q, sensor.fy_px * q, cx, cy), width * q, height * q)
+    camera = sensor.require_camera()
+    cx, cy = ((c + 0.5 - o) * q - 0.5 for c, o in ((camera.cx_px, u0), (camera.cy_px, v0)))
+    return View(camera.T_sensor_camera, (camera.fx_px * q, camera.fy_px * q, cx, cy), width * q, height * q)
 
 
 def _normals(xyz: Array, number: NDArray[np.int64]) -> Array:
@@ -153,11 +155,11 @@ def _difference(xyz: Array, number: NDArray[np.int64], axis: int) -> Array:
     return best
 
 
-def _footprint_mm2(view: View, sensor: SensorModel, xyz: Array, normal: Array) -> Array:
+def _footprint_mm2(view: View, sensor: Sensor, xyz: Array, normal: Array) -> Array:
     """Surface (N,) [mm²] behind a sub-pixel: Z² cos α/(f_x f_y) over the cosine of the surface's slope to the ray."""
     camera = to_camera(sensor, xyz)
     distance = np.linalg.norm(camera, axis=1)
-    towards = (sensor.camera_centre_mm - xyz) / distance[:, None]
+    towards = (sensor.require_camera().centre_mm - xyz) / distance[:, None]
     slope = np.maximum(np.einsum("ij,ij->i", normal, towards), 0.02)
     fx, fy = view.intrinsics[:2]
     return np.asarray(camera[:, 2] ** 3 / distance / (fx * fy) / slope)

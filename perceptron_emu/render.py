@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import InputError, SensorModel
+from geometry import InputError, Sensor
 from perceptron_emu.ambient import ambient_electrons
 from perceptron_emu.camera import expose
 from perceptron_emu.check import check_optics
@@ -44,7 +44,7 @@ def render(
     _checked(scene.sensor, config)
     rng = np.random.default_rng(0) if rng is None else rng
     speckle_key, noise_key = (int(k) for k in rng.integers(0, 2**63, 2))
-    path = moments(config, scene.sensor.height_px)
+    path = moments(config, scene.camera.height_px)
     scenes = [moved(scene, m.drift) for m in path]
     find_light = _finder(renderer)
     lit = [find_light(s, config) for s in scenes]
@@ -59,7 +59,7 @@ def render(
 
 
 @lru_cache(maxsize=64)
-def _checked(sensor: SensorModel, config: EmulatorConfig) -> None:
+def _checked(sensor: Sensor, config: EmulatorConfig) -> None:
     """InputError, once for each sensor, where its optics can not give an image."""
     check_optics(sensor, config)
 
@@ -69,7 +69,7 @@ def mean_electrons(scene: Scene, config: EmulatorConfig | None = None, speckle_k
     rounding.
     """
     config = config or EmulatorConfig()
-    path = moments(config, scene.sensor.height_px)
+    path = moments(config, scene.camera.height_px)
     scenes = [moved(scene, m.drift) for m in path]
     return _mean_electrons(scenes, [light_scene(s, config) for s in scenes], path, config, speckle_key)
 
@@ -91,20 +91,19 @@ def _mean_electrons(
     if len(path) == 1:
         return _electrons_at(scenes[0], lit[0], path[0], config, speckle_key)
     parts = zip(scenes, lit, path, strict=True)
-    total = np.zeros((scenes[0].sensor.height_px, scenes[0].sensor.width_px), np.float32)
+    total = np.zeros(scenes[0].camera.shape, np.float32)
     for scene, part, moment in parts:
         total += moment.rows.astype(np.float32)[:, None] * _electrons_at(scene, part, moment, config, speckle_key)
     return total
 
 
 def _electrons_at(scene: Scene, lit: LitScene, moment: Moment, config: EmulatorConfig, speckle_key: int) -> Float32:
-    sensor = scene.sensor
     if config.ambient.enabled:
         electrons = ambient_electrons(scene, lit.strings, thread_of(scene, config), config)
     else:
-        electrons = np.zeros((sensor.height_px, sensor.width_px), np.float32)
+        electrons = np.zeros(scene.camera.shape, np.float32)
     if config.exposure.laser_on:
-        draw(electrons, lit.samples, sensor, config, speckle_key, moment.drift)
+        draw(electrons, lit.samples, scene.sensor, config, speckle_key, moment.drift)
     return electrons
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from geometry import InputError, Pose, SensorModel
+from geometry import Camera, InputError, Pose, Sensor
 from jig_cad import Jig
 
 Array = NDArray[np.float64]
@@ -64,11 +64,16 @@ class Scene:
     string_material: the thread's surface; None takes [surface] of the configuration.
     """
 
-    sensor: SensorModel
+    sensor: Sensor
     jig: Jig | None = None
     T_sensor_jig: Pose = field(default_factory=Pose.identity)
     solids: tuple[Solid, ...] = ()
     string_material: Material | None = None
+
+    @property
+    def camera(self) -> Camera:
+        """The sensor's camera; InputError where it has none."""
+        return self.sensor.require_camera()
 
 
 def panel(

@@ -13,7 +13,7 @@ import numpy as np
 import trimesh
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from geometry import InputError, Pose, SensorModel
+from geometry import InputError, Pose, Sensor
 from jig_cad import read_jig
 from jig_cad.solids import jig_solids
 from perceptron_emu.check import check_scene
@@ -109,7 +109,7 @@ class Surroundings:
         return tuple(solid for own, solid in self.parts if own == frame)
 
 
-def read_scene(path: Path | str, sensor: SensorModel) -> Scene:
+def read_scene(path: Path | str, sensor: Sensor) -> Scene:
     """The scene of a scene.toml before a sensor, its files found beside it.
 
     Raises InputError naming file and key for anything that can not be, and for a scene that the sensor can not see.

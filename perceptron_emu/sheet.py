@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import SensorModel, field_of_view
+from geometry import Sensor, field_of_view
 from geometry.compiled import kernel
 from perceptron_emu.config import LaserConfig
 
@@ -21,7 +21,7 @@ POWELL, GAUSSIAN = 0, 1
 MAX_DISTANCE_MM = 5000.0  # an optical axis that meets the sheet farther off says nothing about where to focus
 
 
-def half_width_mm(laser: LaserConfig, sensor: SensorModel, distance_mm: Array) -> Array:
+def half_width_mm(laser: LaserConfig, sensor: Sensor, distance_mm: Array) -> Array:
     """1/e² half-width w of the sheet [mm] at a distance (...) [mm] from the emitter.
 
     w(s) = w₀ √(1 + (M² λ (s − s₀) / (π w₀²))²). Source: ISO 11146-1; Siegman, Lasers (1986), chapter 17.
@@ -29,7 +29,7 @@ def half_width_mm(laser: LaserConfig, sensor: SensorModel, distance_mm: Array) -
     return np.asarray(width_at(np.asarray(distance_mm, dtype=float), *beam(laser, sensor)))
 
 
-def beam(laser: LaserConfig, sensor: SensorModel) -> tuple[float, float, float]:
+def beam(laser: LaserConfig, sensor: Sensor) -> tuple[float, float, float]:
     """Waist, its distance, and the distance over which the sheet widens by √2 (infinite without divergence) [mm]."""
     waist = laser.waist_um * 1e-3
     rayleigh = np.pi * waist**2 / (laser.m2 * laser.wavelength_nm * 1e-6) if laser.divergence else np.inf
@@ -43,22 +43,23 @@ def width_at(distance, waist, at, rayleigh):  # type: ignore[no-untyped-def]
     return waist * np.sqrt(1 + off * off)
 
 
-def waist_distance_mm(laser: LaserConfig, sensor: SensorModel) -> float:
+def waist_distance_mm(laser: LaserConfig, sensor: Sensor) -> float:
     """Distance of the waist from the emitter [mm]: as configured, or where the camera's axis meets the sheet."""
     return laser.waist_distance_mm or axis_meets_sheet_mm(sensor)
 
 
 @lru_cache(maxsize=32)
-def axis_meets_sheet_mm(sensor: SensorModel) -> float:
+def axis_meets_sheet_mm(sensor: Sensor) -> float:
     """Distance from the emitter [mm] of the point where the optical axis meets the sheet; the near end of the view
     where it does not.
     """
-    centre, axis = sensor.camera_centre_mm, sensor.T_sensor_camera.R[:, 2]
+    camera = sensor.require_camera()
+    centre, axis = camera.centre_mm, camera.T_sensor_camera.R[:, 2]
     reach = -centre[0] / axis[0] if axis[0] else -1.0
-    distance = float(np.linalg.norm(centre + reach * axis - sensor.laser_origin_mm))
+    distance = float(np.linalg.norm(centre + reach * axis - sensor.sheet.origin_mm))
     if reach > 0 and distance < MAX_DISTANCE_MM:
         return distance
-    return float(np.min(np.linalg.norm(field_of_view(sensor) - sensor.laser_origin_mm[1:], axis=1)))
+    return float(np.min(np.linalg.norm(field_of_view(sensor) - sensor.sheet.origin_mm[1:], axis=1)))
 
 
 @kernel(inline=True)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import SensorModel
+from geometry import Sensor
 from perceptron_emu.bodies import body_of
 from perceptron_emu.config import EmulatorConfig
 from perceptron_emu.optics import sharp_sigma_px
@@ -51,13 +51,13 @@ def faces_in_sheet(scene: Scene, config: EmulatorConfig) -> Faces:
     return Faces(np.concatenate(triangles), np.concatenate(facing), np.concatenate(normals), np.concatenate(owner))
 
 
-def sheet_planes(faces: Faces, sensor: SensorModel, config: EmulatorConfig) -> tuple[Array, float]:
+def sheet_planes(faces: Faces, sensor: Sensor, config: EmulatorConfig) -> tuple[Array, float]:
     """Equally spaced planes x of the sheet (K,) [mm] and their spacing.
 
     They lie close enough for the sheet's Gaussian where it is thinnest and for the blur of the image of what they
     light.
     """
-    distance = np.linalg.norm(faces.triangles[..., 1:] - sensor.laser_origin_mm[1:], axis=-1)
+    distance = np.linalg.norm(faces.triangles[..., 1:] - sensor.sheet.origin_mm[1:], axis=-1)
     ends = np.array([distance.min(), distance.max(), axis_meets_sheet_mm(sensor)])
     width = half_width_mm(config.laser, sensor, ends)
     thin, thick = float(width.min()) / 2, float(min(width.max(), _widest_mm(sensor, config))) / 2
@@ -67,26 +67,26 @@ def sheet_planes(faces: Faces, sensor: SensorModel, config: EmulatorConfig) -> t
     return planes, float(planes[1] - planes[0])
 
 
-def _image_spread(faces: Faces, sensor: SensorModel) -> float:
+def _image_spread(faces: Faces, sensor: Sensor) -> float:
     """How far [px] the image of the lit surface moves for 1 mm across the sheet; at most faces it is no more.
 
     On a face with normal n the ray along r is met at (1, −nₓ/(n·r) r) from one plane to the next.
     """
     middle = faces.triangles.mean(1)
     normal = faces.facing
-    ray = (middle - sensor.laser_origin_mm) * [0, 1, 1]
+    ray = (middle - sensor.sheet.origin_mm) * [0, 1, 1]
     ray /= np.linalg.norm(ray, axis=1, keepdims=True)
     facing = np.einsum("ij,ij->i", normal, ray)
     slope = -normal[:, 0] / np.where(np.abs(facing) < 1e-12, 1e-12, facing)
     centre = middle * [0, 1, 1]
     step = np.clip(slope, -MAX_SLOPE, MAX_SLOPE)[:, None] * ray + [1.0, 0, 0]
     moved = np.linalg.norm(project(sensor, centre + 1e-3 * step) - project(sensor, centre), axis=1) / 1e-3
-    to_camera = np.einsum("ij,ij->i", normal, sensor.camera_centre_mm - middle)
+    to_camera = np.einsum("ij,ij->i", normal, sensor.require_camera().centre_mm - middle)
     moved = moved[np.isfinite(moved) & (facing * to_camera < 0)]  # lit on the side that the camera sees
     return float(np.max(moved)) if len(moved) else 1.0
 
 
-def _widest_mm(sensor: SensorModel, config: EmulatorConfig) -> float:
+def _widest_mm(sensor: Sensor, config: EmulatorConfig) -> float:
     """A half-width [mm] that the sheet does not exceed within twice the working distance."""
     middle = axis_meets_sheet_mm(sensor)
     return float(np.max(half_width_mm(config.laser, sensor, np.array([0.0, middle / 2, 2 * middle]))))

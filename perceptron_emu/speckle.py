@@ -9,7 +9,7 @@ import numpy as np
 import scipy.fft
 from numpy.typing import NDArray
 
-from geometry import SensorModel
+from geometry import Sensor
 from geometry.compiled import kernel
 from perceptron_emu.config import EmulatorConfig
 from perceptron_emu.hashing import white_noise
@@ -23,7 +23,7 @@ SPARE = 0.05  # of a pattern: not drawn for at most 1.3 % of contrast
 HALO = 2.5  # grains beyond the box over which the amplitude's point spread is not cut
 
 
-def grain_px(config: EmulatorConfig, sensor: SensorModel) -> float:
+def grain_px(config: EmulatorConfig, sensor: Sensor) -> float:
     """Grain on the chip λ F# (1 + m), in pixels (Goodman, Speckle Phenomena in Optics, 2007; Dorsch et al. 1994)."""
     working = working_f_number(config.optics, sensor)
     return config.laser.wavelength_nm * 1e-3 * working / config.optics.pixel_um
@@ -44,7 +44,7 @@ def contrast(config: EmulatorConfig) -> float:
     return float(polarisation * (1 + 2 * phase**2) ** -0.25)
 
 
-def oversampling(config: EmulatorConfig, sensor: SensorModel) -> int:
+def oversampling(config: EmulatorConfig, sensor: Sensor) -> int:
     """Sub-pixels a pixel's side needs: the pattern's intensity is band-limited at two samples a grain, and a pixel
     averages it.
     """

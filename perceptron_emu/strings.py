@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import Pose, SensorModel, cross_plane_x0
+from geometry import Pose, Sensor, cross_plane_x0
 from jig_cad import Jig
 from perceptron_emu.config import EmulatorConfig
 from perceptron_emu.optics import sharp_sigma_px
@@ -61,7 +61,7 @@ def cylinders(jig: Jig, T_sensor_jig: Pose) -> Cylinders:
 
 
 def light_strings(
-    strings: Cylinders, material: Material, sensor: SensorModel, config: EmulatorConfig, light: Light
+    strings: Cylinders, material: Material, sensor: Sensor, config: EmulatorConfig, light: Light
 ) -> LitStrings:
     """Nodes over the lit and seen arc of every string, with the light that each sends to the camera.
 
@@ -98,7 +98,7 @@ def _arc_nodes(material: Material) -> int:
     return min(MAX_ARC_NODES, MATTE_NODES + round(NODES_A_LOBE / material.roughness))
 
 
-def _arc(strings: Cylinders, middle: Array, sensor: SensorModel, count: int) -> tuple[Array, Array]:
+def _arc(strings: Cylinders, middle: Array, sensor: Sensor, count: int) -> tuple[Array, Array]:
     """Outward normals (S, K, 3) over the arc that is lit and seen, and weights (S, K) [rad]; weight 0 where there is
     none.
     """
@@ -107,7 +107,7 @@ def _arc(strings: Cylinders, middle: Array, sensor: SensorModel, count: int) -> 
     first /= np.linalg.norm(first, axis=1, keepdims=True)
     second = np.cross(d, first)
     centre, half = [], []
-    for source in (sensor.laser_origin_mm, sensor.camera_centre_mm):
+    for source in (sensor.sheet.origin_mm, sensor.require_camera().centre_mm):
         a, b = np.sum((source - middle) * first, 1), np.sum((source - middle) * second, 1)
         centre.append(np.arctan2(b, a))
         half.append(np.arccos(np.minimum(strings.radius / np.hypot(a, b), 1)))
@@ -122,16 +122,17 @@ def _arc(strings: Cylinders, middle: Array, sensor: SensorModel, count: int) -> 
 
 
 def _axis_nodes(
-    strings: Cylinders, middle: Array, normal: Array, sensor: SensorModel, config: EmulatorConfig
+    strings: Cylinders, middle: Array, normal: Array, sensor: Sensor, config: EmulatorConfig
 ) -> tuple[Array, Array]:
     """Parameters t (S, T, K) [mm] along the axes, centred where each line of the arc crosses x = 0, and steps (S,)
     [mm].
     """
+    camera = sensor.require_camera()
     slope = np.maximum(np.abs(strings.directions[:, 0]), 1e-9)
-    sigma = half_width_mm(config.laser, sensor, np.linalg.norm(middle - sensor.laser_origin_mm, axis=1)) / 2 / slope
+    sigma = half_width_mm(config.laser, sensor, np.linalg.norm(middle - sensor.sheet.origin_mm, axis=1)) / 2 / slope
     reach = np.minimum(SHEET_REACH * sigma, strings.lengths)
-    depth = np.linalg.norm(middle - sensor.camera_centre_mm, axis=1)
-    pixel = sharp_sigma_px(config.optics, sensor, config.laser.wavelength_nm) * depth / max(sensor.fx_px, sensor.fy_px)
+    depth = np.linalg.norm(middle - camera.centre_mm, axis=1)
+    pixel = sharp_sigma_px(config.optics, sensor, config.laser.wavelength_nm) * depth / max(camera.fx_px, camera.fy_px)
     count = np.ceil(2 * reach / (STEP * np.minimum(sigma, pixel)))
     n = int(np.clip(np.max(count, initial=1), 9, MAX_LENGTH_NODES))
     along = np.sum((middle - strings.starts) * strings.directions, 1)

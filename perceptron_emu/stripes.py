@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import SensorModel
+from geometry import Sensor
 from geometry.compiled import kernel
 from perceptron_emu.bodies import body_of, hidden_by_solid
 from perceptron_emu.config import EmulatorConfig
@@ -62,12 +62,12 @@ def light_solids(scene: Scene, strings: Cylinders | None, config: EmulatorConfig
     return _seen(*nodes, scene, strings, light)
 
 
-def lit_pieces(faces: Faces, strings: Cylinders | None, planes: Array, sensor: SensorModel) -> Pieces:
+def lit_pieces(faces: Faces, strings: Cylinders | None, planes: Array, sensor: Sensor) -> Pieces:
     """What the laser reaches first in the planes of constant x."""
-    origin = np.array(sensor.laser_origin_mm[1:], dtype=float)
+    origin = np.array(sensor.sheet.origin_mm[1:], dtype=float)
     shades, shading = _silhouettes(strings, planes, origin)
     triangles, normals = np.ascontiguousarray(faces.triangles), np.ascontiguousarray(faces.normals)
-    return Pieces(*lit_in_planes(triangles, normals, planes, shades, shading, origin, float(sensor.fan_rad)))
+    return Pieces(*lit_in_planes(triangles, normals, planes, shades, shading, origin, float(sensor.sheet.fan_rad)))
 
 
 def _silhouettes(strings: Cylinders | None, planes: Array, origin: Array) -> tuple[Array, NDArray[np.bool_]]:
@@ -93,18 +93,19 @@ def _silhouettes(strings: Cylinders | None, planes: Array, origin: Array) -> tup
     return ends, reached
 
 
-def _in_view(faces: Faces, pieces: Pieces, sensor: SensorModel) -> tuple[Pieces, Array]:
+def _in_view(faces: Faces, pieces: Pieces, sensor: Sensor) -> tuple[Pieces, Array]:
     """The pieces that turn the lit side to the camera and whose box in the image touches it, and the lengths (n,) [px]
     of their images, NaN where they reach behind the camera.
     """
+    camera = sensor.require_camera()
     corner, normal = faces.triangles[pieces.face, 0], faces.facing[pieces.face]
-    to_laser = np.einsum("ij,ij->i", normal[:, 1:], sensor.laser_origin_mm[1:] - corner[:, 1:])
+    to_laser = np.einsum("ij,ij->i", normal[:, 1:], sensor.sheet.origin_mm[1:] - corner[:, 1:])
     to_laser += normal[:, 0] * (pieces.ends[:, 0, 0] - corner[:, 0])  # the sheet's rays keep their x
-    facing = np.flatnonzero(to_laser * np.einsum("ij,ij->i", normal, sensor.camera_centre_mm - corner) > 0)
+    facing = np.flatnonzero(to_laser * np.einsum("ij,ij->i", normal, camera.centre_mm - corner) > 0)
     ends = pieces.ends[facing]
     uv = project(sensor, ends)
     outside = np.zeros(len(uv), dtype=bool)  # all of a piece on one side; never where it is behind the camera, NaN
-    for a, size in enumerate((sensor.width_px, sensor.height_px)):
+    for a, size in enumerate((camera.width_px, camera.height_px)):
         first, last = uv[:, 0, a], uv[:, 1, a]
         outside |= (first <= -MARGIN_PX) & (last <= -MARGIN_PX)
         outside |= (first >= size - 1 + MARGIN_PX) & (last >= size - 1 + MARGIN_PX)
@@ -116,21 +117,21 @@ def _seen(
     xyz: Array, normal: Array, area: Array, number: Index, scene: Scene, strings: Cylinders | None, light: Light
 ) -> Samples:
     """The nodes that the camera sees, inside the image and past all that stands before it."""
-    sensor = scene.sensor
-    uv = project(sensor, xyz)
+    camera = scene.camera
+    uv = project(scene.sensor, xyz)
     electrons = area * light.electrons_on(xyz, normal, [s.material for s in scene.solids], number)
-    bright = np.flatnonzero((electrons > 0) & _within(uv, sensor.width_px - 1, sensor.height_px - 1))
+    bright = np.flatnonzero((electrons > 0) & _within(uv, camera.width_px - 1, camera.height_px - 1))
     xyz, uv, electrons, number = xyz[bright], uv[bright], electrons[bright], number[bright]
     hidden = np.zeros(len(bright), dtype=bool)
     start = xyz + OFF_SURFACE_MM * normal[bright]
     if strings is not None:
-        hidden |= hidden_by_strings(strings, start, sensor.camera_centre_mm)
+        hidden |= hidden_by_strings(strings, start, camera.centre_mm)
     for k, solid in enumerate(scene.solids):
         if not body_of(solid).convex:
-            hidden |= hidden_by_solid(solid, start, sensor.camera_centre_mm)
+            hidden |= hidden_by_solid(solid, start, camera.centre_mm)
             continue
         others = np.flatnonzero(number != k)
-        hidden[others] |= hidden_by_solid(solid, start[others], sensor.camera_centre_mm)
+        hidden[others] |= hidden_by_solid(solid, start[others], camera.centre_mm)
     tile = np.floor(uv / TILE_PX).astype(np.int64) + 8
     group = FIRST_STRIPE_GROUP + number * GROUPS_A_SOLID + tile[:, 1] * TILES_A_ROW + tile[:, 0]
     seen = slice(None) if not np.any(hidden) else ~hidden
@@ -148,7 +149,7 @@ def _within(uv, last_u, last_v):  # type: ignore[no-untyped-def]
 
 
 def _nodes(
-    faces: Faces, pieces: Pieces, length_px: Array, step: float, sensor: SensorModel, config: EmulatorConfig
+    faces: Faces, pieces: Pieces, length_px: Array, step: float, sensor: Sensor, config: EmulatorConfig
 ) -> tuple[Array, Array, Array, Index]:
     """Pairs of Gauss-Legendre nodes along the pieces: points, normals towards the laser (N, 3), area [mm²], solid
     (N,).
@@ -157,7 +158,7 @@ def _nodes(
     pairs = np.clip(np.ceil(np.nan_to_num(length_px, nan=2000.0) / (NODE_STEP * sigma)), 1, 4000).astype(np.int64)
     count = 2 * int(pairs.sum())
     xyz, normal, piece = np.empty((count, 3)), np.empty((count, 3)), np.empty(count, np.int64)
-    _place(pieces.ends, pieces.normals, pairs, np.array(sensor.laser_origin_mm, dtype=float), xyz, normal, piece)
+    _place(pieces.ends, pieces.normals, pairs, np.array(sensor.sheet.origin_mm, dtype=float), xyz, normal, piece)
     area = _length_mm(pieces) / (2 * pairs) * step / _plane_sine(faces, pieces)
     return xyz, normal, area[piece], faces.solid[pieces.face][piece]
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import SensorModel
+from geometry import Sensor
 from geometry.compiled import kernel
 from perceptron_emu.brdf import brdf
 from perceptron_emu.config import EmulatorConfig
@@ -44,7 +44,7 @@ class Source(NamedTuple):
 class Light:
     """The laser, the lens and the chip's quantum yield of one exposure."""
 
-    sensor: SensorModel
+    sensor: Sensor
     config: EmulatorConfig
 
     def electrons(self, xyz_mm: Array, normal: Array, material: Material) -> Array:
@@ -68,10 +68,11 @@ class Light:
     def _source(self) -> Source:
         laser, sensor = self.config.laser, self.sensor
         scale = laser.power_mw * self.electrons_per_mw(laser.wavelength_nm)
-        origin, camera = np.array(sensor.laser_origin_mm, dtype=float), np.array(sensor.camera_centre_mm, dtype=float)
-        axis = np.array(sensor.T_sensor_camera.R[:, 2], dtype=float)
+        T_sensor_camera = sensor.require_camera().T_sensor_camera
+        origin, camera = np.array(sensor.sheet.origin_mm, dtype=float), np.array(T_sensor_camera.t, dtype=float)
+        axis = np.array(T_sensor_camera.R[:, 2], dtype=float)
         lens = gather(self.config.optics, sensor, laser.wavelength_nm)
-        return Source(scale, origin, camera, axis, beam(laser, sensor), fan(laser, sensor.fan_rad), lens)
+        return Source(scale, origin, camera, axis, beam(laser, sensor), fan(laser, sensor.sheet.fan_rad), lens)
 
     def electrons_per_mw(self, wavelength_nm: float) -> float:
         """Photo-electrons of one exposure per mW on the chip: t · η · λ/(hc)."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import Pose, SensorModel
+from geometry import Pose, Sensor
 from geometry.compiled import kernel
 from perceptron_emu.lighting import LitScene
 from perceptron_emu.projection import project
@@ -73,13 +73,12 @@ class Frame:
     truth: FrameTruth
 
 
-def string_truths(
-    parts: list[LitScene], shares: list[Array], now: LitScene, sensor: SensorModel
-) -> tuple[StringTruth, ...]:
+def string_truths(parts: list[LitScene], shares: list[Array], now: LitScene, sensor: Sensor) -> tuple[StringTruth, ...]:
     """Truth of every string: sums over the parts of an exposure, axis points at its middle (``now``).
 
     shares: for each part the share of it that the chip's rows take (H,).
     """
+    camera = sensor.require_camera()
     if now.strings is None:
         return ()
     axes, truths = now.strings.crossing[:, 1:], []
@@ -88,7 +87,7 @@ def string_truths(
         for part, share in zip(parts, shares, strict=True):
             nodes = part.string_samples[i]
             uv = project(sensor, nodes.xyz_mm)
-            taken = _add(sums, uv, nodes.xyz_mm, nodes.electrons, share, sensor.width_px, sensor.height_px)
+            taken = _add(sums, uv, nodes.xyz_mm, nodes.electrons, share, camera.width_px, camera.height_px)
             unhidden += taken * float(part.unhidden[i])
         truths.append(_string_truth(label, axes[i], sums, unhidden))
     return tuple(truths)

@@ -17,7 +17,7 @@ from geometry import (
     Frame,
     NoAnswerError,
     Pose,
-    SensorModel,
+    Sensor,
     Target,
     locations_of,
     log_so3,
@@ -32,7 +32,7 @@ NEAR_MM, NEAR_RAD = 5.0, float(np.deg2rad(1.0))  # the surface offset needs the 
 def label_frames(
     frames: Sequence[Frame],
     target: Target,
-    sensor: SensorModel,
+    sensor: Sensor,
     T_hand_sensor: Pose,
     places: Mapping[str, Pose],
     config: CalibConfig,
@@ -58,7 +58,7 @@ def label_frames(
 def label_group(
     target: Target,
     frames: Sequence[Frame],
-    sensor: SensorModel,
+    sensor: Sensor,
     T_hand_sensor: Pose,
     place: Pose | None,
     config: CalibConfig,
@@ -77,7 +77,7 @@ def label_group(
 def _(
     target: Jig,
     frames: Sequence[Frame],
-    sensor: SensorModel,
+    sensor: Sensor,
     T_hand_sensor: Pose,
     place: Pose | None,
     config: CalibConfig,

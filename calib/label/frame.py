@@ -13,7 +13,7 @@ from calib.label.refine import FULL, LabelledFrame, refine_labels
 from calib.label.surface_offset import rough_offset
 from calib.pose.fit import MIN_STRINGS
 from calib.pose.weights import anchor_sigma
-from geometry import Pose, SensorModel, SurfacePoints, skew
+from geometry import Pose, Sensor, SurfacePoints, skew
 from jig_cad import Jig
 
 IntArray = NDArray[np.intp]
@@ -33,7 +33,7 @@ OFFSET_SPREAD = 0.5  # radii: how much the lit surface's offset differs between 
 def label_frame(
     points: SurfacePoints,
     jig: Jig,
-    sensor: SensorModel,
+    sensor: Sensor,
     T_sensor_jig_guess: Pose | None,
     config: CalibConfig,
 ) -> LabelledFrame:
@@ -55,7 +55,7 @@ def guess_prior(guess: Pose, jig: Jig, config: CalibConfig) -> Prior:
 
 
 def label_spots(
-    points: SurfacePoints, jig: Jig, sensor: SensorModel, prior: Prior | None, config: CalibConfig
+    points: SurfacePoints, jig: Jig, sensor: Sensor, prior: Prior | None, config: CalibConfig
 ) -> LabelledFrame:
     """Label one frame's spots with a prior of any covariance, or none."""
     if len(points) == 0:
@@ -74,7 +74,7 @@ def _choose(
     points: SurfacePoints,
     found: Hypotheses,
     jig: Jig,
-    sensor: SensorModel,
+    sensor: Sensor,
     prior: Prior | None,
     config: CalibConfig,
 ) -> LabelledFrame | None:
@@ -100,7 +100,7 @@ def _choose(
 
 
 def _hypotheses(
-    points: SurfacePoints, jig: Jig, sensor: SensorModel, prior: Prior | None, config: CalibConfig, doubt_mm: float
+    points: SurfacePoints, jig: Jig, sensor: Sensor, prior: Prior | None, config: CalibConfig, doubt_mm: float
 ) -> Hypotheses | None:
     spots = _spots(points, jig, sensor, prior, config, doubt_mm)
     limits = config.labelling
@@ -136,7 +136,7 @@ def _complete(found: Hypotheses, spots: Spots, jig: Jig, tilt: float) -> Hypothe
 
 
 def _spots(
-    points: SurfacePoints, jig: Jig, sensor: SensorModel, prior: Prior | None, config: CalibConfig, doubt_mm: float
+    points: SurfacePoints, jig: Jig, sensor: Sensor, prior: Prior | None, config: CalibConfig, doubt_mm: float
 ) -> Spots:
     """The spots less a mean surface offset, with everything that a labelling does not know yet in their covariance."""
     n = min(len(points), config.labelling.max_candidates)

@@ -13,7 +13,7 @@ from calib.label.chain import Chain, mahalanobis2
 from calib.label.evidence import Prior
 from calib.label.frame import label_spots
 from calib.label.refine import LabelledFrame, turned_over, with_pose
-from geometry import Pose, SensorModel, SurfacePoints, Symmetry, stack_poses
+from geometry import Pose, Sensor, SurfacePoints, Symmetry, stack_poses
 from jig_cad import Jig
 
 Array = NDArray[np.float64]
@@ -30,7 +30,7 @@ def label_location(
     Ts_base_hand: Pose,
     T_hand_sensor: Pose,
     jig: Jig,
-    sensor: SensorModel,
+    sensor: Sensor,
     config: CalibConfig,
     T_base_jig: Pose | None = None,
     refined: bool = False,
@@ -154,7 +154,7 @@ def _best_priors(pool: _Pool, references: NDArray[np.intp], chain: Chain, n_fram
 
 
 def _settle(
-    points: SurfacePoints, found: LabelledFrame, prior: Prior | None, jig: Jig, sensor: SensorModel, config: CalibConfig
+    points: SurfacePoints, found: LabelledFrame, prior: Prior | None, jig: Jig, sensor: Sensor, config: CalibConfig
 ) -> LabelledFrame:
     """The frame's own labels, turned and with the candidate that the chain names; labelled anew where they disagree."""
     if prior is None:

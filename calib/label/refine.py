@@ -16,7 +16,7 @@ from calib.label.surface_offset import axis_points
 from calib.pose.candidates import JigPoseCandidate, JigPoseFit
 from calib.pose.crossings import crossings
 from calib.pose.fit import fit_pose, pose_near
-from geometry import AxisPoints, NoAnswerError, Pose, SensorModel, SurfacePoints, Symmetry
+from geometry import AxisPoints, NoAnswerError, Pose, Sensor, SurfacePoints, Symmetry
 from jig_cad import Jig
 
 Array = NDArray[np.float64]
@@ -49,7 +49,7 @@ def refine_labels(
     T_sensor_jig: Pose,
     prior: Prior | None,
     jig: Jig,
-    sensor: SensorModel,
+    sensor: Sensor,
     config: CalibConfig,
     starts: Pose | None = None,
 ) -> LabelledFrame | None:
@@ -78,7 +78,7 @@ class _Part:
     T_sensor_jig: Pose
     prior: Prior | None
     jig: Jig
-    sensor: SensorModel
+    sensor: Sensor
     config: CalibConfig
     starts: Pose | None = None
 
@@ -149,7 +149,7 @@ def turned_over(
     turn: Symmetry,
     points: SurfacePoints,
     jig: Jig,
-    sensor: SensorModel,
+    sensor: Sensor,
     config: CalibConfig,
 ) -> LabelledFrame:
     """The frame with the jig carried onto itself: the pillar the other way up, where B and C change places."""

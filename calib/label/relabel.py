@@ -11,7 +11,7 @@ from calib.config import CalibConfig
 from calib.label.all_frames import label_frames, stays
 from calib.label.location import upright_turn
 from calib.label.surface_offset import surface_offset
-from geometry import Frame, Pose, SensorModel, Target, stack_poses
+from geometry import Frame, Pose, Sensor, Target, stack_poses
 from jig_cad import Jig
 
 SETTLED_SIGMA = 0.05  # axis points that moved by less than this share of their σ leave the solution as it is
@@ -21,7 +21,7 @@ def relabel(
     before: Sequence[Frame],
     fresh: Sequence[Frame],
     target: Target,
-    sensor: SensorModel,
+    sensor: Sensor,
     T_hand_sensor: Pose,
     places: Mapping[str, Pose],
     decided: Mapping[str, Pose],
@@ -85,7 +85,7 @@ def _unchanged(a: Frame, b: Frame) -> bool:
 
 
 def _with_offsets(
-    frames: Sequence[Frame], Ts_sensor_jig: Pose, jig: Jig, sensor: SensorModel, config: CalibConfig
+    frames: Sequence[Frame], Ts_sensor_jig: Pose, jig: Jig, sensor: Sensor, config: CalibConfig
 ) -> list[Frame]:
     """Frames (F) that show every string, their axis points by the poses (F)."""
     yz = np.stack([f.points.yz_mm[f.axis.spot] for f in frames])

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from calib.config import CalibConfig
 from calib.surface_config import SurfaceConfig
-from geometry import Pose, SensorModel, SurfacePoints, cross
+from geometry import Pose, Sensor, SurfacePoints, cross
 from jig_cad import Jig
 
 Array = NDArray[np.float64]
@@ -42,7 +42,7 @@ def axis_points(
     surface: SurfacePoints,
     labels: Sequence[str],
     jig: Jig,
-    sensor: SensorModel,
+    sensor: Sensor,
     T_sensor_jig: Pose,
     config: CalibConfig,
 ) -> tuple[Array, Array]:
@@ -58,7 +58,7 @@ def axis_points(
 
 
 def surface_offset(
-    yz_mm: Array, directions: Array, radius_mm: float, sensor: SensorModel, surface: SurfaceConfig
+    yz_mm: Array, directions: Array, radius_mm: float, sensor: Sensor, surface: SurfaceConfig
 ) -> tuple[Array, Array]:
     """Lit-surface centroid less axis, in the sheet: mean (..., 2) [mm] and covariance (..., 2, 2) over what is unknown.
 
@@ -73,23 +73,23 @@ def surface_offset(
     return mean, spread + surface.diameter_sigma**2 * mean[..., :, None] * mean[..., None, :]
 
 
-def rough_offset(yz_mm: Array, direction: Array, radius_mm: float, sensor: SensorModel) -> Array:
+def rough_offset(yz_mm: Array, direction: Array, radius_mm: float, sensor: Sensor) -> Array:
     """Lit-surface centroid less axis (..., 2) [mm], to a third of a radius, for a string near ``direction`` (3,)."""
     point = np.concatenate([np.zeros_like(yz_mm[..., :1]), yz_mm], -1)
     across = [
         _unit(u - u @ direction[:, None] * direction)
-        for u in (sensor.laser_origin_mm - point, sensor.camera_centre_mm - point)
+        for u in (sensor.sheet.origin_mm - point, sensor.require_camera().centre_mm - point)
     ]
     middle = _unit(across[0] + across[1])
     slope = direction[1:] / direction[0]
     return np.asarray(MEAN_COSINE * radius_mm * (middle[..., 1:] - slope * middle[..., :1]))
 
 
-def centroid_offsets(yz_mm: Array, directions: Array, sensor: SensorModel, threads: Array) -> Array:
+def centroid_offsets(yz_mm: Array, directions: Array, sensor: Sensor, threads: Array) -> Array:
     """Lit-surface centroid less axis (..., K, 2) in radii, for each of K threads (albedo, reflectance, GGX α)."""
     point = np.concatenate([np.zeros_like(yz_mm[..., :1]), yz_mm], -1)
-    light = _unit(sensor.laser_origin_mm - point)
-    view = _unit(sensor.camera_centre_mm - point)
+    light = _unit(sensor.sheet.origin_mm - point)
+    view = _unit(sensor.require_camera().centre_mm - point)
     l_across, v_across = (_unit(u - np.sum(u * directions, -1, keepdims=True) * directions) for u in (light, view))
     middle = _unit(l_across + v_across)
     side = cross(directions, middle)

@@ -12,13 +12,15 @@ from calib.config import CalibConfig
 from calib.result import CalibrationResult
 from geometry import (
     AxisPoints,
+    Camera,
     Frame,
     NoAnswerError,
     Pose,
     Robot,
     RobotModel,
     Role,
-    SensorModel,
+    Sensor,
+    Sheet,
     Target,
     cross_plane_x0,
     draw_errors,
@@ -83,7 +85,7 @@ class Observed:
     """The frames of a synthetic cell with labelled points, the sensor, the SCP by design, and places that are given."""
 
     frames: tuple[Frame, ...]
-    sensor: SensorModel
+    sensor: Sensor
     design: Pose
     places: dict[str, Pose] = field(default_factory=dict)
 
@@ -104,11 +106,11 @@ def industrial_arm() -> RobotModel:
     )
 
 
-def default_sensor() -> SensorModel:
+def default_sensor() -> Sensor:
     """A sensor at 290 mm stand-off; calibration of given axis points needs no more of it."""
     rotation = np.array([[0, -0.924016832, -0.382351793], [1, 0, 0], [0, -0.382351793, 0.924016832]])
     pose = Pose.from_matrix(np.vstack([np.column_stack([rotation, [120, 0, 0]]), [0, 0, 0, 1]]))
-    return SensorModel(1280, 1024, 2300.0, 2300.0, 639.5, 511.5, pose, fan_rad=float(np.deg2rad(44.0)))
+    return Sensor(Sheet(fan_rad=float(np.deg2rad(44.0))), Camera(1280, 1024, 2300.0, 2300.0, 639.5, 511.5, pose))
 
 
 def random_cell(

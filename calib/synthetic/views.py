@@ -9,7 +9,17 @@ from numpy.typing import NDArray
 
 from calib.label.surface_offset import centroid_offsets
 from calib.pose.crossings import crossings
-from geometry import Pose, SensorModel, SurfacePoints, exp_so3, field_of_view, inside_polygon, nearest_rotation
+from geometry import (
+    Camera,
+    Pose,
+    Sensor,
+    Sheet,
+    SurfacePoints,
+    exp_so3,
+    field_of_view,
+    inside_polygon,
+    nearest_rotation,
+)
 from jig_cad import DEFAULT_STRINGS, STRINGS, Jig, sample_tolerance
 
 Array = NDArray[np.float64]
@@ -21,7 +31,7 @@ class View:
 
     jig: Jig
     made: Jig
-    sensor: SensorModel
+    sensor: Sensor
     T_sensor_jig: Pose
 
     @property
@@ -54,7 +64,7 @@ class LabelledTruth:
     cut: tuple[str, ...]
 
 
-def random_sensor(rng: np.random.Generator) -> tuple[SensorModel, float]:
+def random_sensor(rng: np.random.Generator) -> tuple[Sensor, float]:
     """A line sensor that sees 180 to 260 mm at 150 to 500 mm, its camera on either side, and that distance [mm]."""
     base, distance = rng.uniform(60, 220) * rng.choice([-1, 1]), rng.uniform(150, 500)
     forward = np.array([-base, 0, distance]) / np.hypot(base, distance)
@@ -62,7 +72,8 @@ def random_sensor(rng: np.random.Generator) -> tuple[SensorModel, float]:
     R = nearest_rotation(np.column_stack([right, np.cross(forward, right), forward]))
     focal = 1280 * np.hypot(base, distance) / rng.uniform(180, 260)
     pose = Pose(R, np.array([base, 0.0, 0.0]))
-    return SensorModel(1280, 1024, focal, focal, 639.5, 511.5, pose, fan_rad=float(np.deg2rad(60))), distance
+    camera = Camera(1280, 1024, focal, focal, 639.5, 511.5, pose)
+    return Sensor(Sheet(fan_rad=float(np.deg2rad(60))), camera), distance
 
 
 def random_jig(rng: np.random.Generator, six: bool | None = None) -> tuple[Jig, Jig]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import SensorModel
+from geometry import Sensor
 
 Array = NDArray[np.float64]
 
@@ -28,13 +28,14 @@ class Rays:
     jacobian: Array
 
 
-def undistort(sensor: SensorModel, uv_px: Array) -> Rays:
+def undistort(sensor: Sensor, uv_px: Array) -> Rays:
     """Rays of the pixels ``uv_px`` (N, 2), exact to rounding: what `cv2.projectPoints` does, inverted."""
-    focal = np.array([sensor.fx_px, sensor.fy_px])
-    seen = (np.asarray(uv_px, dtype=float) - [sensor.cx_px, sensor.cy_px]) / focal
-    if not any(sensor.distortion):
+    camera = sensor.require_camera()
+    focal = np.array([camera.fx_px, camera.fy_px])
+    seen = (np.asarray(uv_px, dtype=float) - [camera.cx_px, camera.cy_px]) / focal
+    if not any(camera.distortion):
         return Rays(seen, np.broadcast_to(np.diag(1 / focal), (len(seen), 2, 2)).copy())
-    k = sensor.distortion14
+    k = camera.distortion14
     with np.errstate(all="ignore"):  # pixels outside the model's domain run to NaN and are reported as such
         unbend = np.asarray(np.linalg.inv(_tilt(k[12], k[13])), dtype=float)
         flat, flat_by_seen = _projective(unbend, seen)

@@ -6,12 +6,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from extraction.sheet.lens import undistort
-from geometry import InputError, SensorModel
+from geometry import InputError, Sensor
 
 Array = NDArray[np.float64]
 
 
-def image_to_sheet(sensor: SensorModel, uv_px: ArrayLike) -> tuple[Array, Array]:
+def image_to_sheet(sensor: Sensor, uv_px: ArrayLike) -> tuple[Array, Array]:
     """Points of the laser sheet seen at the pixels ``uv_px`` (N, 2), with the Jacobian of that map.
 
     Returns yz_mm (N, 2) in {P} and d(yz)/d(uv) (N, 2, 2) [mm/px]; both are NaN where the ray runs away from the
@@ -30,9 +30,10 @@ def propagate(jacobian: Array, covariance: Array) -> Array:
     return np.asarray(jacobian @ covariance @ np.swapaxes(jacobian, -1, -2))
 
 
-def _meet_sheet(sensor: SensorModel, xy: Array) -> tuple[Array, Array]:
+def _meet_sheet(sensor: Sensor, xy: Array) -> tuple[Array, Array]:
     """Where the rays (x, y, 1) of the camera meet x = 0 of {P}: (y, z) (N, 2) and d(yz)/d(xy) (N, 2, 2)."""
-    R, t = sensor.T_sensor_camera.R, sensor.T_sensor_camera.t
+    camera = sensor.require_camera()
+    R, t = camera.T_sensor_camera.R, camera.T_sensor_camera.t
     direction = xy @ R[:, :2].T + R[:, 2]  # (N, 3) in {P}
     with np.errstate(divide="ignore", invalid="ignore"):
         reach = -t[0] / direction[:, 0]

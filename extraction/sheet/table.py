@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from extraction.compiled import compiled, inner
 from extraction.sheet.rectify import image_to_sheet
-from geometry import SensorModel
+from geometry import Sensor
 
 Array = NDArray[np.float64]
 
@@ -27,15 +27,16 @@ class SheetTable:
     usable: cells that interpolate to ATOL_MM (rows - 1, columns - 1); the others are computed exactly.
     """
 
-    sensor: SensorModel
+    sensor: Sensor
     nodes_yz_mm: Array
     usable: NDArray[np.bool_]
 
     @staticmethod
-    def build(sensor: SensorModel) -> SheetTable:
+    def build(sensor: Sensor) -> SheetTable:
         """The table of ``sensor``: some 80,000 exact inversions for a megapixel."""
-        u = STEP_PX * np.arange(-_MARGIN, np.ceil(sensor.width_px / STEP_PX) + _MARGIN + 1)
-        v = STEP_PX * np.arange(-_MARGIN, np.ceil(sensor.height_px / STEP_PX) + _MARGIN + 1)
+        camera = sensor.require_camera()
+        u = STEP_PX * np.arange(-_MARGIN, np.ceil(camera.width_px / STEP_PX) + _MARGIN + 1)
+        v = STEP_PX * np.arange(-_MARGIN, np.ceil(camera.height_px / STEP_PX) + _MARGIN + 1)
         nodes = _exact_grid(sensor, u, v)
         usable = np.zeros((len(v) - 1, len(u) - 1), dtype=bool)
         inner = (slice(1, -1), slice(1, -1))
@@ -57,10 +58,10 @@ class SheetTable:
         return yz, jacobian
 
 
-_TABLES: WeakKeyDictionary[SensorModel, SheetTable] = WeakKeyDictionary()
+_TABLES: WeakKeyDictionary[Sensor, SheetTable] = WeakKeyDictionary()
 
 
-def sheet_table(sensor: SensorModel) -> SheetTable:
+def sheet_table(sensor: Sensor) -> SheetTable:
     """The look-up table of ``sensor``, built on first use and kept as long as that sensor object lives."""
     table = _TABLES.get(sensor)
     if table is None:
@@ -68,7 +69,7 @@ def sheet_table(sensor: SensorModel) -> SheetTable:
     return table
 
 
-def _exact_grid(sensor: SensorModel, u: Array, v: Array) -> Array:
+def _exact_grid(sensor: Sensor, u: Array, v: Array) -> Array:
     grid = np.stack(np.meshgrid(u, v), -1)
     return image_to_sheet(sensor, grid.reshape(-1, 2))[0].reshape(grid.shape)
 

@@ -11,7 +11,7 @@ from scipy.special import ndtr
 from extraction.config import NoiseConfig
 from extraction.spots.blur import BLOCK_PX, ROW_STEP, Image32
 from extraction.spots.prepare import QUANTISATION_VARIANCE, Prepared
-from geometry import SensorModel
+from geometry import Sensor
 
 # noise σ about grey level 0, cut off there and rounded: the mean and variance that are left
 CUT_SIGMA = np.geomspace(0.1, 60.0, 120)
@@ -45,11 +45,12 @@ class NoiseModel:
     model_error: float
 
 
-def noise_model(prepared: Prepared, sensor: SensorModel, config: NoiseConfig) -> NoiseModel:
+def noise_model(prepared: Prepared, sensor: Sensor, config: NoiseConfig) -> NoiseModel:
     """The frame's noise, from the configuration where it says and else from the frame itself."""
+    camera = sensor.require_camera()
     gain = config.gain_dn_per_e
     if gain is None:
-        gain = (sensor.saturation_dn - sensor.black_level) / config.full_well_e
+        gain = (camera.saturation_dn - camera.black_level) / config.full_well_e
     if config.read_noise_dn is not None:
         # the dark frame's background has no shot noise of its own to speak of
         variance = config.read_noise_dn**2 + QUANTISATION_VARIANCE
@@ -63,7 +64,7 @@ def noise_model(prepared: Prepared, sensor: SensorModel, config: NoiseConfig) ->
         weight = min(weight, 4.0 / 3.0 * config.speckle_contrast)
     return NoiseModel(
         max(variance, QUANTISATION_VARIANCE), gain, weight, config.speckle_contrast, config.speckle_grain_px,
-        float(sensor.saturation_dn), config.model_error,
+        float(camera.saturation_dn), config.model_error,
     )  # fmt: skip
 
 

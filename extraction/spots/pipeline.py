@@ -23,7 +23,7 @@ from extraction.spots.score import flag_spots, refuse_spots, score_spots
 from extraction.spots.speckle import estimate_speckle
 from extraction.spots.spot_noise import SpotNoise, concatenate, take
 from extraction.spots.stages import Stages, why_empty
-from geometry import SensorModel, SurfacePoints
+from geometry import Sensor, SurfacePoints
 
 Array = NDArray[np.float64]
 
@@ -39,7 +39,7 @@ class _Extraction:
     about: SpotNoise | None
 
 
-def extract(image: object, sensor: SensorModel, config: ExtractionConfig | None = None) -> SurfacePoints:
+def extract(image: object, sensor: Sensor, config: ExtractionConfig | None = None) -> SurfacePoints:
     """The lit string spots of an image as unlabelled points of the laser sheet, best score first.
 
     image: grey levels (H, W), uint8 or uint16. Raises InputError where image and sensor do not fit each other. No spot
@@ -48,7 +48,7 @@ def extract(image: object, sensor: SensorModel, config: ExtractionConfig | None 
     return _extract(image, sensor, config or ExtractionConfig()).points
 
 
-def extract_stages(image: object, sensor: SensorModel, config: ExtractionConfig | None = None) -> Stages:
+def extract_stages(image: object, sensor: Sensor, config: ExtractionConfig | None = None) -> Stages:
     """As `extract`, with all that it saw on the way."""
     config = config or ExtractionConfig()
     result = _extract(image, sensor, config)
@@ -60,7 +60,7 @@ def extract_stages(image: object, sensor: SensorModel, config: ExtractionConfig 
     return Stages(result.prepared.image, background, mask, result.candidates, result.points, result.candidate, reason)
 
 
-def _extract(image: object, sensor: SensorModel, config: ExtractionConfig) -> _Extraction:
+def _extract(image: object, sensor: Sensor, config: ExtractionConfig) -> _Extraction:
     prepared = prepare(check_image(image, sensor), config.detect)
     candidates = find_candidates(prepared, config.detect, sheet_scale(sensor))
     noise = noise_model(prepared, sensor, config.noise)
@@ -81,9 +81,7 @@ def _extract(image: object, sensor: SensorModel, config: ExtractionConfig) -> _E
     )
 
 
-def learn_speckle(
-    images: Iterable[object], sensor: SensorModel, config: ExtractionConfig | None = None
-) -> ExtractionConfig:
+def learn_speckle(images: Iterable[object], sensor: Sensor, config: ExtractionConfig | None = None) -> ExtractionConfig:
     """The configuration with the speckle's contrast and grain as the trusted spots of all ``images`` show them.
 
     One image's few spots tell little of them; those of a dataset make the reported σ true.
@@ -105,9 +103,10 @@ def learn_speckle(
 
 
 @lru_cache(maxsize=8)
-def sheet_scale(sensor: SensorModel) -> float:
+def sheet_scale(sensor: Sensor) -> float:
     """Typical size of a pixel in the laser sheet [mm/px]: the median over a grid of the image."""
-    u, v = np.meshgrid(np.linspace(0, sensor.width_px - 1, 5), np.linspace(0, sensor.height_px - 1, 5))
+    camera = sensor.require_camera()
+    u, v = np.meshgrid(np.linspace(0, camera.width_px - 1, 5), np.linspace(0, camera.height_px - 1, 5))
     _, jacobian = image_to_sheet(sensor, np.column_stack([u.ravel(), v.ravel()]))
     area = np.abs(np.linalg.det(jacobian))
     area = area[np.isfinite(area) & (area > 0)]

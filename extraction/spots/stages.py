@@ -11,7 +11,7 @@ from extraction.image import Image
 from extraction.spots.blur import Image32
 from extraction.spots.candidates import Candidates
 from extraction.spots.prepare import Prepared
-from geometry import SensorModel, SurfacePoints
+from geometry import Sensor, SurfacePoints
 
 FLOODED_SHARE = 0.5  # of clipped pixels, above which the image is said to be saturated
 
@@ -34,13 +34,14 @@ class Stages:
     reason: str
 
 
-def why_empty(prepared: Prepared, candidates: Candidates, sensor: SensorModel) -> str:
+def why_empty(prepared: Prepared, candidates: Candidates, sensor: Sensor) -> str:
     """One sentence on why an image gave no spot."""
+    camera = sensor.require_camera()
     image = prepared.image
     if image.min() == image.max():
         return f"the image is blank: every pixel holds grey level {int(image.min())}"
-    if np.mean(image >= sensor.saturation_dn) > FLOODED_SHARE:
-        return f"more than half of the image is saturated ({sensor.saturation_dn}): lower the exposure"
+    if np.mean(image >= camera.saturation_dn) > FLOODED_SHARE:
+        return f"more than half of the image is saturated ({camera.saturation_dn}): lower the exposure"
     if not len(candidates):
         return "nothing stands above the noise: no laser in the image, or it is too dark"
     counts = {reason: candidates.reason.count(reason) for reason in dict.fromkeys(candidates.reason)}

@@ -20,7 +20,7 @@ from extraction.stripe.plateau import join_plateaus
 from extraction.stripe.profile import EDGE, SATURATED, SHAPE, Profile, StripePeaks
 from extraction.stripe.select import connected, select
 from extraction.stripe.view import StripeView, stripe_view
-from geometry import SensorModel
+from geometry import Sensor
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -32,7 +32,7 @@ _WIDTH_ERROR = 0.12  # relative, of the width expected from neighbouring section
 
 def extract_profile(
     image: NDArray[np.generic],
-    sensor: SensorModel,
+    sensor: Sensor,
     config: StripeConfig | None = None,
     laser_off: NDArray[np.generic] | None = None,
     mask: Mask | None = None,
@@ -42,19 +42,21 @@ def extract_profile(
     laser_off: the same view without laser, subtracted. mask: True where pixels may be used (H, W).
     Points whose rays miss the sheet are left out. InputError where the image does not fit the sensor.
     """
+    camera = sensor.require_camera()
     config = config or StripeConfig()
     check_image(image, sensor)
     if config.direction == "auto":
         config = config.model_copy(update={"direction": depth_direction(sensor)})
-    peaks = detect_stripe(image, config, laser_off, mask, sensor.saturation_dn, sensor.black_level)
+    peaks = detect_stripe(image, config, laser_off, mask, camera.saturation_dn, camera.black_level)
     yz, jacobian = sheet_table(sensor).lookup(peaks.uv_px)
     seen: Mask = np.asarray(np.isfinite(yz).all(axis=1))
     return Profile(peaks, yz, propagate(jacobian, peaks.cov_uv_px2))[seen]
 
 
-def depth_direction(sensor: SensorModel) -> str:
+def depth_direction(sensor: Sensor) -> str:
     """The image axis along which depth moves a point more, at the image's middle: "columns" for v, "rows" for u."""
-    middle = np.array([[(sensor.width_px - 1) / 2, (sensor.height_px - 1) / 2]])
+    camera = sensor.require_camera()
+    middle = np.array([[(camera.width_px - 1) / 2, (camera.height_px - 1) / 2]])
     jacobian = image_to_sheet(sensor, middle)[1][0]
     if not np.isfinite(jacobian).all():
         return "columns"

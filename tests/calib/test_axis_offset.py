@@ -9,13 +9,13 @@ from calib.config import CalibConfig
 from calib.label.surface_offset import axis_points, centroid_offsets, surface_offset
 from calib.surface_config import SurfaceConfig
 from calib.synthetic.views import SpotNoise, observe_spots, random_view
-from geometry import SensorModel
+from geometry import Sensor
 
 ATOL_MM = 0.001  # of a string of 0.3 mm
 seeds = st.integers(0, 2**32 - 1)
 
 
-def brute_centroid(sensor: SensorModel, axis_mm, d, radius_mm, thread, waist_mm=0.15):
+def brute_centroid(sensor: Sensor, axis_mm, d, radius_mm, thread, waist_mm=0.15):
     """Where the camera's ray through the spot's centroid meets the sheet: every patch of the string on its own.
 
     Point emitter, exact pinhole, Gaussian sheet, Lambert beside GGX written out anew. It does not prove the reflectance
@@ -29,7 +29,7 @@ def brute_centroid(sensor: SensorModel, axis_mm, d, radius_mm, thread, waist_mm=
     s = np.linspace(-6, 6, 241)[None, :, None] * waist_mm / abs(d[0])
     n = np.cos(phi) * e1 + np.sin(phi) * e2
     x = np.array([0, *axis_mm]) + s * d + radius_mm * n
-    light, view = sensor.laser_origin_mm - x, sensor.camera_centre_mm - x
+    light, view = sensor.sheet.origin_mm - x, sensor.camera.centre_mm - x
     far2 = np.sum(view**2, -1)
     light = light / np.linalg.norm(light, axis=-1, keepdims=True)
     view = view / np.sqrt(far2)[..., None]
@@ -50,10 +50,10 @@ def brute_centroid(sensor: SensorModel, axis_mm, d, radius_mm, thread, waist_mm=
     glossy = density * fresnel * mask(nl) * mask(nv) / np.maximum(4 * nl * nv, 1e-12)
     sheet = np.exp(-2 * (x[..., 0] / waist_mm) ** 2)
     weight = sheet * nl * nv * (albedo / np.pi + glossy) / far2
-    camera = (x - sensor.camera_centre_mm) @ sensor.T_sensor_camera.R
+    camera = (x - sensor.camera.centre_mm) @ sensor.camera.T_sensor_camera.R
     uv = np.average((camera[..., :2] / camera[..., 2:]).reshape(-1, 2), axis=0, weights=weight.ravel())
-    ray = sensor.T_sensor_camera.R @ np.array([*uv, 1.0])
-    return (sensor.camera_centre_mm - ray * sensor.camera_centre_mm[0] / ray[0])[1:]
+    ray = sensor.camera.T_sensor_camera.R @ np.array([*uv, 1.0])
+    return (sensor.camera.centre_mm - ray * sensor.camera.centre_mm[0] / ray[0])[1:]
 
 
 THREADS = [(0.6, 0.0, 0.5), (0.5, 0.05, 0.3), (0.1, 0.3, 0.3), (0.02, 0.6, 0.25)]

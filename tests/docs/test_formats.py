@@ -13,7 +13,7 @@ from pydantic import BaseModel
 from calib import CalibConfig
 from extraction import GapFlushConfig, StripeConfig
 from extraction.config import ExtractionConfig
-from jig_cad.files import JigTable
+from jig_cad.files import JigTable, LinesTable
 from perceptron_emu import EmulatorConfig
 from perceptron_emu.scene_file import SceneFile
 from workbench.files.cell import CellFile
@@ -26,7 +26,7 @@ from workbench.validate.summary import Thresholds
 
 PAGE = (Path(__file__).parents[2] / "docs" / "formats.md").read_text(encoding="utf-8")
 WORDS = set(re.findall(r"\w+", PAGE))
-CELL = (CellFile, SensorFile, EmulatorConfig, JigTable, RobotFile, Truth)
+CELL = (CellFile, SensorFile, EmulatorConfig, JigTable, LinesTable, RobotFile, Truth)
 SETTINGS = (ExtractionConfig, CalibConfig, StripeConfig, GapFlushConfig)
 OTHERS = (SceneFile, Thresholds)
 

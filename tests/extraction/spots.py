@@ -5,19 +5,19 @@ from __future__ import annotations
 import numpy as np
 
 from extraction.spots import TrueSpot, mean_image
-from geometry import Pose, SensorModel
+from geometry import Camera, Pose, Sensor, Sheet
 
 CAMERA_ROTATION = np.array([[0, -0.924016832, -0.382351793], [1, 0, 0], [0, -0.382351793, 0.924016832]])
 
 
-def make_sensor(width: int = 640, height: int = 512, **more: object) -> SensorModel:
+def make_sensor(width: int = 640, height: int = 512, **more: object) -> Sensor:
     """A sensor that looks at the sheet from 120 mm beside the emitter."""
     u, _, vt = np.linalg.svd(CAMERA_ROTATION)
     values: dict[str, object] = {
         "width_px": width, "height_px": height, "fx_px": 2300.0, "fy_px": 2300.0, "cx_px": (width - 1) / 2,
         "cy_px": (height - 1) / 2, "T_sensor_camera": Pose(u @ vt, np.array([120.0, 0, 0])),
     }  # fmt: skip
-    return SensorModel(**(values | more))  # type: ignore[arg-type]
+    return Sensor(Sheet(), Camera(**(values | more)))  # type: ignore[arg-type]
 
 
 def mean_frame(spots: list[TrueSpot], width: int = 640, height: int = 512, background: float = 10.0) -> np.ndarray:

@@ -122,7 +122,7 @@ def test_other_cameras_and_strings_need_no_tuning(sensor, emulator, diameter_mm)
         seen = np.array([s.image_px for s in truth.strings if s.electrons > FAINT_E])
         nearest = np.linalg.norm(points.uv_px[:, None] - seen[None], axis=2)
         apart = np.linalg.norm(seen[:, None] - seen[None], axis=2) + 99 * np.eye(len(seen))
-        counted = np.all((seen > 15) & (seen < [model.width_px - 15, model.height_px - 15]), axis=1) & (
+        counted = np.all((seen > 15) & (seen < [model.camera.width_px - 15, model.camera.height_px - 15]), axis=1) & (
             apart.min(axis=1) > 15
         )
         visible += int(np.sum(counted))

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from extraction.sheet import SheetTable, image_to_sheet, propagate, sheet_table, undistort
-from geometry import InputError, Pose, SensorModel, exp_so3
+from geometry import Camera, InputError, Pose, Sensor, Sheet, exp_so3
 
 ATOL_PX = 1e-9
 ATOL_MM = 1e-9
@@ -23,12 +23,12 @@ DISTORTIONS = {
 }
 
 
-def make_sensor(distortion: tuple[float, ...], camera_yaw_rad: float = 0.4) -> SensorModel:
+def make_sensor(distortion: tuple[float, ...], camera_yaw_rad: float = 0.4) -> Sensor:
     """A sensor whose camera stands 120 mm beside the sheet, image rows along -z, and looks inwards."""
     x_and_y = np.array([[0.0, -np.cos(camera_yaw_rad), -np.sin(camera_yaw_rad)], [1, 0, 0]])
     R = np.vstack([x_and_y, np.cross(x_and_y[0], x_and_y[1])])
     pose = Pose(R, np.array([120.0, 3.0, -5.0]))
-    return SensorModel(1280, 1024, 2300.0, 2290.0, 641.5, 509.5, pose, distortion)
+    return Sensor(Sheet(), Camera(1280, 1024, 2300.0, 2290.0, 641.5, 509.5, pose, distortion))
 
 
 def pixels(n: int = 3000, seed: int = 1) -> np.ndarray:
@@ -41,8 +41,10 @@ def test_opencv_projects_the_sheet_points_back_onto_their_pixels(name):
     sensor, uv = make_sensor(DISTORTIONS[name]), pixels()
     yz, _ = image_to_sheet(sensor, uv)
     xyz = np.column_stack([np.zeros(len(yz)), yz])
-    to_camera = sensor.T_sensor_camera.inverse()
-    back = cv2.projectPoints(xyz, cv2.Rodrigues(to_camera.R)[0], to_camera.t, sensor.camera_matrix, sensor.distortion14)
+    to_camera = sensor.camera.T_sensor_camera.inverse()
+    back = cv2.projectPoints(
+        xyz, cv2.Rodrigues(to_camera.R)[0], to_camera.t, sensor.camera.matrix, sensor.camera.distortion14
+    )
     np.testing.assert_allclose(back[0][:, 0], uv, atol=ATOL_PX, rtol=0)
 
 
@@ -51,7 +53,7 @@ def test_rays_agree_with_opencv_undistort_points(name):
     sensor, uv = make_sensor(DISTORTIONS[name]), pixels(500)
     many_steps = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 500, 1e-15)
     theirs = cv2.undistortPointsIter(
-        uv[:, None], sensor.camera_matrix, sensor.distortion14, np.eye(3), np.eye(3), many_steps
+        uv[:, None], sensor.camera.matrix, sensor.camera.distortion14, np.eye(3), np.eye(3), many_steps
     )
     np.testing.assert_allclose(undistort(sensor, uv).xy * 2300, theirs[:, 0] * 2300, atol=1e-8, rtol=0)
 
@@ -125,7 +127,7 @@ def test_every_finite_answer_projects_back(k1, k2, tau_x, tau_y, seed):
     xy = undistort(sensor, uv).xy
     good = np.isfinite(xy).all(axis=1)
     rays = np.column_stack([xy, np.ones(len(xy))])[good]
-    back = cv2.projectPoints(rays, np.zeros(3), np.zeros(3), sensor.camera_matrix, sensor.distortion14)[0][:, 0]
+    back = cv2.projectPoints(rays, np.zeros(3), np.zeros(3), sensor.camera.matrix, sensor.camera.distortion14)[0][:, 0]
     np.testing.assert_allclose(back, uv[good], atol=ATOL_PX, rtol=0)
     assert good.any()
 
@@ -160,9 +162,9 @@ def test_any_camera_attitude_meets_the_sheet_at_x_zero():
     base = make_sensor(())
     for _ in range(20):
         pose = Pose(
-            exp_so3(rng.normal(0, 0.2, 3)) @ base.T_sensor_camera.R, base.camera_centre_mm + rng.normal(0, 5, 3)
+            exp_so3(rng.normal(0, 0.2, 3)) @ base.camera.T_sensor_camera.R, base.camera.centre_mm + rng.normal(0, 5, 3)
         )
-        sensor = SensorModel(1280, 1024, 2300.0, 2290.0, 641.5, 509.5, pose)
+        sensor = Sensor(Sheet(), Camera(1280, 1024, 2300.0, 2290.0, 641.5, 509.5, pose))
         uv = pixels(20, 7)
         yz, _ = image_to_sheet(sensor, uv)
         seen = np.column_stack([np.zeros(len(yz)), yz]) - pose.t

@@ -5,7 +5,7 @@ import pytest
 from scipy.special import ndtr
 
 from extraction.stripe import StripeConfig, depth_direction, detect_stripe, extract_profile, flag_names
-from geometry import InputError, Pose, SensorModel
+from geometry import Camera, InputError, Pose, Sensor, Sheet
 
 ATOL_CLEAN_PX = 0.004  # without noise what is left is rounding to grey levels
 
@@ -217,10 +217,10 @@ def test_bad_input_is_one_sentence(image, extra, message):
         detect_stripe(image, **extra)
 
 
-def sensor(**changes) -> SensorModel:
+def sensor(**changes) -> Sensor:
     R = np.array([[0, -np.cos(0.4), -np.sin(0.4)], [1, 0, 0], [0, -np.sin(0.4), np.cos(0.4)]])
     values = {"width_px": 400, "height_px": 300, "fx_px": 900.0, "fy_px": 900.0, "cx_px": 199.5, "cy_px": 149.5}
-    return SensorModel(**{**values, "T_sensor_camera": Pose(R, np.array([120.0, 0, 0])), **changes})
+    return Sensor(Sheet(), Camera(**{**values, "T_sensor_camera": Pose(R, np.array([120.0, 0, 0])), **changes}))
 
 
 def test_profile_of_a_flat_board_is_a_straight_line_in_mm():
@@ -230,8 +230,9 @@ def test_profile_of_a_flat_board_is_a_straight_line_in_mm():
     s = sensor(distortion=(-0.2, 0.1, 1e-3, -5e-4, 0.0))
     y = np.linspace(-80, 80, 4001)
     board = np.column_stack([np.zeros_like(y), y, 280 + 0.1 * y])
-    to_camera = s.T_sensor_camera.inverse()
-    uv = cv2.projectPoints(board, cv2.Rodrigues(to_camera.R)[0], to_camera.t, s.camera_matrix, s.distortion14)[0][:, 0]
+    camera, to_camera = s.camera, s.camera.T_sensor_camera.inverse()
+    rvec = cv2.Rodrigues(to_camera.R)[0]
+    uv = cv2.projectPoints(board, rvec, to_camera.t, camera.matrix, camera.distortion14)[0][:, 0]
     order = np.argsort(uv[:, 0])
     rows = np.interp(np.arange(400), uv[order, 0], uv[order, 1], left=np.nan, right=np.nan)
     image = noisy(stripe_mean(rows, 140, 1.6, 300), np.random.default_rng(15))
@@ -246,7 +247,8 @@ def test_profile_of_a_flat_board_is_a_straight_line_in_mm():
 
 
 def test_depth_direction_follows_the_camera():
-    turned = Pose(sensor().T_sensor_camera.R @ np.array([[0, -1.0, 0], [1, 0, 0], [0, 0, 1]]), np.array([120.0, 0, 0]))
+    R = sensor().camera.T_sensor_camera.R
+    turned = Pose(R @ np.array([[0, -1.0, 0], [1, 0, 0], [0, 0, 1]]), np.array([120.0, 0, 0]))
     assert depth_direction(sensor()) == "columns"
     assert depth_direction(sensor(T_sensor_camera=turned)) == "rows"
 

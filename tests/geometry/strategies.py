@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from hypothesis import strategies as st
 
-from geometry import Pose, RobotModel, SensorModel, nearest_rotation
+from geometry import Camera, Pose, RobotModel, Sensor, Sheet, nearest_rotation
 
 ANGLES_RAD = st.one_of(
     st.floats(0.0, np.pi),
@@ -68,7 +68,7 @@ def six_axis_arm() -> RobotModel:
     )
 
 
-def line_sensor(**changes: object) -> SensorModel:
+def line_sensor(**changes: object) -> Sensor:
     """A line sensor of 120 mm base that looks 22.5° down to the sheet."""
     rotation = nearest_rotation([[0, -0.924, -0.382], [1, 0, 0], [0, -0.382, 0.924]])
     keys: dict[str, object] = {
@@ -80,5 +80,7 @@ def line_sensor(**changes: object) -> SensorModel:
         "cy_px": 509.8,
         "T_sensor_camera": Pose(rotation, np.array([120.0, 3.0, 5.0])),
         "fan_rad": np.deg2rad(44.0),
+        **changes,
     }
-    return SensorModel(**{**keys, **changes})  # type: ignore[arg-type]
+    sheet = {k: keys.pop(k) for k in ("origin_mm", "fan_rad") if k in keys}
+    return Sensor(Sheet(**sheet), Camera(**keys))  # type: ignore[arg-type]

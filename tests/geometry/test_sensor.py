@@ -18,7 +18,7 @@ from geometry import (
     field_of_view,
     inside_polygon,
 )
-from geometry.field_of_view import MAX_DISTANCE_MM
+from geometry.sensor.field_of_view import MAX_DISTANCE_MM
 from tests.geometry.strategies import SEEDS, line_sensor
 
 LENSES = {
@@ -33,10 +33,10 @@ LENSES = {
 
 def by_opencv(sensor, yz_mm: np.ndarray) -> np.ndarray:  # type: ignore[no-untyped-def]
     """Pixels (N, 2) of points of the sheet, by cv2.projectPoints."""
-    T_camera_sensor = sensor.T_sensor_camera.inverse()
+    T_camera_sensor = sensor.camera.T_sensor_camera.inverse()
     xyz = np.column_stack([np.zeros(len(yz_mm)), yz_mm])
     rvec = cv2.Rodrigues(T_camera_sensor.R)[0]
-    uv, _ = cv2.projectPoints(xyz, rvec, T_camera_sensor.t, sensor.camera_matrix, sensor.distortion14)
+    uv, _ = cv2.projectPoints(xyz, rvec, T_camera_sensor.t, sensor.camera.matrix, sensor.camera.distortion14)
     return np.asarray(uv[:, 0])
 
 
@@ -50,8 +50,8 @@ def test_field_of_view_is_what_opencv_projects_into_the_image(lens: str, seed: i
     low, high = polygon.min(0) - 30, np.minimum(polygon.max(0) + 30, 900)
     points = np.random.default_rng(seed).uniform(low, high, (400, 2))
     u, v = by_opencv(sensor, points).T
-    border = np.minimum.reduce([u + 0.5, sensor.width_px - 0.5 - u, v + 0.5, sensor.height_px - 0.5 - v])
-    half = sensor.fan_rad / 2
+    border = np.minimum.reduce([u + 0.5, sensor.camera.width_px - 0.5 - u, v + 0.5, sensor.camera.height_px - 0.5 - v])
+    half = sensor.sheet.fan_rad / 2
     fan = points[:, 1] * np.sin(half) - np.abs(points[:, 0]) * np.cos(half)
     clear = (np.abs(border) > 0.5) & (np.abs(fan) > 0.5)
     expected = (border > 0) & (fan > 0)
@@ -85,7 +85,7 @@ def test_a_lens_that_folds_back_ends_the_view_at_the_fold() -> None:
     """With k1 = -2 the radius comes to rest at r = 1/√6 and no pixel beyond 0.27 f has a ray."""
     sensor = line_sensor(fx_px=1500.0, fy_px=1500.0, distortion=(-2.0, 0, 0, 0, 0), fan_rad=2.5)
     polygon = field_of_view(sensor)
-    T_camera_sensor = sensor.T_sensor_camera.inverse()
+    T_camera_sensor = sensor.camera.T_sensor_camera.inverse()
     ray = T_camera_sensor @ np.column_stack([np.zeros(len(polygon)), polygon])
     radius = np.hypot(*(ray[:, :2] / ray[:, 2:]).T)
     assert radius.max() <= 1 / np.sqrt(6)
@@ -104,27 +104,27 @@ def test_a_lens_that_folds_back_ends_the_view_at_the_fold() -> None:
         ({"distortion": (0.1, 0.2, 0.3)}, "3 terms"),
         ({"T_sensor_camera": Pose(np.diag([1.0, 1, -1]), np.array([120.0, 0, 0]))}, "reflection"),
         ({"T_sensor_camera": Pose(np.eye(3), np.zeros(3))}, "edge-on"),
-        ({"laser_origin_mm": np.array([1.0, 0, 0])}, "x must be 0"),
-        ({"laser_origin_mm": np.zeros(2)}, "three finite"),
+        ({"origin_mm": np.array([1.0, 0, 0])}, "x must be 0"),
+        ({"origin_mm": np.zeros(2)}, "three finite"),
         ({"fan_rad": 4.0}, "between 0 and 180"),
     ],
 )
 def test_numbers_that_are_no_sensor_are_refused(change: dict[str, object], message: str) -> None:
     with pytest.raises(InputError, match=message):
-        replace(line_sensor(), **change)  # type: ignore[arg-type]
+        line_sensor(**change)
 
 
 @pytest.mark.parametrize("angle_deg", [0.0, 20.0, 60.0])
 def test_a_camera_that_looks_away_from_the_sheet_is_refused(angle_deg: float) -> None:
     good = line_sensor()
-    away = Pose.from_fixed_xyz_deg([0, 40 + angle_deg, 0], [0, 0, 0]).R @ good.T_sensor_camera.R
+    away = Pose.from_fixed_xyz_deg([0, 40 + angle_deg, 0], [0, 0, 0]).R @ good.camera.T_sensor_camera.R
     with pytest.raises(InputError, match=r"turn \[camera\.pose\]"):
-        replace(good, T_sensor_camera=Pose(away, good.T_sensor_camera.t))
+        good.with_camera(T_sensor_camera=Pose(away, good.camera.T_sensor_camera.t))
 
 
 def test_a_fan_that_the_camera_does_not_see_is_refused() -> None:
     with pytest.raises(InputError, match="sees nothing"):
-        field_of_view(line_sensor(laser_origin_mm=np.array([0.0, 2000.0, 0.0]), fan_rad=0.1))
+        field_of_view(line_sensor(origin_mm=np.array([0.0, 2000.0, 0.0]), fan_rad=0.1))
 
 
 @given(SEEDS)

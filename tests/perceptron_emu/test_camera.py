@@ -18,7 +18,7 @@ TABLE = {"read_noise_e": 8.0, "dsnu_e": 5.0, "prnu": 0.01, "full_well_e": 9000.0
 def flats(electrons: float, frames: int, first_key: int = 1, **noise: float) -> np.ndarray:
     sensor = make_sensor(bit_depth=12, black_level=64.0)
     config = EmulatorConfig.from_tables({"noise": TABLE | noise}).noise
-    flat = np.full((sensor.height_px, sensor.width_px), electrons, np.float32)
+    flat = np.full((sensor.camera.height_px, sensor.camera.width_px), electrons, np.float32)
     images = [expose(flat, config, sensor, 0.01, 977 * k + first_key) for k in range(frames)]
     return np.stack(images).astype(np.float64)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from geometry import Pose, SensorModel, field_of_view
+from geometry import Pose, Sensor, field_of_view
 from perceptron_emu import EmulatorConfig, Scene, panel, render
 from perceptron_emu.optics import defocus_radius_px, filter_transmission, focus_distance_mm
 from perceptron_emu.projection import to_camera
@@ -38,7 +38,7 @@ def test_motion_blur_has_the_length_of_the_way(scene: Scene) -> None:
     spots = [f.truth.strings[0] for f in frames]
     widths = [spot_sigma_px(f.image.astype(float), 10, s.image_px)[0] for f, s in zip(frames, spots, strict=True)]
     depth = to_camera(sharp_sensor, np.array([0, *spots[0].surface_mm]))[2]
-    length_px = 400 * 2e-3 * sharp_sensor.fx_px / depth
+    length_px = 400 * 2e-3 * sharp_sensor.camera.fx_px / depth
     assert np.sqrt(widths[1] ** 2 - widths[0] ** 2) == pytest.approx(length_px / np.sqrt(12), rel=0.02)
     np.testing.assert_allclose(spots[1].image_px, spots[0].image_px, rtol=0, atol=0.01)
 
@@ -54,9 +54,9 @@ def test_a_rolling_shutter_shears_the_picture(scene: Scene) -> None:
     ]
     straight, rolled = (render(still, c).truth.strings for c in shutters)
     for before, after in zip(straight, rolled, strict=True):
-        delay_s = (before.image_px[1] - (sensor.height_px - 1) / 2) * 10e-6
+        delay_s = (before.image_px[1] - (sensor.camera.height_px - 1) / 2) * 10e-6
         depth = to_camera(sensor, np.array([0, *before.surface_mm]))[2]
-        expected = -100 * delay_s * sensor.fx_px / depth
+        expected = -100 * delay_s * sensor.camera.fx_px / depth
         assert after.image_px[0] - before.image_px[0] == pytest.approx(expected, abs=0.02 * abs(expected) + 0.005)
 
 
@@ -90,15 +90,15 @@ def test_hdr_keeps_the_faint_and_the_bright(scene: Scene) -> None:
     assert merged.image[v - 3 : v + 4, u - 3 : u + 4].max() < 65535
 
 
-def scheimpflug_sensor() -> SensorModel:
+def scheimpflug_sensor() -> Sensor:
     """A sensor whose chip is tilted so that the sheet is in focus: tan τ = v/u · tan(angle of the sheet to the object
     plane).
     """
     plain = make_sensor()
     optics = EmulatorConfig().optics
     u = focus_distance_mm(optics, plain)
-    v = (plain.fx_px + plain.fy_px) / 2 * optics.pixel_um * 1e-3
-    axis = plain.T_sensor_camera.R[:, 2]
+    v = (plain.camera.fx_px + plain.camera.fy_px) / 2 * optics.pixel_um * 1e-3
+    axis = plain.camera.T_sensor_camera.R[:, 2]
     sheet_tilt = np.pi / 2 - np.arcsin(abs(axis[0]))
     tau = np.arctan(v / u * np.tan(sheet_tilt))
     for sign in (1, -1):
@@ -108,7 +108,7 @@ def scheimpflug_sensor() -> SensorModel:
     raise AssertionError("neither tilt brings the sheet into focus")
 
 
-def defocus_on_sheet(sensor: SensorModel) -> np.ndarray:
+def defocus_on_sheet(sensor: Sensor) -> np.ndarray:
     yz = np.stack(np.meshgrid(np.linspace(-40, 40, 5), np.linspace(240, 360, 7)), -1).reshape(-1, 2)
     xyz = np.column_stack([np.zeros(len(yz)), yz])
     optics = config(optics={"defocus": True, "f_number": 4.0}).optics

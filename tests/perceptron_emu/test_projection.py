@@ -17,14 +17,14 @@ def test_projection_agrees_with_opencv(terms: int) -> None:
     sensor = make_sensor(TILTED[:terms])
     rng = np.random.default_rng(terms)
     xyz = rng.uniform([-20, -80, 200], [20, 80, 450], (500, 3))
-    T_camera_sensor = sensor.T_sensor_camera.inverse()
+    T_camera_sensor = sensor.camera.T_sensor_camera.inverse()
     expected, _ = cv2.projectPoints(
-        xyz, cv2.Rodrigues(T_camera_sensor.R)[0], T_camera_sensor.t, sensor.camera_matrix, sensor.distortion14
+        xyz, cv2.Rodrigues(T_camera_sensor.R)[0], T_camera_sensor.t, sensor.camera.matrix, sensor.camera.distortion14
     )
     np.testing.assert_allclose(project(sensor, xyz), expected[:, 0], rtol=0, atol=ATOL_PX)
 
 
 def test_points_behind_the_camera_have_no_image() -> None:
     sensor = make_sensor()
-    behind = sensor.camera_centre_mm - 10 * sensor.T_sensor_camera.R[:, 2]
+    behind = sensor.camera.centre_mm - 10 * sensor.camera.T_sensor_camera.R[:, 2]
     assert np.all(np.isnan(project(sensor, behind)))

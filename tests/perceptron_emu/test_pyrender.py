@@ -29,8 +29,8 @@ def test_depth_map_agrees_with_projection() -> None:
     sensor = make_sensor()
     slanted = Pose.from_fixed_xyz_deg([12, 15, 4], [0, 0, 300])
     scene = Scene(sensor, solids=(panel(300, 300, slanted),))
-    intrinsics = (sensor.fx_px, sensor.fy_px, sensor.cx_px, sensor.cy_px)
-    view = View(sensor.T_sensor_camera, intrinsics, sensor.width_px, sensor.height_px)
+    intrinsics = (sensor.camera.fx_px, sensor.camera.fy_px, sensor.camera.cx_px, sensor.camera.cy_px)
+    view = View(sensor.camera.T_sensor_camera, intrinsics, sensor.camera.width_px, sensor.camera.height_px)
     depth, number = depth_and_identity(gl_world(scene, None), view)
     seen = number == 1
     assert seen.sum() > 100_000
@@ -53,7 +53,7 @@ def test_strings_agree_with_opengl() -> None:
 def test_a_stripe_agrees_with_opengl() -> None:
     sensor = make_sensor(bit_depth=16)
     scene = Scene(sensor, solids=(panel(400, 24, Pose.from_fixed_xyz_deg([12, 15, 4], [0, 0, 300])),))
-    rows = np.arange(sensor.height_px)[:, None]
+    rows = np.arange(sensor.camera.height_px)[:, None]
     centres = []
     for name in ("own", "pyrender"):
         image = render(scene, CLEAN, renderer=name).image[:, 590:690].astype(float) - 10  # type: ignore[arg-type]

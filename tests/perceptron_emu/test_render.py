@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from geometry import Pose, SensorModel
+from geometry import Pose, Sensor
 from jig_cad import Jig
 from perceptron_emu import EmulatorConfig, Scene, Solid, mean_electrons, panel, project, render
 from tests.perceptron_emu.conftest import TILTED, jig_before, make_sensor
@@ -73,7 +73,7 @@ def test_a_blade_before_the_camera_cuts_a_spot(scene: Scene) -> None:
     side.
     """
     free = render(scene, CLEAN_16BIT).truth.strings[0]
-    towards = scene.sensor.camera_centre_mm - np.array([0.0, *free.surface_mm])
+    towards = scene.sensor.camera.centre_mm - np.array([0.0, *free.surface_mm])
     edge = np.array([0.0, *free.surface_mm]) + 0.1 * towards
     blade = trimesh.creation.box((20, 20, 0.5))
     blade.apply_translation([0, 10 + edge[1], edge[2]])
@@ -92,7 +92,7 @@ def test_stripe_on_a_tilted_plane_lies_on_the_exact_line() -> None:
     z = point[2] - (normal[1] * (y - point[1]) + normal[0] * (0 - point[0])) / normal[2]
     line = project(sensor, np.column_stack([np.zeros_like(y), y, z]))
     columns = np.arange(250, 1000)
-    rows = np.arange(sensor.height_px)[:, None]
+    rows = np.arange(sensor.camera.height_px)[:, None]
     measured = np.sum(rows * image[:, columns], 0) / np.sum(image[:, columns], 0)
     error = measured - np.interp(columns, line[:, 0], line[:, 1])
     assert abs(np.mean(error)) < EXACT_LINE_PX
@@ -109,6 +109,6 @@ def test_strings_cast_shadows_on_a_wall() -> None:
     assert both.image.astype(float).sum() < bare + spots
 
 
-def test_far_jig_gives_no_spots(sensor: SensorModel) -> None:
+def test_far_jig_gives_no_spots(sensor: Sensor) -> None:
     frame = render(Scene(sensor, Jig.nominal(), Pose(np.eye(3), np.array([-50.0, 900, 300]))), CLEAN_16BIT)
     assert all(s.visible_fraction == 0 for s in frame.truth.strings)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from geometry import InputError, SensorModel
+from geometry import InputError, Sensor
 from perceptron_emu import EmulatorConfig, render
 from perceptron_emu.check import check_optics
 from perceptron_emu.scene_file import read_scene
@@ -32,7 +32,7 @@ def write(folder: Path, text: str) -> Path:
 
 
 @pytest.mark.parametrize("suffix", ["stl", "obj", "ply", "glb"])
-def test_a_part_of_any_format_gives_a_stripe(folder: Path, sensor: SensorModel, suffix: str) -> None:
+def test_a_part_of_any_format_gives_a_stripe(folder: Path, sensor: Sensor, suffix: str) -> None:
     scale = 1e-3 if suffix == "glb" else 1.0  # glTF is in metres
     trimesh.creation.box((40, 30, 20)).apply_scale(scale).export(folder / f"part.{suffix}")
     text = f'[[mesh]]\nfile = "part.{suffix}"\nmaterial = "aluminium"\ntranslation_mm = [0, 0, 300]\n'
@@ -41,7 +41,7 @@ def test_a_part_of_any_format_gives_a_stripe(folder: Path, sensor: SensorModel, 
     assert render(scene, EmulatorConfig().off("noise", "speckle", "ambient")).image.max() > 30
 
 
-def test_jig_panels_and_materials(folder: Path, sensor: SensorModel) -> None:
+def test_jig_panels_and_materials(folder: Path, sensor: Sensor) -> None:
     more = (
         '[[panel]]\nwidth_mm = 500\nheight_mm = 400\ntranslation_mm = [50, 0, 200]\nframe = "jig"\nmaterial = "grey"\n'
     )
@@ -76,13 +76,13 @@ BAD = {
 
 
 @pytest.mark.parametrize("case", BAD)
-def test_bad_scenes_are_named(folder: Path, sensor: SensorModel, case: str) -> None:
+def test_bad_scenes_are_named(folder: Path, sensor: Sensor, case: str) -> None:
     text, message = BAD[case]
     with pytest.raises(InputError, match=message):
         read_scene(write(folder, text), sensor)
 
 
-def test_open_and_empty_meshes_are_named(folder: Path, sensor: SensorModel) -> None:
+def test_open_and_empty_meshes_are_named(folder: Path, sensor: Sensor) -> None:
     box = trimesh.creation.box((40, 30, 20))
     trimesh.Trimesh(box.vertices, box.faces[:-1], process=False).export(folder / "open.stl")
     (folder / "empty.stl").write_text("solid nothing\nendsolid nothing\n")
@@ -102,18 +102,18 @@ def test_open_and_empty_meshes_are_named(folder: Path, sensor: SensorModel) -> N
         ({"focus_distance_mm": 14.0, "defocus": True, "f_number": 1.4}, "blurs the middle"),
     ],
 )
-def test_impossible_optics_are_named(sensor: SensorModel, optics: dict[str, object], message: str) -> None:
+def test_impossible_optics_are_named(sensor: Sensor, optics: dict[str, object], message: str) -> None:
     with pytest.raises(InputError, match=message):
         check_optics(sensor, EmulatorConfig.from_tables({"optics": optics}))
 
 
-def test_render_refuses_impossible_optics(sensor: SensorModel) -> None:
+def test_render_refuses_impossible_optics(sensor: Sensor) -> None:
     blocked = EmulatorConfig.from_tables({"optics": {"filter_centre_nm": 450.0}})
     with pytest.raises(InputError, match="blocks the laser"):
         render(jig_before(sensor), blocked)
 
 
-def test_default_optics_are_possible(sensor: SensorModel) -> None:
+def test_default_optics_are_possible(sensor: Sensor) -> None:
     check_optics(sensor, EmulatorConfig())
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +15,7 @@ from workbench.cell.surroundings import jig_bodies, wall_behind
 from workbench.emulate.experiment import DESIGN, demo_robot, demo_sensor
 from workbench.emulate.record import TrueCell, record, with_joint_noise
 from workbench.emulate.truth import with_errors
-from workbench.files import Cell, Sensor
+from workbench.files import Cell, SensorDescription
 from workbench.plan.view_space import ViewLimits
 from workbench.plan.views import ViewProblem, plan_views
 
@@ -30,9 +29,9 @@ def cell_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("cell")
     rng = np.random.default_rng(SEED)
     big = demo_sensor()
-    half = {k: getattr(big.model, k) / 2 for k in ("fx_px", "fy_px", "cx_px", "cy_px")}
-    sensor = Sensor(
-        replace(big.model, width_px=640, height_px=512, **half), EmulatorConfig.model_validate(EMULATION), EMULATION
+    half = {k: getattr(big.model.camera, k) / 2 for k in ("fx_px", "fy_px", "cx_px", "cy_px")}
+    sensor = SensorDescription(
+        big.model.with_camera(width_px=640, height_px=512, **half), EmulatorConfig.model_validate(EMULATION), EMULATION
     )
     jig = Jig.nominal()
     true_jig = sample_tolerance(jig, rng)

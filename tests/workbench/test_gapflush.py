@@ -170,7 +170,7 @@ def test_unusable_arguments(cli: Cli, arguments: tuple[object, ...], code: int, 
 def test_no_stripe_and_no_panels_are_no_answers(cli: Cli, tmp_path: Path) -> None:
     sensor = read_sensor(SENSOR).model
     dark = tmp_path / "dark.png"
-    write_png(dark, np.full((sensor.height_px, sensor.width_px), 12, np.uint8))
+    write_png(dark, np.full((sensor.camera.height_px, sensor.camera.width_px), 12, np.uint8))
     empty = cli("profile", dark, "--sensor", SENSOR, "--csv", tmp_path / "p.csv")
     assert empty.code == 3
     assert "no stripe" in empty.err

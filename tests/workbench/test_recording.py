@@ -89,7 +89,9 @@ def test_a_cell_survives_writing(recording: Path, tmp_path: Path) -> None:
     for name in ("jig.toml", "robot.toml", "frames.csv", "truth.json"):
         assert (tmp_path / name).read_bytes() == (recording / name).read_bytes()
     assert np.array_equal(again.robot.alpha, cell.robot.alpha)
-    assert np.allclose(again.sensor.model.T_sensor_camera.R, cell.sensor.model.T_sensor_camera.R, rtol=0, atol=1e-15)
+    assert np.allclose(
+        again.sensor.model.camera.T_sensor_camera.R, cell.sensor.model.camera.T_sensor_camera.R, rtol=0, atol=1e-15
+    )
     assert again.sensor.emulator == cell.sensor.emulator
 
 

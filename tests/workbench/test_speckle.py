@@ -11,13 +11,13 @@ from extraction import ExtractionConfig, NoiseConfig
 from workbench.cell.presets import find_sensor
 from workbench.cell.speckle import MAX_GRAIN_PX, dataset_config, frames_to_learn, with_known_grain
 from workbench.files import read_cell, read_image, read_sensor
-from workbench.files.sensor_file import Sensor, sensor_text
+from workbench.files.sensor_file import SensorDescription, sensor_text
 
 # by hand: light of 660 nm at F/4 on pixels of 5.3 µm, the chip 12.19 mm behind the lens, the sheet 313.6 mm before it
 NOMINAL_GRAIN_PX = 0.660 * 4.0 * (1.0 + 12.19 / 313.6) / 5.3
 
 
-def _sensor(tmp_path: Path, old: str, new: str) -> Sensor:
+def _sensor(tmp_path: Path, old: str, new: str) -> SensorDescription:
     path = tmp_path / "sensor.toml"
     text = sensor_text(find_sensor("nominal"))
     assert old in text

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from geometry import Pose, SensorModel
+from geometry import Camera, Pose, Sensor, Sheet
 from perceptron_emu import EmulatorConfig, Scene
 from tests.workbench.helpers import Cli
 from workbench.validate.bound import position_bound_px
@@ -66,7 +66,7 @@ def test_bound_of_a_gaussian_spot(sigma: float) -> None:
     electrons = n * np.outer(profile, profile) / profile.sum() ** 2
     noise = {"read_noise_e": 0.0, "gain_dn_per_e": 1.0, "full_well_e": 1e9}
     config = EmulatorConfig.model_validate({"noise": noise})
-    camera = Pose(np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1.0]]), np.array([100.0, 0, 0]))
-    scene = Scene(SensorModel(size, size, 100, 100, 32, 32, camera, bit_depth=16))
+    pose = Pose(np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1.0]]), np.array([100.0, 0, 0]))
+    scene = Scene(Sensor(Sheet(), Camera(size, size, 100, 100, 32, 32, pose, bit_depth=16)))
     bound = position_bound_px(electrons, np.array([centre, centre]), config, scene)
     assert bound == pytest.approx(sigma / np.sqrt(n), rel=0.03)  # quantisation adds a little

@@ -22,7 +22,7 @@ from workbench.cell.surroundings import jig_bodies, sees_all_strings, wall_behin
 from workbench.emulate.experiment import DESIGN
 from workbench.emulate.record import Configuration, TrueCell, with_joint_noise
 from workbench.emulate.truth import NOTHING, Errors, draw_truth
-from workbench.files import Cell, Sensor
+from workbench.files import Cell, SensorDescription
 from workbench.plan.view_space import ViewLimits
 from workbench.plan.views import ViewProblem, Views, plan_views
 
@@ -163,13 +163,13 @@ def nominal_robot(part: RobotPart) -> RobotModel:
     return replace(_robot_preset(part.preset), uncertainty=uncertainty)
 
 
-def nominal_sensor(settings: TrialSettings) -> Sensor:
+def nominal_sensor(settings: TrialSettings) -> SensorDescription:
     """The preset's sensor; emulator settings that the plan gives stand over the preset's."""
     return _sensor(settings.sensor.preset, settings.emulator.model_dump_json(exclude_unset=True))
 
 
 @lru_cache(maxsize=64)
-def _sensor(preset: str, emulator_json: str) -> Sensor:
+def _sensor(preset: str, emulator_json: str) -> SensorDescription:
     found = _sensor_preset(preset)
     own = found.emulator.model_dump()
     for table, values in json.loads(emulator_json).items():
@@ -189,7 +189,7 @@ def _robot_preset(name: str) -> RobotModel:
 
 
 @lru_cache(maxsize=16)
-def _sensor_preset(name: str) -> Sensor:
+def _sensor_preset(name: str) -> SensorDescription:
     return find_sensor(name)
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from calib import CalibConfig, CalibrationResult
 from calib.label.frame import label_frame
-from geometry import Frame, Pose, SensorModel
+from geometry import Frame, Pose, Sensor
 from jig_cad import Jig
 from perceptron_emu import Frame as Rendered
 from workbench.campaign.emulated import VERIFY, EmulatedCell
@@ -40,7 +40,7 @@ class Outcome:
     result: CalibrationResult | None
 
 
-def labelled_only(frames: Sequence[Frame], sensor: SensorModel, jig: Jig, config: CalibConfig) -> Outcome:
+def labelled_only(frames: Sequence[Frame], sensor: Sensor, jig: Jig, config: CalibConfig) -> Outcome:
     """Every frame labelled by itself from the jig's geometry alone, no robot."""
     out = []
     for frame in frames:

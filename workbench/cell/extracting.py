@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from extraction import ExtractionConfig, extract
-from geometry import AxisPoints, InputError, SensorModel, SurfacePoints
+from geometry import AxisPoints, InputError, Sensor, SurfacePoints
 from jig_cad import Jig
 from workbench.cell.labels import label_dataset, label_image
 from workbench.cell.pipeline import observe
@@ -26,7 +26,7 @@ class Extracted:
     """Spots and labels by frame. paths: the images. complaints: a sentence for each image that could not be used."""
 
     tables: list[FrameTable]
-    sensor: SensorModel
+    sensor: Sensor
     paths: dict[int, Path]
     complaints: dict[int, str]
 
@@ -76,7 +76,7 @@ def _dataset(path: Path, sensor: Path | None, jig: Path | None, settings: Settin
 
 
 def _images(
-    files: Sequence[Path], sensor: SensorModel, jig: Jig | None, config: ExtractionConfig, progress: Progress
+    files: Sequence[Path], sensor: Sensor, jig: Jig | None, config: ExtractionConfig, progress: Progress
 ) -> Extracted:
     tables, complaints = [], {}
     for frame, path in enumerate(files):

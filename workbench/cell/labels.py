@@ -5,7 +5,7 @@ from __future__ import annotations
 from calib import CalibConfig, CalibrationResult
 from calib.label.frame import label_frame
 from calib.label.refine import LabelledFrame
-from geometry import AxisPoints, SensorModel, SurfacePoints
+from geometry import AxisPoints, Sensor, SurfacePoints
 from jig_cad import Jig
 from workbench.cell.pipeline import Observed, solve
 from workbench.cell.points_table import FrameTable
@@ -26,7 +26,7 @@ def label_dataset(
     ]
 
 
-def label_image(frame: int, image: str, points: SurfacePoints, jig: Jig, sensor: SensorModel) -> FrameTable:
+def label_image(frame: int, image: str, points: SurfacePoints, jig: Jig, sensor: Sensor) -> FrameTable:
     """One image's spots with labels from the jig's geometry alone."""
     return _table(frame, image, points, label_frame(points, jig, sensor, None, CalibConfig()), None)
 

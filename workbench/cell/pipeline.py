@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 from calib import CalibConfig, CalibrationResult, calibrate
 from extraction import ExtractionConfig, extract
-from geometry import Frame, InputError, SensorModel, SurfacePoints
+from geometry import Frame, InputError, Sensor, SurfacePoints
 from workbench.cell.remarks import remarks
 from workbench.cell.speckle import dataset_config
 from workbench.files import Cell, FrameRow, read_image
@@ -71,7 +71,7 @@ def _measured(cell: Cell, config: ExtractionConfig) -> Iterator[tuple[Frame, str
 
 
 def _from_image(cell: Cell, row: FrameRow, config: ExtractionConfig) -> tuple[Frame, str]:
-    sensor: SensorModel = cell.sensor.model
+    sensor: Sensor = cell.sensor.model
     try:
         image = read_image(cell.folder / row.image, sensor)
     except InputError as error:

@@ -7,7 +7,7 @@ from pathlib import Path
 import assets
 from geometry import RobotModel
 from jig_cad import Jig
-from workbench.files import Sensor, read_jig_file, read_robot, read_sensor
+from workbench.files import SensorDescription, read_jig_file, read_robot, read_sensor
 
 
 def preset_path(kind: str, name: str) -> Path:
@@ -23,7 +23,7 @@ def find_jig(name: str) -> Jig:
     return read_jig_file(preset_path("jigs", name))
 
 
-def find_sensor(name: str) -> Sensor:
+def find_sensor(name: str) -> SensorDescription:
     """A sensor by file or preset."""
     return read_sensor(preset_path("sensors", name))
 

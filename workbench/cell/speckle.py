@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 from extraction import ExtractionConfig, learn_speckle
 from extraction.spots import GRAINS_PX
 from perceptron_emu.speckle import grain_px
-from workbench.files.sensor_file import Sensor
+from workbench.files.sensor_file import SensorDescription
 
 LEARNT_FRAMES = 6  # frames that the speckle is learnt from, and the largest share of a dataset's
 LEARNT_SHARE = 0.3
@@ -16,7 +16,7 @@ MAX_GRAIN_PX = float(GRAINS_PX[-1])  # the coarsest that `NoiseConfig.speckle_gr
 OPTICS = {"laser": {"wavelength_nm"}, "optics": {"pixel_um", "f_number"}}
 
 
-def with_known_grain(sensor: Sensor, config: ExtractionConfig) -> ExtractionConfig:
+def with_known_grain(sensor: SensorDescription, config: ExtractionConfig) -> ExtractionConfig:
     """The configuration with the grain by the optics, where it gives none and the sensor's file itself states them."""
     stated = all(keys <= sensor.emulator_keys.get(table, {}).keys() for table, keys in OPTICS.items())
     if config.noise.speckle_grain_px is not None or not stated:
@@ -26,7 +26,7 @@ def with_known_grain(sensor: Sensor, config: ExtractionConfig) -> ExtractionConf
 
 
 def dataset_config(
-    sensor: Sensor, config: ExtractionConfig, total: int, images: Callable[[list[int]], Iterable[object]]
+    sensor: SensorDescription, config: ExtractionConfig, total: int, images: Callable[[list[int]], Iterable[object]]
 ) -> ExtractionConfig:
     """The configuration for a dataset of ``total`` frames, the speckle learnt from a few that are spread over all.
 

@@ -8,7 +8,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import Pose, SensorModel, cross_plane_x0
+from geometry import Pose, Sensor, cross_plane_x0
 from jig_cad import Jig
 from jig_cad.jig import MIN_SLENDERNESS
 from jig_cad.solids import jig_solids
@@ -87,9 +87,7 @@ def around_jig(around: Surroundings, T_base_jig: Pose) -> tuple[Solid, ...]:
     return (*around.standing_in("jig"), *still)
 
 
-def sees_all_strings(
-    sensor: SensorModel, jig: Jig, solids: tuple[Solid, ...], carried: tuple[Solid, ...] = ()
-) -> SeesAll:
+def sees_all_strings(sensor: Sensor, jig: Jig, solids: tuple[Solid, ...], carried: tuple[Solid, ...] = ()) -> SeesAll:
     """A test that nothing stands between the strings' points and the emitter or the camera at poses T_sensor_jig (N).
 
     solids: in jig axes. carried: on the sensor, in {P}.
@@ -102,7 +100,7 @@ def sees_all_strings(
         own = np.tile(np.repeat(np.arange(len(jig.strings)), SAMPLES), len(points))
         back = T_sensor_jig.inverse()
         hidden = np.zeros(points.shape[:2], dtype=bool)
-        for source in (sensor.laser_origin_mm, sensor.camera_centre_mm):
+        for source in (sensor.sheet.origin_mm, sensor.require_camera().centre_mm):
             towards = (source - points) / np.linalg.norm(source - points, axis=-1, keepdims=True)
             surface = points + jig.string_diameter_mm / 2 * towards
             here = (back @ surface).reshape(-1, 3)

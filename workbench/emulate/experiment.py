@@ -15,7 +15,7 @@ from workbench.cell.starter import PLACES, place_of_jig
 from workbench.cell.surroundings import jig_bodies, sees_all_strings, wall_behind
 from workbench.emulate.record import Configuration, TrueCell, with_joint_noise
 from workbench.emulate.truth import with_errors
-from workbench.files import Cell, Sensor, read_jig_file, read_robot, read_sensor
+from workbench.files import Cell, SensorDescription, read_jig_file, read_robot, read_sensor
 from workbench.plan.views import ViewProblem, plan_views
 
 # Table 1 of the paper
@@ -76,7 +76,7 @@ def demo_robot() -> RobotModel:
     return read_robot(assets.path("robots", "abb_irb6640_180_255"))
 
 
-def demo_sensor() -> Sensor:
+def demo_sensor() -> SensorDescription:
     """The nominal laser-line sensor that ships with the package."""
     return read_sensor(assets.path("sensors", "nominal"))
 

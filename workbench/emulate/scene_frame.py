@@ -11,14 +11,16 @@ from geometry import InputError
 from perceptron_emu import Scene, mean_electrons
 from perceptron_emu.scene_file import read_scene
 from workbench.emulate.extras import Extras, Renderer, truth_points
-from workbench.files import Sensor
+from workbench.files import SensorDescription
 from workbench.files.atomic import write_text
 from workbench.files.images import write_png
 
 DARKEST_E = 5.0  # mean electrons of the brightest pixel below which an image shows nothing
 
 
-def render_scene_file(path: Path, sensor: Sensor, out: Path, seed: int, renderer: Renderer, extras: Extras) -> Path:
+def render_scene_file(
+    path: Path, sensor: SensorDescription, out: Path, seed: int, renderer: Renderer, extras: Extras
+) -> Path:
     """Write images/000.png and truth/000.json; InputError, and no file, where the image would show no laser light."""
     scene = read_scene(path, sensor.model)
     _refuse_darkness(path, scene, sensor)
@@ -34,7 +36,7 @@ def render_scene_file(path: Path, sensor: Sensor, out: Path, seed: int, renderer
     return image
 
 
-def _refuse_darkness(path: Path, scene: Scene, sensor: Sensor) -> None:
+def _refuse_darkness(path: Path, scene: Scene, sensor: SensorDescription) -> None:
     if not sensor.emulator.exposure.laser_on:
         return
     brightest = float(np.max(mean_electrons(scene, sensor.emulator.off("ambient", "speckle"))))

@@ -5,7 +5,7 @@ from workbench.files.frames_csv import FrameRow, frames_text, read_frames
 from workbench.files.images import read_image, write_png
 from workbench.files.points_csv import FramePoints, points_text, read_points
 from workbench.files.robot_file import read_robot, robot_text
-from workbench.files.sensor_file import Sensor, read_sensor, sensor_text
+from workbench.files.sensor_file import SensorDescription, read_sensor, sensor_text
 from workbench.files.truth_file import Truth, TruthFrame, TruthPoint, read_truth, write_truth
 from workbench.files.write_cell import cell_text, write_cell
 
@@ -13,7 +13,7 @@ __all__ = [
     "Cell",
     "FramePoints",
     "FrameRow",
-    "Sensor",
+    "SensorDescription",
     "Truth",
     "TruthFrame",
     "TruthPoint",

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import InputError, SensorModel
+from geometry import InputError, Sensor
 from workbench.files.atomic import write_bytes
 
 Image = NDArray[np.uint8] | NDArray[np.uint16]
@@ -21,15 +21,16 @@ PNG, TIFF = b"\x89PNG\r\n\x1a\n", (b"II*\x00", b"MM\x00*")
 SUFFIXES = (".png", ".tif", ".tiff")
 
 
-def read_image(path: Path, sensor: SensorModel) -> Image:
+def read_image(path: Path, sensor: Sensor) -> Image:
     """A grey image (H, W), uint8 or uint16, that fits ``sensor``; InputError where it can not be used."""
+    camera = sensor.require_camera()
     data = _read_file(path)
     width, height = _size(path, data)
     if width * height > MAX_PIXELS:
         raise InputError(f"{path}: {width} × {height} px is larger than the {MAX_PIXELS // 2**20} Mpx that are read")
-    if (width, height) != (sensor.width_px, sensor.height_px):
+    if (width, height) != (camera.width_px, camera.height_px):
         raise InputError(
-            f"{path}: is {width} × {height} px, the sensor's image is {sensor.width_px} × {sensor.height_px} px"
+            f"{path}: is {width} × {height} px, the sensor's image is {camera.width_px} × {camera.height_px} px"
         )
     image = _decode(path, data)
     return _check_levels(path, image, sensor)
@@ -113,24 +114,25 @@ def _decode(path: Path, data: bytes) -> NDArray[np.generic]:
     return np.asarray(image)
 
 
-def _check_levels(path: Path, image: NDArray[np.generic], sensor: SensorModel) -> Image:
+def _check_levels(path: Path, image: NDArray[np.generic], sensor: Sensor) -> Image:
     """Grey, of the container and within the grey levels that the sensor's bit depth says."""
+    camera = sensor.require_camera()
     if image.ndim == 3:
         colour = image[..., :3]
         if image.shape[2] < 3 or np.any(colour[..., 0] != colour[..., 1]) or np.any(colour[..., 1] != colour[..., 2]):
             raise InputError(f"{path}: is a colour image; the sensor's images are grey")
         image = colour[..., 0]
-    wanted = np.dtype(np.uint8 if sensor.bit_depth == 8 else np.uint16)
+    wanted = np.dtype(np.uint8 if camera.bit_depth == 8 else np.uint16)
     if image.dtype != wanted:
         raise InputError(
-            f"{path}: has {image.dtype.itemsize * 8} bits a pixel, bit_depth = {sensor.bit_depth} of the sensor needs "
+            f"{path}: has {image.dtype.itemsize * 8} bits a pixel, bit_depth = {camera.bit_depth} of the sensor needs "
             f"{wanted.itemsize * 8}"
         )
     highest = int(image.max())
-    if highest > sensor.saturation_dn:
+    if highest > camera.saturation_dn:
         raise InputError(
-            f"{path}: holds the grey level {highest}, above the {sensor.saturation_dn} of "
-            f"bit_depth = {sensor.bit_depth}; levels must be right-aligned"
+            f"{path}: holds the grey level {highest}, above the {camera.saturation_dn} of "
+            f"bit_depth = {camera.bit_depth}; levels must be right-aligned"
         )
     return np.ascontiguousarray(image)
 

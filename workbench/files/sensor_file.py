@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from pydantic import Field
 
-from geometry import InputError, Pose, SensorModel
+from geometry import Camera, InputError, Pose, Sensor, Sheet
 from perceptron_emu.config import EmulatorConfig
 from workbench.files.strict import Matrix3, Names, Positive, Real, Section, Vector3, Whole, validate
 from workbench.files.toml_text import TomlSource, read_toml
@@ -61,15 +61,15 @@ class SensorFile(Section):
 
 
 @dataclass(frozen=True, eq=False)
-class Sensor:
+class SensorDescription:
     """A sensor as its file gives it: the shared parameters and those of its emulation, with the file's own tables."""
 
-    model: SensorModel
+    model: Sensor
     emulator: EmulatorConfig
     emulator_keys: dict[str, Any]
 
 
-def read_sensor(path: Path) -> Sensor:
+def read_sensor(path: Path) -> SensorDescription:
     """The sensor of a sensor.toml; InputError names file, line and key."""
     source = read_toml(path)
     own = {k: v for k, v in source.data.items() if k in SensorFile.model_fields}
@@ -81,7 +81,7 @@ def read_sensor(path: Path) -> Sensor:
     emulator = validate(EmulatorConfig, source, emulation, also)
     file = validate(SensorFile, source, own, {(): tuple(EmulatorConfig.model_fields)})
     try:
-        return Sensor(_model(file), emulator, emulation)
+        return SensorDescription(_model(file), emulator, emulation)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
 
@@ -97,10 +97,10 @@ def _emulation_keys(source: TomlSource) -> dict[str, Any]:
     return out if out.get("laser", {}) != {} else {k: v for k, v in out.items() if k != "laser"}
 
 
-def _model(file: SensorFile) -> SensorModel:
+def _model(file: SensorFile) -> Sensor:
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = file.camera.pose.rotation, file.camera.pose.translation_mm
-    return SensorModel(
+    camera = Camera(
         width_px=file.image.width_px,
         height_px=file.image.height_px,
         fx_px=file.camera.fx_px,
@@ -111,17 +111,16 @@ def _model(file: SensorFile) -> SensorModel:
         distortion=file.camera.distortion,
         bit_depth=file.image.bit_depth,
         black_level=file.image.black_level,
-        laser_origin_mm=np.array(file.laser.origin_mm),
-        fan_rad=float(np.deg2rad(file.laser.fan_deg)),
-        name=file.name,
     )
+    sheet = Sheet(np.array(file.laser.origin_mm), float(np.deg2rad(file.laser.fan_deg)))
+    return Sensor(sheet, camera, name=file.name)
 
 
-def sensor_text(sensor: Sensor) -> str:
+def sensor_text(sensor: SensorDescription) -> str:
     """The sensor as the text of a sensor.toml; read back it is the same to the last bit."""
-    m = sensor.model
+    m, sheet = sensor.model.require_camera(), sensor.model.sheet
     lines = ["# laser-line sensor; frame {P}: laser plane x = 0, y lateral, z depth"]
-    lines += [f"name = {toml_value(m.name)}"] if m.name else []
+    lines += [f"name = {toml_value(sensor.model.name)}"] if sensor.model.name else []
     lines += ["[image]", f"width_px = {m.width_px}", f"height_px = {m.height_px}", f"bit_depth = {m.bit_depth}"]
     lines += [f"black_level = {toml_value(float(m.black_level))}"]
     lines += ["[camera]            # OpenCV's model; pixel (0, 0) is the centre of the top-left pixel"]
@@ -130,8 +129,8 @@ def sensor_text(sensor: Sensor) -> str:
     lines += ["[camera.pose]       # T_sensor_camera: camera (x right, y down, z forward) in {P}"]
     lines += [f"rotation = {toml_value(m.T_sensor_camera.R.tolist())}"]
     lines += [f"translation_mm = {toml_value(m.T_sensor_camera.t.tolist())}"]
-    lines += ["[laser]", f"origin_mm = {toml_value(m.laser_origin_mm.tolist())}"]
-    lines += [f"fan_deg = {toml_value(round(float(np.rad2deg(m.fan_rad)), 12))}"]
+    lines += ["[laser]", f"origin_mm = {toml_value(sheet.origin_mm.tolist())}"]
+    lines += [f"fan_deg = {toml_value(round(float(np.rad2deg(sheet.fan_rad)), 12))}"]
     lines += [f"{k} = {toml_value(v)}" for k, v in sensor.emulator_keys.get("laser", {}).items()]
     for name, table in sensor.emulator_keys.items():
         if name != "laser" and isinstance(table, dict):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import Pose, RobotModel, SensorModel
+from geometry import Pose, RobotModel, Sensor
 from jig_cad import Jig
 from jig_cad.solids import PillarDesign, block_edge_mm
 
@@ -18,9 +18,9 @@ ARM_MM = 100.0  # half the thickness of an arm's links, with theirs; assumed
 FIRST_LINK = 2  # the base and the first links stand far off
 
 
-def sensor_clearance_mm(sensor: SensorModel, jig: Jig, T_sensor_jig: Pose) -> Array:
+def sensor_clearance_mm(sensor: Sensor, jig: Jig, T_sensor_jig: Pose) -> Array:
     """Least distance (N) [mm] of the line from emitter to camera from the jig's solids at the poses (N)."""
-    line = _line(np.stack([sensor.laser_origin_mm, sensor.camera_centre_mm])[None])[0]
+    line = _line(np.stack([sensor.sheet.origin_mm, sensor.require_camera().centre_mm])[None])[0]
     return distance_mm(jig, T_sensor_jig.inverse() @ line[None])
 
 

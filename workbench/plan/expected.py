@@ -9,7 +9,7 @@ from calib.bundle.hands import Hands
 from calib.bundle.information import FrameInformation, Model, frame_information
 from calib.bundle.problem import Bundle
 from extraction import image_to_sheet
-from geometry import AxisPoints, Pose, RobotModel, SensorModel, cross_plane_x0
+from geometry import AxisPoints, Pose, RobotModel, Sensor, cross_plane_x0
 from jig_cad import Jig
 from perceptron_emu import project
 
@@ -22,7 +22,7 @@ SURFACE_SIGMA_MM = 0.015  # what stays unknown of the way from the lit surface t
 
 def view_information(
     robot: RobotModel,
-    sensor: SensorModel,
+    sensor: Sensor,
     jig: Jig,
     T_hand_sensor: Pose,
     Ts_base_jig: Pose,
@@ -38,7 +38,7 @@ def view_information(
     return frame_information(bundle, T_hand_sensor, Ts_base_jig, model)
 
 
-def expected_points(sensor: SensorModel, jig: Jig, T_sensor_jig: Pose) -> list[AxisPoints]:
+def expected_points(sensor: Sensor, jig: Jig, T_sensor_jig: Pose) -> list[AxisPoints]:
     """Where the strings' axes will be seen at the poses (F), with the covariance that a spot there has."""
     starts = T_sensor_jig @ jig.starts[None]
     crossing, _ = cross_plane_x0(starts, (T_sensor_jig.R[:, None] @ jig.directions[..., None])[..., 0])

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import NoAnswerError, Pose, SensorModel, cross_plane_x0, exp_so3, field_of_view, inside_polygon
+from geometry import NoAnswerError, Pose, Sensor, cross_plane_x0, exp_so3, field_of_view, inside_polygon
 from jig_cad import Jig
 from workbench.plan.clearance import sensor_clearance_mm
 
@@ -71,7 +71,7 @@ class ViewSpace:
     polygon: the field of view (V, 2). turns: what the mounting may be off by; a view must hold at all of them.
     """
 
-    sensor: SensorModel
+    sensor: Sensor
     jig: Jig
     limits: ViewLimits
     polygon: Array
@@ -80,7 +80,7 @@ class ViewSpace:
     turns: tuple[Pose, ...]
 
     @staticmethod
-    def of(sensor: SensorModel, jig: Jig, limits: ViewLimits) -> ViewSpace:
+    def of(sensor: Sensor, jig: Jig, limits: ViewLimits) -> ViewSpace:
         """The space of the views within ``limits``; NoAnswerError where the sensor sees no jig of this size."""
         polygon = field_of_view(sensor, limits.margin_px)
         nearest, farthest = _depth_range(polygon, limits.nearest_wide * jig.side_mm, limits.deepest)
@@ -162,13 +162,13 @@ def _turns(mounting_deg: float) -> tuple[Pose, ...]:
     return (Pose.identity(), *(Pose(exp_so3(w), np.zeros(3)) for w in axes))
 
 
-def _separation(sensor: SensorModel, points: Array) -> Array:
+def _separation(sensor: Sensor, points: Array) -> Array:
     """Least distance (N) [mm] of any two points (N, S, 3) across the rays of the emitter and of the camera.
 
     Two strings of one face of the pillar stand behind each other wherever that face points at the emitter.
     """
     least = np.full(len(points), np.inf)
-    for source in (sensor.laser_origin_mm, sensor.camera_centre_mm):
+    for source in (sensor.sheet.origin_mm, sensor.require_camera().centre_mm):
         ray = points - source
         distance = np.linalg.norm(ray, axis=-1, keepdims=True)
         unit = ray / distance

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import NoAnswerError, Pose, RobotModel, SensorModel, stack_poses
+from geometry import NoAnswerError, Pose, RobotModel, Sensor, stack_poses
 from geometry.robot import inverse_kinematics
 from jig_cad import Jig
 from workbench.plan.clearance import arm_clears
@@ -62,7 +62,7 @@ class ViewProblem:
     """
 
     robot: RobotModel
-    sensor: SensorModel
+    sensor: Sensor
     jig: Jig
     T_base_jig: Pose
     T_hand_sensor: Pose
@@ -163,7 +163,7 @@ def near_views(
     return Views(found.joints[ok], poses[np.flatnonzero(ok)], parameters[kept[ok]]), kept[ok]
 
 
-def free_views(sensor: SensorModel, jig: Jig, limits: ViewLimits, count: int, rng: np.random.Generator) -> Pose:
+def free_views(sensor: Sensor, jig: Jig, limits: ViewLimits, count: int, rng: np.random.Generator) -> Pose:
     """Poses T_sensor_jig (count) of views without a robot, in which every string crosses the field of view."""
     tally = Tally()
     space = ViewSpace.of(sensor, jig, replace(limits, mounting_deg=0.0))

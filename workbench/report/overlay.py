@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import SensorModel
+from geometry import Sensor
 from workbench.cell.points_table import FrameTable
 from workbench.files.images import Image, write_png
 
@@ -26,7 +26,7 @@ GAMMA = 0.5
 SHIFT = 4  # OpenCV draws at 1 / 2^SHIFT px
 
 
-def overlay(image: Image, sensor: SensorModel, table: FrameTable) -> Picture:
+def overlay(image: Image, sensor: Sensor, table: FrameTable) -> Picture:
     """The picture (H, W + tiles, 3) of one frame; tiles show the labelled spots magnified with their 95 % ellipses."""
     grey = brighten(image, sensor)
     picture = cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR)
@@ -37,17 +37,17 @@ def overlay(image: Image, sensor: SensorModel, table: FrameTable) -> Picture:
     return np.hstack([picture, _tiles(grey, table, taken)])
 
 
-def save_overlays(folder: Path, image: Image, sensor: SensorModel, table: FrameTable) -> Path:
+def save_overlays(folder: Path, image: Image, sensor: Sensor, table: FrameTable) -> Path:
     """Write one frame's overlay and return its path."""
     path = folder / f"{table.frame:03d}.png"
     write_png(path, overlay(image, sensor, table), compression=3)
     return path
 
 
-def brighten(image: NDArray[Any], sensor: SensorModel) -> Picture:
+def brighten(image: NDArray[Any], sensor: Sensor) -> Picture:
     """8 bits with dark levels lifted, so that dim spots can be seen."""
     dark = float(np.median(image[::4, ::4]))
-    level = (image.astype(np.float32) - dark) / max(sensor.saturation_dn - dark, 1.0)
+    level = (image.astype(np.float32) - dark) / max(sensor.require_camera().saturation_dn - dark, 1.0)
     return np.asarray(255 * np.clip(level, 0, 1) ** GAMMA).astype(np.uint8)
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from extraction import ExtractionConfig, Stages, extract_stages
-from geometry import AxisPoints, SensorModel
+from geometry import AxisPoints, Sensor
 from workbench.cell.points_table import FrameTable
 from workbench.files.images import Image, write_png
 from workbench.report.overlay import LABELLED, Colour, brighten, mark, overlay, write
@@ -25,14 +25,14 @@ REASONS: tuple[Colour, ...] = (
 
 
 def save_stages(
-    folder: Path, image: Image, sensor: SensorModel, table: FrameTable, config: ExtractionConfig | None = None
+    folder: Path, image: Image, sensor: Sensor, table: FrameTable, config: ExtractionConfig | None = None
 ) -> None:
     """Write the six pictures of one frame into ``folder``/NNN."""
     stages = extract_stages(image, sensor, config)
     unlabelled = FrameTable(table.frame, table.image, stages.points, AxisPoints.empty(), stages.reason or None)
     pictures = {
         "1_raw": brighten(image, sensor),
-        "2_background": brighten(stages.background.clip(0, sensor.saturation_dn), sensor),
+        "2_background": brighten(stages.background.clip(0, sensor.require_camera().saturation_dn), sensor),
         "3_mask": stages.mask.astype(np.uint8) * 255,
         "4_candidates": _candidates(image, sensor, stages),
         "5_spots": overlay(image, sensor, unlabelled),
@@ -42,7 +42,7 @@ def save_stages(
         write_png(folder / f"{table.frame:03d}" / f"{name}.png", picture, compression=3)
 
 
-def _candidates(image: Image, sensor: SensorModel, stages: Stages) -> NDArray[Any]:
+def _candidates(image: Image, sensor: Sensor, stages: Stages) -> NDArray[Any]:
     """Kept candidates in green, refused ones in a colour of their reason, which is written where there is room."""
     picture = cv2.cvtColor(brighten(image, sensor), cv2.COLOR_GRAY2BGR)
     found = stages.candidates

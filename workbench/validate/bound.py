@@ -19,7 +19,7 @@ DERIVATIVE = np.array([-1, 9, -45, 0, 45, -9, 1]) / 60  # central differences, e
 
 def noise_free_electrons(scene: Scene, config: EmulatorConfig) -> Array:
     """Mean photo-electrons (H, W) of a scene without noise and speckle, read out with 16 bits."""
-    sensor = replace(scene.sensor, bit_depth=16, black_level=0.0)
+    sensor = scene.sensor.with_camera(bit_depth=16, black_level=0.0)
     quiet = config.off("noise", "speckle")
     quiet = quiet.model_copy(update={"noise": quiet.noise.model_copy(update={"gain_dn_per_e": None})})
     image = render(replace(scene, sensor=sensor), quiet).image
@@ -32,6 +32,7 @@ def position_bound_px(electrons: Array, uv_px: Array, config: EmulatorConfig, sc
     Its shape is taken as known, its strength and background as free. F = Σ ∂μ ∂μᵀ / (μ + r² + q²/12), clipped pixels
     left out; speckle is not in it.
     """
+    camera = scene.sensor.require_camera()
     u, v = (round(float(x)) for x in uv_px)
     h = HALF_WINDOW_PX
     patch = electrons[max(v - h, 0) : v + h + 1, max(u - h, 0) : u + h + 1]
@@ -39,7 +40,7 @@ def position_bound_px(electrons: Array, uv_px: Array, config: EmulatorConfig, sc
         return float("nan")
     gain = gain_dn_per_e(config.noise, scene.sensor)
     variance = patch + config.noise.read_noise_e**2 + 1 / (12 * gain**2)
-    clipped = patch * gain + scene.sensor.black_level >= scene.sensor.saturation_dn - 0.5
+    clipped = patch * gain + camera.black_level >= camera.saturation_dn - 0.5
     background = float(np.median(patch))
     du, dv = correlate1d(patch, DERIVATIVE, axis=1), correlate1d(patch, DERIVATIVE, axis=0)
     columns = np.stack([du, dv, patch - background, np.ones_like(patch)], -1).reshape(-1, 4)

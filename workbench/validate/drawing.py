@@ -11,7 +11,7 @@ from geometry import Pose
 from jig_cad import Jig
 from perceptron_emu import EmulatorConfig, Scene, Solid
 from workbench.cell.surroundings import jig_bodies, wall_behind
-from workbench.files import Sensor
+from workbench.files import SensorDescription
 from workbench.plan.view_space import ViewLimits
 from workbench.plan.views import free_views
 
@@ -34,7 +34,7 @@ class Drawn:
     seed: tuple[int, int]
 
 
-def draw_frames(sensor: Sensor, jig: Jig, count: int, seed: int) -> Iterator[Drawn]:
+def draw_frames(sensor: SensorDescription, jig: Jig, count: int, seed: int) -> Iterator[Drawn]:
     """``count`` frames as the files say, then ``count`` with varied conditions."""
     rng = np.random.default_rng([seed, 2**29])
     poses = free_views(sensor.model, jig, ViewLimits(mounting_deg=0.0), 2 * count, rng)
@@ -61,7 +61,7 @@ def draw_frames(sensor: Sensor, jig: Jig, count: int, seed: int) -> Iterator[Dra
         )
 
 
-def _scene(sensor: Sensor, jig: Jig, pose: Pose, solids: tuple[Solid, ...]) -> Scene:
+def _scene(sensor: SensorDescription, jig: Jig, pose: Pose, solids: tuple[Solid, ...]) -> Scene:
     placed = tuple(replace(s, T_sensor_mesh=pose @ s.T_sensor_mesh) for s in solids)
     return Scene(sensor.model, jig, pose, placed)
 

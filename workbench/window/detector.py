@@ -14,7 +14,7 @@ from calib import CalibConfig
 from calib.label.frame import label_frame
 from extraction import ExtractionConfig, Stages, extract_stages, image_to_sheet
 from extraction.spots import Candidates
-from geometry import InputError, Pose, SensorModel, SurfacePoints
+from geometry import InputError, Pose, Sensor, SurfacePoints
 from jig_cad import Jig
 from workbench.files.images import Image
 from workbench.window.engine import Candidate, Labels, StageView
@@ -34,7 +34,7 @@ class Detector:
     guesses: T_sensor_jig by image index, from the solved robot chain; ``epoch`` counts their changes.
     """
 
-    sensor: SensorModel
+    sensor: Sensor
     jig: Jig | None
     calib: CalibConfig = field(default_factory=CalibConfig)
     model: type[BaseModel] = ExtractionConfig
@@ -77,7 +77,7 @@ def _checked(config: BaseModel) -> ExtractionConfig:
     return config
 
 
-def _candidates(stages: Stages, sensor: SensorModel, config: ExtractionConfig) -> tuple[Candidate, ...]:
+def _candidates(stages: Stages, sensor: Sensor, config: ExtractionConfig) -> tuple[Candidate, ...]:
     found = stages.candidates
     score = np.full(len(found), np.nan)
     score[stages.candidate] = stages.points.score
@@ -121,7 +121,7 @@ def _boxes(found: Candidates) -> Array:
     return np.column_stack([np.minimum(centre - half, found.peak_uv_px), np.maximum(centre + half, found.peak_uv_px)])
 
 
-def _scale(sensor: SensorModel, uv_px: Array) -> Array:
+def _scale(sensor: Sensor, uv_px: Array) -> Array:
     """Size of the pixels (N, 2) in the laser plane (N,) [mm/px]."""
     if not len(uv_px):
         return np.zeros(0)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel
 
-from geometry import AxisPoints, Pose, SensorModel, SurfacePoints
+from geometry import AxisPoints, Pose, Sensor, SurfacePoints
 from workbench.files.images import Image
 
 Array = NDArray[np.float64]
@@ -57,7 +57,7 @@ class Engine(Protocol):
     """Detection and labelling as the window needs them; the tests put a fake in its place."""
 
     model: type[BaseModel]
-    sensor: SensorModel
+    sensor: Sensor
 
     @property
     def strings(self) -> tuple[str, ...]:

@@ -14,6 +14,7 @@ def overview(session: Session) -> dict[str, Any]:
     """The folder, its images, the sensor, the parameters and what can be done with them."""
     opened = session.opened
     sensor, engine = opened.engine.sensor, opened.engine
+    camera = sensor.require_camera()
     return {
         "title": opened.title,
         "folder": str(opened.pictures.root),
@@ -23,9 +24,9 @@ def overview(session: Session) -> dict[str, Any]:
         ],
         "sensor": {
             "name": sensor.name,
-            "width": sensor.width_px,
-            "height": sensor.height_px,
-            "saturation": sensor.saturation_dn,
+            "width": camera.width_px,
+            "height": camera.height_px,
+            "saturation": camera.saturation_dn,
             "field_of_view": field_of_view(sensor).tolist(),
         },
         "strings": list(engine.strings),

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from geometry import InputError, SensorModel
+from geometry import InputError, Sensor
 from workbench.files.images import SUFFIXES, Image, read_image
 
 MAX_IMAGES = 20_000
@@ -48,7 +48,7 @@ class Stamp:
 class Pictures:
     """Decoded images by index, the most recently used ones kept in memory."""
 
-    def __init__(self, root: Path, paths: Iterable[Path], sensor: SensorModel) -> None:
+    def __init__(self, root: Path, paths: Iterable[Path], sensor: Sensor) -> None:
         """``root``: the opened folder; a path that leads out of it, also by a link, is refused when it is read."""
         self.root = root.resolve()
         self.paths = tuple(paths)

@@ -48,6 +48,7 @@ def _why_empty(image: Path, sensor: Path) -> str:
     from workbench.files import read_image, read_sensor
 
     model = read_sensor(sensor).model
-    if (read_image(image, model) >= model.saturation_dn).mean() > FLOODED_SHARE:
-        return f"no stripe: more than half of the image is saturated ({model.saturation_dn}), lower the exposure"
+    full = model.require_camera().saturation_dn
+    if (read_image(image, model) >= full).mean() > FLOODED_SHARE:
+        return f"no stripe: more than half of the image is saturated ({full}), lower the exposure"
     return "no stripe in the image: see [stripe] threshold_sigma, min_amplitude_dn, direction"

@@ -6,27 +6,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geometry.errors import InputError
-from geometry.sensor import SensorModel
+from geometry.sensor.camera import Camera
+from geometry.sensor.sensor import Sensor
+from geometry.sensor.sheet import Sheet
 
 Array = NDArray[np.float64]
 
 MAX_DISTANCE_MM = 5000.0  # beyond this no line sensor measures; it closes a field of view that is open to the horizon
 
 
-def field_of_view(sensor: SensorModel, margin_px: float = 0.0, samples_per_side: int = 24) -> Array:
+def field_of_view(sensor: Sensor, margin_px: float = 0.0, samples_per_side: int = 24) -> Array:
     """The field of view in the laser plane: a polygon (N, 2) of (y, z) [mm] in order around it.
 
     margin_px: strip along the image's border that is left out.
     Raises InputError where the camera sees nothing of the lit sheet.
     """
-    border = _image_border(sensor, margin_px, samples_per_side)
-    rays = np.column_stack([_undistort(sensor, border), np.ones(len(border))]) @ sensor.T_sensor_camera.R.T
-    centre = sensor.camera_centre_mm
+    camera = sensor.require_camera()
+    border = _image_border(camera, margin_px, samples_per_side)
+    rays = np.column_stack([_undistort(camera, border), np.ones(len(border))]) @ camera.T_sensor_camera.R.T
+    centre = camera.centre_mm
     # homogeneous point of the sheet on each ray: (y, z, 1) · w with w > 0 in front of the camera
     w = -rays[:, 0] / centre[0]
     homogeneous = np.column_stack([centre[1] * w + rays[:, 1], centre[2] * w + rays[:, 2], w])
     polygon = _clip(homogeneous, np.array([0.0, 0.0, 1.0]), 1.0 / MAX_DISTANCE_MM)
-    for half_plane in _fan_half_planes(sensor):
+    for half_plane in _fan_half_planes(sensor.sheet):
         polygon = _clip(polygon, half_plane, 0.0)
     if len(polygon) < 3:
         raise InputError(
@@ -45,29 +48,29 @@ def inside_polygon(points: Array, polygon: Array) -> NDArray[np.bool_]:
     return np.asarray(np.sum(straddles & left, axis=-1) % 2 == 1)
 
 
-def _image_border(s: SensorModel, margin_px: float, n: int) -> Array:
-    if not 0 <= margin_px < min(s.width_px, s.height_px) / 2:
+def _image_border(c: Camera, margin_px: float, n: int) -> Array:
+    if not 0 <= margin_px < min(c.width_px, c.height_px) / 2:
         raise InputError(f"margin_px = {margin_px:g}: must lie between 0 and half of the image's shorter side")
-    low, right, bottom = margin_px - 0.5, s.width_px - 0.5 - margin_px, s.height_px - 0.5 - margin_px
+    low, right, bottom = margin_px - 0.5, c.width_px - 0.5 - margin_px, c.height_px - 0.5 - margin_px
     corners = np.array([[low, low], [right, low], [right, bottom], [low, bottom]])
     t = np.arange(n)[:, None] / n
     sides = [a + t * (b - a) for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True)]
     return np.concatenate(sides)
 
 
-def _undistort(s: SensorModel, uv_px: Array) -> Array:
+def _undistort(c: Camera, uv_px: Array) -> Array:
     """Normalised image coordinates (N, 2) of distorted pixels, followed outwards from the image's centre.
 
     Where the lens model folds back before it reaches a pixel, no ray belongs to that pixel: the last one before the
     fold, in the same direction, is returned.
     """
-    goal = (uv_px - [s.cx_px, s.cy_px]) / [s.fx_px, s.fy_px]
-    if not any(s.distortion):
+    goal = (uv_px - [c.cx_px, c.cy_px]) / [c.fx_px, c.fy_px]
+    if not any(c.distortion):
         return goal
     xy, reached, step = np.zeros_like(goal), np.zeros(len(goal)), np.full(len(goal), 1 / 8)
     while np.any(todo := (reached < 1) & (step > 1e-6)):
         t = np.minimum(reached[todo] + step[todo], 1.0)
-        found, good = _newton(xy[todo], t[:, None] * goal[todo], s.distortion14)
+        found, good = _newton(xy[todo], t[:, None] * goal[todo], c.distortion14)
         index = np.flatnonzero(todo)
         xy[index[good]], reached[index[good]] = found[good], t[good]
         step[index[~good]] /= 2
@@ -103,14 +106,14 @@ def _distort(xy: Array, k: Array) -> Array:
     return np.asarray(tilted[:, :2] / tilted[:, 2:])
 
 
-def _fan_half_planes(s: SensorModel) -> list[Array]:
+def _fan_half_planes(sheet: Sheet) -> list[Array]:
     """Half-planes n · (y, z, 1) ≥ 0 whose intersection is the fan."""
-    half = s.fan_rad / 2
+    half = sheet.fan_rad / 2
     out = []
     for sign in (-1.0, 1.0):
         n = np.array([sign * np.cos(half), np.sin(half)])
-        out.append(np.array([*n, -n @ s.laser_origin_mm[1:]]))
-    return [*out, np.array([0.0, 1.0, -s.laser_origin_mm[2]])]
+        out.append(np.array([*n, -n @ sheet.origin_mm[1:]]))
+    return [*out, np.array([0.0, 1.0, -sheet.origin_mm[2]])]
 
 
 def _clip(polygon: Array, n: Array, limit: float) -> Array:

@@ -1,0 +1,118 @@
+"""The camera that sees the laser sheet: image, intrinsics, lens and pose in {P}."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geometry.errors import InputError
+from geometry.pose import Pose, check_rotation
+
+Array = NDArray[np.float64]
+
+DISTORTION_LENGTHS = (0, 4, 5, 8, 12, 14)
+BIT_DEPTHS = (8, 10, 12, 14, 16)
+
+
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """Parameters of OpenCV's camera model, of its image, and its pose before the sheet x = 0.
+
+    Parameters
+    ----------
+    width_px, height_px : int
+        Size of the image; pixel (0, 0) is the centre of the top-left pixel.
+    fx_px, fy_px, cx_px, cy_px : float
+        Intrinsics.
+    T_sensor_camera : Pose
+        Pose of the camera (x right, y down, z forward) in {P} [mm].
+    distortion : tuple of float
+        0, 4, 5, 8, 12 or 14 terms in OpenCV's order, the tilt (the last two) in radians.
+    bit_depth : int
+        8, 10, 12, 14 or 16.
+    black_level : float
+        Grey level of no light [DN].
+
+    Raises
+    ------
+    InputError
+        Where the numbers can not be a camera that sees the sheet.
+    """
+
+    width_px: int
+    height_px: int
+    fx_px: float
+    fy_px: float
+    cx_px: float
+    cy_px: float
+    T_sensor_camera: Pose
+    distortion: tuple[float, ...] = ()
+    bit_depth: int = 8
+    black_level: float = 0.0
+
+    def __post_init__(self) -> None:
+        _check_image(self)
+        _check_optics(self)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns of the image."""
+        return self.height_px, self.width_px
+
+    @property
+    def matrix(self) -> Array:
+        """Intrinsic matrix K (3, 3) [px]."""
+        return np.array([[self.fx_px, 0, self.cx_px], [0, self.fy_px, self.cy_px], [0, 0, 1.0]])
+
+    @property
+    def centre_mm(self) -> Array:
+        """The projection centre in {P} (3,) [mm]."""
+        return self.T_sensor_camera.t
+
+    @property
+    def distortion14(self) -> Array:
+        """The distortion terms filled up with zeros to OpenCV's 14 (14,)."""
+        return np.array([*self.distortion, *[0.0] * (14 - len(self.distortion))])
+
+    @property
+    def saturation_dn(self) -> int:
+        """The largest grey level that the image can hold."""
+        return int(2**self.bit_depth - 1)
+
+
+def _check_image(c: Camera) -> None:
+    if not (1 <= c.width_px <= 65535 and 1 <= c.height_px <= 65535):
+        raise InputError(f"image size {c.width_px} × {c.height_px} px: width and height must lie in 1 … 65535")
+    if c.bit_depth not in BIT_DEPTHS:
+        raise InputError(f"bit_depth {c.bit_depth}: must be one of {', '.join(map(str, BIT_DEPTHS))}")
+    if not 0 <= c.black_level < c.saturation_dn:
+        raise InputError(f"black_level {c.black_level:g}: must lie in 0 … {c.saturation_dn - 1} at {c.bit_depth} bits")
+
+
+def _check_optics(c: Camera) -> None:
+    numbers = [c.fx_px, c.fy_px, c.cx_px, c.cy_px, *c.distortion, *c.T_sensor_camera.t]
+    if not np.all(np.isfinite(numbers)):
+        raise InputError("the camera holds a number that is not finite")
+    if c.fx_px <= 0 or c.fy_px <= 0:
+        raise InputError(f"focal lengths fx_px = {c.fx_px:g}, fy_px = {c.fy_px:g}: must be positive")
+    if len(c.distortion) not in DISTORTION_LENGTHS:
+        raise InputError(f"distortion has {len(c.distortion)} terms: OpenCV's model takes 0, 4, 5, 8, 12 or 14")
+    check_rotation(c.T_sensor_camera.R)
+    if abs(c.T_sensor_camera.t[0]) < 1e-6:
+        raise InputError(
+            "the camera's centre lies in the laser plane x = 0: it sees the sheet edge-on and measures no depth"
+        )
+    if _rays_hit_nowhere(c):
+        raise InputError(
+            "the camera looks along or away from the laser plane x = 0 and never sees it: turn [camera.pose] towards it"
+        )
+
+
+def _rays_hit_nowhere(c: Camera) -> bool:
+    """Whether the rays of all four image corners run away from the sheet."""
+    u = np.array([0, c.width_px - 1, c.width_px - 1, 0], dtype=float)
+    v = np.array([0, 0, c.height_px - 1, c.height_px - 1], dtype=float)
+    rays = np.stack([(u - c.cx_px) / c.fx_px, (v - c.cy_px) / c.fy_px, np.ones(4)], -1) @ c.T_sensor_camera.R.T
+    return bool(np.all(rays[:, 0] * c.T_sensor_camera.t[0] >= 0))
