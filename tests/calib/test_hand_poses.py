@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from calib.hand_joints import with_joints
 from scipy.stats import chi2
 
 from calib import CalibConfig
+from calib.hands import with_joints
 from calib.printed import nees
 from calib.synthetic.cell import Noise, Observed, SyntheticCell, calibrated, made_cell, observe, random_cell
 from calib.synthetic.problem import CALIBRATE_ONLY
@@ -53,8 +53,7 @@ def test_sigma_is_true_with_a_robot_table() -> None:
 def test_joints_found_again_give_the_poses() -> None:
     cell = random_cell(np.random.default_rng(4), CALIBRATE_ONLY)
     _, poses = _draw(np.random.default_rng(5), cell)
-    found = with_joints(poses, cell.robot)
-    for f in found.frames:
+    for f in with_joints(poses.frames, cell.robot):
         assert f.joints_inferred
         assert f.joints_rad is not None
         assert f.T_base_hand is not None
