@@ -38,7 +38,7 @@ def predict_crossings(
     anchor = np.arange(len(anchors_mm))
     weight = (1 - share) * (first[..., None] == anchor) + share * (second[..., None] == anchor)  # (F, M, A)
     across = g @ T_sensor_target.R[:, None, :, 1:]  # (F, M, 2, 2): by y and z of a shift, target axes
-    by_shape = (weight[..., None, :, None] * across[..., :, None, :]).reshape(*twist.shape[:3], -1)
+    by_shape = (weight[..., None, :, None] * across[..., :, None, :]).reshape(*twist.shape[:3], 2 * len(anchor))
     residual = (crossing[..., 1:] - points.yz_mm) * seen
     return Prediction(residual, twist @ T_sensor_target.adjoint[:, None], by_shape)
 

@@ -90,27 +90,28 @@ class OnTarget:
     def residual(self, state: State) -> Array:
         """Residuals (F, r) [mm]."""
         found = self.target.predict(self.T_sensor_target(state), state.vector(self.shape_block), self.points)
-        return found.residual.reshape(len(self.points), -1)
+        f, m, k = found.residual.shape
+        return found.residual.reshape(f, m * k)
 
     def linearise(self, state: State, wanted: Collection[str] | None = None) -> OnTargetLinearised:
         """Residuals (F, r), their Jacobians, and their covariance with the hand's."""
         T = self.T_sensor_target(state)
         found = self.target.predict(T, state.vector(self.shape_block), self.points)
-        f = len(self.points)
-        place = found.by_pose.reshape(f, -1, 6)
+        f, m, k = found.residual.shape
+        place = found.by_pose.reshape(f, m * k, 6)
         twist = place @ T.inverse().adjoint  # by motions of the target in sensor axes
         hand = -twist @ state.pose("scp").inverse().adjoint
         twists = self.hands.jacobian(state.vector("robot"))
         jacobian = {
             "scp": -twist,
             self.place_block: place,
-            self.shape_block: found.by_shape.reshape(f, place.shape[1], -1),
+            self.shape_block: found.by_shape.reshape(f, m * k, found.by_shape.shape[-1]),
         }
         if wanted is None or "robot" in wanted:
             jacobian["robot"] = hand @ twists
         member = {self.place_block: self.member}
         noise = self.covariance(found.by_point, hand)
-        residual = found.residual.reshape(f, -1)
+        residual = found.residual.reshape(f, m * k)
         return OnTargetLinearised(residual, jacobian, noise, member, hand, twists, found.by_point)
 
     def relinearised(self, lin: OnTargetLinearised) -> OnTargetLinearised:
@@ -121,7 +122,8 @@ class OnTarget:
         """Covariance (F, r, r) of the residuals: of the points, inflated where removed, and of the hands' poses."""
         f, m = self.points.present.shape
         out = by_hand @ (self.hand_noise if hand_noise is None else hand_noise) @ np.swapaxes(by_hand, -1, -2)
-        blocks = out.reshape(f, m, -1, m, by_hand.shape[1] // m)
+        k = by_hand.shape[1] // m
+        blocks = out.reshape(f, m, k, m, k)
         i = np.arange(m)
         own = self.point_covariance(by_point) * removal(self.removed)[..., None, None]
         blocks[:, i, :, i, :] += np.swapaxes(own, 0, 1)

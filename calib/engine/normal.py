@@ -84,15 +84,15 @@ def total_normal(
         b = lin.jacobian[name] if name else np.zeros((*lin.residual.shape, 0))
         columns = white @ np.concatenate([a, b, lin.residual[..., None]], -1)
         a, b, r = columns[..., : len(index)], columns[..., len(index) : -1], columns[..., -1:]
-        flat = a.reshape(-1, len(index))
+        flat = a.reshape(lin.residual.size, len(index))
         common[np.ix_(index, index)] += flat.T @ flat
         gradient[index] += flat.T @ r.reshape(-1)
         if name:
             count, n = separate[name]
             at_member = (np.arange(count)[:, None] == lin.member[name]).astype(float)  # (L, G)
-            b_t, g = np.swapaxes(b, -1, -2), len(b)
-            cross[name][:, index] += (at_member @ (np.swapaxes(a, -1, -2) @ b).reshape(g, -1)).reshape(count, -1, n)
-            own[name] += (at_member @ (b_t @ b).reshape(g, -1)).reshape(count, n, n)
+            b_t, g, k = np.swapaxes(b, -1, -2), len(b), len(index)
+            cross[name][:, index] += (at_member @ (np.swapaxes(a, -1, -2) @ b).reshape(g, k * n)).reshape(count, k, n)
+            own[name] += (at_member @ (b_t @ b).reshape(g, n * n)).reshape(count, n, n)
             own_gradient[name] += at_member @ (b_t @ r)[..., 0]
     _add_priors(unknowns, state, common, gradient, own, own_gradient)
     for block in unknowns.separate:
