@@ -27,11 +27,11 @@ from calib.synthetic.cell import (
 )
 from calib.synthetic.degenerate import constant_lever, mirror_frames
 from calib.synthetic.problem import CALIBRATE_ONLY
-from geometry import AxisPoints, Frame, Pose, RobotModel, exp_so3
+from geometry import AxisPoints, DhRobot, Frame, Pose, exp_so3
 from jig_cad import Jig
 
 Frames = tuple[Frame, ...]
-Spoil = Callable[[Frames, SyntheticCell, np.random.Generator], tuple[Frames, Jig, RobotModel]]
+Spoil = Callable[[Frames, SyntheticCell, np.random.Generator], tuple[Frames, Jig, DhRobot]]
 NOISE = Noise()
 # what the words must hold where the cause can be named
 NAMED = {
@@ -65,7 +65,7 @@ def spoils() -> dict[str, Spoil]:
     def each(change: Callable[[Frame], Frame]) -> Spoil:
         return frames_only(lambda f, c, rng: tuple(map(change, f)))
 
-    def robot_only(change: Callable[[RobotModel], RobotModel]) -> Spoil:
+    def robot_only(change: Callable[[DhRobot], DhRobot]) -> Spoil:
         return lambda f, c, rng: (f, c.jig, change(c.robot))
 
     return {
@@ -117,7 +117,7 @@ def _diagonals(label: str) -> str:
 def _alike(frames: Frames, cell: SyntheticCell, rng: np.random.Generator, degrees: float, axes: int) -> Frames:
     """Seven frames of one location whose hand turns by up to ``degrees`` about x (or any axis) and moves by 20 mm."""
     first = frames[0]
-    hand = cell.robot.hand_pose(first.joints_rad)
+    hand = cell.robot.pose(first.joints_rad)
     jig = cell.T_base_jig[first.location]
     out = []
     for i in range(7):

@@ -44,7 +44,7 @@ def calibrated_error(
     true_scp = cell.T_hand_sensor_design @ Pose.exp(rng.normal(size=6) * MOUNTING_SIGMA)
     robot, jig = cell.robot.corrected(draw_errors(cell.robot, rng)), sample_tolerance(cell.jig, rng)
     moved = joints + rng.normal(size=joints.shape) * cell.robot.uncertainty.joint_sigma_rad
-    T_sensor_jig = (robot.hand_pose(moved) @ true_scp).inverse() @ places[location]
+    T_sensor_jig = (robot.pose(moved) @ true_scp).inverse() @ places[location]
     expected = expected_points(cell.sensor.model, cell.jig, T_sensor_jig)
     truth = axis_points(T_sensor_jig, jig)
     axes = [

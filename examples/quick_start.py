@@ -24,7 +24,7 @@ frames = []
 for location, T_base_jig in places.items():
     views = plan_views(ViewProblem(robot, sensor.model, jig, T_base_jig, design), 7, rng)
     for joints in views.joints_rad:
-        T_sensor_jig = (robot.hand_pose(joints) @ T_hand_sensor).inverse() @ T_base_jig
+        T_sensor_jig = (robot.pose(joints) @ T_hand_sensor).inverse() @ T_base_jig
         image = render(Scene(sensor.model, jig, T_sensor_jig), sensor.emulator, rng).image
         spots = extract(image, sensor.model)
         frames.append(Frame(len(frames), location, points=spots, joints_rad=joints))

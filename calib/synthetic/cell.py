@@ -13,11 +13,11 @@ from calib.result import CalibrationResult
 from geometry import (
     AxisPoints,
     Camera,
+    DhRobot,
     Frame,
     NoAnswerError,
     Pose,
     Robot,
-    RobotModel,
     Role,
     Sensor,
     Sheet,
@@ -70,7 +70,7 @@ class Noise:
 class SyntheticCell:
     """A cell and its truth; ``joints_rad`` (F, n) are the configurations as commanded."""
 
-    robot: RobotModel
+    robot: DhRobot
     jig: Jig
     T_hand_sensor: Pose
     T_base_jig: dict[str, Pose]
@@ -97,13 +97,11 @@ def calibrated(
     return calibrate(observed.frames, target, robot, observed.sensor, observed.design, observed.places, config)
 
 
-def industrial_arm() -> RobotModel:
+def industrial_arm() -> DhRobot:
     """A six-axis arm of 2.5 m reach (ABB's data sheet of the IRB 6640-180/2.55), standard DH, mm and radians."""
     theta = np.deg2rad([0.0, -90.0, 0.0, 0.0, 0.0, 180.0])
     alpha = np.deg2rad([-90.0, 0.0, -90.0, 90.0, -90.0, 0.0])
-    return RobotModel.from_dh(
-        theta, [780.0, 0, 0, 1142, 0, 200], [320.0, 1075, 200, 0, 0, 0], alpha, name="six-axis arm"
-    )
+    return DhRobot.from_dh(theta, [780.0, 0, 0, 1142, 0, 200], [320.0, 1075, 200, 0, 0, 0], alpha, name="six-axis arm")
 
 
 def default_sensor() -> Sensor:
@@ -117,7 +115,7 @@ def random_cell(
     rng: np.random.Generator,
     layout: Layout | None = None,
     jig: Jig | None = None,
-    robot: RobotModel | None = None,
+    robot: DhRobot | None = None,
     T_hand_sensor: Pose = TRUTH,
 ) -> SyntheticCell:
     """A cell with jig places and configurations drawn at random such that every view shows every string."""
@@ -157,7 +155,7 @@ def observe(cell: SyntheticCell, made: SyntheticCell, rng: np.random.Generator, 
     true_joints = cell.joints_rad + rng.normal(size=cell.joints_rad.shape) * noise.joint_rad
     if noise.compliance is not None:
         true_joints = true_joints + deflection(made.robot, true_joints, noise.compliance)
-    hand = made.robot.hand_pose(true_joints)
+    hand = made.robot.pose(true_joints)
     jigs = Pose(
         np.stack([made.T_base_jig[n].R for n in cell.location]), np.stack([made.T_base_jig[n].t for n in cell.location])
     )
@@ -218,7 +216,7 @@ def _views(rng: np.random.Generator, layout: Layout, jig: Jig, n: int) -> Pose:
 
 
 def _place(
-    rng: np.random.Generator, layout: Layout, jig: Jig, robot: RobotModel, T_hand_sensor: Pose, count: int
+    rng: np.random.Generator, layout: Layout, jig: Jig, robot: DhRobot, T_hand_sensor: Pose, count: int
 ) -> tuple[Pose, list[Array]]:
     """One place of the jig, upright on a random heading, and ``count`` configurations that see it."""
     for _ in range(100):
@@ -240,12 +238,12 @@ def _place(
     raise NoAnswerError("no place of the jig can be reached with this layout")
 
 
-def _reach(robot: RobotModel, target: Pose, rng: np.random.Generator) -> Array | None:
+def _reach(robot: DhRobot, target: Pose, rng: np.random.Generator) -> Array | None:
     """Joint readings (n,) [rad] that bring the hand to ``target``, or None (Newton from a random start, damped)."""
     n = robot.n_joints
     q = rng.uniform(-1, 1, n) * np.array([1.2, 0.6, 0.6, 3.0, 1.6, 3.0, *[1.0] * max(0, n - 6)])[:n]
     for i in range(60):
-        error = (robot.hand_pose(q).inverse() @ target).log()
+        error = (robot.pose(q).inverse() @ target).log()
         if np.linalg.norm(error) < 1e-9:
             q = np.mod(q + np.pi, 2 * np.pi) - np.pi
             return np.asarray(q) if abs(q[min(4, n - 1)]) > 0.2 and bool(robot.within_limits(q)) else None

@@ -20,6 +20,7 @@ from geometry.robot.joint_deviation import JointDeviation
 from geometry.robot.model import Arm, Robot, require_arm, with_beta_prior
 from geometry.robot.parameter import Parameter
 from geometry.robot.table import draw_errors, table
+from geometry.robot.urdf_chain import ChainJoint, corrected_origins, robot_from_chain
 
 __all__ = [
     "CONVENTIONS",
@@ -29,6 +30,7 @@ __all__ = [
     "PARAMETERS",
     "TYPICAL_SIGMA",
     "Arm",
+    "ChainJoint",
     "Compliance",
     "Compliant",
     "Convention",
@@ -43,6 +45,7 @@ __all__ = [
     "RobotModel",
     "RobotUncertainty",
     "all_solutions",
+    "corrected_origins",
     "deflection",
     "draw_errors",
     "express",
@@ -50,6 +53,7 @@ __all__ = [
     "inverse_kinematics",
     "require_arm",
     "robot_from_axes",
+    "robot_from_chain",
     "table",
     "torque",
     "with_beta_prior",

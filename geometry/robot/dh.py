@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from geometry.errors import InputError
 from geometry.pose import Pose, cross
-from geometry.robot.parameter import Parameter
+from geometry.robot.parameter import SYMBOLS, Parameter
 
 Array = NDArray[np.float64]
 
@@ -27,13 +27,22 @@ class DhRow:
     unit: str
 
     @property
+    def symbol(self) -> str:
+        """How it is printed."""
+        return SYMBOLS.get(self.group, self.group)
+
+    @property
     def file_key(self) -> str:
         """Its key in files, which are in degrees and mm."""
         return f"{self.column}_{'deg' if self.unit == 'rad' else self.unit}"
 
-    def to_file(self, values: Array) -> Array:
-        """The numbers in the file's unit."""
-        return np.asarray(np.rad2deg(values) if self.unit == "rad" else values)
+    def from_file(self, values: ArrayLike) -> Array:
+        """Numbers of a file in radians or mm."""
+        return np.asarray(values, dtype=float) * (np.pi / 180 if self.unit == "rad" else 1)
+
+    def to_file(self, values: ArrayLike) -> Array:
+        """Radians or mm in the file's unit."""
+        return np.asarray(np.rad2deg(values) if self.unit == "rad" else values, dtype=float)
 
 
 DH_ROWS = (  # the one place that knows their order

@@ -15,7 +15,7 @@ from calib.judge.culprit_jig import wrong_jig
 from calib.label.all_frames import label_frames
 from calib.synthetic.cell import Noise, SyntheticCell, calibrated, default_sensor, made_cell, observe, random_cell
 from calib.synthetic.problem import CALIBRATE_ONLY
-from geometry import Frame, RobotModel
+from geometry import DhRobot, Frame
 from jig_cad import Jig
 
 Frames = tuple[Frame, ...]
@@ -28,7 +28,7 @@ def cell_and_frames() -> tuple[SyntheticCell, Frames]:
     return cell, observe(cell, made_cell(cell, rng, Noise()), rng, Noise()).frames
 
 
-def _said(cell: SyntheticCell, frames: Frames, robot: RobotModel, jig: Jig | None = None) -> str:
+def _said(cell: SyntheticCell, frames: Frames, robot: DhRobot, jig: Jig | None = None) -> str:
     jig = jig or cell.jig
     labelled = label_frames(placed(frames, robot), jig, default_sensor(), cell.design, {}, CalibConfig())
     return wrong_jig(labelled, jig) or culprit(labelled, jig, robot)

@@ -11,11 +11,9 @@ import pytest
 from pydantic import BaseModel
 
 from calib import CalibConfig
-from extraction import GapFlushConfig, StripeConfig
-from extraction.config import ExtractionConfig
+from extraction import ExtractionConfig, GapFlushConfig, StripeConfig
 from jig_cad.files import JigTable, LinesTable
-from perceptron_emu import EmulatorConfig
-from perceptron_emu.scene_file import SceneFile
+from perceptron_emu import EmulatorConfig, SceneFile
 from workbench.files.cell import CellFile
 from workbench.files.frames_csv import POSE_COLUMNS
 from workbench.files.points_csv import COLUMNS

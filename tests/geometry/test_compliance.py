@@ -17,7 +17,7 @@ def test_a_payload_on_an_outstretched_arm() -> None:
     """One mass at the hand turns a joint with a horizontal axis by m g times its horizontal distance over stiffness."""
     robot, q = industrial_arm(), np.deg2rad([[0.0, 90.0, 0.0, 0.0, 0.0, 0.0]])
     found = deflection(robot, q, Compliance(mass_kg=NONE, payload_kg=10.0, balanced=NONE))[0]
-    hand, links = robot.hand_pose(q).t[0], robot.link_poses(q).t[0]
+    hand, links = robot.pose(q).t[0], robot.link_poses(q).t[0]
     torque = 10.0 * GRAVITY * (hand[0] - links[1, 0]) / 1000
     assert abs(found[1]) == pytest.approx(torque / Compliance().stiffness[1], rel=1e-6)
     assert found[0] == pytest.approx(0.0, abs=ATOL_RAD)
@@ -26,8 +26,8 @@ def test_a_payload_on_an_outstretched_arm() -> None:
 def test_the_hand_sinks() -> None:
     robot = industrial_arm()
     q = np.random.default_rng(3).uniform(-0.8, 0.8, (50, 6))
-    moved = robot.hand_pose(q + deflection(robot, q, Compliance(mass_kg=NONE))).t[:, 2]
-    assert np.all(moved <= robot.hand_pose(q).t[:, 2] + 1e-6)
+    moved = robot.pose(q + deflection(robot, q, Compliance(mass_kg=NONE))).t[:, 2]
+    assert np.all(moved <= robot.pose(q).t[:, 2] + 1e-6)
 
 
 def test_no_weight_no_deflection_and_other_arms_are_refused() -> None:

@@ -34,8 +34,8 @@ def test_a_table_is_written_as_a_table(recording: Path, tmp_path: Path) -> None:
     write_corrected_robot(tmp_path, cell, result)
     again, q = read_robot(tmp_path / "robot_corrected.toml"), np.linspace(-1, 1, 6)
     assert result.robot is not None
-    np.testing.assert_allclose(again.hand_pose(q).matrix, result.robot.hand_pose(q).matrix, rtol=0, atol=ATOL)
-    assert np.abs(again.hand_pose(q).t - result.robot.corrected(-result.robot_delta).hand_pose(q).t).max() > 0.01
+    np.testing.assert_allclose(again.pose(q).matrix, result.robot.pose(q).matrix, rtol=0, atol=ATOL)
+    assert np.abs(again.pose(q).t - result.robot.corrected(-result.robot_delta).pose(q).t).max() > 0.01
 
 
 def test_a_urdf_is_written_as_a_urdf(recording: Path, tmp_path: Path) -> None:
@@ -49,7 +49,7 @@ def test_a_urdf_is_written_as_a_urdf(recording: Path, tmp_path: Path) -> None:
     result = replace(result, estimate=replace(result.estimate, robot=made, robot_delta=np.ones(24)))
     write_corrected_robot(tmp_path, cell, result)
     again, q = read_urdf(tmp_path / "robot_corrected.urdf", "L0", "L9"), np.linspace(-1, 1, nominal.n_joints)
-    np.testing.assert_allclose(again.hand_pose(q).matrix, made.pose(q).matrix, atol=ATOL)
+    np.testing.assert_allclose(again.pose(q).matrix, made.pose(q).matrix, atol=ATOL)
 
 
 def test_a_robot_that_did_not_change_is_not_written(cli: Cli, recording: Path, tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from extraction import ExtractionConfig, NoiseConfig
+from extraction import ExtractionConfig, SpotNoiseConfig
 from workbench.cell.presets import find_sensor
 from workbench.cell.speckle import MAX_GRAIN_PX, dataset_config, frames_to_learn, with_known_grain
 from workbench.files import read_cell, read_image, read_sensor
@@ -38,7 +38,7 @@ def test_optics_that_a_file_does_not_state_are_not_assumed(tmp_path: Path, line:
 
 
 def test_a_given_grain_is_kept() -> None:
-    given = ExtractionConfig(noise=NoiseConfig(speckle_grain_px=0.9))
+    given = ExtractionConfig(noise=SpotNoiseConfig(speckle_grain_px=0.9))
     assert with_known_grain(find_sensor("nominal"), given) == given
 
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from calib import CalibConfig, CalibrationResult
+from calib.hands import hand_poses
 from calib.label.frame import label_frame
 from calib.label.refine import LabelledFrame
-from geometry import AxisPoints, Sensor, SurfacePoints
+from geometry import AxisPoints, Pose, Sensor, SurfacePoints
 from jig_cad import Jig
 from workbench.cell.pipeline import Observed, solve
 from workbench.cell.points_table import FrameTable
@@ -29,6 +30,18 @@ def label_dataset(
 def label_image(frame: int, image: str, points: SurfacePoints, jig: Jig, sensor: Sensor) -> FrameTable:
     """One image's spots with labels from the jig's geometry alone."""
     return _table(frame, image, points, label_frame(points, jig, sensor, None, CalibConfig()), None)
+
+
+def poses_in_sensor(result: CalibrationResult) -> dict[int, Pose]:
+    """T_sensor_jig by frame number through the solved robot chain; empty where the solution can not be trusted."""
+    if not result.verdict.trustworthy or result.T_hand_sensor is None:
+        return {}
+    places = {name: p.T_base_target for name, p in result.locations.items() if p.T_base_target is not None}
+    frames = [f for f in result.frames if f.location in places]
+    if not frames:
+        return {}
+    hands = hand_poses(frames, result.robot)
+    return {f.number: (hands[i] @ result.T_hand_sensor).inverse() @ places[f.location] for i, f in enumerate(frames)}
 
 
 def _table(

@@ -37,6 +37,8 @@ class FramePose:
 
 def frame_poses(points: Path, jig: str | None, sensor: str | None, frame: int | None) -> list[FramePose]:
     """The poses of every frame of the file, or of one."""
+    if not points.exists():
+        raise InputError(f"{points}: no such file")
     the_jig = find_jig(jig or _beside(points, "jig.toml", "target.toml"))
     frames = read_points(points, the_jig.strings)
     if not frames:

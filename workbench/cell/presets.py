@@ -5,9 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import assets
-from geometry import RobotModel
+from calib.synthetic.cell import DESIGN
+from geometry import DhRobot
 from jig_cad import Jig
 from workbench.files import SensorDescription, read_jig_file, read_robot, read_sensor
+
+DESIGN_SCP = DESIGN  # T_hand_sensor by design of the paper's Table 1: emulated cells and starters mount their sensor so
 
 
 def preset_path(kind: str, name: str) -> Path:
@@ -28,6 +31,6 @@ def find_sensor(name: str) -> SensorDescription:
     return read_sensor(preset_path("sensors", name))
 
 
-def find_robot(name: str) -> RobotModel:
+def find_robot(name: str) -> DhRobot:
     """A robot by file or preset."""
     return read_robot(preset_path("robots", name))

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 
-from extraction import ExtractionConfig, learn_speckle
-from extraction.spots import GRAINS_PX
-from perceptron_emu.speckle import grain_px
+from extraction import MAX_GRAIN_PX, ExtractionConfig, learn_speckle
+from perceptron_emu import grain_px
 from workbench.files.sensor_file import SensorDescription
 
 LEARNT_FRAMES = 6  # frames that the speckle is learnt from, and the largest share of a dataset's
 LEARNT_SHARE = 0.3
-MAX_GRAIN_PX = float(GRAINS_PX[-1])  # the coarsest that `NoiseConfig.speckle_grain_px` takes
 # what tells the grain λF#(1 + m), by table of sensor.toml; the emulator's defaults are no knowledge of a real sensor
 OPTICS = {"laser": {"wavelength_nm"}, "optics": {"pixel_um", "f_number"}}
 

@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from geometry import InputError
-from perceptron_emu import Scene, mean_electrons
-from perceptron_emu.scene_file import read_scene
+from perceptron_emu import Scene, mean_electrons, read_scene
 from workbench.emulate.extras import Extras, Renderer, truth_points
 from workbench.files import SensorDescription
 from workbench.files.atomic import write_text

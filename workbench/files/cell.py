@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field, field_validator
 
 import assets
-from geometry import InputError, Pose, RobotModel, did_you_mean
+from geometry import DhRobot, InputError, Pose, did_you_mean
 from jig_cad import Jig, jig_from_table
 from jig_cad.files import table_model, without_names
 from workbench.files.frames_csv import FrameRow, read_frames
@@ -67,7 +67,7 @@ class Cell:
     folder: Path
     sensor: SensorDescription
     jig: Jig
-    robot: RobotModel
+    robot: DhRobot
     frames: tuple[FrameRow, ...]
     T_hand_sensor_design: Pose
     T_base_jig: dict[str, Pose] = field(default_factory=dict)
@@ -110,7 +110,7 @@ def read_cell(path: Path, *, recorded: bool = True) -> Cell:
 
 
 def _frames(
-    folder: Path, file: CellFile, source: TomlSource, robot: RobotModel, *, recorded: bool
+    folder: Path, file: CellFile, source: TomlSource, robot: DhRobot, *, recorded: bool
 ) -> tuple[tuple[FrameRow, ...], Path]:
     if file.frames is None:
         if recorded:

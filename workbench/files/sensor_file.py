@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from pydantic import Field
 
-from geometry import Camera, InputError, Pose, Sensor, Sheet
-from perceptron_emu.config import EmulatorConfig
+from geometry import Camera, InputError, Pose, Sensor, Sheet, toml_value
+from perceptron_emu import EmulatorConfig
 from workbench.files.strict import Matrix3, Names, Positive, Real, Section, Vector3, Whole, validate
 from workbench.files.toml_text import TomlSource, read_toml
 
@@ -136,17 +136,3 @@ def sensor_text(sensor: SensorDescription) -> str:
         if name != "laser" and isinstance(table, dict):
             lines += [f"[{name}]", *(f"{k} = {toml_value(v)}" for k, v in table.items())]
     return "\n".join(lines) + "\n"
-
-
-def toml_value(value: Any) -> str:
-    """A value as TOML: text, truth, numbers, lists and inline tables."""
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, str):
-        escaped = value.replace("\\", "\\\\").replace('"', '\\"')
-        return '"' + "".join(c if c.isprintable() else f"\\u{ord(c):04x}" for c in escaped) + '"'
-    if isinstance(value, dict):
-        return "{ " + ", ".join(f"{toml_value(str(k))} = {toml_value(v)}" for k, v in value.items()) + " }"
-    if isinstance(value, list | tuple):
-        return "[" + ", ".join(toml_value(v) for v in value) + "]"
-    return repr(value)

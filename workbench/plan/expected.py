@@ -9,7 +9,7 @@ from calib.bundle.hands import Hands
 from calib.bundle.information import FrameInformation, Model, frame_information
 from calib.bundle.problem import Bundle
 from extraction import image_to_sheet
-from geometry import AxisPoints, Pose, RobotModel, Sensor, cross_plane_x0
+from geometry import AxisPoints, DhRobot, Pose, Sensor, cross_plane_x0
 from jig_cad import Jig
 from perceptron_emu import project
 
@@ -21,7 +21,7 @@ SURFACE_SIGMA_MM = 0.015  # what stays unknown of the way from the lit surface t
 
 
 def view_information(
-    robot: RobotModel,
+    robot: DhRobot,
     sensor: Sensor,
     jig: Jig,
     T_hand_sensor: Pose,
@@ -31,7 +31,7 @@ def view_information(
     model: Model = "scp",
 ) -> FrameInformation:
     """The information of configurations (F, n) [rad] at locations (F,), indices into Ts_base_jig."""
-    T_sensor_jig = (robot.hand_pose(joints_rad) @ T_hand_sensor).inverse() @ Ts_base_jig[location]
+    T_sensor_jig = (robot.pose(joints_rad) @ T_hand_sensor).inverse() @ Ts_base_jig[location]
     axes = expected_points(sensor, jig, T_sensor_jig)
     names = [str(k) for k in range(len(Ts_base_jig))]
     bundle = Bundle.of(axes, [names[k] for k in location], jig, Hands(robot, joints_rad), names)

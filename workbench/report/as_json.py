@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from calib import CalibrationResult, DesignSolved, LocationResult
-from geometry import Frame
-from geometry.robot import CONVENTIONS, express
+from geometry import CONVENTIONS, Frame, express
 
 
 def calibration_object(result: CalibrationResult, complaints: dict[int, str] | None = None) -> dict[str, Any]:

@@ -11,8 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from calib import CalibrationResult, DesignSolved
-from geometry import Pose
-from geometry.robot import CONVENTIONS, express
+from geometry import CONVENTIONS, Pose, express
 
 AXES = ("X", "Y", "Z")
 COLOURS = {"ok": "green", "model_misfit": "yellow", "weak": "yellow"}

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from calib import CalibrationResult
 from geometry import MissingDependencyError, Pose, require_arm
-from perceptron_emu.cell_picture import CellView, cell_picture
+from perceptron_emu.gl import CellView, cell_picture
 from workbench.files import Cell, FrameRow
 
 Picture = NDArray[np.uint8]
