@@ -30,7 +30,7 @@ from workbench.cell.starter import write_starter
 from workbench.files import Cell, read_cell
 from workbench.plan.choose import LEVER_MM, RANDOM_PLANS, random_plans, size_mm
 from workbench.plan.expected import expected_points
-from workbench.plan.propose import Candidates, best_plan, candidates, plan_limits, pooled
+from workbench.plan.propose import ViewPools, best_plan, candidates, plan_limits, pooled
 
 PER_LOCATION = 7
 BLOCKS = 10  # of as many draws as each random plan gets, for the planned views
@@ -58,7 +58,7 @@ def calibrated_error(
     return (answer.T_hand_sensor.inverse() @ true_scp).log()
 
 
-def second_moment(cell: Cell, found: Candidates, q: np.ndarray, place: np.ndarray, model: str, n: int, seed: int):
+def second_moment(cell: Cell, found: ViewPools, q: np.ndarray, place: np.ndarray, model: str, n: int, seed: int):
     """Second moments (6, 6) of the errors of n calibrations."""
     rng = np.random.default_rng(seed)
     index = np.searchsorted(found.calibrating, place)

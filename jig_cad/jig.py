@@ -196,6 +196,15 @@ class Jig:
         return np.unique(np.concatenate([self.start_index, self.end_index]))
 
     @cached_property
+    def axis(self) -> Array:
+        """The unit vector (3,) in {J} along which the strings run on the whole: x of a pillar."""
+        if self.pillar is not None:
+            return np.array([1.0, 0.0, 0.0])
+        vectors = np.linalg.eigh(self.directions.T @ self.directions)[1]
+        lead = np.round(vectors[:, -1], 9) * [1.0, 1e-3, 1e-6]  # the sense in which x grows, or else y, or z
+        return np.asarray(vectors[:, -1] * (1.0 if np.sum(lead) > 0 else -1.0))
+
+    @cached_property
     def side_mm(self) -> float:
         """The pillar's side as drawn; of other sets the largest width across x, at least ten string diameters."""
         if self.pillar is not None:

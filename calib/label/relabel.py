@@ -9,7 +9,7 @@ import numpy as np
 
 from calib.config import CalibConfig
 from calib.label.all_frames import label_frames, stays
-from calib.label.location import upright_turn
+from calib.label.refine import upright_turn
 from calib.label.surface_offset import surface_offset
 from geometry import Frame, Pose, Sensor, Target, stack_poses
 from jig_cad import Jig

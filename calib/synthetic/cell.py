@@ -204,9 +204,9 @@ def _views(rng: np.random.Generator, layout: Layout, jig: Jig, n: int) -> Pose:
     swing = exp_so3(np.deg2rad(rng.uniform(-1, 1, n) * layout.swing_deg)[:, None] * np.array([1.0, 0.0, 0.0]))
     turned = (rng.random(n) < 0.5) & layout.half_turns
     roll = np.where(turned[:, None, None], np.diag([-1.0, -1.0, 1.0]), np.eye(3))
-    aim = np.stack(
-        [jig.height_mm * rng.uniform(0.35, 0.65, n), rng.uniform(-10, 10, n), np.full(n, 0.58 * jig.side_mm)], -1
-    )
+    x, y, z = jig.foot_mm
+    z = z if jig.pillar is None else 0.58 * jig.side_mm
+    aim = np.stack([x + jig.height_mm * rng.uniform(0.35, 0.65, n), y + rng.uniform(-10, 10, n), np.full(n, z)], -1)
     R = swing @ sheet @ roll
     T_jig_sensor = Pose(R, aim - R[..., 2] * rng.uniform(*layout.standoff_mm, n)[:, None])
     to_sensor = T_jig_sensor.inverse()

@@ -1,7 +1,7 @@
 """Robots: parameters with priors, the hand's pose and its derivatives, decorators, and the way back to readings."""
 
 from geometry.robot.axes_to_dh import robot_from_axes
-from geometry.robot.compliant import GRAVITY, Compliance, Compliant, deflection, torque
+from geometry.robot.compliant import GRAVITY, Compliance, Compliant, deflection, torque, torque_by_joints
 from geometry.robot.conventions import CONVENTIONS, Convention, express, interpret
 from geometry.robot.corrected import Corrected
 from geometry.robot.dh import (
@@ -56,5 +56,6 @@ __all__ = [
     "robot_from_chain",
     "table",
     "torque",
+    "torque_by_joints",
     "with_beta_prior",
 ]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -191,7 +192,7 @@ class DhRobot:
         """The number of joints."""
         return len(self.d)
 
-    @property
+    @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
         """The numbers with a prior σ above 0, row by row of DH_ROWS."""
         sigma, (rows, joints) = self._sigma, self._places
@@ -200,7 +201,7 @@ class DhRobot:
             for r, j in zip(rows, joints, strict=True)
         )
 
-    @property
+    @cached_property
     def readings_to_angles(self) -> Array:
         """The matrix M (n, n) of θ = M q + theta_offset: signs and coupling."""
         coupling = np.eye(self.n_joints) if self.coupling is None else self.coupling
@@ -330,13 +331,13 @@ class DhRobot:
         """``pose`` of the nominal table."""
         return self.pose(joints)
 
-    @property
+    @cached_property
     def _sigma(self) -> Array:
         """Prior σ (5, n) in the order of DH_ROWS."""
         table = self.uncertainty.table(self.n_joints)
         return np.array([table[row.group] for row in DH_ROWS])
 
-    @property
+    @cached_property
     def _places(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Row of DH_ROWS and joint of every parameter."""
         rows, joints = np.nonzero(self._sigma > 0)

@@ -7,7 +7,8 @@ import pytest
 
 from calib.synthetic.cell import industrial_arm
 from geometry import InputError
-from geometry.robot import GRAVITY, Compliance, deflection
+from geometry.robot import GRAVITY, Compliance, deflection, torque, torque_by_joints
+from tests.geometry.strategies import random_robot
 
 ATOL_RAD = 1e-9
 NONE = (0.0,) * 6
@@ -36,3 +37,24 @@ def test_no_weight_no_deflection_and_other_arms_are_refused() -> None:
     np.testing.assert_allclose(still, 0.0, rtol=0, atol=ATOL_RAD)
     with pytest.raises(InputError, match="stiffness has 1 values for a robot of 6"):
         deflection(robot, q, Compliance(stiffness=(1.0,)))
+
+
+@pytest.mark.parametrize("convention", ["standard", "modified"])
+def test_torque_is_the_slope_of_the_energy(convention: str) -> None:
+    """Also with signs, coupling, a first and a last frame; and its change with the readings is the slope of it."""
+    rng = np.random.default_rng(5)
+    robot, q = random_robot(rng, 6, convention), rng.uniform(-2, 2, (4, 6))
+    load = Compliance(mass_kg=(30.0, 250.0, 120.0, 180.0, 40.0, 20.0))
+
+    def energy(at: np.ndarray) -> np.ndarray:
+        heights = robot.link_poses(at).t[..., 2]
+        links = (heights[..., :-1] + heights[..., 1:]) / 2 @ np.array(load.mass_kg)
+        return np.asarray(GRAVITY * (links + robot.pose(at).t[..., 2] * load.payload_kg) / 1000)
+
+    step = 1e-4
+    steps = step * np.eye(6)
+    slope = np.stack([(energy(q + s) - energy(q - s)) / (2 * step) for s in steps], -1)
+    found = torque(robot, q, load)
+    np.testing.assert_allclose(found, -slope * (1 - np.array(load.balanced)), rtol=0, atol=1e-5)  # of thousands of N·m
+    change = np.stack([(torque(robot, q + s, load) - torque(robot, q - s, load)) / (2 * step) for s in steps], -1)
+    np.testing.assert_allclose(torque_by_joints(robot, q, load), change, rtol=0, atol=1e-4)

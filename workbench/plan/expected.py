@@ -16,8 +16,11 @@ from perceptron_emu import project
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
-SPOT_SIGMA_PX = 0.07  # a speckled string spot's scatter, as cell recordings show it
-SURFACE_SIGMA_MM = 0.015  # what stays unknown of the way from the lit surface to the axis
+# a speckled string spot's scatter: benchmarks/extraction_cells.py finds 0.0080 mm in y where a pixel is some 0.11 mm
+SPOT_SIGMA_PX = 0.07
+# what stays unknown of the way from the lit surface to the axis: twice the 0.007 mm that a thread of 0.3 mm of unknown
+# gloss leaves (calib's surface offset), as it is common to a cell's frames and does not average
+SURFACE_SIGMA_MM = 0.015
 
 
 def view_information(

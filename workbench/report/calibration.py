@@ -27,8 +27,8 @@ from workbench.report.residuals import draw_residuals
 
 Array = NDArray[np.float64]
 
-QUANTILE_95 = 1.96
-WORST = 3
+QUANTILE_95 = 1.96  # of the normal distribution, both sides
+WORST = 3  # used frames that are shown beside those left out
 BANNER = {"ok": "good", "model_misfit": "care", "weak": "care"}
 TANGENT = ("tx", "ty", "tz", "rx", "ry", "rz")
 

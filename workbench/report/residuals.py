@@ -9,7 +9,7 @@ from calib import CalibrationResult
 from workbench.report.page import new_figure
 
 COLOURS = ("#2a6f97", "#c77d2e", "#5b8c5a", "#8a5a8c", "#a34a4a", "#4a4a4a")
-REASON_HEIGHT = 0.97
+REASON_HEIGHT = 0.97  # of the axes
 
 
 def draw_residuals(result: CalibrationResult) -> Figure:
