@@ -18,16 +18,16 @@ from pathlib import Path
 import numpy as np
 
 from extraction import ExtractionConfig
+from geometry import draw_errors
 from jig_cad import Jig, sample_tolerance
 from perceptron_emu import EmulatorConfig
 from workbench import defaults
-from workbench.cell.image_set import ImageRequest, open_images
 from workbench.cell.presets import DESIGN_SCP, find_robot, find_sensor
 from workbench.cell.starter import PLACES, place_of_jig
 from workbench.cell.surroundings import jig_bodies, sees_all_strings, wall_behind
 from workbench.emulate.record import TrueCell, record, with_joint_noise
-from workbench.emulate.truth import with_errors
 from workbench.files import Cell, SensorDescription
+from workbench.opened.image_set import ImageRequest, open_images
 from workbench.plan.views import ViewProblem, plan_views
 from workbench.tune.cost import Score
 from workbench.tune.judge import judge
@@ -159,7 +159,9 @@ def record_cell(variant: Variant, folder: Path) -> Cell:
     solids = (*jig_bodies(true_jig), *walls)
     robot = find_robot(defaults.ROBOT)
     places = {name: place_of_jig(*PLACES[name][1:]) for name in ("A", "B", "C")}
-    true = TrueCell(with_errors(robot, rng), true_jig, DESIGN_SCP, places, dict.fromkeys(places, solids))
+    true = TrueCell(
+        robot.corrected(draw_errors(robot, rng)), true_jig, DESIGN_SCP, places, dict.fromkeys(places, solids)
+    )
     sees_all = sees_all_strings(sensor.model, jig, solids)
     views = []
     for name, pose in places.items():

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import tempfile
 import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
@@ -14,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from geometry import InputError, did_you_mean
+from geometry import InputError, did_you_mean, toml_value, write_text
 from jig_cad.jig import Jig
 from jig_cad.pillar import ANCHORS, DEFAULT_STRINGS, STRINGS
 
@@ -133,10 +132,10 @@ def jig_text(jig: Jig) -> str:
     if not pillar:
         about = "x up, roughly along the strings, z away from the sensor's side"
     lines = [f"# string jig; frame {{J}}: {about}"]
-    lines += [f"name = {_quoted(jig.name)}"] if jig.name else []
+    lines += [f"name = {toml_value(jig.name)}"] if jig.name else []
     lines += [f"{key} = {float(getattr(jig, key))!r}" for key in (*keys, "string_diameter_mm", "tolerance_mm")]
     if pillar:
-        lines += [f"strings = [{', '.join(_quoted(s) for s in jig.strings)}]"]
+        lines += [f"strings = [{', '.join(toml_value(s) for s in jig.strings)}]"]
     if pillar and jig.measured:
         lines += ["[anchors_mm] # b: bottom plate, t: top plate; [x, y, z] in {J}"]
         lines += [f"{a} = {[float(v) for v in p]}" for a, p in zip(ANCHORS, jig.anchors_mm, strict=True)]
@@ -148,29 +147,17 @@ def _lines_text(jig: Jig) -> list[str]:
     points = jig.anchors_mm if jig.measured else jig.nominal_anchors_mm
     out = ["measured = true # the anchors: then the tolerance says nothing of them any more"] if jig.measured else []
     out += ["[anchors_mm] # [x, y, z] in {J}"]
-    out += [f"{_quoted(a)} = {[float(v) for v in p]}" for a, p in zip(jig.anchors, points, strict=True)]
+    out += [f"{toml_value(a)} = {[float(v) for v in p]}" for a, p in zip(jig.anchors, points, strict=True)]
     out += ["[strings] # the anchors from which and to which each runs"]
     for k, label in enumerate(jig.strings):
         first, second = jig.anchors[jig.start_index[k]], jig.anchors[jig.end_index[k]]
-        out += [f"{_quoted(label)} = [{_quoted(first)}, {_quoted(second)}]"]
+        out += [f"{toml_value(label)} = [{toml_value(first)}, {toml_value(second)}]"]
     return out
 
 
 def write_jig(jig: Jig, path: str | os.PathLike[str]) -> None:
     """Write a jig.toml, whole or not at all."""
-    write_atomic(path, jig_text(jig).encode())
-
-
-def write_atomic(path: str | os.PathLike[str], data: bytes) -> None:
-    """Write a file whole or not at all: beside it first, then renamed over it."""
-    goal = Path(path)
-    try:
-        with tempfile.NamedTemporaryFile(dir=goal.parent, prefix=f".{goal.name}.", delete=False) as part:
-            part.write(data)
-        Path(part.name).chmod(0o644)
-        Path(part.name).replace(goal)
-    except OSError as error:
-        raise InputError(f"{goal}: can not be written ({error.strerror})") from error
+    write_text(path, jig_text(jig))
 
 
 def _pillar(keys: JigTable) -> Jig:
@@ -224,9 +211,3 @@ def _explain(error: ValidationError, model: type[BaseModel]) -> str:
     if first["type"] == "missing":
         return f'the key "{key}" is missing'
     return f'"{key}" = {first["input"]!r}: {first["msg"][0].lower() + first["msg"][1:]}'
-
-
-def _quoted(text: str) -> str:
-    """A TOML basic string."""
-    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
-    return '"' + "".join(c if c.isprintable() else f"\\U{ord(c):08x}" for c in escaped) + '"'

@@ -7,16 +7,23 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.observation import FrameObservation, Observations, Role
+from calib.calibrate import calibrate
+from calib.config import CalibConfig
+from calib.result import CalibrationResult
 from geometry import (
     AxisPoints,
     Camera,
+    DhRobot,
+    Frame,
     NoAnswerError,
     Pose,
-    RobotModel,
+    Robot,
+    Role,
     Sensor,
     Sheet,
+    Target,
     cross_plane_x0,
+    draw_errors,
     exp_so3,
     stack_poses,
 )
@@ -60,10 +67,10 @@ class Noise:
 
 
 @dataclass(frozen=True, eq=False)
-class Cell:
+class SyntheticCell:
     """A cell and its truth; ``joints_rad`` (F, n) are the configurations as commanded."""
 
-    robot: RobotModel
+    robot: DhRobot
     jig: Jig
     T_hand_sensor: Pose
     T_base_jig: dict[str, Pose]
@@ -73,13 +80,28 @@ class Cell:
     design: Pose = field(default=DESIGN)
 
 
-def industrial_arm() -> RobotModel:
+@dataclass(frozen=True, eq=False)
+class Observed:
+    """The frames of a synthetic cell with labelled points, the sensor, the SCP by design, and places that are given."""
+
+    frames: tuple[Frame, ...]
+    sensor: Sensor
+    design: Pose
+    places: dict[str, Pose] = field(default_factory=dict)
+
+
+def calibrated(
+    observed: Observed, target: Target, robot: Robot | None, config: CalibConfig | None = None
+) -> CalibrationResult:
+    """``calibrate`` on what was observed of a cell."""
+    return calibrate(observed.frames, target, robot, observed.sensor, observed.design, observed.places, config)
+
+
+def industrial_arm() -> DhRobot:
     """A six-axis arm of 2.5 m reach (ABB's data sheet of the IRB 6640-180/2.55), standard DH, mm and radians."""
     theta = np.deg2rad([0.0, -90.0, 0.0, 0.0, 0.0, 180.0])
     alpha = np.deg2rad([-90.0, 0.0, -90.0, 90.0, -90.0, 0.0])
-    return RobotModel.from_dh(
-        theta, [780.0, 0, 0, 1142, 0, 200], [320.0, 1075, 200, 0, 0, 0], alpha, name="six-axis arm"
-    )
+    return DhRobot.from_dh(theta, [780.0, 0, 0, 1142, 0, 200], [320.0, 1075, 200, 0, 0, 0], alpha, name="six-axis arm")
 
 
 def default_sensor() -> Sensor:
@@ -93,9 +115,9 @@ def random_cell(
     rng: np.random.Generator,
     layout: Layout | None = None,
     jig: Jig | None = None,
-    robot: RobotModel | None = None,
+    robot: DhRobot | None = None,
     T_hand_sensor: Pose = TRUTH,
-) -> Cell:
+) -> SyntheticCell:
     """A cell with jig places and configurations drawn at random such that every view shows every string."""
     layout, jig, robot = layout or Layout(), jig or Jig.nominal(), robot or industrial_arm()
     T_base_jig: dict[str, Pose] = {}
@@ -108,24 +130,17 @@ def random_cell(
         location += [name] * count
         role += [what] * count
         joints += readings
-    return Cell(robot, jig, T_hand_sensor, T_base_jig, tuple(location), tuple(role), np.array(joints))
+    return SyntheticCell(robot, jig, T_hand_sensor, T_base_jig, tuple(location), tuple(role), np.array(joints))
 
 
-def made_cell(cell: Cell, rng: np.random.Generator, noise: Noise) -> Cell:
+def made_cell(cell: SyntheticCell, rng: np.random.Generator, noise: Noise) -> SyntheticCell:
     """The cell as built: DH errors and anchors drawn; the jig's places stay."""
     robot, jig = cell.robot, cell.jig
     if noise.robot:
-        robot = robot.corrected(dh_errors(robot, rng))
+        robot = robot.corrected(draw_errors(robot, rng))
     if noise.anchors:
         jig = sample_tolerance(jig, rng)
     return replace(cell, robot=robot, jig=jig)
-
-
-def dh_errors(robot: RobotModel, rng: np.random.Generator) -> Array:
-    """DH errors (5, n) drawn from the robot's uncertainty, β without error."""
-    u, n = robot.uncertainty, robot.n_joints
-    sigma = np.array([u.theta_sigma_rad, u.d_sigma_mm, u.a_sigma_mm, u.alpha_sigma_rad, 0.0])
-    return np.asarray(rng.normal(size=(5, n)) * sigma[:, None])
 
 
 def axis_points(T_sensor_jig: Pose, jig: Jig) -> Array:
@@ -135,12 +150,12 @@ def axis_points(T_sensor_jig: Pose, jig: Jig) -> Array:
     return cross_plane_x0(starts, ends - starts)[0][..., 1:]
 
 
-def observe(cell: Cell, made: Cell, rng: np.random.Generator, noise: Noise) -> Observations:
+def observe(cell: SyntheticCell, made: SyntheticCell, rng: np.random.Generator, noise: Noise) -> Observed:
     """Frames of the cell as made: true poses move with joint noise, points with point noise; labels are given."""
     true_joints = cell.joints_rad + rng.normal(size=cell.joints_rad.shape) * noise.joint_rad
     if noise.compliance is not None:
         true_joints = true_joints + deflection(made.robot, true_joints, noise.compliance)
-    hand = made.robot.hand_pose(true_joints)
+    hand = made.robot.pose(true_joints)
     jigs = Pose(
         np.stack([made.T_base_jig[n].R for n in cell.location]), np.stack([made.T_base_jig[n].t for n in cell.location])
     )
@@ -149,16 +164,17 @@ def observe(cell: Cell, made: Cell, rng: np.random.Generator, noise: Noise) -> O
     covariance = np.broadcast_to(np.eye(2) * max(noise.point_mm, 1e-6) ** 2, (*yz.shape, 2))
     labels, spot = made.jig.strings, np.full(yz.shape[1], -1)
     frames = tuple(
-        FrameObservation(
+        Frame(
             i,
             cell.location[i],
             cell.role[i],
             joints_rad=cell.joints_rad[i],
             axis=AxisPoints(labels, spot, yz[i], covariance[i], ("",) * len(labels)),
+            labels_given=True,
         )
         for i in range(len(yz))
     )
-    return Observations(frames, default_sensor(), cell.design)
+    return Observed(frames, default_sensor(), cell.design)
 
 
 def pose_cell(
@@ -188,9 +204,9 @@ def _views(rng: np.random.Generator, layout: Layout, jig: Jig, n: int) -> Pose:
     swing = exp_so3(np.deg2rad(rng.uniform(-1, 1, n) * layout.swing_deg)[:, None] * np.array([1.0, 0.0, 0.0]))
     turned = (rng.random(n) < 0.5) & layout.half_turns
     roll = np.where(turned[:, None, None], np.diag([-1.0, -1.0, 1.0]), np.eye(3))
-    aim = np.stack(
-        [jig.height_mm * rng.uniform(0.35, 0.65, n), rng.uniform(-10, 10, n), np.full(n, 0.58 * jig.side_mm)], -1
-    )
+    x, y, z = jig.foot_mm
+    z = z if jig.pillar is None else 0.58 * jig.side_mm
+    aim = np.stack([x + jig.height_mm * rng.uniform(0.35, 0.65, n), y + rng.uniform(-10, 10, n), np.full(n, z)], -1)
     R = swing @ sheet @ roll
     T_jig_sensor = Pose(R, aim - R[..., 2] * rng.uniform(*layout.standoff_mm, n)[:, None])
     to_sensor = T_jig_sensor.inverse()
@@ -200,7 +216,7 @@ def _views(rng: np.random.Generator, layout: Layout, jig: Jig, n: int) -> Pose:
 
 
 def _place(
-    rng: np.random.Generator, layout: Layout, jig: Jig, robot: RobotModel, T_hand_sensor: Pose, count: int
+    rng: np.random.Generator, layout: Layout, jig: Jig, robot: DhRobot, T_hand_sensor: Pose, count: int
 ) -> tuple[Pose, list[Array]]:
     """One place of the jig, upright on a random heading, and ``count`` configurations that see it."""
     for _ in range(100):
@@ -222,12 +238,12 @@ def _place(
     raise NoAnswerError("no place of the jig can be reached with this layout")
 
 
-def _reach(robot: RobotModel, target: Pose, rng: np.random.Generator) -> Array | None:
+def _reach(robot: DhRobot, target: Pose, rng: np.random.Generator) -> Array | None:
     """Joint readings (n,) [rad] that bring the hand to ``target``, or None (Newton from a random start, damped)."""
     n = robot.n_joints
     q = rng.uniform(-1, 1, n) * np.array([1.2, 0.6, 0.6, 3.0, 1.6, 3.0, *[1.0] * max(0, n - 6)])[:n]
     for i in range(60):
-        error = (robot.hand_pose(q).inverse() @ target).log()
+        error = (robot.pose(q).inverse() @ target).log()
         if np.linalg.norm(error) < 1e-9:
             q = np.mod(q + np.pi, 2 * np.pi) - np.pi
             return np.asarray(q) if abs(q[min(4, n - 1)]) > 0.2 and bool(robot.within_limits(q)) else None

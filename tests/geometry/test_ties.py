@@ -28,7 +28,7 @@ def test_rows_choose_on_their_own() -> None:
 def test_inverse_kinematics_does_not_hang_on_the_last_bits_of_a_goal() -> None:
     """Goals moved by rounding noise: the same one of an arm's up to eight solutions, not merely one as exact."""
     robot, rng = six_axis_arm(), np.random.default_rng(11)
-    goals = robot.hand_pose(rng.uniform(robot.min_rad, robot.max_rad, (60, robot.n_joints)))
+    goals = robot.pose(rng.uniform(robot.min_rad, robot.max_rad, (60, robot.n_joints)))
     moved = Pose(goals.R, goals.t + rng.uniform(-1e-10, 1e-10, goals.t.shape))
     seed = rng.uniform(robot.min_rad, robot.max_rad, robot.n_joints) / 2
     for seeds in (None, seed):

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from geometry import Pose
+from geometry import Pose, draw_errors
 from jig_cad import Jig, sample_tolerance
 from perceptron_emu import EmulatorConfig
 from workbench import defaults
@@ -15,7 +15,6 @@ from workbench.cell.presets import DESIGN_SCP, find_robot, find_sensor
 from workbench.cell.starter import PLACES, place_of_jig
 from workbench.cell.surroundings import jig_bodies, wall_behind
 from workbench.emulate.record import TrueCell, record, with_joint_noise
-from workbench.emulate.truth import with_errors
 from workbench.files import Cell, SensorDescription
 from workbench.plan.view_space import ViewLimits
 from workbench.plan.views import ViewProblem, plan_views
@@ -48,6 +47,6 @@ def cell_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     cell = Cell(
         folder=folder, sensor=sensor, jig=jig, robot=robot, frames=(), T_hand_sensor_design=DESIGN_SCP, name="test cell"
     )
-    true = TrueCell(with_errors(robot, rng), true_jig, mounted, places, solids)
+    true = TrueCell(robot.corrected(draw_errors(robot, rng)), true_jig, mounted, places, solids)
     record(folder, cell, true, with_joint_noise(views, true.robot, rng), SEED)
     return folder

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import NoAnswerError, Pose, RobotModel, RobotUncertainty
+from geometry import TYPICAL_SIGMA, Arm, DhRobot, NoAnswerError, Pose, RobotUncertainty
 from geometry.ties import first_most
 from jig_cad import DEFAULT_STRINGS, STRINGS, Jig
 from perceptron_emu import EmulatorConfig, Surroundings
@@ -29,9 +29,9 @@ Array = NDArray[np.float64]
 
 VERIFY = "verify"
 _UPRIGHT = np.array([[0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]])  # pillar up, its back away from the robot
-_PLACE_TRIES = 12
-PLANNED_DIAMETER_MM = 0.3
-SAME_COSINE = 1e-6
+_PLACE_TRIES = 12  # places drawn until one gives enough views; most arms reach the first or second
+PLANNED_DIAMETER_MM = 0.3  # the usual thread: see planned_diameter_mm
+SAME_COSINE = 1e-6  # views that are equally upright: the first is taken
 _SHARED = 4096  # plans of configurations that a worker remembers, a few kilobytes each
 
 
@@ -131,9 +131,10 @@ def _upright_first(views: Views) -> Views:
     return views[order]
 
 
-def _random_place(robot: RobotModel, rng: np.random.Generator) -> Pose:
+def _random_place(robot: Arm, rng: np.random.Generator) -> Pose:
     """The jig upright before the arm: bearing ± 35°, 0.6 to 0.75 of the reach away, 0.25 to 0.4 of it high."""
-    reach = float(np.sum(np.hypot(robot.a, robot.d)[1:]))
+    table = robot.dh_part()
+    reach = float(np.sum(np.hypot(table.a, table.d)[1:]))
     bearing = np.deg2rad(rng.uniform(-35, 35))
     radius, height = reach * rng.uniform(0.6, 0.75), reach * rng.uniform(0.25, 0.4)
     turn = Pose.from_fixed_xyz_deg((0.0, 0.0, np.rad2deg(bearing) + rng.uniform(-8, 8)), (0.0, 0.0, 0.0))
@@ -149,16 +150,9 @@ def nominal_jig(part: JigPart) -> Jig:
 
 
 @lru_cache(maxsize=64)
-def nominal_robot(part: RobotPart) -> RobotModel:
+def nominal_robot(part: RobotPart) -> DhRobot:
     """The preset's table with the uncertainty that the settings give."""
-    scale = part.error_scale
-    uncertainty = RobotUncertainty(
-        joint_sigma_rad=float(np.deg2rad(part.joint_sigma_deg)),
-        theta_sigma_rad=scale * float(np.deg2rad(part.theta_sigma_deg)),
-        d_sigma_mm=scale * part.d_sigma_mm,
-        a_sigma_mm=scale * part.a_sigma_mm,
-        alpha_sigma_rad=scale * float(np.deg2rad(part.alpha_sigma_deg)),
-    )
+    uncertainty = RobotUncertainty.from_file({key: getattr(part, key) for key in TYPICAL_SIGMA}, part.error_scale)
     return replace(_robot_preset(part.preset), uncertainty=uncertainty)
 
 
@@ -183,7 +177,7 @@ def _around(jig: Jig, *, clutter: bool) -> Surroundings:
 
 
 @lru_cache(maxsize=16)
-def _robot_preset(name: str) -> RobotModel:
+def _robot_preset(name: str) -> DhRobot:
     return find_robot(name)
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import assets
 from calib.synthetic.cell import DESIGN
-from geometry import RobotModel
+from geometry import DhRobot
 from jig_cad import Jig
 from workbench.files import SensorDescription, read_jig_file, read_robot, read_sensor
 
@@ -31,6 +31,6 @@ def find_sensor(name: str) -> SensorDescription:
     return read_sensor(preset_path("sensors", name))
 
 
-def find_robot(name: str) -> RobotModel:
+def find_robot(name: str) -> DhRobot:
     """A robot by file or preset."""
     return read_robot(preset_path("robots", name))

@@ -7,11 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from geometry import InputError, Pose, RobotModel
+from geometry import DhRobot, InputError, Pose, toml_value
 from workbench.cell.presets import DESIGN_SCP, preset_path
 from workbench.files import SensorDescription, read_robot, read_sensor
 from workbench.files.atomic import write_text
-from workbench.files.sensor_file import toml_value
 
 REACH_OF_PLACES_MM = 2550.0  # the places below suit an arm of this reach; others get them in proportion
 PLACES = {
@@ -68,18 +67,18 @@ def place_of_jig(origin_mm: tuple[float, float, float], turn_deg: float, scale: 
     return Pose(turn.R @ _UPRIGHT, scale * np.array(origin_mm))
 
 
-def reach_mm(robot: RobotModel) -> float:
+def reach_mm(robot: DhRobot) -> float:
     """A rough reach of the arm: its links beyond the first joint's height, end to end."""
     return float(np.sum(np.abs(robot.a[1:])) + np.sum(np.abs(robot.d[1:])) + abs(robot.a[0]))
 
 
-def _cell_text(arm: RobotModel, sensor: SensorDescription) -> str:
+def _cell_text(arm: DhRobot, sensor: SensorDescription) -> str:
     rotation, translation = (np.round(v, 9) + 0.0 for v in (DESIGN_SCP.fixed_xyz_deg, DESIGN_SCP.t))
     numbers = {"rotation": toml_value(rotation.tolist()), "translation": toml_value(translation.tolist())}
     return CELL.format(name=toml_value(_name(arm, sensor)), **numbers) + _locations(arm)
 
 
-def _locations(arm: RobotModel) -> str:
+def _locations(arm: DhRobot) -> str:
     scale = min(1.0, reach_mm(arm) / REACH_OF_PLACES_MM)
     lines = []
     for name, (role, origin, turn) in PLACES.items():
@@ -88,5 +87,5 @@ def _locations(arm: RobotModel) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _name(arm: RobotModel, sensor: SensorDescription) -> str:
+def _name(arm: DhRobot, sensor: SensorDescription) -> str:
     return f"{sensor.model.name or 'sensor'} on {arm.name or 'arm'}"

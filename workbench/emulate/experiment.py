@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from calib.synthetic.cell import TRUTH
+from geometry import draw_errors
 from jig_cad import Jig, sample_tolerance
 from perceptron_emu import Solid
 from workbench import defaults
@@ -15,14 +16,13 @@ from workbench.cell.presets import DESIGN_SCP, find_jig, find_robot, find_sensor
 from workbench.cell.starter import PLACES, place_of_jig
 from workbench.cell.surroundings import jig_bodies, sees_all_strings, wall_behind
 from workbench.emulate.record import Configuration, TrueCell, with_joint_noise
-from workbench.emulate.truth import with_errors
 from workbench.files import Cell
 from workbench.plan.views import ViewProblem, plan_views
 
 # Fig. 7: maximum deviation of the base distance [mm]
 PAPER_DEVIATION_MM = {"design": 5.0, "solved": 1.4}
 
-PER_LOCATION = 7
+PER_LOCATION = 7  # as in the paper
 WITH_WALL = ("B", "D")  # places with a wall behind the jig
 
 
@@ -43,7 +43,7 @@ def paper_experiment(seed: int) -> Experiment:
     true_jig = sample_tolerance(jig, rng)
     solids = {name: (*jig_bodies(true_jig), *_wall(true_jig, name)) for name in PLACES}
     true = TrueCell(
-        robot=with_errors(robot, rng),
+        robot=robot.corrected(draw_errors(robot, rng)),
         jig=true_jig,
         T_hand_sensor=TRUTH,
         T_base_jig=places,

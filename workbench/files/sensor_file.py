@@ -9,16 +9,16 @@ from typing import Any
 import numpy as np
 from pydantic import Field
 
-from geometry import Camera, InputError, Pose, Sensor, Sheet
+from geometry import Camera, InputError, Pose, Sensor, Sheet, toml_value
 from perceptron_emu import EmulatorConfig
-from workbench.files.strict import Matrix3, Names, Positive, Real, Section, Vector3, Whole, validate
+from workbench.files.strict import FileSection, Matrix3, Names, Positive, Real, Vector3, Whole, validate
 from workbench.files.toml_text import TomlSource, read_toml
 
 GEOMETRY_OF_LASER = ("origin_mm", "fan_deg")
 ATOL_ROTATION = 1e-4  # files are written with as few as four decimals; the rotation is made orthogonal on reading
 
 
-class ImageSection(Section):
+class ImageSection(FileSection):
     """[image]."""
 
     width_px: Whole
@@ -27,14 +27,14 @@ class ImageSection(Section):
     black_level: Real = 0.0
 
 
-class CameraPoseSection(Section):
+class CameraPoseSection(FileSection):
     """[camera.pose]: T_sensor_camera."""
 
     rotation: Matrix3
     translation_mm: Vector3
 
 
-class CameraSection(Section):
+class CameraSection(FileSection):
     """[camera]: OpenCV's model."""
 
     fx_px: Positive
@@ -45,14 +45,14 @@ class CameraSection(Section):
     pose: CameraPoseSection
 
 
-class LaserSection(Section):
+class LaserSection(FileSection):
     """[laser]: where the fan opens; its further keys belong to the emulator."""
 
     origin_mm: Vector3 = (0.0, 0.0, 0.0)
     fan_deg: Positive = 45.0
 
 
-class SensorFile(Section):
+class SensorFile(FileSection):
     """The part of sensor.toml that every room needs."""
 
     image: ImageSection
@@ -136,17 +136,3 @@ def sensor_text(sensor: SensorDescription) -> str:
         if name != "laser" and isinstance(table, dict):
             lines += [f"[{name}]", *(f"{k} = {toml_value(v)}" for k, v in table.items())]
     return "\n".join(lines) + "\n"
-
-
-def toml_value(value: Any) -> str:
-    """A value as TOML: text, truth, numbers, lists and inline tables."""
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, str):
-        escaped = value.replace("\\", "\\\\").replace('"', '\\"')
-        return '"' + "".join(c if c.isprintable() else f"\\u{ord(c):04x}" for c in escaped) + '"'
-    if isinstance(value, dict):
-        return "{ " + ", ".join(f"{toml_value(str(k))} = {toml_value(v)}" for k, v in value.items()) + " }"
-    if isinstance(value, list | tuple):
-        return "[" + ", ".join(toml_value(v) for v in value) + "]"
-    return repr(value)

@@ -7,8 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import NoAnswerError, Pose, RobotModel, Sensor, stack_poses
-from geometry.robot import inverse_kinematics
+from geometry import Arm, NoAnswerError, Pose, Sensor, inverse_kinematics, stack_poses
 from geometry.ties import first_least, first_most
 from jig_cad import Jig
 from workbench.cell.surroundings import SeesAll
@@ -18,8 +17,8 @@ from workbench.plan.view_space import Tally, ViewLimits, ViewSpace
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-BATCH = 96
-MAX_BATCHES = 40
+BATCH = 96  # views drawn at a time
+MAX_BATCHES = 40  # then the place gives no more: some 4,000 views
 GIVE_UP = 60  # measurable views out of reach, not one within: the place is out of reach
 POSTURE_RAD = np.deg2rad(70.0)  # an arm that swings its elbow over between two views would need a path planned
 SAME_DISTANCE, SAME_MOTION_RAD2 = 1e-6, 1e-6  # views, and postures, that are equally far: the first is taken
@@ -39,7 +38,7 @@ class Views:
     parameters: Array
 
     @staticmethod
-    def none(robot: RobotModel) -> Views:
+    def none(robot: Arm) -> Views:
         """No views."""
         return Views(np.zeros((0, robot.n_joints)), Pose(np.zeros((0, 3, 3)), np.zeros((0, 3))), np.zeros((0, 6)))
 
@@ -62,7 +61,7 @@ class ViewProblem:
     sees_all: tells whether the strings are free of occlusion at poses T_sensor_jig (N); None takes it for granted.
     """
 
-    robot: RobotModel
+    robot: Arm
     sensor: Sensor
     jig: Jig
     T_base_jig: Pose
@@ -178,7 +177,7 @@ def free_views(sensor: Sensor, jig: Jig, limits: ViewLimits, count: int, rng: np
     raise NoAnswerError(f"only {len(poses)} of {count} views found that show all strings ({tally.text()})")
 
 
-def _posture(robot: RobotModel, goals: Pose, rng: np.random.Generator) -> Array | None:
+def _posture(robot: Arm, goals: Pose, rng: np.random.Generator) -> Array | None:
     """The readings that reach one of the goals with the joints turned least; the other views keep near them."""
     reached = inverse_kinematics(robot, goals, rng)
     joints = reached.joints[reached.converged]

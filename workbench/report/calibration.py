@@ -2,37 +2,33 @@
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from calib import CalibrationResult
-from calib.result import FrameResult
-from geometry.robot import CONVENTIONS, express
+from geometry import CONVENTIONS, Frame, express
 from workbench.cell.labels import label_dataset
 from workbench.cell.pipeline import Observed
 from workbench.cell.points_table import FrameTable
 from workbench.files import Cell, read_image
 from workbench.files.atomic import write_text
 from workbench.files.settings_file import Settings, settings_text
-from workbench.report.as_text import AXES, number
-from workbench.report.fig7 import draw_fig7, picture_bytes
+from workbench.report.as_text import AXES
+from workbench.report.fig7 import draw_fig7
 from workbench.report.left_out import leave_one_location_out
 from workbench.report.overlay import overlay
+from workbench.report.page import jpeg, render_page, svg
 from workbench.report.residuals import draw_residuals
 
 Array = NDArray[np.float64]
 
-QUANTILE_95 = 1.96
-WORST = 3
-OVERLAY_WIDTH = 1100
+QUANTILE_95 = 1.96  # of the normal distribution, both sides
+WORST = 3  # used frames that are shown beside those left out
 BANNER = {"ok": "good", "model_misfit": "care", "weak": "care"}
 TANGENT = ("tx", "ty", "tz", "rx", "ry", "rz")
 
@@ -50,18 +46,13 @@ class ReportInput:
 
 def write_report(path: Path, given: ReportInput) -> None:
     """Write the page atomically."""
-    import jinja2
-
-    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True)
-    environment.filters["number"] = lambda value, digits=3: number(value, digits)
-    template = environment.from_string((files("workbench.report") / "report.html.j2").read_text(encoding="utf-8"))
-    write_text(path, template.render(**_content(given)))
+    write_text(path, render_page("workbench.report", "report.html.j2", _content(given)))
 
 
 def _content(given: ReportInput) -> dict[str, Any]:
     result, cell = given.result, given.cell
     tables = label_dataset(cell, given.observed, given.settings.calib, result)
-    left_out = leave_one_location_out(cell, given.observed, tables, result, given.settings.calib)
+    left_out = leave_one_location_out(cell, result, given.settings.calib)
     return {
         "title": cell.name or cell.folder.resolve().name,
         "result": result,
@@ -70,8 +61,8 @@ def _content(given: ReportInput) -> dict[str, Any]:
         "matrix": _matrix_text(result),
         "conventions": _conventions(result),
         "picture": None if given.picture is None else jpeg(given.picture[..., ::-1]),
-        "fig7": _svg(draw_fig7(result)),
-        "residuals": _svg(draw_residuals(result)),
+        "fig7": svg(draw_fig7(result)),
+        "residuals": svg(draw_residuals(result)),
         "left_out_places": left_out,
         "correlations": _correlations(result),
         "tangent": TANGENT,
@@ -79,7 +70,7 @@ def _content(given: ReportInput) -> dict[str, Any]:
         "complaints": given.observed.complaints,
         "worst": _worst(cell, result, tables),
         "settings": settings_text(given.settings),
-        "points": sum(len(f.points.label) for f in result.frames if f.used),
+        "points": sum(len(f.axis) for f in result.frames if f.used),
     }
 
 
@@ -122,21 +113,21 @@ def _correlations(result: CalibrationResult) -> list[list[float]] | None:
     return [[float(v) for v in row] for row in result.covariance / np.outer(sigma, sigma)]
 
 
-def _rms(frame: FrameResult) -> float:
-    finite = frame.points.residual_mm[np.isfinite(frame.points.residual_mm)]
+def _rms(frame: Frame) -> float:
+    finite = frame.residual_mm[np.isfinite(frame.residual_mm)]
     return float(np.sqrt(np.mean(finite**2))) if len(finite) else float("nan")
 
 
-def _frame_row(frame: FrameResult) -> dict[str, Any]:
-    flags = [f"{label} {flag}" for label, flag in zip(frame.points.label, frame.points.flag, strict=False) if flag]
-    return {"frame": frame, "rms": _rms(frame), "points": len(frame.points.label), "flags": ", ".join(flags)}
+def _frame_row(frame: Frame) -> dict[str, Any]:
+    flags = [f"{label} {flag}" for label, flag in zip(frame.axis.label, frame.axis.flag, strict=False) if flag]
+    return {"frame": frame, "rms": _rms(frame), "points": len(frame.axis), "flags": ", ".join(flags)}
 
 
 def _worst(cell: Cell, result: CalibrationResult, tables: Sequence[FrameTable]) -> list[dict[str, Any]]:
     """The frames left out and those with the largest residuals, with their overlays."""
     if cell.points is not None:
         return []
-    rms = {f.frame: _rms(f) if f.used else np.inf for f in result.frames}
+    rms = {f.number: _rms(f) if f.used else np.inf for f in result.frames}
     order = sorted(tables, key=lambda t: -rms[t.frame])[: WORST + sum(np.isinf(v) for v in rms.values())]
     out = []
     for table in order[: 2 * WORST]:
@@ -145,16 +136,3 @@ def _worst(cell: Cell, result: CalibrationResult, tables: Sequence[FrameTable]) 
             why = "not used" if np.isinf(rms[table.frame]) else f"rms {rms[table.frame]:.3f} mm"
             out.append({"frame": table.frame, "why": why, "image": jpeg(picture)})
     return out
-
-
-def jpeg(picture: NDArray[Any]) -> str:
-    """A picture for the page as a data address."""
-    scale = min(1.0, OVERLAY_WIDTH / picture.shape[1])
-    small = cv2.resize(picture, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
-    data = cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, 82])[1]
-    return "data:image/jpeg;base64," + base64.b64encode(data.tobytes()).decode()
-
-
-def _svg(figure: Any) -> str:
-    """A figure as a data address; as an image it can hold no script."""
-    return "data:image/svg+xml;base64," + base64.b64encode(picture_bytes(figure, "svg")).decode()
