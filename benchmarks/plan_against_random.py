@@ -44,7 +44,7 @@ def calibrated_error(
     robot, jig = cell.robot.corrected(dh_errors(cell.robot, rng)), sample_tolerance(cell.jig, rng)
     moved = joints + rng.normal(size=joints.shape) * cell.robot.uncertainty.joint_sigma_rad
     T_sensor_jig = (robot.hand_pose(moved) @ true_scp).inverse() @ places[location]
-    points = expected_points(cell.sensor.model, cell.jig, T_sensor_jig)
+    points = expected_points(cell.sensor, cell.jig, T_sensor_jig)
     noise = np.linalg.cholesky(points.cov_mm2) @ rng.normal(size=(*points.yz_mm.shape, 1))
     points = replace(points, yz_mm=axis_points(T_sensor_jig, jig) + noise[..., 0])
     sigma = cell.jig.tolerance_mm / np.sqrt(12)

@@ -12,13 +12,13 @@ import argparse
 import sys
 import tempfile
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from extraction import ExtractionConfig
-from geometry import Pose
+from geometry import Pose, Sensor
 from jig_cad import Jig, sample_tolerance
 from perceptron_emu import EmulatorConfig
 from workbench.cell.starter import PLACES, place_of_jig
@@ -26,7 +26,8 @@ from workbench.cell.surroundings import jig_bodies, sees_all_strings, wall_behin
 from workbench.emulate.experiment import DESIGN, demo_robot, demo_sensor
 from workbench.emulate.record import TrueCell, record, with_joint_noise
 from workbench.emulate.truth import with_errors
-from workbench.files import Cell, SensorDescription
+from workbench.files import Cell
+from workbench.files.sensor_file import stated_optics
 from workbench.plan.views import ViewProblem, plan_views
 from workbench.tune.judge import judge
 from workbench.tune.score import Score
@@ -162,21 +163,28 @@ def record_cell(variant: Variant, folder: Path) -> Cell:
     robot = demo_robot()
     places = {name: place_of_jig(*PLACES[name][1:]) for name in ("A", "B", "C")}
     true = TrueCell(with_errors(robot, rng), true_jig, design, places, dict.fromkeys(places, solids))
-    sees_all = sees_all_strings(sensor.model, jig, solids)
+    sees_all = sees_all_strings(sensor, jig, solids)
     views = []
     for name, pose in places.items():
-        planned = plan_views(ViewProblem(robot, sensor.model, jig, pose, design, sees_all=sees_all), PER_LOCATION, rng)
+        planned = plan_views(ViewProblem(robot, sensor, jig, pose, design, sees_all=sees_all), PER_LOCATION, rng)
         views += [(name, "calibrate", joints) for joints in planned.joints_rad]
     cell = Cell(
-        folder=folder, sensor=sensor, jig=jig, robot=robot, frames=(), T_hand_sensor_design=design, name=variant.name
+        folder=folder,
+        sensor=sensor,
+        jig=jig,
+        robot=robot,
+        frames=(),
+        T_hand_sensor_design=design,
+        name=variant.name,
+        emulator=EmulatorConfig.model_validate(variant.emulation),
     )
     return record(folder, cell, true, with_joint_noise(views, true.robot, rng), variant.seed)
 
 
-def other_sensor(base: SensorDescription, variant: Variant) -> SensorDescription:
-    """The demo's sensor with the variant's geometry and emulation."""
-    model = base.model.with_camera(**variant.geometry)
-    return SensorDescription(model, EmulatorConfig.model_validate(variant.emulation), variant.emulation)
+def other_sensor(base: Sensor, variant: Variant) -> Sensor:
+    """The demo's sensor with the variant's geometry and stated optics."""
+    optics = stated_optics(EmulatorConfig.model_validate(variant.emulation))
+    return replace(base.with_camera(**variant.geometry), optics=optics)
 
 
 if __name__ == "__main__":

@@ -11,6 +11,7 @@ from scipy.special import j1
 
 from extraction.spots.budget import CLASSES, LAGS
 from extraction.spots.spot_noise import SpotNoise
+from geometry import Camera, Sensor
 
 Array = NDArray[np.float64]
 
@@ -43,6 +44,40 @@ class Speckle:
     def variances(self) -> Array:
         """Contrast² · ρ for the classes of distance of `spot_budget` (CLASSES,)."""
         return np.asarray(self.contrast**2 * correlation(self.grain_px))
+
+
+def optical_grain_px(sensor: Sensor) -> float | None:
+    """The grain λF#(1 + m) on the chip that a sensor's stated optics give.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        With a camera. Its magnification m is that at the stated distance in focus, else where its axis meets the sheet.
+
+    Returns
+    -------
+    float or None
+        Grain [px], no coarser than pixels can tell; None where wavelength, pixel pitch or F-number are not stated.
+
+    References
+    ----------
+    Goodman, Speckle Phenomena in Optics (2007), section 4.5; Dorsch, Häusler & Herrmann (1994).
+    """
+    optics = sensor.optics
+    if optics is None or optics.wavelength_nm is None or optics.pixel_um is None or optics.f_number is None:
+        return None
+    camera = sensor.require_camera()
+    principal_mm = (camera.fx_px + camera.fy_px) / 2 * optics.pixel_um * 1e-3
+    magnification = principal_mm / (optics.focus_distance_mm or _sheet_on_axis_mm(camera))
+    grain = optics.wavelength_nm * 1e-3 * optics.f_number * (1 + magnification) / optics.pixel_um
+    return min(grain, float(GRAINS_PX[-1]))
+
+
+def _sheet_on_axis_mm(camera: Camera) -> float:
+    """Distance from the camera's centre along its axis to the sheet [mm]; infinite where they do not meet."""
+    towards = float(camera.T_sensor_camera.R[0, 2])
+    distance = -float(camera.centre_mm[0]) / towards if towards else math.inf
+    return distance if distance > 0 else math.inf
 
 
 def _pupil_correlations() -> Array:

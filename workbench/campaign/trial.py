@@ -97,7 +97,7 @@ def frame_rng(seed: np.random.SeedSequence, frame: int) -> np.random.Generator:
 def render_frame(emulated: EmulatedCell, configuration: Configuration, seed: np.random.SeedSequence) -> Frame:
     """One frame of the trial, the same bytes whenever it is made."""
     scene = frame_scene(emulated.cell, emulated.true, configuration)
-    return render(scene, emulated.cell.sensor.emulator, frame_rng(seed, configuration.frame))
+    return render(scene, emulated.cell.emulator, frame_rng(seed, configuration.frame))
 
 
 def _measure(
@@ -109,7 +109,7 @@ def _measure(
         frames = [render_frame(emulated, c, seed) for c in emulated.configurations]
     with clock("extract_s"):
         config = dataset_config(sensor, settings.extraction, len(frames), lambda some: [frames[i].image for i in some])
-        points = [extract(f.image, sensor.model, config) for f in frames]
+        points = [extract(f.image, sensor, config) for f in frames]
     return frames, points
 
 
@@ -118,7 +118,7 @@ def _observations(emulated: EmulatedCell, points: list[SurfacePoints]) -> Observ
         FrameObservation(c.frame, c.location, c.role, p, joints_rad=c.reading_rad)  # type: ignore[arg-type]
         for c, p in zip(emulated.configurations, points, strict=True)
     )
-    return Observations(frames, emulated.cell.sensor.model, emulated.cell.T_hand_sensor_design)
+    return Observations(frames, emulated.cell.sensor, emulated.cell.T_hand_sensor_design)
 
 
 def image_name(frame: int) -> str:

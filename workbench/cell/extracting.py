@@ -45,7 +45,7 @@ def extract_inputs(
     seen_by = read_sensor(sensor)
     config = with_known_grain(seen_by, settings.extraction)
     given = read_jig_file(jig) if jig is not None else None
-    return _images(image_files(inputs), seen_by.model, given, config, progress)
+    return _images(image_files(inputs), seen_by, given, config, progress)
 
 
 def image_files(inputs: Sequence[Path]) -> list[Path]:
@@ -72,7 +72,7 @@ def _dataset(path: Path, sensor: Path | None, jig: Path | None, settings: Settin
         cell = replace(cell, jig=read_jig_file(jig))
     observed = observe(cell, settings.extraction, progress)
     paths = {} if cell.points is not None else {row.frame: cell.folder / row.image for row in cell.frames}
-    return Extracted(label_dataset(cell, observed, settings.calib), cell.sensor.model, paths, observed.complaints)
+    return Extracted(label_dataset(cell, observed, settings.calib), cell.sensor, paths, observed.complaints)
 
 
 def _images(

@@ -45,7 +45,7 @@ def frame_poses(points: Path, jig: str | None, sensor: str | None, frame: int | 
     the_jig = find_jig(jig or _beside(points, "jig.toml"))
     chosen = frames if frame is None else {frame: frames[frame]}
     needs_sensor = any(f.axis is None for f in chosen.values())
-    model = find_sensor(sensor or _beside(points, "sensor.toml")).model if needs_sensor else None
+    model = find_sensor(sensor or _beside(points, "sensor.toml")) if needs_sensor else None
     return [_pose(number, given, the_jig, model) for number, given in sorted(chosen.items())]
 
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import assets
-from geometry import RobotModel
+from geometry import RobotModel, Sensor
 from jig_cad import Jig
-from workbench.files import SensorDescription, read_jig_file, read_robot, read_sensor
+from perceptron_emu import EmulatorConfig
+from workbench.files import read_emulator, read_jig_file, read_robot, read_sensor
 
 
 def preset_path(kind: str, name: str) -> Path:
@@ -23,9 +24,14 @@ def find_jig(name: str) -> Jig:
     return read_jig_file(preset_path("jigs", name))
 
 
-def find_sensor(name: str) -> SensorDescription:
+def find_sensor(name: str) -> Sensor:
     """A sensor by file or preset."""
     return read_sensor(preset_path("sensors", name))
+
+
+def find_emulator(name: str) -> EmulatorConfig:
+    """How a sensor by file or preset is emulated."""
+    return read_emulator(preset_path("sensors", name))
 
 
 def find_robot(name: str) -> RobotModel:

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from geometry import InputError, Pose, RobotModel
+from geometry import InputError, Pose, RobotModel, Sensor
 from workbench.cell.presets import preset_path
-from workbench.files import SensorDescription, read_robot, read_sensor
+from workbench.files import read_robot, read_sensor
 from workbench.files.atomic import write_text
 from workbench.files.sensor_file import toml_value
 
@@ -82,5 +82,5 @@ def _locations(arm: RobotModel) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _name(arm: RobotModel, sensor: SensorDescription) -> str:
-    return f"{sensor.model.name or 'sensor'} on {arm.name or 'arm'}"
+def _name(arm: RobotModel, sensor: Sensor) -> str:
+    return f"{sensor.name or 'sensor'} on {arm.name or 'arm'}"

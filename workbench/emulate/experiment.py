@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 
 import assets
-from geometry import Pose, RobotModel
+from geometry import Pose, RobotModel, Sensor
 from jig_cad import Jig, sample_tolerance
-from perceptron_emu import Solid
+from perceptron_emu import EmulatorConfig, Solid
 from workbench.cell.starter import PLACES, place_of_jig
 from workbench.cell.surroundings import jig_bodies, sees_all_strings, wall_behind
 from workbench.emulate.record import Configuration, TrueCell, with_joint_noise
 from workbench.emulate.truth import with_errors
-from workbench.files import Cell, SensorDescription, read_jig_file, read_robot, read_sensor
+from workbench.files import Cell, read_emulator, read_jig_file, read_robot, read_sensor
 from workbench.plan.views import ViewProblem, plan_views
 
 # Table 1 of the paper
@@ -55,8 +55,8 @@ def paper_experiment(seed: int) -> Experiment:
     views = []
     for name, place in PLACES.items():
         # planned with what the user knows: the design SCP is a little wrong, the views' margins hold for the true one
-        sees_all = sees_all_strings(sensor.model, jig, solids[name])
-        problem = ViewProblem(robot, sensor.model, jig, places[name], design, sees_all=sees_all)
+        sees_all = sees_all_strings(sensor, jig, solids[name])
+        problem = ViewProblem(robot, sensor, jig, places[name], design, sees_all=sees_all)
         planned = plan_views(problem, PER_LOCATION, rng)
         views += [(name, place[0], joints) for joints in planned.joints_rad]
     cell = Cell(
@@ -67,6 +67,7 @@ def paper_experiment(seed: int) -> Experiment:
         frames=(),
         T_hand_sensor_design=design,
         name=f"the paper's experiment in emulation, seed {seed}",
+        emulator=demo_emulator(),
     )
     return Experiment(cell, true, with_joint_noise(views, true.robot, rng))
 
@@ -76,9 +77,14 @@ def demo_robot() -> RobotModel:
     return read_robot(assets.path("robots", "abb_irb6640_180_255"))
 
 
-def demo_sensor() -> SensorDescription:
+def demo_sensor() -> Sensor:
     """The nominal laser-line sensor that ships with the package."""
     return read_sensor(assets.path("sensors", "nominal"))
+
+
+def demo_emulator() -> EmulatorConfig:
+    """How that sensor is emulated."""
+    return read_emulator(assets.path("sensors", "nominal"))
 
 
 def _wall(jig: Jig, place: str) -> tuple[Solid, ...]:

@@ -9,8 +9,8 @@ from calib.bundle.information import FrameInformation, Model, frame_information
 from calib.bundle.problem import Points, Problem, pad_points, robot_chain
 from extraction import image_to_sheet
 from geometry import AxisPoints, Pose, RobotModel, Sensor, cross_plane_x0
+from geometry.sensor import project
 from jig_cad import Jig
-from perceptron_emu import project
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -42,7 +42,7 @@ def expected_points(sensor: Sensor, jig: Jig, T_sensor_jig: Pose) -> Points:
     starts = T_sensor_jig @ jig.starts[None]
     crossing, _ = cross_plane_x0(starts, (T_sensor_jig.R[:, None] @ jig.directions[..., None])[..., 0])
     flat = crossing.reshape(-1, 3)
-    _, jacobian = image_to_sheet(sensor, project(sensor, flat))
+    _, jacobian = image_to_sheet(sensor, project(sensor.require_camera(), flat))
     spread = SPOT_SIGMA_PX**2 * jacobian @ np.swapaxes(jacobian, -1, -2) + SURFACE_SIGMA_MM**2 * np.eye(2)
     covariance = spread.reshape(*crossing.shape[:2], 2, 2)
     count = len(jig.strings)

@@ -51,7 +51,8 @@ def _open_cell(request: Request, settings: Settings) -> Opened:
     cell = _with_files(read_cell(request.inputs[0]), request)
     if cell.points is not None:
         raise InputError(f"{cell.folder}: holds points.csv in place of images, there is nothing to tune detection on")
-    sensor = cell.sensor.model
+    sensor = cell.sensor
+    sensor.require_camera()
     detector = Detector(sensor, cell.jig, settings.calib)
     paths = [cell.folder / row.image for row in cell.frames]
     frames = tuple(FrameInfo(row.frame, row.location, row.role) for row in cell.frames)
@@ -85,7 +86,8 @@ def _with_files(cell: Cell, request: Request) -> Cell:
 def _open_images(request: Request, settings: Settings) -> Opened:
     if request.sensor is None:
         raise InputError(f"{request.inputs[0]} is no cell dataset (no cell.toml); bare images need --sensor FILE")
-    sensor = read_sensor(request.sensor).model
+    sensor = read_sensor(request.sensor)
+    sensor.require_camera()
     files = _files(request.inputs)
     folder = _common_folder(files)
     detector = Detector(sensor, read_jig_file(request.jig) if request.jig else None, settings.calib)
