@@ -18,11 +18,11 @@ from calib import CalibConfig, FrameObservation, Observations, calibrate
 from calib.synthetic.cell import Cell, Noise, axis_points, made_cell, observe, random_cell
 from calib.synthetic.degenerate import constant_lever, mirror_frames
 from calib.synthetic.problem import CALIBRATE_ONLY
-from geometry import AxisPoints, Pose, RobotModel, exp_so3
+from geometry import AxisPoints, DhRobot, Pose, exp_so3
 from jig_cad import Jig
 
 Frames = tuple[FrameObservation, ...]
-Spoil = Callable[[Frames, Cell, np.random.Generator], tuple[Frames, Jig, RobotModel]]
+Spoil = Callable[[Frames, Cell, np.random.Generator], tuple[Frames, Jig, DhRobot]]
 NOISE = Noise()
 # what the words must hold where the cause can be named
 NAMED = {
@@ -56,7 +56,7 @@ def spoils() -> dict[str, Spoil]:
     def each(change: Callable[[FrameObservation], FrameObservation]) -> Spoil:
         return frames_only(lambda f, c, rng: tuple(map(change, f)))
 
-    def robot_only(change: Callable[[RobotModel], RobotModel]) -> Spoil:
+    def robot_only(change: Callable[[DhRobot], DhRobot]) -> Spoil:
         return lambda f, c, rng: (f, c.jig, change(c.robot))
 
     return {
@@ -82,19 +82,17 @@ def spoils() -> dict[str, Spoil]:
         "one frame with the joints of another": frames_only(
             lambda f, c, rng: tuple(replace(x, joints_rad=f[15].joints_rad) if x.frame == 3 else x for x in f)
         ),
-        "DH row of another arm (d4)": robot_only(lambda r: r.corrected(_row(1, 3, -142.0))),
-        "DH row of another arm (a2)": robot_only(lambda r: r.corrected(_row(2, 1, 60.0))),
-        "DH row of another arm (α2)": robot_only(lambda r: r.corrected(_row(3, 1, np.pi / 2))),
+        "DH row of another arm (d4)": robot_only(lambda r: r.with_changes(d=_at(3, -142.0))),
+        "DH row of another arm (a2)": robot_only(lambda r: r.with_changes(a=_at(1, 60.0))),
+        "DH row of another arm (α2)": robot_only(lambda r: r.with_changes(alpha=_at(1, np.pi / 2))),
         "sign of joint 4 flipped": robot_only(lambda r: replace(r, sign=np.array([1, 1, 1, -1, 1, 1.0]))),
         "jig file of another size (side)": lambda f, c, rng: (f, Jig.nominal(side_mm=80.0), c.robot),
         "jig file of another size (height)": lambda f, c, rng: (f, Jig.nominal(height_mm=120.0), c.robot),
     }
 
 
-def _row(row: int, joint: int, value: float) -> np.ndarray:
-    delta = np.zeros((5, 6))
-    delta[row, joint] = value
-    return delta
+def _at(joint: int, value: float) -> np.ndarray:
+    return value * np.eye(6)[joint]
 
 
 def _ab(label: str) -> str:
@@ -108,7 +106,7 @@ def _diagonals(label: str) -> str:
 def _alike(frames: Frames, cell: Cell, rng: np.random.Generator, degrees: float, axes: int) -> Frames:
     """Seven frames of one location whose hand turns by up to ``degrees`` about x (or any axis) and moves by 20 mm."""
     first = frames[0]
-    hand = cell.robot.hand_pose(first.joints_rad)
+    hand = cell.robot.pose(first.joints_rad)
     jig = cell.T_base_jig[first.location]
     out = []
     for i in range(7):

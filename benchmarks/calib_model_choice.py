@@ -15,7 +15,8 @@ import numpy as np
 
 from calib import CalibConfig, CalibrationResult, calibrate
 from calib.bundle.uncertainty import nees
-from calib.synthetic.cell import Cell, Layout, Noise, dh_errors, made_cell, observe, random_cell
+from calib.synthetic.cell import Cell, Layout, Noise, made_cell, observe, random_cell
+from geometry import draw_errors
 
 ONE = Layout(places=(("A", "calibrate", 7),))
 
@@ -46,7 +47,7 @@ def run(cells: int, seed: int, share: float, layout: Layout) -> None:
 def _drawn(rng: np.random.Generator, share: float, layout: Layout) -> tuple[Cell, Cell]:
     cell = random_cell(rng, layout)
     made = made_cell(cell, rng, Noise(robot=False))
-    return cell, replace(made, robot=cell.robot.corrected(share * dh_errors(cell.robot, rng)))
+    return cell, replace(made, robot=cell.robot.corrected(share * draw_errors(cell.robot, rng)))
 
 
 def _rms(result: CalibrationResult) -> float:

@@ -14,7 +14,7 @@ from assets import path as asset
 from extraction import extract_profile, measure_gap_flush
 from geometry import Pose
 from perceptron_emu import EmulatorConfig, Scene, render
-from perceptron_emu.panels import PanelPair
+from perceptron_emu.solids import PanelPair
 from workbench.files import read_sensor
 from workbench.report.gapflush_picture import draw_gap_flush
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from extraction.stripe import StripeConfig, StripePeaks, detect_stripe
+from extraction import StripeConfig, StripePeaks, detect_stripe
 
 REPOSITORY = Path(__file__).parents[1]
 GREEN, ORANGE = (0, 255, 0), (0, 165, 255)

@@ -36,7 +36,7 @@ from workbench.campaign.emulated import EmulatedCell, emulated_cell
 from workbench.campaign.settings import TrialSettings
 from workbench.campaign.trial import render_frame
 from workbench.cell.speckle import dataset_config
-from workbench.compare.match import VISIBLE, score_frame
+from workbench.compare import VISIBLE, NamedPoints, match, true_strings
 
 SETTINGS = TrialSettings.model_validate({"clutter": True, "poses": {"plans": 6}})
 EXTREMES = (0.5, 99.5)  # percentiles between which the trimmed scatter is taken
@@ -104,8 +104,9 @@ def measured_cell(seed: int, hide: bool) -> Measured:
     counts, rows, labels = np.zeros(4, int), [], []
     for frame, answer in zip(frames, result.frames, strict=True):
         points = answer.points
-        score = score_frame(frame.truth.strings, points.label, points.uv_px, points.yz_mm)
-        counts += [score.false, score.mislabelled, len(points.label), sum(map(bool, points.flag))]
+        named = NamedPoints(points.label, points.uv_px, points.yz_mm)
+        compared = match(true_strings(frame.truth.strings), named, labelled=True)
+        counts += [len(compared.false_points), compared.mislabelled, len(points.label), sum(map(bool, points.flag))]
         for row in string_rows(seed, frame.truth, points, emulated, thread):
             rows.append(row[1])
             labels.append(row[0])

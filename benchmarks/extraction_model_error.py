@@ -18,7 +18,7 @@ import cv2
 import numpy as np
 from rendered_strings import Emulated, budgets, matches, optics, scene
 
-from extraction import ExtractionConfig, NoiseConfig, extract, learn_speckle
+from extraction import ExtractionConfig, SpotNoiseConfig, extract, learn_speckle
 from extraction.spots import correlation
 from perceptron_emu import Scene, render
 
@@ -31,7 +31,7 @@ def shape_contrast(seen_by: Emulated, scenes: list[Scene]) -> float:
     """Contrast of the residuals without noise and speckle."""
     sensor = seen_by.sensor.with_camera(bit_depth=16, black_level=seen_by.sensor.camera.black_level * FINE)
     emulator = seen_by.emulator.off("noise", "speckle")
-    noise = NoiseConfig(read_noise_dn=QUIET_READ_DN * FINE, speckle_contrast=0.3, speckle_grain_px=0.5)
+    noise = SpotNoiseConfig(read_noise_dn=QUIET_READ_DN * FINE, speckle_contrast=0.3, speckle_grain_px=0.5)
     config, left, light = ExtractionConfig(noise=noise), 0.0, 0.0
     for one in scenes:
         frame = render(replace(one, sensor=sensor), emulator)

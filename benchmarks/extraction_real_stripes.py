@@ -18,7 +18,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from extraction.stripe import StripeConfig, detect_stripe
+from extraction import StripeConfig, detect_stripe
 
 CORNERS, SQUARE_MM, NEAR_PX = (7, 6), 10.0, 3.0
 

@@ -15,7 +15,7 @@ from assets import path as asset
 from extraction import Profile, extract_profile, measure_gap_flush
 from geometry import PerceptronEmuError, Sensor
 from perceptron_emu import EmulatorConfig, Material, Scene, render
-from perceptron_emu.panels import PanelPair, random_panels
+from perceptron_emu.solids import PanelPair, random_panels
 from workbench.files import read_sensor
 
 SURFACES = {"matte": Material(0.6), "satin": Material(0.4, 0.05, 0.35)}

@@ -13,18 +13,18 @@ import numpy as np
 from scipy.optimize import least_squares
 
 import assets
-from geometry import Pose, RobotModel, inverse_kinematics
+from geometry import DhRobot, Pose, inverse_kinematics
 from workbench.files.robot_file import read_robot
 
 GOALS, PEER_GOALS, STARTS = 1000, 5, 24
 ATOL_MM = 1e-6
 
 
-def by_scipy(robot: RobotModel, goal: Pose, rng: np.random.Generator) -> bool:
+def by_scipy(robot: DhRobot, goal: Pose, rng: np.random.Generator) -> bool:
     """The bounded trust-region solver with our Jacobian-free error, restarted at random."""
 
     def error(q: np.ndarray) -> np.ndarray:
-        return (robot.hand_pose(q).inverse() @ goal).log() * [1, 1, 1, 500, 500, 500]
+        return (robot.pose(q).inverse() @ goal).log() * [1, 1, 1, 500, 500, 500]
 
     start = (robot.min_rad + robot.max_rad) / 2
     for _ in range(STARTS):
@@ -40,7 +40,7 @@ def main() -> None:
     print(f"{'arm':22}{'found':>9}{'solves/s':>10}{'scipy found':>13}{'solves/s':>10}")
     for name in assets.list_presets("robots"):
         robot, rng = read_robot(assets.path("robots", name)), np.random.default_rng(1)
-        goals = robot.hand_pose(rng.uniform(robot.min_rad, robot.max_rad, (GOALS, robot.n_joints)))
+        goals = robot.pose(rng.uniform(robot.min_rad, robot.max_rad, (GOALS, robot.n_joints)))
         began = process_time()
         found = inverse_kinematics(robot, goals, rng, max_starts=STARTS)
         ours = GOALS / (process_time() - began)

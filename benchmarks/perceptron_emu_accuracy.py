@@ -12,9 +12,8 @@ import numpy as np
 from geometry import Camera, Pose, Sensor, Sheet, nearest_rotation
 from jig_cad import Jig
 from perceptron_emu import EmulatorConfig, Scene, mean_electrons, panel, render
-from perceptron_emu.gl import gl_problem
+from perceptron_emu.gl import gl_problem, light_scene_gl
 from perceptron_emu.image import draw
-from perceptron_emu.pyrender_backend import light_scene_gl
 
 TILTED = (-0.11, 0.06, 4e-4, -3e-4, 0.01, 0.02, -0.01, 0.004, 2e-4, -1e-4, 3e-4, 1e-4, 0.03, -0.05)
 COLUMNS = np.arange(250, 1000)

@@ -12,7 +12,7 @@ from scipy.special import j1
 
 from geometry import Camera, Pose, Sensor, Sheet, nearest_rotation
 from perceptron_emu import EmulatorConfig, Material, Scene, mean_electrons, panel, render
-from perceptron_emu.speckle import contrast, grain_px
+from perceptron_emu.image import contrast, grain_px
 
 READ_E, DSNU_E, PRNU, WELL_E, GAIN = 12.0, 6.0, 0.012, 9000.0, 0.35
 FRAMES = 16

@@ -107,8 +107,7 @@ def our_spots(specular: float) -> list[dict[str, Any]]:
     from geometry import Camera, Pose, Sensor, Sheet, nearest_rotation
     from jig_cad import Jig
     from perceptron_emu import EmulatorConfig, Material, Scene, mean_electrons, render
-    from perceptron_emu.sheet import half_width_mm
-    from perceptron_emu.strings import cylinders
+    from perceptron_emu.light import cylinders, half_width_mm
 
     tilt = np.deg2rad(22.5)
     rotation = nearest_rotation([[0, -np.cos(tilt), -np.sin(tilt)], [1, 0, 0], [0, -np.sin(tilt), np.cos(tilt)]])

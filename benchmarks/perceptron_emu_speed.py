@@ -19,10 +19,8 @@ import trimesh
 from geometry import Camera, Pose, Sensor, Sheet, nearest_rotation
 from jig_cad import Jig
 from jig_cad.solids import jig_solids
-from perceptron_emu import ALUMINIUM, BLACK_PLATE, EmulatorConfig, Scene, Solid, mean_electrons, render
-from perceptron_emu.gl import gl_problem
-from perceptron_emu.gl_world import View, depth_and_identity, gl_world
-from perceptron_emu.strings import cylinders
+from perceptron_emu import ALUMINIUM, BLACK_PLATE, EmulatorConfig, Scene, Solid, cylinders, mean_electrons, render
+from perceptron_emu.gl import View, depth_and_identity, gl_problem, gl_world
 
 REPEATS = 15
 

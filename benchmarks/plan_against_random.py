@@ -21,8 +21,8 @@ from calib import CalibConfig
 from calib.bundle.information import scp_covariance
 from calib.bundle.problem import Problem, robot_chain
 from calib.bundle.solution import solve_problem
-from calib.synthetic.cell import axis_points, dh_errors
-from geometry import Pose, stack_poses
+from calib.synthetic.cell import axis_points
+from geometry import Pose, draw_errors, stack_poses
 from jig_cad import sample_tolerance
 from workbench.cell.locating import located
 from workbench.cell.starter import write_starter
@@ -41,9 +41,9 @@ def calibrated_error(
 ) -> np.ndarray:
     """The error ξ (6,) [mm, rad] of one calibration with everything drawn anew."""
     true_scp = cell.T_hand_sensor_design @ Pose.exp(rng.normal(size=6) * MOUNTING_SIGMA)
-    robot, jig = cell.robot.corrected(dh_errors(cell.robot, rng)), sample_tolerance(cell.jig, rng)
+    robot, jig = cell.robot.corrected(draw_errors(cell.robot, rng)), sample_tolerance(cell.jig, rng)
     moved = joints + rng.normal(size=joints.shape) * cell.robot.uncertainty.joint_sigma_rad
-    T_sensor_jig = (robot.hand_pose(moved) @ true_scp).inverse() @ places[location]
+    T_sensor_jig = (robot.pose(moved) @ true_scp).inverse() @ places[location]
     points = expected_points(cell.sensor, cell.jig, T_sensor_jig)
     noise = np.linalg.cholesky(points.cov_mm2) @ rng.normal(size=(*points.yz_mm.shape, 1))
     points = replace(points, yz_mm=axis_points(T_sensor_jig, jig) + noise[..., 0])

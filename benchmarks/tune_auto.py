@@ -18,22 +18,22 @@ from pathlib import Path
 import numpy as np
 
 from extraction import ExtractionConfig
-from geometry import Pose, Sensor
+from geometry import Sensor, draw_errors
 from jig_cad import Jig, sample_tolerance
 from perceptron_emu import EmulatorConfig
+from workbench import defaults
+from workbench.cell.image_set import ImageRequest, open_images
+from workbench.cell.presets import DESIGN_SCP, find_robot, find_sensor
 from workbench.cell.starter import PLACES, place_of_jig
 from workbench.cell.surroundings import jig_bodies, sees_all_strings, wall_behind
-from workbench.emulate.experiment import DESIGN, demo_robot, demo_sensor
 from workbench.emulate.record import TrueCell, record, with_joint_noise
-from workbench.emulate.truth import with_errors
 from workbench.files import Cell
 from workbench.files.sensor_file import stated_optics
 from workbench.plan.views import ViewProblem, plan_views
+from workbench.tune.cost import Score
 from workbench.tune.judge import judge
-from workbench.tune.score import Score
 from workbench.tune.search import search
 from workbench.tune.task import make_task
-from workbench.window.opening import Request, open_session
 
 PER_LOCATION = 8
 WRONG = {
@@ -115,18 +115,17 @@ def main() -> None:
 def one_cell(variant: Variant, folder: Path, trials: int) -> None:
     """Record one cell, search it from the defaults and from WRONG, print the held-out scores."""
     record_cell(variant, folder)
-    opened = open_session(Request((folder,)))
-    if opened.prepare is not None:
-        opened.prepare()
-    task = make_task(opened, variant.seed)
+    images = open_images(ImageRequest((folder,)))
+    images.learn_chain()
+    task = make_task(images, variant.seed)
     wrong = ExtractionConfig.model_validate(WRONG)
     print(f"\n{variant.name}: {len(task.train)} images to train on, {len(task.held_out)} held out")
     reached = {}
-    for name, start in (("from the defaults", opened.start), ("from badly wrong", wrong)):
+    for name, start in (("from the defaults", images.settings.extraction), ("from badly wrong", wrong)):
         clock = time.perf_counter()
         found = search(task, start, trials, variant.seed, folder / "tune.journal", silent)
         judged = judge(task, start, found.config, variant.seed)
-        if start == opened.start:
+        if start == images.settings.extraction:
             line("defaults", judged.defaults)
         else:
             line("badly wrong", judged.start)
@@ -154,19 +153,20 @@ def silent(_done: int, _of: int, _best: float) -> None:
 def record_cell(variant: Variant, folder: Path) -> Cell:
     """The paper's arm and jig under another sensor; kept in the folder where it is finished already."""
     rng = np.random.default_rng(variant.seed)
-    sensor = other_sensor(demo_sensor(), variant)
+    sensor = other_sensor(find_sensor(defaults.SENSOR), variant)
     jig = Jig.nominal()
     true_jig = sample_tolerance(jig, rng)
-    design = Pose.from_fixed_xyz_deg(*DESIGN)
     walls = () if variant.wall_mm is None else (wall_behind(true_jig, variant.wall_mm),)
     solids = (*jig_bodies(true_jig), *walls)
-    robot = demo_robot()
+    robot = find_robot(defaults.ROBOT)
     places = {name: place_of_jig(*PLACES[name][1:]) for name in ("A", "B", "C")}
-    true = TrueCell(with_errors(robot, rng), true_jig, design, places, dict.fromkeys(places, solids))
+    true = TrueCell(
+        robot.corrected(draw_errors(robot, rng)), true_jig, DESIGN_SCP, places, dict.fromkeys(places, solids)
+    )
     sees_all = sees_all_strings(sensor, jig, solids)
     views = []
     for name, pose in places.items():
-        planned = plan_views(ViewProblem(robot, sensor, jig, pose, design, sees_all=sees_all), PER_LOCATION, rng)
+        planned = plan_views(ViewProblem(robot, sensor, jig, pose, DESIGN_SCP, sees_all=sees_all), PER_LOCATION, rng)
         views += [(name, "calibrate", joints) for joints in planned.joints_rad]
     cell = Cell(
         folder=folder,
@@ -174,7 +174,7 @@ def record_cell(variant: Variant, folder: Path) -> Cell:
         jig=jig,
         robot=robot,
         frames=(),
-        T_hand_sensor_design=design,
+        T_hand_sensor_design=DESIGN_SCP,
         name=variant.name,
         emulator=EmulatorConfig.model_validate(variant.emulation),
     )

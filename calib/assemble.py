@@ -114,6 +114,6 @@ def _sensors(usable: Sequence[Station], chain: tuple[Pose, RobotModel | None]) -
     hands = stack_poses([s.T_base_hand for s in usable])
     read = {i: q for i, s in enumerate(usable) if (q := s.observation.joints_rad) is not None}
     if robot is not None and read:
-        moved = robot.hand_pose(np.array(list(read.values())))
+        moved = robot.pose(np.array(list(read.values())))
         hands.R[list(read)], hands.t[list(read)] = moved.R, moved.t
     return hands @ T_hand_sensor

@@ -25,7 +25,7 @@ frames = []
 for location, T_base_jig in places.items():
     views = plan_views(ViewProblem(robot, sensor, jig, T_base_jig, design), 7, rng)
     for joints in views.joints_rad:
-        T_sensor_jig = (robot.hand_pose(joints) @ T_hand_sensor).inverse() @ T_base_jig
+        T_sensor_jig = (robot.pose(joints) @ T_hand_sensor).inverse() @ T_base_jig
         frame = render(Scene(sensor, jig, T_sensor_jig), emulator, rng)
         spots = extract(frame.image, sensor)
         frames.append(FrameObservation(len(frames), location, "calibrate", spots, joints_rad=joints))

@@ -1,12 +1,22 @@
 """Extraction: pixels → lit spots → surface points (y, z) with covariance and quality. Knows no jig and no emulator."""
 
-from extraction.config import DetectConfig, ExtractionConfig, LocaliseConfig, NoiseConfig
-from extraction.gapflush import GapFlush, GapFlushConfig, measure_gap_flush
+from extraction.config import (
+    MAX_GRAIN_PX,
+    DetectConfig,
+    DoubtConfig,
+    ExtractionConfig,
+    GapFlushConfig,
+    LocaliseConfig,
+    ScoreConfig,
+    SpotNoiseConfig,
+    StripeConfig,
+)
+from extraction.gapflush import GapFlush, measure_gap_flush
+from extraction.reasons import Reason, Seen, explain
 from extraction.sheet import SheetTable, image_to_sheet, sheet_table
 from extraction.spots import Stages, extract, extract_stages, learn_speckle, region_shapes
 from extraction.stripe import (
     Profile,
-    StripeConfig,
     StripePeaks,
     detect_stripe,
     extract_profile,
@@ -16,18 +26,24 @@ from extraction.stripe import (
 )
 
 __all__ = [
+    "MAX_GRAIN_PX",
     "DetectConfig",
+    "DoubtConfig",
     "ExtractionConfig",
     "GapFlush",
     "GapFlushConfig",
     "LocaliseConfig",
-    "NoiseConfig",
     "Profile",
+    "Reason",
+    "ScoreConfig",
+    "Seen",
     "SheetTable",
+    "SpotNoiseConfig",
     "Stages",
     "StripeConfig",
     "StripePeaks",
     "detect_stripe",
+    "explain",
     "extract",
     "extract_profile",
     "extract_stages",

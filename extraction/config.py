@@ -1,171 +1,212 @@
-"""Every default of the extraction package in one place."""
+"""The settings of extraction with their defaults: string spots, stripes, gap and flush.
+
+What is None is estimated from the image. A description says what a number is; the comment above it where the default
+comes from, where that is not the description itself. The ranges that the process window shows are its own matter.
+"""
 
 from __future__ import annotations
 
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field
-from pydantic.config import JsonDict
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+MAX_GRAIN_PX = 1.7  # a coarser grain is correlated beyond the distances that the error budget tells apart
 
-def _slider(low: float, high: float, basic: bool = False, log: bool = False, search: bool = True) -> JsonDict:
-    """What a panel of sliders and a search need to know: the useful range, and whether a search may move it."""
-    return {"ui_min": low, "ui_max": high, "level": "basic" if basic else "expert", "log": log, "search": search}
+Direction = Literal["auto", "columns", "rows"]
+Selection = Literal["strongest", "first", "last", "continuous", "all"]
 
 
 class _Section(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
-class NoiseConfig(_Section):
+class SpotNoiseConfig(_Section):
     """The camera's and the speckle's noise; what is None is estimated from the frame itself."""
 
-    read_noise_dn: float | None = Field(
-        default=None,
-        ge=0,
-        description="camera noise without light [DN]",
-        json_schema_extra=_slider(0, 20, search=False),
-    )
-    gain_dn_per_e: float | None = Field(
-        default=None,
-        ge=0,
-        description="shot noise: grey levels per electron",
-        json_schema_extra=_slider(0.001, 1, log=True, search=False),
-    )
-    full_well_e: float = Field(
-        default=10_000.0,
-        gt=0,
-        description="electrons at saturation, where no gain is given",
-        json_schema_extra=_slider(500, 200_000, log=True, search=False),
-    )
+    read_noise_dn: float | None = Field(default=None, ge=0, description="camera noise without light [DN]")
+    gain_dn_per_e: float | None = Field(default=None, ge=0, description="shot noise: grey levels per electron")
+    # of industrial chips with pixels of 3 to 5 µm, as their makers' data sheets say
+    full_well_e: float = Field(default=10_000.0, gt=0, description="electrons at saturation, where no gain is given")
     speckle_contrast: float | None = Field(
-        default=None,
-        ge=0,
-        le=1,
-        description="standard deviation of a pixel's speckle over its signal",
-        json_schema_extra=_slider(0, 1, search=False),
+        default=None, ge=0, le=1, description="standard deviation of a pixel's speckle over its signal"
     )
+    # strings of 0.1 to 0.5 mm need 0.4 to 1.4 % (benchmarks/extraction_model_error.py)
     model_error: float = Field(
-        default=0.01,
-        ge=0,
-        le=0.5,
-        description="a spot's wings depart from the Gaussian by this share of its height",
-        json_schema_extra=_slider(0, 0.1),
+        default=0.01, ge=0, le=0.5, description="a spot's wings depart from the Gaussian by this share of its height"
     )
-    speckle_weight: float = Field(
-        default=0.4,
-        ge=0,
-        le=1,
-        description="contrast by which the fit weighs bright pixels",
-        json_schema_extra=_slider(0, 1, basic=True),
-    )
+    # 4/3 of a contrast of 0.3, as where the contrast is given
+    speckle_weight: float = Field(default=0.4, ge=0, le=1, description="contrast by which the fit weighs bright pixels")
     speckle_grain_px: float | None = Field(
-        default=None,
-        ge=0,
-        le=1.7,
-        description="the speckle's grain on the chip, λF#(1 + m)",
-        json_schema_extra=_slider(0.2, 1.7, search=False),
+        default=None, ge=0, le=MAX_GRAIN_PX, description="the speckle's grain on the chip, λF#(1 + m)"
     )
 
 
 class DetectConfig(_Section):
     """What counts as a spot."""
 
-    blur_sigma_px: float = Field(
-        default=1.3, ge=0.3, le=10, description="matched blur [px]", json_schema_extra=_slider(0.5, 4, basic=True)
-    )
+    # about a string's own width under the nominal optics: the matched filter for white noise
+    blur_sigma_px: float = Field(default=1.3, ge=0.3, le=10, description="matched blur [px]")
+    # Gaussian noise alone gets there once in 10^12 pixels
     threshold: float = Field(
-        default=7.0,
-        gt=0,
-        description="height of a spot over the local noise of the blurred image",
-        json_schema_extra=_slider(3, 40, basic=True, log=True),
+        default=7.0, gt=0, description="height of a spot over the local noise of the blurred image"
     )
-    min_height_dn: float = Field(
-        default=2.0,
-        ge=0,
-        description="height of a blurred spot over its surroundings [DN]",
-        json_schema_extra=_slider(0, 60, basic=True),
-    )
+    # dimly lit threads and the texture of plates stay below it
+    min_height_dn: float = Field(default=2.0, ge=0, description="height of a blurred spot over its surroundings [DN]")
     region_level: float = Field(
-        default=0.4,
-        gt=0.05,
-        lt=0.95,
-        description="share of the height at which the shape is taken",
-        json_schema_extra=_slider(0.1, 0.9),
+        default=0.4, gt=0.05, lt=0.95, description="share of the height at which the shape is taken"
     )
-    max_length_mm: float = Field(
-        default=4.0,
-        gt=0,
-        description="longest spot, in the laser plane [mm]",
-        json_schema_extra=_slider(0.3, 15, basic=True, log=True),
-    )
+    # a string of 1 mm at 60° to the normal of a sheet of 1 mm: 1/cos 60° + tan 60° = 3.7 mm
+    max_length_mm: float = Field(default=4.0, gt=0, description="longest spot, in the laser plane [mm]")
+    # the same string and the blur about it
     max_width_mm: float = Field(
-        default=1.6,
-        gt=0,
-        description="widest spot across its long axis, in the laser plane [mm]",
-        json_schema_extra=_slider(0.1, 6, basic=True, log=True),
+        default=1.6, gt=0, description="widest spot across its long axis, in the laser plane [mm]"
     )
-    min_length_px: float = Field(
-        default=12.0,
-        gt=0,
-        description="a spot of this length is never too long [px]",
-        json_schema_extra=_slider(2, 60, log=True),
-    )
-    min_width_px: float = Field(
-        default=7.0,
-        gt=0,
-        description="a spot of this width is never too wide [px]",
-        json_schema_extra=_slider(1, 40, log=True),
-    )
-    max_candidates: int = Field(
-        default=2000,
-        ge=1,
-        le=30_000,
-        description="brightest peaks that are looked at",
-        json_schema_extra=_slider(10, 20_000, log=True, search=False),
-    )
+    # floors for coarse pixels: a spot as wide as the blur covers 5 px at `region_level`
+    min_length_px: float = Field(default=12.0, gt=0, description="a spot of this length is never too long [px]")
+    min_width_px: float = Field(default=7.0, gt=0, description="a spot of this width is never too wide [px]")
+    # twice what a lit wall makes (docs/spots.md)
+    max_candidates: int = Field(default=2000, ge=1, le=30_000, description="brightest peaks that are looked at")
 
 
 class LocaliseConfig(_Section):
     """How a spot's position is found."""
 
     method: Literal["ml", "fast"] = Field(
-        default="ml",
-        description="maximum likelihood, or the fast matched blur with a log-parabola",
-        json_schema_extra={"level": "basic", "search": False},
+        default="ml", description="maximum likelihood, or the fast matched blur with a log-parabola"
     )
-    window_sigma: float = Field(
-        default=3.0, gt=0.5, le=6, description="half window in spot widths", json_schema_extra=_slider(1, 6)
-    )
-    max_half_window_px: int = Field(
-        default=20, ge=3, le=60, description="largest half window [px]", json_schema_extra=_slider(3, 60, search=False)
-    )
-    max_iterations: int = Field(
-        default=20,
-        ge=1,
-        le=200,
-        description="steps of a fit before it is given up",
-        json_schema_extra=_slider(1, 100, search=False),
-    )
+    # 99 % of the light lies within; more takes in neighbours
+    window_sigma: float = Field(default=3.0, gt=0.5, le=6, description="half window in spot widths")
+    max_half_window_px: int = Field(default=20, ge=3, le=60, description="largest half window [px]")
+    max_iterations: int = Field(default=20, ge=1, le=200, description="steps of a fit before it is given up")
+    # a pixel alone has less than 0.3, and no lens draws a string narrower than 0.5
     min_sigma_px: float = Field(default=0.45, ge=0, description="a narrower spot is a hot pixel or a spark")
-    max_spots: int = Field(
-        default=40,
-        ge=1,
-        description="spots kept, best first",
-        json_schema_extra=_slider(1, 100, basic=True, search=False),
+    max_spots: int = Field(default=40, ge=1, description="spots kept, best first")
+    min_score: float = Field(default=0.05, ge=0, le=1, description="least score of a spot that is kept")
+
+
+class ScoreConfig(_Section):
+    """How much a spot looks like a lit string: factors that are 1 for the ideal one, multiplied.
+
+    Halved or doubled, one at a time, none loses one of 210 strings in 42 frames of cells with a lit wall; the string's
+    score is above that of all else in 92 to 99.5 % (97 % with these), and 0.3 to 0.5 spots a frame are no string
+    (benchmarks/extraction_score.py): rough numbers do, labels drop the rest.
+    """
+
+    strength: float = Field(default=2.5, gt=0, description="times the threshold at which strength counts 0.63")
+    width_px: float = Field(default=4.0, gt=0, description="σ across the spot at which its width counts half [px]")
+    length_px: float = Field(default=6.0, gt=0, description="σ along the spot at which its length counts half [px]")
+    saturated: float = Field(default=0.5, ge=0, le=1, description="what a spot with clipped pixels counts")
+    # strings of one jig differ in width by their distance and focus only
+    width_spread: float = Field(default=0.3, gt=0, description="spread of the widths in one image, in logarithms")
+    faint_share: float = Field(default=0.1, gt=0, description="share of the typical height that counts half")
+    brightest: float = Field(
+        default=4.0, gt=0, description="times the median height above which a spot has no more say in what is typical"
     )
-    min_score: float = Field(
-        default=0.05,
-        ge=0,
-        le=1,
-        description="least score of a spot that is kept",
-        json_schema_extra=_slider(0, 1, basic=True),
+    # a spot unlike all others of its image is doubted, not lost
+    least_likeness: float = Field(default=0.3, ge=0, le=1, description="what a spot unlike all others counts at least")
+    consensus: int = Field(default=3, ge=1, description="spots that make a typical width and height")
+    trusted: float = Field(default=0.6, ge=0, le=1, description="spots above it tell of the speckle in a dataset")
+
+
+class DoubtConfig(_Section):
+    """What departs so far from a string's spot that it is refused, or kept with a flag.
+
+    Doubled, one at a time, none changes a spot of 210 whole strings (benchmarks/extraction_score.py).
+    """
+
+    max_move_sigma: float = Field(
+        default=1.5, ge=0, description="way of the fitted centre from its region's, in spot widths, beside max_move_px"
     )
+    # the region's centre is one of whole pixels
+    max_move_px: float = Field(default=1.0, ge=0, description="way of the fitted centre beside max_move_sigma [px]")
+    # two strings in one, or half a post; half as much would flag 2 % of whole strings (the same)
+    max_misfit: float = Field(
+        default=4.0, gt=1, description="variance of the residuals over what noise and speckle make of it"
+    )
+    # a Gaussian value is beyond once in 16,000; half as much would flag 3 % of whole strings (the same)
+    max_skew_sigma: float = Field(default=4.0, gt=0, description="asymmetry along the spot over its own σ")
 
 
 class ExtractionConfig(_Section):
-    """All parameters of the extraction, with defaults."""
+    """All settings of the extraction of string spots."""
 
-    noise: NoiseConfig = NoiseConfig()
+    noise: SpotNoiseConfig = SpotNoiseConfig()
     detect: DetectConfig = DetectConfig()
     localise: LocaliseConfig = LocaliseConfig()
+    score: ScoreConfig = ScoreConfig()
+    doubt: DoubtConfig = DoubtConfig()
+
+
+class StripeConfig(_Section):
+    """How a laser stripe is found and localised; lengths in px, grey levels in DN."""
+
+    direction: Direction = Field(
+        default="auto", description="search along image columns or rows; auto: along the depth's image"
+    )
+    along_normal: bool = Field(
+        default=False, description="localise once more along the stripe's own normal, for steep stripes"
+    )
+    select: Selection = Field(default="strongest", description="which of several peaks of one section is the stripe")
+    max_peaks: int = Field(default=6, ge=1, le=32, description="peaks kept per section before the selection")
+    # with it 99.7 % of the sections of a stripe as faint as its noise are found (benchmarks/extraction_stripes.py)
+    threshold_sigma: float = Field(
+        default=4.0, gt=0, description="detection threshold in robust σ of the frame's own noise"
+    )
+    min_amplitude_dn: float = Field(default=2.0, ge=0, description="smallest peak above its local background")
+    min_snr: float = Field(default=5.0, ge=0, description="smallest amplitude over its own σ")
+    # no lens draws a line narrower than 0.5
+    min_width_px: float = Field(default=0.45, gt=0, description="smallest Gaussian σ of the stripe")
+    max_width_px: float = Field(default=8.0, gt=0, description="largest Gaussian σ of the stripe")
+    # four σ of a stripe of 2 px
+    surround_px: int = Field(
+        default=8, ge=4, le=64, description="distance at which the background is taken for detection"
+    )
+    max_chi2_per_dof: float = Field(
+        default=25.0, gt=1, description="above it the section is not one Gaussian peak: flagged shape"
+    )
+    region_px: tuple[int, int, int, int] | None = Field(
+        default=None, description="u0, v0, u1, v1 of the part of the image looked at, u1 and v1 excluded"
+    )
+    read_noise_dn: float | None = Field(
+        default=None, ge=0, description="noise in the dark; estimated from the frame if absent"
+    )
+    gain_dn_per_e: float | None = Field(default=None, ge=0, description="grey levels per electron; estimated if absent")
+    speckle_contrast: float | None = Field(
+        default=None, ge=0, le=1, description="multiplicative noise; estimated if absent"
+    )
+    min_run: int = Field(default=5, ge=1, le=1000, description="sections in a row that make a stripe; fewer are noise")
+    jump_px: float = Field(
+        default=6.0, gt=0, description="select = continuous: a step along the stripe that costs as much as a peak"
+    )
+    max_gap: int = Field(default=12, ge=1, le=200, description="select = continuous: sections that a chain may skip")
+
+    @model_validator(mode="after")
+    def _widths_are_ordered(self) -> StripeConfig:
+        if self.min_width_px >= self.max_width_px:
+            raise ValueError(f"min_width_px {self.min_width_px:g} must be below max_width_px {self.max_width_px:g}")
+        return self
+
+
+class GapFlushConfig(_Section):
+    """How two panels and their edges are found in a profile; lengths in mm.
+
+    The lengths are those of car bodies' panels: faces of 8 mm and more, gaps up to 40 mm, bends of 0.5 to 8 mm.
+    """
+
+    reference: Literal["left", "right"] = Field(default="left", description="panel whose face gives the directions")
+    min_face_mm: float = Field(default=3.0, gt=0, description="shortest straight stretch that is a panel's face")
+    face_length_mm: float = Field(default=8.0, gt=0, description="length of the face that is used, from its edge")
+    tolerance_mm: float = Field(default=0.05, gt=0, description="least distance at which a point is off a face")
+    max_angle_deg: float = Field(default=40.0, gt=0, lt=90, description="largest angle between the two faces")
+    min_gap_mm: float = Field(default=0.2, gt=0, description="smallest gap, along the profile")
+    max_gap_mm: float = Field(default=40.0, gt=0, description="largest gap, along the profile")
+    max_radius_mm: float = Field(default=8.0, gt=0, description="largest edge radius")
+    max_step_mm: float = Field(default=0.8, gt=0, description="a longer step between neighbours ends a surface")
+    # steeper, a section blurs the bend; beyond 90° it may become a flange
+    max_arc_deg: float = Field(
+        default=65.0, gt=0, lt=90, description="arc of a bend up to which points alone are fitted"
+    )
+    min_arc_deg: float = Field(default=30.0, gt=0, lt=90, description="seen arc below which a radius is flagged")
+    max_chi2_per_dof: float = Field(
+        default=4.0, gt=1, description="above it an edge is no line with an arc: flagged misfit"
+    )

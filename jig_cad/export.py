@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from geometry import InputError, did_you_mean
+from geometry import InputError, did_you_mean, write_bytes
 from jig_cad.drawing import drawing_svg
-from jig_cad.files import write_atomic
 from jig_cad.jig import Jig
 from jig_cad.solids import PillarDesign, jig_solids
 
@@ -35,11 +34,11 @@ def export_jig(jig: Jig, path: str | os.PathLike[str], design: PillarDesign | No
         instead = did_you_mean(suffix, FORMATS) or f"; the jig is written as {', '.join(FORMATS)}"
         raise InputError(f'{goal}: unknown ending "{suffix}"{instead}')
     if suffix == ".svg":
-        write_atomic(goal, drawing_svg(jig, design).encode())
+        write_bytes(goal, drawing_svg(jig, design).encode())
     elif suffix == ".stl":
-        write_atomic(goal, _stl(jig, design))
+        write_bytes(goal, _stl(jig, design))
     else:
-        write_atomic(goal, _glb(jig, design))
+        write_bytes(goal, _glb(jig, design))
 
 
 def _stl(jig: Jig, design: PillarDesign | None) -> bytes:

@@ -1,9 +1,15 @@
 """The emulator: scenes of strings and solids under a laser sheet, rendered to images with exact truth."""
 
+from perceptron_emu.check import check_optics, check_scene
+from perceptron_emu.chip import gain_dn_per_e
 from perceptron_emu.config import EmulatorConfig
-from perceptron_emu.projection import project
-from perceptron_emu.render import mean_electrons, render
+from perceptron_emu.image import grain_px
+from perceptron_emu.lens import project
+from perceptron_emu.light import cylinders, faces_in_sheet, hidden_by_strings
+from perceptron_emu.pipeline import mean_electrons, render
 from perceptron_emu.scene import ALUMINIUM, BLACK_PLATE, MATTE, WALL, Material, Scene, Solid, panel
+from perceptron_emu.scene_file import SceneFile, Surroundings, read_scene, read_surroundings
+from perceptron_emu.solids import hidden_by_solid
 from perceptron_emu.truth import Frame, FrameTruth, SheetCurve, StringTruth
 
 __all__ = [
@@ -16,11 +22,23 @@ __all__ = [
     "FrameTruth",
     "Material",
     "Scene",
+    "SceneFile",
     "SheetCurve",
     "Solid",
     "StringTruth",
+    "Surroundings",
+    "check_optics",
+    "check_scene",
+    "cylinders",
+    "faces_in_sheet",
+    "gain_dn_per_e",
+    "grain_px",
+    "hidden_by_solid",
+    "hidden_by_strings",
     "mean_electrons",
     "panel",
     "project",
+    "read_scene",
+    "read_surroundings",
     "render",
 ]

@@ -6,17 +6,15 @@ import numpy as np
 
 from geometry import InputError, Sensor, field_of_view, inside_polygon
 from perceptron_emu.config import EmulatorConfig
-from perceptron_emu.optics import (
+from perceptron_emu.lens import (
     defocus_radius_px,
     filter_transmission,
     focus_distance_mm,
     principal_distance_mm,
+    to_camera,
 )
-from perceptron_emu.projection import to_camera
+from perceptron_emu.light import axis_meets_sheet_mm, cylinders, faces_in_sheet
 from perceptron_emu.scene import Scene
-from perceptron_emu.sheet import axis_meets_sheet_mm
-from perceptron_emu.sheet_faces import faces_in_sheet
-from perceptron_emu.strings import cylinders
 
 MIN_TRANSMISSION = 1e-3
 LARGEST_BLUR_PX = 0.1  # of the image's width

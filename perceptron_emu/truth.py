@@ -9,10 +9,16 @@ from numpy.typing import NDArray
 
 from geometry import Pose, Sensor
 from geometry.compiled import kernel
-from perceptron_emu.lighting import LitScene
-from perceptron_emu.projection import project
+from perceptron_emu.config import EmulatorConfig
+from perceptron_emu.image import draw
+from perceptron_emu.lens import project
+from perceptron_emu.light import OFF_SURFACE_MM, LitScene, Samples, faces_in_sheet, hidden_by_strings, lit_pieces
+from perceptron_emu.scene import Scene
+from perceptron_emu.solids import hidden_by_solid
 
 Array = NDArray[np.float64]
+
+MIN_ELECTRONS = 1.0  # a pixel with less mean laser light than this belongs to nothing
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,3 +126,39 @@ def _string_truth(label: str, axis: Array, sums: Array, unhidden: float) -> Stri
     # a sum of parts over the sum of all: rounding alone could carry the fraction past 1
     fraction = min(1.0, total / unhidden)
     return StringTruth(label, axis, sums[1:3] / total, sums[3:] / total, fraction, total)
+
+
+def label_names(scene: Scene) -> tuple[str, ...]:
+    """Names of the labels: "" for none, the strings, the solids."""
+    strings = scene.jig.strings if scene.jig else ()
+    return ("", *strings, *(s.name or f"solid {i}" for i, s in enumerate(scene.solids)))
+
+
+def pixel_labels(scene: Scene, lit: LitScene, config: EmulatorConfig) -> NDArray[np.uint8]:
+    """The label (H, W) of the surface that brings most laser light to each pixel, speckle apart."""
+    samples, plain = lit.samples, config.off("speckle")
+    owner = samples.surface(len(scene.jig.strings) if scene.jig else 0) + 1
+    shape = scene.camera.shape
+    labels, most = np.zeros(shape, np.uint8), np.full(shape, MIN_ELECTRONS, np.float32)
+    for label in np.unique(owner):
+        mine, own = owner == label, np.zeros(shape, np.float32)
+        part = Samples(samples.xyz_mm[mine], samples.electrons[mine], samples.group[mine])
+        draw(own, part, scene.sensor, plain, 0)
+        larger = own > most
+        labels[larger], most[larger] = label, own[larger]
+    return labels
+
+
+def sheet_curve(scene: Scene, lit: LitScene, config: EmulatorConfig) -> SheetCurve:
+    """Where the sheet's middle plane x = 0 first meets the solids."""
+    faces = faces_in_sheet(scene, config)
+    pieces = lit_pieces(faces, lit.strings, np.zeros(1), scene.sensor)
+    middle = pieces.ends.mean(1)
+    towards = scene.camera.centre_mm - middle
+    start = middle + OFF_SURFACE_MM * towards / np.linalg.norm(towards, axis=1, keepdims=True)
+    hidden = np.zeros(len(middle), dtype=bool)
+    for solid in scene.solids:
+        hidden |= hidden_by_solid(solid, start, scene.camera.centre_mm)
+    if lit.strings is not None:
+        hidden |= hidden_by_strings(lit.strings, start, scene.camera.centre_mm)
+    return SheetCurve(pieces.ends[..., 1:], project(scene.sensor, pieces.ends), faces.solid[pieces.face], ~hidden)

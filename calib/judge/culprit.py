@@ -10,13 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, product
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calib.stations import Station
-from geometry import Pose, RobotModel, log_so3, stack_poses
+from geometry import DH_ROWS, DhRobot, DhRow, Pose, log_so3, stack_poses
 from jig_cad import Jig
 
 Array = NDArray[np.float64]
@@ -32,7 +32,7 @@ MAJORITY = 0.55  # of a location's frames, that the others are judged by
 LENGTHS_MM = np.linspace(-400.0, 400.0, 101)
 ANGLES_RAD = np.deg2rad(np.linspace(-180.0, 175.0, 72))
 FINER = np.linspace(-1.0, 1.0, 9)  # of a step of these
-NAMES = ("θ", "d", "a", "α")
+ROWS = tuple(row for row in DH_ROWS if row.group != "beta")  # β is 0 in every table that a maker gives
 EQUAL = 0.03  # suspicions this near in their share are told apart by nothing
 
 
@@ -47,7 +47,7 @@ class _Views:
     joints: Array | None
 
 
-def culprit(ready: tuple[Station, ...], jig: Jig, robot: RobotModel | None) -> str:
+def culprit(ready: tuple[Station, ...], jig: Jig, robot: DhRobot | None) -> str:
     """A sentence that names what most likely spoils the calibrate frames; "" where their motions name nothing."""
     used = tuple(s for s in ready if s.observation.role == "calibrate" and s.usable)[:MOST_FRAMES]
     v = _views(used, jig)
@@ -192,7 +192,7 @@ def _fits(v: _Views, rest: list[int], kept: list[int], jig: Jig) -> bool:
     return _share(across, stack_poses([s.T_base_hand for s in used])) >= AGREED
 
 
-def _joints(v: _Views, robot: RobotModel | None, given: float) -> str:
+def _joints(v: _Views, robot: DhRobot | None, given: float) -> str:
     """What in the joint columns or in the robot's table makes the motions agree; "" where nothing does."""
     if robot is None or v.joints is None:
         return ""
@@ -208,49 +208,47 @@ def _joints(v: _Views, robot: RobotModel | None, given: float) -> str:
     return ""
 
 
-def _other_units(v: _Views, robot: RobotModel) -> Iterator[tuple[float, str]]:
+def _other_units(v: _Views, robot: DhRobot) -> Iterator[tuple[float, str]]:
     """Radians for degrees, and readings of a neighbouring row."""
     q = np.asarray(v.joints)
-    yield _share(v, robot.hand_pose(np.rad2deg(q))), "the joint columns hold radians, not degrees"
-    yield _share(v, robot.hand_pose(np.deg2rad(q))), "the joint columns hold degrees, not radians"
+    yield _share(v, robot.pose(np.rad2deg(q))), "the joint columns hold radians, not degrees"
+    yield _share(v, robot.pose(np.deg2rad(q))), "the joint columns hold degrees, not radians"
     for step, words in ((1, "row before"), (-1, "row after")):
-        yield _share(v, robot.hand_pose(np.roll(q, step, axis=0))), f"each frame has the joint readings of the {words}"
+        yield _share(v, robot.pose(np.roll(q, step, axis=0))), f"each frame has the joint readings of the {words}"
 
 
-def _other_columns(v: _Views, robot: RobotModel) -> Iterator[tuple[float, str]]:
+def _other_columns(v: _Views, robot: DhRobot) -> Iterator[tuple[float, str]]:
     """One joint of the other sign, or two columns exchanged."""
     q = np.asarray(v.joints)
     for k in range(q.shape[1]):
         turned = q.copy()
         turned[:, k] *= -1.0
-        yield _share(v, robot.hand_pose(turned)), f"joint {k + 1} counts the other way round (its sign)"
+        yield _share(v, robot.pose(turned)), f"joint {k + 1} counts the other way round (its sign)"
     for i, j in combinations(range(q.shape[1]), 2):
         other = q.copy()
         other[:, [i, j]] = q[:, [j, i]]
-        yield _share(v, robot.hand_pose(other)), f"the columns of joints {i + 1} and {j + 1} are exchanged"
+        yield _share(v, robot.pose(other)), f"the columns of joints {i + 1} and {j + 1} are exchanged"
 
 
-def _other_rows(v: _Views, robot: RobotModel) -> Iterator[tuple[float, str]]:
+def _other_rows(v: _Views, robot: DhRobot) -> Iterator[tuple[float, str]]:
     """One Denavit-Hartenberg parameter of another value: the best over a grid, then over a finer one."""
-    for row, joint in np.ndindex(len(NAMES), robot.n_joints):
-        grid = ANGLES_RAD if row in (0, 3) else LENGTHS_MM
+    for row, joint in product(ROWS, range(robot.n_joints)):
+        grid = ANGLES_RAD if row.unit == "rad" else LENGTHS_MM
         step = grid[1] - grid[0]
         coarse = max(grid, key=lambda value: _closeness(v, robot, row, joint, value))
         value = max(coarse + step * FINER, key=lambda value: _closeness(v, robot, row, joint, value))
-        change = f"{np.rad2deg(value):+.0f}°" if row in (0, 3) else f"{value:+.0f} mm"
+        change = f"{np.rad2deg(value):+.0f}°" if row.unit == "rad" else f"{value:+.0f} mm"
         yield (
-            _share(v, _changed(robot, row, joint, value).hand_pose(np.asarray(v.joints))),
-            f"{NAMES[row]} of joint {joint + 1} in the robot's table is changed by about {change}",
+            _share(v, _changed(robot, row, joint, value).pose(np.asarray(v.joints))),
+            f"{row.symbol} of joint {joint + 1} in the robot's table is changed by about {change}",
         )
 
 
-def _changed(robot: RobotModel, row: int, joint: int, value: float) -> RobotModel:
-    delta = np.zeros((5, robot.n_joints))
-    delta[row, joint] = value
-    return robot.corrected(delta)
+def _changed(robot: DhRobot, row: DhRow, joint: int, value: float) -> DhRobot:
+    return robot.with_changes(**{row.group: np.where(np.arange(robot.n_joints) == joint, value, 0.0)})
 
 
-def _closeness(v: _Views, robot: RobotModel, row: int, joint: int, value: float) -> float:
+def _closeness(v: _Views, robot: DhRobot, row: DhRow, joint: int, value: float) -> float:
     """Mean nearness in (0, 1] of hand's and jig's motions with the parameter changed."""
-    apart = _apart(v, _changed(robot, row, joint, value).hand_pose(np.asarray(v.joints))).min(axis=0)
+    apart = _apart(v, _changed(robot, row, joint, value).pose(np.asarray(v.joints))).min(axis=0)
     return float(np.mean(1.0 / (1.0 + apart**2)))

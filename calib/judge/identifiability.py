@@ -14,6 +14,7 @@ Array = NDArray[np.float64]
 NAMES = ("θ", "d", "a", "α", "β")
 _NULL = 1e-9  # share of a column that is left once others took what they can
 _NULL_EIGENVALUE = 1e-8
+_TAKES_PART = 0.04  # of the projector onto the null directions: 0.2 of a direction's unit vector in each of two
 
 
 def weak_directions(solution: Solution) -> tuple[str, ...]:
@@ -63,14 +64,27 @@ def _combinations(labels: list[str], information: Array) -> list[str]:
         return []
     scale = 1 / np.sqrt(np.maximum(np.diag(information), 1e-300))
     values, vectors = np.linalg.eigh(information * scale[:, None] * scale)
+    null = vectors[:, values < _NULL_EIGENVALUE]
+    onto = null @ null.T  # the same whatever basis of the null space LAPACK gave
     out = []
-    for value, vector in zip(values, vectors.T, strict=True):
-        if value < _NULL_EIGENVALUE:
-            taking_part = np.abs(vector) > 0.2
-            names = _list(labels, taking_part)
-            parallel = all(n.startswith("d") for n in names.split(", "))
-            why = "their axes are parallel, only the sum shows" if parallel else "only a combination shows"
-            out.append(f"{names}: {why} (priors share it)")
+    for taking_part in _connected(np.abs(onto) > _TAKES_PART):
+        names = _list(labels, taking_part)
+        parallel = all(n.startswith("d") for n in names.split(", "))
+        why = "their axes are parallel, only the sum shows" if parallel else "only a combination shows"
+        out.append(f"{names}: {why} (priors share it)")
+    return out
+
+
+def _connected(links: NDArray[np.bool_]) -> list[NDArray[np.bool_]]:
+    """The groups (N,) of what is linked (N, N), by their first members; what has no link is in none."""
+    left, out = np.any(links, axis=1), []
+    while np.any(left):
+        group = np.zeros(len(links), dtype=bool)
+        group[int(np.argmax(left))] = True
+        while np.any(more := np.any(links[group], axis=0) & ~group):
+            group |= more
+        out.append(group)
+        left &= ~group
     return out
 
 

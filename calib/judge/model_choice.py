@@ -71,7 +71,7 @@ def _predicted(solution: Solution, left_out: int, applied: Mask) -> np.ndarray:
     own = at_frames(problem, (problem.location == left_out) & ~solution.frame_outlier)
     hands, parameters, joints = own.chain.T_base_hand, fit.state.parameters, own.chain.joints_rad
     if np.any(parameters) and joints is not None:
-        hands = corrected_robot(problem, parameters).hand_pose(joints)
+        hands = corrected_robot(problem, parameters).pose(joints)
     start = solution.bundle.state.Ts_base_jig[left_out]
     distance = fit_location(own.points, hands @ fit.state.T_hand_sensor, problem.anchors_mm, start).distance_mm
     return np.asarray(distance[np.isfinite(distance)] ** 2)

@@ -11,6 +11,7 @@ from scipy.stats import chi2 as chi2_law
 from calib.config import CalibConfig
 from calib.result import Verdict
 from geometry import Pose, log_so3
+from geometry.ties import ascending
 
 Array = NDArray[np.float64]
 
@@ -20,6 +21,7 @@ _LEVER_MM = 5.0
 _RIVAL_CHI2 = 12.0  # a likelihood ratio of 400
 _GROSS_CHI2 = 30.0  # with all robot errors free within their priors
 _UNOBSERVABLE_MM, _UNOBSERVABLE_DEG = 20.0, 5.0  # σ from noise alone
+_SAME_PART = 1e-6  # of a unit vector
 _WEAK_MM, _WEAK_DEG = 1.0, 0.3
 
 
@@ -262,7 +264,7 @@ def direction_in_words(covariance: Array) -> str:
     names = ("x", "y", "z")
     parts = [
         f"{'translation along' if i < 3 else 'rotation about'} {names[i % 3]} of the sensor"
-        for i in np.argsort(-np.abs(weakest))
+        for i in ascending(-np.abs(weakest), _SAME_PART)
         if abs(weakest[i]) > 0.4
     ]
     return "mostly " + " with ".join(parts) + f" (σ {np.sqrt(max(values[-1], 0.0)):.2g} mm at 300 mm)"

@@ -13,6 +13,7 @@ from calib.pose.solver import PoseProblem, PoseSolution, solve_poses
 from calib.pose.starts import pencil_starts
 from calib.pose.weights import whitening
 from geometry import Pose
+from geometry.ties import ascending, first_least_of_each
 from jig_cad import Jig
 
 Array = NDArray[np.float64]
@@ -22,6 +23,7 @@ FREE_SIGMA_MM, FREE_SIGMA_RAD = 150.0, 1.0  # where the jig may be when nothing 
 FACING_SIGMA_RAD = float(np.deg2rad(60.0))  # string A, the front of the pillar, mostly faces the sensor
 END_MARGIN = 0.03  # share of its length by which a string may be crossed beyond its anchors
 ITERATIONS = 15
+SAME_CHI2, SAME_NATS = 1e-6, 1e-6  # minima and labellings nearer than this are equal, and the first is taken
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,14 +84,14 @@ def weigh(labels: IntArray, spots: Spots, jig: Jig, prior: Prior | None, max_til
     )
     solution = solve_poses(many, start, max_iterations=ITERATIONS, tolerance=1e-5)
     chi2 = np.where(_possible(solution, labels, jig, max_tilt_rad), solution.cost, np.inf)
-    best = np.argmin(chi2, axis=1)
+    best = first_least_of_each(chi2, SAME_CHI2)  # starts that ended in one minimum differ by rounding alone
     rows = np.arange(len(labels))
     chi2, T, jacobian = chi2[rows, best], solution.T_sensor_jig[rows, best], solution.jacobian[rows, best]
     covariance, log_volume = _posterior(jacobian, prior)
     evidence = _log_evidence(labels, spots, chi2, log_volume)
     if prior is None:
         evidence = evidence - 0.5 * (np.arccos(np.clip(T.R[:, 2, 2], -1, 1)) / FACING_SIGMA_RAD) ** 2
-    order = [int(i) for i in np.argsort(-evidence, kind="stable") if np.isfinite(evidence[i])]
+    order = [int(i) for i in ascending(-evidence, SAME_NATS) if np.isfinite(evidence[i])]
     return Hypotheses(
         labels[order], T[order], covariance[order], chi2[order], evidence[order], solution.T_sensor_jig[order]
     )

@@ -8,6 +8,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
+from geometry.ties import ascending
 from jig_cad import Jig
 
 Array = NDArray[np.float64]
@@ -16,6 +17,7 @@ IntArray = NDArray[np.intp]
 UPRIGHT = 0.02  # share of its length by which a rod may lie out of x: its anchors' tolerance, never a diagonal
 SAME_MM = 1e-6  # anchors so near to each other are one hole
 
+SAME_MISFIT = 1e-6  # in units of what the tolerance allows
 _SIGNS = np.array([[1.0, 1.0], [1.0, -1.0], [-1.0, 1.0], [-1.0, -1.0]])
 
 
@@ -121,7 +123,7 @@ def five_spot_labels(
         found.append(_match(triples, yz_mm, one, two, jig, orientation, tolerance_mm))
     misfit = np.concatenate([m for m, _ in found])
     labels = np.concatenate([lab for _, lab in found])
-    return labels[np.argsort(misfit, kind="stable")[:limit]]
+    return labels[ascending(misfit, SAME_MISFIT)[:limit]]
 
 
 def _match(

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.config import CalibConfig
-from calib.label.evidence import Hypotheses, Prior, Spots, weigh
+from calib.label.evidence import SAME_NATS, Hypotheses, Prior, Spots, weigh
 from calib.label.faces import five_spot_labels
 from calib.label.gates import DETECTED, gated_labels
 from calib.label.refine import FULL, LabelledFrame, refine_labels
@@ -14,6 +14,7 @@ from calib.label.surface_offset import rough_offset
 from calib.pose.fit import MIN_STRINGS
 from calib.pose.weights import anchor_sigma
 from geometry import Pose, Sensor, SurfacePoints, skew
+from geometry.ties import ascending
 from jig_cad import Jig
 
 IntArray = NDArray[np.intp]
@@ -92,7 +93,7 @@ def _choose(
             exact = frame.cost + (0.0 if prior is None else prior.chi2(frame.T_sensor_jig))
             change = 0.5 * (found.chi2[i] - exact) - STRING_NATS * float(lost)
             refined.append((float(found.log_evidence[i]) + change, frame))
-    refined.sort(key=lambda r: -r[0])
+    refined = [refined[i] for i in ascending([-nats for nats, _ in refined], SAME_NATS)]
     if not refined or (best := refined[0][1]) is None:
         return None
     margin = FULL_MARGIN if len(best.axis) >= FULL else MARGIN

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from calib.pose.crossings import crossings_jacobian
 from geometry import Pose
+from geometry.ties import ascending
 from jig_cad import Jig
 
 Array = NDArray[np.float64]
@@ -14,6 +15,7 @@ IntArray = NDArray[np.intp]
 
 GATE_CHI2 = 20.0  # 2 degrees of freedom: 4.5e-5 of true spots lie outside
 DETECTED = 0.9  # a string's share of being seen at all
+SAME_SCORE, SAME_GATE = 1e-6, 1e-6  # nats, and relative: nearer ones keep the order of spots and strings
 SECOND_ORDER = 0.12  # error of the linear prediction as a share of the first-order motion's σ
 
 
@@ -37,7 +39,7 @@ def gated_labels(
             (labels, xi, cov, score), s, yz_mm - predicted[s], jacobian[s], noise, density, limit
         )
     enough = np.sum(labels >= 0, axis=1) >= 3
-    ranked = np.argsort(-score[enough], kind="stable")
+    ranked = ascending(-score[enough], SAME_SCORE)
     return np.asarray(labels[enough][ranked])
 
 
@@ -46,7 +48,7 @@ def _order(jacobian: Array, covariance: Array, along: Array, lengths: Array) -> 
     gates = np.trace(jacobian @ covariance @ np.swapaxes(jacobian, -1, -2), axis1=-2, axis2=-1)
     share = along / lengths
     outside = (share < -0.5) | (share > 1.5)
-    return np.asarray(np.lexsort((gates, outside)), dtype=np.intp)
+    return np.asarray(np.lexsort((np.round(np.log(gates) / SAME_GATE), outside)), dtype=np.intp)
 
 
 def _extend(
@@ -79,7 +81,7 @@ def _extend(
     out_score = np.concatenate([score + np.log(1 - DETECTED), score[h] + gain])
     out_xi = np.concatenate([xi, xi[h] + (kalman @ innovation[h, n][..., None])[..., 0]])
     out_cov = np.concatenate([cov, cov[h] - kalman @ jacobian @ cov[h]])
-    best = np.argsort(-out_score, kind="stable")[:limit]
+    best = ascending(-out_score, SAME_SCORE)[:limit]
     return out_labels[best], out_xi[best], out_cov[best], out_score[best]
 
 

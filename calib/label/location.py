@@ -10,10 +10,12 @@ from numpy.typing import NDArray
 
 from calib.config import CalibConfig
 from calib.label.chain import Chain, mahalanobis2
-from calib.label.evidence import Prior
+from calib.label.evidence import SAME_CHI2, Prior
 from calib.label.frame import label_spots
+from calib.label.gates import SAME_GATE
 from calib.label.refine import LabelledFrame, turned_over, with_pose
 from geometry import Pose, Sensor, SurfacePoints, Symmetry, stack_poses
+from geometry.ties import first_least, first_least_of_each
 from jig_cad import Jig
 
 Array = NDArray[np.float64]
@@ -137,7 +139,8 @@ def _priors_by_vote(found: list[LabelledFrame], chain: Chain, jig: Jig) -> list[
     agreeing = {i: {i, *map(int, pool.frame[d < CONSISTENT_CHI2])} for i, d in distances.items()}
     chosen = sorted(agreeing[max(agreeing, key=lambda i: len(agreeing[i]))])
     by_first = distances[chosen[0]]
-    nearest = [min(np.flatnonzero(pool.frame == i), key=lambda k: float(by_first[k])) for i in chosen]
+    mine = [np.flatnonzero(pool.frame == i) for i in chosen]
+    nearest = [k[first_least(by_first[k], SAME_CHI2)] for k in mine]
     return _best_priors(pool, np.array(nearest), chain, len(found))
 
 
@@ -149,7 +152,7 @@ def _best_priors(pool: _Pool, references: NDArray[np.intp], chain: Chain, n_fram
     gates = np.trace(every.covariance[..., :3, :3], axis1=-2, axis2=-1)
     if len(references) > 1:
         gates[np.arange(len(frames)), frames] = np.inf
-    best = np.argmin(gates, axis=0)
+    best = first_least_of_each(np.log(gates.T), SAME_GATE)
     return [Prior(every.T_sensor_jig[int(k), j], every.covariance[k, j]) for j, k in enumerate(best)]
 
 
@@ -163,7 +166,7 @@ def _settle(
     if found.T_sensor_jig is not None and complete:
         pool = _Pool.of([found], jig)
         distances = pool.distances(prior)
-        nearest = int(np.argmin(distances))
+        nearest = first_least(distances, SAME_CHI2)
         if distances[nearest] < CONSISTENT_CHI2:
             turn = int(pool.turn[nearest])
             frame = found if turn < 0 else turned_over(found, jig.symmetries[turn], points, jig, sensor, config)

@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 from scipy.stats import chi2 as chi2_distribution
 
 from calib.config import CalibConfig
-from calib.label.evidence import Prior
+from calib.label.evidence import SAME_CHI2, Prior
 from calib.label.surface_offset import axis_points
 from calib.pose.candidates import JigPoseCandidate, JigPoseFit
 from calib.pose.crossings import crossings
 from calib.pose.fit import fit_pose, pose_near
 from geometry import AxisPoints, NoAnswerError, Pose, Sensor, SurfacePoints, Symmetry
+from geometry.ties import first_least
 from jig_cad import Jig
 
 Array = NDArray[np.float64]
@@ -24,6 +25,7 @@ IntArray = NDArray[np.intp]
 LabelReason = Literal["no_spots", "too_few_spots", "not_labelled"]
 
 KEEP_MM = 1.0  # a spot farther from its string than this is not the string's
+SAME_OFF = 1e-6  # mm and rad: candidates as near as this to a pose are equally near
 FULL = 5  # strings that determine a pose on their own
 
 
@@ -112,7 +114,7 @@ def _without_worst(part: _Part, labels: IntArray, axis: AxisPoints) -> tuple[Axi
         fewer = labels.copy()
         fewer[s] = -1
         trials.append((s, *part.solve(fewer)))
-    s, rest, pose = min(trials, key=lambda t: t[2].best.chi2)
+    s, rest, pose = trials[first_least([t[2].best.chi2 for t in trials], SAME_CHI2)]
     k = axis.label.index(part.jig.strings[s])
     predicted, _ = crossings(pose.T_sensor_jig, part.jig.starts[s : s + 1], part.jig.directions[s : s + 1])
     if np.linalg.norm(predicted[0] - axis.yz_mm[k]) > KEEP_MM:
@@ -194,7 +196,7 @@ def with_pose(frame: LabelledFrame, near: Pose) -> LabelledFrame:
     """The frame with the candidate nearest to ``near`` chosen: a mirror resolved by other frames."""
     if len(frame.candidates) < 2:
         return frame
-    order = sorted(frame.candidates, key=lambda c: float(np.linalg.norm((c.T_sensor_jig.inverse() @ near).log())))
-    chosen = order[0]
+    off = [float(np.linalg.norm((c.T_sensor_jig.inverse() @ near).log())) for c in frame.candidates]
+    chosen = frame.candidates[first_least(off, SAME_OFF)]
     rest = tuple(c for c in frame.candidates if c is not chosen)
     return replace(frame, T_sensor_jig=chosen.T_sensor_jig, candidates=(chosen, *rest), cost=chosen.chi2)

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from calib.calibrate import calibrate
 from calib.config import CalibConfig
 from calib.synthetic.cell import Cell, Layout, Noise, made_cell, observe, random_cell
-from geometry import NoAnswerError, Pose
-from geometry.robot import Compliance
+from geometry import Compliance, NoAnswerError, Pose
 
 Array = NDArray[np.float64]
 

@@ -18,7 +18,7 @@ from calib.paper.scp import PaperProblem, PaperResult, PaperSettings, solve_pape
 from calib.paper.spread import PaperSpread, closed_form_derivative, paper_spread
 from calib.pose.closed_form import closed_form_strings, closed_forms
 from calib.stations import Station
-from geometry import AxisPoints, Pose, RobotModel
+from geometry import PARAMETERS, AxisPoints, DhRobot, Pose
 from jig_cad import Jig
 
 Array = NDArray[np.float64]
@@ -69,7 +69,7 @@ def paper_frames(used: tuple[Station, ...], jig: Jig, outlying: Collection[int] 
 
 
 def paper_estimate(
-    frames: PaperFrames, jig: Jig, robot: RobotModel | None, starts: Starts, config: CalibConfig
+    frames: PaperFrames, jig: Jig, robot: DhRobot | None, starts: Starts, config: CalibConfig
 ) -> tuple[Estimate, Facts]:
     """Run the paper's iteration on the frames' closed-form poses."""
     run = _run(frames, jig, robot, starts, config)
@@ -88,7 +88,7 @@ class _Run:
     offsets: tuple[int, ...]
 
 
-def _run(frames: PaperFrames, jig: Jig, robot: RobotModel | None, starts: Starts, config: CalibConfig) -> _Run:
+def _run(frames: PaperFrames, jig: Jig, robot: DhRobot | None, starts: Starts, config: CalibConfig) -> _Run:
     used = frames.stations
     names = closed_form_strings(jig)
     ordered = tuple(_in_order(s, names, frames.yz_mm[i]) for i, s in enumerate(used))
@@ -101,7 +101,7 @@ def _run(frames: PaperFrames, jig: Jig, robot: RobotModel | None, starts: Starts
     return _Run(problem, solve_paper(paper, starts.T_hand_sensor, settings), choice, own, offsets)
 
 
-def _estimate(frames: PaperFrames, robot: RobotModel | None, run: _Run, spread: PaperSpread) -> Estimate:
+def _estimate(frames: PaperFrames, robot: DhRobot | None, run: _Run, spread: PaperSpread) -> Estimate:
     result, left = run.result, len(frames.reasons)
     delta, corrected = _corrected(robot, run.offsets, result.offsets_rad)
     return Estimate(
@@ -140,13 +140,11 @@ def _facts(run: _Run, spread: PaperSpread) -> Facts:
     )
 
 
-def _corrected(
-    robot: RobotModel | None, offsets: tuple[int, ...], offsets_rad: Array
-) -> tuple[Array, RobotModel | None]:
+def _corrected(robot: DhRobot | None, offsets: tuple[int, ...], offsets_rad: Array) -> tuple[Array, DhRobot | None]:
     """What the estimated joint offsets change in the table (5, n), and the robot with it."""
-    delta = np.zeros((5, 0 if robot is None else robot.n_joints))
-    delta[0, list(offsets)] = offsets_rad
-    return delta, robot.corrected(delta) if robot is not None and offsets else robot
+    rows = {group: np.zeros(0 if robot is None else robot.n_joints) for group in PARAMETERS}
+    rows["theta"][list(offsets)] = offsets_rad
+    return np.array(list(rows.values())), robot.with_changes(**rows) if robot is not None and offsets else robot
 
 
 def _in_order(s: Station, names: tuple[str, ...], yz_mm: Array) -> Station:

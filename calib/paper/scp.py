@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import Pose, RobotModel, skew
+from geometry import DhRobot, Pose, skew
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -31,7 +31,7 @@ class PaperProblem:
     origins_mm: Array
     Ts_base_hand: Pose
     location: Index
-    robot: RobotModel | None = None
+    robot: DhRobot | None = None
     joints_rad: Array | None = None
     offset_joints: tuple[int, ...] = ()
 
@@ -101,16 +101,16 @@ def origins(problem: PaperProblem, T_hand_sensor: Pose, offsets_rad: Array) -> t
     hand, joints, robot = problem.Ts_base_hand, problem.joints_rad, problem.robot
     chosen = list(problem.offset_joints)
     if chosen and robot is not None and joints is not None:
-        delta = np.zeros((5, robot.n_joints))
-        delta[0, chosen] = offsets_rad
-        robot = robot.corrected(delta)
-        hand = robot.hand_pose(joints)
+        delta = np.zeros(robot.n_joints)
+        delta[chosen] = offsets_rad
+        robot = robot.with_changes(theta=delta)
+        hand = robot.pose(joints)
     in_hand = T_hand_sensor @ problem.origins_mm
     rotation = hand.R @ T_hand_sensor.R
     scp = np.concatenate([rotation, -rotation @ skew(problem.origins_mm)], -1)
     if not chosen or robot is None or joints is None:
         return hand @ in_hand, scp
-    twists = robot.stacked_jacobian(joints)[:, :, 0, chosen]  # (F, 6, k), hand axes
+    twists = robot.table_jacobian(joints)["theta"][..., chosen]  # (F, 6, k), hand axes
     moved = hand.R @ (twists[:, :3] - skew(in_hand) @ twists[:, 3:])
     return hand @ in_hand, np.concatenate([scp, moved], -1)
 

@@ -10,11 +10,13 @@ from numpy.typing import NDArray
 
 from calib.pose.candidates import JigPoseCandidate
 from geometry import AxisPoints, NoAnswerError, Pose, nearest_rotation
+from geometry.ties import ascending
 from jig_cad import Jig
 
 Array = NDArray[np.float64]
 
 LABELS = ("A", "B", "C", "B'", "C'")  # the paper's names
+SAME_DISAGREEMENT_MM = 1e-6  # candidates that disagree alike keep the order of their signs
 _SIGNS = np.array([[1.0, 1.0], [1.0, -1.0], [-1.0, 1.0], [-1.0, -1.0]])  # of θ₁, θ₂
 
 
@@ -51,7 +53,7 @@ def closed_form_poses(
     forms = closed_forms(np.array([given[label] for label in names], dtype=float), jig.side_mm, jig.height_mm)
     if not forms.defined:
         return ()
-    order = np.argsort(forms.h1_disagreement_mm, kind="stable")
+    order = ascending(forms.h1_disagreement_mm, SAME_DISAGREEMENT_MM)
     return tuple(
         JigPoseCandidate(forms.T_sensor_jig[int(i)], h1_disagreement_mm=float(forms.h1_disagreement_mm[i]))
         for i in order

@@ -19,6 +19,7 @@ from calib.pose.weakness import (
 )
 from calib.pose.weights import chi2_with_tolerance, whitening
 from geometry import AxisPoints, NoAnswerError, Pose
+from geometry.ties import ascending, first_least
 from jig_cad import Jig
 
 Array = NDArray[np.float64]
@@ -26,6 +27,7 @@ Array = NDArray[np.float64]
 MIN_STRINGS = 3
 MAX_CANDIDATES = 8  # where the points leave a direction free, every start ends elsewhere
 SAME_MM, SAME_RAD = 0.05, 1e-3  # nearer minima are one
+SAME_CHI2, SAME_ANCHORS_MM = 1e-6, 1e-6  # equal minima keep the order of their starts
 VALLEY_RAD, VALLEY_CHI2 = 0.01, 0.1
 AMBIGUOUS_CHI2 = 16.0  # another pose within this of the best one can not be told from it by the points
 BEYOND = 0.05  # a string can not be crossed farther beyond its anchors than this share of its length
@@ -121,7 +123,7 @@ def _distinct(solution: PoseSolution) -> PoseSolution:
         raise NoAnswerError("no jig pose explains the points: the iteration converged from no start")
     kept: list[int] = []
     T = solution.T_sensor_jig
-    for i in np.argsort(solution.cost, kind="stable"):
+    for i in ascending(solution.cost, SAME_CHI2):
         if usable[i] and not any(_same(T[int(i)], T[k], solution.jacobian[k]) for k in kept):
             kept.append(int(i))
     k = np.array(kept)
@@ -141,12 +143,12 @@ def _same(a: Pose, b: Pose, jacobian: Array) -> bool:
 
 def _order(chi2: Array, T: Pose, guess: Pose | None, jig: Jig) -> NDArray[np.intp]:
     """Most likely first; with a guess, the nearest to it among the about equally likely comes first."""
-    order = np.argsort(chi2, kind="stable")
+    order = ascending(chi2, SAME_CHI2)
     if guess is None:
         return order
     close = [int(i) for i in order if chi2[i] <= chi2[order[0]] + AMBIGUOUS_CHI2]
     anchors = jig.anchors_mm
-    first = min(close, key=lambda i: float(np.linalg.norm(T[i] @ anchors - guess @ anchors)))
+    first = close[first_least([np.linalg.norm(T[i] @ anchors - guess @ anchors) for i in close], SAME_ANCHORS_MM)]
     return np.array([first, *[i for i in order if i != first]], dtype=np.intp)
 
 

@@ -8,11 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geometry import Pose, cross, nearest_rotation
+from geometry.ties import ascending
 
 Array = NDArray[np.float64]
 
 GRID = 1000  # rotations; about 20° apart, a minimum's basin is wider
 GRID_KEPT = 24
+SAME_MM2 = 1e-6  # sums of squared misses nearer than this are equal
 
 
 def pencil_starts(starts: Array, directions: Array, yz_mm: Array) -> Pose:
@@ -47,7 +49,7 @@ def grid_starts(starts: Array, directions: Array, yz_mm: Array, kept: int = GRID
     total = normal.sum(0)
     t = np.linalg.lstsq(total, miss.sum(1).T, rcond=1e-9)[0].T
     left = miss - np.einsum("sij,gj->gsi", normal, t)
-    best = np.argsort(np.sum(left**2, axis=(1, 2)), kind="stable")[:kept]
+    best = ascending(np.sum(left**2, axis=(1, 2)), SAME_MM2)[:kept]
     return Pose(R[best], t[best]).inverse()
 
 
@@ -93,11 +95,11 @@ def _across(directions: Array) -> Array:
 
 
 def _cubic_roots(c: Array) -> Array:
-    """Real parts (..., 3) of the roots of cubics (..., 4), highest power first."""
+    """Real parts (..., 3), ascending, of the roots of cubics (..., 4), highest power first."""
     companion = np.zeros((*c.shape[:-1], 3, 3))
     companion[..., 0, :] = -c[..., 1:] / np.maximum(c[..., :1], 1e-12 * np.abs(c).max(-1, keepdims=True) + 1e-300)
     companion[..., 1, 0] = companion[..., 2, 1] = 1.0
-    return np.asarray(np.linalg.eigvals(companion).real)
+    return np.sort(np.linalg.eigvals(companion).real)  # LAPACK's own order hangs on rounding
 
 
 @lru_cache(maxsize=1)

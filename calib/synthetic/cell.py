@@ -11,16 +11,18 @@ from calib.observation import FrameObservation, Observations, Role
 from geometry import (
     AxisPoints,
     Camera,
+    Compliance,
+    Compliant,
+    DhRobot,
     NoAnswerError,
     Pose,
-    RobotModel,
     Sensor,
     Sheet,
     cross_plane_x0,
+    draw_errors,
     exp_so3,
     stack_poses,
 )
-from geometry.robot import Compliance, deflection
 from jig_cad import Jig, sample_tolerance
 
 Array = NDArray[np.float64]
@@ -63,7 +65,7 @@ class Noise:
 class Cell:
     """A cell and its truth; ``joints_rad`` (F, n) are the configurations as commanded."""
 
-    robot: RobotModel
+    robot: DhRobot
     jig: Jig
     T_hand_sensor: Pose
     T_base_jig: dict[str, Pose]
@@ -73,13 +75,11 @@ class Cell:
     design: Pose = field(default=DESIGN)
 
 
-def industrial_arm() -> RobotModel:
+def industrial_arm() -> DhRobot:
     """A six-axis arm of 2.5 m reach (ABB's data sheet of the IRB 6640-180/2.55), standard DH, mm and radians."""
     theta = np.deg2rad([0.0, -90.0, 0.0, 0.0, 0.0, 180.0])
     alpha = np.deg2rad([-90.0, 0.0, -90.0, 90.0, -90.0, 0.0])
-    return RobotModel.from_dh(
-        theta, [780.0, 0, 0, 1142, 0, 200], [320.0, 1075, 200, 0, 0, 0], alpha, name="six-axis arm"
-    )
+    return DhRobot.from_dh(theta, [780.0, 0, 0, 1142, 0, 200], [320.0, 1075, 200, 0, 0, 0], alpha, name="six-axis arm")
 
 
 def default_sensor() -> Sensor:
@@ -93,7 +93,7 @@ def random_cell(
     rng: np.random.Generator,
     layout: Layout | None = None,
     jig: Jig | None = None,
-    robot: RobotModel | None = None,
+    robot: DhRobot | None = None,
     T_hand_sensor: Pose = TRUTH,
 ) -> Cell:
     """A cell with jig places and configurations drawn at random such that every view shows every string."""
@@ -115,17 +115,10 @@ def made_cell(cell: Cell, rng: np.random.Generator, noise: Noise) -> Cell:
     """The cell as built: DH errors and anchors drawn; the jig's places stay."""
     robot, jig = cell.robot, cell.jig
     if noise.robot:
-        robot = robot.corrected(dh_errors(robot, rng))
+        robot = robot.corrected(draw_errors(robot, rng))
     if noise.anchors:
         jig = sample_tolerance(jig, rng)
     return replace(cell, robot=robot, jig=jig)
-
-
-def dh_errors(robot: RobotModel, rng: np.random.Generator) -> Array:
-    """DH errors (5, n) drawn from the robot's uncertainty, β without error."""
-    u, n = robot.uncertainty, robot.n_joints
-    sigma = np.array([u.theta_sigma_rad, u.d_sigma_mm, u.a_sigma_mm, u.alpha_sigma_rad, 0.0])
-    return np.asarray(rng.normal(size=(5, n)) * sigma[:, None])
 
 
 def axis_points(T_sensor_jig: Pose, jig: Jig) -> Array:
@@ -138,9 +131,8 @@ def axis_points(T_sensor_jig: Pose, jig: Jig) -> Array:
 def observe(cell: Cell, made: Cell, rng: np.random.Generator, noise: Noise) -> Observations:
     """Frames of the cell as made: true poses move with joint noise, points with point noise; labels are given."""
     true_joints = cell.joints_rad + rng.normal(size=cell.joints_rad.shape) * noise.joint_rad
-    if noise.compliance is not None:
-        true_joints = true_joints + deflection(made.robot, true_joints, noise.compliance)
-    hand = made.robot.hand_pose(true_joints)
+    robot = made.robot if noise.compliance is None else Compliant(made.robot, noise.compliance)
+    hand = robot.pose(true_joints)
     jigs = Pose(
         np.stack([made.T_base_jig[n].R for n in cell.location]), np.stack([made.T_base_jig[n].t for n in cell.location])
     )
@@ -200,7 +192,7 @@ def _views(rng: np.random.Generator, layout: Layout, jig: Jig, n: int) -> Pose:
 
 
 def _place(
-    rng: np.random.Generator, layout: Layout, jig: Jig, robot: RobotModel, T_hand_sensor: Pose, count: int
+    rng: np.random.Generator, layout: Layout, jig: Jig, robot: DhRobot, T_hand_sensor: Pose, count: int
 ) -> tuple[Pose, list[Array]]:
     """One place of the jig, upright on a random heading, and ``count`` configurations that see it."""
     for _ in range(100):
@@ -222,12 +214,12 @@ def _place(
     raise NoAnswerError("no place of the jig can be reached with this layout")
 
 
-def _reach(robot: RobotModel, target: Pose, rng: np.random.Generator) -> Array | None:
+def _reach(robot: DhRobot, target: Pose, rng: np.random.Generator) -> Array | None:
     """Joint readings (n,) [rad] that bring the hand to ``target``, or None (Newton from a random start, damped)."""
     n = robot.n_joints
     q = rng.uniform(-1, 1, n) * np.array([1.2, 0.6, 0.6, 3.0, 1.6, 3.0, *[1.0] * max(0, n - 6)])[:n]
     for i in range(60):
-        error = (robot.hand_pose(q).inverse() @ target).log()
+        error = (robot.pose(q).inverse() @ target).log()
         if np.linalg.norm(error) < 1e-9:
             q = np.mod(q + np.pi, 2 * np.pi) - np.pi
             return np.asarray(q) if abs(q[min(4, n - 1)]) > 0.2 and bool(robot.within_limits(q)) else None

@@ -58,5 +58,5 @@ def true_jigs(cell: Cell, names: tuple[str, ...] = ("A", "B", "C")) -> Pose:
 def true_candidates(made: Cell) -> list[Pose]:
     """Each frame's true pose T_sensor_jig as its only candidate: what a labelled frame would give, without noise."""
     jigs = stack_poses([made.T_base_jig[n] for n in made.location])
-    poses = (made.robot.hand_pose(made.joints_rad) @ made.T_hand_sensor).inverse() @ jigs
+    poses = (made.robot.pose(made.joints_rad) @ made.T_hand_sensor).inverse() @ jigs
     return [poses[i : i + 1] for i in range(len(poses))]

@@ -1,7 +1,6 @@
 """Gap and flush of two panels: straight faces and bent edges fitted to a profile."""
 
-from extraction.gapflush.config import GapFlushConfig
 from extraction.gapflush.edge import PanelEdge
 from extraction.gapflush.measure import GapFlush, measure_gap_flush
 
-__all__ = ["GapFlush", "GapFlushConfig", "PanelEdge", "measure_gap_flush"]
+__all__ = ["GapFlush", "PanelEdge", "measure_gap_flush"]

@@ -8,14 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import OptimizeResult, least_squares
 
-from extraction.gapflush.config import GapFlushConfig
+from extraction.config import GapFlushConfig
 from extraction.gapflush.faces import Face, fit_line
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-MAX_ARC_RAD = np.deg2rad(65.0)  # steeper still, a section blurs the bend; beyond 90° it may become a flange
-MIN_ARC_RAD = np.deg2rad(30.0)  # of a bend that gives a radius worth its name
 _FEWEST_BEND_POINTS = 3
 _SCALE = (0.01, 0.05, 0.5, 0.5)
 _MOST_SKIPPED = 3  # stray points in a row that do not end a bend
@@ -70,8 +68,8 @@ def fit_edge(
     """The edge of the panel with that face, on its side towards the gap (+1: the left panel).
 
     Weighted robust least squares over the last ``face_length_mm`` of the face and the points of the bend, as far as
-    MAX_ARC_RAD. A face without points of a bend has a sharp edge at its last point, half a step on. last: index of the
-    last point that can be the panel's own. Returned with the indices of the points after the face, in order.
+    ``max_arc_deg``. A face without points of a bend has a sharp edge at its last point, half a step on. last: index of
+    the last point that can be the panel's own. Returned with the indices of the points after the face, in order.
     """
     near = _near_end(yz, face, side, config.face_length_mm)
     origin, direction = fit_line(yz[near])
@@ -93,11 +91,12 @@ def _fit_bend(
 ) -> tuple[Array, Array, Indices, Indices, float, float] | None:
     """Parameters, covariance, points used, arc and χ² of face and bend in one; None where no bend remains."""
     every, end = np.concatenate([near, bend]), float(sd[near, 0].max())
+    max_arc = np.deg2rad(config.max_arc_deg)
     spread = _sigma(np.zeros(4), sd[every], cov[every])
     best = _solve(_best_of_grid(sd[every], spread, end, config), sd[every], spread, end, config)
     for _ in range(4):  # leave out what lies beyond the arc, weigh the rest across the curve
-        low_enough = sd[every, 1] - best.x[1] <= best.x[3] * (1 - np.cos(MAX_ARC_RAD)) + 2 * config.tolerance_mm
-        used = every[(_arc(best.x, sd[every]) <= MAX_ARC_RAD) & low_enough]
+        low_enough = sd[every, 1] - best.x[1] <= best.x[3] * (1 - np.cos(max_arc)) + 2 * config.tolerance_mm
+        used = every[(_arc(best.x, sd[every]) <= max_arc) & low_enough]
         if np.sum(_arc(best.x, sd[used]) > 0) < _FEWEST_BEND_POINTS:
             return None
         spread = _sigma(best.x, sd[used], cov[used])

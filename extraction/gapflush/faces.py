@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from extraction.gapflush.config import GapFlushConfig
+from extraction.config import GapFlushConfig
 from geometry import NoAnswerError
 
 Array = NDArray[np.float64]

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from extraction.gapflush.config import GapFlushConfig
-from extraction.gapflush.edge import MIN_ARC_RAD, PanelEdge, fit_edge
+from extraction.config import GapFlushConfig
+from extraction.gapflush.edge import PanelEdge, fit_edge
 from extraction.gapflush.faces import facing_pair, find_faces
 from extraction.gapflush.light import sections_of
 from extraction.gapflush.pair import fit_pair
@@ -20,7 +20,6 @@ Array = NDArray[np.float64]
 _FEWEST_POINTS = 30
 _NEIGHBOURS = 4  # on each side; a point far from all of them stands alone
 _LATERAL = 0.3  # of the point spacing: a section sees light from beside it, which matters where a bend is steep
-_MISFIT = 4.0  # χ² per degree of freedom above which an edge is no line and arc
 _STEP = 1e-6  # of the numeric derivative, mm or rad
 
 
@@ -71,7 +70,7 @@ def measure_gap_flush(profile: Profile, config: GapFlushConfig | None = None) ->
       right one's smallest x; a sharp edge's end). It is that of a feeler gauge held along the reference face.
     - **flush**: distance along n from the reference face, extended, to the other panel's tangent point, where its face
       ends and its bend begins; positive where the other panel stands proud, towards the sensor.
-    - **radius** of each bend, fitted over at most 65° of arc.
+    - **radius** of each bend, fitted over at most `max_arc_deg` of arc.
 
     Covariances follow from those of the points and an allowance of 0.3 of their spacing across (light from beside a
     section moves it on a steep bend), scaled by χ² where the points scatter more than they claim. Raises
@@ -104,7 +103,7 @@ def measure_gap_flush(profile: Profile, config: GapFlushConfig | None = None) ->
         right=right,
         gap_points=measured[2:6].reshape(2, 2),
         flush_points=measured[6:].reshape(2, 2),
-        flag="+".join([*_doubts(left, "left"), *_doubts(right, "right")]),
+        flag="+".join([*_doubts(left, "left", config), *_doubts(right, "right", config)]),
         blur_px=blur,
     )
 
@@ -167,8 +166,8 @@ def _is_round(edge: PanelEdge) -> bool:
     return bool(edge.parameters[3] > 2 * np.sqrt(edge.covariance[3, 3]))
 
 
-def _doubts(edge: PanelEdge, name: str) -> list[str]:
+def _doubts(edge: PanelEdge, name: str, config: GapFlushConfig) -> list[str]:
     if not _is_round(edge):
         return [f"sharp_{name}"]
-    out = [f"short_arc_{name}"] if edge.arc_rad < MIN_ARC_RAD else []
-    return [*out, f"misfit_{name}"] if edge.chi2_per_dof > _MISFIT else out
+    out = [f"short_arc_{name}"] if edge.arc_rad < np.deg2rad(config.min_arc_deg) else []
+    return [*out, f"misfit_{name}"] if edge.chi2_per_dof > config.max_chi2_per_dof else out

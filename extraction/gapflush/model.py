@@ -13,7 +13,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from extraction.compiled import compiled
+from geometry.compiled import kernel
 
 Array = NDArray[np.float64]
 
@@ -22,7 +22,7 @@ _REACH, _NODES = 3.5, 43  # of the blur, in σ; nodes over it
 _LEAST_SINE = 0.01  # of a section against the surface: a grazing one sees no end of it
 
 
-@compiled
+@kernel
 def edge_light(p: Array, at: Array, along: Array, across: Array, view: Array, blur: float) -> Array:
     """What sections see of a face with a bend: (N, 5) = displacement, variance [px, px²], light, beyond, angle.
 

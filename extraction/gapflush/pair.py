@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import OptimizeResult, least_squares
 
-from extraction.gapflush.config import GapFlushConfig
+from extraction.config import GapFlushConfig
 from extraction.gapflush.edge import PanelEdge
 from extraction.gapflush.light import Sections
 from extraction.gapflush.model import BEYOND, LIGHT, MEAN, SPREAD, TURN, edge_light

@@ -8,9 +8,9 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from extraction.compiled import compiled, inner
 from extraction.sheet.rectify import image_to_sheet
 from geometry import Sensor
+from geometry.compiled import kernel
 
 Array = NDArray[np.float64]
 
@@ -74,7 +74,7 @@ def _exact_grid(sensor: Sensor, u: Array, v: Array) -> Array:
     return image_to_sheet(sensor, grid.reshape(-1, 2))[0].reshape(grid.shape)
 
 
-@inner
+@kernel
 def _weights(t: float) -> tuple[Array, Array]:
     """Lagrange's cubic through nodes -1, 0, 1, 2 at t: weights (4,) of the values and of the slope."""
     w, d = np.empty(4), np.empty(4)
@@ -89,7 +89,7 @@ def _weights(t: float) -> tuple[Array, Array]:
     return w, d
 
 
-@compiled
+@kernel
 def _interpolate(
     nodes: Array, usable: NDArray[np.bool_], uv: Array, step: float
 ) -> tuple[Array, Array, NDArray[np.bool_]]:

@@ -5,13 +5,12 @@ from extraction.spots.candidates import Candidates
 from extraction.spots.fast import PeakFits, fit_peaks
 from extraction.spots.pipeline import extract, extract_stages, learn_speckle
 from extraction.spots.shapes import region_shapes
-from extraction.spots.speckle import GRAINS_PX, correlation, optical_grain_px
+from extraction.spots.speckle import correlation, optical_grain_px
 from extraction.spots.stack import StackFits, fit_stack
 from extraction.spots.stages import FLOODED_SHARE, Stages
 
 __all__ = [
     "FLOODED_SHARE",
-    "GRAINS_PX",
     "Candidates",
     "PeakFits",
     "StackFits",

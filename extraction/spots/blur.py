@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from extraction.compiled import compiled_fast, inner_fast
+from geometry.compiled import kernel
 
 Array = NDArray[np.float64]
 Image32 = NDArray[np.float32]
@@ -67,7 +67,7 @@ def _whole_weights(sigma_px: float) -> tuple[NDArray[np.uint16], Array]:
     return weights, whole
 
 
-@compiled_fast
+@kernel(fastmath=True)
 def _blur(
     image: NDArray[Any],
     weights: NDArray[Any],
@@ -92,7 +92,7 @@ def _blur(
         _moments(smooth, first, last, mean[block], variance[block])
 
 
-@compiled_fast
+@kernel(fastmath=True)
 def _survey(smooth: Image32, mean: Image32, variance: Image32, tops: Image32) -> None:
     most = np.empty(smooth.shape[1], np.float32)
     for block in range(len(mean)):
@@ -104,13 +104,13 @@ def _survey(smooth: Image32, mean: Image32, variance: Image32, tops: Image32) ->
         _moments(smooth, first, last, mean[block], variance[block])
 
 
-@inner_fast
+@kernel(fastmath=True)
 def _rows(block: int, blocks: int, rows: int) -> tuple[int, int]:
     """First and behind the last row of a block; the last block takes the rest."""
     return block * BLOCK_PX, rows if block == blocks - 1 else (block + 1) * BLOCK_PX
 
 
-@inner_fast
+@kernel(fastmath=True)
 def _down(image: NDArray[Any], j: int, w: NDArray[Any], whole: NDArray[Any]) -> None:
     """Weighted sum (W,) of nine rows, in whole numbers; two loops, as LLVM gives up on nine sources of one."""
     end = len(image) - 1
@@ -124,7 +124,7 @@ def _down(image: NDArray[Any], j: int, w: NDArray[Any], whole: NDArray[Any]) -> 
         whole[i] += w3 * (a3[i] + b3[i]) + w4 * (a4[i] + b4[i])
 
 
-@inner_fast
+@kernel(fastmath=True)
 def _along(whole: NDArray[Any], padded: Image32, w: Image32, out: Image32, most: Image32) -> None:
     """The same along the row, into grey levels (W,); most (W,): raised to them."""
     n = len(whole)
@@ -141,7 +141,7 @@ def _along(whole: NDArray[Any], padded: Image32, w: Image32, out: Image32, most:
     _raise(most, out)
 
 
-@inner_fast
+@kernel(fastmath=True)
 def _raise(most: Image32, values: Image32) -> None:
     """Raise ``most`` (W,) to the values, none of which is negative: their bits order as they do, and LLVM has a vector
     maximum for whole numbers only.
@@ -151,7 +151,7 @@ def _raise(most: Image32, values: Image32) -> None:
         old[i] = max(old[i], new[i])
 
 
-@inner_fast
+@kernel(fastmath=True)
 def _block_tops(most: Image32, tops: Image32) -> None:
     """Largest value (w,) of each block's columns."""
     for k in range(len(tops)):
@@ -159,7 +159,7 @@ def _block_tops(most: Image32, tops: Image32) -> None:
         tops[k] = most[start:end].max()
 
 
-@inner_fast
+@kernel(fastmath=True)
 def _moments(smooth: Image32, first: int, last: int, mean: Image32, variance: Image32) -> None:
     """Mean and variance (w,) of a row of blocks."""
     columns = smooth.shape[1]

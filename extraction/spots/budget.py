@@ -11,8 +11,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from extraction.compiled import compiled, inner, inner_fast
 from extraction.spots.fit import Array, Mask, cholesky, solve
+from geometry.compiled import kernel
 
 # squared distances of two pixels that are told apart; farther ones are taken as uncorrelated
 DISTANCES2 = np.array([0, 1, 2, 4, 5, 8, 9])
@@ -44,7 +44,7 @@ OWN, NEIGHBOUR = 0, 1
 PRODUCT, CAMERA, SPECKLE = 0, 1, 2
 
 
-@compiled
+@kernel
 def budgets(
     data: Array,
     use: Mask,
@@ -80,12 +80,12 @@ def budgets(
         _residual_moments(part, right - left + REACH, n + 2, planes[SIGNAL].max(), moments[k])
 
 
-@inner
+@kernel
 def _plane_size(rows: int, columns: int) -> int:
     return (rows + 2 * REACH) * (columns + REACH) + 2 * REACH
 
 
-@inner
+@kernel
 def _fill(data: Array, use: Mask, p: Array, n: int, noise: Array, planes: Array) -> None:
     """The model's terms at every pixel, signal, what speckle multiplies, camera variance, weight and residual.
 
@@ -120,7 +120,7 @@ def _fill(data: Array, use: Mask, p: Array, n: int, noise: Array, planes: Array)
                 planes[RESIDUAL, at] = data[j, i] - mu
 
 
-@inner
+@kernel
 def _bright_box(data: Array, signal: Array, use: Mask) -> tuple[int, int, int, int]:
     """Top, bottom, left, right of the bright pixels in use: there a spot is a Gaussian, its wings do not matter."""
     least, stride = BRIGHT * signal.max(), data.shape[1] + REACH
@@ -132,7 +132,7 @@ def _bright_box(data: Array, signal: Array, use: Mask) -> tuple[int, int, int, i
     return top, bottom, left, right
 
 
-@inner_fast
+@kernel(fastmath=True)
 def _dot(first: Array, second: Array) -> float:
     """Sum of products of two rows of one length."""
     total = 0.0
@@ -141,7 +141,7 @@ def _dot(first: Array, second: Array) -> float:
     return total
 
 
-@inner_fast
+@kernel(fastmath=True)
 def _lagged_dots(first: Array, second: Array, stride: int, out: Array) -> None:
     """Add to ``out`` (K,) the sums of products of all pairs of pixels of each class of distance, one of each row."""
     start = REACH * stride + REACH
@@ -158,7 +158,7 @@ def _lagged_dots(first: Array, second: Array, stride: int, out: Array) -> None:
         out[k] += total
 
 
-@inner_fast
+@kernel(fastmath=True)
 def _gram(first: Array, second: Array, n: int, out: Array) -> None:
     """Sums of products out (n, n) of symmetric pairs of planes (n, P)."""
     for r in range(n):
@@ -167,7 +167,7 @@ def _gram(first: Array, second: Array, n: int, out: Array) -> None:
             out[s, r] = out[r, s]
 
 
-@inner_fast
+@kernel(fastmath=True)
 def _mix(matrix: Array, planes: Array, n: int, out: Array) -> None:
     """Out (m, P) = matrix (m, n) · planes (n, P), three planes at a time."""
     for a in range(out.shape[0]):
@@ -185,7 +185,7 @@ def _mix(matrix: Array, planes: Array, n: int, out: Array) -> None:
             r += 3
 
 
-@inner_fast
+@kernel(fastmath=True)
 def _scaled(planes: Array, factor: Array, n: int) -> Array:
     """The first n planes, each pixel times ``factor`` (P,)."""
     out = np.empty((n, planes.shape[1]))
@@ -196,7 +196,7 @@ def _scaled(planes: Array, factor: Array, n: int) -> Array:
     return out
 
 
-@inner
+@kernel
 def _covariance(planes: Array, stride: int, p: Array, n: int, camera: Array, speckle: Array, white: Array) -> float:
     """Covariance (3, 3) of (u, v, skew) by camera, (3, 3, K) by speckle of contrast 1 and (3, 3) by independent errors
     of 1 grey level in all pixels; returns the skew.
@@ -223,7 +223,7 @@ def _covariance(planes: Array, stride: int, p: Array, n: int, camera: Array, spe
     return skew
 
 
-@inner
+@kernel
 def _influence(p: Array, fisher: Array, factor: Array, n: int) -> Array:
     """Influence (3, n + 1) of a grey level on u, v and the skew, in terms of the weighted basis."""
     out, unit = np.zeros((3, n + 1)), np.zeros(n)
@@ -247,7 +247,7 @@ def _influence(p: Array, fisher: Array, factor: Array, n: int) -> Array:
     return out
 
 
-@inner_fast
+@kernel(fastmath=True)
 def _lagged(q: Array, stride: int, out: Array) -> None:
     """Out (3, 3, K): sums of q_a q_b (3, P) over all pairs of pixels of each class of distance."""
     for a in range(3):
@@ -256,7 +256,7 @@ def _lagged(q: Array, stride: int, out: Array) -> None:
             out[b, a] = out[a, b]
 
 
-@inner
+@kernel
 def _residual_moments(planes: Array, stride: int, n: int, height: float, moments: Array) -> None:
     """Moments of the core's residuals after a fit of all n terms to the bright pixels, which are ``planes``."""
     core = np.zeros(planes.shape[1])
@@ -300,7 +300,7 @@ def _residual_moments(planes: Array, stride: int, n: int, height: float, moments
     moments /= height * height
 
 
-@inner
+@kernel
 def _half_neighbours(values: Array, core: Array, stride: int, out: Array) -> None:
     """Half the sum over the four neighbours in the core, in the core: so every pair of neighbours counts once."""
     for i in range(stride, len(values) - stride):
@@ -308,7 +308,7 @@ def _half_neighbours(values: Array, core: Array, stride: int, out: Array) -> Non
         out[i] = 0.5 * total * core[i]
 
 
-@inner_fast
+@kernel(fastmath=True)
 def _moments(
     scattered: Array,
     spread: Array,

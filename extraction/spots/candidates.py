@@ -9,10 +9,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from extraction.compiled import compiled, inner, inner_fast
 from extraction.config import DetectConfig
+from extraction.reasons import Reason
 from extraction.spots.blur import BLOCK_PX, Image32
 from extraction.spots.prepare import Prepared
+from geometry.compiled import kernel
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -30,7 +31,15 @@ COLUMNS = 16
 # values of STATE
 WHOLE, ESCAPED, JOINED = 0, 1, 2
 
-REASONS = ("", "too_wide", "too_long", "part_of_brighter", "too_faint", "in_the_noise")  # a later one hides the others
+# what `refusal` counts; a later one hides the others
+REASONS = (
+    "",
+    Reason.TOO_WIDE,
+    Reason.TOO_LONG,
+    Reason.PART_OF_BRIGHTER,
+    Reason.TOO_FAINT,
+    Reason.IN_THE_NOISE,
+)
 # pairs of places that Batcher's odd-even merge sort of eight values compares
 EXCHANGES = (
     (0, 1), (2, 3), (4, 5), (6, 7), (0, 2), (1, 3), (4, 6), (5, 7), (1, 2), (5, 6), (0, 4), (1, 5), (2, 6), (3, 7),
@@ -117,15 +126,15 @@ def _refusals(
     """Why each peak is refused: its place in REASONS."""
     state = table[:, STATE]
     codes = np.zeros(len(table), np.uint8)
-    codes[table[:, WIDTH] > width_px] = 1
-    codes[(table[:, LENGTH] > length_px) | (state == ESCAPED)] = 2
-    codes[state == JOINED] = 3
-    codes[height < config.min_height_dn] = 4
-    codes[height < config.threshold * table[:, RING_NOISE]] = 5
+    codes[table[:, WIDTH] > width_px] = REASONS.index(Reason.TOO_WIDE)
+    codes[(table[:, LENGTH] > length_px) | (state == ESCAPED)] = REASONS.index(Reason.TOO_LONG)
+    codes[state == JOINED] = REASONS.index(Reason.PART_OF_BRIGHTER)
+    codes[height < config.min_height_dn] = REASONS.index(Reason.TOO_FAINT)
+    codes[height < config.threshold * table[:, RING_NOISE]] = REASONS.index(Reason.IN_THE_NOISE)
     return codes
 
 
-@compiled
+@kernel
 def _peaks(
     smooth: Image32,
     tops: Image32,
@@ -168,7 +177,7 @@ def _peaks(
     return count
 
 
-@inner
+@kernel
 def _mark(smooth: Image32, j: int, left: int, right: int, limit: np.float32, marks: Marks) -> None:
     """Mark in row j, from column ``left`` to before ``right``, what is above the limit and no less than its four
     neighbours; at the image's left and right border all that is above the limit.
@@ -194,7 +203,7 @@ def _mark(smooth: Image32, j: int, left: int, right: int, limit: np.float32, mar
         out[i] = mark & (value >= before[i]) & (value >= after[i])
 
 
-@inner
+@kernel
 def _is_peak(smooth: Image32, j: int, i: int, radius: int) -> bool:
     """Whether no pixel within ``radius`` is larger; of equal ones the first in reading order counts."""
     rows, columns = smooth.shape
@@ -207,7 +216,7 @@ def _is_peak(smooth: Image32, j: int, i: int, radius: int) -> bool:
     return True
 
 
-@inner_fast
+@kernel(fastmath=True)
 def _line_sums(line: Image32, pivot: float) -> tuple[float, float]:
     """Sum and sum of squares of a line of pixels about the pivot."""
     total, square = 0.0, 0.0
@@ -218,7 +227,7 @@ def _line_sums(line: Image32, pivot: float) -> tuple[float, float]:
     return total, square
 
 
-@inner
+@kernel
 def _ring(smooth: Image32, j: int, i: int, radius: int, least_noise: float, sectors: Array, row: Array) -> None:
     """Background, its spread and its unevenness from eight sectors of a square ring around the pixel.
 
@@ -255,7 +264,7 @@ def _ring(smooth: Image32, j: int, i: int, radius: int, least_noise: float, sect
     row[UNEVEN] = mean[(6 * seen) // 8] - mean[seen // 8]
 
 
-@inner
+@kernel
 def _sort8(v: Array) -> None:
     """Sort eight values in place, without a branch that could be foretold wrongly (Batcher's odd-even merge sort)."""
     for low, high in EXCHANGES:
@@ -263,7 +272,7 @@ def _sort8(v: Array) -> None:
         v[low], v[high] = min(a, b), max(a, b)
 
 
-@compiled
+@kernel
 def _regions(
     smooth: Image32,
     owner: NDArray[np.int16],
@@ -291,7 +300,7 @@ def _regions(
     return table
 
 
-@inner
+@kernel
 def _grow(
     smooth: Image32, owner: NDArray[np.int16], stack: NDArray[np.int64], k: int, row: Array, level: float, reach: float
 ) -> None:
@@ -327,7 +336,7 @@ def _grow(
     row[STATE] = state
 
 
-@inner
+@kernel
 def _shape(pixels: NDArray[np.int64], size: int, sums: Array, row: Array) -> None:
     """Moments from their sums, and the extents of the pixels along and across the long axis."""
     i0, j0 = row[PEAK_U], row[PEAK_V]

@@ -17,7 +17,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from extraction.compiled import compiled, inner, inner_fast
+from geometry.compiled import kernel
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -37,7 +37,7 @@ STEP_TOLERANCE = 1e-2  # a step below this share of its own standard deviation e
 LATE, LATE_TOLERANCE = 10, 0.1  # after so many steps: weights that follow the fit can make it swing by a little
 
 
-@inner_fast
+@kernel(fastmath=True)
 def _bell_row(p: Array, y: float, bell: Array) -> None:
     """exp(-½ (a x² + 2 h x y + c y²)) along a row, outwards from its largest pixel by recurrence."""
     n = len(bell)
@@ -57,7 +57,7 @@ def _bell_row(p: Array, y: float, bell: Array) -> None:
         bell[i] = left
 
 
-@inner_fast
+@kernel(fastmath=True)
 def _row_sums(
     data: Array, use: Mask, bell: Array, p: Array, level: float, noise: Array, old: Array, weight: Array, sums: Array
 ) -> tuple[float, float]:
@@ -92,7 +92,7 @@ def _row_sums(
     return before, chi2
 
 
-@inner
+@kernel
 def _scoring_sums(
     data: Array, use: Mask, p: Array, noise: Array, old: Array, weight: Array, work: Work, fisher: Array, score: Array
 ) -> tuple[float, float]:
@@ -119,7 +119,7 @@ def _scoring_sums(
     return before, chi2
 
 
-@inner
+@kernel
 def _assemble(moments: Array, fisher: Array, score: Array) -> None:
     """The lower triangle of the Fisher information (9, 9) and the score (9,) from the moments (5, 5, 5)."""
     for r in range(9):
@@ -129,7 +129,7 @@ def _assemble(moments: Array, fisher: Array, score: Array) -> None:
         score[r] = FACTOR[r] * moments[3 if r < 6 else 4, POWER_X[r], POWER_Y[r]]
 
 
-@inner
+@kernel
 def cholesky(fisher: Array, damping: float, n: int, out: Array) -> bool:
     """Lower factor of fisher + damping · diag(fisher), leading n × n; False where it is not positive definite."""
     for i in range(n):
@@ -148,7 +148,7 @@ def cholesky(fisher: Array, damping: float, n: int, out: Array) -> bool:
     return True
 
 
-@inner
+@kernel
 def solve(factor: Array, right: Array, n: int, out: Array) -> None:
     """Out = (L Lᵀ)⁻¹ right, leading n."""
     for i in range(n):
@@ -163,7 +163,7 @@ def solve(factor: Array, right: Array, n: int, out: Array) -> None:
         out[i] = total / factor[i, i]
 
 
-@inner
+@kernel
 def _moved(p: Array, q: Array, n: int, out: Array) -> bool:
     """Parameters after the step q of the basis coefficients; False where they are no spot any more."""
     height, det = p[2], p[3] * p[5] - p[4] * p[4]
@@ -189,7 +189,7 @@ def _moved(p: Array, q: Array, n: int, out: Array) -> bool:
     return bool(trace < 2.0 / (MIN_VARIANCE_PX2 + PIXEL_VARIANCE_PX2))
 
 
-@compiled
+@kernel
 def fit_window(data: Array, use: Mask, start: Array, n: int, noise: Array, max_iterations: int, out: Array) -> float:
     """Fit one spot in ``data`` (rows, columns) over the pixels ``use``; the compiled core of every ML localisation.
 
@@ -232,7 +232,7 @@ def fit_window(data: Array, use: Mask, start: Array, n: int, noise: Array, max_i
     return converged
 
 
-@inner
+@kernel
 def _position_covariance(p: Array, fisher: Array, factor: Array, n: int, out: Array) -> None:
     """Write the inverse Fisher information's (u, v) block to out[9:12]; infinite where it has none."""
     out[9], out[10], out[11] = np.inf, 0.0, np.inf

@@ -7,8 +7,8 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from extraction.compiled import compiled, inner
 from extraction.spots.fit import RESULT_COLUMNS, Array, Mask, fit_window
+from geometry.compiled import kernel
 
 # columns of the table after those that `fit_window` writes
 CONVERGED, CLIPPED, FOREIGN, LEFT_OUT = range(RESULT_COLUMNS, RESULT_COLUMNS + 4)
@@ -20,7 +20,7 @@ FRAGMENT = 0.4  # of the height, below which a neighbouring region is a grain of
 NEAR = 16.0  # the same; what lies farther away does not crowd a spot
 
 
-@compiled
+@kernel
 def fit_frame(
     image: NDArray[Any],
     owner: NDArray[Any],
@@ -53,7 +53,7 @@ def fit_frame(
             row[CONVERGED] = fit_window(values, valid, row, terms[k], noises[k], max_iterations, row)
 
 
-@inner
+@kernel
 def _cut(
     image: NDArray[Any],
     owner: NDArray[Any],
@@ -82,7 +82,7 @@ def _cut(
                 row[FOREIGN] += 1.0 if foreign else 0.0
 
 
-@inner
+@kernel
 def _leave_out(data: Array, use: Mask, p: Array, noise: Array) -> int:
     """Clear the pixels outside the spot that stand far above the model; returns how many."""
     count = 0

@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.special import ndtr
 
-from extraction.config import NoiseConfig
+from extraction.config import SpotNoiseConfig
 from extraction.spots.blur import BLOCK_PX, ROW_STEP, Image32
 from extraction.spots.prepare import QUANTISATION_VARIANCE, Prepared
 from geometry import Sensor
@@ -45,7 +45,7 @@ class NoiseModel:
     model_error: float
 
 
-def noise_model(prepared: Prepared, sensor: Sensor, config: NoiseConfig) -> NoiseModel:
+def noise_model(prepared: Prepared, sensor: Sensor, config: SpotNoiseConfig) -> NoiseModel:
     """The frame's noise, from the configuration where it says and else from the frame itself."""
     camera = sensor.require_camera()
     gain = config.gain_dn_per_e

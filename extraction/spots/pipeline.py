@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from extraction.config import ExtractionConfig
 from extraction.image import check_image
+from extraction.reasons import Reason
 from extraction.sheet import image_to_sheet, propagate
 from extraction.spots.blur import Image32
 from extraction.spots.candidates import Candidates, find_candidates
@@ -26,8 +27,6 @@ from extraction.spots.stages import Stages, why_empty
 from geometry import Sensor, SurfacePoints
 
 Array = NDArray[np.float64]
-
-TRUSTED_SCORE = 0.6
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,12 +69,12 @@ def _extract(image: object, sensor: Sensor, config: ExtractionConfig) -> _Extrac
     reasons = refuse_spots(candidates, spots, score, yz_mm, config)
     kept = np.flatnonzero(reasons == "")
     kept = kept[np.argsort(-score[kept], kind="stable")]
-    reasons[kept[config.localise.max_spots :]] = "beyond_max_spots"
+    reasons[kept[config.localise.max_spots :]] = Reason.BEYOND_MAX_SPOTS
     kept = kept[: config.localise.max_spots]
     errors = spot_errors(spots, kept, noise)
-    reasons[kept[~errors.good]] = "fit_failed"
+    reasons[kept[~errors.good]] = Reason.FIT_FAILED
     kept, errors = kept[errors.good], errors.taken(errors.good)
-    points = _points(spots, kept, errors, yz_mm, jacobian, score)
+    points = _points(spots, kept, errors, yz_mm, jacobian, score, config)
     return _Extraction(
         prepared, candidates.refused(spots.candidate, reasons), points, spots.candidate[kept], errors.about
     )
@@ -90,9 +89,10 @@ def learn_speckle(images: Iterable[object], sensor: Sensor, config: ExtractionCo
     known: list[SpotNoise] = []
     for image in images:
         result = _extract(image, sensor, config)
-        good = [n for n, flag in enumerate(result.points.flag) if not flag and result.points.score[n] > TRUSTED_SCORE]
-        if result.about is not None and good:
-            known.append(take(result.about, np.array(good)))
+        flagged = np.array([flag != "" for flag in result.points.flag], dtype=np.bool_)
+        good = np.flatnonzero(~flagged & (result.points.score > config.score.trusted))
+        if result.about is not None and len(good):
+            known.append(take(result.about, good))
     if not known:
         return config
     about, noise = concatenate(known), config.noise
@@ -114,7 +114,13 @@ def sheet_scale(sensor: Sensor) -> float:
 
 
 def _points(
-    spots: Spots, kept: NDArray[np.intp], errors: SpotErrors, yz_mm: Array, jacobian: Array, score: Array
+    spots: Spots,
+    kept: NDArray[np.intp],
+    errors: SpotErrors,
+    yz_mm: Array,
+    jacobian: Array,
+    score: Array,
+    config: ExtractionConfig,
 ) -> SurfacePoints:
     cov = errors.cov_uv_px2
     return SurfacePoints(
@@ -123,7 +129,7 @@ def _points(
         yz_mm=yz_mm[kept],
         cov_yz_mm2=propagate(jacobian[kept], cov),
         score=score[kept],
-        flag=tuple(flag_spots(spots, kept, errors)),
+        flag=tuple(map(str, flag_spots(spots, kept, errors, config.doubt))),
         axis_rad=spots.axis_rad[kept],
         sigma_px=np.sqrt(spots.variances_px2[kept, ::-1]),
         amplitude_dn=spots.amplitude_dn[kept],

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import j1
 
+from extraction.config import MAX_GRAIN_PX
 from extraction.spots.budget import CLASSES, LAGS
 from extraction.spots.spot_noise import SpotNoise
 from geometry import Camera, Sensor
@@ -20,7 +21,7 @@ PRIOR_CONTRAST, PRIOR_CONTRAST_LN = 0.33, 0.3
 PRIOR_GRAIN_PX, PRIOR_GRAIN_LN = 0.7, 0.5
 NO_SPECKLE = 0.01  # probability before looking that an image has none, or any other contrast
 CONTRASTS = np.geomspace(0.003, 1.0, 300)
-GRAINS_PX = np.geomspace(0.2, 1.7, 40)
+GRAINS_PX = np.geomspace(0.2, MAX_GRAIN_PX, 40)
 VARIANCES = CONTRASTS**2
 USUAL_CONTRAST = np.exp(-0.5 * (np.log(CONTRASTS / PRIOR_CONTRAST) / PRIOR_CONTRAST_LN) ** 2) + NO_SPECKLE
 UNUSUAL_GRAIN = (np.log(GRAINS_PX / PRIOR_GRAIN_PX) / PRIOR_GRAIN_LN) ** 2
@@ -28,6 +29,7 @@ NODES = 20  # of a pixel's side
 # contrast that strings' departure from a Gaussian leaves in the residuals without any speckle or noise: 0.006 for
 # strings of 0.3 mm, 0.02 of 0.5 mm, 0.06 of 1 mm (benchmarks/extraction_model_error.py)
 SHAPE_CONTRAST = 0.02
+JUST_HALF = 0.5 - 1e-9  # of equal halves the lower one holds the median
 OUTLYING = 5.0  # times the median variance
 FREEDOM = 1.5  # independent residuals per unit of Σ signal² over the height's square
 MAX_CONTRAST = 1.0  # fully developed; larger residuals are those of something that is no Gaussian spot
@@ -70,7 +72,7 @@ def optical_grain_px(sensor: Sensor) -> float | None:
     principal_mm = (camera.fx_px + camera.fy_px) / 2 * optics.pixel_um * 1e-3
     magnification = principal_mm / (optics.focus_distance_mm or _sheet_on_axis_mm(camera))
     grain = optics.wavelength_nm * 1e-3 * optics.f_number * (1 + magnification) / optics.pixel_um
-    return min(grain, float(GRAINS_PX[-1]))
+    return min(grain, MAX_GRAIN_PX)
 
 
 def _sheet_on_axis_mm(camera: Camera) -> float:
@@ -128,9 +130,9 @@ def _alike(about: SpotNoise, good: NDArray[np.bool_]) -> NDArray[np.bool_]:
     if not np.any(usable):
         return usable
     share = np.where(usable, about.variance / np.where(usable, expected, 1.0), np.inf)
-    order = np.argsort(share[usable])
+    order = np.argsort(share[usable], kind="stable")
     weight = np.cumsum(expected[usable][order])
-    median = share[usable][order][np.searchsorted(weight, 0.5 * weight[-1])]
+    median = share[usable][order][np.searchsorted(weight, JUST_HALF * weight[-1])]
     return np.asarray(usable & (share < MAX_CONTRAST**2) & (share <= max(OUTLYING * median, PRIOR_CONTRAST**2)))
 
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from extraction.compiled import compiled, inner
 from extraction.spots.fit import PIXEL_VARIANCE_PX2, RESULT_COLUMNS, Array, Mask, fit_window
 from geometry import InputError
+from geometry.compiled import kernel
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +57,7 @@ def fit_stack(
     )  # fmt: skip
 
 
-@compiled
+@kernel
 def _fit_all(data: Array, noise: Array, saturation: float, max_iterations: int, table: Array) -> None:
     start = np.zeros(9)
     use = np.ones((data.shape[1], data.shape[2]), np.bool_)
@@ -70,7 +70,7 @@ def _fit_all(data: Array, noise: Array, saturation: float, max_iterations: int, 
         table[k, RESULT_COLUMNS] = fit_window(values, valid, start, 7, noise, max_iterations, table[k])
 
 
-@inner
+@kernel
 def _start(data: Array, use: Mask, p: Array) -> None:
     """Start parameters: background from the border, centre and widths from moments around the brightest 3 × 3."""
     rows, columns = data.shape

@@ -7,15 +7,15 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from extraction.compiled import compiled
 from extraction.spots.fit import Array
+from geometry.compiled import kernel
 
 MIN_START_VARIANCE_PX2 = 0.3
 MARGIN_PX = 2.0  # of a window beside `window_sigma` widths
 LEAST_HALF_PX = 4.0
 
 
-@compiled
+@kernel
 def start_fits(
     mean: Array,
     region: Array,

@@ -1,6 +1,5 @@
 """A laser stripe's profile: image → peaks section by section → points of the sheet with covariance; files of them."""
 
-from extraction.stripe.config import StripeConfig
 from extraction.stripe.files import read_profile_csv, write_profile_csv, write_profile_ply
 from extraction.stripe.pipeline import depth_direction, detect_stripe, extract_profile
 from extraction.stripe.profile import EDGE, SATURATED, SHAPE, Profile, StripePeaks, flag_bits, flag_names
@@ -10,7 +9,6 @@ __all__ = [
     "SATURATED",
     "SHAPE",
     "Profile",
-    "StripeConfig",
     "StripePeaks",
     "depth_direction",
     "detect_stripe",

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from extraction.compiled import compiled, inner
+from geometry.compiled import kernel
 
 IntArray = NDArray[np.int32]
 
@@ -81,7 +81,7 @@ def _group(peaks: IntArray, threshold: float, noise: float, height: int) -> Cand
     return Candidates(section, centre, low, high, threshold, noise)
 
 
-@compiled
+@kernel
 def _sum_windows(image: NDArray[np.generic], sums: IntArray) -> None:
     """Sums over rows 2r … 2r + 3 and columns c - 1 … c + 1; the first and last column take their neighbour's."""
     rows, columns = sums.shape
@@ -94,7 +94,7 @@ def _sum_windows(image: NDArray[np.generic], sums: IntArray) -> None:
         sums[r, 0], sums[r, columns - 1] = sums[r, 1], sums[r, columns - 2]
 
 
-@compiled
+@kernel
 def _subtract_surround(sums: IntArray, distance: int, response: IntArray) -> None:
     rows, columns = sums.shape
     for r in range(rows):
@@ -103,7 +103,7 @@ def _subtract_surround(sums: IntArray, distance: int, response: IntArray) -> Non
             response[r, c] = sums[r, c] - max(sums[above, c], sums[below, c])
 
 
-@compiled
+@kernel
 def _peaks(response: IntArray, threshold: float, found: IntArray) -> IntArray:
     """Local maxima above the threshold: (window, response) per column (W, K, 2), strongest K; returns their number."""
     rows, columns = response.shape
@@ -122,7 +122,7 @@ def _peaks(response: IntArray, threshold: float, found: IntArray) -> IntArray:
     return counts
 
 
-@inner
+@kernel
 def _is_peak(response: IntArray, r: int, c: int) -> bool:
     """Whether no window within two (four rows) answers more; of equals the first."""
     here = response[r, c]
@@ -135,7 +135,7 @@ def _is_peak(response: IntArray, r: int, c: int) -> bool:
     return answer
 
 
-@inner
+@kernel
 def _keep(found: IntArray, counts: IntArray, c: int, row: int, response: int) -> None:
     """Append a peak to column ``c``; where the column is full the weakest goes."""
     n = counts[c]
@@ -153,7 +153,7 @@ def _keep(found: IntArray, counts: IntArray, c: int, row: int, response: int) ->
     counts[c] = n + 1
 
 
-@compiled
+@kernel
 def _flatten(found: IntArray, counts: IntArray) -> IntArray:
     total = 0
     for c in range(len(counts)):

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import csv
-import os
-import tempfile
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from extraction.stripe.profile import Profile, StripePeaks, flag_bits, flag_names
-from geometry import InputError
+from geometry import InputError, write_text
 from geometry.errors import did_you_mean
 
 Array = NDArray[np.float64]
@@ -34,7 +32,7 @@ def write_profile_csv(profile: Profile, path: str | Path) -> None:
     lines = [COLUMNS]
     for section, row, flag in zip(p.section, numbers, p.flag, strict=True):
         lines.append(f"{section},{','.join(f'{x:.9g}' for x in row)},{flag_names(int(flag))}")
-    write_atomically(path, "\n".join(lines) + "\n")
+    write_text(path, "\n".join(lines) + "\n")
 
 
 def write_profile_ply(profile: Profile, path: str | Path) -> None:
@@ -53,7 +51,7 @@ def write_profile_ply(profile: Profile, path: str | Path) -> None:
     sigma = np.sqrt(np.maximum(np.diagonal(profile.cov_yz_mm2, axis1=1, axis2=2), 0))
     numbers = np.column_stack([profile.yz_mm, profile.peaks.amplitude_dn, sigma])
     rows = ["0 " + " ".join(f"{x:.9g}" for x in row) for row in numbers]
-    write_atomically(path, "\n".join([*header, *rows]) + "\n")
+    write_text(path, "\n".join([*header, *rows]) + "\n")
 
 
 def read_profile_csv(path: str | Path) -> Profile:
@@ -126,20 +124,3 @@ def _scatter_mm(yz: Array) -> float:
         return _LEAST_SCATTER_MM
     second = np.diff(yz[np.argsort(yz[:, 0], kind="stable"), 1], 2)
     return max(float(1.4826 * np.median(np.abs(second)) / np.sqrt(6)), _LEAST_SCATTER_MM)
-
-
-def write_atomically(path: str | Path, text: str) -> None:
-    """Write beside the target, then rename over it: a reader sees the old file or the new one."""
-    target = Path(path)
-    try:
-        handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
-    except OSError as error:
-        raise InputError(f"{target} can not be written: {error.strerror or error}") from None
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
-            file.write(text)
-        Path(name).chmod(0o644)
-        Path(name).replace(target)
-    except OSError as error:
-        Path(name).unlink(missing_ok=True)
-        raise InputError(f"{target} can not be written: {error.strerror or error}") from None

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from extraction.compiled import compiled, inner
 from extraction.stripe.columns import (
     AMPLITUDE,
     BACKGROUND,
@@ -25,6 +24,7 @@ from extraction.stripe.columns import (
 )
 from extraction.stripe.plateau import PLATEAU_PIXELS, between_flanks
 from extraction.stripe.solve import TERMS, centre_variance, climb
+from geometry.compiled import kernel
 
 Array = NDArray[np.float64]
 
@@ -54,7 +54,7 @@ class NoiseModel:
         )
 
 
-@compiled
+@kernel
 def fit_sections(
     image: NDArray[np.generic],
     clipped: NDArray[np.bool_],
@@ -104,7 +104,7 @@ def fit_sections(
     return out
 
 
-@inner
+@kernel
 def _read(
     image: NDArray[np.generic],
     clipped: NDArray[np.bool_],
@@ -124,7 +124,7 @@ def _read(
     return n
 
 
-@inner
+@kernel
 def _guess(y: Array, n: int, start: float, width: float, p: Array) -> None:
     """Start values (centre, amplitude, σ, background) from the window's ends and its highest three pixels."""
     background = 0.25 * (y[0] + y[1] + y[n - 1] + y[n - 2])
@@ -138,7 +138,7 @@ def _guess(y: Array, n: int, start: float, width: float, p: Array) -> None:
     p[0], p[1], p[2], p[3] = peak + min(max(shift, -0.5), 0.5), amplitude, width, background
 
 
-@inner
+@kernel
 def _report(p: Array, low: int, work: Array, row: Array) -> None:
     """Write one section's answer."""
     row[CENTRE], row[AMPLITUDE], row[WIDTH], row[BACKGROUND] = low + p[0], p[1], p[2], p[3]

@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-from extraction.compiled import compiled, inner, inner_fast
+from extraction.config import StripeConfig
 from extraction.stripe.columns import AMPLITUDE, BACKGROUND, CENTRE, CHI2, DOF, HIGH, LOW, WIDTH
-from extraction.stripe.config import StripeConfig
 from extraction.stripe.fit import NoiseModel
 from extraction.stripe.solve import TERMS, back, factor
 from extraction.stripe.view import StripeView
+from geometry.compiled import kernel
 
 Array = NDArray[np.float64]
 
@@ -65,7 +65,7 @@ def _binned_residuals(view: StripeView, section: NDArray[np.int32], fits: Array)
     return means[:, :3], means[:, 3], pixels
 
 
-@compiled
+@kernel
 def _residuals(
     grey: NDArray[np.generic],
     left_out: NDArray[np.bool_],
@@ -102,7 +102,7 @@ def _residuals(
     return out[:count]
 
 
-@compiled
+@kernel
 def _binned(table: Array) -> Array:
     """Pixels and sums of the other columns of ``table`` (P, 5) in bins of its first (B, 5), finer towards the dark."""
     out, largest = np.zeros((_BINS, 5)), 1e-9
@@ -116,7 +116,7 @@ def _binned(table: Array) -> Array:
     return out
 
 
-@inner_fast
+@kernel(fastmath=True)
 def _spread(slope: Array, solved: Array, level: Array, n: int, u: Array, out: Array) -> None:
     """One section's rows of `_residuals`; level: signal, μ - black and residual (n, 3)."""
     for a in range(n):
@@ -134,7 +134,7 @@ def _spread(slope: Array, solved: Array, level: Array, n: int, u: Array, out: Ar
             out[a, 3] += share * level[b, 0] ** 2
 
 
-@inner
+@kernel
 def _slopes(fit: Array, row: int, j: Array) -> float:
     """The mean at a pixel, its derivatives by centre, amplitude, σ and background (lengths in σ) in ``j``."""
     t = (row - fit[CENTRE]) / fit[WIDTH]
@@ -144,7 +144,7 @@ def _slopes(fit: Array, row: int, j: Array) -> float:
     return float(signal + fit[BACKGROUND])
 
 
-@inner
+@kernel
 def _add_square(j: Array, work: Array) -> None:
     """Add j jᵀ to the upper triangle by rows."""
     k = 0

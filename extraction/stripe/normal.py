@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from extraction.compiled import compiled, inner
-from extraction.stripe.config import StripeConfig
+from extraction.config import StripeConfig
 from extraction.stripe.fit import FEWEST_PIXELS, NoiseModel
 from extraction.stripe.profile import StripePeaks
 from extraction.stripe.solve import TERMS, centre_variance, climb
 from extraction.stripe.view import StripeView
+from geometry.compiled import kernel
 
 Array = NDArray[np.float64]
 
@@ -51,7 +51,7 @@ def localise_along_normal(view: StripeView, peaks: StripePeaks, noise: NoiseMode
     )
 
 
-@compiled
+@kernel
 def _slopes(across: Array, along: Array) -> Array:
     """Slope d(along)/d(across) at each point: the median of those to its near neighbours on the same surface."""
     n = len(across)
@@ -68,7 +68,7 @@ def _slopes(across: Array, along: Array) -> Array:
     return out
 
 
-@compiled
+@kernel
 def _fit_normals(
     grey: NDArray[np.generic],
     left_out: NDArray[np.bool_],
@@ -98,7 +98,7 @@ def _fit_normals(
     return out
 
 
-@inner
+@kernel
 def _collect(
     grey: NDArray[np.generic], left_out: NDArray[np.bool_], start: Array, reach: float, clip: float, x: Array, y: Array
 ) -> int:

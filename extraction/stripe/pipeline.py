@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
+from extraction.config import StripeConfig
 from extraction.image import check_image
 from extraction.sheet import image_to_sheet, propagate, sheet_table
 from extraction.stripe import columns as col
-from extraction.stripe.config import StripeConfig
 from extraction.stripe.detect import Candidates, detect
 from extraction.stripe.fit import NoiseModel, fit_sections
 from extraction.stripe.noise import estimate_noise

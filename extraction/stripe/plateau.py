@@ -7,8 +7,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from extraction.compiled import compiled, inner
 from extraction.stripe.columns import AMPLITUDE, BACKGROUND, CENTRE, CHI2, CONVERGED, SNR, VARIANCE, WIDTH
+from geometry.compiled import kernel
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int32]
@@ -20,7 +20,7 @@ _BELOW = 3  # pixels in a row below the floor that end a flank
 _FWHM = 2 * math.sqrt(2 * math.log(2))
 
 
-@inner
+@kernel
 def between_flanks(y: Array, n: int, clip: float, noise: Array, row: Array) -> bool:
     """Centre of the section's longest clipped run, midway between its flanks; False where a flank is not seen.
 
@@ -46,7 +46,7 @@ def between_flanks(y: Array, n: int, clip: float, noise: Array, row: Array) -> b
     return True
 
 
-@inner
+@kernel
 def _flank(y: Array, n: int, place: tuple[int, int], level: tuple[float, float], noise: Array) -> tuple[float, float]:
     """How far a flank reaches from the clipped run [px], and its variance; -1 where the section ends within it.
 
@@ -69,7 +69,7 @@ def _flank(y: Array, n: int, place: tuple[int, int], level: tuple[float, float],
     return (reach, variance) if below else (-1.0, 0.0)
 
 
-@compiled
+@kernel
 def join_plateaus(
     grey: NDArray[np.generic], section: NDArray[np.int32], place: tuple[Array, IntArray, IntArray], clip: float
 ) -> tuple[NDArray[np.bool_], Array, IntArray, IntArray]:
@@ -94,7 +94,7 @@ def join_plateaus(
     return keep, centre, low, high
 
 
-@inner
+@kernel
 def _longest_run(y: Array, n: int, clip: float) -> tuple[int, int]:
     """First and last index of the longest run of clipped pixels."""
     best, first, length = 0, 0, 0

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from extraction.compiled import compiled
-from extraction.stripe.config import Selection
+from extraction.config import Selection
+from geometry.compiled import kernel
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -43,7 +43,7 @@ def connected(section: NDArray[np.int32], place: Array, shortest: int) -> NDArra
     return np.asarray(before + after - 1 >= shortest)
 
 
-@compiled
+@kernel
 def _run_lengths(section: NDArray[np.int64], place: Array) -> NDArray[np.int64]:
     """Length of the longest run that ends at each peak; a link spans at most two sections and _SLOPE px for each."""
     out = np.ones(len(section), dtype=np.int64)
@@ -57,7 +57,7 @@ def _run_lengths(section: NDArray[np.int64], place: Array) -> NDArray[np.int64]:
     return out
 
 
-@compiled
+@kernel
 def _chain(section: NDArray[np.int64], place: Array, worth: Array, jump: float, max_gap: int) -> NDArray[np.int64]:
     """The chains of peaks with the largest sum of worths less their steps, by dynamic programming.
 

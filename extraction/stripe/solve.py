@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from extraction.compiled import inner, inner_fast
+from geometry.compiled import kernel
 
 Array = NDArray[np.float64]
 
@@ -17,7 +17,7 @@ TERMS = 15  # of the normal equations: F's upper triangle by rows (10), gradient
 _ATOL_PX = 5e-4  # last step of centre and width; the error after it is far smaller
 
 
-@inner
+@kernel
 def climb(
     x: Array,
     y: Array,
@@ -67,7 +67,7 @@ def climb(
     return 0.0
 
 
-@inner
+@kernel
 def _even_bell(centre: float, width: float, n: int, bell: Array) -> None:
     """exp(-d²/2σ²) at 0 … n - 1, outwards from the centre by recurrence: three exponentials in all."""
     first = min(max(int(centre + 0.5), 0), n - 1)
@@ -88,7 +88,7 @@ def _even_bell(centre: float, width: float, n: int, bell: Array) -> None:
         bell[i] = value
 
 
-@inner_fast
+@kernel(fastmath=True)
 def _normal_equations(
     x: Array, y: Array, use: NDArray[np.bool_], n: int, p: Array, bell: Array, noise: Array, work: Array
 ) -> None:
@@ -115,7 +115,7 @@ def _normal_equations(
     work[10], work[11], work[12], work[13], work[14] = g0, g1, g2, g3, chi2
 
 
-@inner
+@kernel
 def factor(work: Array, u: Array) -> bool:
     """F = UᵀDU by rows, D's reciprocals on the diagonal (10,); False where F is not positive definite."""
     if not work[0] > 0:
@@ -141,7 +141,7 @@ def factor(work: Array, u: Array) -> bool:
     return True
 
 
-@inner
+@kernel
 def back(u: Array, b0: float, b1: float, b2: float, b3: float, x: Array) -> None:
     """Solve UᵀDU x = b."""
     y1 = b1 - u[1] * b0
@@ -152,7 +152,7 @@ def back(u: Array, b0: float, b1: float, b2: float, b3: float, x: Array) -> None
     x[0] = b0 * u[0] - u[1] * x[1] - u[2] * x[2] - u[3] * x[3]
 
 
-@inner
+@kernel
 def _solve(work: Array, step: Array) -> bool:
     """The scoring step F⁻¹ g; False where F is singular."""
     u = np.empty(10)
@@ -162,7 +162,7 @@ def _solve(work: Array, step: Array) -> bool:
     return True
 
 
-@inner
+@kernel
 def centre_variance(work: Array) -> float:
     """Variance of the centre, a diagonal term of F⁻¹; infinite where singular."""
     u, x = np.empty(10), np.empty(4)

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from extraction.stripe.config import StripeConfig
+from extraction.config import StripeConfig
 from geometry import InputError
 
 Array = NDArray[np.float64]

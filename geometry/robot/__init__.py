@@ -1,7 +1,7 @@
 """Robots: parameters with priors, the hand's pose and its derivatives, decorators, and the way back to readings."""
 
 from geometry.robot.axes_to_dh import robot_from_axes
-from geometry.robot.compliant import GRAVITY, Compliance, Compliant, deflection, torque
+from geometry.robot.compliant import GRAVITY, Compliance, Compliant, deflection, torque, torque_by_joints
 from geometry.robot.conventions import CONVENTIONS, Convention, express, interpret
 from geometry.robot.corrected import Corrected
 from geometry.robot.dh import (
@@ -20,6 +20,7 @@ from geometry.robot.joint_deviation import JointDeviation
 from geometry.robot.model import Arm, Robot, require_arm, with_beta_prior
 from geometry.robot.parameter import Parameter
 from geometry.robot.table import draw_errors, table
+from geometry.robot.urdf_chain import ChainJoint, corrected_origins, robot_from_chain
 
 __all__ = [
     "CONVENTIONS",
@@ -29,6 +30,7 @@ __all__ = [
     "PARAMETERS",
     "TYPICAL_SIGMA",
     "Arm",
+    "ChainJoint",
     "Compliance",
     "Compliant",
     "Convention",
@@ -43,6 +45,7 @@ __all__ = [
     "RobotModel",
     "RobotUncertainty",
     "all_solutions",
+    "corrected_origins",
     "deflection",
     "draw_errors",
     "express",
@@ -50,7 +53,9 @@ __all__ = [
     "inverse_kinematics",
     "require_arm",
     "robot_from_axes",
+    "robot_from_chain",
     "table",
     "torque",
+    "torque_by_joints",
     "with_beta_prior",
 ]

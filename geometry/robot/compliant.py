@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from geometry.errors import InputError
+from geometry.pose import cross
 from geometry.robot.joint_deviation import JointDeviation
 from geometry.robot.model import Arm, require_arm
 from geometry.robot.parameter import Parameter
@@ -15,7 +16,6 @@ from geometry.robot.parameter import Parameter
 Array = NDArray[np.float64]
 
 GRAVITY = 9.81  # m/s²
-_STEP_RAD = 1e-4
 
 
 @dataclass(frozen=True)
@@ -38,8 +38,8 @@ class Compliance:
 class Compliant(JointDeviation):
     """An arm whose joints give way under its weight: a Robot with the compliance of its joints as parameters.
 
-    Joint i turns by (1/k_i + c_i) · τ_i, its stiffness k from ``load``, its torque τ from the masses there at the
-    readings, by the arm's nominal table; the parameters "stiffness1", "stiffness2", … are the c_i [rad/(N·m)].
+    Joint i turns by (1/k_i + c_i) · τ_i, its stiffness k from ``load``, its torque τ from the masses there by the
+    nominal table at the readings; the parameters "stiffness1", "stiffness2", … are the c_i [rad/(N·m)].
 
     Parameters
     ----------
@@ -64,18 +64,23 @@ class Compliant(JointDeviation):
 
     def deviation(self, joints_rad: Array, values: Array) -> Array:
         """How far gravity turns the joints."""
-        arm = require_arm(self.robot)
-        nominal = deflection(arm, joints_rad, self.load)
-        if not np.any(values):
-            return nominal
-        more = np.zeros(self.n_joints)
-        more[self._sigmas > 0] = values
-        return np.asarray(nominal + torque(arm, joints_rad, self.load) * more)
+        return np.asarray(torque(require_arm(self.robot), joints_rad, self.load) * self._compliance(values))
+
+    def deviation_by_joints(self, joints_rad: Array, values: Array) -> Array:
+        """How the torque of every joint changes with every reading, times its compliance."""
+        change = torque_by_joints(require_arm(self.robot), joints_rad, self.load)
+        return np.asarray(change * self._compliance(values)[:, None])
 
     def deviation_by_values(self, joints_rad: Array, values: Array) -> Array:
         """The torque of each joint [N·m], on its own parameter."""
         by_all = torque(require_arm(self.robot), joints_rad, self.load)[..., None] * np.eye(self.n_joints)
         return np.asarray(by_all[..., self._sigmas > 0])
+
+    def _compliance(self, values: Array) -> Array:
+        """1/k + c (n,) [rad/(N·m)]."""
+        total = 1 / np.array(self.load.stiffness)
+        total[self._sigmas > 0] += values
+        return total
 
     @property
     def _sigmas(self) -> Array:
@@ -109,19 +114,44 @@ def deflection(robot: Arm, joints_rad: ArrayLike, compliance: Compliance) -> Arr
 
 def torque(robot: Arm, joints_rad: ArrayLike, compliance: Compliance) -> Array:
     """The torque (..., n) [N·m] that the joints must give way to: τ = -∂U/∂q of the masses' potential energy U."""
-    n = robot.n_joints
+    levers = _levers(robot, joints_rad, compliance)
+    by_angles = GRAVITY * levers.moment[..., 2] / 1000
+    unbalanced = 1 - np.array(compliance.balanced)
+    return np.asarray(-(by_angles @ robot.dh_part().readings_to_angles) * unbalanced)
+
+
+def torque_by_joints(robot: Arm, joints_rad: ArrayLike, compliance: Compliance) -> Array:
+    """∂τ/∂q (..., n, n) [N·m/rad]: rows by the joint that gives way, columns by the reading."""
+    levers = _levers(robot, joints_rad, compliance)
+    # turning joint i moves what hangs on a joint k beyond it as a whole: ∂²p/∂θ_i∂θ_k = z_i × (z_k × (p - o_k))
+    second = cross(levers.axis[..., :, None, :], levers.moment[..., None, :, :])[..., 2]
+    outer = np.triu(second)
+    by_angles = GRAVITY * (outer + np.swapaxes(np.triu(second, 1), -1, -2)) / 1000
+    m = robot.dh_part().readings_to_angles
+    return np.asarray(-(m.T @ by_angles @ m) * (1 - np.array(compliance.balanced))[:, None])
+
+
+@dataclass(frozen=True, eq=False)
+class _Levers:
+    """Every joint's axis (..., n, 3) in the base, and how the masses beyond it move with its angle [kg·mm/rad]."""
+
+    axis: Array
+    moment: Array
+
+
+def _levers(robot: Arm, joints_rad: ArrayLike, compliance: Compliance) -> _Levers:
+    """By the nominal table at the readings: what bends or turns the arm further changes the levers by parts of 1e-3."""
+    table, n = robot.dh_part(), robot.n_joints
     for name in ("stiffness", "mass_kg", "balanced"):
         if len(values := getattr(compliance, name)) != n:
             raise InputError(f"compliance: {name} has {len(values)} values for a robot of {n} joints")
-    q, steps = np.asarray(joints_rad, dtype=float), np.eye(n) * _STEP_RAD
-    ahead, behind = (_energy(robot, q[..., None, :] + sign * steps, compliance) for sign in (1, -1))
-    return np.asarray(-(ahead - behind) / (2 * _STEP_RAD) * (1 - np.array(compliance.balanced)))
-
-
-def _energy(robot: Arm, joints_rad: Array, compliance: Compliance) -> Array:
-    """Potential energy (...) [J]."""
-    z = robot.link_poses(joints_rad).t[..., 2]
-    hand = robot.pose(joints_rad).t[..., 2]
-    middles = (z[..., :-1] + z[..., 1:]) / 2
-    height = middles @ np.array(compliance.mass_kg) + hand * compliance.payload_kg
-    return np.asarray(GRAVITY * height / 1000)
+    frames, link = table.link_poses(joints_rad), np.array(compliance.mass_kg)
+    hand = frames[..., -1] @ table.T_last_hand
+    mass = np.concatenate([link / 2, [compliance.payload_kg]])  # at the end of each link, and at the hand
+    mass[:-2] += link[1:] / 2
+    points = np.concatenate([frames.t[..., 1:, :], hand.t[..., None, :]], -2)
+    beyond = np.cumsum((mass[:, None] * points)[..., ::-1, :], axis=-2)[..., ::-1, :][..., :n, :]
+    carried = np.cumsum(mass[::-1])[::-1][:n]
+    joint = frames[..., :-1] if table.convention == "standard" else frames[..., 1:]
+    axis = joint.R[..., 2]
+    return _Levers(axis, cross(axis, beyond - carried[:, None] * joint.t))

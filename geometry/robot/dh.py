@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from geometry.errors import InputError
 from geometry.pose import Pose, cross
-from geometry.robot.parameter import Parameter
+from geometry.robot.parameter import SYMBOLS, Parameter
 
 Array = NDArray[np.float64]
 
@@ -27,13 +28,22 @@ class DhRow:
     unit: str
 
     @property
+    def symbol(self) -> str:
+        """How it is printed."""
+        return SYMBOLS.get(self.group, self.group)
+
+    @property
     def file_key(self) -> str:
         """Its key in files, which are in degrees and mm."""
         return f"{self.column}_{'deg' if self.unit == 'rad' else self.unit}"
 
-    def to_file(self, values: Array) -> Array:
-        """The numbers in the file's unit."""
-        return np.asarray(np.rad2deg(values) if self.unit == "rad" else values)
+    def from_file(self, values: ArrayLike) -> Array:
+        """Numbers of a file in radians or mm."""
+        return np.asarray(values, dtype=float) * (np.pi / 180 if self.unit == "rad" else 1)
+
+    def to_file(self, values: ArrayLike) -> Array:
+        """Radians or mm in the file's unit."""
+        return np.asarray(np.rad2deg(values) if self.unit == "rad" else values, dtype=float)
 
 
 DH_ROWS = (  # the one place that knows their order
@@ -182,7 +192,7 @@ class DhRobot:
         """The number of joints."""
         return len(self.d)
 
-    @property
+    @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
         """The numbers with a prior σ above 0, row by row of DH_ROWS."""
         sigma, (rows, joints) = self._sigma, self._places
@@ -191,7 +201,7 @@ class DhRobot:
             for r, j in zip(rows, joints, strict=True)
         )
 
-    @property
+    @cached_property
     def readings_to_angles(self) -> Array:
         """The matrix M (n, n) of θ = M q + theta_offset: signs and coupling."""
         coupling = np.eye(self.n_joints) if self.coupling is None else self.coupling
@@ -321,13 +331,13 @@ class DhRobot:
         """``pose`` of the nominal table."""
         return self.pose(joints)
 
-    @property
+    @cached_property
     def _sigma(self) -> Array:
         """Prior σ (5, n) in the order of DH_ROWS."""
         table = self.uncertainty.table(self.n_joints)
         return np.array([table[row.group] for row in DH_ROWS])
 
-    @property
+    @cached_property
     def _places(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Row of DH_ROWS and joint of every parameter."""
         rows, joints = np.nonzero(self._sigma > 0)

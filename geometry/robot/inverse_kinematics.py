@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from geometry.errors import InputError
 from geometry.pose import Pose
 from geometry.robot.model import Arm
+from geometry.ties import ascending, first_least
 
 Array = NDArray[np.float64]
 
@@ -19,6 +20,9 @@ MAX_ITERATIONS = 60
 POOL = 1024  # random configurations from which a goal's starts are drawn
 STARTS_PER_ROUND = 6
 DISTINCT_RAD = 1e-4  # two solutions are one where no joint differs by more, whole turns apart
+SAME_MOTION_RAD2 = 1e-6  # solutions whose joints move alike, by the sum of squares: the earlier start's is taken
+SAME_BADNESS = 1e-6  # relative, of what is left to the goal where no solution is exact
+SAME_START = 1e-9  # of the distance by which starts are ranked, dimensionless
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +50,9 @@ def inverse_kinematics(
 
     seeds: readings (n,) or (..., n) [rad] to start from; the answer is then the solution reached from there, turned by
     whole turns to be near it. Where that fails, and without seeds, up to ``max_starts`` random configurations nearest
-    to the goal are tried. An unreachable goal is no error: ``converged`` is False there.
+    to the goal are tried, in rounds; of a round's exact solutions the one with the least joint motion from the seed
+    (without one, from the limits' middle) is taken, of equals that of the nearer start: never by what rounding left.
+    An unreachable goal is no error: ``converged`` is False there.
     Source: Levenberg-Marquardt with the damping of Sugihara (IEEE T-RO 2011, the square of the error), limits by
     an active set.
     """
@@ -54,10 +60,10 @@ def inverse_kinematics(
     flat = Pose(goals.R.reshape(-1, 3, 3), goals.t.reshape(-1, 3))
     _check_goals(flat)
     if seeds is None:
-        best = _Search.begin(robot, len(flat))
+        best = _Search.begin(robot, np.tile(sum(_limits(robot)) / 2, (len(flat), 1)))
     else:
         start = np.broadcast_to(_checked_seeds(robot, seeds), (*batch, robot.n_joints)).reshape(-1, robot.n_joints)
-        best = _Search.begin(robot, len(flat))
+        best = _Search.begin(robot, start)
         best.offer(np.arange(len(flat)), *_solve(robot, flat, start, near=start))
     if not np.all(best.converged):
         _from_pool(robot, flat, rng, max_starts, best)
@@ -88,29 +94,43 @@ def all_solutions(robot: Arm, goal: Pose, rng: np.random.Generator, starts: int 
 
 @dataclass(eq=False)
 class _Search:
-    """The best answer so far for every goal."""
+    """The best answer so far for every goal. near: the readings (G, n) from which a joint's motion is counted."""
 
+    near: Array
     joints: Array
     position: Array
     rotation: Array
 
     @staticmethod
-    def begin(robot: Arm, goals: int) -> _Search:
-        low, high = _limits(robot)
-        middle = np.tile((low + high) / 2, (goals, 1))
-        return _Search(middle, np.full(goals, np.inf), np.full(goals, np.inf))
+    def begin(robot: Arm, near: Array) -> _Search:
+        joints = np.clip(near, *_limits(robot))
+        return _Search(near, joints, np.full(len(near), np.inf), np.full(len(near), np.inf))
 
     @property
     def converged(self) -> NDArray[np.bool_]:
         return _is_solved(self.position, self.rotation)
 
     def offer(self, index: NDArray[np.intp], joints: Array, position: Array, rotation: Array) -> None:
-        """Keep what is better than before; ``index`` names each row's goal and may repeat."""
-        order = np.argsort(-_badness(position, rotation), kind="stable")
-        for i in order:  # the best of each goal is written last
-            if _badness(position[i], rotation[i]) < _badness(self.position[index[i]], self.rotation[index[i]]):
-                self.joints[index[i]] = joints[i]
-                self.position[index[i]], self.rotation[index[i]] = position[i], rotation[i]
+        """Keep what is better than before. index: the goals, their offers (goals · offers, …) stand together.
+
+        An exact solution is better than none, and of exact ones the least motion is best; of others the least error,
+        by steps of a millionth.
+        """
+        many = len(joints) // max(len(index), 1)
+        for row, g in enumerate(np.ravel(index)):
+            mine = np.arange(row * many, (row + 1) * many)
+            exact = mine[_is_solved(position[mine], rotation[mine])]
+            if len(exact):
+                motion = np.sum((joints[exact] - self.near[g]) ** 2, axis=1)
+                best = exact[first_least(motion, SAME_MOTION_RAD2)]
+            else:
+                badness = np.log(_badness(position[mine], rotation[mine]))
+                best = mine[first_least(badness, SAME_BADNESS)]
+                before = np.log(_badness(self.position[g], self.rotation[g]))
+                if not badness[best - mine[0]] < before - SAME_BADNESS:
+                    continue
+            self.joints[g] = joints[best]
+            self.position[g], self.rotation[g] = position[best], rotation[best]
 
 
 def _from_pool(robot: Arm, goals: Pose, rng: np.random.Generator, max_starts: int, best: _Search) -> None:
@@ -126,9 +146,9 @@ def _from_pool(robot: Arm, goals: Pose, rng: np.random.Generator, max_starts: in
         chosen = np.empty((len(open_goals), count), dtype=np.intp)
         for row, g in enumerate(open_goals):
             far = np.sum((poses.t - goals.t[g]) ** 2, -1) / scale**2 - np.einsum("kij,ij->k", poses.R, goals.R[g])
-            chosen[row] = np.argpartition(far, first + count - 1)[first : first + count]
+            chosen[row] = ascending(far, SAME_START)[first : first + count]
         index = np.repeat(open_goals, count)
-        best.offer(index, *_solve(robot, goals[index], pool[chosen.ravel()], near=None))
+        best.offer(open_goals, *_solve(robot, goals[index], pool[chosen.ravel()], near=best.near[index]))
 
 
 def _solve(robot: Arm, goals: Pose, start: Array, near: Array | None) -> tuple[Array, Array, Array]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -76,7 +77,7 @@ class JointDeviation(ABC):
         """The number of joints."""
         return self.robot.n_joints
 
-    @property
+    @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
         """Those of the robot inside, then the own ones."""
         return (*self.robot.parameters, *self.own_parameters)

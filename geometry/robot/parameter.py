@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-_SYMBOLS = {"theta": "θ", "alpha": "α", "beta": "β"}
+SYMBOLS = {"theta": "θ", "alpha": "α", "beta": "β"}  # the others are printed as they are named
 
 
 @dataclass(frozen=True)
@@ -48,4 +48,4 @@ class Parameter:
     @property
     def symbol(self) -> str:
         """The name as it is printed: "θ1", "α4", "d2"."""
-        return _SYMBOLS.get(self.row, self.row) + self.name[len(self.row) :]
+        return SYMBOLS.get(self.row, self.row) + self.name[len(self.row) :]

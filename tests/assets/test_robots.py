@@ -107,7 +107,7 @@ def test_every_arm_has_its_sums() -> None:
 def test_the_flange_is_where_the_makers_dimensions_put_it(name: str) -> None:
     robot = read_robot(assets.path("robots", name))
     for readings, position in POSITIONS[name]:
-        flange = robot.hand_pose(np.deg2rad(readings)).t
+        flange = robot.pose(np.deg2rad(readings)).t
         np.testing.assert_allclose(flange, position, rtol=0, atol=ATOL_MM, err_msg=str(readings))
 
 
@@ -125,13 +125,13 @@ def test_the_file_read_by_an_independent_chain_agrees(name: str) -> None:
             screw_z = pt.transform_from_exponential_coordinates([0, 0, theta, 0, 0, d])
             screw_x = pt.transform_from_exponential_coordinates([alpha, 0, 0, a, 0, 0])
             out = out @ (screw_z @ screw_x if table["convention"] == "standard" else screw_x @ screw_z)
-        np.testing.assert_allclose(robot.hand_pose(q).matrix, out, rtol=0, atol=1e-9)
+        np.testing.assert_allclose(robot.pose(q).matrix, out, rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize("name", POSITIONS)
 def test_poses_within_the_limits_are_reached_by_inverse_kinematics(name: str) -> None:
     robot, rng = read_robot(assets.path("robots", name)), np.random.default_rng(2)
-    goals = robot.hand_pose(rng.uniform(robot.min_rad, robot.max_rad, (40, robot.n_joints)))
+    goals = robot.pose(rng.uniform(robot.min_rad, robot.max_rad, (40, robot.n_joints)))
     found = inverse_kinematics(robot, goals, rng)
     assert np.all(robot.within_limits(found.joints))
     assert found.converged.mean() >= 0.95

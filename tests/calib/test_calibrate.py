@@ -64,7 +64,7 @@ def test_figures_are_what_they_are_defined_as(cell: Cell, observed: Observations
     for name, location in result.locations.items():
         frames = [f for f in result.frames if f.location == name]
         joints = np.array([f.joints_rad for f in observed.frames if f.location == name])
-        hands = cell.robot.hand_pose(joints)
+        hands = cell.robot.pose(joints)
         own = [f.T_sensor_jig for f in frames]
         x = np.array([(hands[i] @ result.T_hand_sensor @ p).t for i, p in enumerate(own) if p is not None])
         distance = np.linalg.norm(x, axis=1)
@@ -115,7 +115,7 @@ def test_base_frame_does_not_matter(cell: Cell, observed: Observations) -> None:
 
 def test_hand_poses_in_place_of_joints(cell: Cell, made: Cell, observed: Observations) -> None:
     """Their noise is estimated and said to be; a model that corrects the robot is refused."""
-    frames = tuple(replace(f, joints_rad=None, T_base_hand=made.robot.hand_pose(f.joints_rad)) for f in observed.frames)
+    frames = tuple(replace(f, joints_rad=None, T_base_hand=made.robot.pose(f.joints_rad)) for f in observed.frames)
     poses = replace(observed, frames=frames)
     result = calibrate(poses, cell.jig, None)
     assert result.T_hand_sensor is not None

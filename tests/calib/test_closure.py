@@ -7,25 +7,25 @@ import pytest
 
 from calib.closure.closure import Socket, closure, held_out_rms
 from calib.closure.problem import closure_problem, solve_closure
-from calib.synthetic.cell import dh_errors, industrial_arm
-from geometry import RobotModel
+from calib.synthetic.cell import industrial_arm
+from geometry import DhRobot, draw_errors
 from tests.recordings import MISSING, recording
 
 RECORDED = recording("real/socket_closure/data")
 QUARTER = np.pi / 2
 
 
-def panda() -> RobotModel:
+def panda() -> DhRobot:
     """Franka's published modified DH table with the flange."""
     alpha = np.array([0, -1, 1, 1, -1, 1, 1]) * QUARTER
     a, d = [0, 0, 0, 82.5, -82.5, 0, 88], [333, 0, 316, 0, 384, 0, 107]
-    return RobotModel.from_dh(np.zeros(7), d, a, alpha, convention="modified")
+    return DhRobot.from_dh(np.zeros(7), d, a, alpha, convention="modified")
 
 
-def iiwa() -> RobotModel:
+def iiwa() -> DhRobot:
     """KUKA LBR iiwa 14 R820, modified DH."""
     alpha = np.array([0, -1, 1, 1, -1, -1, 1]) * QUARTER
-    return RobotModel.from_dh(np.zeros(7), [360, 0, 420, 0, 400, 0, 126], np.zeros(7), alpha, convention="modified")
+    return DhRobot.from_dh(np.zeros(7), [360, 0, 420, 0, 400, 0, 126], np.zeros(7), alpha, convention="modified")
 
 
 def recorded(name: str) -> list[Socket]:
@@ -36,22 +36,22 @@ def recorded(name: str) -> list[Socket]:
     return [Socket(f.parent.name, f.stem, np.loadtxt(f, delimiter=",")) for f in files]
 
 
-def synthetic(rng: np.random.Generator, robot: RobotModel, tool: np.ndarray) -> list[Socket]:
+def synthetic(rng: np.random.Generator, robot: DhRobot, tool: np.ndarray) -> list[Socket]:
     """Exact configurations of three locations with two sockets 50 mm apart (Newton on the joints)."""
     out = []
     for k in range(3):
         q0 = np.array([0.0, 0.0, 0.6, 0.0, -0.8, 0.0]) + rng.uniform(-0.4, 0.4, 6)
-        first = robot.hand_pose(q0) @ tool
+        first = robot.pose(q0) @ tool
         for side in (0, 1):
             goal, rows = first + side * 50.0 * -first / np.linalg.norm(first), []
             for _ in range(60):
                 q = q0 + rng.uniform(-0.6, 0.6, 6)
                 for _ in range(12):
-                    hand = robot.hand_pose(q)
+                    hand = robot.pose(q)
                     lever = np.cross(np.eye(3), tool).T
                     jacobian = hand.R @ np.concatenate([np.eye(3), lever], 1) @ robot.joint_jacobian(q)
                     q = q + np.linalg.pinv(jacobian) @ (goal - hand @ tool)
-                if np.linalg.norm(goal - robot.hand_pose(q) @ tool) < 1e-9:
+                if np.linalg.norm(goal - robot.pose(q) @ tool) < 1e-9:
                     rows.append(q)
             out.append(Socket(f"place {k}", f"hole_{side}", np.array(rows)))
     return out
@@ -69,7 +69,7 @@ def test_exact_sockets_give_the_tool_and_close() -> None:
 
 def test_wrong_robot_is_corrected() -> None:
     rng = np.random.default_rng(2)
-    made = industrial_arm().corrected(5 * dh_errors(industrial_arm(), rng))
+    made = industrial_arm().corrected(5 * draw_errors(industrial_arm(), rng))
     sockets = synthetic(rng, made, np.array([10.0, -20.0, 140.0]))
     result = closure(sockets, industrial_arm(), 50.0, prior_scale=5.0)
     assert result.gains

@@ -15,7 +15,7 @@ from calib.judge.culprit_jig import wrong_jig
 from calib.stations import label, stations
 from calib.synthetic.cell import Cell, Noise, made_cell, observe, random_cell
 from calib.synthetic.problem import CALIBRATE_ONLY
-from geometry import RobotModel
+from geometry import DhRobot
 from jig_cad import Jig
 
 Frames = tuple[FrameObservation, ...]
@@ -28,7 +28,7 @@ def cell_and_frames() -> tuple[Cell, Frames]:
     return cell, observe(cell, made_cell(cell, rng, Noise()), rng, Noise()).frames
 
 
-def _said(cell: Cell, frames: Frames, robot: RobotModel, jig: Jig | None = None) -> str:
+def _said(cell: Cell, frames: Frames, robot: DhRobot, jig: Jig | None = None) -> str:
     observed = replace(observe(cell, cell, np.random.default_rng(0), Noise()), frames=frames)
     jig = jig or cell.jig
     ready = label(stations(observed, robot), observed.sensor, cell.design, {}, jig, CalibConfig())
@@ -85,10 +85,8 @@ def test_frames_that_hardly_turn_are_not_accused(cell_and_frames: tuple[Cell, Fr
 
 def test_row_of_another_arm(cell_and_frames: tuple[Cell, Frames]) -> None:
     cell, frames = cell_and_frames
-    wrong = np.zeros((5, 6))
-    wrong[1, 3] = -142.0
     assert "d of joint 4 in the robot's table is changed by about +142 mm" in _said(
-        cell, frames, cell.robot.corrected(wrong)
+        cell, frames, cell.robot.with_changes(d=-142.0 * np.eye(6)[3])
     )
 
 

@@ -21,7 +21,7 @@ ATOL_MM = 1e-6
 
 def _poses(cell: Cell, observed: Observations) -> Observations:
     """What a controller writes: poses by its nominal table."""
-    frames = tuple(replace(f, joints_rad=None, T_base_hand=cell.robot.hand_pose(f.joints_rad)) for f in observed.frames)
+    frames = tuple(replace(f, joints_rad=None, T_base_hand=cell.robot.pose(f.joints_rad)) for f in observed.frames)
     return replace(observed, frames=frames)
 
 
@@ -58,7 +58,7 @@ def test_joints_found_again_give_the_poses() -> None:
         assert f.joints_inferred
         assert f.joints_rad is not None
         assert f.T_base_hand is not None
-        np.testing.assert_allclose(cell.robot.hand_pose(f.joints_rad).matrix, f.T_base_hand.matrix, atol=ATOL_MM)
+        np.testing.assert_allclose(cell.robot.pose(f.joints_rad).matrix, f.T_base_hand.matrix, atol=ATOL_MM)
 
 
 def test_models_beyond_scp_are_refused_with_a_table_too() -> None:

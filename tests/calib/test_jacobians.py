@@ -9,7 +9,7 @@ from calib.bundle.linearise import State, initial_state, linearise, moved
 from calib.bundle.problem import Problem
 from calib.synthetic.cell import Noise
 from calib.synthetic.problem import made_problem, true_jigs
-from geometry import PARAMETERS, RobotModel
+from geometry import PARAMETERS, DhRobot
 
 STEP = 1e-30
 RTOL = 1e-9
@@ -27,7 +27,7 @@ def _small(xi: np.ndarray) -> np.ndarray:
     return out
 
 
-def _hand(robot: RobotModel, q: np.ndarray, delta: np.ndarray) -> np.ndarray:
+def _hand(robot: DhRobot, q: np.ndarray, delta: np.ndarray) -> np.ndarray:
     """Standard DH written out with 4 × 4 matrices of complex numbers."""
     T = np.eye(4, dtype=complex)
     theta, d, a, alpha, beta = (

@@ -13,7 +13,7 @@ from calib.bundle.uncertainty import nees
 from calib.judge.model_choice import choose_model
 from calib.synthetic.cell import Layout, Noise, industrial_arm, made_cell, observe, random_cell
 from calib.synthetic.problem import CALIBRATE_ONLY, problem_of, true_candidates
-from geometry import RobotModel, RobotUncertainty
+from geometry import DhRobot, RobotUncertainty
 
 NEES_LIMIT = 30.0  # a sound covariance exceeds it in 4 of 100,000 runs
 
@@ -40,29 +40,29 @@ def test_model_that_gains_nothing_is_dropped_where_the_nominal_robot_fits() -> N
     assert choose_model({"scp": 0.10, "full": 0.08}, "full", nominal_fits=True)[0] == "full"
 
 
-def _modified() -> RobotModel:
+def _modified() -> DhRobot:
     """A six-axis arm in the modified convention (UR-like order of axes, with offsets)."""
     alpha = np.deg2rad([0.0, -90.0, 0.0, -90.0, 90.0, -90.0])
     theta = np.deg2rad([0.0, -90.0, 0.0, 0.0, 0.0, 180.0])
-    return RobotModel.from_dh(
+    return DhRobot.from_dh(
         theta, [780.0, 0, 0, 1142, 0, 200], [0, 320.0, 1075, 200, 0, 0], alpha, convention="modified"
     )
 
 
-def _coupled() -> RobotModel:
+def _coupled() -> DhRobot:
     coupling = np.eye(6)
     coupling[2, 1] = 1.0  # a parallelogram: joint 3 reads against joint 2
     return replace(industrial_arm(), coupling=coupling)
 
 
-def _seven() -> RobotModel:
+def _seven() -> DhRobot:
     """A seven-axis arm of some two metres, alternating axes."""
     alpha = np.deg2rad([-90.0, 90.0, 90.0, -90.0, -90.0, 90.0, 0.0])
-    return RobotModel.from_dh(np.zeros(7), [700.0, 0, 900, 0, 800, 0, 200], np.zeros(7), alpha)
+    return DhRobot.from_dh(np.zeros(7), [700.0, 0, 900, 0, 800, 0, 200], np.zeros(7), alpha)
 
 
 @pytest.mark.parametrize("robot", [_modified(), _coupled(), _seven()], ids=["modified", "coupled", "seven joints"])
-def test_other_arms(robot: RobotModel) -> None:
+def test_other_arms(robot: DhRobot) -> None:
     """Truth within σ on every kind of arm, with all its errors estimated."""
     rng = np.random.default_rng(3)
     layout = Layout(places=CALIBRATE_ONLY.places, radius_mm=(1000.0, 1300.0), height_mm=(400.0, 900.0))
@@ -124,10 +124,9 @@ def test_parallel_axes_need_hayatis_beta() -> None:
     """An axis 2 that is not parallel to axis 3 by 0.3° about y: no small d or α says so, β does."""
     rng = np.random.default_rng(8)
     cell = random_cell(rng, CALIBRATE_ONLY)
-    tilt = np.zeros((5, 6))
-    tilt[4, 1] = np.deg2rad(0.3)
+    tilt = np.deg2rad(0.3) * np.eye(6)[1]
     noise = Noise(robot=False)
-    made = replace(made_cell(cell, rng, noise), robot=cell.robot.corrected(tilt))
+    made = replace(made_cell(cell, rng, noise), robot=cell.robot.with_changes(beta=tilt))
     problem_cell = observe(cell, made, rng, noise)
     result = {
         sigma: calibrate(problem_cell, cell.jig, cell.robot, CalibConfig(model="full", beta_sigma_deg=sigma))

@@ -11,11 +11,9 @@ import pytest
 from pydantic import BaseModel
 
 from calib import CalibConfig
-from extraction import GapFlushConfig, StripeConfig
-from extraction.config import ExtractionConfig
-from jig_cad.files import JigTable
-from perceptron_emu import EmulatorConfig
-from perceptron_emu.scene_file import SceneFile
+from extraction import ExtractionConfig, GapFlushConfig, StripeConfig
+from jig_cad.files import JigTable, LinesTable
+from perceptron_emu import EmulatorConfig, SceneFile
 from workbench.files.cell import CellFile
 from workbench.files.frames_csv import POSE_COLUMNS
 from workbench.files.points_csv import COLUMNS
@@ -26,7 +24,7 @@ from workbench.validate.summary import Thresholds
 
 PAGE = (Path(__file__).parents[2] / "docs" / "formats.md").read_text(encoding="utf-8")
 WORDS = set(re.findall(r"\w+", PAGE))
-CELL = (CellFile, SensorFile, EmulatorConfig, JigTable, RobotFile, Truth)
+CELL = (CellFile, SensorFile, EmulatorConfig, JigTable, LinesTable, RobotFile, Truth)
 SETTINGS = (ExtractionConfig, CalibConfig, StripeConfig, GapFlushConfig)
 OTHERS = (SceneFile, Thresholds)
 

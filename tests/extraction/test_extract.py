@@ -5,13 +5,13 @@ import numpy as np
 import pytest
 
 import assets
-from extraction import ExtractionConfig, LocaliseConfig, NoiseConfig, extract, extract_stages, image_to_sheet
+from extraction import ExtractionConfig, LocaliseConfig, SpotNoiseConfig, extract, extract_stages, image_to_sheet
 from extraction.spots import TrueSpot
 from tests.extraction.spots import camera, make_sensor, mean_frame, some_spots
 from tests.recordings import MISSING, recording
 
 SAMPLE, CELL_A = assets.path("samples", "cell_a"), recording("cell_a")  # half of the recording, and all of it
-QUIET = ExtractionConfig(noise=NoiseConfig(speckle_contrast=0.0, model_error=0.0))
+QUIET = ExtractionConfig(noise=SpotNoiseConfig(speckle_contrast=0.0, model_error=0.0))
 
 
 def matched(points, spots, atol_px=0.5):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from extraction.gapflush import GapFlushConfig, measure_gap_flush
+from extraction import GapFlushConfig, measure_gap_flush
 from extraction.stripe import Profile, StripePeaks
 from geometry import InputError, NoAnswerError
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from extraction import DetectConfig, NoiseConfig
+from extraction import DetectConfig, SpotNoiseConfig
 from extraction.spots.noise import noise_model
 from extraction.spots.prepare import prepare
 from tests.extraction.spots import make_sensor
@@ -13,7 +13,8 @@ ROUNDING = 1 / 12
 
 def measured(level, sigma, blur_px=1.3):
     image = np.random.default_rng(4).normal(level, sigma, (512, 640)).round().clip(0, 255).astype(np.uint8)
-    return noise_model(prepare(image, DetectConfig(blur_sigma_px=blur_px)), make_sensor(), NoiseConfig()).variance_dn2
+    prepared = prepare(image, DetectConfig(blur_sigma_px=blur_px))
+    return noise_model(prepared, make_sensor(), SpotNoiseConfig()).variance_dn2
 
 
 @pytest.mark.parametrize("blur_px", [0.8, 1.3, 2.5])

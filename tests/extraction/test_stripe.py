@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.special import ndtr
 
-from extraction.stripe import StripeConfig, depth_direction, detect_stripe, extract_profile, flag_names
+from extraction import StripeConfig
+from extraction.stripe import depth_direction, detect_stripe, extract_profile, flag_names
 from geometry import Camera, InputError, Pose, Sensor, Sheet
 
 ATOL_CLEAN_PX = 0.004  # without noise what is left is rounding to grey levels

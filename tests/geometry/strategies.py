@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from hypothesis import strategies as st
 
-from geometry import Camera, Pose, RobotModel, Sensor, Sheet, nearest_rotation
+from geometry import Camera, DhRobot, Pose, Sensor, Sheet, nearest_rotation
 
 ANGLES_RAD = st.one_of(
     st.floats(0.0, np.pi),
@@ -37,12 +37,12 @@ def poses(draw: st.DrawFn) -> Pose:
     return Pose.exp(draw(tangents()))
 
 
-def random_robot(rng: np.random.Generator, joints: int = 6, convention: str = "standard") -> RobotModel:
+def random_robot(rng: np.random.Generator, joints: int = 6, convention: str = "standard") -> DhRobot:
     """An arm with every feature that a table can have: signs, coupling, β, poses before and after the chain."""
     coupling = np.eye(joints)
     if joints > 2:
         coupling[2, 1] = rng.uniform(-1, 1)
-    return RobotModel.from_dh(
+    return DhRobot.from_dh(
         rng.uniform(-np.pi, np.pi, joints),
         rng.uniform(-500, 500, joints),
         rng.uniform(-500, 500, joints),
@@ -56,9 +56,9 @@ def random_robot(rng: np.random.Generator, joints: int = 6, convention: str = "s
     )
 
 
-def six_axis_arm() -> RobotModel:
+def six_axis_arm() -> DhRobot:
     """An ordinary industrial arm with ordinary limits."""
-    return RobotModel.from_dh(
+    return DhRobot.from_dh(
         np.deg2rad([0, -90, 0, 0, 0, 180]),
         [780, 0, 0, 1142, 0, 200],
         [320, 1075, 200, 0, 0, 0],

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import trimesh
 
-from perceptron_emu.bvh import blocked, build_bvh
+from perceptron_emu.solids import blocked, build_bvh
 
 
 def rays(n: int, seed: int) -> tuple[np.ndarray, np.ndarray]:

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from perceptron_emu import EmulatorConfig
-from perceptron_emu.camera import expose
-from perceptron_emu.speckle import contrast, speckle_field
+from perceptron_emu.chip import expose
+from perceptron_emu.image import contrast
+from perceptron_emu.image.speckle import speckle_field
 from tests.perceptron_emu.conftest import make_sensor
 
 REL = 0.02

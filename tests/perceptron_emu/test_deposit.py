@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.special import ndtr
 
-from perceptron_emu.deposit import deposit, deposit_fine
+from perceptron_emu.image.deposit import deposit, deposit_fine
 
 
 def exact(shape: tuple[int, int], u: np.ndarray, v: np.ndarray, weight: np.ndarray, sigma: float) -> np.ndarray:

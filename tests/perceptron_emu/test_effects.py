@@ -7,9 +7,8 @@ import pytest
 
 from geometry import Pose, Sensor, field_of_view
 from perceptron_emu import EmulatorConfig, Scene, panel, render
-from perceptron_emu.optics import defocus_radius_px, filter_transmission, focus_distance_mm
-from perceptron_emu.projection import to_camera
-from perceptron_emu.sheet import across, along, half_width_mm
+from perceptron_emu.lens import defocus_radius_px, filter_transmission, focus_distance_mm, to_camera
+from perceptron_emu.light import across, along, half_width_mm
 from tests.perceptron_emu.conftest import make_sensor
 
 PLAIN = {"ambient": {"enabled": False}, "speckle": {"enabled": False}}

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from perceptron_emu.facets import facets
+from perceptron_emu.solids import facets
 
 MESHES = {
     "box": trimesh.creation.box((30, 20, 10)),

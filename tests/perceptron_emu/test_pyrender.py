@@ -7,9 +7,9 @@ import pytest
 
 from geometry import InputError, Pose
 from perceptron_emu import EmulatorConfig, Scene, panel, project, render
-from perceptron_emu.cell_picture import CellView, cell_picture, colour_picture
-from perceptron_emu.gl import gl_problem
-from perceptron_emu.gl_world import View, back_project, depth_and_identity, gl_world
+from perceptron_emu.gl import CellView, View, cell_picture, depth_and_identity, gl_problem, gl_world
+from perceptron_emu.gl.picture import colour_picture
+from perceptron_emu.gl.world import back_project
 from tests.perceptron_emu.conftest import jig_before, make_sensor
 
 CLEAN = EmulatorConfig.from_tables(

@@ -9,9 +9,7 @@ import pytest
 import trimesh
 
 from geometry import InputError, Sensor
-from perceptron_emu import EmulatorConfig, render
-from perceptron_emu.check import check_optics
-from perceptron_emu.scene_file import read_scene
+from perceptron_emu import EmulatorConfig, check_optics, read_scene, render
 from tests.perceptron_emu.conftest import jig_before
 
 JIG = "side_mm = 100.0\nheight_mm = 100.0\nstring_diameter_mm = 0.3\ntolerance_mm = 0.1\n"

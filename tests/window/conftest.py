@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from geometry import Pose
+from geometry import Pose, draw_errors
 from jig_cad import Jig, sample_tolerance
 from perceptron_emu import EmulatorConfig
+from workbench import defaults
+from workbench.cell.presets import DESIGN_SCP, find_robot, find_sensor
 from workbench.cell.starter import PLACES, place_of_jig
 from workbench.cell.surroundings import jig_bodies, wall_behind
-from workbench.emulate.experiment import DESIGN, demo_robot, demo_sensor
 from workbench.emulate.record import TrueCell, record, with_joint_noise
-from workbench.emulate.truth import with_errors
 from workbench.files import Cell
 from workbench.plan.view_space import ViewLimits
 from workbench.plan.views import ViewProblem, plan_views
@@ -29,20 +29,19 @@ def cell_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The dataset's folder; tests that change it take a copy."""
     folder = tmp_path_factory.mktemp("cell")
     rng = np.random.default_rng(SEED)
-    big = demo_sensor()
+    big = find_sensor(defaults.SENSOR)
     half = {k: getattr(big.camera, k) / 2 for k in ("fx_px", "fy_px", "cx_px", "cy_px")}
     sensor = replace(big.with_camera(width_px=640, height_px=512, **half), optics=None)
     jig = Jig.nominal()
     true_jig = sample_tolerance(jig, rng)
-    design = Pose.from_fixed_xyz_deg(*DESIGN)
     mounted = Pose.from_fixed_xyz_deg((-1.5, 1.6, 22.5), (-16.9, -75.5, 116.5))
-    robot = demo_robot()
+    robot = find_robot(defaults.ROBOT)
     places = {name: place_of_jig(*place[1:]) for name, place in PLACES.items()}
     bodies = jig_bodies(true_jig)
     solids = {n: bodies if n in "AC" else (*bodies, wall_behind(true_jig, 120.0)) for n in places}
     views = []
     for name, pose in places.items():
-        planned = plan_views(ViewProblem(robot, sensor, jig, pose, design, ViewLimits()), 7, rng)
+        planned = plan_views(ViewProblem(robot, sensor, jig, pose, DESIGN_SCP, ViewLimits()), 7, rng)
         views += [(name, PLACES[name][0], joints) for joints in planned.joints_rad]
     cell = Cell(
         folder=folder,
@@ -50,10 +49,10 @@ def cell_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         jig=jig,
         robot=robot,
         frames=(),
-        T_hand_sensor_design=design,
+        T_hand_sensor_design=DESIGN_SCP,
         name="test cell",
         emulator=EmulatorConfig.model_validate(EMULATION),
     )
-    true = TrueCell(with_errors(robot, rng), true_jig, mounted, places, solids)
+    true = TrueCell(robot.corrected(draw_errors(robot, rng)), true_jig, mounted, places, solids)
     record(folder, cell, true, with_joint_noise(views, true.robot, rng), SEED)
     return folder

@@ -10,13 +10,15 @@ from pydantic import BaseModel, Field
 
 from extraction import ExtractionConfig
 from geometry import InputError
-from workbench.window.parameters import ParameterError, panel, parse
+from workbench.cell.parameters import panel
+from workbench.cell.sliders import FILE_ONLY, SLIDERS
+from workbench.window.parameters import ParameterError, parse
 
 
 class Inner(BaseModel):
     """A section."""
 
-    width_px: float = Field(2.0, gt=0, le=10, description="how wide [px]", json_schema_extra={"level": "basic"})
+    width_px: float = Field(2.0, gt=0, le=10, description="how wide [px]")
     gain_dn_per_e: float | None = Field(None, ge=0)
     kind: Literal["a", "b"] = "a"
     on: bool = True
@@ -54,7 +56,9 @@ def test_other_kinds() -> None:
 def test_every_parameter_of_extraction_can_be_shown() -> None:
     """Each has help and a title; numbers a range that holds the default; the basic ones are few."""
     controls = [p for g in panel(ExtractionConfig) for p in g["parameters"]]
-    assert {p["key"] for p in controls} == set(keys(ExtractionConfig().model_dump()))
+    every = set(keys(ExtractionConfig().model_dump()))
+    assert {p["key"] for p in controls} == {key for key in every if key.split(".")[0] not in FILE_ONLY}
+    assert set(SLIDERS) == {p["key"] for p in controls}
     for p in controls:
         assert p["help"], p["key"]
         assert p["title"], p["key"]
@@ -62,6 +66,19 @@ def test_every_parameter_of_extraction_can_be_shown() -> None:
             assert p["min"] < p["max"], p["key"]
             assert p["default"] is None or p["min"] <= p["default"] <= p["max"], p["key"]
     assert 4 <= sum(p["level"] == "basic" for p in controls) <= len(controls) / 2
+
+
+def test_tables_of_the_file_alone_are_those_of_the_model() -> None:
+    assert set(FILE_ONLY) <= set(ExtractionConfig.model_fields)
+
+
+def test_a_slider_is_narrower_than_the_model() -> None:
+    """Its ends are settings that the model takes; that they are useful ones is not proved."""
+    for key, slider in SLIDERS.items():
+        for end in (slider.low, slider.high):
+            if end is not None:
+                table, name = key.split(".")
+                ExtractionConfig.model_validate({table: {name: end}})
 
 
 def keys(table: dict[str, object], prefix: str = "") -> list[str]:
@@ -83,6 +100,8 @@ def test_the_hash_is_that_of_the_text() -> None:
     [
         ('{"detect": {"threshold": -1}}', "detect.threshold"),
         ('{"detect": {"treshold": 5}}', "detect.treshold"),
+        ('{"detect": {"threshold": NaN}}', "detect.threshold"),
+        ('{"detect": {"max_length_mm": Infinity}}', "detect.max_length_mm"),
         ('{"detect": {"threshold": "high"}}', "detect.threshold"),
         ('{"localise": {"method": "magic"}}', "localise.method"),
         ("nonsense", "parameters"),

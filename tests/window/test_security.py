@@ -11,9 +11,10 @@ from typing import Any
 import pytest
 
 from geometry import InputError
+from workbench.cell.image_set import ImageRequest
 from workbench.window import settings
 from workbench.window.app import make_app
-from workbench.window.opening import Request, open_session
+from workbench.window.opening import open_session
 from workbench.window.security import MAX_BODY_BYTES, Gate
 from workbench.window.serve import bind
 from workbench.window.session import Session
@@ -77,7 +78,7 @@ class Client:
 @pytest.fixture(scope="module")
 def client(cell_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Client:
     out = tmp_path_factory.mktemp("out")
-    return Client(Gate(make_app(Session(open_session(Request((cell_folder,), out=out)))), TOKEN, PORT))
+    return Client(Gate(make_app(Session(open_session(ImageRequest((cell_folder,), out=out)))), TOKEN, PORT))
 
 
 def test_the_page_itself_is_served_with_its_policy(client: Client) -> None:
@@ -231,7 +232,7 @@ def test_an_image_that_links_out_of_the_folder_is_refused(cell_folder: Path, tmp
     folder = tmp_path / "opened"
     (folder / "images").mkdir(parents=True)
     (folder / "images" / "a.png").symlink_to(cell_folder / "images" / "000.png")
-    session = Session(open_session(Request((folder / "images",), sensor=cell_folder / "sensor.toml")))
+    session = Session(open_session(ImageRequest((folder / "images",), sensor=cell_folder / "sensor.toml")))
     client = Client(Gate(make_app(session), TOKEN, PORT))
     status, _, body = client.ask(f"/{TOKEN}/api/image/0")
     assert status == 410
@@ -240,7 +241,7 @@ def test_an_image_that_links_out_of_the_folder_is_refused(cell_folder: Path, tmp
 
 def test_the_dataset_s_own_files_are_not_overwritten(cell_folder: Path, tmp_path: Path) -> None:
     (tmp_path / "cell.toml").write_bytes((cell_folder / "cell.toml").read_bytes())
-    session = Session(open_session(Request((cell_folder,), out=tmp_path)))
+    session = Session(open_session(ImageRequest((cell_folder,), out=tmp_path)))
     client = Client(Gate(make_app(session), TOKEN, PORT))
     status, answer = client.post("save", {"name": "cell.toml", "config": "{}", "overwrite": True})
     assert status == 422

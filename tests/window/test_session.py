@@ -13,13 +13,14 @@ import pytest
 
 from extraction import ExtractionConfig, extract
 from geometry import InputError
+from workbench.cell.image_set import ImageRequest
+from workbench.compare import summarise
 from workbench.files import read_cell, read_image
 from workbench.window.engine import badge
-from workbench.window.opening import Request, open_session
+from workbench.window.opening import open_session
 from workbench.window.parameters import parse
 from workbench.window.session import Session
 from workbench.window.survey import Survey
-from workbench.window.truth import summarise
 
 ATOL_PX = 1e-9
 DEFAULTS = ExtractionConfig().model_dump_json()
@@ -28,7 +29,7 @@ BLIND = '{"detect": {"min_height_dn": 100000.0}}'
 
 @pytest.fixture
 def session(cell_folder: Path, tmp_path: Path) -> Session:
-    return Session(open_session(Request((cell_folder,), out=tmp_path)))
+    return Session(open_session(ImageRequest((cell_folder,), out=tmp_path)))
 
 
 def surveyed(session: Session, text: str, epoch: int, seconds: float = 120.0) -> dict[str, object]:
@@ -79,7 +80,7 @@ def test_truth_tells_a_loss(session: Session) -> None:
     blind = session.comparison(session.outcome(0, parse(ExtractionConfig, BLIND)))
     assert good is not None
     assert blind is not None
-    seen, lost = summarise([good], True), summarise([blind], True)
+    seen, lost = summarise([good]), summarise([blind])
     assert seen.found == seen.visible > 0
     assert seen.rms_mm < 0.2
     assert lost.found == 0
@@ -127,7 +128,7 @@ def bad_folder(cell_folder: Path, tmp_path: Path) -> Path:
 def test_bad_images_are_said_and_the_rest_goes_on(cell_folder: Path, tmp_path: Path) -> None:
     folder = bad_folder(cell_folder, tmp_path)
     session = Session(
-        open_session(Request((folder,), sensor=cell_folder / "sensor.toml", jig=cell_folder / "jig.toml"))
+        open_session(ImageRequest((folder,), sensor=cell_folder / "sensor.toml", jig=cell_folder / "jig.toml"))
     )
     outcomes = [session.outcome(i, parse(ExtractionConfig, DEFAULTS)) for i in range(4)]
     strings = session.opened.engine.strings
@@ -140,7 +141,7 @@ def test_bad_images_are_said_and_the_rest_goes_on(cell_folder: Path, tmp_path: P
 
 def test_an_image_that_vanishes_is_said_and_can_come_back(cell_folder: Path, tmp_path: Path) -> None:
     folder = bad_folder(cell_folder, tmp_path)
-    session = Session(open_session(Request((folder,), sensor=cell_folder / "sensor.toml")))
+    session = Session(open_session(ImageRequest((folder,), sensor=cell_folder / "sensor.toml")))
     question = parse(ExtractionConfig, DEFAULTS)
     assert not session.outcome(0, question).error
     content = (folder / "a.png").read_bytes()
@@ -152,7 +153,7 @@ def test_an_image_that_vanishes_is_said_and_can_come_back(cell_folder: Path, tmp
 
 def test_a_changed_image_is_read_anew(cell_folder: Path, tmp_path: Path) -> None:
     folder = bad_folder(cell_folder, tmp_path)
-    session = Session(open_session(Request((folder,), sensor=cell_folder / "sensor.toml")))
+    session = Session(open_session(ImageRequest((folder,), sensor=cell_folder / "sensor.toml")))
     question = parse(ExtractionConfig, DEFAULTS)
     before = session.outcome(0, question)
     shutil.copy(cell_folder / "images" / "009.png", folder / "a.png")
@@ -168,18 +169,18 @@ def test_a_folder_without_images(cell_folder: Path, tmp_path: Path, make: bool, 
     if make:
         folder.mkdir()
     with pytest.raises(InputError, match=match):
-        open_session(Request((folder,), sensor=cell_folder / "sensor.toml"))
+        open_session(ImageRequest((folder,), sensor=cell_folder / "sensor.toml"))
 
 
 def test_bare_images_need_a_sensor(cell_folder: Path) -> None:
     with pytest.raises(InputError, match="--sensor"):
-        open_session(Request((cell_folder / "images",)))
+        open_session(ImageRequest((cell_folder / "images",)))
 
 
 def test_the_command_quotes_what_a_shell_would_read(cell_folder: Path, tmp_path: Path) -> None:
     odd = tmp_path / "two words; $(reboot)"
     odd.mkdir()
-    opened = open_session(Request((cell_folder,), out=odd))
+    opened = open_session(ImageRequest((cell_folder,), out=odd))
     assert f"'{odd}/my set.toml'" in opened.command("my set.toml")
 
 

@@ -11,14 +11,14 @@ import pytest
 
 from extraction import ExtractionConfig
 from geometry import InputError
+from workbench.cell.image_set import ImageRequest, open_images
 from workbench.cli.main import run
 from workbench.files.settings_file import read_settings
+from workbench.tune.cost import MISS_MM, FrameCost, total
 from workbench.tune.judge import judge
-from workbench.tune.score import MISS_MM, FrameScore, total
 from workbench.tune.search import search
 from workbench.tune.space import space, values_of, with_values
 from workbench.tune.task import Task, make_task, split
-from workbench.window.opening import Request, open_session
 
 pytest.importorskip("optuna", reason="optuna is not installed")
 
@@ -32,7 +32,7 @@ def task(cell_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Task:
     shutil.copytree(cell_folder, folder)
     lines = (folder / "frames.csv").read_text().splitlines()
     (folder / "frames.csv").write_text("\n".join([lines[0], *lines[1::2]][:13]) + "\n")
-    return make_task(open_session(Request((folder,))), seed=1)
+    return make_task(open_images(ImageRequest((folder,))), seed=1)
 
 
 def told(*_: object) -> None:
@@ -59,9 +59,9 @@ def test_the_split_is_even_at_every_location() -> None:
 
 
 def test_loss_is_the_rms_and_a_miss_costs_its_price() -> None:
-    good = FrameScore(cost_mm2=5 * 0.02**2, wanted=5, square_mm2=5 * 0.02**2, measured=5, missed=0, false=0)
+    good = FrameCost(cost_mm2=5 * 0.02**2, wanted=5, square_mm2=5 * 0.02**2, measured=5, missed=0, false=0)
     np.testing.assert_allclose([total([good]).loss_mm, total([good]).rms_mm], 0.02, rtol=1e-12)
-    lost = FrameScore(cost_mm2=5 * MISS_MM**2, wanted=5, square_mm2=0, measured=0, missed=5, false=0)
+    lost = FrameCost(cost_mm2=5 * MISS_MM**2, wanted=5, square_mm2=0, measured=0, missed=5, false=0)
     both = total([good, lost])
     assert both.missed == 5
     np.testing.assert_allclose(both.loss_mm, np.sqrt((0.02**2 + MISS_MM**2) / 2), rtol=1e-12)
@@ -75,7 +75,7 @@ def test_blind_settings_cost_every_point(task: Task) -> None:
 
 def test_consistency_needs_no_truth(task: Task) -> None:
     """The jig's own geometry ranks good settings before blind ones, and its figure is of the size of the noise."""
-    blind_task = replace(task, opened=replace(task.opened, truth={}))
+    blind_task = replace(task, source=replace(task.source, truth={}))
     good, bad = (total(blind_task.scores(task.train, c)) for c in (ExtractionConfig(), BLIND))
     assert 0.0 < good.rms_mm < 0.2
     assert good.loss_mm < bad.loss_mm
@@ -116,20 +116,20 @@ def test_too_few_images(cell_folder: Path, tmp_path: Path) -> None:
     folder.mkdir()
     for i in range(3):
         shutil.copy(cell_folder / "images" / f"00{i}.png", folder)
-    request = Request((folder,), sensor=cell_folder / "sensor.toml", jig=cell_folder / "jig.toml")
+    request = ImageRequest((folder,), sensor=cell_folder / "sensor.toml", jig=cell_folder / "jig.toml")
     with pytest.raises(InputError, match="at least 4"):
-        make_task(open_session(request), 0)
+        make_task(open_images(request), 0)
 
 
 def test_bare_images_need_a_jig_to_search(cell_folder: Path) -> None:
     with pytest.raises(InputError, match="--jig"):
-        make_task(open_session(Request((cell_folder / "images",), sensor=cell_folder / "sensor.toml")), 0)
+        make_task(open_images(ImageRequest((cell_folder / "images",), sensor=cell_folder / "sensor.toml")), 0)
 
 
 def test_the_command_prints_its_judgement_and_saves(
     task: Task, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    folder = task.opened.pictures.root
+    folder = task.source.pictures.root
     assert run(["tune", str(folder), "--auto", "2", "--out", str(tmp_path)]) == 0
     printed = capsys.readouterr().out
     assert "2 trials" in printed

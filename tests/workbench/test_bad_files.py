@@ -90,6 +90,19 @@ CASES: dict[str, tuple[Callable[[Path], object], tuple[str, ...]]] = {
     "frame twice": (_cell(5, 0, "0"), ("frames.csv, line 5", "frame 0", "line 2")),
     "frame is no number": (_cell(2, 0, "1.5"), ("frames.csv, line 2", "frame", "whole number")),
     "spelling of a location": (_cell(3, 2, "a"), ("frames.csv, line 3", '"a"', '"A"')),
+    "jig and target": (
+        _edit("cell.toml", 'jig = "jig.toml"', 'jig = "jig.toml"\ntarget = "jig.toml"'),
+        ("cell.toml, line", "keep one of them"),
+    ),
+    "no jig": (_edit("cell.toml", 'jig = "jig.toml"', ""), ("cell.toml", "the key jig is missing")),
+    "target without kind": (
+        _edit("cell.toml", 'jig = "jig.toml"', 'target = "jig.toml"'),
+        ("jig.toml", "the key kind is missing"),
+    ),
+    "target of another kind": (
+        _edit("jig.toml", "side_mm", 'kind = "sphere"\nside_mm'),
+        ("jig.toml, line", 'kind = "sphere"', "not read yet"),
+    ),
     "no rows": (_frames(lambda lines: lines.__delitem__(slice(1, None))), ("frames.csv", "no frames")),
 }
 

@@ -157,7 +157,7 @@ def test_hand_poses_stand_in_place_of_joints(cli: Cli, dataset: Path) -> None:
     cell = read_cell(dataset)
     lines = ["frame,image,location,role,x_mm,y_mm,z_mm,qw,qx,qy,qz"]
     for row in cell.frames:
-        pose = cell.robot.hand_pose(row.joints_rad)
+        pose = cell.robot.pose(row.joints_rad)
         numbers = ",".join(f"{v:.9g}" for v in [*pose.t, *quaternion_wxyz(pose.R)])
         lines.append(f"{row.frame},{row.image},{row.location},{row.role},{numbers}")
     (dataset / "frames.csv").write_text("\n".join(lines) + "\n")

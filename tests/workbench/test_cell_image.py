@@ -74,7 +74,7 @@ def test_without_a_used_frame_there_is_no_picture(dataset: Path) -> None:
 
 
 def test_doctor_says_how_to_get_opengl(monkeypatch: pytest.MonkeyPatch) -> None:
-    import perceptron_emu.gl as gl
+    import perceptron_emu.gl.context as gl
 
     monkeypatch.setattr(gl, "_renderer", gl.load_pyrender)  # the one renderer of this process stays as it is
     monkeypatch.setattr(gl, "LIBRARIES", {"egl": "libNone.so", "osmesa": "libNone.so"})

@@ -35,7 +35,7 @@ def test_an_arm_in_the_jig_is_found() -> None:
     """The jig put at the hand's place is hit, the same jig two metres off is not."""
     robot = find_robot("abb_irb6640_180_255")
     q = np.deg2rad([[10.0, 20.0, 10.0, 5.0, 40.0, 0.0]])
-    hand, mounted = robot.hand_pose(q)[0], Pose(np.eye(3), np.array([0.0, 0.0, 117.0]))
+    hand, mounted = robot.pose(q)[0], Pose(np.eye(3), np.array([0.0, 0.0, 117.0]))
     jig = Jig.nominal()
     assert not arm_clears(robot, q, mounted, hand, jig)[0]
     assert arm_clears(robot, q, mounted, Pose(hand.R, hand.t + np.array([2000.0, 0, 0])), jig)[0]

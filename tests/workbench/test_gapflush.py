@@ -13,7 +13,7 @@ from assets import path as asset
 from extraction import extract_profile, measure_gap_flush
 from geometry import Pose
 from perceptron_emu import EmulatorConfig, Scene, render
-from perceptron_emu.panels import PanelPair, random_panels
+from perceptron_emu.solids import PanelPair, random_panels
 from tests.workbench.helpers import Cli
 from workbench.files import read_sensor, write_png
 

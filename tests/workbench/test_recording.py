@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from geometry import Arm, Compliance, Compliant, DhRobot, Pose
 from tests.workbench.helpers import Cli, edit
-from workbench.files import read_cell, write_cell
+from workbench.emulate.recipe import recipe_name
+from workbench.files import read_cell, read_robot, write_cell
 
 SMALL = ("--per-location", 1, "--seed", 5)
 
@@ -39,6 +43,52 @@ def test_same_seed_same_bytes_and_resumes(cli: Cli, plan: Path, tmp_path: Path) 
     views = first / "frames.csv"
     assert cli("render", plan, "--out", other, "--joints", views, "--seed", 6).code == 0
     assert _digest(other)["images/000.png"] != whole["images/000.png"]
+
+
+def test_a_changed_robot_is_recorded_anew(cli: Cli, plan: Path, tmp_path: Path) -> None:
+    """A β that was not there before, the same readings and the same seed: no image of the old arm is kept."""
+    for name in ("sensor.toml", "jig.toml", "robot.toml", "frames.csv", "cell.toml"):
+        (tmp_path / name).write_bytes((plan / name).read_bytes())
+    resumed, fresh = tmp_path / "resumed", tmp_path / "fresh"
+    assert cli("render", tmp_path, "--out", resumed, *SMALL).code == 0
+    before, views = _digest(resumed), tmp_path / "views.csv"
+    views.write_bytes((resumed / "frames.csv").read_bytes())
+    edit(tmp_path / "robot.toml", "min_deg = -170.0", "beta_deg = 0.05\nmin_deg = -170.0")
+    for out in (resumed, fresh):
+        assert cli("render", tmp_path, "--out", out, "--joints", views, "--seed", 5).code == 0
+    assert _digest(resumed) == _digest(fresh)
+    assert _digest(resumed)["images/000.png"] != before["images/000.png"]
+    dh = json.loads((resumed / "truth.json").read_text())["dh"]
+    assert dh[0]["beta_deg"] == pytest.approx(0.05, abs=1e-9)
+
+
+CHANGES: dict[str, Callable[[DhRobot], Arm]] = {
+    "beta": lambda r: r.with_changes(beta=1e-3 * np.eye(6)[1]),
+    "sign": lambda r: replace(r, sign=r.sign * [1, 1, 1, -1, 1, 1]),
+    "coupling": lambda r: replace(r, coupling=np.eye(6)[[0, 1, 2, 3, 5, 4]]),
+    "convention": lambda r: replace(r, convention="modified"),
+    "hand": lambda r: replace(r, T_last_hand=Pose.exp([0, 0, 1e-3, 0, 0, 0])),
+    "compliance": lambda r: Compliant(r),
+    "masses": lambda r: Compliant(r, Compliance(payload_kg=1.0)),
+}
+
+
+def test_a_recipe_holds_the_whole_robot(plan: Path) -> None:
+    robot = read_robot(plan / "robot.toml")
+    names = {recipe_name(robot), *(recipe_name(change(robot)) for change in CHANGES.values())}
+    assert len(names) == 1 + len(CHANGES)
+    assert recipe_name(read_robot(plan / "robot.toml")) == recipe_name(robot)
+
+
+def test_last_bits_are_no_part_of_a_recipe(plan: Path) -> None:
+    """What another processor computes; the digits above are."""
+    robot = read_robot(plan / "robot.toml")
+    bits = replace(robot, d=np.nextafter(robot.d, np.inf), T_last_hand=Pose.exp(np.full(6, -1e-17)))
+    assert recipe_name(bits) == recipe_name(robot)
+    assert recipe_name(replace(robot, d=robot.d * (1 + 1e-10))) != recipe_name(robot)
+    assert recipe_name(0.1 + 0.2, -0.0, np.array([1.0])) == recipe_name(0.3, 0.0, np.array([np.nextafter(1.0, 0.0)]))
+    with pytest.raises(TypeError, match="a recipe can not hold object"):
+        recipe_name(object())
 
 
 def test_all_strings_are_visible_where_planned(recording: Path) -> None:

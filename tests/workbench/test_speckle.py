@@ -7,8 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from extraction import ExtractionConfig, NoiseConfig
-from extraction.spots import GRAINS_PX
+from extraction import MAX_GRAIN_PX, ExtractionConfig, SpotNoiseConfig
 from geometry import Sensor
 from workbench.cell.presets import find_emulator, find_sensor
 from workbench.cell.speckle import dataset_config, frames_to_learn, with_known_grain
@@ -40,13 +39,13 @@ def test_optics_that_a_file_does_not_state_are_not_assumed(tmp_path: Path, line:
 
 
 def test_a_given_grain_is_kept() -> None:
-    given = ExtractionConfig(noise=NoiseConfig(speckle_grain_px=0.9))
+    given = ExtractionConfig(noise=SpotNoiseConfig(speckle_grain_px=0.9))
     assert with_known_grain(find_sensor("nominal"), given) == given
 
 
 def test_a_coarse_grain_ends_where_pixels_can_not_tell(tmp_path: Path) -> None:
     sensor = _sensor(tmp_path, "f_number = 4.0", "f_number = 32.0")
-    assert with_known_grain(sensor, ExtractionConfig()).noise.speckle_grain_px == GRAINS_PX[-1]
+    assert with_known_grain(sensor, ExtractionConfig()).noise.speckle_grain_px == MAX_GRAIN_PX
 
 
 def test_what_the_optics_do_not_say_is_learnt(recording: Path) -> None:

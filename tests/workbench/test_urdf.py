@@ -8,8 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pytransform3d.urdf import UrdfTransformManager
 
-from geometry import InputError, Pose
-from geometry.robot import robot_from_axes
+from geometry import PARAMETERS, InputError, Pose, robot_from_axes
 from workbench.files.robot_file import read_robot
 from workbench.files.urdf import read_urdf
 from workbench.files.urdf_write import write_urdf
@@ -113,8 +112,8 @@ def test_arms_of_six_and_seven_joints_are_read_exactly(tmp_path: Path, spec: Spe
     assert robot.n_joints == joints
     q = np.random.default_rng(1).uniform(-2.5, 2.7, (200, joints))
     for row in q:
-        np.testing.assert_allclose(robot.hand_pose(row).matrix[:3, 3], chain(spec, row)[:3, 3], rtol=0, atol=ATOL_MM)
-        np.testing.assert_allclose(robot.hand_pose(row).R, chain(spec, row)[:3, :3], rtol=0, atol=ATOL_ROTATION)
+        np.testing.assert_allclose(robot.pose(row).matrix[:3, 3], chain(spec, row)[:3, 3], rtol=0, atol=ATOL_MM)
+        np.testing.assert_allclose(robot.pose(row).R, chain(spec, row)[:3, :3], rtol=0, atol=ATOL_ROTATION)
 
 
 def test_limits_and_plain_rows_come_out_as_written(tmp_path: Path) -> None:
@@ -141,7 +140,7 @@ def test_any_chain_of_axes_is_held_by_a_table(seed: int, joints: int) -> None:
     robot = robot_from_axes(np.array(frames), np.array(axes), Pose.from_matrix(here))
     assert np.abs(robot.d).max() < 1e5  # nothing runs away where axes are nearly parallel
     for q in rng.uniform(-3, 3, (4, joints)):
-        np.testing.assert_allclose(robot.hand_pose(q).matrix, chain(spec, q), rtol=0, atol=1e-7)
+        np.testing.assert_allclose(robot.pose(q).matrix, chain(spec, q), rtol=0, atol=1e-7)
 
 
 def test_an_independent_urdf_reader_agrees(tmp_path: Path) -> None:
@@ -153,8 +152,8 @@ def test_an_independent_urdf_reader_agrees(tmp_path: Path) -> None:
     for name, value in zip(names, q, strict=True):
         manager.set_joint(name, value)
     theirs = manager.get_transform("L9", "L0")
-    np.testing.assert_allclose(robot.hand_pose(q).R, theirs[:3, :3], rtol=0, atol=1e-9)
-    np.testing.assert_allclose(robot.hand_pose(q).t, theirs[:3, 3] * 1000, rtol=0, atol=1e-6)
+    np.testing.assert_allclose(robot.pose(q).R, theirs[:3, :3], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(robot.pose(q).t, theirs[:3, 3] * 1000, rtol=0, atol=1e-6)
 
 
 @pytest.mark.parametrize(("spec", "tip"), [(SIX, "L9"), (SIX, "L8"), (SEVEN, "L8"), (SEVEN, "L7")])
@@ -163,13 +162,14 @@ def test_a_corrected_arm_is_written_back_exactly(tmp_path: Path, spec: Spec, tip
     path = write(tmp_path, urdf_text(spec, '<link name="camera"/><!-- kept link -->'))
     nominal, rng = read_urdf(path, "L0", tip), np.random.default_rng(4)
     scale = np.array([[1e-3], [0.3], [0.3], [1e-3], [1e-4]])
-    corrected = nominal.corrected(scale * rng.normal(size=(5, nominal.n_joints)))
+    errors = scale * rng.normal(size=(5, nominal.n_joints))
+    corrected = nominal.with_changes(**dict(zip(PARAMETERS, errors, strict=True)))
     target = tmp_path / "out" / "corrected.urdf"
     write_urdf(path, "L0", tip, corrected, target)
     again = read_urdf(target, "L0", tip)
     q = rng.uniform(-2.5, 2.5, (50, nominal.n_joints))
-    np.testing.assert_allclose(again.hand_pose(q).matrix, corrected.hand_pose(q).matrix, rtol=0, atol=1e-7)
-    assert np.abs(again.hand_pose(q).t - nominal.hand_pose(q).t).max() > 0.1
+    np.testing.assert_allclose(again.pose(q).matrix, corrected.pose(q).matrix, rtol=0, atol=1e-7)
+    assert np.abs(again.pose(q).t - nominal.pose(q).t).max() > 0.1
     assert 'name="camera"' in target.read_text()
 
 
@@ -190,7 +190,7 @@ def test_a_robot_toml_may_name_a_urdf(tmp_path: Path) -> None:
     robot = read_robot(tmp_path / "robot.toml")
     assert robot.n_joints == 7
     assert robot.uncertainty.d_sigma_mm == 0.3
-    np.testing.assert_allclose(robot.hand_pose(np.zeros(7)).t, [88, 0, 333 + 316 + 384 - 107], rtol=0, atol=1e-5)
+    np.testing.assert_allclose(robot.pose(np.zeros(7)).t, [88, 0, 333 + 316 + 384 - 107], rtol=0, atol=1e-5)
 
 
 LOOP = SIX[:2]

@@ -12,14 +12,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import NoAnswerError, Pose, RobotModel, RobotUncertainty, Sensor
+from geometry import TYPICAL_SIGMA, Arm, DhRobot, NoAnswerError, Pose, RobotUncertainty, Sensor
+from geometry.ties import first_most
 from jig_cad import DEFAULT_STRINGS, STRINGS, Jig
-from perceptron_emu import EmulatorConfig
-from perceptron_emu.scene_file import Surroundings
+from perceptron_emu import EmulatorConfig, Surroundings
 from workbench.campaign.settings import JigPart, PosesPart, RobotPart, TrialSettings
-from workbench.cell.presets import find_emulator, find_robot, find_sensor
+from workbench.cell.presets import DESIGN_SCP, find_emulator, find_robot, find_sensor
 from workbench.cell.surroundings import jig_bodies, sees_all_strings, wall_behind
-from workbench.emulate.experiment import DESIGN
 from workbench.emulate.record import Configuration, TrueCell, with_joint_noise
 from workbench.emulate.truth import NOTHING, Errors, draw_truth
 from workbench.files import Cell
@@ -33,6 +32,7 @@ VERIFY = "verify"
 _UPRIGHT = np.array([[0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]])  # pillar up, its back away from the robot
 _PLACE_TRIES = 12
 PLANNED_DIAMETER_MM = 0.3
+SAME_COSINE = 1e-6
 _SHARED = 4096  # plans of configurations that a worker remembers, a few kilobytes each
 
 
@@ -53,7 +53,7 @@ def emulated_cell(settings: TrialSettings, rng: np.random.Generator, *, one_view
     places = shared_plan(settings, int(rng.integers(settings.poses.plans)))
     jig, robot, sensor = nominal_jig(settings.jig), nominal_robot(settings.robot), nominal_sensor(settings)
     where = {p.location: p.T_base_jig for p in places}
-    cell = Cell(Path(), sensor, jig, robot, (), Pose.from_fixed_xyz_deg(*DESIGN), T_base_jig=where)
+    cell = Cell(Path(), sensor, jig, robot, (), DESIGN_SCP, T_base_jig=where)
     cell = replace(cell, emulator=nominal_emulator(settings))
     errors = Errors(settings.sensor.mount_error_deg, settings.sensor.mount_error_mm)
     true = draw_truth(cell, errors, rng, _around(jig, clutter=settings.clutter))
@@ -104,9 +104,8 @@ def _planned(
     rng = np.random.default_rng(np.random.SeedSequence(plan, spawn_key=(77,)))
     solids = (*jig_bodies(jig), *_around(jig, clutter=clutter).standing_in("jig"))
     limits = ViewLimits(tilt_deg=poses.tilt_max_deg, roll_deg=poses.roll_max_deg)
-    design = Pose.from_fixed_xyz_deg(*DESIGN)
     sees_all = sees_all_strings(model, jig, solids)
-    problem = ViewProblem(_robot_preset(robot), model, jig, Pose.identity(), design, limits, sees_all)
+    problem = ViewProblem(_robot_preset(robot), model, jig, Pose.identity(), DESIGN_SCP, limits, sees_all)
     wanted = [(_name(i), "calibrate", poses.per_location) for i in range(poses.locations)]
     wanted += [(VERIFY, "verify", poses.verify)] if poses.verify else []
     try:
@@ -129,14 +128,15 @@ def _place(problem: ViewProblem, count: int, rng: np.random.Generator) -> tuple[
 
 def _upright_first(views: Views) -> Views:
     """The views with one first that shows the jig upright: it decides between the two poses of the half turn."""
-    first = int(np.argmax(views.T_sensor_jig.R[:, 0, 0]))
+    first = first_most(views.T_sensor_jig.R[:, 0, 0], SAME_COSINE)
     order = np.r_[first, np.delete(np.arange(len(views.joints_rad)), first)]
     return views[order]
 
 
-def _random_place(robot: RobotModel, rng: np.random.Generator) -> Pose:
+def _random_place(robot: Arm, rng: np.random.Generator) -> Pose:
     """The jig upright before the arm: bearing ± 35°, 0.6 to 0.75 of the reach away, 0.25 to 0.4 of it high."""
-    reach = float(np.sum(np.hypot(robot.a, robot.d)[1:]))
+    table = robot.dh_part()
+    reach = float(np.sum(np.hypot(table.a, table.d)[1:]))
     bearing = np.deg2rad(rng.uniform(-35, 35))
     radius, height = reach * rng.uniform(0.6, 0.75), reach * rng.uniform(0.25, 0.4)
     turn = Pose.from_fixed_xyz_deg((0.0, 0.0, np.rad2deg(bearing) + rng.uniform(-8, 8)), (0.0, 0.0, 0.0))
@@ -152,16 +152,9 @@ def nominal_jig(part: JigPart) -> Jig:
 
 
 @lru_cache(maxsize=64)
-def nominal_robot(part: RobotPart) -> RobotModel:
+def nominal_robot(part: RobotPart) -> DhRobot:
     """The preset's table with the uncertainty that the settings give."""
-    scale = part.error_scale
-    uncertainty = RobotUncertainty(
-        joint_sigma_rad=float(np.deg2rad(part.joint_sigma_deg)),
-        theta_sigma_rad=scale * float(np.deg2rad(part.theta_sigma_deg)),
-        d_sigma_mm=scale * part.d_sigma_mm,
-        a_sigma_mm=scale * part.a_sigma_mm,
-        alpha_sigma_rad=scale * float(np.deg2rad(part.alpha_sigma_deg)),
-    )
+    uncertainty = RobotUncertainty.from_file({key: getattr(part, key) for key in TYPICAL_SIGMA}, part.error_scale)
     return replace(_robot_preset(part.preset), uncertainty=uncertainty)
 
 
@@ -195,7 +188,7 @@ def _around(jig: Jig, *, clutter: bool) -> Surroundings:
 
 
 @lru_cache(maxsize=16)
-def _robot_preset(name: str) -> RobotModel:
+def _robot_preset(name: str) -> DhRobot:
     return find_robot(name)
 
 

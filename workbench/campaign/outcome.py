@@ -15,20 +15,18 @@ from geometry import Pose
 from jig_cad import Jig
 from perceptron_emu import Frame
 from workbench.campaign.emulated import VERIFY, EmulatedCell
-from workbench.compare.match import FrameScore, score_frame
+from workbench.compare import Comparison, NamedPoints, Statistics, match, summarise, true_strings
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class FrameOutcome:
-    """One frame's labelled points (N) and its own pose."""
+class TrialFrame:
+    """One frame's labelled points and its own pose."""
 
     used: bool
     reason: str | None
-    label: tuple[str, ...]
-    uv_px: Array
-    yz_mm: Array
+    points: NamedPoints
     T_sensor_jig: Pose | None
 
 
@@ -36,7 +34,7 @@ class FrameOutcome:
 class Outcome:
     """All frames, and the calibration where one was run."""
 
-    frames: tuple[FrameOutcome, ...]
+    frames: tuple[TrialFrame, ...]
     result: CalibrationResult | None
 
 
@@ -46,29 +44,37 @@ def labelled_only(observations: Observations, jig: Jig, config: CalibConfig) -> 
     for frame in observations.frames:
         found = label_frame(frame.points, jig, observations.sensor, None, config)
         uv = frame.points.uv_px[found.axis.spot] if len(found.axis) else np.zeros((0, 2))
-        out.append(
-            FrameOutcome(found.reason is None, found.reason, found.axis.label, uv, found.axis.yz_mm, found.T_sensor_jig)
-        )
+        points = NamedPoints(found.axis.label, uv, found.axis.yz_mm)
+        out.append(TrialFrame(found.reason is None, found.reason, points, found.T_sensor_jig))
     return Outcome(tuple(out), None)
 
 
 def calibrated(result: CalibrationResult) -> Outcome:
     """Every frame as calibration used it."""
     frames = tuple(
-        FrameOutcome(f.used, f.reason, f.points.label, f.points.uv_px, f.points.yz_mm, f.T_sensor_jig)
+        TrialFrame(f.used, f.reason, NamedPoints(f.points.label, f.points.uv_px, f.points.yz_mm), f.T_sensor_jig)
         for f in result.frames
     )
     return Outcome(frames, result)
 
 
-def frame_rows(emulated: EmulatedCell, frames: Sequence[Frame], outcome: Outcome) -> list[dict[str, Any]]:
-    """A row a frame; the rows' ``_score`` holds what the trial's row sums up."""
-    rows = []
+@dataclass(frozen=True, eq=False)
+class ScoredFrame:
+    """A frame's row of the table, and the comparison that the trial's row sums up."""
+
+    row: dict[str, Any]
+    compared: Comparison
+
+
+def score_frames(emulated: EmulatedCell, frames: Sequence[Frame], outcome: Outcome) -> list[ScoredFrame]:
+    """Every frame against its truth."""
+    scored = []
     for configuration, frame, answer in zip(emulated.configurations, frames, outcome.frames, strict=True):
         truth = frame.truth
         true_pose = truth.T_sensor_jig or Pose.identity()
         found = answer if outcome.result is not None else _as_turned(answer, true_pose, emulated.cell.jig)
-        score = score_frame(truth.strings, found.label, found.uv_px, found.yz_mm)
+        compared = match(true_strings(truth.strings), found.points, labelled=True)
+        figures = summarise([compared])
         row: dict[str, Any] = {
             "frame": configuration.frame,
             "location": configuration.location,
@@ -78,17 +84,16 @@ def frame_rows(emulated: EmulatedCell, frames: Sequence[Frame], outcome: Outcome
             "joints_deg": np.rad2deg(configuration.reading_rad).tolist(),
             "T_sensor_jig_true": true_pose.matrix.ravel().tolist(),
             "tilt_deg": _tilt_deg(true_pose),
-            "visible": score.visible,
-            "found": score.found,
-            "false_points": score.false,
-            "mislabelled": score.mislabelled,
-            "_score": score,
+            "visible": figures.visible,
+            "found": figures.found,
+            "false_points": figures.false,
+            "mislabelled": figures.mislabelled,
         }
-        rows.append(row | _errors(score) | _pose_error(found.T_sensor_jig, true_pose))
-    return rows
+        scored.append(ScoredFrame(row | _errors(figures) | _pose_error(found.T_sensor_jig, true_pose), compared))
+    return scored
 
 
-def _as_turned(found: FrameOutcome, true_pose: Pose, jig: Jig) -> FrameOutcome:
+def _as_turned(found: TrialFrame, true_pose: Pose, jig: Jig) -> TrialFrame:
     """A frame labelled by itself, named as its truth is: points alone can never tell the jig's symmetries."""
     if found.T_sensor_jig is None:
         return found
@@ -97,14 +102,14 @@ def _as_turned(found: FrameOutcome, true_pose: Pose, jig: Jig) -> FrameOutcome:
         turned = found.T_sensor_jig @ turn.pose
         near = float(np.sum(turned.R * true_pose.R))  # grows with the cosine of the angle between them
         if near > nearest:
-            label = tuple(turn.relabelled(n) for n in found.label)
-            best, nearest = replace(found, label=label, T_sensor_jig=turned), near
+            renamed = replace(found.points, label=tuple(turn.relabelled(n) for n in found.points.label))
+            best, nearest = replace(found, points=renamed, T_sensor_jig=turned), near
     return best
 
 
-def trial_row(emulated: EmulatedCell, rows: Sequence[dict[str, Any]], outcome: Outcome) -> dict[str, Any]:
+def trial_row(emulated: EmulatedCell, scored: Sequence[ScoredFrame], outcome: Outcome) -> dict[str, Any]:
     """The trial's row: sums over frames, and the calibration against the true SCP."""
-    errors = np.concatenate([r["_score"].error_mm for r in rows]) if rows else np.zeros((0, 2))
+    rows = [s.row for s in scored]
     row: dict[str, Any] = {
         "frames_used": sum(r["used"] for r in rows),
         "spots_visible": sum(r["visible"] for r in rows),
@@ -116,10 +121,7 @@ def trial_row(emulated: EmulatedCell, rows: Sequence[dict[str, Any]], outcome: O
         "pose_rms_deg": _rms([r["pose_error_deg"] for r in rows]),
         "T_hand_sensor_true": emulated.true.T_hand_sensor.matrix.ravel().tolist(),
     }
-    if len(errors):
-        bias, rms = errors.mean(axis=0), np.sqrt(np.mean(errors**2, axis=0))
-        row |= {"point_bias_y_mm": bias[0], "point_bias_z_mm": bias[1]}
-        row |= {"point_rms_y_mm": rms[0], "point_rms_z_mm": rms[1]}
+    row |= {f"point_{name}": value for name, value in _errors(summarise(s.compared for s in scored)).items()}
     if outcome.result is None:
         return row | {"verdict": "ok" if row["frames_used"] == len(rows) else "not_labelled"}
     return row | _calibration(outcome.result, emulated.true.T_hand_sensor)
@@ -148,11 +150,12 @@ def _calibration(result: CalibrationResult, true: Pose) -> dict[str, Any]:
     }
 
 
-def _errors(score: FrameScore) -> dict[str, float]:
-    if not len(score.error_mm):
+def _errors(figures: Statistics) -> dict[str, float]:
+    """Bias and rms of the axis points; nothing where none was found."""
+    if not figures.found:
         return {}
-    bias, rms = score.error_mm.mean(axis=0), np.sqrt(np.mean(score.error_mm**2, axis=0))
-    return {"bias_y_mm": bias[0], "bias_z_mm": bias[1], "rms_y_mm": rms[0], "rms_z_mm": rms[1]}
+    (by, bz), (ry, rz) = figures.bias_mm, figures.rms_yz_mm
+    return {"bias_y_mm": by, "bias_z_mm": bz, "rms_y_mm": ry, "rms_z_mm": rz}
 
 
 def _pose_error(found: Pose | None, true: Pose) -> dict[str, float | None]:

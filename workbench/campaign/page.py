@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import base64
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +26,7 @@ from workbench.campaign.summary import (
 )
 from workbench.campaign.trial import one_trial_frame
 from workbench.files.atomic import write_text
+from workbench.report.page import png, render_page
 
 WORST = 4
 NO_BOUND = "∞"
@@ -41,13 +40,9 @@ ERRORS = {
 
 def write_page(folder: Path, target: Target, out: Path | None = None) -> Path:
     """Write the page of the run in ``folder`` (default report.html in it) and return its path."""
-    import jinja2
-
     run = read_run(folder)
-    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
-    template = environment.from_string((files("workbench.campaign") / "page.html.j2").read_text(encoding="utf-8"))
     path = out or folder / "report.html"
-    write_text(path, template.render(**_content(run, target)))
+    write_text(path, render_page("workbench.campaign", "page.html.j2", _content(run, target)))
     return path
 
 
@@ -148,11 +143,11 @@ def _how_bad(run: Run, trial: int) -> str:
 
 
 def _picture(image: Any) -> str:
-    """A small, brightened PNG as base64; a dark field where there is none."""
+    """A small, brightened picture for the page; a dark field where there is none."""
     if image is None:
         image = np.zeros((256, 320), np.uint8)
     low, high = np.median(image), max(float(np.quantile(image, 0.9995)), float(np.median(image)) + 8)
     bright = np.clip((image.astype(np.float32) - 0.6 * low) / (high - 0.6 * low), 0, 1) * 255
     kernel = np.ones((2, 2), np.uint8)  # spots of two pixels would vanish in the smaller picture
     small = cv2.resize(cv2.dilate(bright.astype(np.uint8), kernel), None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
-    return base64.b64encode(cv2.imencode(".png", small)[1].tobytes()).decode("ascii")
+    return png(small)

@@ -1,15 +1,16 @@
-"""Plots of a run as inline SVG."""
+"""Plots of a run as SVG, addresses that hold their data."""
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from workbench.campaign.summary import Group
+from workbench.report.page import new_figure, svg
 
 Array = NDArray[np.float64]
 
@@ -18,14 +19,13 @@ _BLUE, _ORANGE = "#2563a8", "#c2571a"
 
 
 def factor_plot(factor: str, groups: Sequence[Group], label: str, *, log: bool = False) -> str:
-    """Median and 95 % error against a factor, each with its confidence band; SVG text.
+    """Median and 95 % error against a factor, each with its confidence band.
 
     An open band ends at the plot's upper edge, dotted. log: equal ratios along the factor's axis.
     """
-    plt, figure, axes = _figure(5.2, 3.2)
+    figure, axes = _figure(5.2, 3.2)
     groups = [g for g in groups if g.answered]
     if not groups:
-        plt.close(figure)
         return ""
     numeric = all(g.centre is not None for g in groups)
     x = np.array([g.centre for g in groups], dtype=float) if numeric else np.arange(len(groups), dtype=float)
@@ -43,7 +43,7 @@ def factor_plot(factor: str, groups: Sequence[Group], label: str, *, log: bool =
     axes.set_ylabel(label)
     axes.set_ylim(0, top)
     axes.legend(frameon=False, ncols=2, loc="lower center", bbox_to_anchor=(0.5, 1.0))
-    return _svg(plt, figure)
+    return svg(figure)
 
 
 def _series(
@@ -68,35 +68,21 @@ def _series(
 
 
 def nees_plot(nees: Array) -> str:
-    """The trials' NEES against the χ² distribution of 6 degrees of freedom; SVG text."""
+    """The trials' NEES against the χ² distribution of 6 degrees of freedom."""
     from scipy.stats import chi2
 
-    plt, figure, axes = _figure(5.2, 3.0)
+    figure, axes = _figure(5.2, 3.0)
     top = float(max(20.0, np.quantile(nees, 0.99))) if len(nees) else 20.0
     axes.hist(np.clip(nees, 0, top), bins=40, range=(0, top), density=True, color=_BLUE, alpha=0.45, label="trials")
     x = np.linspace(0, top, 300)
     axes.plot(x, chi2.pdf(x, 6), color=_ORANGE, label="χ², 6 degrees of freedom")
     axes.set_xlabel("NEES of the SCP")
     axes.legend(frameon=False)
-    return _svg(plt, figure)
+    return svg(figure)
 
 
-def _figure(width: float, height: float) -> tuple[Any, Any, Any]:
-    import matplotlib as mpl
-
-    mpl.use("Agg")
-    mpl.rcParams["svg.hashsalt"] = "campaign"  # the same SVG for the same data
-    import matplotlib.pyplot as plt
-
-    figure, axes = plt.subplots(figsize=(width, height), layout="constrained")
+def _figure(width: float, height: float) -> tuple[Figure, Any]:
+    figure, axes = new_figure(width, height)
     axes.spines[["top", "right"]].set_visible(False)
     axes.grid(alpha=0.25)
-    return plt, figure, axes
-
-
-def _svg(plt: Any, figure: Any) -> str:
-    sink = io.StringIO()
-    figure.savefig(sink, format="svg", metadata={"Date": None})
-    plt.close(figure)
-    text = sink.getvalue()
-    return text[text.index("<svg") :]
+    return figure, axes

@@ -10,8 +10,9 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from calib import CalibConfig
 from extraction import ExtractionConfig
-from geometry import InputError
+from geometry import TYPICAL_SIGMA, InputError
 from perceptron_emu import EmulatorConfig
+from workbench import defaults
 
 
 class Part(BaseModel):
@@ -33,19 +34,19 @@ class JigPart(Part):
 class RobotPart(Part):
     """[robot]: the arm and the size of its errors (standard deviations)."""
 
-    preset: str = Field("abb_irb6640_180_255", description="a robot of the presets")
-    joint_sigma_deg: float = Field(0.003, ge=0)
-    theta_sigma_deg: float = Field(0.03, ge=0)
-    d_sigma_mm: float = Field(0.15, ge=0)
-    a_sigma_mm: float = Field(0.15, ge=0)
-    alpha_sigma_deg: float = Field(0.015, ge=0)
+    preset: str = Field(defaults.ROBOT, description="a robot of the presets")
+    joint_sigma_deg: float = Field(TYPICAL_SIGMA["joint_sigma_deg"], ge=0)
+    theta_sigma_deg: float = Field(TYPICAL_SIGMA["theta_sigma_deg"], ge=0)
+    d_sigma_mm: float = Field(TYPICAL_SIGMA["d_sigma_mm"], ge=0)
+    a_sigma_mm: float = Field(TYPICAL_SIGMA["a_sigma_mm"], ge=0)
+    alpha_sigma_deg: float = Field(TYPICAL_SIGMA["alpha_sigma_deg"], ge=0)
     error_scale: float = Field(1.0, ge=0, description="factor on the four σ of the table: 0.2 for a measured arm")
 
 
 class SensorPart(Part):
     """[sensor]: the sensor and how far its real mounting lies from the design."""
 
-    preset: str = Field("nominal", description="a sensor of the presets")
+    preset: str = Field(defaults.SENSOR, description="a sensor of the presets")
     mount_error_mm: float = Field(1.0, ge=0, description="σ of the SCP's translation about its design value")
     mount_error_deg: float = Field(1.5, ge=0, description="σ of the SCP's rotation about its design value")
 

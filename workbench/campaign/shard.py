@@ -59,7 +59,7 @@ def run_shard(plan: Plan, shard: int) -> ShardResult:
         trial = run_one(plan, number)
         key = {"trial": number, "point": number // plan.repeats, "repeat": number % plan.repeats}
         trials.append(key | {"seed": plan.seed} | point | dict(trial.row))
-        frames += [{"trial": number} | {k: v for k, v in row.items() if k != "_score"} for row in trial.frames]
+        frames += [{"trial": number} | row for row in trial.frames]
         timings.append({"trial": number} | dict(trial.timings))
         images |= {f"images/{number:08d}/{name}": data for name, data in trial.images.items()}
     tables = {

@@ -16,7 +16,7 @@ from extraction import extract
 from geometry import PerceptronEmuError, SurfacePoints
 from perceptron_emu import Frame, render
 from workbench.campaign.emulated import EmulatedCell, emulated_cell
-from workbench.campaign.outcome import Outcome, calibrated, frame_rows, labelled_only, trial_row
+from workbench.campaign.outcome import Outcome, calibrated, labelled_only, score_frames, trial_row
 from workbench.campaign.settings import TrialSettings
 from workbench.cell.speckle import dataset_config
 from workbench.emulate.record import Configuration, frame_scene
@@ -50,10 +50,10 @@ def run_trial(settings: TrialSettings, run: str, seed: np.random.SeedSequence, *
             outcome = _answer(observations, emulated, settings, run)
     except PerceptronEmuError as error:
         return Trial({"verdict": "no_answer", "message": str(error)}, timings=clock.seconds)
-    rows = frame_rows(emulated, frames, outcome)
+    scored = score_frames(emulated, frames, outcome)
     kept = zip(emulated.configurations, frames, strict=True) if keep_images else ()
     images = {image_name(c.frame): png(f) for c, f in kept}
-    return Trial(trial_row(emulated, rows, outcome), rows, clock.seconds, images)
+    return Trial(trial_row(emulated, scored, outcome), [s.row for s in scored], clock.seconds, images)
 
 
 def _answer(observations: Observations, emulated: EmulatedCell, settings: TrialSettings, run: str) -> Outcome:

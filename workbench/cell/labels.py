@@ -6,7 +6,8 @@ from calib import CalibConfig, CalibrationResult, Observations
 from calib.label.frame import label_frame
 from calib.label.location import label_location
 from calib.label.refine import LabelledFrame
-from geometry import AxisPoints, NoAnswerError, Sensor, SurfacePoints, stack_poses
+from calib.stations import hand_poses
+from geometry import AxisPoints, NoAnswerError, Pose, Sensor, SurfacePoints
 from jig_cad import Jig
 from workbench.cell.pipeline import Observed, solve
 from workbench.cell.points_table import FrameTable
@@ -38,6 +39,19 @@ def label_image(frame: int, image: str, points: SurfacePoints, jig: Jig, sensor:
     return _table(frame, image, points, label_frame(points, jig, sensor, None, CalibConfig()), None)
 
 
+def poses_in_sensor(cell: Cell, observed: Observed, result: CalibrationResult) -> dict[int, Pose]:
+    """T_sensor_jig by frame number through the solved robot chain; empty where the solution can not be trusted."""
+    solved = _trusted(result)
+    if solved is None or solved.T_hand_sensor is None:
+        return {}
+    places = {name: place.T_base_jig for name, place in solved.locations.items() if place.T_base_jig is not None}
+    frames = [f for f in observed.observations.frames if f.location in places]
+    if not frames:
+        return {}
+    hands = hand_poses(frames, solved.robot or cell.robot)
+    return {f.frame: (hands[i] @ solved.T_hand_sensor).inverse() @ places[f.location] for i, f in enumerate(frames)}
+
+
 def _solution(cell: Cell, observed: Observed, config: CalibConfig) -> CalibrationResult | None:
     try:
         return _trusted(solve(cell, observed, config))
@@ -56,13 +70,12 @@ def _label_one_location(
     if not frames:
         return {}
     robot = cell.robot if result is None or result.robot is None else result.robot
-    hands = [robot.hand_pose(f.joints_rad) if f.joints_rad is not None else f.T_base_hand for f in frames]
     scp = cell.T_hand_sensor_design if result is None or result.T_hand_sensor is None else result.T_hand_sensor
     solved = result.locations.get(location) if result is not None else None
     jig_pose = solved.T_base_jig if solved is not None else cell.T_base_jig.get(location)
     labelled = label_location(
         [f.points for f in frames],
-        stack_poses([pose for pose in hands if pose is not None]),
+        hand_poses(frames, robot),
         scp,
         cell.jig,
         observations.sensor,

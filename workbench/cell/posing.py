@@ -37,24 +37,27 @@ class FramePose:
 
 def frame_poses(points: Path, jig: str | None, sensor: str | None, frame: int | None) -> list[FramePose]:
     """The poses of every frame of the file, or of one."""
-    frames = read_points(points)
+    if not points.exists():
+        raise InputError(f"{points}: no such file")
+    the_jig = find_jig(jig or _beside(points, "jig.toml", "target.toml"))
+    frames = read_points(points, the_jig.strings)
     if not frames:
         raise InputError(f"{points}: holds no points")
     if frame is not None and frame not in frames:
         raise InputError(f"{points}: holds no frame {frame}; its frames are {min(frames)} … {max(frames)}")
-    the_jig = find_jig(jig or _beside(points, "jig.toml"))
     chosen = frames if frame is None else {frame: frames[frame]}
     needs_sensor = any(f.axis is None for f in chosen.values())
     model = find_sensor(sensor or _beside(points, "sensor.toml")) if needs_sensor else None
     return [_pose(number, given, the_jig, model) for number, given in sorted(chosen.items())]
 
 
-def _beside(points: Path, name: str) -> str:
-    path = points.parent / name
-    if not path.exists():
-        option = name.removesuffix(".toml")
-        raise InputError(f"{path}: no such file; give --{option} FILE or the name of a preset")
-    return str(path)
+def _beside(points: Path, *names: str) -> str:
+    """The first file of these names beside the points."""
+    for name in names:
+        if (points.parent / name).exists():
+            return str(points.parent / name)
+    option = names[0].removesuffix(".toml")
+    raise InputError(f"{points.parent / names[0]}: no such file; give --{option} FILE or the name of a preset")
 
 
 def _pose(frame: int, given: FramePoints, jig: Jig, sensor: Sensor | None) -> FramePose:

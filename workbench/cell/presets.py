@@ -5,10 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import assets
-from geometry import RobotModel, Sensor
+from calib.synthetic.cell import DESIGN
+from geometry import DhRobot, Sensor
 from jig_cad import Jig
 from perceptron_emu import EmulatorConfig
 from workbench.files import read_emulator, read_jig_file, read_robot, read_sensor
+
+DESIGN_SCP = DESIGN  # T_hand_sensor by design of the paper's Table 1: emulated cells and starters mount their sensor so
 
 
 def preset_path(kind: str, name: str) -> Path:
@@ -34,6 +37,6 @@ def find_emulator(name: str) -> EmulatorConfig:
     return read_emulator(preset_path("sensors", name))
 
 
-def find_robot(name: str) -> RobotModel:
+def find_robot(name: str) -> DhRobot:
     """A robot by file or preset."""
     return read_robot(preset_path("robots", name))

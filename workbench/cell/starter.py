@@ -7,11 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from geometry import InputError, Pose, RobotModel, Sensor
-from workbench.cell.presets import preset_path
+from geometry import DhRobot, InputError, Pose, Sensor, toml_value
+from workbench.cell.presets import DESIGN_SCP, preset_path
 from workbench.files import read_robot, read_sensor
 from workbench.files.atomic import write_text
-from workbench.files.sensor_file import toml_value
 
 REACH_OF_PLACES_MM = 2550.0  # the places below suit an arm of this reach; others get them in proportion
 PLACES = {
@@ -32,8 +31,8 @@ robot = "robot.toml"     # the arm's Denavit-Hartenberg table, or urdf = "arm.ur
 frames = "frames.csv"    # one row an image: location, role, joint readings in degrees
 
 [scp_initial]            # where the sensor sits on the hand by design: T_hand_sensor
-rotation_deg = [0.0, 0.0, 20.0]           # about fixed X, Y, Z: R = Rz Ry Rx
-translation_mm = [-17.0, -76.0, 117.0]
+rotation_deg = {rotation}           # about fixed X, Y, Z: R = Rz Ry Rx
+translation_mm = {translation}
 
 # Where the jig stands, T_base_jig in mm. Needed to emulate; for a recording leave these out, calibrate finds them.
 # role: "calibrate" places are solved with, "verify" places only check the solution.
@@ -59,7 +58,7 @@ def write_starter(folder: Path, robot: str, sensor: str, jig: str) -> None:
         raise InputError(f"{folder}: can not be written ({error.strerror})") from None
     columns = ",".join(["frame", "image", "location", "role", *(f"j{i + 1}_deg" for i in range(arm.n_joints))])
     write_text(folder / "frames.csv", FRAMES + columns + "\n")
-    write_text(folder / "cell.toml", CELL.format(name=toml_value(_name(arm, model))) + _locations(arm))
+    write_text(folder / "cell.toml", _cell_text(arm, model))
 
 
 def place_of_jig(origin_mm: tuple[float, float, float], turn_deg: float, scale: float = 1.0) -> Pose:
@@ -68,12 +67,18 @@ def place_of_jig(origin_mm: tuple[float, float, float], turn_deg: float, scale: 
     return Pose(turn.R @ _UPRIGHT, scale * np.array(origin_mm))
 
 
-def reach_mm(robot: RobotModel) -> float:
+def reach_mm(robot: DhRobot) -> float:
     """A rough reach of the arm: its links beyond the first joint's height, end to end."""
     return float(np.sum(np.abs(robot.a[1:])) + np.sum(np.abs(robot.d[1:])) + abs(robot.a[0]))
 
 
-def _locations(arm: RobotModel) -> str:
+def _cell_text(arm: DhRobot, sensor: Sensor) -> str:
+    rotation, translation = (np.round(v, 9) + 0.0 for v in (DESIGN_SCP.fixed_xyz_deg, DESIGN_SCP.t))
+    numbers = {"rotation": toml_value(rotation.tolist()), "translation": toml_value(translation.tolist())}
+    return CELL.format(name=toml_value(_name(arm, sensor)), **numbers) + _locations(arm)
+
+
+def _locations(arm: DhRobot) -> str:
     scale = min(1.0, reach_mm(arm) / REACH_OF_PLACES_MM)
     lines = []
     for name, (role, origin, turn) in PLACES.items():
@@ -82,5 +87,5 @@ def _locations(arm: RobotModel) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _name(arm: RobotModel, sensor: Sensor) -> str:
+def _name(arm: DhRobot, sensor: Sensor) -> str:
     return f"{sensor.name or 'sensor'} on {arm.name or 'arm'}"

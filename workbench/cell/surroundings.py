@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
@@ -12,16 +13,21 @@ from geometry import Pose, Sensor, cross_plane_x0
 from jig_cad import Jig
 from jig_cad.jig import MIN_SLENDERNESS
 from jig_cad.solids import jig_solids
-from perceptron_emu import ALUMINIUM, BLACK_PLATE, Solid, panel
-from perceptron_emu.bodies import hidden_by_solid
-from perceptron_emu.occlusion import hidden_by_strings
-from perceptron_emu.scene_file import Surroundings
-from perceptron_emu.strings import cylinders
-from workbench.plan.views import SeesAll
+from perceptron_emu import (
+    ALUMINIUM,
+    BLACK_PLATE,
+    Solid,
+    Surroundings,
+    cylinders,
+    hidden_by_solid,
+    hidden_by_strings,
+    panel,
+)
 
 Array = NDArray[np.float64]
 Bodies = tuple[Solid, ...]
 Mask = NDArray[np.bool_]
+SeesAll = Callable[[Pose], Mask]  # which poses T_sensor_jig (N) show every string
 
 REACH_MM = 0.6  # half the thickness of sheet that must reach every string: its Gaussian is spent well inside
 SAMPLES = 7

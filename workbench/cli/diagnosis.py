@@ -14,6 +14,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from workbench import defaults
+
 State = Literal["ok", "absent", "broken"]
 
 # module: distribution; all of them are installed with the package
@@ -125,13 +127,12 @@ def _one_frame() -> tuple[int, int]:
     from geometry import Pose
     from perceptron_emu import Scene, render
     from workbench.cell.labels import label_image
-    from workbench.cell.presets import find_jig
-    from workbench.emulate.experiment import demo_emulator, demo_sensor
+    from workbench.cell.presets import find_emulator, find_jig, find_sensor
     from workbench.files import read_image, write_png
 
-    sensor, jig = demo_sensor(), find_jig("paper")
+    sensor, jig = find_sensor(defaults.SENSOR), find_jig(defaults.JIG)
     pose = Pose.from_fixed_xyz_deg((6.0, -14.0, 8.0), (-50.0, 3.0, 230.0))
-    frame = render(Scene(sensor, jig, pose), demo_emulator(), np.random.default_rng(0))
+    frame = render(Scene(sensor, jig, pose), find_emulator(defaults.SENSOR), np.random.default_rng(0))
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "frame.png"
         write_png(path, frame.image)

@@ -9,9 +9,8 @@ from typing import Annotated
 
 import typer
 
+from workbench.cli import exit_codes
 from workbench.cli.lazy import LazyGroup
-
-EXIT_INPUT, EXIT_NO_ANSWER, EXIT_BUG, EXIT_INTERRUPTED = 2, 3, 70, 130
 
 app = typer.Typer(cls=LazyGroup, add_completion=False, no_args_is_help=True, rich_markup_mode="rich")
 
@@ -44,7 +43,7 @@ def run(arguments: Sequence[str]) -> int:
     try:
         code = app(args=list(arguments), prog_name="perceptron-emu", standalone_mode=False)
         sys.stdout.flush()
-        if code == EXIT_INTERRUPTED:  # how typer tells of a KeyboardInterrupt
+        if code == exit_codes.INTERRUPTED:  # how typer tells of a KeyboardInterrupt
             return _say("interrupted", code)
         return code if isinstance(code, int) else 0
     except BrokenPipeError:
@@ -53,7 +52,7 @@ def run(arguments: Sequence[str]) -> int:
         )  # the reader left; nothing more can be said to it
         return 0
     except (KeyboardInterrupt, typer.Abort) as error:
-        return _say(str(error) or "interrupted", EXIT_INTERRUPTED)
+        return _say(str(error) or "interrupted", exit_codes.INTERRUPTED)
     except Exception as error:  # noqa: BLE001 - the one place where no error may pass as a traceback
         if debug:
             import traceback
@@ -66,29 +65,29 @@ def _explain(error: Exception) -> int:
     """Print what ``error`` means to the user and return its exit code."""
     if hasattr(error, "format_message") and hasattr(error, "exit_code"):  # how typer reports wrong arguments
         message = str(error.format_message())
-        return _say(message, EXIT_INPUT) if message else EXIT_INPUT
+        return _say(message, exit_codes.INPUT) if message else exit_codes.INPUT
     from geometry import NoAnswerError, PerceptronEmuError
 
     if isinstance(error, NoAnswerError):
-        return _say(str(error), EXIT_NO_ANSWER)
+        return _say(str(error), exit_codes.NO_ANSWER)
     if isinstance(error, PerceptronEmuError):
-        return _say(str(error), EXIT_INPUT)
+        return _say(str(error), exit_codes.INPUT)
     if isinstance(error, MemoryError):
-        return _say("not enough memory for this input", EXIT_INPUT)
+        return _say("not enough memory for this input", exit_codes.INPUT)
     if isinstance(error, OSError):
-        return _say(f"{error.filename or 'input or output'}: {error.strerror or error}", EXIT_INPUT)
+        return _say(f"{error.filename or 'input or output'}: {error.strerror or error}", exit_codes.INPUT)
     where = " ".join(getattr(error, "__notes__", ()))
     words = (
         f"unexpected {type(error).__name__} {where}: {error}"
         if where
         else f"unexpected {type(error).__name__}: {error}"
     )
-    return _say(f"{words} (a fault of the program; --debug shows where)", EXIT_BUG)
+    return _say(f"{words} (a fault of the program; --debug shows where)", exit_codes.BUG)
 
 
 def _say(message: str, code: int) -> int:
     text = " ".join(message.split())
-    print(f"error: {text}" if code != EXIT_INTERRUPTED else text, file=sys.stderr)  # noqa: T201 - the command line's voice
+    print(f"error: {text}" if code != exit_codes.INTERRUPTED else text, file=sys.stderr)  # noqa: T201 - the command line's voice
     return code
 
 

@@ -17,10 +17,10 @@ from workbench.emulate.record import record
 from workbench.files import Cell, read_cell, read_image
 from workbench.files.images import write_png
 from workbench.files.settings_file import Settings
+from workbench.report.calibration import ReportInput, write_report
 from workbench.report.cell_image import cell_image
 from workbench.report.folder import write_results
 from workbench.report.overlay import save_overlays
-from workbench.report.report import ReportInput, write_report
 
 PICTURE_COMPRESSION = 6
 Bar = Callable[[str, int], AbstractContextManager[Callable[[int, int], None]]]

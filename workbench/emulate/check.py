@@ -7,8 +7,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from geometry import InputError
-from perceptron_emu.check import check_scene
-from perceptron_emu.sheet_faces import faces_in_sheet
+from perceptron_emu import check_scene, faces_in_sheet
 from workbench.emulate.record import Configuration, TrueCell, frame_scene
 from workbench.files import Cell, Truth
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
@@ -11,11 +10,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import NoAnswerError, Pose, RobotModel
-from jig_cad import Jig, jig_text
+from geometry import DH_ROWS, Arm, NoAnswerError, Pose
+from jig_cad import Jig
 from perceptron_emu import Material, Scene, Solid
 from workbench.emulate.extras import NONE, Extras, Renderer, truth_points
-from workbench.files import Cell, FrameRow, Truth, TruthFrame, read_truth, sensor_text, write_cell
+from workbench.emulate.recipe import recipe_name
+from workbench.files import Cell, FrameRow, Truth, TruthFrame, read_truth, write_cell
 from workbench.files.atomic import write_text
 from workbench.files.images import write_png
 
@@ -34,7 +34,7 @@ class TrueCell:
     the sensor, in {P}. string_material: the thread's surface, None for that of the sensor's file.
     """
 
-    robot: RobotModel
+    robot: Arm
     jig: Jig
     T_hand_sensor: Pose
     T_base_jig: dict[str, Pose]
@@ -55,13 +55,13 @@ class Configuration:
 
 
 def with_joint_noise(
-    views: Sequence[tuple[str, str, Array]], robot: RobotModel, rng: np.random.Generator
+    views: Sequence[tuple[str, str, Array]], robot: Arm, rng: np.random.Generator
 ) -> tuple[Configuration, ...]:
     """Configurations of (location, role, joints): readings rounded as in the file, true angles off by the joints' σ."""
-    out = []
+    out, sigma = [], robot.dh_part().uncertainty.joint_sigma_rad
     for frame, (location, role, joints) in enumerate(views):
         reading = np.deg2rad(np.round(np.rad2deg(joints), READING_DECIMALS))
-        true = reading + rng.normal(0, robot.uncertainty.joint_sigma_rad, len(reading))
+        true = reading + rng.normal(0, sigma, len(reading))
         out.append(Configuration(frame, location, role, reading, true))
     return tuple(out)
 
@@ -102,7 +102,7 @@ def record(
 
 def frame_scene(cell: Cell, true: TrueCell, configuration: Configuration) -> Scene:
     """What the sensor sees at one configuration."""
-    T_base_sensor = true.robot.hand_pose(configuration.true_rad) @ true.T_hand_sensor
+    T_base_sensor = true.robot.pose(configuration.true_rad) @ true.T_hand_sensor
     T_sensor_jig = T_base_sensor.inverse() @ true.T_base_jig[configuration.location]
     solids = true.solids.get(configuration.location, ())
     placed = tuple(replace(s, T_sensor_mesh=T_sensor_jig @ s.T_sensor_mesh) for s in solids)
@@ -136,13 +136,12 @@ def _frame(
 
 
 def _truth(true: TrueCell, frames: list[TruthFrame], recipe: str) -> Truth:
-    robot = true.robot
-    columns = {"theta_offset_deg": robot.theta_offset, "d_mm": robot.d, "a_mm": robot.a, "alpha_deg": robot.alpha}
-    degrees = {k: np.rad2deg(v) if k.endswith("deg") else v for k, v in columns.items()}
+    table = true.robot.dh_part()
+    columns = {row.file_key: row.to_file(getattr(table, row.column)) for row in DH_ROWS}
     return Truth(
         name=recipe,
         T_hand_sensor=true.T_hand_sensor.matrix.tolist(),
-        dh=[{k: float(v[i]) for k, v in degrees.items()} for i in range(robot.n_joints)],
+        dh=[{key: float(column[i]) for key, column in columns.items()} for i in range(table.n_joints)],
         anchors_mm={a: tuple(p) for a, p in zip(true.jig.anchors, true.jig.anchors_mm.tolist(), strict=True)},
         locations={name: pose.matrix.tolist() for name, pose in true.T_base_jig.items()},
         frames=tuple(frames),
@@ -163,18 +162,6 @@ def _recipe(cell: Cell, true: TrueCell, configurations: Sequence[Configuration],
     """A name of everything that decides the images."""
     from importlib.metadata import version
 
-    sensor = sensor_text(cell.sensor, cell.emulator)
-    digest = hashlib.sha256(f"{version('perceptron-emu')} {renderer} {seed} {sensor} {jig_text(true.jig)}".encode())
-    arrays = [true.jig.anchors_mm, true.T_hand_sensor.matrix, true.robot.theta_offset, true.robot.d, true.robot.a]
-    arrays += [true.robot.alpha, *(p.matrix for p in true.T_base_jig.values())]
-    arrays += [v for c in configurations for v in (c.reading_rad, c.true_rad)]
-    for solid in (s for group in (*true.solids.values(), true.carried) for s in group):
-        arrays += [np.asarray(solid.mesh.vertices), solid.T_sensor_mesh.matrix, _surface(solid.material)]
-    arrays += [_surface(true.string_material)]
-    for array in arrays:
-        digest.update(np.ascontiguousarray(array, dtype=float).tobytes())
-    return f"recipe {digest.hexdigest()[:24]}"
-
-
-def _surface(material: Material | None) -> Array:
-    return np.array([] if material is None else [material.diffuse, material.specular, material.roughness])
+    seen_by = cell.sensor.sheet, cell.sensor.require_camera(), cell.emulator
+    stands = [(c.frame, c.location, c.true_rad) for c in configurations]
+    return recipe_name(version("perceptron-emu"), renderer, seed, *seen_by, true, stands)

@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from geometry import InputError, Sensor
-from perceptron_emu import EmulatorConfig, Scene, mean_electrons
-from perceptron_emu.scene_file import read_scene
+from perceptron_emu import EmulatorConfig, Scene, mean_electrons, read_scene
 from workbench.emulate.extras import Extras, Renderer, truth_points
 from workbench.files.atomic import write_text
 from workbench.files.images import write_png

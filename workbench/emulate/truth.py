@@ -8,10 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import InputError, Pose, RobotModel
+from geometry import InputError, Pose, draw_errors
 from jig_cad import sample_tolerance
-from perceptron_emu import Solid
-from perceptron_emu.scene_file import Surroundings
+from perceptron_emu import Solid, Surroundings
 from workbench.cell.surroundings import around_jig, jig_bodies, sees_all_strings
 from workbench.emulate.record import Configuration, TrueCell, with_joint_noise
 from workbench.files import Cell, FrameRow
@@ -34,20 +33,13 @@ class Errors:
     built: bool = True
 
 
-def with_errors(robot: RobotModel, rng: np.random.Generator) -> RobotModel:
-    """The arm as built: every row of its table off by the σ of its [uncertainty]."""
-    u, n = robot.uncertainty, robot.n_joints
-    sigma = np.array([u.theta_sigma_rad, u.d_sigma_mm, u.a_sigma_mm, u.alpha_sigma_rad, 0.0])
-    return robot.corrected(sigma[:, None] * rng.standard_normal((5, n)))
-
-
 def draw_truth(cell: Cell, errors: Errors, rng: np.random.Generator, around: Surroundings = NOTHING) -> TrueCell:
     """The true cell of one draw; its locations are those of the file, ``around`` is as its own file says."""
     if not cell.T_base_jig:
         raise InputError(
             f"{cell.folder / 'cell.toml'}: [locations.NAME] T_base_jig is missing: where does the jig stand?"
         )
-    robot = with_errors(cell.robot, rng) if errors.built else cell.robot
+    robot = cell.robot.corrected(draw_errors(cell.robot, rng)) if errors.built else cell.robot
     jig = sample_tolerance(cell.jig, rng) if errors.built and not cell.jig.measured else cell.jig
     turn = np.deg2rad(errors.mounting_deg) * rng.standard_normal(3)
     shift = errors.mounting_mm * rng.standard_normal(3)

@@ -10,9 +10,9 @@ import numpy as np
 from pydantic import Field, field_validator
 
 import assets
-from geometry import InputError, Pose, RobotModel, Sensor, did_you_mean
+from geometry import DhRobot, InputError, Pose, Sensor, did_you_mean
 from jig_cad import Jig, jig_from_table
-from jig_cad.files import JigTable
+from jig_cad.files import table_model, without_names
 from perceptron_emu import EmulatorConfig
 from workbench.files.frames_csv import FrameRow, read_frames
 from workbench.files.points_csv import FramePoints, read_points
@@ -41,7 +41,8 @@ class CellFile(Section):
     """The keys of cell.toml; files are named relative to it."""
 
     sensor: Text
-    jig: Text
+    jig: Text | None = None
+    target: Text | None = None
     robot: Text
     frames: Text | None = None
     points: Text | None = None
@@ -68,7 +69,7 @@ class Cell:
     folder: Path
     sensor: Sensor
     jig: Jig
-    robot: RobotModel
+    robot: DhRobot
     frames: tuple[FrameRow, ...]
     T_hand_sensor_design: Pose
     T_base_jig: dict[str, Pose] = field(default_factory=dict)
@@ -95,15 +96,16 @@ def read_cell(path: Path, *, recorded: bool = True) -> Cell:
     if frames:
         _check_location_names(file, frames, source)
     truth = folder / "truth.json"
+    jig = _read_target(folder, file, source)
     return Cell(
         folder=folder,
         sensor=read_sensor(sensor_path),
-        jig=read_jig_file(_named(folder, file.jig, source, "jig")),
+        jig=jig,
         robot=robot,
         frames=frames,
         T_hand_sensor_design=Pose.from_fixed_xyz_deg(file.scp_initial.rotation_deg, file.scp_initial.translation_mm),
         T_base_jig={name: _pose(source, name, given) for name, given in file.locations.items()},
-        points=_points(folder, file, frames, frames_path) if recorded else None,
+        points=_points(folder, file, frames, frames_path, jig) if recorded else None,
         truth=read_truth(truth) if truth.exists() else None,
         roles={name: given.role for name, given in file.locations.items() if given.role},
         name=file.name,
@@ -113,7 +115,7 @@ def read_cell(path: Path, *, recorded: bool = True) -> Cell:
 
 
 def _frames(
-    folder: Path, file: CellFile, source: TomlSource, robot: RobotModel, *, recorded: bool
+    folder: Path, file: CellFile, source: TomlSource, robot: DhRobot, *, recorded: bool
 ) -> tuple[tuple[FrameRow, ...], Path]:
     if file.frames is None:
         if recorded:
@@ -127,15 +129,24 @@ def _frames(
 
 
 def read_jig_file(path: Path) -> Jig:
-    """The jig of a jig.toml; InputError names file, line and key."""
+    """The jig of a jig.toml, or of a target.toml of kind "strings"; InputError names file, line and key."""
     source = read_toml(path)
-    validate(JigTable, source, _without_names(source.data))
-    return jig_from_table(_without_names(source.data), str(path))
+    validate(table_model(source.data, source.where(("kind",))), source, without_names(source.data))
+    return jig_from_table(source.data, str(path))
 
 
-def _without_names(data: dict[str, object]) -> dict[str, object]:
-    """The tables without the ``name`` that is welcome in every one."""
-    return {k: {n: w for n, w in v.items() if n != "name"} if isinstance(v, dict) else v for k, v in data.items()}
+def _read_target(folder: Path, file: CellFile, source: TomlSource) -> Jig:
+    """The jig of the file that cell.toml names as ``jig`` or as ``target``."""
+    if file.jig is not None and file.target is not None:
+        raise InputError(f"{source.where(('target',))}: the keys jig and target name one thing twice: keep one of them")
+    if file.target is None:
+        if file.jig is None:
+            raise InputError(f"{source.path}: the key jig is missing; or target, which names a target.toml")
+        return read_jig_file(_named(folder, file.jig, source, "jig"))
+    path = _named(folder, file.target, source, "target")
+    if "kind" not in read_toml(path).data:
+        raise InputError(f'{path}: the key kind is missing: kind = "strings" for lines between anchors')
+    return read_jig_file(path)
 
 
 def _cell_path(path: Path) -> Path:
@@ -185,7 +196,7 @@ def _check_location_names(file: CellFile, frames: tuple[FrameRow, ...], source: 
 
 
 def _points(
-    folder: Path, file: CellFile, frames: tuple[FrameRow, ...], frames_path: Path
+    folder: Path, file: CellFile, frames: tuple[FrameRow, ...], frames_path: Path, jig: Jig
 ) -> dict[int, FramePoints] | None:
     """Points in place of images: named in cell.toml, or points.csv where not one of the images exists."""
     path = folder / (file.points or "points.csv")
@@ -195,7 +206,7 @@ def _points(
             if not row.image:
                 raise InputError(f"{frames_path}, line {row.line}, column image: is empty, and there is no points.csv")
         return None
-    points = read_points(path)
+    points = read_points(path, jig.strings)
     known = {row.frame for row in frames}
     strangers = sorted(set(points) - known)
     if strangers:

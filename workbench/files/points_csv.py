@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -26,7 +26,6 @@ COLUMNS = (
     "score",
     "flag",
 )
-LABELS = ("A", "B", "C", "B'", "C'", "D'")
 DEFAULT_SIGMA_MM = 0.03  # where a file gives no σ: a string point's usual scatter with speckle
 _PRIMES = str.maketrans({"′": "'", "’": "'", "`": "'"})
 
@@ -50,8 +49,8 @@ class _Point:
     flag: str
 
 
-def read_points(path: Path) -> dict[int, FramePoints]:
-    """Points by frame number; InputError names line and column."""
+def read_points(path: Path, strings: Sequence[str]) -> dict[int, FramePoints]:
+    """Points by frame number; InputError names line and column. strings: the names that a label may be."""
     table = read_table(path, COLUMNS, ("frame",))
     if not {"y_mm", "z_mm"} <= set(table.columns) and not {"y_surface_mm", "z_surface_mm"} <= set(table.columns):
         raise InputError(
@@ -61,17 +60,18 @@ def read_points(path: Path) -> dict[int, FramePoints]:
     frames: dict[int, list[_Point]] = {}
     for row in table.rows:
         points = frames.setdefault(row.whole("frame"), [])
-        point = _point(row)
+        point = _point(row, strings)
         if point.label and any(point.label == other.label for other in points):
             raise row.fail("label", f'frame {row.cells["frame"]} has a second point "{point.label}"')
         points.append(point)
     return {frame: _collect(points) for frame, points in frames.items()}
 
 
-def _point(row: Row) -> _Point:
-    label = row.cells.get("label", "").translate(_PRIMES)
-    if label and label not in LABELS:
-        raise row.fail("label", f'"{label}" is no string; {", ".join(LABELS)} or empty is right')
+def _point(row: Row, strings: Sequence[str]) -> _Point:
+    given = row.cells.get("label", "")
+    label = given if given in strings else given.translate(_PRIMES)
+    if label and label not in strings:
+        raise row.fail("label", f'"{label}" is no string; {", ".join(strings)} or empty is right')
     surface, axis = _pair(row, "y_surface_mm", "z_surface_mm"), _pair(row, "y_mm", "z_mm")
     if surface is None and axis is None:
         raise row.fail("y_mm", "is empty, and so is y_surface_mm: the row holds no point")

@@ -9,12 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from geometry import InputError, RobotModel, RobotUncertainty
-from workbench.files.sensor_file import toml_value
+from geometry import DH_ROWS, TYPICAL_SIGMA, DhRobot, InputError, RobotUncertainty, toml_value
 from workbench.files.strict import NotNegative, Real, Section, Text, Whole, validate
 from workbench.files.toml_text import read_toml
-
-COLUMNS = {"theta_offset_deg": "theta_offset", "d_mm": "d", "a_mm": "a", "alpha_deg": "alpha", "beta_deg": "beta"}
 
 
 class JointSection(Section):
@@ -47,11 +44,11 @@ class CouplingSection(Section):
 class UncertaintySection(Section):
     """[uncertainty]: standard deviations of the joints and of the table."""
 
-    joint_sigma_deg: NotNegative = 0.003
-    theta_sigma_deg: NotNegative = 0.03
-    d_sigma_mm: NotNegative = 0.15
-    a_sigma_mm: NotNegative = 0.15
-    alpha_sigma_deg: NotNegative = 0.015
+    joint_sigma_deg: NotNegative = TYPICAL_SIGMA["joint_sigma_deg"]
+    theta_sigma_deg: NotNegative = TYPICAL_SIGMA["theta_sigma_deg"]
+    d_sigma_mm: NotNegative = TYPICAL_SIGMA["d_sigma_mm"]
+    a_sigma_mm: NotNegative = TYPICAL_SIGMA["a_sigma_mm"]
+    alpha_sigma_deg: NotNegative = TYPICAL_SIGMA["alpha_sigma_deg"]
 
 
 class RobotFile(Section):
@@ -66,7 +63,7 @@ class RobotFile(Section):
     uncertainty: UncertaintySection = Field(default_factory=UncertaintySection)
 
 
-def read_robot(path: Path) -> RobotModel:
+def read_robot(path: Path) -> DhRobot:
     """The robot of a robot.toml; InputError names file, line and key."""
     source = read_toml(path)
     file = validate(RobotFile, source)
@@ -98,24 +95,14 @@ def urdf_of(path: Path) -> UrdfChain | None:
 
 
 def _uncertainty(section: UncertaintySection) -> RobotUncertainty:
-    return RobotUncertainty(
-        joint_sigma_rad=float(np.deg2rad(section.joint_sigma_deg)),
-        theta_sigma_rad=float(np.deg2rad(section.theta_sigma_deg)),
-        d_sigma_mm=section.d_sigma_mm,
-        a_sigma_mm=section.a_sigma_mm,
-        alpha_sigma_rad=float(np.deg2rad(section.alpha_sigma_deg)),
-    )
+    return RobotUncertainty.from_file({key: getattr(section, key) for key in TYPICAL_SIGMA})
 
 
-def _from_table(file: RobotFile) -> RobotModel:
+def _from_table(file: RobotFile) -> DhRobot:
     if file.base is not None or file.tip is not None:
         raise InputError("base and tip belong to a urdf, which is not given")
-    columns = {
-        field: np.array([getattr(j, key) for j in file.joint], dtype=float)
-        * (np.pi / 180 if key.endswith("deg") else 1)
-        for key, field in COLUMNS.items()
-    }
-    return RobotModel.from_dh(
+    columns = {row.column: row.from_file([getattr(j, row.file_key) for j in file.joint]) for row in DH_ROWS}
+    return DhRobot.from_dh(
         **columns,
         sign=np.array([j.sign for j in file.joint], dtype=float),
         min_rad=np.deg2rad([j.min_deg for j in file.joint]),
@@ -140,7 +127,7 @@ def _coupling(file: RobotFile) -> NDArray[np.float64] | None:
     return matrix
 
 
-def _from_urdf(file: RobotFile, path: Path) -> RobotModel:
+def _from_urdf(file: RobotFile, path: Path) -> DhRobot:
     if file.joint or file.coupling:
         raise InputError("gives both urdf and [[joint]] or [coupling]: only one of the two can be the robot")
     if file.base is None or file.tip is None:
@@ -151,7 +138,7 @@ def _from_urdf(file: RobotFile, path: Path) -> RobotModel:
     return replace(model, uncertainty=_uncertainty(file.uncertainty), name=file.name or model.name)
 
 
-def robot_text(robot: RobotModel) -> str:
+def robot_text(robot: DhRobot) -> str:
     """The robot as the text of a robot.toml with [[joint]] tables; angles survive to 1e-12°."""
     if robot.T_base_first.log().any() or robot.T_last_hand.log().any():
         raise InputError("a robot with fixed poses before or after its links (from a URDF) has no [[joint]] table form")
@@ -159,18 +146,16 @@ def robot_text(robot: RobotModel) -> str:
     lines += [f"convention = {toml_value(robot.convention)}"]
     for i in range(robot.n_joints):
         lines.append("[[joint]]")
-        for key, field in COLUMNS.items():
-            value = float(getattr(robot, field)[i])
-            shown = round(float(np.rad2deg(value)), 13) if key.endswith("deg") else value
-            lines += [f"{key} = {shown!r}"] if key != "beta_deg" or value else []
+        for row in DH_ROWS:
+            value = float(row.to_file(getattr(robot, row.column)[i]))
+            shown = round(value, 13) if row.unit == "rad" else value
+            lines += [f"{row.file_key} = {shown!r}"] if row.group != "beta" or value else []
         lines += [f"sign = {int(robot.sign[i])}"] if robot.sign[i] != 1 else []
         limits = [("min_deg", robot.min_rad[i]), ("max_deg", robot.max_rad[i])]
         lines += [f"{key} = {round(float(np.rad2deg(value)), 12)!r}" for key, value in limits]
     if robot.coupling is not None:
         lines += ["[coupling]", f"matrix = {toml_value(robot.coupling.tolist())}"]
-    u = robot.uncertainty
-    lines += ["[uncertainty]", f"joint_sigma_deg = {round(float(np.rad2deg(u.joint_sigma_rad)), 12)!r}"]
-    lines += [f"theta_sigma_deg = {round(float(np.rad2deg(u.theta_sigma_rad)), 12)!r}"]
-    lines += [f"d_sigma_mm = {u.d_sigma_mm!r}", f"a_sigma_mm = {u.a_sigma_mm!r}"]
-    lines += [f"alpha_sigma_deg = {round(float(np.rad2deg(u.alpha_sigma_rad)), 12)!r}"]
+    lines.append("[uncertainty]")
+    for key, sigma in robot.uncertainty.in_file_units.items():
+        lines.append(f"{key} = {round(sigma, 12) if key.endswith('_deg') else sigma!r}")
     return "\n".join(lines) + "\n"

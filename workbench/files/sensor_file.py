@@ -9,9 +9,9 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import Field
 
-from geometry import Camera, InputError, Pose, Sensor, Sheet
+from geometry import Camera, InputError, Pose, Sensor, Sheet, toml_value
 from geometry.sensor import AUTO, Optics, ProfileOutput, SensorUncertainty
-from perceptron_emu.config import EmulatorConfig
+from perceptron_emu import EmulatorConfig
 from workbench.files.strict import (
     Matrix3,
     Names,
@@ -299,17 +299,3 @@ def _uncertainty_lines(u: SensorUncertainty) -> list[str]:
         return lines + [f"{k} = {toml_value(float(f'{v:.15g}'))}" for k, v in zip(names, sigma, strict=True)]
     rows = [[float(f"{v:.15g}") for v in row] for row in covariance]
     return [*lines, f"parameters = {toml_value(names)}", f"covariance = {toml_value(rows)}"]
-
-
-def toml_value(value: Any) -> str:
-    """A value as TOML: text, truth, numbers, lists and inline tables."""
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, str):
-        escaped = value.replace("\\", "\\\\").replace('"', '\\"')
-        return '"' + "".join(c if c.isprintable() else f"\\u{ord(c):04x}" for c in escaped) + '"'
-    if isinstance(value, dict):
-        return "{ " + ", ".join(f"{toml_value(str(k))} = {toml_value(v)}" for k, v in value.items()) + " }"
-    if isinstance(value, list | tuple):
-        return "[" + ", ".join(toml_value(v) for v in value) + "]"
-    return repr(value)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,9 +12,9 @@ from pydantic import BaseModel, Field, create_model
 
 from calib import CalibConfig
 from extraction import ExtractionConfig
-from workbench.files.sensor_file import toml_value
+from geometry import InputError, toml_value
 from workbench.files.strict import Section, validate
-from workbench.files.toml_text import read_toml
+from workbench.files.toml_text import TomlSource, read_toml
 
 
 @dataclass(frozen=True)
@@ -52,8 +53,54 @@ def read_settings(paths: Sequence[Path], **calib: Any) -> Settings:
 
 def settings_text(settings: Settings) -> str:
     """The resolved settings as TOML; a key without a value is left out."""
+    tables = {**settings.extraction.model_dump(), "calib": settings.calib.model_dump()}
     lines = ["# every parameter as it was used"]
-    for name, table in {**settings.extraction.model_dump(), "calib": settings.calib.model_dump()}.items():
-        lines.append(f"[{name}]")
-        lines += [f"{key} = {toml_value(value)}" for key, value in table.items() if value is not None]
+    for name, table in tables.items():
+        lines += _table(name, table)
     return "\n".join(lines) + "\n"
+
+
+def settings_toml(config: BaseModel, carried: dict[str, Any] | None = None) -> str:
+    """Extraction's parameters as TOML, defaults as well; ``carried``: [calib] of the file that is written over."""
+    tables = config.model_dump(mode="json")
+    if carried:
+        tables |= {"calib": carried}
+    lines = ["# extraction settings, written by `perceptron-emu tune`"]
+    for name, table in tables.items():
+        lines += ["", *_table(name, table)]
+    return "\n".join(lines) + "\n"
+
+
+def _table(name: str, table: dict[str, Any]) -> list[str]:
+    """A table's lines, its inner tables behind its own keys; a key without a value is left out."""
+    inner = {k: v for k, v in table.items() if isinstance(v, dict)}
+    lines = [f"[{name}]"]
+    lines += [f"{key} = {toml_value(v)}" for key, v in table.items() if v is not None and key not in inner]
+    for key, value in inner.items():
+        lines += ["", *_table(f"{name}.{key}", value)]
+    return lines
+
+
+def parse_settings(text: str, name: str) -> ExtractionConfig:
+    """Extraction's parameters of a settings file's text; InputError names file, line and key."""
+    data = _data(text, name)
+    validate(settings_model(), TomlSource(Path(name), text, data))
+    tables = {k: v for k, v in data.items() if k in ExtractionConfig.model_fields}
+    return ExtractionConfig.model_validate({k: _without_name(v) for k, v in tables.items()})
+
+
+def carried_calib(text: str, name: str) -> dict[str, Any]:
+    """The [calib] table of a settings file's text."""
+    table = _data(text, name).get("calib", {})
+    return dict(table) if isinstance(table, dict) else {}
+
+
+def _data(text: str, name: str) -> dict[str, Any]:
+    try:
+        return tomllib.loads(text)
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        raise InputError(f"{name}: not valid TOML, {error}") from None
+
+
+def _without_name(table: Any) -> Any:
+    return {k: v for k, v in table.items() if k != "name"} if isinstance(table, dict) else table

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import ParseError
@@ -11,8 +11,7 @@ import numpy as np
 from defusedxml import DefusedXmlException, ElementTree
 from numpy.typing import NDArray
 
-from geometry import InputError, Pose, RobotModel
-from geometry.robot import robot_from_axes
+from geometry import ChainJoint, DhRobot, InputError, Pose, robot_from_chain
 from workbench.files.strict import suggestion
 from workbench.files.toml_text import read_text
 
@@ -22,36 +21,22 @@ MOVING = ("revolute", "continuous")
 
 
 @dataclass(frozen=True, eq=False)
-class UrdfJoint:
-    """A joint of the chain: its origin in the parent link [mm], its axis in its own frame, its limits [rad].
-
-    element: the XML element, for a writer. axis: unit vector, None where the joint is fixed.
-    """
+class UrdfJoint(ChainJoint):
+    """A joint of the chain with its name, its links, and the XML element, for a writer."""
 
     name: str
     parent: str
     child: str
-    origin: Pose
-    axis: Array | None
-    min_rad: float
-    max_rad: float
     element: Any
 
 
-def read_urdf(path: Path, base: str, tip: str) -> RobotModel:
+def read_urdf(path: Path, base: str, tip: str) -> DhRobot:
     """The revolute chain from link ``base`` to link ``tip`` of a URDF file, in mm; fixed joints are taken in.
 
     InputError names what can not be: links that are missing, loops, joints that slide, entities, broken numbers.
     """
     joints = read_chain(parse_urdf(path), path, base, tip)
-    frames = joint_frames(joints)
-    moving = [(joint, frame, joint.axis) for joint, frame in zip(joints, frames, strict=True) if joint.axis is not None]
-    points, directions = [frame.t for _, frame, _ in moving], [frame.R @ axis for _, frame, axis in moving]
-    robot = robot_from_axes(np.array(points), np.array(directions), frames[-1])
-    limits = np.array([(joint.min_rad, joint.max_rad) for joint, _, _ in moving])
-    return replace(
-        robot, min_rad=limits[:, 0].copy(), max_rad=limits[:, 1].copy(), name=f"{path.stem}: {base} to {tip}"
-    )
+    return robot_from_chain(joints, f"{path.stem}: {base} to {tip}")
 
 
 def parse_urdf(path: Path) -> Any:
@@ -97,15 +82,6 @@ def read_chain(root: Any, path: Path, base: str, tip: str) -> list[UrdfJoint]:
     return chain[::-1]
 
 
-def joint_frames(joints: list[UrdfJoint]) -> list[Pose]:
-    """Poses of every joint's frame in the base at readings 0 [mm]; the last is the tip's."""
-    frames, here = [], Pose.identity()
-    for joint in joints:
-        here = here @ joint.origin
-        frames.append(here)
-    return frames
-
-
 def _joints_by_child(root: Any, path: Path, links: list[str]) -> dict[str, Any]:
     above: dict[str, Any] = {}
     for element in root.findall("joint"):
@@ -143,7 +119,7 @@ def _joint(element: Any, path: Path) -> UrdfJoint:
         low, high = _limits(element, kind, where)
     ends = element.find("parent").get("link"), element.find("child").get("link")
     # roll, pitch, yaw are turns about fixed x, y, z
-    return UrdfJoint(name, *ends, Pose.from_fixed_xyz_deg(np.rad2deg(rpy), xyz * 1000), axis, low, high, element)
+    return UrdfJoint(Pose.from_fixed_xyz_deg(np.rad2deg(rpy), xyz * 1000), axis, low, high, name, *ends, element)
 
 
 def _limits(element: Any, kind: str, where: str) -> tuple[float, float]:

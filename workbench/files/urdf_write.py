@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 from defusedxml import ElementTree
 
-from geometry import InputError, Pose, RobotModel
+from geometry import DhRobot, InputError, Pose, corrected_origins
 from workbench.files.atomic import write_text
-from workbench.files.urdf import UrdfJoint, joint_frames, parse_urdf, read_chain, read_urdf
+from workbench.files.urdf import UrdfJoint, parse_urdf, read_chain, read_urdf
 
 
-def write_urdf(source: Path, base: str, tip: str, corrected: RobotModel, target: Path) -> None:
+def write_urdf(source: Path, base: str, tip: str, corrected: DhRobot, target: Path) -> None:
     """Write ``source`` to ``target`` with the chain from ``base`` to ``tip`` as ``corrected`` has it.
 
     corrected: the model that ``read_urdf(source, base, tip)`` gives, with its parameters corrected. Only origins on
@@ -23,28 +23,19 @@ def write_urdf(source: Path, base: str, tip: str, corrected: RobotModel, target:
     nominal, root = read_urdf(source, base, tip), parse_urdf(source)
     _check_same_arm(nominal, corrected)
     joints = read_chain(root, source, base, tip)
-    moving = [i for i, joint in enumerate(joints) if joint.axis is not None]
-    rest = np.zeros(nominal.n_joints)
-    old, new = nominal.link_poses(rest), corrected.link_poses(rest)
-    frames, here = joint_frames(joints), Pose.identity()
-    for i, joint in enumerate(joints):
-        if joint.axis is None:
-            here = here @ joint.origin
-            continue
-        k = moving.index(i)
-        # the joint's frame sits on its axis as before: F⁻¹ U is kept while the axis frame F moves
-        goal = new[k] @ (old[k].inverse() @ frames[i])
-        _set_origin(joint.element, here.inverse() @ goal)
-        here = goal
-    _place_tip(root, joints, corrected.hand_pose(rest), here)
+    origins, to_tip = corrected_origins(joints, corrected)
+    for joint, origin in zip(joints, origins, strict=True):
+        if joint.axis is not None:
+            _set_origin(joint.element, origin)
+    _place_tip(root, joints, to_tip)
     write_text(target, ElementTree.tostring(root, encoding="unicode", xml_declaration=True) + "\n")
 
 
-def _place_tip(root: Any, joints: list[UrdfJoint], tip: Pose, here: Pose) -> None:
-    """Bring the tip to its corrected pose by the last fixed joint, made where there is none."""
+def _place_tip(root: Any, joints: list[UrdfJoint], to_tip: Pose) -> None:
+    """Put ``to_tip`` between the last joint and the tip: in the last fixed joint, made where there is none."""
     last = joints[-1]
     if last.axis is None:
-        _set_origin(last.element, last.origin @ (here.inverse() @ tip))
+        _set_origin(last.element, last.origin @ to_tip)
         return
     name = f"{last.name}_corrected"
     between = root.makeelement("link", {"name": f"{name}_link"})
@@ -52,7 +43,7 @@ def _place_tip(root: Any, joints: list[UrdfJoint], tip: Pose, here: Pose) -> Non
     fixed.append(fixed.makeelement("parent", {"link": f"{name}_link"}))
     fixed.append(fixed.makeelement("child", {"link": last.child}))
     last.element.find("child").set("link", f"{name}_link")
-    _set_origin(fixed, here.inverse() @ tip)
+    _set_origin(fixed, to_tip)
     root.extend([between, fixed])
 
 
@@ -65,7 +56,7 @@ def _set_origin(element: Any, origin: Pose) -> None:
     place.set("rpy", " ".join(repr(float(v)) for v in np.deg2rad(origin.fixed_xyz_deg)))
 
 
-def _check_same_arm(nominal: RobotModel, corrected: RobotModel) -> None:
+def _check_same_arm(nominal: DhRobot, corrected: DhRobot) -> None:
     if corrected.n_joints != nominal.n_joints:
         raise InputError(f"the corrected robot has {corrected.n_joints} joints, the URDF's chain {nominal.n_joints}")
     if corrected.coupling is not None or np.any(corrected.sign != 1) or corrected.convention != nominal.convention:

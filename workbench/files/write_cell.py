@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from geometry import Pose
+from geometry import Pose, toml_value
 from jig_cad import jig_text
 from workbench.files.atomic import write_text
 from workbench.files.cell import Cell
 from workbench.files.frames_csv import frames_text
 from workbench.files.robot_file import robot_text
-from workbench.files.sensor_file import sensor_text, toml_value
+from workbench.files.sensor_file import sensor_text
 from workbench.files.truth_file import write_truth
 
 

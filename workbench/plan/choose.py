@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.bundle.information import FrameInformation, covariances_with, scaled, scp_covariance
+from geometry.ties import first_least
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -15,7 +16,7 @@ Index = NDArray[np.intp]
 RANDOM_PLANS = 50
 LEVER_MM = 300.0  # at which a rotation's error is weighed against a translation's: a sensor's usual stand-off
 _MAX_SWEEPS = 20
-_GAIN = 1e-6  # a smaller relative gain is rounding
+_GAIN = 1e-6  # a smaller relative gain is rounding: of such views the first is taken
 
 
 def size_mm(covariance: Array, criterion: str) -> Array:
@@ -46,7 +47,7 @@ def choose(
     pool = pools(info, taken, per_location)
     while len(chosen) < wanted:
         trials = [_best(info, taken, chosen, pool[place], criterion) for place, n in left.items() if n]
-        best, _ = min(trials, key=lambda trial: trial[1])
+        best, _ = trials[first_least([np.log(size) for _, size in trials], _GAIN)]
         chosen.append(best)
         left[int(info.location[best])] -= 1
         if progress:
@@ -83,7 +84,8 @@ def _best(info: FrameInformation, taken: Index, chosen: list[int], pool: Index, 
     """The frame of the pool that tells most beside those taken and chosen, and the size it leaves."""
     free = np.setdiff1d(pool, chosen)
     sizes = size_mm(covariances_with(info, _plan(taken, chosen), free), criterion)
-    return int(free[np.argmin(sizes)]), float(np.min(sizes))
+    best = first_least(np.log(sizes), _GAIN)
+    return int(free[best]), float(sizes[best])
 
 
 def _plan(taken: Index, chosen: list[int]) -> Index:

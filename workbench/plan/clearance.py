@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import Pose, RobotModel, Sensor
+from geometry import Arm, Pose, Sensor
 from jig_cad import Jig
 from jig_cad.solids import PillarDesign, block_edge_mm
 
@@ -24,7 +24,7 @@ def sensor_clearance_mm(sensor: Sensor, jig: Jig, T_sensor_jig: Pose) -> Array:
     return distance_mm(jig, T_sensor_jig.inverse() @ line[None])
 
 
-def arm_clears(robot: RobotModel, joints_rad: Array, T_hand_sensor: Pose, T_base_jig: Pose, jig: Jig) -> Mask:
+def arm_clears(robot: Arm, joints_rad: Array, T_hand_sensor: Pose, T_base_jig: Pose, jig: Jig) -> Mask:
     """Whether hand and arm keep off the jig at the readings (N, n).
 
     The arm stands as the lines between its links' origins, the hand as the line from the flange to the sensor's frame,
@@ -33,7 +33,7 @@ def arm_clears(robot: RobotModel, joints_rad: Array, T_hand_sensor: Pose, T_base
     if len(joints_rad) == 0:
         return np.zeros(0, dtype=bool)
     links = robot.link_poses(joints_rad)
-    T_jig_base, hand = T_base_jig.inverse(), robot.hand_pose(joints_rad)
+    T_jig_base, hand = T_base_jig.inverse(), robot.pose(joints_rad)
     corners = np.stack([hand.t, (hand @ T_hand_sensor).t], axis=1)
     hand_off = distance_mm(jig, T_jig_base @ _line(corners))
     arm_off = distance_mm(jig, T_jig_base @ _line(links.t[:, FIRST_LINK:]))

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from calib.bundle.information import FrameInformation, Model, frame_information
 from calib.bundle.problem import Points, Problem, pad_points, robot_chain
 from extraction import image_to_sheet
-from geometry import AxisPoints, Pose, RobotModel, Sensor, cross_plane_x0
+from geometry import AxisPoints, DhRobot, Pose, Sensor, cross_plane_x0
 from geometry.sensor import project
 from jig_cad import Jig
 
@@ -20,7 +20,7 @@ SURFACE_SIGMA_MM = 0.015  # what stays unknown of the way from the lit surface t
 
 
 def view_information(
-    robot: RobotModel,
+    robot: DhRobot,
     sensor: Sensor,
     jig: Jig,
     T_hand_sensor: Pose,
@@ -30,7 +30,7 @@ def view_information(
     model: Model = "scp",
 ) -> FrameInformation:
     """The information of configurations (F, n) [rad] at locations (F,), indices into Ts_base_jig."""
-    T_sensor_jig = (robot.hand_pose(joints_rad) @ T_hand_sensor).inverse() @ Ts_base_jig[location]
+    T_sensor_jig = (robot.pose(joints_rad) @ T_hand_sensor).inverse() @ Ts_base_jig[location]
     points = expected_points(sensor, jig, T_sensor_jig)
     anchor_sigma = 0.0 if jig.measured else jig.tolerance_mm / np.sqrt(12)
     problem = Problem(points, robot_chain(robot, joints_rad), location, len(Ts_base_jig), jig.anchors_mm, anchor_sigma)

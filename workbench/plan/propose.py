@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from calib.bundle.information import FrameInformation, Model, observability, scaled, scp_covariance
 from calib.bundle.uncertainty import printed_sigmas
 from geometry import InputError, NoAnswerError, stack_poses
+from geometry.ties import ascending
 from workbench.cell.surroundings import jig_bodies, sees_all_strings
 from workbench.files import Cell, FrameRow
 from workbench.plan.choose import LEVER_MM, RANDOM_PLANS, choose, random_plans, size_mm
@@ -26,6 +27,7 @@ Progress = Callable[[int, int], None]
 
 POOL = 160  # feasible views gathered at each place
 BATCH = 1000  # views drawn at a time
+SAME_PART = 1e-6  # of a direction's unit vector
 WEAK_MM = 5.0  # predicted σ beyond which the plan does not identify what is asked
 VERIFY = "verify"
 
@@ -249,7 +251,7 @@ def _warnings(covariance: Array) -> tuple[str, ...]:
     if values[-1] <= WEAK_MM**2:
         return ()
     names = ("translation x", "translation y", "translation z", "rotation x", "rotation y", "rotation z")
-    worst = " and ".join(names[i] for i in np.argsort(-np.abs(vectors[:, -1]))[:2])
+    worst = " and ".join(names[i] for i in ascending(-np.abs(vectors[:, -1]), SAME_PART)[:2])
     return (
         f"this plan does not identify the SCP: {worst} (sensor axes) stay unknown by {np.sqrt(values[-1]):.1f} mm; "
         "more tilts, rolls or locations are needed",

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from calib.bundle.information import FrameInformation, covariances_with, scp_covariance
 from geometry import Pose, log_so3
+from geometry.ties import ascending
 from workbench.plan.choose import LEVER_MM, size_mm
 from workbench.plan.view_space import ViewSpace
 from workbench.plan.views import ViewProblem, Views, near_views, unhidden
@@ -22,6 +23,7 @@ TRIES = 40  # moves tried for each view in a round
 FIRST_STEP, SHRINK = 0.25, 0.75  # of the bounds' widths, as a σ; smaller in every round
 MOVED_SHARE = 0.6  # of a view's six parameters that a move changes
 LOOKS = 5  # how many of the best moves are looked at for occlusion
+GAIN = 1e-6  # a smaller relative gain is rounding
 DISTINCT_MM = 20.0  # two views of one place differ at least by this, rotations at the lever: equal ones tell the same
 
 
@@ -85,8 +87,8 @@ def _better(plan: Planned, how: Refinement, k: int, moved: Views, told: FrameInf
     now = size_mm(scp_covariance(everything, np.arange(taken + n)), how.criterion)
     covariances = covariances_with(everything, others, taken + n + np.arange(len(candidates)))
     sizes = size_mm(covariances, how.criterion)
-    for j in np.argsort(sizes)[:LOOKS]:
-        if sizes[j] >= now:
+    for j in ascending(np.log(sizes), GAIN)[:LOOKS]:
+        if sizes[j] >= now * (1 - GAIN):
             break
         i = candidates[j : j + 1]
         if unhidden(how.problems[int(plan.location[k])], how.space, moved.T_sensor_jig[i])[0]:

@@ -2,26 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import NoAnswerError, Pose, RobotModel, Sensor, stack_poses
-from geometry.robot import inverse_kinematics
+from geometry import Arm, NoAnswerError, Pose, Sensor, inverse_kinematics, stack_poses
+from geometry.ties import first_least, first_most
 from jig_cad import Jig
+from workbench.cell.surroundings import SeesAll
 from workbench.plan.clearance import arm_clears
 from workbench.plan.view_space import Tally, ViewLimits, ViewSpace
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-SeesAll = Callable[[Pose], Mask]
 
 BATCH = 96
 MAX_BATCHES = 40
 GIVE_UP = 60  # measurable views out of reach, not one within: the place is out of reach
 POSTURE_RAD = np.deg2rad(70.0)  # an arm that swings its elbow over between two views would need a path planned
+SAME_DISTANCE, SAME_MOTION_RAD2 = 1e-6, 1e-6  # views, and postures, that are equally far: the first is taken
 OUT_OF_REACH = "out of the robot's reach or joint limits"
 POOL_FACTOR = 4  # feasible views gathered for each one wanted, from which the best spread are taken
 
@@ -38,7 +38,7 @@ class Views:
     parameters: Array
 
     @staticmethod
-    def none(robot: RobotModel) -> Views:
+    def none(robot: Arm) -> Views:
         """No views."""
         return Views(np.zeros((0, robot.n_joints)), Pose(np.zeros((0, 3, 3)), np.zeros((0, 3))), np.zeros((0, 6)))
 
@@ -61,7 +61,7 @@ class ViewProblem:
     sees_all: tells whether the strings are free of occlusion at poses T_sensor_jig (N); None takes it for granted.
     """
 
-    robot: RobotModel
+    robot: Arm
     sensor: Sensor
     jig: Jig
     T_base_jig: Pose
@@ -99,11 +99,11 @@ def spread(Ts_sensor_jig: Pose, jig: Jig, count: int) -> NDArray[np.intp]:
     centre = jig.anchors_mm.mean(axis=0)
     place = (Ts_sensor_jig @ centre) / (2 * max(jig.side_mm, jig.height_mm))
     features = np.concatenate([Ts_sensor_jig.R.reshape(-1, 9) / np.sqrt(2), place], axis=1)
-    first = int(np.argmax(np.linalg.norm(features - features.mean(axis=0), axis=1)))
+    first = first_most(np.linalg.norm(features - features.mean(axis=0), axis=1), SAME_DISTANCE)
     chosen = [first]
     distance = np.linalg.norm(features - features[first], axis=1)
     while len(chosen) < count:
-        chosen.append(int(np.argmax(distance)))
+        chosen.append(first_most(distance, SAME_DISTANCE))
         distance = np.minimum(distance, np.linalg.norm(features - features[chosen[-1]], axis=1))
     return np.array(chosen, dtype=np.intp)
 
@@ -177,11 +177,11 @@ def free_views(sensor: Sensor, jig: Jig, limits: ViewLimits, count: int, rng: np
     raise NoAnswerError(f"only {len(poses)} of {count} views found that show all strings ({tally.text()})")
 
 
-def _posture(robot: RobotModel, goals: Pose, rng: np.random.Generator) -> Array | None:
+def _posture(robot: Arm, goals: Pose, rng: np.random.Generator) -> Array | None:
     """The readings that reach one of the goals with the joints turned least; the other views keep near them."""
     reached = inverse_kinematics(robot, goals, rng)
     joints = reached.joints[reached.converged]
-    return joints[np.argmin(np.sum(joints**2, axis=1))] if len(joints) else None
+    return joints[first_least(np.sum(joints**2, axis=1), SAME_MOTION_RAD2)] if len(joints) else None
 
 
 def _reach(

@@ -10,7 +10,7 @@ import numpy as np
 
 from calib import CalibrationResult, FramePoints, LocationResult
 from calib.result import DesignSolved, FrameResult
-from geometry.robot import CONVENTIONS, express
+from geometry import CONVENTIONS, express
 
 
 def calibration_object(result: CalibrationResult, complaints: dict[int, str] | None = None) -> dict[str, Any]:

@@ -12,8 +12,7 @@ from rich.text import Text
 
 from calib import CalibrationResult
 from calib.result import DesignSolved
-from geometry import Pose
-from geometry.robot import CONVENTIONS, express
+from geometry import CONVENTIONS, Pose, express
 
 AXES = ("X", "Y", "Z")
 COLOURS = {"ok": "green", "model_misfit": "yellow", "weak": "yellow"}

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from calib import CalibrationResult
 from geometry import MissingDependencyError, Pose
-from perceptron_emu.cell_picture import CellView, cell_picture
+from perceptron_emu.gl import CellView, cell_picture
 from workbench.files import Cell, FrameRow
 
 Picture = NDArray[np.uint8]
@@ -44,5 +44,5 @@ def _arm(cell: Cell, result: CalibrationResult, row: FrameRow) -> tuple[Pose | N
     if row.joints_rad is None:
         return row.T_base_hand, None
     robot = result.robot or cell.robot
-    links, hand = robot.link_poses(row.joints_rad), robot.hand_pose(row.joints_rad)
+    links, hand = robot.link_poses(row.joints_rad), robot.pose(row.joints_rad)
     return hand, Pose(np.concatenate([links.R, hand.R[None]]), np.concatenate([links.t, hand.t[None]]))

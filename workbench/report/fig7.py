@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +10,7 @@ from matplotlib.figure import Figure
 
 from calib import CalibrationResult, LocationResult
 from workbench.files.atomic import write_bytes
+from workbench.report.page import picture_bytes
 
 DESIGN, SOLVED = "#c44e52", "#2a6f97"
 
@@ -46,13 +46,6 @@ def _panel(axis: object, name: str, location: LocationResult) -> None:
     axis.set_xlabel("configuration")  # type: ignore[attr-defined]
     axis.set_xticks(number)  # type: ignore[attr-defined]
     axis.grid(alpha=0.25)  # type: ignore[attr-defined]
-
-
-def picture_bytes(figure: Figure, kind: str = "png", dpi: int = 130) -> bytes:
-    """The figure as PNG or SVG, the same bytes every time."""
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format=kind, dpi=dpi, metadata={"Software": None} if kind == "png" else {"Date": None})
-    return buffer.getvalue()
 
 
 def write_fig7(path: Path, result: CalibrationResult) -> None:

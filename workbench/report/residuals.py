@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from calib import CalibrationResult
+from workbench.report.page import new_figure
 
 COLOURS = ("#2a6f97", "#c77d2e", "#5b8c5a", "#8a5a8c", "#a34a4a", "#4a4a4a")
 REASON_HEIGHT = 0.97
@@ -14,9 +14,7 @@ REASON_HEIGHT = 0.97
 
 def draw_residuals(result: CalibrationResult) -> Figure:
     """Each point's distance from its string [mm] over the frames, by location; frames left out are named."""
-    figure = Figure(figsize=(10, 3.2), layout="constrained")
-    FigureCanvasAgg(figure)
-    axis = figure.subplots()
+    figure, axis = new_figure(10, 3.2)
     for k, name in enumerate(result.locations):
         colour = COLOURS[k % len(COLOURS)]
         frames = [f for f in result.frames if f.location == name and f.used]

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from calib import CalibrationResult
+from geometry import require_arm
 from workbench.files import Cell, robot_text
 from workbench.files.atomic import write_text
 from workbench.files.robot_file import urdf_of
@@ -16,10 +17,11 @@ def write_corrected_robot(out: Path, cell: Cell, result: CalibrationResult) -> N
     """Write robot_corrected.toml, or robot_corrected.urdf for a robot from a URDF; nothing where nothing changed."""
     if result.robot is None or not result.verdict.trustworthy or not np.any(result.robot_delta):
         return
+    table = require_arm(result.robot).dh_part()
     urdf = None if cell.robot_path is None else urdf_of(cell.robot_path)
     if urdf is None:
-        write_text(out / "robot_corrected.toml", robot_text(result.robot))
+        write_text(out / "robot_corrected.toml", robot_text(table))
         return
     from workbench.files.urdf_write import write_urdf
 
-    write_urdf(urdf.path, urdf.base, urdf.tip, result.robot, out / "robot_corrected.urdf")
+    write_urdf(urdf.path, urdf.base, urdf.tip, table, out / "robot_corrected.urdf")

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from pydantic import BaseModel
 
-from workbench.tune.score import FrameScore, Score, total
+from extraction import ExtractionConfig
+from workbench.tune.cost import FrameCost, Score, total
 from workbench.tune.task import Task
 
 BOOTSTRAPS = 2000
@@ -30,7 +30,7 @@ class Judgement:
     better: bool
 
 
-def judge(task: Task, start: BaseModel, found: BaseModel, seed: int) -> Judgement:
+def judge(task: Task, start: ExtractionConfig, found: ExtractionConfig, seed: int) -> Judgement:
     """Score defaults, start and what was found on the held-out part, frame by frame on the same images."""
     defaults = type(start)()
     base = task.scores(task.held_out, defaults)
@@ -42,7 +42,7 @@ def judge(task: Task, start: BaseModel, found: BaseModel, seed: int) -> Judgemen
     return Judgement(total(base), total(begun), total(new), gain, interval, better)
 
 
-def _bootstrap(base: Sequence[FrameScore], new: Sequence[FrameScore], rng: np.random.Generator) -> tuple[float, float]:
+def _bootstrap(base: Sequence[FrameCost], new: Sequence[FrameCost], rng: np.random.Generator) -> tuple[float, float]:
     """90 % interval of the gain, frames drawn with replacement, the same for both."""
     drawn = rng.integers(0, len(base), (BOOTSTRAPS, len(base)))
     old_cost = np.array([f.cost_mm2 for f in base])[drawn].sum(axis=1)

@@ -10,10 +10,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
-from pydantic import BaseModel
-
+from extraction import ExtractionConfig
 from geometry import InputError, MissingDependencyError
-from workbench.tune.score import total
+from workbench.tune.cost import total
 from workbench.tune.space import Dimension, space, suggest, values_of, with_values
 from workbench.tune.task import Task
 
@@ -28,14 +27,14 @@ RANDOM_TRIALS = 16
 class Found:
     """What the search ended with. ``trials``: finished ones in the file; ``resumed``: of those, from earlier runs."""
 
-    config: BaseModel
+    config: ExtractionConfig
     train_loss_mm: float
     trials: int
     resumed: int
     interrupted: bool
 
 
-def search(task: Task, start: BaseModel, trials: int, seed: int, journal: Path, progress: Progress) -> Found:
+def search(task: Task, start: ExtractionConfig, trials: int, seed: int, journal: Path, progress: Progress) -> Found:
     """Minimise the loss on the training part, beginning at ``start``, until ``trials`` are in ``journal``."""
     optuna = _optuna()
     dimensions = space(type(start))
@@ -62,7 +61,7 @@ def _optuna() -> Any:
 
 
 def _study(
-    library: Any, task: Task, start: BaseModel, dimensions: tuple[Dimension, ...], seed: int, journal: Path
+    library: Any, task: Task, start: ExtractionConfig, dimensions: tuple[Dimension, ...], seed: int, journal: Path
 ) -> optuna.Study:
     """The study of this task in the journal: another dataset, start, space or seed is another study."""
     name = _name(task, start, dimensions, seed)
@@ -85,8 +84,8 @@ def _study(
     return cast("optuna.Study", study)
 
 
-def _name(task: Task, start: BaseModel, dimensions: tuple[Dimension, ...], seed: int) -> str:
-    pictures = task.opened.pictures
+def _name(task: Task, start: ExtractionConfig, dimensions: tuple[Dimension, ...], seed: int) -> str:
+    pictures = task.source.pictures
     stamps = [(pictures.name(i), pictures.stamp(i).size, pictures.stamp(i).mtime_ns) for i in task.images]
     content = [start.model_dump_json(), [d.__dict__ for d in dimensions], stamps, task.train, seed, task.has_truth]
     return "tune " + hashlib.sha256(json.dumps(content).encode()).hexdigest()[:16]
@@ -100,7 +99,7 @@ def _run(
     library: Any,
     study: optuna.Study,
     task: Task,
-    start: BaseModel,
+    start: ExtractionConfig,
     dimensions: tuple[Dimension, ...],
     trials: int,
     progress: Progress,

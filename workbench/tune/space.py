@@ -1,14 +1,16 @@
-"""The search space, from the configuration model's own ranges."""
+"""The search space: what the window's sliders may search, over their ranges."""
 
 from __future__ import annotations
 
 import copy
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 from pydantic import BaseModel
 
-from workbench.window.parameters import panel
+from workbench.cell.parameters import panel
+
+M = TypeVar("M", bound=BaseModel)
 
 
 @dataclass(frozen=True)
@@ -35,7 +37,7 @@ class Suggests(Protocol):
 
 
 def space(model: type[BaseModel]) -> tuple[Dimension, ...]:
-    """Every parameter that the model marks for search, with the range of its slider."""
+    """Every parameter of the model whose slider the search may move, over its range."""
     controls = [p for group in panel(model) for p in group["parameters"]]
     return tuple(
         Dimension(p["key"], p["kind"], p["min"], p["max"], p["log"])
@@ -44,7 +46,7 @@ def space(model: type[BaseModel]) -> tuple[Dimension, ...]:
     )
 
 
-def suggest(trial: Suggests, dimensions: tuple[Dimension, ...], base: BaseModel) -> BaseModel:
+def suggest(trial: Suggests, dimensions: tuple[Dimension, ...], base: M) -> M:
     """``base`` with every dimension as the trial suggests it."""
     values: dict[str, float] = {}
     for d in dimensions:
@@ -68,7 +70,7 @@ def values_of(config: BaseModel, dimensions: tuple[Dimension, ...]) -> dict[str,
     return out
 
 
-def with_values(base: BaseModel, values: dict[str, float]) -> BaseModel:
+def with_values(base: M, values: dict[str, float]) -> M:
     """``base`` with some parameters replaced, checked by the model."""
     table = copy.deepcopy(base.model_dump())
     for key, value in values.items():

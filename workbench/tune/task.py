@@ -4,26 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import cast
 
 import numpy as np
-from pydantic import BaseModel
 
+from extraction import ExtractionConfig, extract
 from geometry import InputError, PerceptronEmuError
+from workbench.cell.image_set import ImageSet
+from workbench.compare import match, named_points
 from workbench.files.images import Image
-from workbench.tune.score import FrameScore, against_truth, by_consistency
-from workbench.window.detector import Detector
-from workbench.window.session import Opened
+from workbench.tune.cost import FrameCost, against_truth, by_consistency
 
 LEAST_IMAGES = 4
+NO_JIG = "without truth.json a search needs the jig's geometry: give --jig FILE"
 
 
 @dataclass(frozen=True, eq=False)
 class Task:
     """Images by index, which of them to train on and which are held out; ``skipped``: why an image is in neither."""
 
-    opened: Opened
-    detector: Detector
+    source: ImageSet
     images: dict[int, Image]
     train: tuple[int, ...]
     held_out: tuple[int, ...]
@@ -32,45 +31,48 @@ class Task:
     @property
     def has_truth(self) -> bool:
         """Whether errors are against truth."""
-        return bool(self.opened.truth)
+        return bool(self.source.truth)
 
-    def score(self, index: int, config: BaseModel) -> FrameScore:
+    def score(self, index: int, config: ExtractionConfig) -> FrameCost:
         """Extract and label one image, and score it."""
-        view = self.detector.stages(self.images[index], config)
-        labels = self.detector.label(index, view.points) if self.detector.strings else None
+        labeller = self.source.labeller
+        points = extract(self.images[index], labeller.sensor, config)
+        labels = labeller.label(index, points) if labeller.strings else None
         if self.has_truth:
-            return against_truth(self.opened.truth[index], view.points, labels)
-        if labels is None or self.detector.jig is None:
-            raise InputError("without truth.json a search needs the jig's geometry: give --jig FILE")
-        return by_consistency(self.detector.jig, labels)
+            axis = None if labels is None else labels.axis
+            named = named_points(points, axis)
+            return against_truth(match(self.source.truth[index], named, labelled=axis is not None))
+        if labels is None or labeller.jig is None:
+            raise InputError(NO_JIG)
+        return by_consistency(labeller.jig, labels)
 
-    def scores(self, part: Sequence[int], config: BaseModel) -> list[FrameScore]:
+    def scores(self, part: Sequence[int], config: ExtractionConfig) -> list[FrameCost]:
         """Every image of a part."""
         return [self.score(i, config) for i in part]
 
 
-def make_task(opened: Opened, seed: int) -> Task:
+def make_task(source: ImageSet, seed: int) -> Task:
     """Read the images and split them evenly, each location for itself, by ``seed``."""
-    images, skipped = _images(opened)
+    images, skipped = _read(source)
     if len(images) < LEAST_IMAGES:
         why = f" ({next(iter(skipped.values()))})" if skipped else ""
         raise InputError(f"only {len(images)} images can be used, a search needs at least {LEAST_IMAGES}{why}")
-    if opened.truth:
-        for i in [i for i in images if i not in opened.truth]:
-            skipped[i] = f"{opened.pictures.name(i)}: is not in truth.json"
+    if source.truth:
+        for i in [i for i in images if i not in source.truth]:
+            skipped[i] = f"{source.pictures.name(i)}: is not in truth.json"
             del images[i]
-    if not opened.truth and not opened.engine.strings:
-        raise InputError("without truth.json a search needs the jig's geometry: give --jig FILE")
-    train, held_out = split([opened.frames[i].location for i in images], list(images), seed)
-    return Task(opened, cast("Detector", opened.engine), images, train, held_out, skipped)
+    if not source.truth and not source.labeller.strings:
+        raise InputError(NO_JIG)
+    train, held_out = split([source.images[i].location for i in images], list(images), seed)
+    return Task(source, images, train, held_out, skipped)
 
 
-def _images(opened: Opened) -> tuple[dict[int, Image], dict[int, str]]:
+def _read(source: ImageSet) -> tuple[dict[int, Image], dict[int, str]]:
     images: dict[int, Image] = {}
     skipped: dict[int, str] = {}
-    for i in range(len(opened.pictures)):
+    for i in range(len(source.pictures)):
         try:
-            images[i] = opened.pictures.read(i)
+            images[i] = source.pictures.read(i)
         except PerceptronEmuError as error:
             skipped[i] = str(error)
     return images, skipped

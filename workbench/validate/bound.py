@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import correlate1d
 
-from perceptron_emu import EmulatorConfig, Scene, render
-from perceptron_emu.camera import gain_dn_per_e
+from perceptron_emu import EmulatorConfig, Scene, gain_dn_per_e, render
 
 Array = NDArray[np.float64]
 

@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 from calib import CalibConfig
 from calib.label.frame import label_frame
 from extraction import extract
-from geometry import AxisPoints, SurfacePoints
 from perceptron_emu import render
 from workbench.cell.points_table import FrameTable
-from workbench.compare.match import VISIBLE, StringTruthLike, score_frame
+from workbench.compare import VISIBLE, Comparison, KnownString, Match, match, named_points, true_strings
 from workbench.files.settings_file import Settings
 from workbench.validate.bound import noise_free_electrons, position_bound_px
 from workbench.validate.drawing import Drawn
@@ -59,12 +58,11 @@ def label_drawn(frame: Drawn, image: NDArray[Any], settings: Settings) -> FrameT
 
 
 def score(
-    table: FrameTable, truth: Sequence[StringTruthLike], bounds: Sequence[float] | None = None
+    table: FrameTable, truth: Sequence[KnownString], bounds: Sequence[float] | None = None
 ) -> tuple[list[dict[str, Any]], dict[str, Any]]:
     """Rows of one frame's strings and its counts."""
-    uv = _spots_uv(table.axis, table.points)
-    result = score_frame(truth, table.axis.label, uv, table.axis.yz_mm)
-    found = {table.axis.label[p]: k for k, p in enumerate(result.point)}
+    compared = match(true_strings(truth), named_points(table.points, table.axis), labelled=True)
+    found = {m.string.label: m for m in compared.found}
     rows = []
     for i, string in enumerate(truth):
         row: dict[str, Any] = {
@@ -76,34 +74,34 @@ def score(
         if string.axis_mm is not None:
             y, z = np.asarray(string.axis_mm, dtype=float)
             row |= {"y_mm": float(y), "z_mm": float(z)}
-        rows.append(row | (_errors(table, result, found[string.label]) if string.label in found else {}))
-    count = {"visible": result.visible, "found": result.found, "false": result.false}
-    count |= {"mislabelled": result.mislabelled, "labelled": len(table.axis), "spots": len(table.points)}
-    return rows, count
+        rows.append(row | (_errors(table, found[string.label]) if string.label in found else {}))
+    return rows, _counts(compared) | {"labelled": len(table.axis), "spots": len(table.points)}
 
 
-def _errors(table: FrameTable, result: Any, k: int) -> dict[str, Any]:
-    point = int(result.point[k])
-    covariance = table.axis.cov_yz_mm2[point]
-    error = result.error_mm[k]
+def _counts(compared: Comparison) -> dict[str, int]:
     return {
-        "error_u_px": float(result.error_px[k, 0]),
-        "error_v_px": float(result.error_px[k, 1]),
+        "visible": len(compared.visible),
+        "found": len(compared.found),
+        "false": len(compared.false_points),
+        "mislabelled": compared.mislabelled,
+    }
+
+
+def _errors(table: FrameTable, found: Match) -> dict[str, Any]:
+    k = table.axis.label.index(found.string.label)
+    covariance = table.axis.cov_yz_mm2[k]
+    error_px, error = np.array(found.error_px), np.array(found.error_mm)
+    return {
+        "error_u_px": float(error_px[0]),
+        "error_v_px": float(error_px[1]),
         "error_y_mm": float(error[0]),
         "error_z_mm": float(error[1]),
         "sigma_y_mm": float(np.sqrt(covariance[0, 0])),
         "sigma_z_mm": float(np.sqrt(covariance[1, 1])),
         "chi2": float(error @ np.linalg.solve(covariance, error)),
-        "flag": table.axis.flag[point] if point < len(table.axis.flag) else "",
+        "flag": table.axis.flag[k] if k < len(table.axis.flag) else "",
     }
 
 
-def _spots_uv(axis: AxisPoints, points: SurfacePoints) -> Array:
-    uv = np.full((len(axis), 2), np.nan)
-    known = axis.spot >= 0
-    uv[known] = points.uv_px[axis.spot[known]]
-    return uv
-
-
-def _seen(string: StringTruthLike) -> bool:
+def _seen(string: KnownString) -> bool:
     return string.image_px is not None and bool(np.all(np.isfinite(np.asarray(string.image_px, dtype=float))))

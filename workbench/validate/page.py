@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-import base64
 import csv
 import io
 from collections.abc import Sequence
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from matplotlib.figure import Figure
-
 from workbench.files.atomic import write_text
 from workbench.report.as_json import json_text
-from workbench.report.as_text import number
-from workbench.report.fig7 import picture_bytes
+from workbench.report.page import render_page, svg
 from workbench.validate.drawing import CLUTTER, FACTORS
 from workbench.validate.measure import Measured
 from workbench.validate.plots import bias_map, curve_plot, pull_plot
@@ -59,24 +54,19 @@ def write_pages(
     worst: Sequence[dict[str, Any]],
 ) -> None:
     """Write report.html, strings.csv, frames.csv and result.json into ``out``."""
-    import jinja2
-
     curves = {factor: curve(measured, factor) for factor in FACTORS}
     limits = {k: v for k, v in thresholds.model_dump(exclude={"name"}).items() if v is not None}
-    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
-    environment.filters["number"] = lambda value, digits=4: number(value, digits)
-    template = environment.from_string((files("workbench.validate") / "page.html.j2").read_text(encoding="utf-8"))
-    page = template.render(
-        figures=[{"words": WORDS[k], "key": k, "value": v} for k, v in result.items()],
-        limits=limits,
-        values=result,
-        failed={f.key for f in failed},
-        bias=_svg(bias_map(measured)),
-        pulls=_svg(pull_plot(measured)),
-        curves=[(UNITS[f], _svg(curve_plot(UNITS[f], points))) for f, points in curves.items() if len(points) > 1],
-        worst=worst,
-    )
-    write_text(out / "report.html", page)
+    content = {
+        "figures": [{"words": WORDS[k], "key": k, "value": v} for k, v in result.items()],
+        "limits": limits,
+        "values": result,
+        "failed": {f.key for f in failed},
+        "bias": svg(bias_map(measured)),
+        "pulls": svg(pull_plot(measured)),
+        "curves": [(UNITS[f], svg(curve_plot(UNITS[f], points))) for f, points in curves.items() if len(points) > 1],
+        "worst": worst,
+    }
+    write_text(out / "report.html", render_page("workbench.validate", "page.html.j2", content))
     write_text(out / "strings.csv", _csv(measured.strings))
     write_text(out / "frames.csv", _csv(measured.counts))
     write_text(out / "result.json", json_text(result_object(result, limits, failed, curves)) + "\n")
@@ -90,10 +80,6 @@ def result_object(
 ) -> dict[str, Any]:
     """The JSON of a validation."""
     return {"figures": result, "thresholds": limits, "failed": [f.key for f in failed], "curves": curves}
-
-
-def _svg(figure: Figure) -> str:
-    return "data:image/svg+xml;base64," + base64.b64encode(picture_bytes(figure, "svg")).decode()
 
 
 def _csv(rows: Sequence[dict[str, Any]]) -> str:

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from workbench.report.page import new_figure
 from workbench.validate.measure import Measured
 
 CELLS = 6
@@ -18,7 +18,7 @@ BLUE, RED, GREY = "#2a6f97", "#c44e52", "0.6"
 
 def bias_map(measured: Measured) -> Figure:
     """Mean error in cells of the laser plane as arrows, with the number of points."""
-    figure, axis = _figure(5.2, 4.2)
+    figure, axis = new_figure(5.2, 4.2)
     rows = [s for s in measured.strings if s["found"] and s["visible"] and not s["flag"]]
     if not rows:
         return figure
@@ -45,7 +45,7 @@ def bias_map(measured: Measured) -> Figure:
 
 def curve_plot(factor: str, points: Sequence[dict[str, Any]]) -> Figure:
     """Detection rate, scatter and bias against one condition."""
-    figure, axis = _figure(4.2, 2.8)
+    figure, axis = new_figure(4.2, 2.8)
     x = [p["at"] for p in points]
     for key, colour, label in (("scatter_y_mm", BLUE, "scatter y"), ("scatter_z_mm", RED, "scatter z")):
         for kind, style, size in (("scatter", "o-", 4), ("bias", ":", 0)):
@@ -70,7 +70,7 @@ def curve_plot(factor: str, points: Sequence[dict[str, Any]]) -> Figure:
 
 def pull_plot(measured: Measured) -> Figure:
     """Errors over their claimed σ, beside the normal distribution that they should follow."""
-    figure, axis = _figure(5.2, 3.0)
+    figure, axis = new_figure(5.2, 3.0)
     rows = [s for s in measured.strings if s["found"] and s["visible"] and not s["flag"] and s["nominal"]]
     x = np.linspace(-5, 5, 200)
     for key, colour in (("y", BLUE), ("z", RED)):
@@ -83,9 +83,3 @@ def pull_plot(measured: Measured) -> Figure:
     axis.legend(fontsize=7, frameon=False)
     axis.set_xlabel("error over claimed σ")
     return figure
-
-
-def _figure(width: float, height: float) -> tuple[Figure, Any]:
-    figure = Figure(figsize=(width, height), layout="constrained")
-    FigureCanvasAgg(figure)
-    return figure, figure.subplots()

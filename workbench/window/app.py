@@ -18,13 +18,13 @@ from starlette.routing import Route
 
 from geometry import InputError, PerceptronEmuError
 from workbench.files.atomic import write_text
+from workbench.files.settings_file import carried_calib
 from workbench.window import settings
 from workbench.window.jobs import Job
 from workbench.window.overview import overview
 from workbench.window.parameters import ParameterError, parse
 from workbench.window.security import TooLargeError
 from workbench.window.session import Session
-from workbench.window.settings_text import carried_calib
 from workbench.window.survey import Survey
 from workbench.window.thumbnails import thumbnail
 

@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-import threading
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel
 
-from calib import CalibConfig
-from calib.label.frame import label_frame
-from extraction import ExtractionConfig, Stages, extract_stages, image_to_sheet
+from calib.label.refine import LabelledFrame
+from extraction import ExtractionConfig, Seen, Stages, explain, extract_stages, image_to_sheet
 from extraction.spots import Candidates
-from geometry import InputError, Pose, Sensor, SurfacePoints
-from jig_cad import Jig
+from geometry import InputError, Sensor, SurfacePoints
+from workbench.cell.labeller import Labeller
 from workbench.files.images import Image
-from workbench.window.engine import Candidate, Labels, StageView
-from workbench.window.refusals import Seen, explain
+from workbench.window.engine import Candidate, StageView
 
 Array = NDArray[np.float64]
 
@@ -27,25 +24,27 @@ MEASURES = (
 )  # fmt: skip
 
 
-@dataclass(eq=False)
+@dataclass(frozen=True, eq=False)
 class Detector:
-    """Extraction for ``sensor``; labels where ``jig`` is known.
+    """Extraction with all its stages, and names by ``labeller``."""
 
-    guesses: T_sensor_jig by image index, from the solved robot chain; ``epoch`` counts their changes.
-    """
-
-    sensor: Sensor
-    jig: Jig | None
-    calib: CalibConfig = field(default_factory=CalibConfig)
+    labeller: Labeller
     model: type[BaseModel] = ExtractionConfig
-    epoch: int = 0
-    _guesses: dict[int, Pose] = field(default_factory=dict)
-    _lock: threading.Lock = field(default_factory=threading.Lock)
+
+    @property
+    def sensor(self) -> Sensor:
+        """The sensor that took the images."""
+        return self.labeller.sensor
 
     @property
     def strings(self) -> tuple[str, ...]:
         """Names of the jig's strings."""
-        return self.jig.strings if self.jig is not None else ()
+        return self.labeller.strings
+
+    @property
+    def epoch(self) -> int:
+        """Counts what the labeller learned."""
+        return self.labeller.epoch
 
     def stages(self, image: Image, config: BaseModel) -> StageView:
         """All stages of one image."""
@@ -55,20 +54,9 @@ class Detector:
         mask = stages.mask.view(np.uint8)
         return StageView(stages.background, mask, candidates, stages.points, stages.reason, MEASURES)
 
-    def label(self, index: int, points: SurfacePoints) -> Labels:
+    def label(self, index: int, points: SurfacePoints) -> LabelledFrame:
         """Names of the spots by the jig's geometry, with the robot chain's guess where there is one."""
-        if self.jig is None:
-            raise InputError("labels need a jig: give --jig FILE")
-        with self._lock:
-            guess = self._guesses.get(index)
-        found = label_frame(points, self.jig, self.sensor, guess, self.calib)
-        return Labels(found.axis, found.T_sensor_jig, found.reason or "")
-
-    def learn(self, guesses: dict[int, Pose]) -> None:
-        """Take the poses of a solved chain."""
-        with self._lock:
-            self._guesses = guesses
-            self.epoch += 1
+        return self.labeller.label(index, points)
 
 
 def _checked(config: BaseModel) -> ExtractionConfig:
@@ -99,7 +87,7 @@ def _candidates(stages: Stages, sensor: Sensor, config: ExtractionConfig) -> tup
     boxes, peaks = _plain(_boxes(found), 1), found.peak_uv_px.tolist()
     out = []
     for k, (u, v) in enumerate(peaks):
-        reason = found.reason[k] or ("low_score" if np.isnan(score[k]) else "")
+        reason = found.reason[k]
         text, parameter = explain(reason, Seen(*numbers[k]), config) if reason else ("", "")
         out.append(Candidate(u, v, boxes[k], reason, text, measured[k], parameter))
     return tuple(out)

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel
 
-from geometry import AxisPoints, Pose, Sensor, SurfacePoints
+from calib.label.refine import LabelledFrame
+from geometry import Sensor, SurfacePoints
 from workbench.files.images import Image
 
 Array = NDArray[np.float64]
@@ -44,20 +45,18 @@ class StageView:
     measures: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, eq=False)
-class Labels:
-    """Labelled axis points of one image, the jig's pose, or the reason why there is none."""
-
-    axis: AxisPoints
-    T_sensor_jig: Pose | None
-    reason: str = ""
-
-
 class Engine(Protocol):
     """Detection and labelling as the window needs them; the tests put a fake in its place."""
 
-    model: type[BaseModel]
-    sensor: Sensor
+    @property
+    def model(self) -> type[BaseModel]:
+        """The parameters' model."""
+        ...
+
+    @property
+    def sensor(self) -> Sensor:
+        """The sensor that took the images."""
+        ...
 
     @property
     def strings(self) -> tuple[str, ...]:
@@ -73,32 +72,32 @@ class Engine(Protocol):
         """All stages of one image; InputError where the image does not fit the sensor."""
         ...
 
-    def label(self, index: int, points: SurfacePoints) -> Labels:
+    def label(self, index: int, points: SurfacePoints) -> LabelledFrame:
         """Names of the spots of image ``index`` by the jig's geometry."""
         ...
 
 
 @dataclass(frozen=True, eq=False)
-class FrameOutcome:
+class ImageAnswer:
     """Everything about one image under one set of parameters; ``error`` is set where it could not be processed."""
 
     index: int
     hash: str
     view: StageView | None
-    labels: Labels | None
+    labels: LabelledFrame | None
     error: str
     seconds: float
 
 
-def process(engine: Engine, image: Image, config: BaseModel, index: int, hash_: str) -> FrameOutcome:
+def process(engine: Engine, image: Image, config: BaseModel, index: int, hash_: str) -> ImageAnswer:
     """Run detection and labelling on one image."""
     start = time.perf_counter()
     view = engine.stages(image, config)
     labels = engine.label(index, view.points) if engine.strings else None
-    return FrameOutcome(index, hash_, view, labels, "", time.perf_counter() - start)
+    return ImageAnswer(index, hash_, view, labels, "", time.perf_counter() - start)
 
 
-def badge(outcome: FrameOutcome, strings: tuple[str, ...]) -> str:
+def badge(outcome: ImageAnswer, strings: tuple[str, ...]) -> str:
     """``all``, ``some``, ``none`` or ``error``: how many of the jig's strings were found (without a jig: any spot)."""
     if outcome.error or outcome.view is None:
         return "error"
@@ -108,7 +107,7 @@ def badge(outcome: FrameOutcome, strings: tuple[str, ...]) -> str:
     return "all" if found >= len(strings) else "some" if found else "none"
 
 
-def as_json(outcome: FrameOutcome, strings: tuple[str, ...]) -> dict[str, Any]:
+def as_json(outcome: ImageAnswer, strings: tuple[str, ...]) -> dict[str, Any]:
     """The outcome for the page; images are asked for separately, as bytes."""
     answer: dict[str, Any] = {
         "index": outcome.index,
@@ -128,7 +127,7 @@ def as_json(outcome: FrameOutcome, strings: tuple[str, ...]) -> dict[str, Any]:
     answer["measures"] = outcome.view.measures
     answer["spots"] = _spots(outcome.view.points, outcome.labels)
     answer["labelled"] = len(outcome.labels.axis) if outcome.labels else 0
-    answer["reason"] = outcome.view.reason or (outcome.labels.reason if outcome.labels else "")
+    answer["reason"] = outcome.view.reason or (outcome.labels.reason if outcome.labels else None) or ""
     return answer
 
 
@@ -144,7 +143,7 @@ def _candidate(c: Candidate) -> dict[str, Any]:
     }
 
 
-def _spots(points: SurfacePoints, labels: Labels | None) -> list[dict[str, Any]]:
+def _spots(points: SurfacePoints, labels: LabelledFrame | None) -> list[dict[str, Any]]:
     axis_of = {int(s): i for i, s in enumerate(labels.axis.spot)} if labels else {}
     sigma_uv = np.sqrt(np.maximum(points.cov_uv_px2[:, [0, 1], [0, 1]], 0))
     spots = []

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from geometry import field_of_view
+from workbench.cell.parameters import panel
 from workbench.window import settings
-from workbench.window.parameters import panel
 from workbench.window.session import Session
 
 

@@ -1,23 +1,19 @@
-"""The parameters panel's content, generated from the configuration model's JSON schema."""
+"""Parameters as the page sends them."""
 
 from __future__ import annotations
 
 import hashlib
-import re
 from dataclasses import dataclass
-from typing import Any, cast
 
 from pydantic import BaseModel, ValidationError
 
 from geometry import InputError
 
-Schema = dict[str, Any]
-UNITS = {"px": "px", "px2": "px²", "mm": "mm", "dn": "DN", "deg": "°", "rad": "rad", "s": "s", "ms": "ms", "e": "e⁻"}
 MAX_CONFIG_CHARS = 64 * 1024
 
 
 @dataclass(frozen=True)
-class Configuration:
+class HashedConfig:
     """One set of parameters and the hash that its answers carry."""
 
     model: BaseModel
@@ -37,132 +33,12 @@ def hash_of(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
-def parse(model: type[BaseModel], text: str) -> Configuration:
+def parse(model: type[BaseModel], text: str) -> HashedConfig:
     """Parameters from the page's JSON text; ParameterError that names each wrong key."""
     if len(text) > MAX_CONFIG_CHARS:
         raise InputError("the parameters are too long to be parameters")
     try:
-        return Configuration(model.model_validate_json(text), hash_of(text))
+        return HashedConfig(model.model_validate_json(text), hash_of(text))
     except ValidationError as error:
         problems = {".".join(map(str, p["loc"])) or "parameters": p["msg"] for p in error.errors(include_url=False)}
         raise ParameterError(problems) from None
-
-
-def panel(model: type[BaseModel]) -> list[dict[str, Any]]:
-    """Groups of controls in the model's order: ``{title, parameters: [{key, title, kind, unit, help, …}]}``."""
-    schema = model.model_json_schema()
-    definitions: Schema = schema.get("$defs", {})
-    defaults = model().model_dump(mode="json")
-    groups: dict[str, list[dict[str, Any]]] = {}
-    _collect(schema, definitions, defaults, (), "Detection", groups)
-    return [{"title": title, "parameters": controls} for title, controls in groups.items() if controls]
-
-
-def _collect(
-    schema: Schema, definitions: Schema, defaults: Any, path: tuple[str, ...], title: str, groups: dict[str, list[Any]]
-) -> None:
-    for name, field in schema.get("properties", {}).items():
-        resolved, nullable = _resolve(field, definitions)
-        here = (*path, name)
-        if "properties" in resolved:
-            inner = str(field.get("title") or _words(name))
-            _collect(resolved, definitions, defaults[name], here, inner, groups)
-        else:
-            group = str(resolved.get("group") or title)
-            groups.setdefault(group, []).append(_control(here, resolved, nullable, defaults[name]))
-
-
-def _resolve(field: Schema, definitions: Schema) -> tuple[Schema, bool]:
-    """The field with references followed and an optional type unpacked; whether it may be null."""
-    merged, nullable = dict(field), False
-    options = [o for o in merged.pop("anyOf", []) if o.get("type") != "null" or (nullable := True)]
-    options = [o for o in options if o.get("type") != "null"]
-    if len(options) == 1:
-        merged = {**options[0], **merged}
-    whole = merged.pop("allOf", [])
-    if len(whole) == 1:
-        merged = {**whole[0], **merged}
-    if "$ref" in merged:
-        target = definitions[merged.pop("$ref").removeprefix("#/$defs/")]
-        merged = {**target, **merged}
-    return merged, nullable
-
-
-def _control(path: tuple[str, ...], field: Schema, nullable: bool, default: Any) -> dict[str, Any]:
-    """One control; ranges without bounds in the model are opened around the default."""
-    kind = _kind(field)
-    help_text, unit_in_help = _split_unit(str(field.get("description", "")))
-    control: dict[str, Any] = {
-        "key": ".".join(path),
-        "title": _title(path[-1], field),
-        "kind": kind,
-        "unit": field.get("unit") or unit_in_help or _unit(path[-1]),
-        "help": help_text,
-        "level": field.get("level", "expert" if field.get("expert") else "basic"),
-        "default": default,
-        "nullable": nullable,
-        "search": bool(field.get("search", False)),
-    }
-    if kind in ("number", "integer"):
-        control |= _range(field, default, kind)
-    if kind == "choice":
-        control["choices"] = field.get("enum", [field.get("const")])
-    return control
-
-
-def _split_unit(text: str) -> tuple[str, str]:
-    """A description without its bracketed unit, and that unit."""
-    found = re.search(r"\s*\[([^\]]{1,12})\]", text)
-    return (text.replace(found[0], "", 1), found[1]) if found else (text, "")
-
-
-def _kind(field: Schema) -> str:
-    if "enum" in field or "const" in field:
-        return "choice"
-    kind = cast("str", field.get("type", "string"))
-    return kind if kind in ("number", "integer", "boolean", "array") else "string"
-
-
-def _range(field: Schema, default: Any, kind: str) -> dict[str, Any]:
-    """Bounds of the slider (ui_min, ui_max where the model says so), its step, and whether it is logarithmic."""
-    size = abs(float(default)) if isinstance(default, int | float) and default else 1.0
-    low = _first(field, ("ui_min", "minimum", "exclusiveMinimum"), 0.0)
-    high = _first(field, ("ui_max", "maximum", "exclusiveMaximum"), max(4 * size, low + 4 * size))
-    log = bool(field.get("log", low > 0 and high / low >= 1000))
-    step = field.get("step", 1 if kind == "integer" else _nice_step((high - low) / 200))
-    return {"min": low, "max": high, "step": step, "log": log and low > 0}
-
-
-def _first(field: Schema, names: tuple[str, ...], otherwise: float) -> float:
-    return next((float(field[n]) for n in names if field.get(n) is not None), otherwise)
-
-
-def _nice_step(raw: float) -> float:
-    return float(f"{10 ** _floor_log10(raw):.0e}") if raw > 0 else 0.01
-
-
-def _floor_log10(x: float) -> int:
-    return int(f"{x:e}".split("e")[1])
-
-
-def _title(name: str, field: Schema) -> str:
-    """The model's own title where it was given, else the key in words without its unit."""
-    automatic = name.replace("_", " ").title()
-    given = str(field.get("title", automatic))
-    return given if given.casefold() != automatic.casefold() else _words(name)
-
-
-def _words(name: str) -> str:
-    """``max_length_mm`` → Max length, ``gain_dn_per_e`` → Gain."""
-    ends = "|".join(UNITS)
-    bare = re.sub(rf"_({ends})(_per_({ends}))?$", "", name)
-    text = bare.replace("_", " ")
-    return text[:1].upper() + text[1:]
-
-
-def _unit(name: str) -> str:
-    """The unit that a key's last word names; empty where it names none."""
-    parts = name.split("_")
-    if len(parts) > 3 and parts[-2] == "per" and parts[-1] in UNITS and parts[-3] in UNITS:
-        return f"{UNITS[parts[-3]]}/{UNITS[parts[-1]]}"
-    return UNITS.get(parts[-1], "") if len(parts) > 1 else ""

@@ -14,22 +14,15 @@ from typing import Any
 from pydantic import BaseModel
 
 from geometry import PerceptronEmuError
-from workbench.window.engine import Engine, FrameOutcome, as_json, process
-from workbench.window.parameters import Configuration
-from workbench.window.pictures import Pictures, Stamp
-from workbench.window.truth import Comparison, TrueString, compare, comparison_json
+from workbench.cell.image_set import ImageInfo
+from workbench.cell.pictures import Pictures, Stamp
+from workbench.compare import Comparison, TrueString, match, named_points
+from workbench.window.engine import Engine, ImageAnswer, as_json, process
+from workbench.window.parameters import HashedConfig
+from workbench.window.truth import comparison_json
 
 _Key = tuple[int, str, int, Stamp]  # image, parameters, epoch of the engine, state of the file
 KEPT_OUTCOMES = 8  # with their stage images, some 12 MB each
-
-
-@dataclass(frozen=True)
-class FrameInfo:
-    """What the dataset says of one image."""
-
-    frame: int
-    location: str = ""
-    role: str = ""
 
 
 Calibrate = Callable[[BaseModel], dict[str, Any]]
@@ -47,7 +40,7 @@ class Opened:
     title: str
     pictures: Pictures
     engine: Engine
-    frames: tuple[FrameInfo, ...]
+    frames: tuple[ImageInfo, ...]
     truth: Mapping[int, tuple[TrueString, ...]]
     start: BaseModel
     settings_folder: Path
@@ -65,7 +58,7 @@ class Session:
 
     opened: Opened
     _lock: threading.Lock = field(default_factory=threading.Lock)
-    _kept: OrderedDict[_Key, FrameOutcome] = field(default_factory=OrderedDict)
+    _kept: OrderedDict[_Key, ImageAnswer] = field(default_factory=OrderedDict)
     _one_at_a_time: threading.Lock = field(default_factory=threading.Lock)
     first_answer: threading.Event = field(default_factory=threading.Event)
     _waiting: int = 0
@@ -89,16 +82,16 @@ class Session:
         with self._lock:
             return 0.0 if self._waiting else time.monotonic() - self._last_interactive
 
-    def outcome(self, index: int, configuration: Configuration) -> FrameOutcome:
+    def outcome(self, index: int, configuration: HashedConfig) -> ImageAnswer:
         """Process one image for the screen, or give the kept answer; equal questions at one time are worked on once."""
         with self._one_at_a_time:
             return self._outcome(index, configuration, keep=True)
 
-    def background_outcome(self, index: int, configuration: Configuration) -> FrameOutcome:
+    def background_outcome(self, index: int, configuration: HashedConfig) -> ImageAnswer:
         """As `outcome`, but nothing is kept and nobody waits for it."""
         return self._outcome(index, configuration, keep=False)
 
-    def _outcome(self, index: int, configuration: Configuration, keep: bool) -> FrameOutcome:
+    def _outcome(self, index: int, configuration: HashedConfig, keep: bool) -> ImageAnswer:
         """The outcome; an image that can not be processed gives its error as one."""
         opened = self.opened
         try:
@@ -110,31 +103,30 @@ class Session:
             image = opened.pictures.read(index)
             outcome = process(opened.engine, image, configuration.model, index, configuration.hash)
         except PerceptronEmuError as error:
-            return FrameOutcome(index, configuration.hash, None, None, str(error), 0.0)
+            return ImageAnswer(index, configuration.hash, None, None, str(error), 0.0)
         except Exception as error:  # noqa: BLE001 - a fault on one image must not end the work on the others
             text = f"fault of the program: {type(error).__name__}: {error}"
-            return FrameOutcome(index, configuration.hash, None, None, text, 0.0)
+            return ImageAnswer(index, configuration.hash, None, None, text, 0.0)
         if keep:
             self._keep(key, outcome)
         return outcome
 
-    def _keep(self, key: _Key, outcome: FrameOutcome) -> None:
+    def _keep(self, key: _Key, outcome: ImageAnswer) -> None:
         with self._lock:
             self._kept[key] = outcome
             while len(self._kept) > KEPT_OUTCOMES:
                 self._kept.popitem(last=False)
 
-    def comparison(self, outcome: FrameOutcome) -> Comparison | None:
+    def comparison(self, outcome: ImageAnswer) -> Comparison | None:
         """The outcome against the image's truth, where both exist."""
         strings = self.opened.truth.get(outcome.index)
         if strings is None or outcome.view is None:
             return None
-        return compare(strings, outcome.view.points, outcome.labels)
+        axis = None if outcome.labels is None else outcome.labels.axis
+        return match(strings, named_points(outcome.view.points, axis), labelled=axis is not None)
 
-    def row(self, outcome: FrameOutcome) -> dict[str, Any]:
+    def row(self, outcome: ImageAnswer) -> dict[str, Any]:
         """The outcome and its comparison with truth for the page."""
-        strings = self.opened.engine.strings
         compared = self.comparison(outcome)
-        return as_json(outcome, strings) | {
-            "truth": comparison_json(compared, bool(strings)) if compared else None,
-        }
+        truth = comparison_json(compared) if compared else None
+        return as_json(outcome, self.opened.engine.strings) | {"truth": truth}

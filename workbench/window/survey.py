@@ -8,9 +8,10 @@ from collections import OrderedDict
 from contextlib import suppress
 from typing import Any
 
-from workbench.window.parameters import Configuration
+from workbench.compare import Comparison, summarise
+from workbench.window.parameters import HashedConfig
 from workbench.window.session import Session
-from workbench.window.truth import Comparison, statistics_json, summarise
+from workbench.window.truth import statistics_json
 
 KEPT_SETS = 6
 FIRST_SECONDS = 5.0  # the first picture goes before all background work
@@ -28,7 +29,7 @@ class Survey:
         self._queue: list[_Set] = []
         self._thread: threading.Thread | None = None
 
-    def ask(self, wanted: list[Configuration]) -> None:
+    def ask(self, wanted: list[HashedConfig]) -> None:
         """Have these sets processed, the first one first; sets asked for earlier and not now are given up."""
         with self._wake:
             self._queue = [self._set(c) for c in wanted]
@@ -37,7 +38,7 @@ class Survey:
                 self._thread.start()
             self._wake.notify()
 
-    def _set(self, configuration: Configuration) -> _Set:
+    def _set(self, configuration: HashedConfig) -> _Set:
         one = self._sets.get(configuration.hash)
         if one is None or one.epoch != self.epoch:
             one = _Set(configuration, len(self._session.opened.pictures), self.epoch)
@@ -60,8 +61,7 @@ class Survey:
                 return {"hash": hash_, "done": 0, "total": len(self._session.opened.pictures), "rows": []}
             rows = one.rows[max(0, since) :]
             comparisons = list(one.comparisons)
-        labelled = bool(self._session.opened.engine.strings)
-        figures = statistics_json(summarise(comparisons, labelled)) if comparisons else None
+        figures = statistics_json(summarise(comparisons)) if comparisons else None
         return {"hash": hash_, "done": len(one.rows), "total": one.total, "rows": rows, "statistics": figures}
 
     def _run(self) -> None:
@@ -103,7 +103,7 @@ class Survey:
 class _Set:
     """One set of parameters and the rows that are done."""
 
-    def __init__(self, configuration: Configuration, total: int, epoch: int) -> None:
+    def __init__(self, configuration: HashedConfig, total: int, epoch: int) -> None:
         self.epoch = epoch
         self.configuration = configuration
         self.total = total

@@ -8,9 +8,8 @@ from typing import Annotated
 
 import typer
 
+from workbench.cli import exit_codes
 from workbench.cli.console import progress_bar, say_on_stdout, standard_error, standard_output
-
-EXIT_NO_ANSWER = 3
 
 
 class Method(StrEnum):
@@ -60,8 +59,8 @@ def command(
 
         write_results(out, cell, observed, result, settings)
     if report is not None:
+        from workbench.report.calibration import ReportInput, write_report
         from workbench.report.cell_image import cell_image
-        from workbench.report.report import ReportInput, write_report
 
         picture, remark = cell_image(cell, result)
         if remark:
@@ -72,4 +71,4 @@ def command(
     else:
         print_calibration(standard_output(), result, observed.complaints)
     if not result.verdict.trustworthy:
-        raise typer.Exit(EXIT_NO_ANSWER)
+        raise typer.Exit(exit_codes.NO_ANSWER)

@@ -7,9 +7,8 @@ from typing import Annotated
 
 import typer
 
+from workbench.cli import exit_codes
 from workbench.cli.console import progress_bar, say_on_stdout, standard_error, standard_output
-
-EXIT_NO_ANSWER = 3
 
 
 def command(
@@ -36,4 +35,4 @@ def command(
         print_demo(standard_output(), demo.result, demo.full, demo.cell.truth, out)
     if not demo.result.verdict.trustworthy:
         standard_error().print("no trustworthy answer")
-        raise typer.Exit(EXIT_NO_ANSWER)
+        raise typer.Exit(exit_codes.NO_ANSWER)

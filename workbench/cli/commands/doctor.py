@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import typer
 
+from workbench.cli import exit_codes
 from workbench.cli.console import standard_output
 
 MARKS = {"ok": "[green]ok     [/]", "absent": "[yellow]absent [/]", "broken": "[red]broken [/]"}
-EXIT_BROKEN = 2
 
 
 def command() -> None:
@@ -24,4 +24,4 @@ def command() -> None:
         console.print(f"{MARKS[finding.state]} [bold]{finding.what}[/]  ", end="")
         console.print(finding.detail, markup=False, soft_wrap=True)
     if broken:
-        raise typer.Exit(EXIT_BROKEN)
+        raise typer.Exit(exit_codes.INPUT)

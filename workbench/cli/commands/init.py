@@ -7,14 +7,15 @@ from typing import Annotated
 
 import typer
 
+from workbench import defaults
 from workbench.cli.console import standard_error
 
 
 def command(
     folder: Annotated[Path, typer.Argument(help="A new or empty folder.")] = Path("cell"),
-    robot: Annotated[str, typer.Option(help="robot.toml or preset.")] = "abb_irb6640_180_255",
-    sensor: Annotated[str, typer.Option(help="sensor.toml or preset.")] = "nominal",
-    jig: Annotated[str, typer.Option(help="jig.toml or preset.")] = "paper",
+    robot: Annotated[str, typer.Option(help="robot.toml or preset.")] = defaults.ROBOT,
+    sensor: Annotated[str, typer.Option(help="sensor.toml or preset.")] = defaults.SENSOR,
+    jig: Annotated[str, typer.Option(help="jig.toml or preset.")] = defaults.JIG,
     presets: Annotated[bool, typer.Option("--list", help="List the presets and write nothing.")] = False,
 ) -> None:
     """Write a commented starter dataset from presets: fill it with a recording, or render it."""

@@ -9,6 +9,7 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
+from workbench import defaults
 from workbench.cli.console import say_on_stdout, standard_error, standard_output
 
 if TYPE_CHECKING:
@@ -16,7 +17,9 @@ if TYPE_CHECKING:
 
 
 def command(
-    jig: Annotated[str, typer.Argument(metavar="FILE|PRESET", help="A jig.toml, or the name of a preset.")] = "paper",
+    jig: Annotated[
+        str, typer.Argument(metavar="FILE|PRESET", help="A jig.toml, or the name of a preset.")
+    ] = defaults.JIG,
     export: Annotated[
         list[Path] | None,
         typer.Option(help="Write the jig as .stl, .glb or .svg (drawing); may be repeated."),

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.table import Table
 
+from workbench.cli import exit_codes
 from workbench.cli.console import say_on_stdout, standard_output
 
 if TYPE_CHECKING:
     from workbench.cell.posing import FramePose
 
-EXIT_NO_ANSWER = 3
 SHOWN = 6
 
 
@@ -38,7 +38,7 @@ def command(
         for pose in poses:
             _show(pose)
     if all(p.result is None for p in poses):
-        raise typer.Exit(EXIT_NO_ANSWER)
+        raise typer.Exit(exit_codes.NO_ANSWER)
 
 
 def _object(pose: FramePose) -> dict[str, Any]:

@@ -7,9 +7,8 @@ from typing import Annotated
 
 import typer
 
+from workbench.cli import exit_codes
 from workbench.cli.console import standard_error
-
-EXIT_NO_ANSWER = 3
 
 
 def command(
@@ -40,7 +39,7 @@ def command(
     standard_error().print(f"{written}: {len(profile)} points, {flagged} flagged", soft_wrap=True, markup=False)
     if len(profile) == 0:
         standard_error().print(_why_empty(image, sensor), soft_wrap=True, markup=False)
-        raise typer.Exit(EXIT_NO_ANSWER)
+        raise typer.Exit(exit_codes.NO_ANSWER)
 
 
 def _why_empty(image: Path, sensor: Path) -> str:

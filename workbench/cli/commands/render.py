@@ -100,7 +100,7 @@ def _record(
 ) -> None:
     import numpy as np
 
-    from perceptron_emu.scene_file import read_surroundings
+    from perceptron_emu import read_surroundings
     from workbench.emulate.check import all_hidden, check_views, never_met
     from workbench.emulate.record import record
     from workbench.emulate.truth import NOTHING, Errors, configurations, draw_truth, given_views, planned_views

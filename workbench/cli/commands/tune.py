@@ -11,7 +11,7 @@ import typer
 from geometry import MissingDependencyError
 
 if TYPE_CHECKING:
-    from workbench.window.opening import Request
+    from workbench.cell.image_set import ImageRequest
 
 
 def command(
@@ -30,18 +30,18 @@ def command(
     seed: Annotated[int, typer.Option(min=0, help="Seed of the search and of its split.")] = 0,
 ) -> None:
     """Tune detection on saved stripe images: the process window in the browser, or a search with --auto."""
-    from workbench.window.opening import Request
+    from workbench.cell.image_set import ImageRequest
 
-    request = Request(tuple(inputs), sensor, jig, tuple(config or ()), out)
+    request = ImageRequest(tuple(inputs), sensor, jig, tuple(config or ()), out)
     if auto is not None:
-        from workbench.tune.command import run_auto
+        from workbench.cli.tune_auto import run_auto
 
         run_auto(request, auto, seed)
         return
     _serve(request, port, browser)
 
 
-def _serve(request: Request, port: int, browser: bool) -> None:
+def _serve(request: ImageRequest, port: int, browser: bool) -> None:
     from workbench.cli.console import say_on_stdout
     from workbench.window.opening import open_session
 

@@ -8,17 +8,17 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
+from workbench import defaults
+from workbench.cli import exit_codes
 from workbench.cli.console import progress_bar, say_on_stdout, standard_error, standard_output
-
-EXIT_THRESHOLD = 1
 
 
 def command(
     dataset: Annotated[
         Path | None, typer.Argument(help="A dataset with truth.json; without it, frames are rendered.")
     ] = None,
-    sensor: Annotated[str, typer.Option(help="sensor.toml or preset of the frames to render.")] = "nominal",
-    jig: Annotated[str, typer.Option(help="jig.toml or preset of the frames to render.")] = "paper",
+    sensor: Annotated[str, typer.Option(help="sensor.toml or preset of the frames to render.")] = defaults.SENSOR,
+    jig: Annotated[str, typer.Option(help="jig.toml or preset of the frames to render.")] = defaults.JIG,
     frames: Annotated[
         int, typer.Option(min=2, max=100_000, help="Frames as the files say; as many again under varied conditions.")
     ] = 60,
@@ -57,7 +57,7 @@ def command(
         shown = "none" if failure.value is None else f"{failure.value:.5g}"
         standard_error().print(f"threshold {failure.key} = {failure.limit:g} not held: {shown}", markup=False)
     if failed:
-        raise typer.Exit(EXIT_THRESHOLD)
+        raise typer.Exit(exit_codes.THRESHOLD)
 
 
 def _show(result: dict[str, float | None], words: dict[str, str]) -> None:

@@ -4,6 +4,7 @@ import { get } from "./api.js";
 import { openCalibration } from "./calibration.js";
 import { $ } from "./dom.js";
 import { askCommand, askLoad, askSave, showKeys } from "./files.js";
+import { nameStrings } from "./overlay.js";
 import { buildPanel } from "./params.js";
 import { startSheet } from "./sheet.js";
 import { begin, dirty, redo, state, undo } from "./state.js";
@@ -21,6 +22,7 @@ async function start() {
     return;
   }
   const { session } = state;
+  nameStrings(session.strings);
   $("title").textContent = session.title;
   $("title").title = session.folder;
   document.title = `${session.title} · Process window`;

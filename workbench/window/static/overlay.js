@@ -1,7 +1,14 @@
 // What was detected, drawn over the image: candidates, spots, labels, truth.
 
 export const STRING_COLOURS = { "A": "#ffd166", "B": "#4cc9f0", "C": "#8ce99a", "B'": "#ff9f6b", "C'": "#c3a6ff", "D'": "#f28ab2" };
-export const colourOf = (label) => STRING_COLOURS[label] ?? "#3fd0c9";
+let strings = []; // the jig's, in its order: by it, strings of other names take the colours of the pillar's
+export const nameStrings = (names) => { strings = names; };
+export const pillarName = (label) => {
+  if (STRING_COLOURS[label] || !strings.includes(label)) return label;
+  const names = Object.keys(STRING_COLOURS);
+  return names[strings.indexOf(label) % names.length];
+};
+export const colourOf = (label) => STRING_COLOURS[pillarName(label)] ?? "#3fd0c9";
 export const nameOf = (label) => label.replace("'", "′");
 const GOOD = "#4de08a", BAD = "#ff8a7a", SPOT = "#3fd0c9", TRUE = "#ff8df0", FALSE = "#ff5d5d";
 const GAIN = 150; // error vectors are drawn this much longer

@@ -1,7 +1,7 @@
 // The (y, z) plot of the laser plane [mm]: field of view, surface points, axis points, σ and truth.
 
 import { el, clear, fitCanvas, number, style } from "./dom.js";
-import { colourOf, nameOf, tag } from "./overlay.js";
+import { colourOf, nameOf, pillarName, tag } from "./overlay.js";
 
 const SIGMA_GAIN = 200, ERROR_GAIN = 200;
 
@@ -94,7 +94,7 @@ function point(context, view, s, selected) {
 
 const dark = () => document.documentElement.dataset.theme === "dark";
 const DARK_INK = { "A": "#8a6400", "B": "#0b6bcb", "C": "#14773a", "B'": "#b34a12", "C'": "#6b3fc4", "D'": "#b02a68" };
-const inkOf = (label) => dark() ? colourOf(label) : DARK_INK[label] ?? "#0b7d77";
+const inkOf = (label) => dark() ? colourOf(label) : DARK_INK[pillarName(label)] ?? "#0b7d77";
 
 function word(context, text, x, y, colour) {
   if (dark()) { tag(context, text, x, y, colour); return; }

@@ -1,0 +1,56 @@
+"""Files that appear whole or not at all, and values as TOML: what every room that writes files needs."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from pathlib import Path
+
+from geometry.errors import InputError
+
+
+def write_bytes(path: str | os.PathLike[str], data: bytes) -> None:
+    """Write a file whole or not at all: beside its place first, then moved into it; its folder must be there.
+
+    Raises
+    ------
+    InputError
+        Where it can not be written; what stood there before still does.
+
+    """
+    goal, part = Path(path), None
+    try:
+        handle, part = tempfile.mkstemp(dir=goal.parent, prefix=f".{goal.name}.", suffix=".part")
+        with os.fdopen(handle, "wb") as stream:
+            stream.write(data)
+        Path(part).chmod(0o644)
+        Path(part).replace(goal)
+    except BaseException as error:
+        if part is not None:
+            Path(part).unlink(missing_ok=True)
+        if isinstance(error, OSError):
+            raise InputError(f"{goal}: can not be written ({error.strerror or error})") from None
+        raise
+
+
+def write_text(path: str | os.PathLike[str], text: str) -> None:
+    """Write ``text`` as UTF-8 with plain line feeds, whole or not at all."""
+    write_bytes(path, text.encode("utf-8"))
+
+
+def toml_value(value: object) -> str:
+    """Text, truth, a number, a list or a table as a TOML value, to the last bit."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        escaped = value.replace("\\", "\\\\").replace('"', '\\"')
+        return '"' + "".join(c if c.isprintable() else _escape(ord(c)) for c in escaped) + '"'
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{toml_value(str(k))} = {toml_value(v)}" for k, v in value.items()) + " }"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(toml_value(v) for v in value) + "]"
+    return repr(value)
+
+
+def _escape(code: int) -> str:
+    return f"\\u{code:04x}" if code <= 0xFFFF else f"\\U{code:08x}"

@@ -1,0 +1,145 @@
+"""Light on the chip: nodes drawn in pieces, each multiplied by its speckle, summed to mean electrons."""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geometry import Pose, Sensor
+from geometry.compiled import kernel
+from perceptron_emu.config import EmulatorConfig
+from perceptron_emu.image.deposit import REACH, deposit, deposit_fine
+from perceptron_emu.image.speckle import contrast, grain_px, oversampling, speckle_field
+from perceptron_emu.lens import defocus_radius_px, project, sharp_sigma_px, to_camera
+from perceptron_emu.light import Samples
+
+Array = NDArray[np.float64]
+Float32 = NDArray[np.float32]
+
+MAX_RINGS = 16
+SPLINE_SIGMA = 2.5  # sub-pixels: sharper spots would alias on the splines that they are spread by
+
+
+def draw(
+    electrons: Float32,
+    samples: Samples,
+    sensor: Sensor,
+    config: EmulatorConfig,
+    key: int,
+    drift: Pose | None = None,
+) -> None:
+    """Add the light of the nodes to the image of mean electrons (H, W).
+
+    key: 64 random bits of this frame's speckle. drift: how far the scene has moved in {P} since the speckle's own
+    moment; the pattern moves with the surface.
+    """
+    if len(samples.electrons) == 0:
+        return
+    uv = project(sensor, samples.xyz_mm)
+    sigma = np.full(len(uv), sharp_sigma_px(config.optics, sensor, config.laser.wavelength_nm))
+    uv, sigma, weight, group = _defocused(uv, sigma, samples, sensor, config)
+    order = np.argsort(group, kind="stable")
+    uv, sigma, weight, group = uv[order], sigma[order], weight[order], group[order]
+    bounds = [0, *(np.flatnonzero(np.diff(group)) + 1), len(group)]
+    for begin, end in pairwise(bounds):
+        piece, shift = slice(begin, end), np.zeros(2)
+        if drift is not None:
+            shift = _speckle_shift(samples.xyz_mm[samples.group == group[begin]], sensor, drift)
+        _draw_piece(electrons, uv[piece], weight[piece], sigma[piece], sensor, config, key, shift)
+
+
+def _speckle_shift(xyz_mm: Array, sensor: Sensor, drift: Pose) -> Array:
+    """How far (2,) [px] the image of the surface at the nodes' middle has moved."""
+    there = xyz_mm.mean(0)
+    shift = project(sensor, there) - project(sensor, drift.inverse() @ there)
+    return np.asarray(np.nan_to_num(shift))
+
+
+def _defocused(
+    uv: Array, sigma: Array, samples: Samples, sensor: Sensor, config: EmulatorConfig
+) -> tuple[Array, Array, Array, NDArray[np.int64]]:
+    """Nodes spread over the disc of defocus; a disc much smaller than the blur is folded into σ (σ² + R²/4)."""
+    weight, group = samples.electrons, samples.group
+    if not config.optics.defocus:
+        return uv, sigma, weight, group
+    radius = defocus_radius_px(config.optics, sensor, to_camera(sensor, samples.xyz_mm))
+    if np.max(radius) < 0.5 * np.min(sigma):
+        return uv, np.sqrt(sigma**2 + radius**2 / 4), weight, group
+    disc = _disc(min(MAX_RINGS, math.ceil(float(np.max(radius) / np.min(sigma)))))
+    n = len(disc)
+    uv = (uv[:, None] + radius[:, None, None] * disc).reshape(-1, 2)
+    return uv, np.repeat(sigma, n), np.repeat(weight / n, n), np.repeat(group, n)
+
+
+@lru_cache(maxsize=MAX_RINGS)
+def _disc(rings: int) -> Array:
+    """Points (N, 2) of equal weight that fill the unit disc: 6k on ring k, with the disc's own variance of 1/4."""
+    points = [np.zeros((1, 2))]
+    for k in range(1, rings + 1):
+        angle = (np.arange(6 * k) + 0.5 * (k % 2)) * (2 * np.pi / (6 * k))
+        points.append(k / rings * np.column_stack([np.cos(angle), np.sin(angle)]))
+    disc = np.concatenate(points)
+    return np.asarray(disc / np.sqrt(2 * np.mean(np.sum(disc**2, 1))))
+
+
+def _draw_piece(
+    electrons: Float32,
+    uv: Array,
+    weight: Array,
+    sigma: Array,
+    sensor: Sensor,
+    config: EmulatorConfig,
+    key: int,
+    shift_px: Array,
+) -> None:
+    """One group of nodes: drawn on sub-pixels, multiplied by speckle, summed over each pixel."""
+    height, width = electrons.shape
+    reach = REACH * float(sigma.max()) + 1
+    # the piece's own box; it may stand out over the image's border
+    (u0, u1), (v0, v1) = ((math.floor(c.min() - reach), math.ceil(c.max() + reach)) for c in (uv[:, 0], uv[:, 1]))
+    first_u, last_u, first_v, last_v = max(0, u0), min(width - 1, u1), max(0, v0), min(height - 1, v1)
+    if first_u > last_u or first_v > last_v:
+        return
+    target = electrons[first_v : last_v + 1, first_u : last_u + 1]
+    if not config.speckle.enabled:
+        deposit(target, uv[:, 0] - first_u, uv[:, 1] - first_v, weight, sigma)
+        return
+    q = oversampling(config, sensor)
+    u, v = ((uv[:, i] - o + 0.5) * q - 0.5 for i, o in ((0, u0), (1, v0)))
+    fine = _on_sub_pixels(((v1 - v0 + 1) * q, (u1 - u0 + 1) * q), u, v, weight, sigma * q)
+    moved = np.round(shift_px * q).astype(int)
+    origin = (v0 * q - int(moved[1]), u0 * q - int(moved[0]))
+    grains = speckle_field(origin, fine.shape, grain_px(config, sensor) * q, contrast(config), key)
+    inner = np.s_[(first_v - v0) * q : (last_v + 1 - v0) * q, (first_u - u0) * q : (last_u + 1 - u0) * q]
+    _add_product(target, fine[inner], grains[inner], q)
+
+
+@kernel(fastmath=True)
+def _add_product(electrons, light, grains, q):  # type: ignore[no-untyped-def]
+    """Add light · grains (H q, W q), summed over the q × q sub-pixels of every pixel, to the electrons (H, W)."""
+    row = np.empty(light.shape[1], np.float32)
+    for j in range(electrons.shape[0]):
+        row[:] = 0
+        for k in range(j * q, (j + 1) * q):
+            for i in range(len(row)):
+                row[i] += light[k, i] * grains[k, i]
+        for i in range(electrons.shape[1]):
+            total = np.float32(0)
+            for k in range(i * q, (i + 1) * q):
+                total += row[k]
+            electrons[j, i] += total
+
+
+def _on_sub_pixels(shape: tuple[int, int], u: Array, v: Array, weight: Array, sigma: Array) -> Float32:
+    """Spots drawn on sub-pixels: all in one convolution where they are alike and clear of the border."""
+    low, high = float(np.min(sigma)), float(np.max(sigma))
+    clear = min(u.min(), v.min(), shape[1] - 1 - u.max(), shape[0] - 1 - v.max()) > REACH * high - 0.5
+    if clear and low >= SPLINE_SIGMA and high - low < 0.01 * low:
+        return deposit_fine(shape, u, v, weight, (low + high) / 2)
+    fine = np.zeros(shape, np.float32)
+    deposit(fine, u, v, weight, sigma)
+    return fine

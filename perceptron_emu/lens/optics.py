@@ -1,0 +1,130 @@
+"""The lens: how much light it gathers and how sharply it draws."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geometry import Sensor
+from geometry.compiled import kernel
+from perceptron_emu.config import OpticsConfig
+from perceptron_emu.lens.projection import lens, tilt_rotation
+
+Array = NDArray[np.float64]
+
+LN2 = math.log(2)
+AIRY_SIGMA = 0.42  # σ of the Gaussian nearest to Airy's disc, in units of λN (Zhang, Zerubia & Olivo-Marin 2007)
+
+
+def principal_distance_mm(optics: OpticsConfig, sensor: Sensor) -> float:
+    """From the rear principal point to the chip [mm]: the camera constant of the calibrated intrinsics."""
+    camera = sensor.require_camera()
+    return (camera.fx_px + camera.fy_px) / 2 * optics.pixel_um * 1e-3
+
+
+def focus_distance_mm(optics: OpticsConfig, sensor: Sensor) -> float:
+    """Distance in focus along the optical axis [mm]: as configured, or where the axis meets the sheet."""
+    camera = sensor.require_camera()
+    if optics.focus_distance_mm is not None:
+        return optics.focus_distance_mm
+    towards = camera.T_sensor_camera.R[0, 2]
+    to_sheet = -camera.centre_mm[0] / towards if towards else np.inf
+    return float(to_sheet) if 0 < to_sheet < np.inf else 1e9
+
+
+def focal_length_mm(optics: OpticsConfig, sensor: Sensor) -> float:
+    """Focal length [mm] of the thin lens that is in focus there: 1/f = 1/u + 1/v."""
+    return 1 / (1 / principal_distance_mm(optics, sensor) + 1 / focus_distance_mm(optics, sensor))
+
+
+class Gather(NamedTuple):
+    """What `gathered` needs to know of lens and filter. pupil_sr_mm2: area of the entrance pupil [mm²] times the lens's
+    transmission; band: as for `passed`.
+    """
+
+    pupil_sr_mm2: float
+    vignetting: bool
+    band: tuple[float, float, float, float, float]
+
+
+def gather(optics: OpticsConfig, sensor: Sensor, wavelength_nm: float) -> Gather:
+    """Lens and filter for light of one wavelength [nm]."""
+    pupil = focal_length_mm(optics, sensor) / optics.f_number
+    return Gather(
+        float(np.pi / 4 * pupil**2 * optics.transmission),
+        optics.vignetting,
+        _band(optics, wavelength_nm, wavelength_nm),
+    )
+
+
+@kernel(inline=True)
+def gathered(lens, cosine, distance):  # type: ignore[no-untyped-def]
+    """Solid angle of the entrance pupil seen from a point, times the lens's and filter's transmission [sr].
+
+    cosine: of the angle between the optical axis and the way to the point; distance [mm].
+    Ω = (π D²/4) cos α / r². With the foreshortened area of a pixel's footprint this gives the cos⁴ law, which is
+    divided out where vignetting is off.
+    """
+    solid = lens.pupil_sr_mm2 * cosine / (distance * distance)
+    if not lens.vignetting:
+        solid /= cosine**4
+    return solid * passed(lens.band, cosine)
+
+
+def filter_transmission(optics: OpticsConfig, wavelength_nm: float, cosine: Array, laser_nm: float) -> Array:
+    """Transmission of the interference filter at the angles (...) whose cosines are given."""
+    return np.asarray(passed(_band(optics, wavelength_nm, laser_nm), np.asarray(cosine, dtype=float)))
+
+
+def _band(optics: OpticsConfig, wavelength_nm: float, laser_nm: float) -> tuple[float, float, float, float, float]:
+    centre = float(optics.filter_centre_nm or laser_nm)
+    return float(wavelength_nm), centre, optics.filter_fwhm_nm / 2, optics.filter_index**2, optics.filter_peak
+
+
+@kernel(inline=True)
+def passed(band, cosine):  # type: ignore[no-untyped-def]
+    """Transmission of the filter: its centre moves to λ₀ √(1 − (sin θ/n)²) (Macleod, Thin-Film Optical Filters); the
+    pass band is a Gaussian of order 4 (flat top).
+    """
+    wavelength, centre, half, index2, peak = band
+    off = (wavelength - centre * np.sqrt(1 - (1 - cosine * cosine) / index2)) / half
+    return peak * np.exp(-LN2 * off * off * off * off)
+
+
+def sharp_sigma_px(optics: OpticsConfig, sensor: Sensor, wavelength_nm: float) -> float:
+    """σ [px] of the blur in focus: the lens's own and diffraction's, added in variance."""
+    airy = AIRY_SIGMA * wavelength_nm * 1e-3 * working_f_number(optics, sensor) / optics.pixel_um
+    return float(np.hypot(optics.blur_px, airy if optics.diffraction else 0.0))
+
+
+def working_f_number(optics: OpticsConfig, sensor: Sensor) -> float:
+    """F#·(1 + m), m the magnification at the distance in focus: equals v/D of the thin lens."""
+    v = principal_distance_mm(optics, sensor)
+    return optics.f_number * v / focal_length_mm(optics, sensor)
+
+
+def defocus_radius_px(optics: OpticsConfig, sensor: Sensor, camera_mm: Array) -> Array:
+    """Radius (...) [px] of the blur disc of points (..., 3) [mm] of the camera frame.
+
+    Thin lens: the point at depth u is sharp at v' = f u/(u − f), the chip lies at v along the axis, on a tilted chip
+    different in every pixel; the disc's diameter is D |v − v'|/v'. A Scheimpflug tilt that fits the sheet makes it
+    vanish.
+    """
+    if not optics.defocus:
+        return np.zeros(camera_mm.shape[:-1])
+    f, depth = focal_length_mm(optics, sensor), camera_mm[..., 2]
+    sharp = f * depth / (depth - f)
+    chip = principal_distance_mm(optics, sensor) * _chip_depth(sensor, camera_mm)
+    diameter_mm = f / optics.f_number * np.abs(chip - sharp) / sharp
+    return np.asarray(diameter_mm / 2 / (optics.pixel_um * 1e-3))
+
+
+def _chip_depth(sensor: Sensor, camera_mm: Array) -> Array:
+    """Axial distance of the chip where the points' chief rays meet it, in units of the principal distance."""
+    tau_x, tau_y = sensor.require_camera().distortion14[12:]
+    x, y = lens(sensor, camera_mm[..., 0] / camera_mm[..., 2], camera_mm[..., 1] / camera_mm[..., 2])
+    normal = tilt_rotation(float(tau_x), float(tau_y))[2]  # the chip's normal in camera axes; the chip holds (0, 0, 1)
+    return np.asarray(normal[2] / (normal[0] * x + normal[1] * y + normal[2]))

@@ -1,0 +1,74 @@
+"""The laser on the whole scene at one moment: every lit and seen node, by what it belongs to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from perceptron_emu.config import EmulatorConfig
+from perceptron_emu.light.samples import Samples, join, string_group
+from perceptron_emu.light.strings import Cylinders, LitStrings, cylinders, hidden_by_strings, light_strings
+from perceptron_emu.light.stripes import light_solids
+from perceptron_emu.light.transport import Light
+from perceptron_emu.scene import Material, Scene
+from perceptron_emu.solids import hidden_by_solid
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class LitScene:
+    """strings: the strings as cylinders, None without a jig. string_samples: the seen nodes of each. stripes: those
+    of the solids.
+
+    unhidden: (S,) electrons that each string would bring were nothing in the way.
+    """
+
+    strings: Cylinders | None
+    string_samples: tuple[Samples, ...]
+    unhidden: Array
+    stripes: Samples
+
+    @property
+    def samples(self) -> Samples:
+        """All nodes."""
+        return join([*self.string_samples, self.stripes])
+
+
+def thread_of(scene: Scene, config: EmulatorConfig) -> Material:
+    """The strings' surface: the scene's, or [surface]."""
+    surface = config.surface
+    return scene.string_material or Material(surface.diffuse, surface.specular, surface.roughness)
+
+
+def light_scene(scene: Scene, config: EmulatorConfig) -> LitScene:
+    """Everything that the laser lights and the camera sees."""
+    light = Light(scene.sensor, config)
+    if scene.jig is None:
+        return LitScene(None, (), np.zeros(0), light_solids(scene, None, config, light))
+    strings = cylinders(scene.jig, scene.T_sensor_jig)
+    lit = light_strings(strings, thread_of(scene, config), scene.sensor, config, light)
+    seen = lit.electrons * _unhidden(strings, lit, scene)
+    parts = []
+    for i in range(len(strings.labels)):
+        keep = seen[i] > 0
+        parts.append(Samples(lit.xyz_mm[i][keep], seen[i][keep], np.full(int(keep.sum()), string_group(i))))
+    return LitScene(strings, tuple(parts), lit.electrons.sum((1, 2)), light_solids(scene, strings, config, light))
+
+
+def _unhidden(strings: Cylinders, lit: LitStrings, scene: Scene) -> Array:
+    """1 where a node (S, T, K) is reached by the laser and seen by the camera past other strings and solids, else 0."""
+    todo = np.flatnonzero(lit.electrons)
+    points, own = lit.xyz_mm.reshape(-1, 3)[todo], todo // lit.electrons[0].size
+    emitter = points.copy()
+    emitter[:, 1:] = scene.sensor.sheet.origin_mm[1:]
+    hidden = np.zeros(len(todo), dtype=bool)
+    for source in (emitter, scene.camera.centre_mm):
+        hidden |= hidden_by_strings(strings, points, source, own)
+        for solid in scene.solids:
+            hidden |= hidden_by_solid(solid, points, source)
+    clear = np.zeros(lit.electrons.size)
+    clear[todo[~hidden]] = 1
+    return clear.reshape(lit.electrons.shape)

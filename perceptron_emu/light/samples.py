@@ -1,0 +1,59 @@
+"""Points of lit surface with the light that each sends into the camera: what light transport hands to the image."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+N = TypeVar("N", int, Index)
+
+TILE_PX = 64  # stripes are drawn in tiles of this side
+TILES_BEFORE = 8  # tiles left of and above the image that have a number: light near the border reaches into it
+_FIRST_STRIPE = 1_000  # groups below are strings
+_TILES_A_ROW = 2048  # images of up to 130,000 columns
+_GROUPS_A_SOLID = _TILES_A_ROW**2
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Quadrature nodes of the lit and seen surface.
+
+    xyz_mm: (N, 3) [mm] in {P}. electrons: (N,) mean signal that each node brings to the chip. group: (N,) numbers of
+    what they belong to; nodes of a group are drawn in one piece of image.
+    """
+
+    xyz_mm: Array
+    electrons: Array
+    group: Index
+
+    @staticmethod
+    def none() -> Samples:
+        """No light at all."""
+        return Samples(np.zeros((0, 3)), np.zeros(0), np.zeros(0, dtype=np.int64))
+
+    def surface(self, n_strings: int) -> Index:
+        """Which surface each node (N,) lies on: the strings are counted first, then the solids."""
+        solid = (self.group - _FIRST_STRIPE) // _GROUPS_A_SOLID
+        return np.where(self.group < _FIRST_STRIPE, self.group, solid + n_strings)
+
+
+def join(parts: list[Samples]) -> Samples:
+    """All nodes of the parts."""
+    if not parts:
+        return Samples.none()
+    return Samples(*(np.concatenate([getattr(p, f) for p in parts]) for f in ("xyz_mm", "electrons", "group")))
+
+
+def string_group(string: int) -> int:
+    """The group of a string's nodes."""
+    return string
+
+
+def stripe_group(solid: N, column: N, row: N) -> N:
+    """The groups of nodes on solids whose images fall into tiles of TILE_PX; columns and rows from TILES_BEFORE on."""
+    return _FIRST_STRIPE + solid * _GROUPS_A_SOLID + (row + TILES_BEFORE) * _TILES_A_ROW + column + TILES_BEFORE

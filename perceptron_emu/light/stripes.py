@@ -1,0 +1,185 @@
+"""Stripes: the part of the solids that the sheet lights and the camera sees."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geometry import Sensor
+from geometry.compiled import kernel
+from perceptron_emu.config import EmulatorConfig
+from perceptron_emu.lens import project, sharp_sigma_px
+from perceptron_emu.light.samples import TILE_PX, Samples, stripe_group
+from perceptron_emu.light.sheet_faces import Faces, faces_in_sheet, sheet_planes
+from perceptron_emu.light.strings import Cylinders, hidden_by_strings
+from perceptron_emu.light.transport import Light
+from perceptron_emu.scene import Scene
+from perceptron_emu.solids import body_of, hidden_by_solid, lit_in_planes
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+OFF_SURFACE_MM = 1e-4
+NODE_STEP = 1.7  # length of image, in σ of the blur, that a pair of Gauss nodes covers: ripple 3e-4
+MARGIN_PX = 40.0  # light this far outside the image can still reach into it
+
+
+@dataclass(frozen=True, eq=False)
+class Pieces:
+    """Straight pieces of surface that the laser reaches first, each in one plane of the sheet.
+
+    ends: (n, 2, 3) [mm] in {P}. normals: unit shading normals at the ends (n, 2, 3). face: the triangle (n,).
+    """
+
+    ends: Array
+    normals: Array
+    face: Index
+
+
+def light_solids(scene: Scene, strings: Cylinders | None, config: EmulatorConfig, light: Light) -> Samples:
+    """Nodes on all solids where laser and camera both reach, with the light that each sends to the chip.
+
+    The sheet is cut into planes of constant x. In each the solids are segments and the laser a fan of rays from a
+    point,
+    so that what is lit follows exactly from the angular order of the segments' ends; strings cast their shadows.
+    """
+    faces = faces_in_sheet(scene, config)
+    if len(faces.triangles) == 0:
+        return Samples.none()
+    planes, step = sheet_planes(faces, scene.sensor, config)
+    pieces, length_px = _in_view(faces, lit_pieces(faces, strings, planes, scene.sensor), scene.sensor)
+    nodes = _nodes(faces, pieces, length_px, step, scene.sensor, config)
+    return _seen(*nodes, scene, strings, light)
+
+
+def lit_pieces(faces: Faces, strings: Cylinders | None, planes: Array, sensor: Sensor) -> Pieces:
+    """What the laser reaches first in the planes of constant x."""
+    origin = np.array(sensor.sheet.origin_mm[1:], dtype=float)
+    shades, shading = _silhouettes(strings, planes, origin)
+    triangles, normals = np.ascontiguousarray(faces.triangles), np.ascontiguousarray(faces.normals)
+    return Pieces(*lit_in_planes(triangles, normals, planes, shades, shading, origin, float(sensor.sheet.fan_rad)))
+
+
+def _silhouettes(strings: Cylinders | None, planes: Array, origin: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Segments (K, S, 2, 2) as (y, z) across the strings as the emitter sees them in the planes of constant x (K,), and
+    whether (K, S) a string is met there.
+    """
+    if strings is None:
+        return np.zeros((len(planes), 0, 2, 2)), np.zeros((len(planes), 0), dtype=bool)
+    slope = strings.directions[:, 0]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        t = (planes[:, None] - strings.starts[:, 0]) / slope  # (K, S)
+        centre = strings.starts[:, 1:] + t[..., None] * strings.directions[:, 1:]
+        towards = centre - origin
+        distance = np.sqrt(np.einsum("...i,...i->...", towards, towards))
+        towards /= distance[..., None]
+        along = np.sum(towards * strings.directions[:, 1:], -1)
+        # the ray at δ from the axis point passes the axis at s |sin δ| |d_x| / √(1 − (r·d)²)
+        sine = strings.radius * np.sqrt(1 - along**2) / (distance * np.abs(slope))
+        reached = (t >= 0) & (t <= strings.lengths) & (sine < 0.5)
+        half = (distance * sine / np.sqrt(1 - sine**2))[..., None]
+        across = np.stack([towards[..., 1], -towards[..., 0]], -1)
+        ends = np.stack([centre - half * across, centre + half * across], -2)
+    return ends, reached
+
+
+def _in_view(faces: Faces, pieces: Pieces, sensor: Sensor) -> tuple[Pieces, Array]:
+    """The pieces that turn the lit side to the camera and whose box in the image touches it, and the lengths (n,) [px]
+    of their images, NaN where they reach behind the camera.
+    """
+    camera = sensor.require_camera()
+    corner, normal = faces.triangles[pieces.face, 0], faces.facing[pieces.face]
+    to_laser = np.einsum("ij,ij->i", normal[:, 1:], sensor.sheet.origin_mm[1:] - corner[:, 1:])
+    to_laser += normal[:, 0] * (pieces.ends[:, 0, 0] - corner[:, 0])  # the sheet's rays keep their x
+    facing = np.flatnonzero(to_laser * np.einsum("ij,ij->i", normal, camera.centre_mm - corner) > 0)
+    ends = pieces.ends[facing]
+    uv = project(sensor, ends)
+    outside = np.zeros(len(uv), dtype=bool)  # all of a piece on one side; never where it is behind the camera, NaN
+    for a, size in enumerate((camera.width_px, camera.height_px)):
+        first, last = uv[:, 0, a], uv[:, 1, a]
+        outside |= (first <= -MARGIN_PX) & (last <= -MARGIN_PX)
+        outside |= (first >= size - 1 + MARGIN_PX) & (last >= size - 1 + MARGIN_PX)
+    kept, length = facing[~outside], np.hypot(uv[:, 1, 0] - uv[:, 0, 0], uv[:, 1, 1] - uv[:, 0, 1])
+    return Pieces(ends[~outside], pieces.normals[kept], pieces.face[kept]), length[~outside]
+
+
+def _seen(
+    xyz: Array, normal: Array, area: Array, number: Index, scene: Scene, strings: Cylinders | None, light: Light
+) -> Samples:
+    """The nodes that the camera sees, inside the image and past all that stands before it."""
+    camera = scene.camera
+    uv = project(scene.sensor, xyz)
+    electrons = area * light.electrons_on(xyz, normal, [s.material for s in scene.solids], number)
+    bright = np.flatnonzero((electrons > 0) & _within(uv, camera.width_px - 1, camera.height_px - 1))
+    xyz, uv, electrons, number = xyz[bright], uv[bright], electrons[bright], number[bright]
+    hidden = np.zeros(len(bright), dtype=bool)
+    start = xyz + OFF_SURFACE_MM * normal[bright]
+    if strings is not None:
+        hidden |= hidden_by_strings(strings, start, camera.centre_mm)
+    for k, solid in enumerate(scene.solids):
+        if not body_of(solid).convex:
+            hidden |= hidden_by_solid(solid, start, camera.centre_mm)
+            continue
+        others = np.flatnonzero(number != k)
+        hidden[others] |= hidden_by_solid(solid, start[others], camera.centre_mm)
+    tile = np.floor(uv / TILE_PX).astype(np.int64)
+    group = stripe_group(number, tile[:, 0], tile[:, 1])
+    seen = slice(None) if not np.any(hidden) else ~hidden
+    return Samples(xyz[seen], electrons[seen], group[seen])
+
+
+@kernel
+def _within(uv, last_u, last_v):  # type: ignore[no-untyped-def]
+    """Whether points (N, 2) of the image lie within MARGIN_PX of it; false behind the camera, where they are NaN."""
+    out = np.empty(len(uv), np.bool_)
+    for i in range(len(uv)):
+        u, v = uv[i, 0], uv[i, 1]
+        out[i] = -MARGIN_PX < u < last_u + MARGIN_PX and -MARGIN_PX < v < last_v + MARGIN_PX
+    return out
+
+
+def _nodes(
+    faces: Faces, pieces: Pieces, length_px: Array, step: float, sensor: Sensor, config: EmulatorConfig
+) -> tuple[Array, Array, Array, Index]:
+    """Pairs of Gauss-Legendre nodes along the pieces: points, normals towards the laser (N, 3), area [mm²], solid
+    (N,).
+    """
+    sigma = sharp_sigma_px(config.optics, sensor, config.laser.wavelength_nm)
+    pairs = np.clip(np.ceil(np.nan_to_num(length_px, nan=2000.0) / (NODE_STEP * sigma)), 1, 4000).astype(np.int64)
+    count = 2 * int(pairs.sum())
+    xyz, normal, piece = np.empty((count, 3)), np.empty((count, 3)), np.empty(count, np.int64)
+    _place(pieces.ends, pieces.normals, pairs, np.array(sensor.sheet.origin_mm, dtype=float), xyz, normal, piece)
+    area = _length_mm(pieces) / (2 * pairs) * step / _plane_sine(faces, pieces)
+    return xyz, normal, area[piece], faces.solid[pieces.face][piece]
+
+
+@kernel
+def _place(ends, normals, pairs, origin, xyz, normal, piece):  # type: ignore[no-untyped-def]
+    """Fill points, normals towards the laser and the number of the piece of every node."""
+    n = 0
+    for p in range(len(pairs)):
+        for k in range(2 * pairs[p]):
+            s = (k // 2 + 0.5 + (0.5 if k % 2 else -0.5) / math.sqrt(3)) / pairs[p]
+            size = 0.0
+            for a in range(3):
+                xyz[n, a] = ends[p, 0, a] + s * (ends[p, 1, a] - ends[p, 0, a])
+                normal[n, a] = normals[p, 0, a] + s * (normals[p, 1, a] - normals[p, 0, a])
+                size += normal[n, a] * normal[n, a]
+            towards = normal[n, 1] * (origin[1] - xyz[n, 1]) + normal[n, 2] * (origin[2] - xyz[n, 2])
+            scale = (-1.0 if towards < 0 else 1.0) / max(math.sqrt(size), 1e-12)
+            for a in range(3):
+                normal[n, a] *= scale
+            piece[n] = p
+            n += 1
+
+
+def _length_mm(pieces: Pieces) -> Array:
+    return np.asarray(np.linalg.norm(pieces.ends[:, 1] - pieces.ends[:, 0], axis=1))
+
+
+def _plane_sine(faces: Faces, pieces: Pieces) -> Array:
+    """√(1 − nₓ²) of each piece's face: the width that the sheet's spacing dx has on it is dx over this."""
+    return np.asarray(np.sqrt(np.maximum(1 - faces.facing[pieces.face, 0] ** 2, 1e-12)))

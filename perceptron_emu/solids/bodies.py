@@ -1,0 +1,125 @@
+"""Solids made ready for light: triangles, smooth corner normals and a hierarchy, kept as long as the mesh lives."""
+
+from __future__ import annotations
+
+import weakref
+from dataclasses import dataclass
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+
+from geometry.compiled import kernel
+from perceptron_emu.scene import Solid
+from perceptron_emu.solids.bvh import Bvh, blocked, build_bvh
+from perceptron_emu.solids.flat_faces import facets
+
+Array = NDArray[np.float64]
+
+SMOOTH_COS = float(np.cos(np.deg2rad(35.0)))  # faces that meet at a smaller angle are shaded as one smooth surface
+MAX_CONVEX_FACES = 4000
+FLAT = 1e-9  # of a mesh's size: corners no farther from a face's plane lie in it
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """A mesh in its own axes. triangles: (T, 3, 3) [mm]. outwards: their unit normals (T, 3), by their winding.
+
+    facets: its flat faces of up to four corners (F, 4, 3), `facets`; facing: their unit normals (F, 3). normals: unit
+    normals for shading at the triangles' corners (T, 3, 3). closed: without a hole in its surface and wound
+    outwards, so that back faces are never seen. convex: it never hides a part of its own surface that faces the camera.
+    """
+
+    triangles: Array
+    outwards: Array
+    facets: Array
+    facing: Array
+    normals: Array
+    bvh: Bvh
+    closed: bool
+    convex: bool
+
+
+_BODIES: dict[int, tuple[weakref.ref[trimesh.Trimesh], Body]] = {}
+
+
+def body_of(solid: Solid) -> Body:
+    """The solid's body, made once for a mesh."""
+    key = id(solid.mesh)
+    known = _BODIES.get(key)
+    if known is not None and known[0]() is solid.mesh:
+        return known[1]
+    mesh = solid.mesh
+    triangles = np.asarray(mesh.triangles, dtype=float)
+    convex = _convex(triangles, np.array(mesh.vertices, dtype=float))
+    outwards = _face_normals(triangles)[0]
+    flat, owner = facets(np.array(mesh.vertices, dtype=float), np.array(mesh.faces, dtype=np.int64), outwards)
+    bvh = build_bvh(triangles)
+    normals, closed = corner_normals(mesh), bool(mesh.is_volume)
+    body = Body(triangles, outwards, flat, outwards[owner], normals, bvh, closed, convex)
+    _BODIES[key] = (weakref.ref(solid.mesh, lambda _: _BODIES.pop(key, None)), body)
+    return body
+
+
+def hidden_by_solid(solid: Solid, points: Array, sources: Array) -> NDArray[np.bool_]:
+    """Whether the solid stands between points (N, 3) and sources (N, 3) or (3,) [mm], all in {P}."""
+    return blocked(body_of(solid).bvh, points, sources, solid.T_sensor_mesh.R, solid.T_sensor_mesh.t)
+
+
+def _convex(triangles: Array, corners: Array) -> bool:
+    """Whether all ``corners`` (V, 3) lie on one side of every triangle's plane; false for meshes too large to ask."""
+    if len(triangles) > MAX_CONVEX_FACES:
+        return False
+    return bool(_one_sided(triangles, corners, FLAT * float(np.ptp(corners, axis=0).max())))
+
+
+@kernel
+def _one_sided(triangles, corners, slack):  # type: ignore[no-untyped-def]
+    """Whether no triangle's plane has corners on both sides, farther away than slack."""
+    for t in range(len(triangles)):
+        a, b, c = triangles[t, 0], triangles[t, 1] - triangles[t, 0], triangles[t, 2] - triangles[t, 0]
+        nx, ny, nz = b[1] * c[2] - b[2] * c[1], b[2] * c[0] - b[0] * c[2], b[0] * c[1] - b[1] * c[0]
+        size = np.sqrt(nx * nx + ny * ny + nz * nz)
+        above, below = False, False
+        for p in corners:
+            height = nx * (p[0] - a[0]) + ny * (p[1] - a[1]) + nz * (p[2] - a[2])
+            above, below = above or height > slack * size, below or height < -slack * size
+            if above and below:
+                return False
+    return True
+
+
+def corner_normals(mesh: trimesh.Trimesh) -> Array:
+    """Unit normals (T, 3, 3) at the triangles' corners: the mean, by area, of the faces there that are nearly
+    parallel.
+    """
+    triangles = np.asarray(mesh.triangles, dtype=float)
+    face, area = _face_normals(triangles)
+    corners = np.round(triangles.reshape(-1, 3), 6)
+    order = np.lexsort(corners.T)
+    new = np.any(np.diff(corners[order], axis=0) != 0, axis=1)
+    bounds = np.concatenate([[0], np.flatnonzero(new) + 1, [len(corners)]])
+    out = np.empty((len(corners), 3))
+    _smooth(order, bounds, area, face, out)
+    return out.reshape(-1, 3, 3)
+
+
+def _face_normals(triangles: Array) -> tuple[Array, Array]:
+    """Unit normals (T, 3), and normals as long as twice the area (T, 3) [mm²]."""
+    area = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    return area / np.maximum(np.linalg.norm(area, axis=1, keepdims=True), 1e-300), area
+
+
+@kernel
+def _smooth(order, bounds, area, face, out):  # type: ignore[no-untyped-def]
+    """Fill out (3T, 3), a row a corner; those of order[bounds[k] : bounds[k + 1]] are in one place."""
+    for k in range(len(bounds) - 1):
+        for i in order[bounds[k] : bounds[k + 1]]:
+            x, y, z = 0.0, 0.0, 0.0
+            mine = face[i // 3]
+            for j in order[bounds[k] : bounds[k + 1]]:
+                other, weight = face[j // 3], area[j // 3]
+                if mine[0] * other[0] + mine[1] * other[1] + mine[2] * other[2] > SMOOTH_COS:
+                    x, y, z = x + weight[0], y + weight[1], z + weight[2]
+            size = max(np.sqrt(x * x + y * y + z * z), 1e-300)
+            out[i, 0], out[i, 1], out[i, 2] = x / size, y / size, z / size

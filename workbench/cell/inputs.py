@@ -1,0 +1,57 @@
+"""What a user names on the command line: a cell dataset, or image files and folders of them with a sensor."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from geometry import InputError, Sensor
+from jig_cad import Jig
+from workbench.files import Cell, read_cell, read_jig_file, read_sensor
+from workbench.files.images import SUFFIXES
+
+MAX_IMAGES = 100_000
+
+
+@dataclass(frozen=True, eq=False)
+class BareImages:
+    """Image files of a sensor, without a robot. jig: where one is given; without it nothing can be labelled."""
+
+    paths: tuple[Path, ...]
+    sensor: Sensor
+    jig: Jig | None
+
+
+def read_inputs(inputs: Sequence[Path], sensor: Path | None, jig: Path | None) -> Cell | BareImages:
+    """The dataset of one folder with cell.toml, or of that file, else images; InputError says what is missing.
+
+    sensor, jig: files that stand in place of the dataset's own.
+    """
+    first = inputs[0]
+    if first.suffix == ".toml" or (first / "cell.toml").exists():
+        if len(inputs) > 1:
+            raise InputError(f"{first} is a dataset; give one dataset, or images only")
+        cell = read_cell(first)
+        cell = cell if sensor is None else replace(cell, sensor=read_sensor(sensor))
+        return cell if jig is None else replace(cell, jig=read_jig_file(jig))
+    if sensor is None:
+        raise InputError(f"{first} is no cell dataset (no cell.toml); bare images need --sensor FILE")
+    seen_by, given = read_sensor(sensor), read_jig_file(jig) if jig is not None else None
+    return BareImages(tuple(_image_files(inputs)), seen_by, given)
+
+
+def _image_files(inputs: Sequence[Path]) -> list[Path]:
+    """The files given, and the images of the folders given, sorted by name."""
+    out: list[Path] = []
+    for path in inputs:
+        if path.is_dir():
+            found = sorted(p for p in path.iterdir() if p.suffix.lower() in SUFFIXES and p.is_file())
+            if not found:
+                raise InputError(f"{path}: the folder holds no PNG or TIFF images")
+            out += found
+        else:
+            out.append(path)
+    if len(out) > MAX_IMAGES:
+        raise InputError(f"{len(out)} images are more than the {MAX_IMAGES} of one call")
+    return out

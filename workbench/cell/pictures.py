@@ -1,0 +1,80 @@
+"""The images of an opened folder: listed once, read when needed, never by a name that came from outside."""
+
+from __future__ import annotations
+
+import threading
+from collections import OrderedDict
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from geometry import InputError, Sensor
+from workbench.files.images import Image, read_image
+
+CACHE_BYTES = 512 * 2**20  # some four hundred images of 1280 × 1024
+
+
+class PictureError(InputError):
+    """One image that can not be shown; the others can."""
+
+
+@dataclass(frozen=True)
+class Stamp:
+    """What tells one state of a file from another."""
+
+    mtime_ns: int
+    size: int
+
+
+class Pictures:
+    """Decoded images by index, the most recently used ones kept in memory."""
+
+    def __init__(self, root: Path, paths: Iterable[Path], sensor: Sensor) -> None:
+        """``root``: the opened folder; a path that leads out of it, also by a link, is refused when it is read."""
+        self.root = root.resolve()
+        self.paths = tuple(paths)
+        self._sensor = sensor
+        self._lock = threading.Lock()
+        self._kept: OrderedDict[int, tuple[Stamp, Image]] = OrderedDict()
+        self._bytes = 0
+
+    def __len__(self) -> int:
+        """The number of images."""
+        return len(self.paths)
+
+    def name(self, index: int) -> str:
+        """The file's name relative to the opened folder."""
+        path = self.paths[index].absolute()
+        return str(path.relative_to(self.root)) if path.is_relative_to(self.root) else path.name
+
+    def stamp(self, index: int) -> Stamp:
+        """The state of the file now; PictureError where it is gone or leads out of the folder."""
+        path = self.paths[index]
+        try:
+            inside = path.resolve(strict=True).is_relative_to(self.root)
+            status = path.stat()
+        except OSError:
+            raise PictureError(f"{path.name}: the file is gone or can not be reached any more") from None
+        if not inside:
+            raise PictureError(f"{path.name}: is a link that leads out of the opened folder")
+        return Stamp(status.st_mtime_ns, status.st_size)
+
+    def read(self, index: int) -> Image:
+        """The image (H, W), grey, 8 or 16 bits; InputError that says why not."""
+        stamp = self.stamp(index)
+        with self._lock:
+            kept = self._kept.get(index)
+            if kept is not None and kept[0] == stamp:
+                self._kept.move_to_end(index)
+                return kept[1]
+        image = read_image(self.paths[index], self._sensor)
+        self._keep(index, stamp, image)
+        return image
+
+    def _keep(self, index: int, stamp: Stamp, image: Image) -> None:
+        with self._lock:
+            old = self._kept.pop(index, None)
+            self._bytes += image.nbytes - (old[1].nbytes if old else 0)
+            self._kept[index] = (stamp, image)
+            while self._bytes > CACHE_BYTES and len(self._kept) > 1:
+                self._bytes -= self._kept.popitem(last=False)[1][1].nbytes

@@ -1,0 +1,139 @@
+"""The result of calibrate as one self-contained HTML page that opens offline and prints well."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib import CalibrationResult
+from calib.result import FrameResult
+from geometry import CONVENTIONS, express
+from workbench.cell.labels import label_dataset
+from workbench.cell.pipeline import Observed
+from workbench.cell.points_table import FrameTable
+from workbench.files import Cell, read_image
+from workbench.files.atomic import write_text
+from workbench.files.settings_file import Settings, settings_text
+from workbench.report.as_text import AXES
+from workbench.report.fig7 import draw_fig7
+from workbench.report.left_out import leave_one_location_out
+from workbench.report.overlay import overlay
+from workbench.report.page import jpeg, render_page, svg
+from workbench.report.residuals import draw_residuals
+
+Array = NDArray[np.float64]
+
+QUANTILE_95 = 1.96
+WORST = 3
+BANNER = {"ok": "good", "model_misfit": "care", "weak": "care"}
+TANGENT = ("tx", "ty", "tz", "rx", "ry", "rz")
+
+
+@dataclass(frozen=True, eq=False)
+class ReportInput:
+    """Everything the page is made of. picture: of the cell, (H, W, 3) RGB, where it could be drawn."""
+
+    cell: Cell
+    observed: Observed
+    result: CalibrationResult
+    settings: Settings
+    picture: NDArray[np.uint8] | None = None
+
+
+def write_report(path: Path, given: ReportInput) -> None:
+    """Write the page atomically."""
+    write_text(path, render_page("workbench.report", "report.html.j2", _content(given)))
+
+
+def _content(given: ReportInput) -> dict[str, Any]:
+    result, cell = given.result, given.cell
+    tables = label_dataset(cell, given.observed, given.settings.calib, result)
+    left_out = leave_one_location_out(cell, given.observed, tables, result, given.settings.calib)
+    return {
+        "title": cell.name or cell.folder.resolve().name,
+        "result": result,
+        "banner": BANNER.get(result.verdict.code, "bad"),
+        "scp": _scp_rows(result),
+        "matrix": _matrix_text(result),
+        "conventions": _conventions(result),
+        "picture": None if given.picture is None else jpeg(given.picture[..., ::-1]),
+        "fig7": svg(draw_fig7(result)),
+        "residuals": svg(draw_residuals(result)),
+        "left_out_places": left_out,
+        "correlations": _correlations(result),
+        "tangent": TANGENT,
+        "frames": [_frame_row(f) for f in result.frames],
+        "complaints": given.observed.complaints,
+        "worst": _worst(cell, result, tables),
+        "settings": settings_text(given.settings),
+        "points": sum(len(f.points.label) for f in result.frames if f.used),
+    }
+
+
+def _scp_rows(result: CalibrationResult) -> list[dict[str, Any]]:
+    """The six numbers with design, σ and 95 % interval."""
+    pose, design = result.T_hand_sensor, result.T_hand_sensor_design
+    nothing = np.full(3, np.nan)
+    angles, place = (nothing, nothing) if pose is None else (pose.fixed_xyz_deg, pose.t)
+    parts = (
+        ("rotation", "°", design.fixed_xyz_deg, angles, result.sigma_rotation_deg),
+        ("translation", "mm", design.t, place, result.sigma_translation_mm),
+    )
+    rows = []
+    for what, unit, d, s, sigma in parts:
+        spread = nothing if sigma is None else sigma
+        for i, axis in enumerate(AXES):
+            half = QUANTILE_95 * spread[i]
+            row = {"name": f"{what} {axis}", "unit": unit, "design": float(d[i]) + 0.0, "solved": float(s[i])}
+            rows.append(row | {"sigma": float(spread[i]), "low": float(s[i] - half), "high": float(s[i] + half)})
+    return rows
+
+
+def _conventions(result: CalibrationResult) -> list[dict[str, Any]]:
+    if result.T_hand_sensor is None:
+        return []
+    pose = result.T_hand_sensor
+    return [{"maker": c.maker, "formula": c.formula, "numbers": express(pose, key)} for key, c in CONVENTIONS.items()]
+
+
+def _matrix_text(result: CalibrationResult) -> str:
+    if result.T_hand_sensor is None:
+        return ""
+    return "\n".join("".join(f"{v:14.8f}" for v in row) for row in result.T_hand_sensor.matrix)
+
+
+def _correlations(result: CalibrationResult) -> list[list[float]] | None:
+    if result.covariance is None or not np.all(np.isfinite(result.covariance)):
+        return None
+    sigma = np.sqrt(np.diag(result.covariance))
+    return [[float(v) for v in row] for row in result.covariance / np.outer(sigma, sigma)]
+
+
+def _rms(frame: FrameResult) -> float:
+    finite = frame.points.residual_mm[np.isfinite(frame.points.residual_mm)]
+    return float(np.sqrt(np.mean(finite**2))) if len(finite) else float("nan")
+
+
+def _frame_row(frame: FrameResult) -> dict[str, Any]:
+    flags = [f"{label} {flag}" for label, flag in zip(frame.points.label, frame.points.flag, strict=False) if flag]
+    return {"frame": frame, "rms": _rms(frame), "points": len(frame.points.label), "flags": ", ".join(flags)}
+
+
+def _worst(cell: Cell, result: CalibrationResult, tables: Sequence[FrameTable]) -> list[dict[str, Any]]:
+    """The frames left out and those with the largest residuals, with their overlays."""
+    if cell.points is not None:
+        return []
+    rms = {f.frame: _rms(f) if f.used else np.inf for f in result.frames}
+    order = sorted(tables, key=lambda t: -rms[t.frame])[: WORST + sum(np.isinf(v) for v in rms.values())]
+    out = []
+    for table in order[: 2 * WORST]:
+        if table.reason != "image_unreadable":
+            picture = overlay(read_image(cell.folder / table.image, cell.sensor), cell.sensor, table)
+            why = "not used" if np.isinf(rms[table.frame]) else f"rms {rms[table.frame]:.3f} mm"
+            out.append({"frame": table.frame, "why": why, "image": jpeg(picture)})
+    return out
