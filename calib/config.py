@@ -15,7 +15,7 @@ Model = Literal["scp", "scp+offsets", "full"]
 class CalibConfig(BaseModel):
     """How calibrate works; every key has a default."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     method: Method = Field("bundle", description="bundle over raw axis points, or the paper's iteration")
     model: Model = Field(

@@ -8,7 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field
 class SurfaceConfig(BaseModel):
     """What is known of the strings' surface; where nothing is, plausible threads are averaged, their spread a σ."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     known: bool = Field(False, description="true: diffuse, specular and roughness below are the thread's own")
     diffuse: float = Field(0.6, ge=0, le=1, description="albedo of the matte part")
@@ -22,7 +22,7 @@ class SurfaceConfig(BaseModel):
 class LabellingConfig(BaseModel):
     """Gates and odds of labelling."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     guess_sigma_mm: float = Field(4.0, gt=0, description="σ of a guess's position, at the jig, per axis")
     guess_sigma_deg: float = Field(1.5, gt=0, description="σ of a guess's rotation per axis")

@@ -12,6 +12,7 @@ from extraction.config import (
     StripeConfig,
 )
 from extraction.gapflush import GapFlush, measure_gap_flush
+from extraction.image import MAX_PIXELS
 from extraction.reasons import Reason, Seen, explain
 from extraction.sheet import SheetTable, image_to_sheet, sheet_table
 from extraction.spots import Stages, extract, extract_stages, learn_speckle, region_shapes
@@ -27,6 +28,7 @@ from extraction.stripe import (
 
 __all__ = [
     "MAX_GRAIN_PX",
+    "MAX_PIXELS",
     "DetectConfig",
     "DoubtConfig",
     "ExtractionConfig",

@@ -9,7 +9,7 @@ from geometry import InputError, Sensor
 
 Image = NDArray[np.uint8] | NDArray[np.uint16]
 
-MAX_PIXELS = 500_000_000
+MAX_PIXELS = 2**26  # 8192 × 8192, beyond any sensor's: a small file may claim to unpack to more
 
 
 def check_image(image: object, sensor: Sensor) -> Image:

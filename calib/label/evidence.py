@@ -72,13 +72,17 @@ class Hypotheses:
         return len(self.chi2)
 
 
-def weigh(labels: IntArray, spots: Spots, jig: Jig, prior: Prior | None, max_tilt_rad: float) -> Hypotheses:
+def weigh(
+    labels: IntArray, spots: Spots, jig: Jig, prior: Prior | None, max_tilt_rad: float, near: Pose | None = None
+) -> Hypotheses:
     """Solve every labelling's pose and weigh it; impossible ones (tilt, beyond the strings' ends) are left out.
 
-    Without a prior every labelling must name the five spots of two faces.
+    Without a prior every labelling must name five spots. near: a further pose (H) from which each is solved.
     """
     problem = _problem(labels, spots, jig, prior)
     start = _starts(labels, spots, jig, prior)
+    if near is not None:
+        start = Pose(np.concatenate([start.R, near.R[:, None]], 1), np.concatenate([start.t, near.t[:, None]], 1))
     many = PoseProblem(
         problem.starts, problem.directions, problem.yz_mm[:, None], problem.whitening[:, None], problem.prior
     )
@@ -89,7 +93,7 @@ def weigh(labels: IntArray, spots: Spots, jig: Jig, prior: Prior | None, max_til
     chi2, T, jacobian = chi2[rows, best], solution.T_sensor_jig[rows, best], solution.jacobian[rows, best]
     covariance, log_volume = _posterior(jacobian, prior)
     evidence = _log_evidence(labels, spots, chi2, log_volume)
-    if prior is None:
+    if prior is None and jig.pillar is not None:
         evidence = evidence - 0.5 * (np.arccos(np.clip(T.R[:, 2, 2], -1, 1)) / FACING_SIGMA_RAD) ** 2
     order = [int(i) for i in ascending(-evidence, SAME_NATS) if np.isfinite(evidence[i])]
     return Hypotheses(
@@ -120,7 +124,7 @@ def _starts(labels: IntArray, spots: Spots, jig: Jig, prior: Prior | None) -> Po
 def _possible(solution: PoseSolution, labels: IntArray, jig: Jig, max_tilt_rad: float) -> NDArray[np.bool_]:
     share = solution.along_mm / jig.lengths
     inside = (share > -END_MARGIN) & (share < 1 + END_MARGIN) | (labels < 0)[:, None, :]
-    upright = np.abs(solution.T_sensor_jig.R[..., 0, 0]) > np.cos(max_tilt_rad)
+    upright = np.abs(solution.T_sensor_jig.R[..., 0, :] @ jig.axis) > np.cos(max_tilt_rad)
     return np.asarray(np.all(inside, axis=-1) & upright & np.isfinite(solution.cost))
 
 

@@ -6,19 +6,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.config import CalibConfig
+from calib.label.any_lines import Assignments, any_labels, first_images
 from calib.label.evidence import SAME_NATS, Hypotheses, Prior, Spots, weigh
-from calib.label.faces import five_spot_labels
+from calib.label.faces import face_pairs, five_spot_labels
 from calib.label.gates import DETECTED, gated_labels
-from calib.label.refine import FULL, LabelledFrame, refine_labels
+from calib.label.refine import FULL, LabelledFrame, refine_labels, turned_over, upright_turn
 from calib.label.surface_offset import rough_offset
 from calib.pose.fit import MIN_STRINGS
 from calib.pose.weights import anchor_sigma
-from geometry import Pose, Sensor, SurfacePoints, skew
+from geometry import Pose, Sensor, SurfacePoints, skew, stack_poses
 from geometry.ties import ascending
 from jig_cad import Jig
 
 IntArray = NDArray[np.intp]
 
+ANY_HYPOTHESES = 240  # of any lines: ranked by a coarse grid of planes, so that more have to be solved
 HYPOTHESES = 60  # solved in full; the true labelling is among the first few
 MIN_EVIDENCE = 9.0  # nats over "all clutter"
 MARGIN = 7.0  # nats over any other labelling: 1 in 1,100
@@ -41,10 +43,13 @@ def label_frame(
     """Label one frame's spots.
 
     With a guess of the pose (wrong by several mm and a few degrees) three or four strings suffice; without, five are
-    needed and the half turn is chosen so that x_jig · x_sensor > 0.
+    needed, and of the poses that the jig's symmetries join the one with x_jig · x_sensor > 0 is chosen.
     """
-    prior = None if T_sensor_jig_guess is None else guess_prior(T_sensor_jig_guess, jig, config)
-    return label_spots(points, jig, sensor, prior, config)
+    if T_sensor_jig_guess is not None:
+        return label_spots(points, jig, sensor, guess_prior(T_sensor_jig_guess, jig, config), config)
+    frame = label_spots(points, jig, sensor, None, config)
+    turn = upright_turn([frame.T_sensor_jig], jig)
+    return frame if turn is None else turned_over(frame, turn, points, jig, sensor, config)
 
 
 def guess_prior(guess: Pose, jig: Jig, config: CalibConfig) -> Prior:
@@ -106,34 +111,49 @@ def _hypotheses(
     spots = _spots(points, jig, sensor, prior, config, doubt_mm)
     limits = config.labelling
     tilt = np.deg2rad(limits.max_tilt_deg)
-    orientation = 1.0 if prior is None else float(np.sign(prior.T_sensor_jig.R[0, 0]))
     tolerance = 4 * np.sqrt(float(np.median(np.trace(spots.cov_mm2, axis1=1, axis2=2))) / 2)
     tight = prior is not None and np.trace(prior.covariance[:3, :3]) < TIGHT_MM**2
-    labels = np.zeros((0, len(jig.strings)), dtype=np.intp)
-    if not tight:
-        labels = five_spot_labels(spots.yz_mm, jig, orientation, tolerance, tilt, HYPOTHESES)
+    labels, near = np.zeros((0, len(jig.strings)), dtype=np.intp), None
+    if not tight and face_pairs(jig):
+        sides = [five_spot_labels(spots.yz_mm, jig, o, tolerance, tilt, HYPOTHESES) for o in _orientations(jig, prior)]
+        labels = np.concatenate(sides)
+    elif not tight:
+        assigned = any_labels(spots.yz_mm, spots.log_odds, jig, tolerance, tilt, ANY_HYPOTHESES)
+        assigned = first_images(assigned, jig) if prior is None else assigned
+        labels, near = assigned.labels, assigned.T_sensor_jig
     if prior is not None:
         more = gated_labels(spots.yz_mm, spots.cov_mm2, jig, prior.T_sensor_jig, prior.covariance, spots.density, 400)
         labels = np.unique(np.concatenate([labels, more[:HYPOTHESES]]), axis=0)
     if len(labels) == 0:
         return None
-    found = weigh(labels, spots, jig, prior, tilt)
+    found = weigh(labels, spots, jig, prior, tilt, near if prior is None else None)
     if prior is None and len(found) and len(jig.strings) > 5:
         found = _complete(found, spots, jig, tilt)
     return found
 
 
+def _orientations(jig: Jig, prior: Prior | None) -> tuple[float, ...]:
+    """The signs of x_jig · x_sensor to be tried: of poses that a symmetry joins the one by convention."""
+    if prior is not None:
+        return (float(np.sign(prior.T_sensor_jig.R[0, 0])),)
+    return (1.0,) if any(s.pose.R[0, 0] < 0 for s in jig.symmetries) else (1.0, -1.0)
+
+
 def _complete(found: Hypotheses, spots: Spots, jig: Jig, tilt: float) -> Hypotheses:
     """Further strings of the jig, sought where the poses of the five-spot labellings put them."""
-    labels = [found.labels]
+    labels, near = [found.labels], [found.T_sensor_jig]
     for i in range(min(len(found), 5)):
-        base = Prior(found.T_sensor_jig[i], found.covariance[i])
-        labels.append(
-            gated_labels(spots.yz_mm, spots.cov_mm2, jig, base.T_sensor_jig, base.covariance, spots.density, 50)
-        )
+        T, covariance = found.T_sensor_jig[i], found.covariance[i]
+        more = gated_labels(spots.yz_mm, spots.cov_mm2, jig, T, covariance, spots.density, 50)
+        labels.append(more)
+        near.append(stack_poses([T] * len(more)))
     stacked = np.concatenate(labels)
-    stacked = np.unique(stacked[np.sum(stacked >= 0, axis=1) >= 5], axis=0)
-    return weigh(stacked, spots, jig, None, tilt)
+    enough = np.sum(stacked >= 0, axis=1) >= 5
+    if face_pairs(jig):
+        return weigh(np.unique(stacked[enough], axis=0), spots, jig, None, tilt)
+    poses = Pose(np.concatenate([T.R for T in near])[enough], np.concatenate([T.t for T in near])[enough])
+    each = first_images(Assignments(stacked[enough], poses), jig)
+    return weigh(each.labels, spots, jig, None, tilt, each.T_sensor_jig)
 
 
 def _spots(
@@ -141,9 +161,9 @@ def _spots(
 ) -> Spots:
     """The spots less a mean surface offset, with everything that a labelling does not know yet in their covariance."""
     n = min(len(points), config.labelling.max_candidates)
-    x_jig = np.array([1.0, 0.0, 0.0]) if prior is None else prior.T_sensor_jig.R[:, 0]
+    along = np.array([1.0, 0.0, 0.0]) if prior is None else prior.T_sensor_jig.R @ jig.axis
     radius = jig.string_diameter_mm / 2
-    offset = rough_offset(points.yz_mm[:n], x_jig, radius, sensor)
+    offset = rough_offset(points.yz_mm[:n], along, radius, sensor)
     extra = config.labelling.floor_mm**2 + (OFFSET_SPREAD * radius) ** 2 + anchor_sigma(jig) ** 2 + doubt_mm**2
     cov = points.cov_yz_mm2[:n] + extra * np.eye(2)
     odds = 0.5 * np.log((points.score[:n] + 0.05) / (1.05 - points.score[:n]))

@@ -13,14 +13,13 @@ from calib.label.chain import Chain, mahalanobis2
 from calib.label.evidence import SAME_CHI2, Prior
 from calib.label.frame import label_spots
 from calib.label.gates import SAME_GATE
-from calib.label.refine import LabelledFrame, turned_over, with_pose
-from geometry import Pose, Sensor, SurfacePoints, Symmetry, stack_poses
+from calib.label.refine import LabelledFrame, turned_over, upright_turn, with_pose
+from geometry import Pose, Sensor, SurfacePoints, stack_poses
 from geometry.ties import first_least, first_least_of_each
 from jig_cad import Jig
 
 Array = NDArray[np.float64]
 
-ALIKE = 1e-6  # cosines nearer to each other are equal but for rounding
 LIKELY = 1e-6  # a candidate below this share is no rival to the chosen one
 CONSISTENT_CHI2 = 30.0  # 6 degrees of freedom: 4e-5 of true predictions lie farther
 GIVEN_JIG_SIGMA_MM, GIVEN_JIG_SIGMA_DEG = 3.0, 1.0  # how well a T_base_jig of cell.toml is taken to be known
@@ -65,24 +64,6 @@ def label_location(
     if turn is not None:
         out = [turned_over(f, turn, points, jig, sensor, config) for f, points in zip(out, frames, strict=True)]
     return tuple(out)
-
-
-def upright_turn(Ts_sensor_jig: Sequence[Pose | None], jig: Jig) -> Symmetry | None:
-    """The symmetry by which the first pose that there is comes to the convention, None where it is there already.
-
-    Of the poses that points can not tell, the one with the largest x_jig · x_sensor is taken; where turns about x leave
-    that alike, the one with the largest y_jig · y_sensor.
-    """
-    first = next((T for T in Ts_sensor_jig if T is not None), None)
-    if first is None:
-        return None
-    best, upright = None, first
-    for symmetry in jig.symmetries:
-        turned = first @ symmetry.pose
-        x, y = (float(turned.R[k, k] - upright.R[k, k]) for k in (0, 1))
-        if x > ALIKE or (abs(x) <= ALIKE and y > ALIKE):
-            best, upright = symmetry, turned
-    return best
 
 
 def _plausible(found: list[LabelledFrame], priors: list[Prior | None], jig: Jig) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Literal
@@ -24,6 +25,7 @@ Array = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 LabelReason = Literal["no_spots", "too_few_spots", "not_labelled"]
 
+ALIKE = 1e-6  # cosines nearer to each other are equal but for rounding
 KEEP_MM = 1.0  # a spot farther from its string than this is not the string's
 SAME_OFF = 1e-6  # mm and rad: candidates as near as this to a pose are equally near
 FULL = 5  # strings that determine a pose on their own
@@ -144,6 +146,24 @@ def take(points: SurfacePoints, index: IntArray) -> SurfacePoints:
         p.sigma_px[index],
         p.amplitude_dn[index],
     )
+
+
+def upright_turn(Ts_sensor_jig: Sequence[Pose | None], jig: Jig) -> Symmetry | None:
+    """The symmetry by which the first pose that there is comes to the convention, None where it is there already.
+
+    Of the poses that points can not tell, the one with the largest x_jig · x_sensor is taken; where turns about x leave
+    that alike, the one with the largest y_jig · y_sensor.
+    """
+    first = next((T for T in Ts_sensor_jig if T is not None), None)
+    if first is None:
+        return None
+    best, upright = None, first
+    for symmetry in jig.symmetries:
+        turned = first @ symmetry.pose
+        x, y = (float(turned.R[k, k] - upright.R[k, k]) for k in (0, 1))
+        if x > ALIKE or (abs(x) <= ALIKE and y > ALIKE):
+            best, upright = symmetry, turned
+    return best
 
 
 def turned_over(

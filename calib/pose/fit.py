@@ -68,7 +68,7 @@ def _search(
     index = string_indices(axis, jig)
     starts, directions = jig.starts[index], jig.directions[index]
     problem = PoseProblem(starts, directions, axis.yz_mm, whitening(axis.cov_yz_mm2))
-    solution = _distinct(solve_poses(problem, _starts(problem, guess, near), max_iterations=30))
+    solution = _distinct(solve_poses(problem, _starts(problem, guess, near, jig), max_iterations=30))
     chi2 = chi2_with_tolerance(solution, axis, jig, index, anchor_sigma_mm)
     along = solution.along_mm / jig.lengths[index]
     possible = np.all((along > -BEYOND) & (along < 1 + BEYOND), axis=-1)
@@ -109,10 +109,12 @@ def string_indices(axis: AxisPoints, jig: Jig) -> NDArray[np.intp]:
     return np.array([jig.strings.index(label) for label in axis.label], dtype=np.intp)
 
 
-def _starts(problem: PoseProblem, guess: Pose | None, near: Pose | None) -> Pose:
+def _starts(problem: PoseProblem, guess: Pose | None, near: Pose | None, jig: Jig) -> Pose:
     poses = [] if guess is None else [Pose(guess.R[None], guess.t[None])]
-    search = pencil_starts if len(problem.yz_mm) >= 5 else grid_starts
-    poses.append(search(problem.starts, problem.directions, problem.yz_mm) if near is None else near)
+    few = len(problem.yz_mm) < 5
+    searches = [grid_starts] if few else [pencil_starts] if jig.pillar is not None else [pencil_starts, grid_starts]
+    given = (problem.starts, problem.directions, problem.yz_mm)
+    poses += [search(*given) for search in searches] if near is None else [near]
     return Pose(np.concatenate([p.R for p in poses]), np.concatenate([p.t for p in poses]))
 
 

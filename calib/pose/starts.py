@@ -18,12 +18,13 @@ SAME_MM2 = 1e-6  # sums of squared misses nearer than this are equal
 
 
 def pencil_starts(starts: Array, directions: Array, yz_mm: Array) -> Pose:
-    """Starting poses T_sensor_jig (..., 3) from at least five strings, two faces of the pillar among them.
+    """Starting poses T_sensor_jig (..., 3) from at least five strings: any, or two faces of the pillar.
 
     The plane carries (y, z) to {J} by c = t + M (y, z): linear in nine unknowns, two equations a string. Strings of
     one face share a line of the plane, so that five leave a pencil of planes x₀ + μ n about the line through the two
     diagonals' crossings, whose heights are known exactly (an N-localizer each). μ follows from MᵀM = I: a quartic
-    with up to two minima, the pose and its mirror.
+    with up to two minima, the pose and its mirror. Of lines in general position the equations leave no pencil; the one
+    along their weakest direction holds the pose all the same.
     starts, directions: (S, 3) or (..., S, 3) in {J}. yz_mm: (..., S, 2).
     """
     base, direction = _pencil(starts, directions, yz_mm)
@@ -40,7 +41,7 @@ def pencil_starts(starts: Array, directions: Array, yz_mm: Array) -> Pose:
 def grid_starts(starts: Array, directions: Array, yz_mm: Array, kept: int = GRID_KEPT) -> Pose:
     """The ``kept`` best starting poses (kept) out of a grid over all rotations, each with its best translation.
 
-    For few strings, where no pencil is determined. yz_mm: (S, 2) of one frame.
+    For few strings, where no pencil is determined, and beside it for any lines. yz_mm: (S, 2) of one frame.
     """
     R = _rotation_grid()  # R_jig_sensor (G, 3, 3)
     normal = np.eye(3) - directions[:, :, None] * directions[:, None, :]  # (S, 3, 3) across each string

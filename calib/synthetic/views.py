@@ -96,6 +96,8 @@ def random_pose(
         if rng.random() < 0.3:
             R = R @ np.diag([-1.0, -1.0, 1.0])
         aim = np.array([rng.uniform(0.2, 0.8) * jig.height_mm, *rng.uniform([-0.2, 0.2], [0.2, 0.7]) * jig.side_mm])
+        if jig.pillar is None:
+            aim += jig.foot_mm - np.array([0, 0, 0.45]) * jig.side_mm
         T = Pose(R, aim - R @ np.array([0, rng.uniform(-15, 15), distance_mm * rng.uniform(0.9, 1.1)])).inverse()
         share = crossings(T, jig.starts, jig.directions)[1] / jig.lengths
         if np.all((share > 0.02) & (share < 0.98)):

@@ -10,8 +10,8 @@ from pydantic import BaseModel, Field
 
 from extraction import ExtractionConfig
 from geometry import InputError
-from workbench.cell.parameters import panel
-from workbench.cell.sliders import FILE_ONLY, SLIDERS
+from workbench.opened.parameters import panel
+from workbench.opened.sliders import FILE_ONLY, SLIDERS
 from workbench.window.parameters import ParameterError, parse
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from geometry import InputError
-from workbench.cell.image_set import ImageRequest
+from workbench.opened.image_set import ImageRequest
 from workbench.window import settings
 from workbench.window.app import make_app
 from workbench.window.opening import open_session

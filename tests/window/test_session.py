@@ -13,9 +13,9 @@ import pytest
 
 from extraction import ExtractionConfig, extract
 from geometry import InputError
-from workbench.cell.image_set import ImageRequest
 from workbench.compare import summarise
 from workbench.files import read_cell, read_image
+from workbench.opened.image_set import ImageRequest
 from workbench.window.engine import badge
 from workbench.window.opening import open_session
 from workbench.window.parameters import parse

@@ -11,9 +11,9 @@ import pytest
 
 from extraction import ExtractionConfig
 from geometry import InputError
-from workbench.cell.image_set import ImageRequest, open_images
 from workbench.cli.main import run
 from workbench.files.settings_file import read_settings
+from workbench.opened.image_set import ImageRequest, open_images
 from workbench.tune.cost import MISS_MM, FrameCost, total
 from workbench.tune.judge import judge
 from workbench.tune.search import search

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 import trimesh
 
 from geometry import Pose
 from jig_cad import Jig
-from jig_cad.solids import jig_solids
+from jig_cad.solids import PillarDesign, jig_solids
 from workbench.cell.presets import find_robot
 from workbench.plan.clearance import arm_clears, distance_mm
 
@@ -19,16 +20,20 @@ def test_no_solid_is_nearer_than_said() -> None:
     jig = Jig.nominal()
     points = np.random.default_rng(1).uniform([-150, -150, -150], [250, 150, 250], (400, 3))
     said = distance_mm(jig, points[:, None])
-    for mesh in jig_solids(jig).values():
+    for name, mesh in jig_solids(jig).items():
         _, distance, _ = trimesh.proximity.closest_point(mesh, points)
-        assert np.all(said <= distance + 0.2)  # strings have a thickness
+        thickness = jig.string_diameter_mm / 2 if name.startswith("string") else 0.0  # boxes hold the strings' axes
+        assert np.all(said <= distance + thickness + ATOL_MM)
 
 
-def test_before_the_front_the_distance_is_the_depth() -> None:
+@pytest.mark.parametrize("depth", [5.0, 60.0, 200.0])
+def test_before_the_front_the_plates_edges_are_nearest_or_the_strings(depth: float) -> None:
+    """Half way up, before string A: the strings lie ``depth`` behind, the plates' front edges half a height aside."""
     jig = Jig.nominal()
-    said = distance_mm(jig, np.array([[[50.0, 0.0, -200.0]]]))
-    np.testing.assert_allclose(said, 200.0, rtol=0, atol=ATOL_MM + 8.0)  # the plates' margin
-    assert said < 200.0
+    _, front, _, _ = PillarDesign().plate(jig).bounds
+    said = distance_mm(jig, np.array([[[jig.height_mm / 2, 0.0, -depth]]]))
+    edge = np.hypot(jig.height_mm / 2, max(depth + front, 0.0))
+    np.testing.assert_allclose(said, min(depth, edge), rtol=0, atol=ATOL_MM)
 
 
 def test_an_arm_in_the_jig_is_found() -> None:

@@ -17,7 +17,7 @@ POSES, TILT = ("poses.locations", "poses.per_location"), "poses.tilt_max_deg"
 
 
 @dataclass(frozen=True)
-class Cell:
+class PoseBudget:
     """Trials of one number of poses and largest tilt. hits: those that reached the target; given: the other factors
     that were fixed, as ``name = value``.
     """
@@ -44,7 +44,7 @@ def reached(run: Run, target: Target) -> Mask:
     return run.answered & (run.real("error_mm") <= target.mm) & (run.real("error_deg") <= target.deg)
 
 
-def cells(run: Run, target: Target, among: Mask | None = None, given: tuple[str, ...] = ()) -> list[Cell]:
+def cells(run: Run, target: Target, among: Mask | None = None, given: tuple[str, ...] = ()) -> list[PoseBudget]:
     """All settings of poses and tilt in the run, fewest poses first."""
     good = reached(run, target)
     inside = np.ones(run.size, bool) if among is None else among
@@ -53,7 +53,7 @@ def cells(run: Run, target: Target, among: Mask | None = None, given: tuple[str,
     out = []
     for n, degrees in sorted(set(zip(poses[inside], tilt[inside], strict=True))):
         here = inside & (poses == n) & (tilt == degrees)
-        out.append(Cell(float(n), float(degrees), int(here.sum()), int(good[here].sum()), given))
+        out.append(PoseBudget(float(n), float(degrees), int(here.sum()), int(good[here].sum()), given))
     return out
 
 
@@ -82,12 +82,12 @@ def _errors(run: Run) -> tuple[str, ...]:
     return ("error_mm", "error_deg") if np.any(run.answered) else ("trial", "trial")
 
 
-def _words(cell: Cell) -> str:
+def _words(cell: PoseBudget) -> str:
     others = "".join(f", {text}" for text in cell.given)
     return f"≥ {cell.poses:.0f} poses with tilts up to ≥ {cell.tilt_deg:.0f}°{others}"
 
 
-def _share(cell: Cell) -> str:
+def _share(cell: PoseBudget) -> str:
     low, high = (100 * b for b in cell.band)
     over = "the other factors" if cell.given else "all other factors"
     return (
@@ -96,12 +96,12 @@ def _share(cell: Cell) -> str:
     )
 
 
-def _doubt(cell: Cell, target: Target) -> str:
+def _doubt(cell: PoseBudget, target: Target) -> str:
     sure = cell.band[0] >= target.level
     return "" if sure else f" More trials would be needed to be sure of {100 * target.level:g} %."
 
 
-def _given(run: Run, target: Target, count: int) -> Iterator[Cell]:
+def _given(run: Run, target: Target, count: int) -> Iterator[PoseBudget]:
     """Settings of poses and tilt where ``count`` other factors hold one of their values."""
     others: dict[str, Any] = {}
     for name in run.plan.factors:

@@ -30,9 +30,9 @@ Array = NDArray[np.float64]
 
 VERIFY = "verify"
 _UPRIGHT = np.array([[0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]])  # pillar up, its back away from the robot
-_PLACE_TRIES = 12
-PLANNED_DIAMETER_MM = 0.3
-SAME_COSINE = 1e-6
+_PLACE_TRIES = 12  # places drawn until one gives enough views; most arms reach the first or second
+PLANNED_DIAMETER_MM = 0.3  # the usual thread: see planned_diameter_mm
+SAME_COSINE = 1e-6  # views that are equally upright: the first is taken
 _SHARED = 4096  # plans of configurations that a worker remembers, a few kilobytes each
 
 

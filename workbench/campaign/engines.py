@@ -14,10 +14,10 @@ from workbench.campaign.store import ShardResult
 from workbench.campaign.worker import ONE_THREAD, begin_worker, worker_state
 
 Work = Callable[[int], ShardResult]
-MAX_DEATHS_WITHOUT_PROGRESS = 5
+MAX_DEATHS_WITHOUT_PROGRESS = 5  # of workers: more is no accident but the machine or the plan
 AHEAD = 2  # shards handed out for each worker: the one in work and the next
-NO_WORKER_S = 60.0
-SETTLE_S = 2.0
+NO_WORKER_S = 60.0  # a cluster whose workers do not come by then is not there
+SETTLE_S = 2.0  # given to workers that join late before shards are dealt out
 
 
 def run_local(work: Work, shards: list[int], workers: int) -> Iterator[ShardResult]:

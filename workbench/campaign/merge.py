@@ -13,7 +13,7 @@ from geometry import InputError
 from workbench.campaign.rows import PARQUET
 
 TABLES = ("trials", "frames", "timings")
-GROUP_ROWS = 20_000
+GROUP_ROWS = 20_000  # rows of a Parquet group: some megabytes in memory, as benchmarks/campaign_memory.py shows
 DAMAGED = (pa.ArrowException, OSError)  # how pyarrow speaks of a file that is not what was written
 
 

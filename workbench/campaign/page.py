@@ -8,7 +8,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from workbench.campaign.advice import FEWEST, Cell, advice, cells, reached
+from workbench.campaign.advice import FEWEST, PoseBudget, advice, cells, reached
 from workbench.campaign.plots import factor_plot, nees_plot
 from workbench.campaign.shard import trial_seed, trial_settings
 from workbench.campaign.summary import (
@@ -28,7 +28,7 @@ from workbench.campaign.trial import one_trial_frame
 from workbench.files.atomic import write_text
 from workbench.report.page import png, render_page
 
-WORST = 4
+WORST = 4  # worst trials that are shown
 NO_BOUND = "∞"
 # the columns that a kind of run is judged by, and their names on the page
 ERRORS = {
@@ -95,7 +95,7 @@ def _total(values: Any) -> list[str]:
     return [f"{np.median(known):.4f}", f"{np.quantile(known, 0.95):.4f}", f"{known.max():.4f}"]
 
 
-def _cell_row(cell: Cell) -> list[str]:
+def _cell_row(cell: PoseBudget) -> list[str]:
     return [f"{cell.poses:.0f}", f"{cell.tilt_deg:.0f}°", str(cell.trials), _percent(cell.hits, cell.trials)]
 
 

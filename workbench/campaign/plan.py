@@ -12,11 +12,11 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from geometry import InputError
 from workbench.campaign.settings import TrialSettings, leaf_paths, with_values
-from workbench.files.strict import Real, Section, Text, sentence, suggestion, validate
+from workbench.files.strict import FileSection, Real, Text, sentence, suggestion, validate
 from workbench.files.toml_text import TomlSource, read_toml
 
 RESULTS_VERSION = 5  # raised when rows or trials change, so that a half-done run of another version is not continued
-MAX_TRIALS = 10_000_000
+MAX_TRIALS = 10_000_000  # a year of a hundred cores: more is a slip of the pen
 
 Value = bool | Annotated[int, Field(strict=True)] | Real | Text
 
@@ -24,7 +24,7 @@ Value = bool | Annotated[int, Field(strict=True)] | Real | Text
 class Range(BaseModel):
     """A factor between two numbers; ``steps`` of them on a grid, ``log`` for equal ratios in place of equal steps."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     low: Real
     high: Real
@@ -40,7 +40,7 @@ class Range(BaseModel):
         return self
 
 
-class Plan(Section):
+class Plan(FileSection):
     """What a campaign runs. ``factors`` maps a setting's dotted name to its values or range."""
 
     seed: Annotated[int, Field(strict=True, ge=0)] = 0

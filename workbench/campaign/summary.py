@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 BINS = 8  # groups of a factor that was sampled, each with as many trials
-LEVEL = 0.95
+LEVEL = 0.95  # confidence of every band of the page
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ ONE_THREAD = dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS", "NUMBA_NUM_THREADS"), "1"
 )
 ROOMS = ("geometry", "jig_cad", "perceptron_emu", "extraction", "calib", "workbench", "assets")
-WATCH_S = 0.5
+WATCH_S = 0.5  # between two looks at whether the parent still lives
 
 
 def begin_worker(parent: int) -> None:

@@ -11,7 +11,7 @@ from jig_cad import Jig
 from workbench.files import Cell, read_cell, read_jig_file, read_sensor
 from workbench.files.images import SUFFIXES
 
-MAX_IMAGES = 100_000
+MAX_IMAGES = 100_000  # of one call: more is a wrong folder
 
 
 @dataclass(frozen=True, eq=False)

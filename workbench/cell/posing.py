@@ -12,7 +12,7 @@ from calib.pose.fit import jig_pose
 from geometry import AxisPoints, InputError, NoAnswerError, Sensor
 from jig_cad import Jig
 from workbench.cell.presets import find_jig, find_sensor
-from workbench.files import FramePoints, read_points
+from workbench.files import GivenPoints, read_points
 
 WORDS = {
     "unique": "one pose explains the points; the half turn of the jig is chosen so that x_jig · x_sensor > 0",
@@ -60,7 +60,7 @@ def _beside(points: Path, *names: str) -> str:
     raise InputError(f"{points.parent / names[0]}: no such file; give --{option} FILE or the name of a preset")
 
 
-def _pose(frame: int, given: FramePoints, jig: Jig, sensor: Sensor | None) -> FramePose:
+def _pose(frame: int, given: GivenPoints, jig: Jig, sensor: Sensor | None) -> FramePose:
     axis = given.axis
     if axis is None and sensor is not None:
         labelled = label_frame(given.points, jig, sensor, None, CalibConfig())

@@ -11,11 +11,11 @@ from pydantic import Field
 from extraction import GapFlushConfig, Profile, StripeConfig, extract_profile, read_profile_csv
 from geometry import InputError
 from workbench.files import read_image, read_sensor
-from workbench.files.strict import Section, validate
+from workbench.files.strict import FileSection, validate
 from workbench.files.toml_text import read_toml
 
 
-class ProfileFile(Section):
+class ProfileFile(FileSection):
     """A settings file for `profile` and `gapflush`."""
 
     stripe: StripeConfig = Field(default_factory=StripeConfig)
@@ -23,7 +23,7 @@ class ProfileFile(Section):
 
 
 @dataclass(frozen=True)
-class Source:
+class ProfileSource:
     """Where a profile comes from: an image with its sensor, laser-off frame and mask, or a profile's CSV."""
 
     path: Path
@@ -42,7 +42,7 @@ def read_profile_settings(paths: Sequence[Path]) -> ProfileFile:
     return ProfileFile.model_validate(tables)
 
 
-def read_profile(source: Source) -> Profile:
+def read_profile(source: ProfileSource) -> Profile:
     """The profile of an image, or of a CSV that `profile` wrote; InputError says what is missing."""
     if source.path.suffix.lower() == ".csv":
         if source.sensor or source.laser_off or source.mask:

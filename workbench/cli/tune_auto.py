@@ -12,11 +12,11 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from geometry import PerceptronEmuError
-from workbench.cell.image_set import ImageRequest, ImageSet, open_images
 from workbench.cli import exit_codes
 from workbench.cli.console import standard_error, standard_output
 from workbench.files.atomic import write_text
 from workbench.files.settings_file import settings_toml
+from workbench.opened.image_set import ImageRequest, ImageSet, open_images
 from workbench.tune.cost import Score
 from workbench.tune.judge import Judgement, judge
 from workbench.tune.search import Found, search

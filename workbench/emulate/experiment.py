@@ -22,7 +22,7 @@ from workbench.plan.views import ViewProblem, plan_views
 # Fig. 7: maximum deviation of the base distance [mm]
 PAPER_DEVIATION_MM = {"design": 5.0, "solved": 1.4}
 
-PER_LOCATION = 7
+PER_LOCATION = 7  # as in the paper
 WITH_WALL = ("B", "D")  # places with a wall behind the jig
 
 

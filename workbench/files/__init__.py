@@ -3,7 +3,7 @@
 from workbench.files.cell import Cell, read_cell, read_jig_file
 from workbench.files.frames_csv import FrameRow, frames_text, read_frames
 from workbench.files.images import read_image, write_png
-from workbench.files.points_csv import FramePoints, points_text, read_points
+from workbench.files.points_csv import GivenPoints, points_text, read_points
 from workbench.files.robot_file import read_robot, robot_text
 from workbench.files.sensor_file import read_emulator, read_sensor, sensor_text
 from workbench.files.truth_file import Truth, TruthFrame, TruthPoint, read_truth, write_truth
@@ -11,8 +11,8 @@ from workbench.files.write_cell import cell_text, write_cell
 
 __all__ = [
     "Cell",
-    "FramePoints",
     "FrameRow",
+    "GivenPoints",
     "Truth",
     "TruthFrame",
     "TruthPoint",

@@ -15,29 +15,29 @@ from jig_cad import Jig, jig_from_table
 from jig_cad.files import table_model, without_names
 from perceptron_emu import EmulatorConfig
 from workbench.files.frames_csv import FrameRow, read_frames
-from workbench.files.points_csv import FramePoints, read_points
+from workbench.files.points_csv import GivenPoints, read_points
 from workbench.files.robot_file import read_robot
 from workbench.files.sensor_file import ATOL_ROTATION, read_emulator, read_sensor
-from workbench.files.strict import Matrix4, Section, Text, Vector3, suggestion, validate
+from workbench.files.strict import FileSection, Matrix4, Text, Vector3, suggestion, validate
 from workbench.files.toml_text import TomlSource, read_toml
 from workbench.files.truth_file import Truth, read_truth
 
 
-class ScpSection(Section):
+class ScpSection(FileSection):
     """[scp_initial]: T_hand_sensor by design; rotations about fixed X, Y, Z, R = Rz·Ry·Rx."""
 
     rotation_deg: Vector3
     translation_mm: Vector3
 
 
-class LocationSection(Section):
+class LocationSection(FileSection):
     """[locations.NAME]: where the jig stands, if known; decides the half turn. role: of views to be planned."""
 
     T_base_jig: Matrix4
     role: Literal["calibrate", "verify"] | None = None
 
 
-class CellFile(Section):
+class CellFile(FileSection):
     """The keys of cell.toml; files are named relative to it."""
 
     sensor: Text
@@ -73,7 +73,7 @@ class Cell:
     frames: tuple[FrameRow, ...]
     T_hand_sensor_design: Pose
     T_base_jig: dict[str, Pose] = field(default_factory=dict)
-    points: dict[int, FramePoints] | None = None
+    points: dict[int, GivenPoints] | None = None
     truth: Truth | None = None
     roles: dict[str, str] = field(default_factory=dict)
     name: str = ""
@@ -197,7 +197,7 @@ def _check_location_names(file: CellFile, frames: tuple[FrameRow, ...], source: 
 
 def _points(
     folder: Path, file: CellFile, frames: tuple[FrameRow, ...], frames_path: Path, jig: Jig
-) -> dict[int, FramePoints] | None:
+) -> dict[int, GivenPoints] | None:
     """Points in place of images: named in cell.toml, or points.csv where not one of the images exists."""
     path = folder / (file.points or "points.csv")
     has_images = any(row.image and (folder / row.image).exists() for row in frames)

@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geometry import InputError, Pose
-from workbench.files.table import Row, Table, read_table
+from workbench.files.table import CsvTable, Row, read_table
 
 Array = NDArray[np.float64]
 
 POSE_COLUMNS = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
 ROLES = ("calibrate", "verify")
-MAX_JOINTS = 16
+MAX_JOINTS = 16  # columns that are known; arms have six or seven
 ATOL_QUATERNION = 1e-2  # length of a quaternion as written; digits cut in the file stay far below
 
 
@@ -52,7 +52,7 @@ def read_frames(path: Path, n_joints: int, *, may_be_empty: bool = False) -> tup
     return rows
 
 
-def _check_motion_columns(table: Table, n_joints: int) -> bool:
+def _check_motion_columns(table: CsvTable, n_joints: int) -> bool:
     """Whether poses stand in place of joints; InputError where the columns are neither or do not fit the robot."""
     where = f"{table.path}, line {table.header_line}"
     joints = [c for c in table.columns if re.fullmatch(r"j\d+_deg", c)]

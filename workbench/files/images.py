@@ -10,13 +10,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from extraction import MAX_PIXELS
 from geometry import InputError, Sensor
 from workbench.files.atomic import write_bytes
 
 Image = NDArray[np.uint8] | NDArray[np.uint16]
 
-MAX_FILE_BYTES = 512 * 2**20
-MAX_PIXELS = 2**26
+MAX_FILE_BYTES = 512 * 2**20  # four bytes for each of MAX_PIXELS, and as much again
 PNG, TIFF = b"\x89PNG\r\n\x1a\n", (b"II*\x00", b"MM\x00*")
 SUFFIXES = (".png", ".tif", ".tiff")
 

@@ -31,7 +31,7 @@ _PRIMES = str.maketrans({"′": "'", "’": "'", "`": "'"})
 
 
 @dataclass(frozen=True, eq=False)
-class FramePoints:
+class GivenPoints:
     """One frame of a points.csv: its surface points, and its labelled axis points (None where there are none)."""
 
     points: SurfacePoints
@@ -39,7 +39,7 @@ class FramePoints:
 
 
 @dataclass(frozen=True)
-class _Point:
+class _CsvPoint:
     label: str
     uv: tuple[float, float]
     surface: tuple[float, float] | None
@@ -49,7 +49,7 @@ class _Point:
     flag: str
 
 
-def read_points(path: Path, strings: Sequence[str]) -> dict[int, FramePoints]:
+def read_points(path: Path, strings: Sequence[str]) -> dict[int, GivenPoints]:
     """Points by frame number; InputError names line and column. strings: the names that a label may be."""
     table = read_table(path, COLUMNS, ("frame",))
     if not {"y_mm", "z_mm"} <= set(table.columns) and not {"y_surface_mm", "z_surface_mm"} <= set(table.columns):
@@ -57,7 +57,7 @@ def read_points(path: Path, strings: Sequence[str]) -> dict[int, FramePoints]:
             f"{path}, line {table.header_line}: needs the columns y_mm and z_mm of the axis "
             "or y_surface_mm and z_surface_mm"
         )
-    frames: dict[int, list[_Point]] = {}
+    frames: dict[int, list[_CsvPoint]] = {}
     for row in table.rows:
         points = frames.setdefault(row.whole("frame"), [])
         point = _point(row, strings)
@@ -67,7 +67,7 @@ def read_points(path: Path, strings: Sequence[str]) -> dict[int, FramePoints]:
     return {frame: _collect(points) for frame, points in frames.items()}
 
 
-def _point(row: Row, strings: Sequence[str]) -> _Point:
+def _point(row: Row, strings: Sequence[str]) -> _CsvPoint:
     given = row.cells.get("label", "")
     label = given if given in strings else given.translate(_PRIMES)
     if label and label not in strings:
@@ -79,7 +79,7 @@ def _point(row: Row, strings: Sequence[str]) -> _Point:
         raise row.fail(
             "label", "is empty beside y_mm and z_mm; an unlabelled point goes into y_surface_mm and z_surface_mm"
         )
-    return _Point(
+    return _CsvPoint(
         label=label,
         uv=_pair(row, "u_px", "v_px") or (float("nan"), float("nan")),
         surface=surface,
@@ -112,7 +112,7 @@ def _covariance(row: Row) -> tuple[tuple[float, float], tuple[float, float]]:
     return ((sigma[0] ** 2, cross), (cross, sigma[1] ** 2))
 
 
-def _collect(points: list[_Point]) -> FramePoints:
+def _collect(points: list[_CsvPoint]) -> GivenPoints:
     surface = [p for p in points if p.surface is not None]
     index = {id(p): i for i, p in enumerate(surface)}
     labelled = [p for p in points if p.axis is not None]
@@ -130,7 +130,7 @@ def _collect(points: list[_Point]) -> FramePoints:
         amplitude_dn=np.full(n, np.nan),
     )
     if not labelled:
-        return FramePoints(spots, None)
+        return GivenPoints(spots, None)
     axis = AxisPoints(
         label=tuple(p.label for p in labelled),
         spot=np.array([index.get(id(p), -1) for p in labelled], dtype=np.intp),
@@ -138,7 +138,7 @@ def _collect(points: list[_Point]) -> FramePoints:
         cov_yz_mm2=np.array([p.covariance for p in labelled]),
         flag=tuple(p.flag for p in labelled),
     )
-    return FramePoints(spots, axis)
+    return GivenPoints(spots, axis)
 
 
 def points_text(rows: Iterable[dict[str, object]]) -> str:

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from geometry import DH_ROWS, TYPICAL_SIGMA, DhRobot, InputError, RobotUncertainty, toml_value
-from workbench.files.strict import NotNegative, Real, Section, Text, Whole, validate
+from workbench.files.strict import FileSection, NotNegative, Real, Text, Whole, validate
 from workbench.files.toml_text import read_toml
 
 
-class JointSection(Section):
+class JointSection(FileSection):
     """One [[joint]]: angle = sign · reading + theta_offset; beta_deg is Hayati's parameter of a calibrated table."""
 
     theta_offset_deg: Real = 0.0
@@ -35,13 +35,13 @@ class JointSection(Section):
         return self
 
 
-class CouplingSection(Section):
+class CouplingSection(FileSection):
     """[coupling]: joint angles = matrix @ readings, for arms whose motors move more than one joint."""
 
     matrix: tuple[tuple[Real, ...], ...]
 
 
-class UncertaintySection(Section):
+class UncertaintySection(FileSection):
     """[uncertainty]: standard deviations of the joints and of the table."""
 
     joint_sigma_deg: NotNegative = TYPICAL_SIGMA["joint_sigma_deg"]
@@ -51,7 +51,7 @@ class UncertaintySection(Section):
     alpha_sigma_deg: NotNegative = TYPICAL_SIGMA["alpha_sigma_deg"]
 
 
-class RobotFile(Section):
+class RobotFile(FileSection):
     """The keys of robot.toml: either [[joint]] tables or urdf, base, tip."""
 
     convention: Text = "standard"

@@ -13,12 +13,12 @@ from geometry import Camera, InputError, Pose, Sensor, Sheet, toml_value
 from geometry.sensor import AUTO, Optics, ProfileOutput, SensorUncertainty
 from perceptron_emu import EmulatorConfig
 from workbench.files.strict import (
+    FileSection,
     Matrix3,
     Names,
     NotNegative,
     Positive,
     Real,
-    Section,
     Text,
     Vector3,
     Whole,
@@ -33,7 +33,7 @@ GEOMETRY_OF_LASER = ("origin_mm", "fan_deg")
 ATOL_ROTATION = 1e-4  # files are written with as few as four decimals; the rotation is made orthogonal on reading
 
 
-class ImageSection(Section):
+class ImageSection(FileSection):
     """[image]."""
 
     width_px: Whole
@@ -44,14 +44,14 @@ class ImageSection(Section):
     channel: Literal["red", "green", "blue", "grey", "max"] | None = None
 
 
-class CameraPoseSection(Section):
+class CameraPoseSection(FileSection):
     """[camera.pose]: T_sensor_camera."""
 
     rotation: Matrix3
     translation_mm: Vector3
 
 
-class CameraSection(Section):
+class CameraSection(FileSection):
     """[camera]: OpenCV's model."""
 
     fx_px: Positive
@@ -62,14 +62,14 @@ class CameraSection(Section):
     pose: CameraPoseSection
 
 
-class LaserSection(Section):
+class LaserSection(FileSection):
     """[laser]: where the fan opens; its further keys belong to the emulator."""
 
     origin_mm: Vector3 = (0.0, 0.0, 0.0)
     fan_deg: Positive = 45.0
 
 
-class ProfileSection(Section):
+class ProfileSection(FileSection):
     """[profile]: in place of [image] and [camera], of a sensor that gives profiles."""
 
     format: Text = AUTO
@@ -81,7 +81,7 @@ class ProfileSection(Section):
     z_towards_sensor: YesNo = False
 
 
-class SensorUncertaintySection(Section):
+class SensorUncertaintySection(FileSection):
     """[uncertainty]: standard deviations by name, or names with a covariance; angles of the plane in degrees."""
 
     source: Literal["calibrated", "data sheet", "drawing"] | None = None
@@ -117,7 +117,7 @@ SIGMAS = tuple(
 )
 
 
-class SensorFile(Section):
+class SensorFile(FileSection):
     """The part of sensor.toml that every room needs."""
 
     image: ImageSection | None = None

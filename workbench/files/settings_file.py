@@ -13,7 +13,7 @@ from pydantic import BaseModel, Field, create_model
 from calib import CalibConfig
 from extraction import ExtractionConfig
 from geometry import InputError, toml_value
-from workbench.files.strict import Section, validate
+from workbench.files.strict import FileSection, validate
 from workbench.files.toml_text import TomlSource, read_toml
 
 
@@ -29,7 +29,7 @@ def settings_model() -> type[BaseModel]:
     """The strict model of a settings file: extraction's tables at its top and [calib] beside them."""
     tables: dict[str, Any] = {name: (f.annotation, f.get_default(call_default_factory=True)) for name, f in _tables()}
     return create_model(
-        "SettingsFile", __base__=Section, calib=(CalibConfig, Field(default_factory=CalibConfig)), **tables
+        "SettingsFile", __base__=FileSection, calib=(CalibConfig, Field(default_factory=CalibConfig)), **tables
     )
 
 

@@ -26,10 +26,10 @@ Matrix4 = tuple[Row4, Row4, Row4, Row4]
 Names = Mapping[Location, Iterable[str]]
 
 
-class Section(BaseModel):
+class FileSection(BaseModel):
     """One table of a file; ``name`` is welcome in every one, other keys that are not declared are errors."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     name: Text = ""
 
@@ -118,7 +118,7 @@ def _known_keys(model: type[BaseModel], location: Location) -> list[str]:
 
 
 def _section_of(annotation: Any) -> Any:
-    """The model class inside ``tuple[Section, ...]``, ``Section | None``, ``dict[str, Section]``."""
+    """The model class inside ``tuple[FileSection, ...]``, ``FileSection | None``, ``dict[str, FileSection]``."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation
     for inner in get_args(annotation):

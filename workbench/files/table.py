@@ -63,7 +63,7 @@ class Row:
 
 
 @dataclass(frozen=True)
-class Table:
+class CsvTable:
     """A comma-separated file: column names and rows; blank lines and lines that start with # are left out."""
 
     path: Path
@@ -72,7 +72,7 @@ class Table:
     rows: tuple[Row, ...]
 
 
-def read_table(path: Path, known: Sequence[str], required: Sequence[str]) -> Table:
+def read_table(path: Path, known: Sequence[str], required: Sequence[str]) -> CsvTable:
     """Read a table whose columns all stand in ``known`` and include ``required``; InputError names line and column."""
     lines = _cells(path)
     header_line, header = next(lines, (0, []))
@@ -90,7 +90,7 @@ def read_table(path: Path, known: Sequence[str], required: Sequence[str]) -> Tab
     if missing:
         raise InputError(f'{where}: the column "{missing[0]}" is missing')
     rows = tuple(Row(path, line, _fit(path, line, header, cells)) for line, cells in lines)
-    return Table(path, header_line, tuple(header), rows)
+    return CsvTable(path, header_line, tuple(header), rows)
 
 
 def _fit(path: Path, line: int, header: list[str], cells: list[str]) -> dict[str, str]:

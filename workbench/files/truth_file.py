@@ -10,13 +10,13 @@ from pydantic import Field, ValidationError
 
 from geometry import InputError
 from workbench.files.atomic import write_text
-from workbench.files.strict import Matrix4, Real, Section, Text, Vector3, Whole
+from workbench.files.strict import FileSection, Matrix4, Real, Text, Vector3, Whole
 from workbench.files.toml_text import read_text
 
 Pair = tuple[Real, Real]
 
 
-class TruthPoint(Section):
+class TruthPoint(FileSection):
     """One string of one frame: axis and lit-surface point, ideal image centroid, visible fraction."""
 
     label: Text
@@ -26,7 +26,7 @@ class TruthPoint(Section):
     visible_fraction: Real
 
 
-class TruthFrame(Section):
+class TruthFrame(FileSection):
     """One frame: the jig's pose in {P} and its strings."""
 
     frame: Whole
@@ -34,7 +34,7 @@ class TruthFrame(Section):
     points: tuple[TruthPoint, ...]
 
 
-class Truth(Section):
+class Truth(FileSection):
     """The whole truth of a dataset; dh lists the true table, locations the jigs' poses in the base."""
 
     T_hand_sensor: Matrix4

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.bundle.information import FrameInformation, Model, observability, scaled, scp_covariance
-from calib.bundle.uncertainty import printed_sigmas
+from calib.printed import printed_sigmas
 from geometry import InputError, NoAnswerError, stack_poses
 from geometry.ties import ascending
 from workbench.cell.surroundings import jig_bodies, sees_all_strings
@@ -25,15 +25,15 @@ Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Progress = Callable[[int, int], None]
 
-POOL = 160  # feasible views gathered at each place
+POOL = 160  # feasible views gathered at each place: refining finds the rest (benchmarks/plan_against_random.py)
 BATCH = 1000  # views drawn at a time
-SAME_PART = 1e-6  # of a direction's unit vector
+SAME_PART = 1e-6  # of a direction's unit vector: equal parts by number
 WEAK_MM = 5.0  # predicted σ beyond which the plan does not identify what is asked
 VERIFY = "verify"
 
 
 @dataclass(frozen=True, eq=False)
-class Candidates:
+class ViewPools:
     """Where a plan may be taken from: the cell's places, feasible views at each, the frames that there are already.
 
     taken: what the frames already there tell. inform: what readings (F, n) at places (F,) tell.
@@ -130,7 +130,7 @@ def candidates(
     rng: np.random.Generator,
     progress: Progress,
     pool: int | None = None,
-) -> Candidates:
+) -> ViewPools:
     """Feasible views at every place of the cell, uniform within the limits, ``pool`` (POOL) at each."""
     file = cell.folder / "cell.toml"
     if not cell.T_base_jig:
@@ -158,11 +158,11 @@ def candidates(
     old = [(q, names.index(r.location)) for r in cell.frames if (q := _counting(r, names)) is not None]
     joints = np.array([q for q, _ in old]).reshape(-1, cell.robot.n_joints)
     taken = inform(joints, np.array([i for _, i in old], dtype=np.intp))
-    return Candidates(names, roles, problems, space, views, taken, inform)
+    return ViewPools(names, roles, problems, space, views, taken, inform)
 
 
 def best_plan(
-    found: Candidates, per_location: int, criterion: str, rng: np.random.Generator, progress: Progress | None = None
+    found: ViewPools, per_location: int, criterion: str, rng: np.random.Generator, progress: Progress | None = None
 ) -> Planned:
     """The most telling views: chosen from the pools, then moved within the bounds while that makes the plan better."""
     views, location, info = pooled(found)
@@ -175,7 +175,7 @@ def best_plan(
     return refine(plan, Refinement(problems, found.space, found.taken, found.inform, criterion), rng, progress)
 
 
-def pooled(found: Candidates) -> tuple[Views, Index, FrameInformation]:
+def pooled(found: ViewPools) -> tuple[Views, Index, FrameInformation]:
     """All calibrating places' views together, the place of each, and what each tells."""
     views = [found.views[i] for i in found.calibrating]
     joined = views[0]
@@ -185,7 +185,7 @@ def pooled(found: Candidates) -> tuple[Views, Index, FrameInformation]:
     return joined, location, found.inform(joined.joints_rad, location)
 
 
-def _random(found: Candidates, per_location: int, rng: np.random.Generator) -> tuple[Array, Array]:
+def _random(found: ViewPools, per_location: int, rng: np.random.Generator) -> tuple[Array, Array]:
     """Covariances (RANDOM_PLANS, 6, 6) that random plans from the pools predict, with and without robot errors."""
     everything = found.taken.followed_by(pooled(found)[2])
     wanted = dict.fromkeys(found.calibrating, per_location)
@@ -217,7 +217,7 @@ def _counting(row: FrameRow, names: list[str]) -> Array | None:
     return row.joints_rad if row.role != VERIFY and row.location in names else None
 
 
-def _proposal(cell: Cell, found: Candidates, plan: Planned, criterion: str, random: tuple[Array, Array]) -> Proposal:
+def _proposal(cell: Cell, found: ViewPools, plan: Planned, criterion: str, random: tuple[Array, Array]) -> Proposal:
     everything = found.taken.followed_by(plan.info)
     frames = np.arange(len(everything.location))
     covariance, noise = (scp_covariance(everything, frames, noise_alone=n) for n in (False, True))

@@ -18,7 +18,7 @@ from workbench.plan.views import ViewProblem, Views, near_views, unhidden
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
-ROUNDS = 12
+ROUNDS = 12  # the last moves are a thirtieth of the first: see benchmarks/plan_against_random.py
 TRIES = 40  # moves tried for each view in a round
 FIRST_STEP, SHRINK = 0.25, 0.75  # of the bounds' widths, as a σ; smaller in every round
 MOVED_SHARE = 0.6  # of a view's six parameters that a move changes

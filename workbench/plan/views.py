@@ -17,8 +17,8 @@ from workbench.plan.view_space import Tally, ViewLimits, ViewSpace
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-BATCH = 96
-MAX_BATCHES = 40
+BATCH = 96  # views drawn at a time
+MAX_BATCHES = 40  # then the place gives no more: some 4,000 views
 GIVE_UP = 60  # measurable views out of reach, not one within: the place is out of reach
 POSTURE_RAD = np.deg2rad(70.0)  # an arm that swings its elbow over between two views would need a path planned
 SAME_DISTANCE, SAME_MOTION_RAD2 = 1e-6, 1e-6  # views, and postures, that are equally far: the first is taken

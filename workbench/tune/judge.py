@@ -11,7 +11,7 @@ from extraction import ExtractionConfig
 from workbench.tune.cost import FrameCost, Score, total
 from workbench.tune.task import Task
 
-BOOTSTRAPS = 2000
+BOOTSTRAPS = 2000  # 100 of them lie beyond each end of the 90 % interval
 AS_GOOD = 0.05  # a loss within this of the other is as good
 
 

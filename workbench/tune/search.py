@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import optuna
 
 Progress = Callable[[int, int, float], None]  # trials done, of how many, best loss so far [mm]
-RANDOM_TRIALS = 16
+RANDOM_TRIALS = 16  # two for each dimension before the estimator models them, and a median before trials are cut short
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,7 @@ from typing import Any, Protocol, TypeVar
 
 from pydantic import BaseModel
 
-from workbench.cell.parameters import panel
+from workbench.opened.parameters import panel
 
 M = TypeVar("M", bound=BaseModel)
 

@@ -9,12 +9,12 @@ import numpy as np
 
 from extraction import ExtractionConfig, extract
 from geometry import InputError, PerceptronEmuError
-from workbench.cell.image_set import ImageSet
 from workbench.compare import match, named_points
 from workbench.files.images import Image
+from workbench.opened.image_set import ImageSet
 from workbench.tune.cost import FrameCost, against_truth, by_consistency
 
-LEAST_IMAGES = 4
+LEAST_IMAGES = 4  # two to train on, two held out
 NO_JIG = "without truth.json a search needs the jig's geometry: give --jig FILE"
 
 

@@ -12,7 +12,7 @@ from perceptron_emu import EmulatorConfig, Scene, gain_dn_per_e, render
 
 Array = NDArray[np.float64]
 
-HALF_WINDOW_PX = 14
+HALF_WINDOW_PX = 14  # some ten σ of a spot: what lies beyond tells nothing of it
 DERIVATIVE = np.array([-1, 9, -45, 0, 45, -9, 1]) / 60  # central differences, exact to the sixth order
 
 

@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 from workbench.report.page import new_figure
 from workbench.validate.measure import Measured
 
-CELLS = 6
-MIN_IN_CELL = 3
+CELLS = 6  # each way over the laser plane
+MIN_IN_CELL = 3  # points; a mean of fewer is no bias
 BLUE, RED, GREY = "#2a6f97", "#c44e52", "0.6"
 
 

@@ -22,7 +22,7 @@ from workbench.validate.dataset import measure_dataset
 from workbench.validate.drawing import Drawn, draw_frames
 from workbench.validate.measure import Measured, label_drawn, measure_drawn
 
-WORST = 4
+WORST = 4  # frames that are shown
 
 
 @dataclass(frozen=True, eq=False)

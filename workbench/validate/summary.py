@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.files.strict import NotNegative, Section, validate
+from workbench.files.strict import FileSection, NotNegative, validate
 from workbench.files.toml_text import read_toml
 from workbench.validate.measure import Measured
 
@@ -17,11 +17,11 @@ ERRORS = (
     "bias_y_mm", "bias_z_mm", "scatter_y_mm", "scatter_z_mm", "bias_u_px", "bias_v_px", "scatter_px", "sigma_ratio",
     "bound_ratio",
 )  # fmt: skip
-BINS = 5
-MIN_IN_BIN = 10
+BINS = 5  # points of a curve
+MIN_IN_BIN = 10  # strings; a scatter of fewer is known to worse than a quarter of itself
 
 
-class Thresholds(Section):
+class Thresholds(FileSection):
     """The keys of a thresholds file; what is absent is not asked for."""
 
     min_detection_rate: NotNegative | None = None

@@ -13,7 +13,7 @@ from workbench.window.parameters import HashedConfig
 from workbench.window.session import Session
 from workbench.window.truth import statistics_json
 
-KEPT_SETS = 6
+KEPT_SETS = 6  # sets of parameters whose rows are kept: going back to one costs nothing
 FIRST_SECONDS = 5.0  # the first picture goes before all background work
 QUIET_SECONDS = 0.15  # after the last slider tick before background work goes on
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from workbench.files.images import Image
 
-WIDTH_PX = 240
+WIDTH_PX = 240  # twice the strip's, for fine screens
 
 
 def thumbnail(image: Image) -> bytes:

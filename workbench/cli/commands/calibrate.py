@@ -19,7 +19,7 @@ class Method(StrEnum):
     PAPER = "paper"
 
 
-class Model(StrEnum):
+class CalibrateModel(StrEnum):
     """What is estimated."""
 
     SCP = "scp"
@@ -33,7 +33,8 @@ def command(
         Method | None, typer.Option(help="A bundle over raw points (default), or the paper's own iteration.")
     ] = None,
     model: Annotated[
-        Model | None, typer.Option(help="The SCP alone (default), with joint offsets, or with the full DH table.")
+        CalibrateModel | None,
+        typer.Option(help="The SCP alone (default), with joint offsets, or with the full DH table."),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
     out: Annotated[

@@ -27,7 +27,8 @@ def command(
     ],
     robot: Annotated[str, typer.Option(help="robot.toml or preset (franka_panda, kuka_iiwa14, …).")],
     distance_mm: Annotated[
-        float | None, typer.Option(min=0.0, help="Distance of the two sockets of a base; without it the scale is open.")
+        float | None,
+        typer.Option(min=0.0, max=1e5, help="Distance of a base's two sockets; without it the scale is open."),
     ] = None,
     degrees: Annotated[bool, typer.Option("--degrees", help="The files hold degrees, not radians.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,

@@ -24,7 +24,7 @@ class Criterion(StrEnum):
     A = "A"
 
 
-class Model(StrEnum):
+class PlanModel(StrEnum):
     """What will be estimated."""
 
     SCP = "scp"
@@ -38,7 +38,7 @@ def command(
         Criterion,
         typer.Option(help="D: small volume of the SCP's error ellipsoid; E: short longest axis; A: small rms error."),
     ] = Criterion.D,
-    model: Annotated[Model, typer.Option(help="What calibrate will estimate.")] = Model.SCP,
+    model: Annotated[PlanModel, typer.Option(help="What calibrate will estimate.")] = PlanModel.SCP,
     tilt_deg: Annotated[float, typer.Option(min=0, max=60, help="Largest tilt of a view.")] = 45.0,
     roll_deg: Annotated[float, typer.Option(min=0, max=180, help="Largest roll about the depth axis.")] = 180.0,
     mounting_deg: Annotated[float, typer.Option(min=0, max=10, help="How far off the mounting may be.")] = 3.0,

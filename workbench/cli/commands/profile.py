@@ -23,13 +23,13 @@ def command(
     """Measure the laser stripe of an image: points (y, z) of the laser plane with covariance, as CSV or PLY."""
     from extraction import write_profile_csv, write_profile_ply
     from geometry import InputError
-    from workbench.cell.profiling import Source, read_profile, read_profile_settings
+    from workbench.cell.profiling import ProfileSource, read_profile, read_profile_settings
 
     if csv is None and ply is None:
         raise InputError("nothing to write: give --csv FILE, --ply FILE or both")
     if image.suffix.lower() == ".csv":
         raise InputError(f"{image} is a profile already; `profile` takes an image")
-    profile = read_profile(Source(image, sensor, laser_off, mask, read_profile_settings(config or [])))
+    profile = read_profile(ProfileSource(image, sensor, laser_off, mask, read_profile_settings(config or [])))
     if csv is not None:
         write_profile_csv(profile, csv)
     if ply is not None:

@@ -11,7 +11,7 @@ import typer
 from geometry import MissingDependencyError
 
 if TYPE_CHECKING:
-    from workbench.cell.image_set import ImageRequest
+    from workbench.opened.image_set import ImageRequest
 
 
 def command(
@@ -30,7 +30,7 @@ def command(
     seed: Annotated[int, typer.Option(min=0, help="Seed of the search and of its split.")] = 0,
 ) -> None:
     """Tune detection on saved stripe images: the process window in the browser, or a search with --auto."""
-    from workbench.cell.image_set import ImageRequest
+    from workbench.opened.image_set import ImageRequest
 
     request = ImageRequest(tuple(inputs), sensor, jig, tuple(config or ()), out)
     if auto is not None:

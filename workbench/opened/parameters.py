@@ -7,7 +7,7 @@ from typing import Any, cast
 
 from pydantic import BaseModel
 
-from workbench.cell.sliders import FILE_ONLY, SLIDERS, Slider
+from workbench.opened.sliders import FILE_ONLY, SLIDERS, Slider
 
 Schema = dict[str, Any]
 UNITS = {"px": "px", "px2": "px²", "mm": "mm", "dn": "DN", "deg": "°", "rad": "rad", "s": "s", "ms": "ms", "e": "e⁻"}

@@ -11,15 +11,15 @@ from calib import CalibrationResult
 from extraction import ExtractionConfig
 from geometry import InputError, Sensor
 from workbench.cell.inputs import BareImages, read_inputs
-from workbench.cell.labeller import Labeller
 from workbench.cell.labels import poses_in_sensor
-from workbench.cell.pictures import Pictures
 from workbench.cell.pipeline import Observed, observe, solve
 from workbench.compare import TrueString, true_strings
 from workbench.files import Cell
 from workbench.files.settings_file import Settings, read_settings
+from workbench.opened.labeller import Labeller
+from workbench.opened.pictures import Pictures
 
-MAX_IMAGES = 20_000
+MAX_IMAGES = 20_000  # of one window: its strip and its survey hold a row each
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class ImageSet:
             raise InputError(NO_CHAIN)
         observed = observe(self.cell, config)
         result = solve(self.cell, observed, self.settings.calib)
-        poses = poses_in_sensor(self.cell, observed, result)
+        poses = poses_in_sensor(result)
         if poses:
             index = {image.frame: i for i, image in enumerate(self.images)}
             self.labeller.learn({index[frame]: pose for frame, pose in poses.items()})
