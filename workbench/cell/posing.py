@@ -15,7 +15,7 @@ from workbench.cell.presets import find_jig, find_sensor
 from workbench.files import GivenPoints, read_points
 
 WORDS = {
-    "unique": "one pose explains the points; the half turn of the jig is chosen so that x_jig · x_sensor > 0",
+    "unique": "one pose explains the points; of those that turn the jig onto itself, the one with x_jig · x_sensor > 0",
     "mirror": "a mirror pose explains the points as well",
     "weak": "a direction of the pose is hardly determined by these points",
 }
