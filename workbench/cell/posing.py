@@ -47,7 +47,7 @@ def frame_poses(points: Path, jig: str | None, sensor: str | None, frame: int | 
         raise InputError(f"{points}: holds no frame {frame}; its frames are {min(frames)} … {max(frames)}")
     chosen = frames if frame is None else {frame: frames[frame]}
     needs_sensor = any(f.axis is None for f in chosen.values())
-    model = find_sensor(sensor or _beside(points, "sensor.toml")).model if needs_sensor else None
+    model = find_sensor(sensor or _beside(points, "sensor.toml")) if needs_sensor else None
     return [_pose(number, given, the_jig, model) for number, given in sorted(chosen.items())]
 
 
