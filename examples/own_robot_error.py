@@ -51,27 +51,5 @@ def main() -> dict[str, float]:
     return out
 
 
-def main() -> dict[str, float]:
-    """Calibrate a cell whose arm has the error, without it in the model and with it: squared errors in σ."""
-    rng = np.random.default_rng(3)
-    cell = random_cell(rng)
-    made = made_cell(cell, rng, Noise())
-    gear = EccentricGear(industrial_arm())
-    eccentric = np.array([*np.zeros(len(gear.robot.parameters)), 1.5e-3, -1e-3])
-    made = replace(made, robot=EccentricGear(made.robot).corrected(eccentric))
-    observed = observe(cell, made, rng, Noise())
-    out = {}
-    for name, robot in (("table alone", cell.robot), ("with the gear", gear)):
-        result = calibrated(observed, cell.jig, robot, CalibConfig(model="full"))
-        error = (result.estimate.T_hand_sensor.inverse() @ made.T_hand_sensor).log()
-        out[name] = float(error @ np.linalg.solve(result.estimate.covariance, error))
-        print(f"{name}: {result.verdict.code}, χ² {result.chi2_per_dof:.2f}, squared error in σ {out[name]:.1f}")
-    found = dict(zip((p.name for p in gear.parameters), result.robot_delta, strict=True))
-    print(
-        f"gear: sine {found['gear_sin2'] * 1e6:.0f} µrad (true 1500), cosine {found['gear_cos2'] * 1e6:.0f} (true -1000)"
-    )
-    return out
-
-
 if __name__ == "__main__":
     main()
