@@ -7,7 +7,6 @@ from geometry.pose import Pose, cross, exp_so3, log_so3, nearest_rotation, quate
 from geometry.robot import (
     CONVENTIONS,
     DH_ROWS,
-    PARAMETERS,
     TYPICAL_SIGMA,
     Arm,
     ChainJoint,
@@ -21,7 +20,6 @@ from geometry.robot import (
     JointDeviation,
     Parameter,
     Robot,
-    RobotModel,
     RobotUncertainty,
     all_solutions,
     corrected_origins,
@@ -43,7 +41,6 @@ from geometry.writing import toml_value, write_bytes, write_text
 __all__ = [
     "CONVENTIONS",
     "DH_ROWS",
-    "PARAMETERS",
     "TYPICAL_SIGMA",
     "Arm",
     "AxisPoints",
@@ -64,7 +61,6 @@ __all__ = [
     "PerceptronEmuError",
     "Pose",
     "Robot",
-    "RobotModel",
     "RobotUncertainty",
     "Sensor",
     "Sheet",

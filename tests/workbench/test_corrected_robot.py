@@ -12,7 +12,7 @@ from calib import CalibConfig, calibrate
 from calib.result import CalibrationResult
 from calib.synthetic.cell import Noise, made_cell, observe, random_cell
 from calib.synthetic.problem import CALIBRATE_ONLY
-from geometry import PARAMETERS
+from geometry import DH_ROWS
 from tests.workbench.helpers import Cli
 from tests.workbench.test_urdf import SIX, urdf_text
 from workbench.files import Cell, read_cell, read_robot
@@ -36,7 +36,7 @@ def test_a_table_is_written_as_a_table(recording: Path, tmp_path: Path) -> None:
     again, q = read_robot(tmp_path / "robot_corrected.toml"), np.linspace(-1, 1, 6)
     assert result.robot is not None
     np.testing.assert_allclose(again.pose(q).matrix, result.robot.pose(q).matrix, rtol=0, atol=ATOL)
-    nominal = result.robot.with_changes(**dict(zip(PARAMETERS, -result.robot_delta, strict=True)))
+    nominal = result.robot.with_changes(**{row.group: d for row, d in zip(DH_ROWS, -result.robot_delta, strict=True)})
     assert np.abs(again.pose(q).t - nominal.pose(q).t).max() > 0.01
 
 
