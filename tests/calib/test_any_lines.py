@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from calib.observation import FrameObservation, Observations
 
 from calib import CalibConfig, calibrate
 from calib.label.any_lines import FOUND, any_labels
 from calib.label.frame import label_frame
 from calib.label.location import label_location
-from calib.observation import FrameObservation, Observations
 from calib.pose.fit import jig_pose
 from calib.synthetic.cell import Layout, Noise, made_cell, observe, random_cell
 from calib.synthetic.views import SpotNoise, View, disturbed, observe_spots, random_pose, random_sensor, random_view
@@ -215,6 +215,6 @@ def test_five_lines_calibrate_from_unlabelled_spots():
 
 def _spots(f, cell, made, rng, sensor):
     """The frame as spots of unknown labels among clutter: its own true pose, lit surfaces, noise."""
-    T = (made.robot.hand_pose(f.joints_rad) @ made.T_hand_sensor).inverse() @ made.T_base_jig[f.location]
+    T = (made.robot.pose(f.joints_rad) @ made.T_hand_sensor).inverse() @ made.T_base_jig[f.location]
     truth = observe_spots(View(cell.jig, made.jig, sensor, T), SpotNoise(clutter=4), rng)
     return FrameObservation(f.frame, f.location, f.role, truth.points, joints_rad=f.joints_rad)
