@@ -26,7 +26,7 @@ FLAT = 1e-9  # of a mesh's size: corners no farther from a face's plane lie in i
 class Body:
     """A mesh in its own axes. triangles: (T, 3, 3) [mm]. outwards: their unit normals (T, 3), by their winding.
 
-    facets: its flat faces of up to four corners (F, 4, 3), `facets`; facing: their unit normals (F, 3). normals: unit
+    facets: its flat faces of up to four corners (F, 4, 3); facing: their unit normals (F, 3). normals: unit
     normals for shading at the triangles' corners (T, 3, 3). closed: without a hole in its surface and wound
     outwards, so that back faces are never seen. convex: it never hides a part of its own surface that faces the camera.
     """

@@ -11,9 +11,9 @@ from typing import Any
 import cv2
 import numpy as np
 
-from calib import FrameObservation, Observations, calibrate
+from calib import calibrate
 from extraction import extract
-from geometry import PerceptronEmuError, SurfacePoints
+from geometry import Frame, PerceptronEmuError, SurfacePoints
 from perceptron_emu import RenderedFrame, render
 from workbench.campaign.emulated import EmulatedCell, emulated_cell
 from workbench.campaign.outcome import Outcome, calibrated, labelled_only, score_frames, trial_row
@@ -46,8 +46,7 @@ def run_trial(settings: TrialSettings, run: str, seed: np.random.SeedSequence, *
             emulated = emulated_cell(settings, _cell_rng(seed), one_view=run == ONE_VIEW)
         frames, points = _measure(emulated, settings, seed, clock)
         with clock("calibrate_s"):
-            observations = _observations(emulated, points)
-            outcome = _answer(observations, emulated, settings, run)
+            outcome = _answer(_records(emulated, points), emulated, settings, run)
     except PerceptronEmuError as error:
         return Trial({"verdict": "no_answer", "message": str(error)}, timings=clock.seconds)
     scored = score_frames(emulated, frames, outcome)
@@ -56,10 +55,12 @@ def run_trial(settings: TrialSettings, run: str, seed: np.random.SeedSequence, *
     return Trial(trial_row(emulated, scored, outcome), [s.row for s in scored], clock.seconds, images)
 
 
-def _answer(observations: Observations, emulated: EmulatedCell, settings: TrialSettings, run: str) -> Outcome:
+def _answer(frames: tuple[Frame, ...], emulated: EmulatedCell, settings: TrialSettings, run: str) -> Outcome:
+    cell = emulated.cell
     if run != "calibrate":
-        return labelled_only(observations, emulated.cell.jig, settings.calib)
-    return calibrated(calibrate(observations, emulated.cell.jig, emulated.cell.robot, settings.calib))
+        return labelled_only(frames, cell.sensor, cell.jig, settings.calib)
+    result = calibrate(frames, cell.jig, cell.robot, cell.sensor, cell.T_hand_sensor_design, config=settings.calib)
+    return calibrated(result)
 
 
 def trial_frames(
@@ -99,7 +100,7 @@ def frame_rng(seed: np.random.SeedSequence, frame: int) -> np.random.Generator:
 def render_frame(emulated: EmulatedCell, configuration: Configuration, seed: np.random.SeedSequence) -> RenderedFrame:
     """One frame of the trial, the same bytes whenever it is made."""
     scene = frame_scene(emulated.cell, emulated.true, configuration)
-    return render(scene, emulated.cell.sensor.emulator, frame_rng(seed, configuration.frame))
+    return render(scene, emulated.cell.emulator, frame_rng(seed, configuration.frame))
 
 
 def _measure(
@@ -111,16 +112,15 @@ def _measure(
         frames = [render_frame(emulated, c, seed) for c in emulated.configurations]
     with clock("extract_s"):
         config = dataset_config(sensor, settings.extraction, len(frames), lambda some: [frames[i].image for i in some])
-        points = [extract(f.image, sensor.model, config) for f in frames]
+        points = [extract(f.image, sensor, config) for f in frames]
     return frames, points
 
 
-def _observations(emulated: EmulatedCell, points: list[SurfacePoints]) -> Observations:
-    frames = tuple(
-        FrameObservation(c.frame, c.location, c.role, p, joints_rad=c.reading_rad)  # type: ignore[arg-type]
+def _records(emulated: EmulatedCell, points: list[SurfacePoints]) -> tuple[Frame, ...]:
+    return tuple(
+        Frame(c.frame, c.location, c.role, points=p, joints_rad=c.reading_rad)  # type: ignore[arg-type]
         for c, p in zip(emulated.configurations, points, strict=True)
     )
-    return Observations(frames, emulated.cell.sensor.model, emulated.cell.T_hand_sensor_design)
 
 
 def image_name(frame: int) -> str:

@@ -5,7 +5,7 @@ from workbench.files.frames_csv import FrameRow, frames_text, read_frames
 from workbench.files.images import read_image, write_png
 from workbench.files.points_csv import GivenPoints, points_text, read_points
 from workbench.files.robot_file import read_robot, robot_text
-from workbench.files.sensor_file import SensorDescription, read_sensor, sensor_text
+from workbench.files.sensor_file import read_emulator, read_sensor, sensor_text
 from workbench.files.truth_file import Truth, TruthFrame, TruthPoint, read_truth, write_truth
 from workbench.files.write_cell import cell_text, write_cell
 
@@ -13,7 +13,6 @@ __all__ = [
     "Cell",
     "FrameRow",
     "GivenPoints",
-    "SensorDescription",
     "Truth",
     "TruthFrame",
     "TruthPoint",
@@ -21,6 +20,7 @@ __all__ = [
     "frames_text",
     "points_text",
     "read_cell",
+    "read_emulator",
     "read_frames",
     "read_image",
     "read_jig_file",
