@@ -6,8 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from calib.bundle.hands import Hands
-from calib.bundle.problem import Bundle
+from calib.bundle import Bundle, Hands
 from calib.synthetic.cell import (
     Layout,
     Noise,

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.label.surface_offset import centroid_offsets
-from calib.pose.crossings import crossings
+from calib.label import centroid_offsets
+from calib.pose import crossings
 from geometry import (
     Camera,
     Pose,

@@ -7,11 +7,11 @@ import pytest
 
 from calib.config import CalibConfig
 from calib.hands import placed
+from calib.label.again import relabel
 from calib.label.all_frames import label_frames
 from calib.label.frame import label_frame
 from calib.label.location import label_location
 from calib.label.refine import turned_over
-from calib.label.relabel import relabel
 from calib.synthetic.views import SpotNoise, View, disturbed, observe_spots, random_pose, random_sensor, random_view
 from geometry import Frame, Pose, SurfacePoints, exp_so3, stack_poses
 from jig_cad import STRINGS, Jig, sample_tolerance
