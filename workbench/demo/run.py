@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from calib import CalibrationResult
+from geometry import Frame
 from workbench.cell.labels import label_dataset
 from workbench.cell.pipeline import Observed, observe, solve
-from workbench.cell.points_table import FrameTable
 from workbench.emulate.experiment import paper_experiment
 from workbench.emulate.record import record
 from workbench.files import Cell, read_cell, read_image
@@ -64,8 +64,8 @@ def run_demo(out: Path, seed: int, settings: Settings, bar: Bar) -> DemoResult:
     return DemoResult(cell, observed, result, full, remark)
 
 
-def _overlays(folder: Path, cell: Cell, tables: list[FrameTable], progress: Callable[[int, int], None]) -> None:
-    def one(table: FrameTable) -> Path:
+def _overlays(folder: Path, cell: Cell, tables: tuple[Frame, ...], progress: Callable[[int, int], None]) -> None:
+    def one(table: Frame) -> Path:
         image = read_image(cell.folder / table.image, cell.sensor)
         return save_overlays(folder, image, cell.sensor, table)
 

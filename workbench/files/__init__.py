@@ -1,7 +1,7 @@
 """The files of a cell dataset: strict models that say in one sentence what is wrong, where, and what is right."""
 
 from workbench.files.cell import Cell, read_cell, read_jig_file
-from workbench.files.frames_csv import FrameRow, frames_text, read_frames
+from workbench.files.frames_csv import frames_text, read_frames
 from workbench.files.images import read_image, write_png
 from workbench.files.points_csv import GivenPoints, points_text, read_points
 from workbench.files.robot_file import read_robot, robot_text
@@ -11,7 +11,6 @@ from workbench.files.write_cell import cell_text, write_cell
 
 __all__ = [
     "Cell",
-    "FrameRow",
     "GivenPoints",
     "Truth",
     "TruthFrame",
