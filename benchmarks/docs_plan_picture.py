@@ -18,7 +18,7 @@ import numpy as np
 from geometry import Pose
 from workbench.cell.starter import write_starter
 from workbench.files import read_cell
-from workbench.plan.propose import best_plan, candidates, plan_limits
+from workbench.plan.proposal import best_plan, candidates, plan_limits
 
 ARROW_MM = 60.0
 

@@ -29,7 +29,7 @@ from workbench.cell.starter import write_starter
 from workbench.files import Cell, read_cell
 from workbench.plan.choose import LEVER_MM, RANDOM_PLANS, random_plans, size_mm
 from workbench.plan.expected import expected_points
-from workbench.plan.propose import ViewPools, best_plan, candidates, plan_limits, pooled
+from workbench.plan.proposal import ViewPools, best_plan, candidates, plan_limits, pooled
 
 PER_LOCATION = 7
 BLOCKS = 10  # of as many draws as each random plan gets, for the planned views

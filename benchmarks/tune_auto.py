@@ -25,13 +25,13 @@ from workbench import defaults
 from workbench.cell.presets import DESIGN_SCP, find_robot, find_sensor
 from workbench.cell.starter import PLACES, place_of_jig
 from workbench.cell.surroundings import jig_bodies, sees_all_strings, wall_behind
-from workbench.emulate.record import TrueCell, record, with_joint_noise
+from workbench.emulate.recording import TrueCell, record, with_joint_noise
 from workbench.files import Cell, SensorDescription
 from workbench.opened.image_set import ImageRequest, open_images
 from workbench.plan.views import ViewProblem, plan_views
 from workbench.tune.cost import Score
-from workbench.tune.judge import judge
-from workbench.tune.search import search
+from workbench.tune.judgement import judge
+from workbench.tune.study import search
 from workbench.tune.task import make_task
 
 PER_LOCATION = 8

@@ -14,7 +14,7 @@ from workbench import defaults
 from workbench.cell.presets import DESIGN_SCP, find_robot, find_sensor
 from workbench.cell.starter import PLACES, place_of_jig
 from workbench.cell.surroundings import jig_bodies, wall_behind
-from workbench.emulate.record import TrueCell, record, with_joint_noise
+from workbench.emulate.recording import TrueCell, record, with_joint_noise
 from workbench.files import Cell, SensorDescription
 from workbench.plan.view_space import ViewLimits
 from workbench.plan.views import ViewProblem, plan_views

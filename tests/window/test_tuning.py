@@ -15,9 +15,9 @@ from workbench.cli.main import run
 from workbench.files.settings_file import read_settings
 from workbench.opened.image_set import ImageRequest, open_images
 from workbench.tune.cost import MISS_MM, FrameCost, total
-from workbench.tune.judge import judge
-from workbench.tune.search import search
+from workbench.tune.judgement import judge
 from workbench.tune.space import space, values_of, with_values
+from workbench.tune.study import search
 from workbench.tune.task import Task, make_task, split
 
 pytest.importorskip("optuna", reason="optuna is not installed")

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import workbench.plan.propose
+import workbench.plan.proposal
 from calib.bundle.information import scp_covariance
 from tests.workbench.helpers import Cli
 from workbench.files import read_cell, read_frames
@@ -17,7 +17,7 @@ from workbench.plan.expected import view_information
 
 @pytest.fixture(autouse=True)
 def small_pool(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(workbench.plan.propose, "POOL", 24)
+    monkeypatch.setattr(workbench.plan.proposal, "POOL", 24)
 
 
 def test_a_proposal(cli: Cli, recording: Path, tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ from perceptron_emu import EmulatorConfig, Surroundings
 from workbench.campaign.settings import JigPart, PosesPart, RobotPart, TrialSettings
 from workbench.cell.presets import DESIGN_SCP, find_robot, find_sensor
 from workbench.cell.surroundings import jig_bodies, sees_all_strings, wall_behind
-from workbench.emulate.record import Configuration, TrueCell, with_joint_noise
+from workbench.emulate.recording import Configuration, TrueCell, with_joint_noise
 from workbench.emulate.truth import NOTHING, Errors, draw_truth
 from workbench.files import Cell, SensorDescription
 from workbench.plan.view_space import ViewLimits

@@ -18,8 +18,8 @@ from workbench.files.atomic import write_text
 from workbench.files.settings_file import settings_toml
 from workbench.opened.image_set import ImageRequest, ImageSet, open_images
 from workbench.tune.cost import Score
-from workbench.tune.judge import Judgement, judge
-from workbench.tune.search import Found, search
+from workbench.tune.judgement import Judgement, judge
+from workbench.tune.study import Found, search
 from workbench.tune.task import Task, make_task
 
 RESULT = "tuned.toml"

@@ -13,14 +13,14 @@ from workbench.cell.labels import label_dataset
 from workbench.cell.pipeline import Observed, observe, solve
 from workbench.cell.points_table import FrameTable
 from workbench.emulate.experiment import paper_experiment
-from workbench.emulate.record import record
+from workbench.emulate.recording import record
 from workbench.files import Cell, read_cell, read_image
 from workbench.files.images import write_png
 from workbench.files.settings_file import Settings
 from workbench.report.calibration import ReportInput, write_report
-from workbench.report.cell_image import cell_image
+from workbench.report.cell_picture import cell_image
 from workbench.report.folder import write_results
-from workbench.report.overlay import save_overlays
+from workbench.report.overlays import save_overlays
 
 PICTURE_COMPRESSION = 6
 Bar = Callable[[str, int], AbstractContextManager[Callable[[int, int], None]]]

@@ -15,7 +15,7 @@ from workbench import defaults
 from workbench.cell.presets import DESIGN_SCP, find_jig, find_robot, find_sensor
 from workbench.cell.starter import PLACES, place_of_jig
 from workbench.cell.surroundings import jig_bodies, sees_all_strings, wall_behind
-from workbench.emulate.record import Configuration, TrueCell, with_joint_noise
+from workbench.emulate.recording import Configuration, TrueCell, with_joint_noise
 from workbench.files import Cell
 from workbench.plan.views import ViewProblem, plan_views
 

@@ -22,7 +22,7 @@ from workbench.files.settings_file import Settings, settings_text
 from workbench.report.as_text import AXES
 from workbench.report.fig7 import draw_fig7
 from workbench.report.left_out import leave_one_location_out
-from workbench.report.overlay import overlay
+from workbench.report.overlays import overlay
 from workbench.report.page import jpeg, render_page, svg
 from workbench.report.residuals import draw_residuals
 

@@ -16,7 +16,7 @@ from workbench.cell.presets import find_jig, find_sensor
 from workbench.cell.speckle import with_known_grain
 from workbench.files import read_cell, read_image
 from workbench.files.settings_file import Settings
-from workbench.report.overlay import overlay
+from workbench.report.overlays import overlay
 from workbench.report.page import jpeg
 from workbench.validate.dataset import measure_dataset
 from workbench.validate.drawing import Drawn, draw_frames

@@ -61,7 +61,7 @@ def command(
         write_results(out, cell, observed, result, settings)
     if report is not None:
         from workbench.report.calibration import ReportInput, write_report
-        from workbench.report.cell_image import cell_image
+        from workbench.report.cell_picture import cell_image
 
         picture, remark = cell_image(cell, result)
         if remark:

@@ -64,7 +64,7 @@ def _remarks(extracted: Extracted) -> Iterator[str]:
 def _overlays(extracted: Extracted, folder: Path, stages: ExtractionConfig | None) -> None:
     """Write the overlays; ``stages``: the settings whose stages are wanted as well."""
     from workbench.files import read_image
-    from workbench.report.overlay import save_overlays
+    from workbench.report.overlays import save_overlays
     from workbench.report.stage_pictures import save_stages
 
     with progress_bar("overlays", len(extracted.tables)) as progress:

@@ -13,7 +13,7 @@ from rich.table import Table
 from workbench.cli.console import progress_bar, say_on_stdout, standard_error, standard_output
 
 if TYPE_CHECKING:
-    from workbench.plan.propose import Proposal
+    from workbench.plan.proposal import Proposal
 
 
 class Criterion(StrEnum):
@@ -54,7 +54,7 @@ def command(
     from workbench.cell.locating import located
     from workbench.files import frames_text, read_cell
     from workbench.files.atomic import write_text
-    from workbench.plan.propose import plan_limits, propose
+    from workbench.plan.proposal import plan_limits, propose
     from workbench.report.as_json import json_text
 
     limits = plan_limits(tilt_deg, roll_deg, mounting_deg)

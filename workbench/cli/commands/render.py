@@ -102,7 +102,7 @@ def _record(
 
     from perceptron_emu import read_surroundings
     from workbench.emulate.check import all_hidden, check_views, never_met
-    from workbench.emulate.record import record
+    from workbench.emulate.recording import record
     from workbench.emulate.truth import NOTHING, Errors, configurations, draw_truth, given_views, planned_views
     from workbench.files import read_cell, read_frames
 
