@@ -19,7 +19,7 @@ from extraction.spots.spot_noise import SpotNoise
 from geometry import Pose, Sensor, SurfacePoints, exp_so3
 from jig_cad import Jig
 from perceptron_emu import EmulatorConfig, Frame, Material, Scene, render
-from workbench.cell.presets import find_sensor
+from workbench.cell import find_sensor
 
 Array = NDArray[np.float64]
 

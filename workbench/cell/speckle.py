@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 
 from extraction import MAX_GRAIN_PX, ExtractionConfig, learn_speckle
 from perceptron_emu import grain_px
-from workbench.files.sensor_file import SensorDescription
+from workbench.files import SensorDescription
 
 LEARNT_FRAMES = 6  # frames that the speckle is learnt from, and the largest share of a dataset's
 LEARNT_SHARE = 0.3

@@ -13,12 +13,8 @@ from numpy.typing import NDArray
 from calib import CalibrationResult
 from calib.result import FrameResult
 from geometry import CONVENTIONS, express
-from workbench.cell.labels import label_dataset
-from workbench.cell.pipeline import Observed
-from workbench.cell.points_table import FrameTable
-from workbench.files import Cell, read_image
-from workbench.files.atomic import write_text
-from workbench.files.settings_file import Settings, settings_text
+from workbench.cell import FrameTable, Observed, label_dataset
+from workbench.files import Cell, Settings, read_image, settings_text, write_text
 from workbench.report.as_text import AXES
 from workbench.report.fig7 import draw_fig7
 from workbench.report.left_out import leave_one_location_out

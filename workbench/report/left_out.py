@@ -9,8 +9,7 @@ import numpy as np
 
 from calib import CalibConfig, CalibrationResult, Observations, calibrate
 from geometry import NoAnswerError
-from workbench.cell.pipeline import Observed
-from workbench.cell.points_table import FrameTable
+from workbench.cell import FrameTable, Observed
 from workbench.files import Cell
 
 

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from extraction import ExtractionConfig, Stages, extract_stages
 from geometry import AxisPoints, Sensor
-from workbench.cell.points_table import FrameTable
-from workbench.files.images import Image, write_png
+from workbench.cell import FrameTable
+from workbench.files import Image, write_png
 from workbench.report.overlays import LABELLED, Colour, brighten, mark, overlay, write
 
 SMALLEST_PX, LARGEST_PX = 6.0, 40.0  # circles of candidates
