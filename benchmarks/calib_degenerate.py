@@ -14,15 +14,24 @@ from dataclasses import replace
 
 import numpy as np
 
-from calib import CalibConfig, FrameObservation, Observations, calibrate
-from calib.synthetic.cell import Cell, Noise, axis_points, made_cell, observe, random_cell
+from calib import CalibConfig
+from calib.synthetic.cell import (
+    Noise,
+    Observed,
+    SyntheticCell,
+    axis_points,
+    calibrated,
+    made_cell,
+    observe,
+    random_cell,
+)
 from calib.synthetic.degenerate import constant_lever, mirror_frames
 from calib.synthetic.problem import CALIBRATE_ONLY
-from geometry import AxisPoints, DhRobot, Pose, exp_so3
+from geometry import AxisPoints, DhRobot, Frame, Pose, exp_so3
 from jig_cad import Jig
 
-Frames = tuple[FrameObservation, ...]
-Spoil = Callable[[Frames, Cell, np.random.Generator], tuple[Frames, Jig, DhRobot]]
+Frames = tuple[Frame, ...]
+Spoil = Callable[[Frames, SyntheticCell, np.random.Generator], tuple[Frames, Jig, DhRobot]]
 NOISE = Noise()
 # what the words must hold where the cause can be named
 NAMED = {
@@ -50,10 +59,10 @@ LEVER = "lever that stands still (paper)"
 def spoils() -> dict[str, Spoil]:
     """Ways to spoil a data set, by name."""
 
-    def frames_only(change: Callable[[Frames, Cell, np.random.Generator], Frames]) -> Spoil:
+    def frames_only(change: Callable[[Frames, SyntheticCell, np.random.Generator], Frames]) -> Spoil:
         return lambda f, c, rng: (change(f, c, rng), c.jig, c.robot)
 
-    def each(change: Callable[[FrameObservation], FrameObservation]) -> Spoil:
+    def each(change: Callable[[Frame], Frame]) -> Spoil:
         return frames_only(lambda f, c, rng: tuple(map(change, f)))
 
     def robot_only(change: Callable[[DhRobot], DhRobot]) -> Spoil:
@@ -82,17 +91,19 @@ def spoils() -> dict[str, Spoil]:
         "one frame with the joints of another": frames_only(
             lambda f, c, rng: tuple(replace(x, joints_rad=f[15].joints_rad) if x.frame == 3 else x for x in f)
         ),
-        "DH row of another arm (d4)": robot_only(lambda r: r.with_changes(d=_at(3, -142.0))),
-        "DH row of another arm (a2)": robot_only(lambda r: r.with_changes(a=_at(1, 60.0))),
-        "DH row of another arm (α2)": robot_only(lambda r: r.with_changes(alpha=_at(1, np.pi / 2))),
+        "DH row of another arm (d4)": robot_only(lambda r: r.corrected(_row(1, 3, -142.0))),
+        "DH row of another arm (a2)": robot_only(lambda r: r.corrected(_row(2, 1, 60.0))),
+        "DH row of another arm (α2)": robot_only(lambda r: r.corrected(_row(3, 1, np.pi / 2))),
         "sign of joint 4 flipped": robot_only(lambda r: replace(r, sign=np.array([1, 1, 1, -1, 1, 1.0]))),
         "jig file of another size (side)": lambda f, c, rng: (f, Jig.nominal(side_mm=80.0), c.robot),
         "jig file of another size (height)": lambda f, c, rng: (f, Jig.nominal(height_mm=120.0), c.robot),
     }
 
 
-def _at(joint: int, value: float) -> np.ndarray:
-    return value * np.eye(6)[joint]
+def _row(row: int, joint: int, value: float) -> np.ndarray:
+    delta = np.zeros((5, 6))
+    delta[row, joint] = value
+    return delta
 
 
 def _ab(label: str) -> str:
@@ -103,7 +114,7 @@ def _diagonals(label: str) -> str:
     return {"B'": "C'", "C'": "B'"}.get(label, label)
 
 
-def _alike(frames: Frames, cell: Cell, rng: np.random.Generator, degrees: float, axes: int) -> Frames:
+def _alike(frames: Frames, cell: SyntheticCell, rng: np.random.Generator, degrees: float, axes: int) -> Frames:
     """Seven frames of one location whose hand turns by up to ``degrees`` about x (or any axis) and moves by 20 mm."""
     first = frames[0]
     hand = cell.robot.pose(first.joints_rad)
@@ -155,16 +166,16 @@ def main() -> None:
         observed = observe(cell, made, rng, NOISE)
         for name, spoil in spoils().items():
             frames, jig, robot = spoil(observed.frames, cell, rng)
-            spoilt = Observations(frames, observed.sensor, observed.T_hand_sensor_design)
-            verdict = calibrate(spoilt, jig, robot).verdict
+            spoilt = Observed(frames, observed.sensor, observed.T_hand_sensor_design)
+            verdict = calibrated(spoilt, jig, robot).verdict
             codes[name][verdict.code] += 1
             named[name] += NAMED.get(name, "no cause to name") in verdict.text
         mirrored, lever = mirror_frames(cell, rng, NOISE), constant_lever(cell, rng, NOISE)
-        codes[MIRROR][calibrate(mirrored, cell.jig, None).verdict.code] += 1
-        codes[LEVER][calibrate(lever, cell.jig, None, CalibConfig(method="paper")).verdict.code] += 1
+        codes[MIRROR][calibrated(mirrored, cell.jig, None).verdict.code] += 1
+        codes[LEVER][calibrated(lever, cell.jig, None, CalibConfig(method="paper")).verdict.code] += 1
         for model in ("scp", "full"):
             codes[f"sound ({model})"][
-                calibrate(observed, cell.jig, cell.robot, CalibConfig(model=model)).verdict.code
+                calibrated(observed, cell.jig, cell.robot, CalibConfig(model=model)).verdict.code
             ] += 1
     said = total = 0
     for name, counts in codes.items():

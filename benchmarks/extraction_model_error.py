@@ -4,7 +4,7 @@ Shape: contrast of the residuals of frames without noise and speckle, weighed as
 rendered several times with fresh noise and speckle; what the mean of a spot's errors keeps is systematic. It is given
 in pixels, along and across the light, and as the share of the height that independent errors in every pixel would need
 for it. "noise/within": σ of camera and speckle over the scatter of one pose. `speckle.SHAPE_CONTRAST` and
-`spot_errors.MODEL_SHARE` come from here.
+`errors.MODEL_SHARE` of `extraction/spots` come from here.
 Run: python benchmarks/extraction_model_error.py [--poses 60] [--times 12] [--first 21] [--diameters 0.3 ...]
 """
 

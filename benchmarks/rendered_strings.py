@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from extraction import ExtractionConfig, extract, image_to_sheet
+from extraction.spots.budget import ErrorBudget
 from extraction.spots.candidates import find_candidates
 from extraction.spots.errors import spot_errors as all_errors
 from extraction.spots.localise import localise
 from extraction.spots.noise import noise_model
 from extraction.spots.pipeline import sheet_scale
 from extraction.spots.prepare import prepare
-from extraction.spots.spot_noise import SpotNoise
 from geometry import Pose, Sensor, SurfacePoints, exp_so3
 from jig_cad import Jig
 from perceptron_emu import EmulatorConfig, Frame, Material, Scene, render
@@ -100,13 +100,13 @@ def matches(frame: Frame, points: SurfacePoints) -> Iterator[tuple[int, int]]:
             yield n, k
 
 
-def budgets(image: np.ndarray, sensor: Sensor, config: ExtractionConfig) -> tuple[np.ndarray, SpotNoise | None]:
+def budgets(image: np.ndarray, sensor: Sensor, config: ExtractionConfig) -> tuple[np.ndarray, ErrorBudget | None]:
     """Positions and error budgets of all candidates that are fitted."""
     prepared = prepare(image, config.detect)
     candidates = find_candidates(prepared, config.detect, sheet_scale(sensor))
     noise = noise_model(prepared, sensor, config.noise)
     spots = localise(prepared, candidates, noise, config)
-    return spots.uv_px, all_errors(spots, np.arange(len(spots)), noise).about
+    return spots.uv_px, all_errors(spots, np.arange(len(spots)), noise).budget
 
 
 def spot_errors(rendered: Sequence[Frame], sensor: Sensor, config: ExtractionConfig) -> tuple[Array, Array]:

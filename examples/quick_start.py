@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from calib import FrameObservation, Observations, calibrate
+from calib import calibrate
 from extraction import extract
-from geometry import Pose
+from geometry import Frame, Pose
 from perceptron_emu import Scene, render
 from workbench.cell import find_jig, find_robot, find_sensor
 from workbench.plan import ViewProblem, plan_views
@@ -25,11 +25,11 @@ for location, T_base_jig in places.items():
     views = plan_views(ViewProblem(robot, sensor.model, jig, T_base_jig, design), 7, rng)
     for joints in views.joints_rad:
         T_sensor_jig = (robot.pose(joints) @ T_hand_sensor).inverse() @ T_base_jig
-        frame = render(Scene(sensor.model, jig, T_sensor_jig), sensor.emulator, rng)
-        spots = extract(frame.image, sensor.model)
-        frames.append(FrameObservation(len(frames), location, "calibrate", spots, joints_rad=joints))
+        image = render(Scene(sensor.model, jig, T_sensor_jig), sensor.emulator, rng).image
+        spots = extract(image, sensor.model)
+        frames.append(Frame(len(frames), location, points=spots, joints_rad=joints))
 
-result = calibrate(Observations(tuple(frames), sensor.model, design), jig, robot)
+result = calibrate(frames, jig, robot, sensor.model, design)
 
 print(f"verdict: {result.verdict.code}, {result.verdict.text}")
 if result.T_hand_sensor is not None:

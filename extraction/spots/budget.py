@@ -1,340 +1,76 @@
-"""Compiled error budget of one fitted spot; `spot_noise` says what it is made of.
+"""Error budget of fitted spots: what camera noise and correlated speckle do to them, and what their residuals say.
 
-Pixels lie in flat planes, REACH of weight zero behind each row, REACH such rows before the first and after the last: a
-neighbour is a shift.
+Speckle puts the error c · s_i · e_i into pixel i: s the spot's signal, e of unit variance, correlated by ρ(distance).
+A linear estimate moves by Σ h_i · error_i with the influence h_i = F⁻¹ J_i w_i, so that whatever the weights w were
+
+    Cov = Σ_i h_i V_i h_iᵀ + c² Σ_ij h_i s_i ρ_ij s_j h_jᵀ,    V the camera's variance,
+
+and the residuals r = (1 - H) error, H_ij = J_iᵀ F⁻¹ J_j w_j, have moments of the same form. Both are sums over the
+pairs whose distance is of class k, so that the contrast c and the correlation ρ can be chosen afterwards.
 """
 
 from __future__ import annotations
 
-import math
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
 
-from extraction.spots.fit import Array, Mask, cholesky, solve
-from geometry.compiled import kernel
+from extraction.spots.frame import Fits
+from extraction.spots.influence import CAMERA, CLASSES, NEIGHBOUR, OWN, PRODUCT, SPECKLE, Budgets, budgets
 
-# squared distances of two pixels that are told apart; farther ones are taken as uncorrelated
-DISTANCES2 = np.array([0, 1, 2, 4, 5, 8, 9])
-CLASSES = len(DISTANCES2)
-REACH = 3
-# class of distance, rows down, columns right (LAGS, 3)
-LAGS = np.array(
-    [
-        (k, b, a)
-        for k, d in enumerate(DISTANCES2)
-        for b in range(-REACH, REACH + 1)
-        for a in range(-REACH, REACH + 1)
-        if a * a + b * b == d
-    ]
-)
-# those of other pixels by fours that a quarter turn makes of one: class, rows down, columns right (CROSSES, 3)
-CROSSES = np.array([lag for lag in LAGS if lag[1] >= 0 and lag[2] > 0])
-CORE = 0.2  # share of the height above which a pixel's residual tells of the speckle
-BRIGHT = 0.1  # the same for the pixels that the terms are fitted to, when residuals are judged
-RIDGE = 1e-11  # terms that the bright pixels do not tell apart
-MOST_TERMS = 11
-# rows of the planes after the terms
-SIGNAL, GRAINY, VARIANCE, WEIGHT, RESIDUAL = range(MOST_TERMS, MOST_TERMS + 5)
-PLANES = MOST_TERMS + 5
-# ⟨x x'⟩ over two points of a pixel [px²], weighted by the correlation of grains of 0.55 px (0.063 at 0.3, 0.018 at 1.3)
-WITHIN_PIXEL = 0.05
-# rows of `moments`, and its columns before those of the classes
-OWN, NEIGHBOUR = 0, 1
-PRODUCT, CAMERA, SPECKLE = 0, 1, 2
+Array = NDArray[np.float64]
 
 
-@kernel
-def budgets(
-    data: Array,
-    use: Mask,
-    size: NDArray[np.int64],
-    parameters: Array,
-    terms: NDArray[np.int64],
-    noises: Array,
-    camera: Array,
-    speckle: Array,
-    white: Array,
-    skew: Array,
-    moments: Array,
-) -> None:
-    """Fill camera, white (N, 3, 3), speckle (N, 3, 3, K), skew (N,) and moments (N, 2, 2 + K), zeros before.
+@dataclass(frozen=True, eq=False)
+class ErrorBudget:
+    """Error budget of N spots; the last axis of what comes from speckle of contrast 1 is the class of distance (K,).
 
-    data, use (N, R, C), of which a window fills size (N, 2) columns and rows; parameters (N, 9), terms (N,), noises
-    (N, 5) as `gaussian_fit.fit_window` takes them. moments: of the core's residuals and of neighbours' products over
-    the height's square, freed of the camera's part; that part; the speckle's of contrast 1 by classes of distance.
+    camera (N, 3, 3), speckle (N, 3, 3, K): Cov of (u, v, skew), NaN where the fit has none. white (N, 3, 3): the same
+    of independent errors as large as the spot's height. skew (N,): third moment
+    along the long axis that the fit left. variance, neighbour (N,): Σ residual² over the core and Σ of neighbours'
+    products, over the height's square, the camera's part taken off; variance_camera (N,): that part of the former.
+    variance_speckle, neighbour_speckle (N, K): expectation of both.
     """
-    for k in range(len(parameters)):
-        columns, rows = size[k, 0], size[k, 1]
-        values, valid, n = data[k, :rows, :columns], use[k, :rows, :columns], terms[k]
-        planes = np.zeros((PLANES, _plane_size(rows, columns)))
-        _fill(values, valid, parameters[k], n, noises[k], planes)
-        skew[k] = _covariance(planes, columns + REACH, parameters[k], n, camera[k], speckle[k], white[k])
-        top, bottom, left, right = _bright_box(values, planes[SIGNAL], valid)
-        if bottom <= top:
-            continue
-        part = np.zeros((PLANES, _plane_size(bottom - top, right - left)))
-        p = parameters[k].copy()
-        p[0], p[1], p[6] = p[0] - left, p[1] - top, p[6] + p[7] * left + p[8] * top
-        _fill(values[top:bottom, left:right], valid[top:bottom, left:right], p, n, noises[k], part)
-        _residual_moments(part, right - left + REACH, n + 2, planes[SIGNAL].max(), moments[k])
+
+    camera: Array
+    speckle: Array
+    white: Array
+    skew: Array
+    variance: Array
+    neighbour: Array
+    variance_camera: Array
+    variance_speckle: Array
+    neighbour_speckle: Array
+
+    def __getitem__(self, chosen: NDArray[np.intp]) -> ErrorBudget:
+        """The budgets of the chosen spots."""
+        return ErrorBudget(*(getattr(self, f.name)[chosen] for f in fields(self)))
 
 
-@kernel
-def _plane_size(rows: int, columns: int) -> int:
-    return (rows + 2 * REACH) * (columns + REACH) + 2 * REACH
+def concatenate(parts: Sequence[ErrorBudget]) -> ErrorBudget:
+    """The budgets of several groups of spots as one."""
+    return ErrorBudget(*(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(ErrorBudget)))
 
 
-@kernel
-def _fill(data: Array, use: Mask, p: Array, n: int, noise: Array, planes: Array) -> None:
-    """The model's terms at every pixel, signal, what speckle multiplies, camera variance, weight and residual.
-
-    After the fit's n terms: third and fourth moment along the long axis. A spot is no perfect Gaussian along its
-    string (dim light on the rest of it, the sheet's wings); without these terms that would pass for speckle. Where the
-    light falls off within a pixel, its bright part's few grains rule: speckle multiplies more than the mean light.
-    """
-    a, b, c = p[3], p[4], p[5]
-    angle = 0.5 * math.atan2(-2.0 * b, c - a)  # long axis: the small eigenvalue of the precision
-    cosine, sine = math.cos(angle), math.sin(angle)
-    along = math.sqrt(max(a * cosine**2 + 2.0 * b * cosine * sine + c * sine**2, 1e-12))
-    stride = data.shape[1] + REACH
-    for j in range(data.shape[0]):
-        for i in range(data.shape[1]):
-            x, y, at = i - p[0], j - p[1], (j + REACH) * stride + i + REACH
-            fall, drop = a * x + b * y, b * x + c * y  # of the light's logarithm
-            bell = math.exp(-0.5 * (fall * x + drop * y))
-            signal, t = p[2] * bell, along * (cosine * x + sine * y)
-            mu = signal + p[6] + p[7] * i + p[8] * j
-            variance = noise[0] + noise[1] * max(mu - noise[2], 0.0)
-            planes[0, at], planes[1, at], planes[2, at] = bell, bell * x, bell * y
-            planes[3, at], planes[4, at], planes[5, at] = 0.5 * bell * x * x, bell * x * y, 0.5 * bell * y * y
-            planes[6, at] = 1.0
-            if n == 9:
-                planes[7, at], planes[8, at] = i, j
-            planes[n, at] = signal * (t * t * t - 3.0 * t) / 6.0
-            planes[n + 1, at] = signal * (t * t * (t * t - 6.0) + 3.0) / 24.0
-            planes[SIGNAL, at], planes[VARIANCE, at] = signal, variance
-            planes[GRAINY, at] = signal * math.sqrt(1.0 + WITHIN_PIXEL * (fall * fall + drop * drop))
-            if use[j, i]:
-                planes[WEIGHT, at] = 1.0 / (variance + noise[3] * signal * signal + noise[4])
-                planes[RESIDUAL, at] = data[j, i] - mu
-
-
-@kernel
-def _bright_box(data: Array, signal: Array, use: Mask) -> tuple[int, int, int, int]:
-    """Top, bottom, left, right of the bright pixels in use: there a spot is a Gaussian, its wings do not matter."""
-    least, stride = BRIGHT * signal.max(), data.shape[1] + REACH
-    top, bottom, left, right = data.shape[0], 0, data.shape[1], 0
-    for j in range(data.shape[0]):
-        for i in range(data.shape[1]):
-            if use[j, i] and signal[(j + REACH) * stride + i + REACH] > least:
-                top, bottom, left, right = min(top, j), max(bottom, j + 1), min(left, i), max(right, i + 1)
-    return top, bottom, left, right
-
-
-@kernel(fastmath=True)
-def _dot(first: Array, second: Array) -> float:
-    """Sum of products of two rows of one length."""
-    total = 0.0
-    for i in range(len(first)):
-        total += first[i] * second[i]
-    return total
-
-
-@kernel(fastmath=True)
-def _lagged_dots(first: Array, second: Array, stride: int, out: Array) -> None:
-    """Add to ``out`` (K,) the sums of products of all pairs of pixels of each class of distance, one of each row."""
-    start = REACH * stride + REACH
-    end = len(first) - start
-    inside = first[start:end]
-    out[0] += _dot(inside, second[start:end])
-    for k, b, a in CROSSES:
-        along, across = b * stride + a, b - a * stride
-        one, two = second[start + along : end + along], second[start - along : end - along]
-        three, four = second[start + across : end + across], second[start - across : end - across]
-        total = 0.0
-        for i in range(len(inside)):
-            total += inside[i] * ((one[i] + two[i]) + (three[i] + four[i]))
-        out[k] += total
-
-
-@kernel(fastmath=True)
-def _gram(first: Array, second: Array, n: int, out: Array) -> None:
-    """Sums of products out (n, n) of symmetric pairs of planes (n, P)."""
-    for r in range(n):
-        for s in range(r + 1):
-            out[r, s] = _dot(first[r], second[s])
-            out[s, r] = out[r, s]
-
-
-@kernel(fastmath=True)
-def _mix(matrix: Array, planes: Array, n: int, out: Array) -> None:
-    """Out (m, P) = matrix (m, n) · planes (n, P), three planes at a time."""
-    for a in range(out.shape[0]):
-        row, r = out[a], n % 3
-        row[:] = 0.0
-        for k in range(r):
-            factor, plane = matrix[a, k], planes[k]
-            for i in range(len(row)):
-                row[i] += factor * plane[i]
-        while r < n:
-            f0, f1, f2 = matrix[a, r], matrix[a, r + 1], matrix[a, r + 2]
-            p0, p1, p2 = planes[r], planes[r + 1], planes[r + 2]
-            for i in range(len(row)):
-                row[i] += f0 * p0[i] + f1 * p1[i] + f2 * p2[i]
-            r += 3
-
-
-@kernel(fastmath=True)
-def _scaled(planes: Array, factor: Array, n: int) -> Array:
-    """The first n planes, each pixel times ``factor`` (P,)."""
-    out = np.empty((n, planes.shape[1]))
-    for r in range(n):
-        plane, row = planes[r], out[r]
-        for i in range(len(row)):
-            row[i] = plane[i] * factor[i]
-    return out
-
-
-@kernel
-def _covariance(planes: Array, stride: int, p: Array, n: int, camera: Array, speckle: Array, white: Array) -> float:
-    """Covariance (3, 3) of (u, v, skew) by camera, (3, 3, K) by speckle of contrast 1 and (3, 3) by independent errors
-    of 1 grey level in all pixels; returns the skew.
-    """
-    fisher, factor = np.zeros((n + 1, n + 1)), np.zeros((n + 1, n + 1))
-    weighted = _scaled(planes, planes[WEIGHT], n + 1)
-    _gram(weighted, planes, n + 1, fisher)
-    if not cholesky(fisher, 0.0, n, factor):
-        camera[:] = np.nan
-        return 0.0
-    moved, freed = np.empty((3, planes.shape[1])), np.empty((3, planes.shape[1]))
-    _mix(_influence(p, fisher, factor, n), weighted, n + 1, moved)
-    skew = 0.0
-    for i in range(planes.shape[1]):
-        skew += moved[2, i] * planes[RESIDUAL, i]
-        for a in range(3):
-            freed[a, i] = moved[a, i] * planes[VARIANCE, i]
-    _gram(freed, moved, 3, camera)
-    _gram(moved, moved, 3, white)
-    for i in range(planes.shape[1]):
-        for a in range(3):
-            freed[a, i] = moved[a, i] * planes[GRAINY, i]
-    _lagged(freed, stride, speckle)
-    return skew
-
-
-@kernel
-def _influence(p: Array, fisher: Array, factor: Array, n: int) -> Array:
-    """Influence (3, n + 1) of a grey level on u, v and the skew, in terms of the weighted basis."""
-    out, unit = np.zeros((3, n + 1)), np.zeros(n)
-    first, second, share = np.zeros(n), np.zeros(n), np.zeros(n)
-    det = (p[3] * p[5] - p[4] ** 2) * p[2]
-    unit[1] = 1.0
-    solve(factor, unit, n, first)
-    unit[1], unit[2] = 0.0, 1.0
-    solve(factor, unit, n, second)
-    # what the fit leaves of the third moment: the part that is orthogonal to all its terms
-    solve(factor, fisher[n], n, share)
-    size = fisher[n, n]
-    for r in range(n):
-        out[0, r] = (p[5] * first[r] - p[4] * second[r]) / det
-        out[1, r] = (p[3] * second[r] - p[4] * first[r]) / det
-        size -= share[r] * fisher[n, r]
-    size = max(size, 1e-30)
-    for r in range(n):
-        out[2, r] = -share[r] / size
-    out[2, n] = 1.0 / size
-    return out
-
-
-@kernel(fastmath=True)
-def _lagged(q: Array, stride: int, out: Array) -> None:
-    """Out (3, 3, K): sums of q_a q_b (3, P) over all pairs of pixels of each class of distance."""
-    for a in range(3):
-        for b in range(a + 1):
-            _lagged_dots(q[a], q[b], stride, out[a, b])
-            out[b, a] = out[a, b]
-
-
-@kernel
-def _residual_moments(planes: Array, stride: int, n: int, height: float, moments: Array) -> None:
-    """Moments of the core's residuals after a fit of all n terms to the bright pixels, which are ``planes``."""
-    core = np.zeros(planes.shape[1])
-    for i in range(planes.shape[1]):
-        if planes[SIGNAL, i] <= BRIGHT * height:
-            planes[WEIGHT, i] = 0.0
-        core[i] = 1.0 if planes[WEIGHT, i] > 0.0 and planes[SIGNAL, i] > CORE * height else 0.0
-    weighted = _scaled(planes, planes[WEIGHT], n)
-    fisher, factor, inverse, unit = np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, n)), np.zeros(n)
-    _gram(weighted, planes, n, fisher)
-    if not cholesky(fisher, RIDGE, n, factor):
-        return
-    for r in range(n):
-        unit[:] = 0.0
-        unit[r] = 1.0
-        solve(factor, unit, n, inverse[r])
-    z, left = np.empty((n, planes.shape[1])), np.zeros(planes.shape[1])
-    _mix(inverse, planes, n, z)
-    z = _scaled(z, core, n)
-    for r in range(n):
-        share = _dot(weighted[r], planes[RESIDUAL])
-        for i in range(planes.shape[1]):
-            left[i] -= z[r, i] * share
-    signal = planes[GRAINY] * core
-    left += planes[RESIDUAL] * core
-    around, left_around, signal_around = np.zeros_like(z), np.zeros_like(left), np.zeros_like(left)
-    for r in range(n):
-        _half_neighbours(z[r], core, stride, around[r])
-    _half_neighbours(left, core, stride, left_around)
-    _half_neighbours(signal, core, stride, signal_around)
-    scattered, spread = _scaled(weighted, planes[VARIANCE], n), np.empty((n, n))
-    signalled = _scaled(weighted, planes[GRAINY], n)
-    _gram(scattered, weighted, n, spread)
-    _moments(scattered, spread, signalled, stride, z, z, signal, moments[OWN])
-    _moments(scattered, spread, signalled, stride, z, around, signal, moments[NEIGHBOUR])
-    moments[OWN, PRODUCT] = np.sum(left * left) - moments[OWN, CAMERA] - np.sum(planes[VARIANCE] * core)
-    moments[OWN, CAMERA] += np.sum(planes[VARIANCE] * core)
-    moments[OWN, SPECKLE] += np.sum(signal * signal)
-    moments[NEIGHBOUR, PRODUCT] = np.sum(left * left_around) - moments[NEIGHBOUR, CAMERA]
-    moments[NEIGHBOUR, SPECKLE + 1] += np.sum(signal * signal_around)
-    moments /= height * height
-
-
-@kernel
-def _half_neighbours(values: Array, core: Array, stride: int, out: Array) -> None:
-    """Half the sum over the four neighbours in the core, in the core: so every pair of neighbours counts once."""
-    for i in range(stride, len(values) - stride):
-        total = values[i - 1] + values[i + 1] + values[i - stride] + values[i + stride]
-        out[i] = 0.5 * total * core[i]
-
-
-@kernel(fastmath=True)
-def _moments(
-    scattered: Array,
-    spread: Array,
-    signalled: Array,
-    stride: int,
-    z: Array,
-    other: Array,
-    signal: Array,
-    out: Array,
-) -> None:
-    """Camera's and speckle's part (2 + K,) of Σ residual_i residual_j over the pairs that make ``other`` of z.
-
-    Without the noise of the pair's own two pixels, which the caller adds. With z = F⁻¹ e (n, P) the residual is
-    error_i - z_iᵀ Σ_l w_l e_l error_l, so that only sums over pixels are needed, none over pairs beyond REACH.
-    scattered, signalled (n, P): w e times the camera's variance, and times what speckle multiplies. spread (n, n):
-    Σ w e V w eᵀ.
-    """
-    n = len(z)
-    pairs, mixed = np.empty((n, n)), np.empty_like(z)
-    _gram(z, other, n, pairs)
-    for r in range(n):
-        for s in range(n):
-            out[CAMERA] += pairs[r, s] * spread[r, s]
-        out[CAMERA] -= 2.0 * _dot(scattered[r], other[r])
-    _mix(pairs, signalled, n, mixed)
-    for r in range(n):
-        for i in range(z.shape[1]):
-            mixed[r, i] -= 2.0 * other[r, i] * signal[i]
-        _lagged_dots(mixed[r], signalled[r], stride, out[SPECKLE:])
+def error_budget(fits: Fits) -> ErrorBudget:
+    """Error budget of N fits."""
+    n = len(fits.spot)
+    out = Budgets(
+        np.zeros((n, 3, 3)), np.zeros((n, 3, 3, CLASSES)), np.zeros((n, 3, 3)), np.zeros(n),
+        np.zeros((n, 2, SPECKLE + CLASSES)),
+    )  # fmt: skip
+    budgets(fits.windows, fits.place, fits.spot, fits.noise, out)
+    own, neighbour = out.moments[:, OWN], out.moments[:, NEIGHBOUR]
+    return ErrorBudget(
+        camera=out.camera,
+        speckle=out.speckle,
+        white=out.white * fits.spot["height"][:, None, None] ** 2,
+        skew=out.skew,
+        variance=own[:, PRODUCT],
+        neighbour=neighbour[:, PRODUCT],
+        variance_camera=own[:, CAMERA],
+        variance_speckle=own[:, SPECKLE:],
+        neighbour_speckle=neighbour[:, SPECKLE:],
+    )

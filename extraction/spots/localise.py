@@ -10,14 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from extraction.config import ExtractionConfig
+from extraction.noise import NOISE
 from extraction.spots.candidates import Candidates
 from extraction.spots.fast import fit_peaks
-from extraction.spots.fit import PIXEL_VARIANCE_PX2
-from extraction.spots.fit_frame import CLIPPED, COLUMNS, CONVERGED, FOREIGN, fit_frame
-from extraction.spots.noise import NoiseModel
+from extraction.spots.fit import FIT, PLACE, Found, Windows
+from extraction.spots.frame import Fits, Tasks, View, fit_frame
+from extraction.spots.model import FLAT, SLOPED, SPOT, shapes_px2
+from extraction.spots.noise import FrameNoise
 from extraction.spots.prepare import Prepared
 from extraction.spots.speckle import PRIOR_CONTRAST
-from extraction.spots.start import start_fits
+from extraction.spots.start import Regions, StartRule, start_fits
 
 Array = NDArray[np.float64]
 
@@ -26,21 +28,7 @@ MAX_RING_VARIANCE = 25.0  # of the frame's noise: an uneven ring is not noise
 
 
 @dataclass(frozen=True, eq=False)
-class Fits:
-    """What a fit saw: windows data (N, R, C) [DN], pixels in use; parameters (N, 9) from each window's first pixel,
-    terms (N,), noises (N, 5) as in `gaussian_fit.fit_window`; size (N, 2): columns and rows that a window fills.
-    """
-
-    data: Array
-    use: NDArray[np.bool_]
-    parameters: Array
-    terms: NDArray[np.int64]
-    noises: Array
-    size: NDArray[np.int64]
-
-
-@dataclass(frozen=True, eq=False)
-class Spots:
+class LocalisedSpots:
     """Localised spots of one image.
 
     uv_px (N, 2): position. amplitude_dn (N,): peak above the background.
@@ -78,7 +66,7 @@ class Spots:
         return np.asarray(0.5 * np.arctan2(2.0 * uv, uu - vv))
 
 
-def localise(prepared: Prepared, candidates: Candidates, noise: NoiseModel, config: ExtractionConfig) -> Spots:
+def localise(prepared: Prepared, candidates: Candidates, noise: FrameNoise, config: ExtractionConfig) -> LocalisedSpots:
     """Localise every candidate that was not refused."""
     index = np.flatnonzero(candidates.refusal == 0)
     if config.localise.method == "fast":
@@ -92,39 +80,45 @@ def _fit(
     prepared: Prepared,
     candidates: Candidates,
     index: NDArray[np.intp],
-    noise: NoiseModel,
+    noise: FrameNoise,
     config: ExtractionConfig,
-) -> Spots:
-    windows, starts = np.empty((len(index), 4), np.int64), np.empty((len(index), 9))
-    ring_noise, ring, detect = candidates.ring_noise_dn[index], candidates.ring_dn[index], config.detect
+) -> LocalisedSpots:
+    n, detect, rule = len(index), config.detect, config.localise
+    ring_noise, ring, height = candidates.ring_noise_dn[index], candidates.ring_dn[index], candidates.height_dn[index]
+    tasks = Tasks(np.zeros(n, PLACE), np.zeros(n, SPOT), np.zeros(n, NOISE))
     start_fits(
-        candidates.mean_uv_px[index], candidates.cov_uv_px2[index], candidates.height_dn[index], ring,
-        _region_share(detect.region_level), detect.blur_sigma_px, config.localise.window_sigma,
-        float(config.localise.max_half_window_px), prepared.image.shape, windows, starts,
+        Regions(candidates.mean_uv_px[index], candidates.cov_uv_px2[index], height, ring),
+        StartRule(
+            _region_share(detect.region_level), detect.blur_sigma_px, rule.window_sigma, float(rule.max_half_window_px),
+            *prepared.image.shape,
+        ),
+        tasks.place, tasks.start,
     )  # fmt: skip
-    noises = np.empty((len(index), 5))
+    tasks.place["candidate"] = index
+    tasks.place["terms"] = np.where(candidates.uneven_dn[index] > SLOPE_SIGMA * ring_noise, SLOPED, FLAT)
     variance = (ring_noise / np.sum(prepared.kernel**2)) ** 2
-    noises[:, 0] = np.minimum(np.maximum(variance, noise.variance_dn2), MAX_RING_VARIANCE * noise.variance_dn2)
-    noises[:, 1], noises[:, 2], noises[:, 3] = noise.gain_dn_per_e, ring, noise.speckle_weight**2
-    noises[:, 4] = (noise.model_error * starts[:, 2]) ** 2
-    terms = np.where(candidates.uneven_dn[index] > SLOPE_SIGMA * ring_noise, 9, 7)
-    size = (len(index), int(windows[:, 3].max()), int(windows[:, 2].max()))
-    data, use, table = np.zeros(size), np.zeros(size, dtype=np.bool_), np.zeros((len(index), COLUMNS))
-    fit_frame(
-        prepared.image, candidates.owner, candidates.height_dn, index, windows, starts, noises, terms,
-        noise.saturation_dn, config.localise.max_iterations, data, use, table,
-    )  # fmt: skip
-    a, h, c = table[:, 3], table[:, 4], table[:, 5]
-    shape = np.stack([c, -h, -h, a], axis=1) / (a * c - h * h)[:, None]
-    shape[:, ::3] -= PIXEL_VARIANCE_PX2
-    return Spots(
-        table[:, :2] + windows[:, :2], table[:, 2], shape.reshape(-1, 2, 2), table[:, CLIPPED].astype(np.intp),
-        table[:, FOREIGN].astype(np.intp), table[:, CONVERGED] > 0, index,
-        Fits(data, use, table[:, :9], terms, noises, windows[:, 2:]),
-    )  # fmt: skip
+    floor = np.minimum(np.maximum(variance, noise.variance_dn2), MAX_RING_VARIANCE * noise.variance_dn2)
+    tasks.noise["floor"], tasks.noise["dark"], tasks.noise["gain"] = floor, ring, noise.gain_dn_per_e
+    tasks.noise["speckle2"] = noise.speckle_weight**2
+    tasks.noise["model2"] = (noise.model_error * tasks.start["height"]) ** 2
+    size = (n, int(tasks.place["rows"].max()), int(tasks.place["columns"].max()))
+    windows, found = Windows(np.zeros(size), np.zeros(size, dtype=np.bool_)), Found(np.zeros(n, SPOT), np.zeros(n, FIT))
+    view = View(prepared.image, candidates.owner, candidates.height_dn, noise.saturation_dn)
+    fit_frame(view, tasks, rule.max_iterations, windows, found)
+    spot, fit = found
+    return LocalisedSpots(
+        uv_px=np.stack([spot["u"] + tasks.place["left"], spot["v"] + tasks.place["top"]], axis=1),
+        amplitude_dn=spot["height"],
+        shape_px2=shapes_px2(spot),
+        clipped=fit["clipped"],
+        foreign=fit["foreign"],
+        converged=fit["converged"],
+        candidate=index,
+        fits=Fits(windows, tasks.place, spot, tasks.noise),
+    )
 
 
-def _fast(prepared: Prepared, candidates: Candidates, index: NDArray[np.intp], noise: NoiseModel) -> Spots:
+def _fast(prepared: Prepared, candidates: Candidates, index: NDArray[np.intp], noise: FrameNoise) -> LocalisedSpots:
     """The fast method: no window is cut, clipped and foreign pixels are only looked for beside the peak."""
     peaks = candidates.peak_uv_px[index].astype(np.intp)
     signal = np.maximum(candidates.height_dn[index], 0.0)
@@ -138,15 +132,17 @@ def _fast(prepared: Prepared, candidates: Candidates, index: NDArray[np.intp], n
     u = np.clip(peaks[:, 0, None, None] + around, 0, columns - 1)
     clipped = np.sum(prepared.image[v, u] >= noise.saturation_dn, axis=(1, 2))
     none = np.zeros(len(index), dtype=np.intp)
-    return Spots(
+    return LocalisedSpots(
         fit.uv_px, fit.height_dn, fit.shape_px2, clipped, none, fit.converged, index, cov_uv_px2=fit.cov_uv_px2
     )
 
 
-def _no_spots() -> Spots:
+def _no_spots() -> LocalisedSpots:
     zero, none = np.zeros(0), np.zeros(0, dtype=np.intp)
     matrix = np.zeros((0, 2, 2))
-    return Spots(np.zeros((0, 2)), zero, matrix, none, none, np.zeros(0, dtype=np.bool_), none, cov_uv_px2=matrix)
+    return LocalisedSpots(
+        np.zeros((0, 2)), zero, matrix, none, none, np.zeros(0, dtype=np.bool_), none, cov_uv_px2=matrix
+    )
 
 
 def _region_share(level: float) -> float:

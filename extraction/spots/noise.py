@@ -1,4 +1,4 @@
-"""The noise of a pixel: what the frame, the camera and the speckle put into it."""
+"""The noise of a frame's pixels: what the camera and the speckle put into them, by the frame itself or as stated."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ import numpy as np
 from scipy.special import ndtr
 
 from extraction.config import SpotNoiseConfig
+from extraction.noise import QUANTISATION_VARIANCE
 from extraction.spots.blur import BLOCK_PX, ROW_STEP, Image32
-from extraction.spots.prepare import QUANTISATION_VARIANCE, Prepared
+from extraction.spots.prepare import Prepared
 from geometry import Sensor
 
 # noise σ about grey level 0, cut off there and rounded: the mean and variance that are left
@@ -28,8 +29,8 @@ SHARE = (1.0 / _LEFT - 1.0) / (1.0 / (ALIKE * _LEFT[0]) - 1.0)
 
 
 @dataclass(frozen=True)
-class NoiseModel:
-    """Variance of a pixel: variance_dn2 + gain · signal + (contrast · signal)² [DN²].
+class FrameNoise:
+    """What is known of the noise of a frame's pixels, from which each spot's `PixelNoise` is made.
 
     variance_dn2: of a raw pixel beside the spots. gain_dn_per_e: shot noise. speckle_weight: contrast in the weights of
     the fit; speckle_contrast, speckle_grain_px: in the covariance, None where the image tells.
@@ -45,7 +46,7 @@ class NoiseModel:
     model_error: float
 
 
-def noise_model(prepared: Prepared, sensor: Sensor, config: SpotNoiseConfig) -> NoiseModel:
+def noise_model(prepared: Prepared, sensor: Sensor, config: SpotNoiseConfig) -> FrameNoise:
     """The frame's noise, from the configuration where it says and else from the frame itself."""
     camera = sensor.require_camera()
     gain = config.gain_dn_per_e
@@ -62,7 +63,7 @@ def noise_model(prepared: Prepared, sensor: Sensor, config: SpotNoiseConfig) -> 
     weight = config.speckle_weight
     if config.speckle_contrast is not None:
         weight = min(weight, 4.0 / 3.0 * config.speckle_contrast)
-    return NoiseModel(
+    return FrameNoise(
         max(variance, QUANTISATION_VARIANCE), gain, weight, config.speckle_contrast, config.speckle_grain_px,
         float(camera.saturation_dn), config.model_error,
     )  # fmt: skip

@@ -15,14 +15,14 @@ from extraction.image import check_image
 from extraction.reasons import Reason
 from extraction.sheet import image_to_sheet, propagate
 from extraction.spots.blur import Image32
+from extraction.spots.budget import ErrorBudget, concatenate
 from extraction.spots.candidates import Candidates, find_candidates
 from extraction.spots.errors import SpotErrors, spot_errors
-from extraction.spots.localise import Spots, localise
+from extraction.spots.localise import LocalisedSpots, localise
 from extraction.spots.noise import noise_model
 from extraction.spots.prepare import Prepared, prepare
 from extraction.spots.score import flag_spots, refuse_spots, score_spots
 from extraction.spots.speckle import estimate_speckle
-from extraction.spots.spot_noise import SpotNoise, concatenate, take
 from extraction.spots.stages import Stages, why_empty
 from geometry import Sensor, SurfacePoints
 
@@ -35,7 +35,7 @@ class _Extraction:
     candidates: Candidates
     points: SurfacePoints
     candidate: NDArray[np.intp]
-    about: SpotNoise | None
+    budget: ErrorBudget | None
 
 
 def extract(image: object, sensor: Sensor, config: ExtractionConfig | None = None) -> SurfacePoints:
@@ -73,10 +73,11 @@ def _extract(image: object, sensor: Sensor, config: ExtractionConfig) -> _Extrac
     kept = kept[: config.localise.max_spots]
     errors = spot_errors(spots, kept, noise)
     reasons[kept[~errors.good]] = Reason.FIT_FAILED
-    kept, errors = kept[errors.good], errors.taken(errors.good)
+    settled = np.flatnonzero(errors.good)
+    kept, errors = kept[settled], errors[settled]
     points = _points(spots, kept, errors, yz_mm, jacobian, score, config)
     return _Extraction(
-        prepared, candidates.refused(spots.candidate, reasons), points, spots.candidate[kept], errors.about
+        prepared, candidates.refused(spots.candidate, reasons), points, spots.candidate[kept], errors.budget
     )
 
 
@@ -86,18 +87,18 @@ def learn_speckle(images: Iterable[object], sensor: Sensor, config: ExtractionCo
     One image's few spots tell little of them; those of a dataset make the reported σ true.
     """
     config = config or ExtractionConfig()
-    known: list[SpotNoise] = []
+    known: list[ErrorBudget] = []
     for image in images:
         result = _extract(image, sensor, config)
         flagged = np.array([flag != "" for flag in result.points.flag], dtype=np.bool_)
         good = np.flatnonzero(~flagged & (result.points.score > config.score.trusted))
-        if result.about is not None and len(good):
-            known.append(take(result.about, good))
+        if result.budget is not None and len(good):
+            known.append(result.budget[good])
     if not known:
         return config
-    about, noise = concatenate(known), config.noise
-    everything = np.ones(len(about.skew), dtype=np.bool_)
-    speckle = estimate_speckle(about, everything, noise.speckle_contrast, noise.speckle_grain_px)
+    budget, noise = concatenate(known), config.noise
+    everything = np.ones(len(budget.skew), dtype=np.bool_)
+    speckle = estimate_speckle(budget, everything, noise.speckle_contrast, noise.speckle_grain_px)
     learnt = {"speckle_contrast": speckle.contrast, "speckle_grain_px": speckle.grain_px}
     return config.model_copy(update={"noise": noise.model_copy(update=learnt)})
 
@@ -114,7 +115,7 @@ def sheet_scale(sensor: Sensor) -> float:
 
 
 def _points(
-    spots: Spots,
+    spots: LocalisedSpots,
     kept: NDArray[np.intp],
     errors: SpotErrors,
     yz_mm: Array,

@@ -10,11 +10,10 @@ from numpy.typing import NDArray
 
 from extraction.config import DetectConfig
 from extraction.image import Image
+from extraction.noise import QUANTISATION_VARIANCE
 from extraction.spots.blur import Image32, blur
 
 Array = NDArray[np.float64]
-
-QUANTISATION_VARIANCE = 1.0 / 12.0  # of one grey level
 
 
 @dataclass(frozen=True, eq=False)

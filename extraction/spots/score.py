@@ -9,7 +9,7 @@ from extraction.config import DoubtConfig, ExtractionConfig, ScoreConfig
 from extraction.reasons import Reason
 from extraction.spots.candidates import Candidates
 from extraction.spots.errors import SpotErrors
-from extraction.spots.localise import Spots
+from extraction.spots.localise import LocalisedSpots
 
 Array = NDArray[np.float64]
 
@@ -17,7 +17,7 @@ NARROWEST_PX2 = 1e-4  # variance across a spot that the fit left with none: it i
 JUST_HALF = 0.5 - 1e-9  # where the weights below and above are equal, the lower value is the median
 
 
-def score_spots(candidates: Candidates, spots: Spots, config: ExtractionConfig) -> Array:
+def score_spots(candidates: Candidates, spots: LocalisedSpots, config: ExtractionConfig) -> Array:
     """Score (N,) in [0, 1]: strong against its surroundings, narrow, short, and like the other spots of the image."""
     k, c = spots.candidate, config.score
     strength = candidates.height_dn[k] / (config.detect.threshold * candidates.ring_noise_dn[k])
@@ -51,7 +51,7 @@ def _weighted_median(values: Array, weight: Array) -> float:
 
 
 def refuse_spots(
-    candidates: Candidates, spots: Spots, score: Array, yz_mm: Array, config: ExtractionConfig
+    candidates: Candidates, spots: LocalisedSpots, score: Array, yz_mm: Array, config: ExtractionConfig
 ) -> NDArray[np.object_]:
     """Why each localised spot (N,) is no string spot after all, "" while it may be one."""
     reasons = np.full(len(spots), "", dtype=object)
@@ -65,7 +65,9 @@ def refuse_spots(
     return reasons
 
 
-def flag_spots(spots: Spots, kept: NDArray[np.intp], errors: SpotErrors, config: DoubtConfig) -> NDArray[np.object_]:
+def flag_spots(
+    spots: LocalisedSpots, kept: NDArray[np.intp], errors: SpotErrors, config: DoubtConfig
+) -> NDArray[np.object_]:
     """The reason for doubt of each spot ``kept`` (N,), "" where there is none."""
     flags = np.full(len(kept), "", dtype=object)
     flags[np.abs(errors.skew_sigma) > config.max_skew_sigma] = Reason.PARTLY_HIDDEN

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from scipy.special import j1
 
 from extraction.config import MAX_GRAIN_PX
-from extraction.spots.budget import CLASSES, LAGS
-from extraction.spots.spot_noise import SpotNoise
+from extraction.spots.budget import ErrorBudget
+from extraction.spots.influence import CLASSES, LAGS
 
 Array = NDArray[np.float64]
 
@@ -43,7 +43,7 @@ class Speckle:
 
     @property
     def variances(self) -> Array:
-        """Contrast² · ρ for the classes of distance of `spot_budget` (CLASSES,)."""
+        """Contrast² · ρ for the classes of distance of `influence` (CLASSES,)."""
         return np.asarray(self.contrast**2 * correlation(self.grain_px))
 
 
@@ -73,56 +73,56 @@ def correlation(grain_px: float) -> Array:
 
 
 def estimate_speckle(
-    about: SpotNoise, good: NDArray[np.bool_], contrast: float | None = None, grain_px: float | None = None
+    budget: ErrorBudget, good: NDArray[np.bool_], contrast: float | None = None, grain_px: float | None = None
 ) -> Speckle:
     """Speckle from the error budgets of the fitted spots ``good`` (N,); what is given is kept.
 
     Moments: the residuals' variance over the signal's square gives the contrast, the product of neighbours the grain;
     both under a prior, as a spot or two tell little: `learn_speckle` asks many images.
     """
-    good = good & _alike(about, good)
+    good = good & _alike(budget, good)
     if grain_px is None:
-        grain_px = _grain(about, good)
+        grain_px = _grain(budget, good)
     if contrast is None:
-        contrast = _contrast(about, good, grain_px)
+        contrast = _contrast(budget, good, grain_px)
     return Speckle(contrast, grain_px)
 
 
-def _alike(about: SpotNoise, good: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _alike(budget: ErrorBudget, good: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """The spots whose residuals are like most light's: what is no Gaussian does not speak for them."""
-    expected = about.variance_speckle @ correlation(PRIOR_GRAIN_PX)
-    usable = good & np.isfinite(about.variance) & (expected > 0)
+    expected = budget.variance_speckle @ correlation(PRIOR_GRAIN_PX)
+    usable = good & np.isfinite(budget.variance) & (expected > 0)
     if not np.any(usable):
         return usable
-    share = np.where(usable, about.variance / np.where(usable, expected, 1.0), np.inf)
+    share = np.where(usable, budget.variance / np.where(usable, expected, 1.0), np.inf)
     order = np.argsort(share[usable], kind="stable")
     weight = np.cumsum(expected[usable][order])
     median = share[usable][order][np.searchsorted(weight, JUST_HALF * weight[-1])]
     return np.asarray(usable & (share < MAX_CONTRAST**2) & (share <= max(OUTLYING * median, PRIOR_CONTRAST**2)))
 
 
-def _contrast(about: SpotNoise, good: NDArray[np.bool_], grain_px: float) -> float:
+def _contrast(budget: ErrorBudget, good: NDArray[np.bool_], grain_px: float) -> float:
     """Root mean square of the posterior: the residuals' variance is Gamma distributed about camera and speckle."""
-    pixels = float(about.variance_speckle[good].sum(axis=0) @ correlation(grain_px))
+    pixels = float(budget.variance_speckle[good].sum(axis=0) @ correlation(grain_px))
     if pixels <= 0:
         return PRIOR_CONTRAST
-    camera = max(float(about.variance_camera[good].sum()) / pixels, 1e-9)
-    observed = max(float(about.variance[good].sum()) / pixels + camera, 0.0)
+    camera = max(float(budget.variance_camera[good].sum()) / pixels, 1e-9)
+    observed = max(float(budget.variance[good].sum()) / pixels + camera, 0.0)
     variance = VARIANCES + (camera + SHAPE_CONTRAST**2)
     cost = FREEDOM * pixels * (np.log(variance) + observed / variance)
     likely = np.exp(-0.5 * (cost - cost.min())) * USUAL_CONTRAST
     return math.sqrt(float(likely @ VARIANCES) / float(np.sum(likely)))
 
 
-def _grain(about: SpotNoise, good: NDArray[np.bool_]) -> float:
+def _grain(budget: ErrorBudget, good: NDArray[np.bool_]) -> float:
     """Mean of the posterior of the grain, from the product of neighbours: unsure where that may be the spots' shape."""
-    variance = float(about.variance[good].sum())
+    variance = float(budget.variance[good].sum())
     if variance <= 0:
         return PRIOR_GRAIN_PX
-    observed = float(about.neighbour[good].sum()) / variance
+    observed = float(budget.neighbour[good].sum()) / variance
     rho = GRAIN_CORRELATIONS
-    ratio = (rho @ about.neighbour_speckle[good].sum(axis=0)) / (rho @ about.variance_speckle[good].sum(axis=0))
-    pixels = float(about.variance_speckle[good, 0].sum())
+    ratio = (rho @ budget.neighbour_speckle[good].sum(axis=0)) / (rho @ budget.variance_speckle[good].sum(axis=0))
+    pixels = float(budget.variance_speckle[good, 0].sum())
     error2 = 1.0 / (FREEDOM * pixels) + (SHAPE_CONTRAST**2 * pixels / variance) ** 2
     cost = (observed - ratio) ** 2 / error2 + UNUSUAL_GRAIN
     likely = np.exp(-0.5 * (cost - cost.min()))

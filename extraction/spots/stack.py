@@ -7,7 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from extraction.spots.fit import PIXEL_VARIANCE_PX2, RESULT_COLUMNS, Array, Mask, fit_window
+from extraction.noise import PixelNoise
+from extraction.spots.fit import FIT, Found, Window, fit_window, write_fit
+from extraction.spots.model import FLAT, SPOT, Array, Spot, precision, shapes_px2
 from geometry import InputError
 from geometry.compiled import kernel
 
@@ -47,32 +49,34 @@ def fit_stack(
         raise InputError(f"read_variance {read_variance:g}: must be above 0, quantisation alone gives 1/12 grey level²")
     if not np.all(np.isfinite(data)):
         raise InputError("the stack holds values that are not finite")
-    table = np.zeros((len(data), RESULT_COLUMNS + 1))
-    noise = np.array([read_variance, gain, 0.0, speckle_contrast**2, 0.0])
-    _fit_all(data, noise, saturation, max_iterations, table)
-    shape = np.linalg.inv(table[:, [3, 4, 4, 5]].reshape(-1, 2, 2)) - PIXEL_VARIANCE_PX2 * np.eye(2)
+    found = Found(np.zeros(len(data), SPOT), np.zeros(len(data), FIT))
+    noise = PixelNoise(float(read_variance), float(gain), 0.0, float(speckle_contrast) ** 2)
+    _fit_all(data, noise, float(saturation), max_iterations, found)
+    spot, fit = found
+    covariance = np.stack([fit[name] for name in ("cov_uu", "cov_uv", "cov_uv", "cov_vv")], axis=1)
     return StackFits(
-        uv_px=table[:, :2], cov_uv_px2=table[:, [9, 10, 10, 11]].reshape(-1, 2, 2), height=table[:, 2],
-        background=table[:, 6], shape_px2=shape, chi2=table[:, 12], converged=table[:, RESULT_COLUMNS] > 0,
+        uv_px=np.column_stack([spot["u"], spot["v"]]), cov_uv_px2=covariance.reshape(-1, 2, 2),
+        height=spot["height"], background=spot["level"], shape_px2=shapes_px2(spot), chi2=fit["chi2"],
+        converged=fit["converged"],
     )  # fmt: skip
 
 
 @kernel
-def _fit_all(data: Array, noise: Array, saturation: float, max_iterations: int, table: Array) -> None:
-    start = np.zeros(9)
+def _fit_all(data: Array, noise: PixelNoise, saturation: float, max_iterations: int, found: Found) -> None:
+    """Fit every image (N, H, W); fill what was found (N,)."""
     use = np.ones((data.shape[1], data.shape[2]), np.bool_)
     for k in range(data.shape[0]):
         for j in range(data.shape[1]):
             for i in range(data.shape[2]):
                 use[j, i] = data[k, j, i] < saturation
-        values, valid = data[k, :, :], use[:, :]
-        _start(values, valid, start)
-        table[k, RESULT_COLUMNS] = fit_window(values, valid, start, 7, noise, max_iterations, table[k])
+        window = Window(data[k, :, :], use[:, :])
+        write_fit(fit_window(window, _start(window), FLAT, noise, max_iterations), found, k)
 
 
 @kernel
-def _start(data: Array, use: Mask, p: Array) -> None:
-    """Start parameters: background from the border, centre and widths from moments around the brightest 3 × 3."""
+def _start(window: Window) -> Spot:
+    """Start: background from the border, centre and widths from moments around the brightest 3 × 3."""
+    data, use = window.grey, window.use
     rows, columns = data.shape
     border, count = 0.0, 0
     for j in range(rows):
@@ -80,7 +84,7 @@ def _start(data: Array, use: Mask, p: Array) -> None:
             if (j == 0 or i == 0 or j == rows - 1 or i == columns - 1) and use[j, i]:
                 border += data[j, i]
                 count += 1
-    background = border / max(count, 1)
+    level = border / max(count, 1)
     best, u, v = -1e300, 0, 0
     for j in range(1, rows - 1):
         for i in range(1, columns - 1):
@@ -93,7 +97,7 @@ def _start(data: Array, use: Mask, p: Array) -> None:
     total, x, y, xx, xy, yy = 1e-12, 0.0, 0.0, 0.0, 0.0, 0.0
     for j in range(max(0, v - 3), min(rows, v + 4)):
         for i in range(max(0, u - 3), min(columns, u + 4)):
-            w = max(data[j, i] - background, 0.0)
+            w = max(data[j, i] - level, 0.0)
             a, b = i - u, j - v
             total += w
             x += w * a
@@ -105,6 +109,6 @@ def _start(data: Array, use: Mask, p: Array) -> None:
     xx, yy = min(max(xx / total - x * x, 0.5), 6.0), min(max(yy / total - y * y, 0.5), 6.0)
     limit = 0.7 * (xx * yy) ** 0.5
     xy = min(max(xy / total - x * y, -limit), limit)
-    det = xx * yy - xy * xy
-    p[0], p[1], p[2] = u + x, v + y, max(best / 9.0 - background, 1e-3 * abs(best) + 1e-6) * 1.3
-    p[3], p[4], p[5], p[6], p[7], p[8] = yy / det, -xy / det, xx / det, background, 0.0, 0.0
+    height = max(best / 9.0 - level, 1e-3 * abs(best) + 1e-6) * 1.3  # the mean of nine pixels lies below the peak
+    form = precision(xx, xy, yy)
+    return Spot(u + x, v + y, height, form[0], form[1], form[2], level, 0.0, 0.0)

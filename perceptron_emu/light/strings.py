@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -154,14 +155,22 @@ def hidden_by_strings(strings: Cylinders, points: Array, sources: Array, own: ND
     points = np.array(points, dtype=float, order="C")
     sources = np.array(np.broadcast_to(sources, points.shape), dtype=float, order="C")
     own = np.full(len(points), -1) if own is None else np.array(own, dtype=np.int64)
-    lengths = np.array(strings.lengths)
-    return np.asarray(
-        _hidden(np.array(strings.starts), np.array(strings.directions), lengths, strings.radius, points, sources, own)
-    )
+    tubes = Tubes(np.array(strings.starts), np.array(strings.directions), np.array(strings.lengths), strings.radius)
+    return np.asarray(_hidden(tubes, points, sources, own))
+
+
+class Tubes(NamedTuple):
+    """Cylinders for compiled code: starts, unit directions (S, 3), lengths (S,) and the radius [mm]."""
+
+    starts: Array
+    directions: Array
+    lengths: Array
+    radius: float
 
 
 @kernel(fastmath=True)
-def _hidden(starts, directions, lengths, radius, points, sources, own):  # type: ignore[no-untyped-def]
+def _hidden(tubes: Tubes, points: Array, sources: Array, own: NDArray[np.int64]) -> Mask:
+    starts, directions, lengths, radius = tubes
     out = np.zeros(len(points), np.bool_)
     for i in range(len(points)):
         rx, ry, rz = sources[i, 0] - points[i, 0], sources[i, 1] - points[i, 1], sources[i, 2] - points[i, 2]

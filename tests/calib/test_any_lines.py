@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from calib.observation import FrameObservation, Observations
 
 from calib import CalibConfig, calibrate
 from calib.label.any_lines import FOUND, any_labels
 from calib.label.frame import label_frame
 from calib.label.location import label_location
-from calib.observation import FrameObservation, Observations
 from calib.pose.fit import jig_pose
 from calib.synthetic.cell import Layout, Noise, made_cell, observe, random_cell
 from calib.synthetic.views import SpotNoise, View, disturbed, observe_spots, random_pose, random_sensor, random_view

@@ -6,9 +6,13 @@ Proves the sums, not that speckle is as assumed: the rendered frames of test_ext
 import numpy as np
 import pytest
 
+from extraction.noise import NOISE as LAW
 from extraction.spots import correlation
-from extraction.spots.budget import BRIGHT, CORE, DISTANCES2, WITHIN_PIXEL
-from extraction.spots.spot_noise import spot_noise
+from extraction.spots.budget import error_budget
+from extraction.spots.fit import PLACE, Windows
+from extraction.spots.frame import Fits
+from extraction.spots.influence import BRIGHT, CORE, DISTANCES2, WITHIN_PIXEL
+from extraction.spots.model import SPOT
 
 ROWS, COLUMNS = 13, 15
 NOISE = np.array([2.0, 0.02, 10.0, 0.16, 0.5])  # v₀, gain, level, k², what only the weights have
@@ -37,10 +41,14 @@ def model(terms):
 
 
 def budget(data, use, p, terms):
-    return spot_noise(
-        data.reshape(1, ROWS, COLUMNS), use.reshape(1, ROWS, COLUMNS), np.array([[COLUMNS, ROWS]]), p[None],
-        np.array([terms]), NOISE[None],
-    )  # fmt: skip
+    place, spot, noise = np.zeros(1, PLACE), np.zeros(1, SPOT), np.zeros(1, LAW)
+    place["rows"], place["columns"], place["terms"] = ROWS, COLUMNS, terms
+    for name, value in zip(SPOT.names, p, strict=True):
+        spot[name] = value
+    for name, value in zip(("floor", "gain", "dark", "speckle2", "model2"), NOISE, strict=True):
+        noise[name] = value
+    windows = Windows(data.reshape(1, ROWS, COLUMNS), use.reshape(1, ROWS, COLUMNS))
+    return error_budget(Fits(windows, place, spot, noise))
 
 
 def speckle_matrix(signal, p, place, grain):

@@ -24,7 +24,7 @@ def print_demo(console: Console, result: CalibrationResult, full: CalibrationRes
     console.print(_figure7(result))
     left_out = [f for f in result.frames if not f.used]
     for frame in left_out:
-        console.print(f"frame {frame.frame} not used: {frame.reason}")
+        console.print(f"frame {frame.number} not used: {frame.reason}")
     print_verdict(console, result)
     _print_full(console, full)
     pictures = "fig7.png, cell.png" if (out / "cell.png").exists() else "fig7.png"

@@ -67,7 +67,7 @@ class ImageSet:
             raise InputError(NO_CHAIN)
         observed = observe(self.cell, config)
         result = solve(self.cell, observed, self.settings.calib)
-        poses = poses_in_sensor(self.cell, observed, result)
+        poses = poses_in_sensor(result)
         if poses:
             index = {image.frame: i for i, image in enumerate(self.images)}
             self.labeller.learn({index[frame]: pose for frame, pose in poses.items()})

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.bundle.information import FrameInformation, Model, observability, scaled, scp_covariance
-from calib.bundle.uncertainty import printed_sigmas
+from calib.printed import printed_sigmas
 from geometry import InputError, NoAnswerError, stack_poses
 from geometry.ties import ascending
 from workbench.cell import jig_bodies, sees_all_strings
