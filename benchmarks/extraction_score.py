@@ -63,7 +63,7 @@ def main() -> None:
         for c in emulated.configurations:
             frame = render_frame(emulated, c, np.random.SeedSequence(k))
             seen = [s.image_px for s in frame.truth.strings if s.visible_fraction >= VISIBLE]
-            frames.append((frame.image, np.array(seen, dtype=float).reshape(-1, 2), emulated.cell.sensor.model))
+            frames.append((frame.image, np.array(seen, dtype=float).reshape(-1, 2), emulated.cell.sensor))
     print(f"{len(frames)} frames            strings    found    first  flagged   others a frame")
     for name, config in variations():
         n, found, first, flagged, others = sum(counted(extract(im, s, config), uv) for im, uv, s in frames)

@@ -53,7 +53,7 @@ def calibrated_error(
     robot, jig = cell.robot.corrected(draw_errors(cell.robot, rng)), sample_tolerance(cell.jig, rng)
     moved = joints + rng.normal(size=joints.shape) * cell.robot.uncertainty.joint_sigma_rad
     T_sensor_jig = (robot.pose(moved) @ true_scp).inverse() @ places[location]
-    expected = expected_points(cell.sensor.model, cell.jig, T_sensor_jig)
+    expected = expected_points(cell.sensor, cell.jig, T_sensor_jig)
     truth = axis_points(T_sensor_jig, jig)
     axes = [
         replace(a, yz_mm=yz + (np.linalg.cholesky(a.cov_yz_mm2) @ rng.normal(size=(len(a), 2, 1)))[..., 0])

@@ -24,6 +24,9 @@ import numba
 import numpy as np
 from numba.core.caching import InTreeCacheLocator, UserProvidedCacheLocator, UserWideCacheLocator
 
+# LLVM's leave to take values for finite; none to reorder sums, to divide by reciprocals or to fuse products with sums,
+# which gives other last bits on a processor of another width or with other instructions
+_FINITE = {"nnan", "ninf", "nsz"}
 _PLACES: tuple[Any, ...] = (UserProvidedCacheLocator, InTreeCacheLocator, UserWideCacheLocator)
 _settings: Any = numba.config
 F = TypeVar("F", bound=Callable[..., object])
@@ -46,7 +49,8 @@ def kernel(
     function
         A function of numbers, arrays and named tuples of them that calls numpy, `math` and other kernels only.
     fastmath
-        Sums may be reordered for the vector unit: only where NaN and infinity can not occur.
+        Only where NaN and infinity can not occur: minima and maxima are then the vector unit's. Sums keep their order
+        and no product is fused with a sum, so that every processor gives the same last bits.
     inline
         Written out in its callers, as numba's `inline="always"`; without, the compiler decides by itself.
     parallel
@@ -70,7 +74,8 @@ def kernel(
     """
 
     def compiled(function: F) -> F:
-        options: dict[str, Any] = {"error_model": "numpy", "nogil": True, "fastmath": fastmath, "parallel": parallel}
+        options: dict[str, Any] = {"error_model": "numpy", "nogil": True, "parallel": parallel}
+        options["fastmath"] = _FINITE if fastmath else False
         options["inline"] = "always" if inline else "never"
         options["no_cfunc_wrapper"] = True  # nobody calls them from C, and it compiles faster
         with _own_cache(function) as cache:

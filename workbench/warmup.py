@@ -16,7 +16,7 @@ def main() -> None:
     cell = read_cell(assets.path("samples", "cell_a"))
     T_sensor_jig = Pose.from_fixed_xyz_deg((5.0, 10.0, 0.0), (-50.0, 0.0, 330.0))
     bodies = tuple(type(s)(s.mesh, s.material, T_sensor_jig @ s.T_sensor_mesh, s.name) for s in jig_bodies(cell.jig))
-    render(Scene(cell.sensor.model, cell.jig, T_sensor_jig, bodies), cell.sensor.emulator, np.random.default_rng(0))
+    render(Scene(cell.sensor, cell.jig, T_sensor_jig, bodies), cell.emulator, np.random.default_rng(0))
     solve(cell, observe(cell))
 
 

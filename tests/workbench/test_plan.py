@@ -69,7 +69,7 @@ def test_the_prediction_is_what_calibration_reports(recording: Path, answer: obj
 
     info = view_information(
         cell.robot,
-        cell.sensor.model,
+        cell.sensor,
         cell.jig,
         cell.T_hand_sensor_design,
         stack_poses([cell.T_base_jig[name] for name in names]),

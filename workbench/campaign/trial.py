@@ -59,10 +59,8 @@ def run_trial(settings: TrialSettings, run: str, seed: np.random.SeedSequence, *
 def _answer(frames: tuple[Frame, ...], emulated: EmulatedCell, settings: TrialSettings, run: str) -> Outcome:
     cell = emulated.cell
     if run != "calibrate":
-        return labelled_only(frames, cell.sensor.model, cell.jig, settings.calib)
-    result = calibrate(
-        frames, cell.jig, cell.robot, cell.sensor.model, cell.T_hand_sensor_design, config=settings.calib
-    )
+        return labelled_only(frames, cell.sensor, cell.jig, settings.calib)
+    result = calibrate(frames, cell.jig, cell.robot, cell.sensor, cell.T_hand_sensor_design, config=settings.calib)
     return calibrated(result)
 
 
@@ -101,7 +99,7 @@ def frame_rng(seed: np.random.SeedSequence, frame: int) -> np.random.Generator:
 def render_frame(emulated: EmulatedCell, configuration: Configuration, seed: np.random.SeedSequence) -> Rendered:
     """One frame of the trial, the same bytes whenever it is made."""
     scene = frame_scene(emulated.cell, emulated.true, configuration)
-    return render(scene, emulated.cell.sensor.emulator, frame_rng(seed, configuration.frame))
+    return render(scene, emulated.cell.emulator, frame_rng(seed, configuration.frame))
 
 
 def _measure(
@@ -113,7 +111,7 @@ def _measure(
         frames = [render_frame(emulated, c, seed) for c in emulated.configurations]
     with clock("extract_s"):
         config = dataset_config(sensor, settings.extraction, len(frames), lambda some: [frames[i].image for i in some])
-        points = [extract(f.image, sensor.model, config) for f in frames]
+        points = [extract(f.image, sensor, config) for f in frames]
     return frames, points
 
 

@@ -7,7 +7,7 @@ from workbench.cell.locating import located
 from workbench.cell.pipeline import Observed, Progress, observe, solve
 from workbench.cell.points_table import FrameTable, rows
 from workbench.cell.posing import FramePose, frame_poses
-from workbench.cell.presets import DESIGN_SCP, find_jig, find_robot, find_sensor
+from workbench.cell.presets import DESIGN_SCP, find_emulator, find_jig, find_robot, find_sensor
 from workbench.cell.profiling import ProfileSource, read_profile, read_profile_settings
 from workbench.cell.speckle import dataset_config, with_known_grain
 from workbench.cell.starter import PLACES, place_of_jig, write_starter
@@ -27,6 +27,7 @@ __all__ = [
     "around_jig",
     "dataset_config",
     "extract_inputs",
+    "find_emulator",
     "find_jig",
     "find_robot",
     "find_sensor",

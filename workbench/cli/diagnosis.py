@@ -121,15 +121,15 @@ def _one_frame() -> tuple[int, int]:
     from extraction import extract
     from geometry import Pose
     from perceptron_emu import Scene, render
-    from workbench.cell import find_jig, find_sensor, label_image
+    from workbench.cell import find_emulator, find_jig, find_sensor, label_image
     from workbench.files import read_image, write_png
 
     sensor, jig = find_sensor(defaults.SENSOR), find_jig(defaults.JIG)
     pose = Pose.from_fixed_xyz_deg((6.0, -14.0, 8.0), (-50.0, 3.0, 230.0))
-    frame = render(Scene(sensor.model, jig, pose), sensor.emulator, np.random.default_rng(0))
+    frame = render(Scene(sensor, jig, pose), find_emulator(defaults.SENSOR), np.random.default_rng(0))
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "frame.png"
         write_png(path, frame.image)
-        image = read_image(path, sensor.model)
-    table = label_image(0, path.name, extract(image, sensor.model), jig, sensor.model)
+        image = read_image(path, sensor)
+    table = label_image(0, path.name, extract(image, sensor), jig, sensor)
     return len(table.axis), len(jig.strings)

@@ -58,8 +58,8 @@ def run_demo(out: Path, seed: int, settings: Settings, bar: Bar) -> DemoResult:
 
 def _overlays(folder: Path, cell: Cell, tables: list[FrameTable], progress: Callable[[int, int], None]) -> None:
     def one(table: FrameTable) -> Path:
-        image = read_image(cell.folder / table.image, cell.sensor.model)
-        return save_overlays(folder, image, cell.sensor.model, table)
+        image = read_image(cell.folder / table.image, cell.sensor)
+        return save_overlays(folder, image, cell.sensor, table)
 
     with ThreadPoolExecutor(2) as pool:
         for done, _ in enumerate(pool.map(one, tables), start=1):

@@ -15,6 +15,7 @@ from workbench import defaults
 from workbench.cell import (
     DESIGN_SCP,
     PLACES,
+    find_emulator,
     find_jig,
     find_robot,
     find_sensor,
@@ -60,8 +61,8 @@ def paper_experiment(seed: int) -> Experiment:
     views = []
     for name, place in PLACES.items():
         # planned with what the user knows: the design SCP is a little wrong, the views' margins hold for the true one
-        sees_all = sees_all_strings(sensor.model, jig, solids[name])
-        problem = ViewProblem(robot, sensor.model, jig, places[name], DESIGN_SCP, sees_all=sees_all)
+        sees_all = sees_all_strings(sensor, jig, solids[name])
+        problem = ViewProblem(robot, sensor, jig, places[name], DESIGN_SCP, sees_all=sees_all)
         planned = plan_views(problem, PER_LOCATION, rng)
         views += [(name, place[0], joints) for joints in planned.joints_rad]
     cell = Cell(
@@ -72,6 +73,7 @@ def paper_experiment(seed: int) -> Experiment:
         frames=(),
         T_hand_sensor_design=DESIGN_SCP,
         name=f"the paper's experiment in emulation, seed {seed}",
+        emulator=find_emulator(defaults.SENSOR),
     )
     return Experiment(cell, true, with_joint_noise(views, true.robot, rng))
 

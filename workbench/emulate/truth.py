@@ -57,10 +57,8 @@ def planned_views(
     views = []
     for name, place in cell.T_base_jig.items():
         bodies = (*jig_bodies(cell.jig), *around_jig(around, place))
-        sees_all = sees_all_strings(cell.sensor.model, cell.jig, bodies, around.standing_in("sensor"))
-        problem = ViewProblem(
-            cell.robot, cell.sensor.model, cell.jig, place, cell.T_hand_sensor_design, sees_all=sees_all
-        )
+        sees_all = sees_all_strings(cell.sensor, cell.jig, bodies, around.standing_in("sensor"))
+        problem = ViewProblem(cell.robot, cell.sensor, cell.jig, place, cell.T_hand_sensor_design, sees_all=sees_all)
         planned = plan_views(problem, per_location, rng)
         views += [(name, cell.roles.get(name, "calibrate"), joints) for joints in planned.joints_rad]
     return views

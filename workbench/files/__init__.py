@@ -7,7 +7,7 @@ from workbench.files.frames_csv import FrameRow, frames_text, read_frames
 from workbench.files.images import SUFFIXES, Image, read_image, write_png
 from workbench.files.points_csv import GivenPoints, points_text, read_points
 from workbench.files.robot_file import read_robot, robot_text, urdf_of
-from workbench.files.sensor_file import SensorDescription, read_sensor, sensor_text
+from workbench.files.sensor_file import read_emulator, read_sensor, sensor_text, stated_optics
 from workbench.files.settings_file import (
     Settings,
     carried_calib,
@@ -31,7 +31,6 @@ __all__ = [
     "Image",
     "NotNegative",
     "Real",
-    "SensorDescription",
     "Settings",
     "Text",
     "TomlSource",
@@ -44,6 +43,7 @@ __all__ = [
     "parse_settings",
     "points_text",
     "read_cell",
+    "read_emulator",
     "read_frames",
     "read_image",
     "read_jig_file",
@@ -59,6 +59,7 @@ __all__ = [
     "sentence",
     "settings_text",
     "settings_toml",
+    "stated_optics",
     "suggestion",
     "urdf_of",
     "validate",

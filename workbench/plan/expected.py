@@ -10,8 +10,8 @@ from calib.bundle.information import FrameInformation, Model, frame_information
 from calib.bundle.problem import Bundle
 from extraction import image_to_sheet
 from geometry import AxisPoints, DhRobot, Pose, Sensor, cross_plane_x0
+from geometry.sensor import project
 from jig_cad import Jig
-from perceptron_emu import project
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -46,7 +46,7 @@ def expected_points(sensor: Sensor, jig: Jig, T_sensor_jig: Pose) -> list[AxisPo
     starts = T_sensor_jig @ jig.starts[None]
     crossing, _ = cross_plane_x0(starts, (T_sensor_jig.R[:, None] @ jig.directions[..., None])[..., 0])
     flat = crossing.reshape(-1, 3)
-    _, jacobian = image_to_sheet(sensor, project(sensor, flat))
+    _, jacobian = image_to_sheet(sensor, project(sensor.require_camera(), flat))
     spread = SPOT_SIGMA_PX**2 * jacobian @ np.swapaxes(jacobian, -1, -2) + SURFACE_SIGMA_MM**2 * np.eye(2)
     covariance = spread.reshape(*crossing.shape[:2], 2, 2)
     count = len(jig.strings)

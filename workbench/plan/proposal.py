@@ -139,7 +139,7 @@ def candidates(
     roles = [_role(cell, name) for name in names]
     if all(role == VERIFY for role in roles):
         raise InputError(f"{file}: every location has role verify; one must calibrate")
-    sensor, design = cell.sensor.model, cell.T_hand_sensor_design
+    sensor, design = cell.sensor, cell.T_hand_sensor_design
     space = ViewSpace.of(sensor, cell.jig, limits)
     sees_all = sees_all_strings(sensor, cell.jig, jig_bodies(cell.jig))
     problems = {

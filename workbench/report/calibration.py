@@ -128,7 +128,7 @@ def _worst(cell: Cell, result: CalibrationResult, tables: Sequence[FrameTable]) 
     out = []
     for table in order[: 2 * WORST]:
         if table.reason != "image_unreadable":
-            picture = overlay(read_image(cell.folder / table.image, cell.sensor.model), cell.sensor.model, table)
+            picture = overlay(read_image(cell.folder / table.image, cell.sensor), cell.sensor, table)
             why = "not used" if np.isinf(rms[table.frame]) else f"rms {rms[table.frame]:.3f} mm"
             out.append({"frame": table.frame, "why": why, "image": jpeg(picture)})
     return out

@@ -46,7 +46,7 @@ def _why_empty(image: Path, sensor: Path) -> str:
     from extraction.spots import FLOODED_SHARE
     from workbench.files import read_image, read_sensor
 
-    model = read_sensor(sensor).model
+    model = read_sensor(sensor)
     full = model.require_camera().saturation_dn
     if (read_image(image, model) >= full).mean() > FLOODED_SHARE:
         return f"no stripe: more than half of the image is saturated ({full}), lower the exposure"

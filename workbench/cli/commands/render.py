@@ -78,12 +78,12 @@ def _one_image(
     path: Path, sensor: str, scene: Path | None, out: Path, seed: int, renderer: Renderer, extras: Extras
 ) -> None:
     from geometry import InputError
-    from workbench.cell import find_sensor
+    from workbench.cell import find_emulator, find_sensor
     from workbench.emulate import render_scene_file
 
     if scene is not None:
         raise InputError("--scene places parts around a cell, --sensor renders the scene given in its place: drop one")
-    image = render_scene_file(path, find_sensor(sensor), out, seed, renderer.value, extras)
+    image = render_scene_file(path, find_sensor(sensor), find_emulator(sensor), out, seed, renderer.value, extras)
     standard_error().print(f"{image}", markup=False, soft_wrap=True)
 
 
