@@ -9,10 +9,10 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from workbench.campaign import Plan, Run, Target, advice, quantile_band, write_page
+from workbench.campaign import AskedAccuracy, Plan, Run, advice, quantile_band, write_page
 from workbench.campaign.summary import by_factor, worst_trials
 
-TARGET = Target(0.1, 0.03, 0.95)
+TARGET = AskedAccuracy(0.1, 0.03, 0.95)
 
 
 def run_of(error_mm: Any, **columns: list[Any]) -> Run:

@@ -9,8 +9,8 @@ from workbench.campaign.runner import run_campaign
 from workbench.campaign.settings import TrialSettings
 from workbench.campaign.summary import (
     LEVEL,
+    AskedAccuracy,
     Run,
-    Target,
     consistency,
     proportion_band,
     quantile_band,
@@ -21,10 +21,10 @@ from workbench.campaign.trial import render_frame
 
 __all__ = [
     "LEVEL",
+    "AskedAccuracy",
     "EmulatedCell",
     "Plan",
     "Run",
-    "Target",
     "TrialSettings",
     "advice",
     "consistency",
