@@ -27,8 +27,8 @@ import numpy as np
 from rendered_strings import random_thread
 
 from calib import Observed, calibrate
+from calib.config import SurfaceConfig
 from calib.label.surface_offset import surface_offset
-from calib.surface_config import SurfaceConfig
 from extraction import ExtractionConfig, extract
 from geometry import Frame, PerceptronEmuError, Pose
 from perceptron_emu import ALUMINIUM, Material, Solid, panel

@@ -12,9 +12,9 @@ import pytest
 from workbench.campaign.advice import advice
 from workbench.campaign.page import write_page
 from workbench.campaign.plan import Plan
-from workbench.campaign.summary import Run, Target, by_factor, quantile_band, worst_trials
+from workbench.campaign.summary import AskedAccuracy, Run, by_factor, quantile_band, worst_trials
 
-TARGET = Target(0.1, 0.03, 0.95)
+TARGET = AskedAccuracy(0.1, 0.03, 0.95)
 
 
 def run_of(error_mm: Any, **columns: list[Any]) -> Run:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from calib.synthetic.cell import TRUTH
+from calib.synthetic import TRUTH
 from geometry import draw_errors
 from jig_cad import Jig, sample_tolerance
 from perceptron_emu import Solid

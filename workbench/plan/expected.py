@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.bundle.hands import Hands
-from calib.bundle.information import FrameInformation, Model, frame_information
-from calib.bundle.problem import Bundle
+from calib.bundle import Bundle, FrameInformation, Hands, Model, frame_information
 from extraction import image_to_sheet
 from geometry import AxisPoints, DhRobot, Pose, Sensor, cross_plane_x0
 from geometry.sensor import project

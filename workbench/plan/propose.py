@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.bundle.information import FrameInformation, Model, observability, scaled, scp_covariance
+from calib.bundle import FrameInformation, Model, observability, scaled, scp_covariance
 from calib.printed import printed_sigmas
 from geometry import InputError, NoAnswerError, stack_poses
 from geometry.ties import ascending

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib import CalibConfig
-from calib.label.frame import label_frame
+from calib.label import label_frame
 from extraction import extract
 from perceptron_emu import render
 from workbench.cell.points_table import FrameTable

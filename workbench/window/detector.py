@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel
 
-from calib.label.refine import LabelledFrame
+from calib.label import LabelledFrame
 from extraction import ExtractionConfig, Seen, Stages, explain, extract_stages, image_to_sheet
 from extraction.spots import Candidates
 from geometry import InputError, Sensor, SurfacePoints

@@ -19,7 +19,7 @@ def command(
 ) -> None:
     """Write a page: SCP error against every factor, whether σ is true, verdicts, worst trials, and what to do."""
     from workbench.campaign.page import write_page
-    from workbench.campaign.summary import Target
+    from workbench.campaign.summary import AskedAccuracy
 
-    path = write_page(run, Target(target_mm, target_deg, level), out)
+    path = write_page(run, AskedAccuracy(target_mm, target_deg, level), out)
     standard_output().print(f"{path}")
