@@ -11,7 +11,7 @@ from calib import CalibConfig, calibrate
 from extraction import extract_profile
 from geometry import AxisPoints, Frame, Pose, Surface, draw_errors, exp_so3, inverse_kinematics
 from perceptron_emu import Scene, Solid, render
-from workbench.cell.presets import find_robot, find_sensor
+from workbench.cell import find_robot, find_sensor
 
 
 class Cylinder(Surface):
