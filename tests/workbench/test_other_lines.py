@@ -17,11 +17,9 @@ from extraction import extract
 from jig_cad import Jig
 from perceptron_emu import Scene, render
 from tests.workbench.helpers import Cli, edit
-from workbench.cell.presets import find_sensor
-from workbench.cell.surroundings import jig_bodies
+from workbench.cell import find_sensor, jig_bodies
 from workbench.files import read_cell
-from workbench.plan.view_space import ViewLimits
-from workbench.plan.views import free_views
+from workbench.plan import ViewLimits, free_views
 
 TARGET = """\
 kind = "strings"

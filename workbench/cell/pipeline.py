@@ -45,7 +45,7 @@ def solve(cell: Cell, observed: Observed, config: CalibConfig | None = None) -> 
         observed.frames,
         cell.jig,
         cell.robot,
-        cell.sensor.model,
+        cell.sensor,
         cell.T_hand_sensor_design,
         cell.T_base_jig,
         config,
@@ -56,7 +56,7 @@ def solve(cell: Cell, observed: Observed, config: CalibConfig | None = None) -> 
 def _readable(cell: Cell, frames: list[int]) -> Iterator[object]:
     for k in frames:
         with suppress(InputError):
-            yield read_image(cell.folder / cell.frames[k].image, cell.sensor.model)
+            yield read_image(cell.folder / cell.frames[k].image, cell.sensor)
 
 
 def _measured(cell: Cell, config: ExtractionConfig) -> Iterator[tuple[Frame, str]]:
@@ -64,6 +64,7 @@ def _measured(cell: Cell, config: ExtractionConfig) -> Iterator[tuple[Frame, str
         for row in cell.frames:
             yield _from_points(cell, row), ""
         return
+    cell.sensor.require_camera()  # said once, not as every frame's complaint
     config = dataset_config(cell.sensor, config, len(cell.frames), lambda frames: _readable(cell, frames))
     with ThreadPoolExecutor(WORKERS) as pool:
         jobs = pool.map(lambda row: _from_image(cell, row, config), cell.frames)
@@ -71,7 +72,7 @@ def _measured(cell: Cell, config: ExtractionConfig) -> Iterator[tuple[Frame, str
 
 
 def _from_image(cell: Cell, row: FrameRow, config: ExtractionConfig) -> tuple[Frame, str]:
-    sensor: Sensor = cell.sensor.model
+    sensor: Sensor = cell.sensor
     try:
         image = read_image(cell.folder / row.image, sensor)
     except InputError as error:
