@@ -18,14 +18,15 @@ mpl.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 
-from workbench.campaign.advice import advice, reached
-from workbench.campaign.summary import (
+from workbench.campaign import (
     LEVEL,
     AskedAccuracy,
     Run,
+    advice,
     consistency,
     proportion_band,
     quantile_band,
+    reached,
     read_run,
     verdicts,
 )

@@ -32,10 +32,8 @@ from calib.label.surface_offset import surface_offset
 from extraction import ExtractionConfig, extract
 from geometry import Frame, PerceptronEmuError, Pose
 from perceptron_emu import ALUMINIUM, Material, Solid, panel
-from workbench.campaign.emulated import EmulatedCell, emulated_cell
-from workbench.campaign.settings import TrialSettings
-from workbench.campaign.trial import render_frame
-from workbench.cell.speckle import dataset_config
+from workbench.campaign import EmulatedCell, TrialSettings, emulated_cell, render_frame
+from workbench.cell import dataset_config
 from workbench.compare import VISIBLE, NamedPoints, match, true_strings
 
 SETTINGS = TrialSettings.model_validate({"clutter": True, "poses": {"plans": 6}})

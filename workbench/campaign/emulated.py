@@ -12,19 +12,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import TYPICAL_SIGMA, Arm, DhRobot, NoAnswerError, Pose, RobotUncertainty, Sensor
+from geometry import TYPICAL_SIGMA, Arm, DhRobot, NoAnswerError, Pose, RobotUncertainty, Role, Sensor
 from geometry.ties import first_most
 from jig_cad import DEFAULT_STRINGS, STRINGS, Jig
 from perceptron_emu import EmulatorConfig, Surroundings
 from workbench.campaign.settings import JigPart, PosesPart, RobotPart, TrialSettings
-from workbench.cell.presets import DESIGN_SCP, find_emulator, find_robot, find_sensor
-from workbench.cell.surroundings import jig_bodies, sees_all_strings, wall_behind
-from workbench.emulate.record import Configuration, TrueCell, with_joint_noise
-from workbench.emulate.truth import NOTHING, Errors, draw_truth
-from workbench.files import Cell
-from workbench.files.sensor_file import stated_optics
-from workbench.plan.view_space import ViewLimits
-from workbench.plan.views import ViewProblem, Views, plan_views
+from workbench.cell import DESIGN_SCP, find_emulator, find_robot, find_sensor, jig_bodies, sees_all_strings, wall_behind
+from workbench.emulate import NOTHING, Configuration, Errors, TrueCell, draw_truth, with_joint_noise
+from workbench.files import Cell, stated_optics
+from workbench.plan import ViewLimits, ViewProblem, Views, plan_views
 
 Array = NDArray[np.float64]
 
@@ -68,7 +64,7 @@ class Place:
     """One location of the jig with its planned views."""
 
     location: str
-    role: str
+    role: Role
     T_base_jig: Pose
     views: Views
 
@@ -106,7 +102,7 @@ def _planned(
     limits = ViewLimits(tilt_deg=poses.tilt_max_deg, roll_deg=poses.roll_max_deg)
     sees_all = sees_all_strings(model, jig, solids)
     problem = ViewProblem(_robot_preset(robot), model, jig, Pose.identity(), DESIGN_SCP, limits, sees_all)
-    wanted = [(_name(i), "calibrate", poses.per_location) for i in range(poses.locations)]
+    wanted: list[tuple[str, Role, int]] = [(_name(i), "calibrate", poses.per_location) for i in range(poses.locations)]
     wanted += [(VERIFY, "verify", poses.verify)] if poses.verify else []
     try:
         return tuple(Place(name, role, *_place(problem, count, rng)) for name, role, count in wanted)

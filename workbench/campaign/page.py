@@ -25,8 +25,8 @@ from workbench.campaign.summary import (
     worst_trials,
 )
 from workbench.campaign.trial import one_trial_frame
-from workbench.files.atomic import write_text
-from workbench.report.page import png, render_page
+from workbench.files import write_text
+from workbench.report import png, render_page
 
 WORST = 4  # worst trials that are shown
 NO_BOUND = "∞"

@@ -13,8 +13,7 @@ from workbench.cell.inputs import BareImages, read_inputs
 from workbench.cell.labels import label_alone, label_dataset
 from workbench.cell.pipeline import observe
 from workbench.cell.speckle import with_known_grain
-from workbench.files import Cell, read_image
-from workbench.files.settings_file import Settings
+from workbench.files import Cell, Settings, read_image
 
 Progress = Callable[[int, int], None]
 

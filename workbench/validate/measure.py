@@ -15,7 +15,7 @@ from extraction import extract
 from geometry import Frame
 from perceptron_emu import render
 from workbench.compare import VISIBLE, Comparison, KnownString, Match, match, named_points, true_strings
-from workbench.files.settings_file import Settings
+from workbench.files import Settings
 from workbench.validate.bound import noise_free_electrons, position_bound_px
 from workbench.validate.drawing import Drawn
 

@@ -13,8 +13,8 @@ from calib.label import LabelledFrame
 from extraction import ExtractionConfig, Seen, Stages, explain, extract_stages, image_to_sheet
 from extraction.spots import Candidates
 from geometry import InputError, Sensor, SurfacePoints
-from workbench.files.images import Image
-from workbench.opened.labeller import Labeller
+from workbench.files import Image
+from workbench.opened import Labeller
 from workbench.window.engine import Candidate, StageView
 
 Array = NDArray[np.float64]

@@ -12,7 +12,7 @@ from pydantic import BaseModel
 
 from calib.label import LabelledFrame
 from geometry import Sensor, SurfacePoints
-from workbench.files.images import Image
+from workbench.files import Image
 
 Array = NDArray[np.float64]
 

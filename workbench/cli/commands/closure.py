@@ -35,9 +35,9 @@ def command(
 ) -> None:
     """Fit tool and robot to a point that stands still, and judge the robot on locations that it did not see."""
     from calib.closure import closure
-    from workbench.cell.presets import find_robot
-    from workbench.files.sockets_csv import read_sockets
-    from workbench.report.as_json import json_text
+    from workbench.cell import find_robot
+    from workbench.files import read_sockets
+    from workbench.report import json_text
 
     arm = find_robot(robot)
     result = closure(read_sockets(joints, arm.n_joints, degrees=degrees), arm, distance_mm)

@@ -25,7 +25,7 @@ def command(
     """Repeat the paper's experiment with errors drawn anew: Table 1 and Fig. 7 with spreads, and what explains them."""
     from calib.synthetic import paper_ensemble
     from workbench.cli.console import progress_bar
-    from workbench.report.as_json import json_text
+    from workbench.report import json_text
 
     with progress_bar("calibrating", runs) as progress:
         rows = paper_ensemble(np.random.default_rng(seed), runs, progress=progress)

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from calib.bundle import FrameInformation, Model, observability, scaled, scp_covariance
 from calib.printed import printed_sigmas
-from geometry import Frame, InputError, NoAnswerError, stack_poses
+from geometry import Frame, InputError, NoAnswerError, Role, stack_poses
 from geometry.ties import ascending
-from workbench.cell.surroundings import jig_bodies, sees_all_strings
+from workbench.cell import jig_bodies, sees_all_strings
 from workbench.files import Cell
 from workbench.plan.choose import LEVER_MM, RANDOM_PLANS, choose, random_plans, size_mm
 from workbench.plan.expected import view_information
@@ -41,7 +41,7 @@ class ViewPools:
     """
 
     names: list[str]
-    roles: list[str]
+    roles: list[Role]
     problems: dict[int, ViewProblem]
     space: ViewSpace
     views: list[Views]
@@ -195,7 +195,7 @@ def _random(found: ViewPools, per_location: int, rng: np.random.Generator) -> tu
     return np.array(with_robot), np.array(noise)
 
 
-def _role(cell: Cell, name: str) -> str:
+def _role(cell: Cell, name: str) -> Role:
     told = [row.role for row in cell.frames if row.location == name]
     return cell.roles.get(name, told[0] if told else "calibrate")
 

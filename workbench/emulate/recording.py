@@ -10,14 +10,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import DH_ROWS, Arm, Frame, NoAnswerError, Pose
+from geometry import DH_ROWS, Arm, Frame, NoAnswerError, Pose, Role
 from jig_cad import Jig
 from perceptron_emu import Material, Scene, Solid
 from workbench.emulate.extras import NONE, Extras, Renderer, truth_points
 from workbench.emulate.recipe import recipe_name
-from workbench.files import Cell, Truth, TruthFrame, read_truth, write_cell
-from workbench.files.atomic import write_text
-from workbench.files.images import write_png
+from workbench.files import Cell, Truth, TruthFrame, read_truth, write_cell, write_png, write_text
 
 Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
@@ -49,13 +47,13 @@ class Configuration:
 
     frame: int
     location: str
-    role: str
+    role: Role
     reading_rad: Array
     true_rad: Array
 
 
 def with_joint_noise(
-    views: Sequence[tuple[str, str, Array]], robot: Arm, rng: np.random.Generator
+    views: Sequence[tuple[str, Role, Array]], robot: Arm, rng: np.random.Generator
 ) -> tuple[Configuration, ...]:
     """Configurations of (location, role, joints): readings rounded as in the file, true angles off by the joints' σ."""
     out, sigma = [], robot.dh_part().uncertainty.joint_sigma_rad
