@@ -12,6 +12,7 @@ from perceptron_emu import EmulatorConfig, Scene, mean_electrons, read_scene
 from workbench.emulate.extras import Extras, Renderer, truth_points
 from workbench.files.atomic import write_text
 from workbench.files.images import write_png
+from workbench.files.rounding import rounded
 
 DARKEST_E = 5.0  # mean electrons of the brightest pixel below which an image shows nothing
 
@@ -34,7 +35,7 @@ def render_scene_file(
         "T_sensor_jig": None if pose is None else pose.matrix.tolist(),
         "points": [p.model_dump(exclude={"name"}) for p in truth_points(frame)],
     }
-    write_text(out / "truth" / "000.json", json.dumps(truth, indent=1, allow_nan=False) + "\n")
+    write_text(out / "truth" / "000.json", json.dumps(rounded(truth), indent=1, allow_nan=False) + "\n")
     image = out / "images" / "000.png"
     write_png(image, frame.image)
     return image
