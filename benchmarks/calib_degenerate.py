@@ -91,19 +91,17 @@ def spoils() -> dict[str, Spoil]:
         "one frame with the joints of another": frames_only(
             lambda f, c, rng: tuple(replace(x, joints_rad=f[15].joints_rad) if x.frame == 3 else x for x in f)
         ),
-        "DH row of another arm (d4)": robot_only(lambda r: r.corrected(_row(1, 3, -142.0))),
-        "DH row of another arm (a2)": robot_only(lambda r: r.corrected(_row(2, 1, 60.0))),
-        "DH row of another arm (α2)": robot_only(lambda r: r.corrected(_row(3, 1, np.pi / 2))),
+        "DH row of another arm (d4)": robot_only(lambda r: r.with_changes(d=_at(3, -142.0))),
+        "DH row of another arm (a2)": robot_only(lambda r: r.with_changes(a=_at(1, 60.0))),
+        "DH row of another arm (α2)": robot_only(lambda r: r.with_changes(alpha=_at(1, np.pi / 2))),
         "sign of joint 4 flipped": robot_only(lambda r: replace(r, sign=np.array([1, 1, 1, -1, 1, 1.0]))),
         "jig file of another size (side)": lambda f, c, rng: (f, Jig.nominal(side_mm=80.0), c.robot),
         "jig file of another size (height)": lambda f, c, rng: (f, Jig.nominal(height_mm=120.0), c.robot),
     }
 
 
-def _row(row: int, joint: int, value: float) -> np.ndarray:
-    delta = np.zeros((5, 6))
-    delta[row, joint] = value
-    return delta
+def _at(joint: int, value: float) -> np.ndarray:
+    return value * np.eye(6)[joint]
 
 
 def _ab(label: str) -> str:

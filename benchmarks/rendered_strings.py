@@ -1,4 +1,4 @@
-"""Rendered frames of a jig's strings and what extraction makes of them, for the benchmarks of σ."""
+"""RenderedFrame frames of a jig's strings and what extraction makes of them, for the benchmarks of σ."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from extraction.spots.pipeline import sheet_scale
 from extraction.spots.prepare import prepare
 from geometry import Pose, Sensor, SurfacePoints, exp_so3
 from jig_cad import Jig
-from perceptron_emu import EmulatorConfig, Frame, Material, Scene, render
+from perceptron_emu import EmulatorConfig, Material, RenderedFrame, Scene, render
 from workbench.cell.presets import find_emulator, find_sensor
 
 Array = NDArray[np.float64]
@@ -74,7 +74,7 @@ def scene(seen_by: Emulated, diameter_mm: float, rng: np.random.Generator) -> Sc
     return Scene(sensor, jig, Pose(rotation, centre - rotation @ [50.0, 0, 43.0]), string_material=random_thread(rng))
 
 
-def frames(seen_by: Emulated, diameter_mm: float, count: int, rng: np.random.Generator) -> list[Frame]:
+def frames(seen_by: Emulated, diameter_mm: float, count: int, rng: np.random.Generator) -> list[RenderedFrame]:
     """Frames of as many random poses."""
     return [render(scene(seen_by, diameter_mm, rng), seen_by.emulator, rng) for _ in range(count)]
 
@@ -85,7 +85,7 @@ def along_across(axis_rad: float) -> Array:
     return np.array([[c, s], [-s, c]])
 
 
-def matches(frame: Frame, points: SurfacePoints) -> Iterator[tuple[int, int]]:
+def matches(frame: RenderedFrame, points: SurfacePoints) -> Iterator[tuple[int, int]]:
     """String and spot of every well seen string, apart from others, whose spot has no flag."""
     size = np.array(frame.image.shape[::-1])
     seen = [(n, s) for n, s in enumerate(frame.truth.strings) if np.all(np.isfinite(s.image_px))]
@@ -110,7 +110,7 @@ def budgets(image: np.ndarray, sensor: Sensor, config: ExtractionConfig) -> tupl
     return spots.uv_px, all_errors(spots, np.arange(len(spots)), noise).budget
 
 
-def spot_errors(rendered: Sequence[Frame], sensor: Sensor, config: ExtractionConfig) -> tuple[Array, Array]:
+def spot_errors(rendered: Sequence[RenderedFrame], sensor: Sensor, config: ExtractionConfig) -> tuple[Array, Array]:
     """Errors (N, 2) and variances (N, 2) along and across the light of all spots [px]."""
     errors, variances = [], []
     for frame in rendered:

@@ -58,7 +58,7 @@ class SheetCurve:
 
 
 @dataclass(frozen=True, eq=False)
-class FrameTruth:
+class RenderedTruth:
     """What a frame shows.
 
     T_sensor_jig: the jig's pose in {P} at mid-exposure, None without a jig. strings: one entry per string of the jig,
@@ -75,11 +75,11 @@ class FrameTruth:
 
 
 @dataclass(frozen=True, eq=False)
-class Frame:
+class RenderedFrame:
     """image: (H, W) uint8, or uint16 above 8 bits [DN]. truth: what is known of it."""
 
     image: NDArray[np.uint8] | NDArray[np.uint16]
-    truth: FrameTruth
+    truth: RenderedTruth
 
 
 def string_truths(parts: list[LitScene], shares: list[Array], now: LitScene, sensor: Sensor) -> tuple[StringTruth, ...]:

@@ -20,6 +20,7 @@ Image = NDArray[np.uint8] | NDArray[np.uint16]
 
 FULL_WELL_OVER_RANGE = 1.03  # a saturated pixel then gives the largest grey level, its noise notwithstanding
 RUN = 1024  # pixels that are exposed at a time
+FIRST, SECOND = np.float32(0.8), np.float32(0.6)  # shares of the two deviates of a sum: their squares add up to 1
 SURE = 6.0  # σ of shot noise that the full well must be away for it not to matter
 
 
@@ -144,7 +145,7 @@ def _deviate(bits: np.uint64, place: int) -> np.float32:
     """A standard normal deviate from 24 of the bits: the sum of two of the table is smooth where one is a staircase."""
     low, half = np.uint64(LOW), np.uint64(place + BITS)
     first, second = NORMAL[(bits >> np.uint64(place)) & low], NORMAL[(bits >> half) & low]
-    deviate: np.float32 = np.float32(0.8) * first + np.float32(0.6) * second
+    deviate: np.float32 = FIRST * first + SECOND * second
     return deviate
 
 
@@ -188,7 +189,7 @@ def _normal(z: Float32, bits: Bits, first: int, low: np.uint32, high: np.uint32)
     _bits(bits, np.uint32(first), low, high)
     for i in range(len(z)):
         lower, upper = NORMAL[bits[i] & np.uint32(LOW)], NORMAL[bits[i] >> np.uint32(32 - BITS)]
-        z[i] = np.float32(0.8) * lower + np.float32(0.6) * upper
+        z[i] = FIRST * lower + SECOND * upper
 
 
 @kernel

@@ -17,10 +17,8 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 REACH = 4.5  # σ: what lies outside is 7e-6 of the light
-
-
 STEPS_A_SIGMA = 1024  # of the table of the normal distribution; interpolated, it is exact to 3e-8
-_EDGE = 6
+_EDGE = 6  # σ: the table's ends, 2e-9 of the light lies beyond
 NORMAL_CDF = ndtr(np.arange(-_EDGE * STEPS_A_SIGMA, _EDGE * STEPS_A_SIGMA + 2) / STEPS_A_SIGMA)
 
 

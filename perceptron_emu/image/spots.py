@@ -20,7 +20,9 @@ from perceptron_emu.light import Samples
 Array = NDArray[np.float64]
 Float32 = NDArray[np.float32]
 
-MAX_RINGS = 16
+MAX_RINGS = 16  # of nodes on a disc of defocus: 817 nodes a spot
+SMALL_DISC = 0.5  # σ of the blur: a smaller disc of defocus changes the spot by 5e-4 of its peak
+ALIKE = 0.01  # of σ, by which spots drawn in one convolution may differ: ±0.5 % of their width
 SPLINE_SIGMA = 2.5  # sub-pixels: sharper spots would alias on the splines that they are spread by
 
 
@@ -66,7 +68,7 @@ def _defocused(samples: Samples, sensor: Sensor, config: EmulatorConfig) -> tupl
     if not config.optics.defocus:
         return GaussianSpots(uv[:, 0], uv[:, 1], weight, sigma), group
     radius = defocus_radius_px(config.optics, sensor, to_camera(sensor, samples.xyz_mm))
-    if np.max(radius) < 0.5 * np.min(sigma):
+    if np.max(radius) < SMALL_DISC * np.min(sigma):
         return GaussianSpots(uv[:, 0], uv[:, 1], weight, np.sqrt(sigma**2 + radius**2 / 4)), group
     disc = _disc(min(MAX_RINGS, math.ceil(float(np.max(radius) / np.min(sigma)))))
     n = len(disc)
@@ -130,7 +132,7 @@ def _on_grid(shape: tuple[int, int], spots: GaussianSpots) -> Float32:
     u, v, _, sigma = spots
     low, high = float(np.min(sigma)), float(np.max(sigma))
     clear = min(u.min(), v.min(), shape[1] - 1 - u.max(), shape[0] - 1 - v.max()) > REACH * high - 0.5
-    if clear and low >= SPLINE_SIGMA and high - low < 0.01 * low:
+    if clear and low >= SPLINE_SIGMA and high - low < ALIKE * low:
         return deposit_fine(shape, spots, (low + high) / 2)
     fine = np.zeros(shape, np.float32)
     deposit(fine, spots)

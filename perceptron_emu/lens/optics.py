@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 N = TypeVar("N", float, Array)
 
 LN2 = math.log(2)
+INFINITY_MM = 1e9  # in focus where the optical axis never meets the sheet
 AIRY_SIGMA = 0.42  # σ of the Gaussian nearest to Airy's disc, in units of λN (Zhang, Zerubia & Olivo-Marin 2007)
 
 
@@ -33,7 +34,7 @@ def focus_distance_mm(optics: OpticsConfig, sensor: Sensor) -> float:
         return optics.focus_distance_mm
     towards = camera.T_sensor_camera.R[0, 2]
     to_sheet = -camera.centre_mm[0] / towards if towards else np.inf
-    return float(to_sheet) if 0 < to_sheet < np.inf else 1e9
+    return float(to_sheet) if 0 < to_sheet < np.inf else INFINITY_MM
 
 
 def focal_length_mm(optics: OpticsConfig, sensor: Sensor) -> float:

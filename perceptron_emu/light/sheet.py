@@ -19,7 +19,8 @@ N = TypeVar("N", float, Array)
 SHEET_REACH = 3.6  # standard deviations of the sheet's thickness to either side: 3e-4 of the light lies beyond
 STEP = 1.0  # trapezoid step over a Gaussian's σ: relative error 2 exp(−2π²) = 5e-9
 PROFILES = ("powell", "gaussian", "uniform")
-POWELL, GAUSSIAN = 0, 1
+POWELL, GAUSSIAN = 0, 1  # places among the profiles
+SHOULDER = 0.02  # σ of the Powell fan's edge, of half the fan; an assumption
 MAX_DISTANCE_MM = 5000.0  # an optical axis that meets the sheet farther off says nothing about where to focus
 
 
@@ -118,7 +119,7 @@ def density_at(angle: float, fan: Fan) -> float:
     edge, scale = fan.edge_fraction, fan.scale
     t = abs(angle) / fan.half_rad
     if fan.profile == POWELL:
-        beyond, inside = max(t - 1, 0.0) / 0.02, min(t, 1.0)
+        beyond, inside = max(t - 1, 0.0) / SHOULDER, min(t, 1.0)
         return float(scale * (1 - (1 - edge) * inside * inside) * np.exp(-0.5 * beyond * beyond))
     if t > 1:
         return 0.0
@@ -137,4 +138,4 @@ def _fan_norm(profile: str, edge: float) -> float:
     if profile == "gaussian":
         t = (np.arange(4096) + 0.5) / 4096
         return float(np.mean(edge ** (t * t)))
-    return 1 - (1 - edge) / 3 + edge * 0.02 * float(np.sqrt(np.pi / 2))
+    return 1 - (1 - edge) / 3 + edge * SHOULDER * float(np.sqrt(np.pi / 2))

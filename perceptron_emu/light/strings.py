@@ -23,7 +23,8 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 MATTE_NODES, NODES_A_LOBE, MAX_ARC_NODES = 8, 5, 120  # 8 + 5/α nodes give the centroid to 2e-5 px for α ≥ 0.05
-MAX_LENGTH_NODES = 400
+MAX_LENGTH_NODES = 400  # along a string: met where it lies almost in the sheet, a blur's σ apart over some 400 px
+ALONG_SHEET = 1e-9  # the least slope of a string across the sheet that is divided by
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,7 +133,7 @@ def _axis_nodes(
     [mm].
     """
     camera = sensor.require_camera()
-    slope = np.maximum(np.abs(strings.directions[:, 0]), 1e-9)
+    slope = np.maximum(np.abs(strings.directions[:, 0]), ALONG_SHEET)
     sigma = half_width_mm(config.laser, sensor, np.linalg.norm(middle - sensor.sheet.origin_mm, axis=1)) / 2 / slope
     reach = np.minimum(SHEET_REACH * sigma, strings.lengths)
     depth = np.linalg.norm(middle - camera.centre_mm, axis=1)

@@ -17,12 +17,14 @@ from perceptron_emu.light.sheet_faces import Faces, faces_in_sheet, sheet_planes
 from perceptron_emu.light.strings import Cylinders, hidden_by_strings
 from perceptron_emu.light.transport import Light
 from perceptron_emu.scene import Scene
-from perceptron_emu.solids import Pieces, Rays, Shades, body_of, hidden_by_solid, lit_in_planes
+from perceptron_emu.solids import LaserRays, Pieces, Shades, body_of, hidden_by_solid, lit_in_planes
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-OFF_SURFACE_MM = 1e-4
+OFF_SURFACE_MM = 1e-4  # where a ray to the camera starts: above its own face's rounding, below any part's detail
+UNKNOWN_PX, MAX_PAIRS = 2000.0, 4000  # of a piece that reaches behind the camera; of nodes on a piece
+GRAZED = 0.5  # sine of half a string's width from the emitter: one that takes more lies almost in the plane
 NODE_STEP = 1.7  # length of image, in σ of the blur, that a pair of Gauss nodes covers: ripple 3e-4
 MARGIN_PX = 40.0  # light this far outside the image can still reach into it
 
@@ -57,7 +59,7 @@ def light_solids(scene: Scene, strings: Cylinders | None, config: EmulatorConfig
 def lit_pieces(faces: Faces, strings: Cylinders | None, planes: Array, sensor: Sensor) -> Pieces:
     """What the laser reaches first in the planes of constant x."""
     origin = np.array(sensor.sheet.origin_mm[1:], dtype=float)
-    rays = Rays(origin, float(sensor.sheet.fan_rad))
+    rays = LaserRays(origin, float(sensor.sheet.fan_rad))
     triangles, normals = np.ascontiguousarray(faces.triangles), np.ascontiguousarray(faces.normals)
     return lit_in_planes(triangles, normals, planes, _silhouettes(strings, planes, origin), rays)
 
@@ -78,7 +80,7 @@ def _silhouettes(strings: Cylinders | None, planes: Array, origin: Array) -> Sha
         along = np.sum(towards * strings.directions[:, 1:], -1)
         # the ray at δ from the axis point passes the axis at s |sin δ| |d_x| / √(1 − (r·d)²)
         sine = strings.radius * np.sqrt(1 - along**2) / (distance * np.abs(slope))
-        reached = (t >= 0) & (t <= strings.lengths) & (sine < 0.5)
+        reached = (t >= 0) & (t <= strings.lengths) & (sine < GRAZED)
         half = (distance * sine / np.sqrt(1 - sine**2))[..., None]
         across = np.stack([towards[..., 1], -towards[..., 0]], -1)
         ends = np.stack([centre - half * across, centre + half * across], -2)
@@ -144,7 +146,9 @@ def _nodes(
 ) -> SurfaceNodes:
     """Pairs of Gauss-Legendre nodes along the pieces."""
     sigma = sharp_sigma_px(config.optics, sensor, config.laser.wavelength_nm)
-    pairs = np.clip(np.ceil(np.nan_to_num(length_px, nan=2000.0) / (NODE_STEP * sigma)), 1, 4000).astype(np.int64)
+    pairs = np.clip(np.ceil(np.nan_to_num(length_px, nan=UNKNOWN_PX) / (NODE_STEP * sigma)), 1, MAX_PAIRS).astype(
+        np.int64
+    )
     xyz, normal, piece = _place(pieces, pairs, np.array(sensor.sheet.origin_mm, dtype=float))
     area = _length_mm(pieces) / (2 * pairs) * step / _plane_sine(faces, pieces)
     return SurfaceNodes(xyz, normal, area[piece], faces.solid[pieces.face][piece])

@@ -5,14 +5,14 @@ from perceptron_emu.solids.bvh import Bvh, blocked, build_bvh
 from perceptron_emu.solids.flat_faces import facets
 from perceptron_emu.solids.panels import PanelPair, random_panels
 from perceptron_emu.solids.raster import rasterise
-from perceptron_emu.solids.section import Pieces, Rays, Shades, lit_in_planes
+from perceptron_emu.solids.section import LaserRays, Pieces, Shades, lit_in_planes
 
 __all__ = [
     "Body",
     "Bvh",
+    "LaserRays",
     "PanelPair",
     "Pieces",
-    "Rays",
     "Shades",
     "blocked",
     "body_of",

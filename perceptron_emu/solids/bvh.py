@@ -14,10 +14,12 @@ Index = NDArray[np.int64]
 Vector = tuple[float, float, float]
 Mask = NDArray[np.bool_]
 
-LEAF = 4
+LEAF = 4  # triangles of a box that is not divided
 PACKET = 16  # segments that are tried together
+TIE = 1e-9  # by which a split must be better than one found before: rounding decides none
 PIECES, MAX_PIECES = 4, 100_000  # of a mesh's length; pieces of a mesh after which none is halved
 UNTURNED, UNMOVED = np.eye(3), np.zeros(3)
+EDGE_SLACK = 1e-12  # of a triangle: rays between two triangles must hit one
 SLACK = 1e-9  # of a segment's length: a flat box must not be missed by rounding
 
 
@@ -32,7 +34,7 @@ class Bvh(NamedTuple):
     triangles: Array
 
 
-class Place(NamedTuple):
+class MeshPose(NamedTuple):
     """The pose of a hierarchy's axes in those of the points: rotation (3, 3), translation (3,) [mm]."""
 
     R: Array
@@ -76,7 +78,7 @@ def blocked(bvh: Bvh, origins: Array, targets: Array, R: Array = UNTURNED, t: Ar
     origins = np.array(origins, dtype=float, order="C")
     # copies: never a read-only view
     targets = np.array(np.atleast_2d(targets), dtype=float, order="C")
-    place = Place(np.array(R, dtype=float, order="C"), np.array(t, dtype=float))
+    place = MeshPose(np.array(R, dtype=float, order="C"), np.array(t, dtype=float))
     return np.asarray(_blocked(bvh, origins, targets, place))
 
 
@@ -139,14 +141,14 @@ def _split(low: Array, high: Array, members: Index, cost: Array) -> int:
                 else:
                     cost[n - 2 - k] += area
         for k in range(n - 1):
-            if cost[k] < best * (1 - 1e-9):
+            if cost[k] < best * (1 - TIE):
                 best, best_at, best_axis = cost[k], k + 1, axis
     members[:] = members[np.argsort(low[members, best_axis] + high[members, best_axis], kind="mergesort")]
     return best_at
 
 
 @kernel
-def _blocked(bvh: Bvh, origins: Array, targets: Array, place: Place) -> Mask:
+def _blocked(bvh: Bvh, origins: Array, targets: Array, place: MeshPose) -> Mask:
     """Segments are taken in packets of neighbours: most packets come near no triangle at all."""
     out = np.zeros(len(origins), np.bool_)
     stack = np.empty(128, np.int64)
@@ -223,7 +225,7 @@ def _meets(bvh: Bvh, origin: Array, way: Array, half: Array, exact: bool, stack:
 
 
 @kernel(inline=True)
-def _into(place: Place, point: Array, out: Array) -> None:
+def _into(place: MeshPose, point: Array, out: Array) -> None:
     """Set out to Rᵀ (point − t)."""
     R, t = place
     x, y, z = point[0] - t[0], point[1] - t[1], point[2] - t[2]
@@ -244,7 +246,7 @@ def _cuts(triangles: Array, i: int, origin: Vector, way: Vector) -> bool:
         return False
     # all are compared in units of the determinant: most triangles are missed, and a division is dear
     size, sign = abs(det), (1.0 if det > 0 else -1.0)
-    slack = 1e-12 * size
+    slack = EDGE_SLACK * size
     sx, sy, sz = ox - ax, oy - ay, oz - az
     u = (sx * px + sy * py + sz * pz) * sign
     if u < -slack or u > size + slack:

@@ -15,6 +15,7 @@ Index = NDArray[np.int64]
 
 GRID_RAD = 2e-3  # breakpoints at least this close, so that bodies that interpenetrate are told apart
 
+SAME_RAD, SAME_PLACE = 1e-12, 1e-9  # breaks, and places along a segment, that rounding alone tells apart
 BEHIND_RAD = 10.0  # the angle given to what no ray about +z reaches
 
 
@@ -27,7 +28,7 @@ class Shades(NamedTuple):
     there: NDArray[np.bool_]
 
 
-class Rays(NamedTuple):
+class LaserRays(NamedTuple):
     """The laser in a plane: its rays come from the emitter's (y, z) [mm] and fill the fan about +z."""
 
     origin: Array
@@ -93,7 +94,7 @@ def cut_plane(triangles: Array, normals: Array, x: float) -> tuple[Array, Array,
 
 
 @kernel
-def lit_in_planes(triangles: Array, normals: Array, planes: Array, shades: Shades, rays: Rays) -> Pieces:
+def lit_in_planes(triangles: Array, normals: Array, planes: Array, shades: Shades, rays: LaserRays) -> Pieces:
     """The pieces of triangles (T, 3, 3) [mm] that the laser reaches first in the planes of constant x (K,).
 
     normals: at the triangles' corners (T, 3, 3).
@@ -179,7 +180,7 @@ def _sweep(segments: Segments, breaks: Array, origin: Array) -> Reached:
     n_active, following, m = 0, 0, 0
     for k in range(len(breaks) - 1):
         a, b = breaks[k], breaks[k + 1]
-        if b - a < 1e-12:
+        if b - a < SAME_RAD:
             continue
         middle = (a + b) / 2
         while following < len(ends) and angle[by_start[following], 0] < middle:
@@ -199,7 +200,7 @@ def _sweep(segments: Segments, breaks: Array, origin: Array) -> Reached:
         if best < 0:
             continue
         from_, to = _reach(ends[best], origin, a)[1], _reach(ends[best], origin, b)[1]
-        if m > 0 and which[m - 1] == best and abs(where[m - 1, 1] - from_) < 1e-9:
+        if m > 0 and which[m - 1] == best and abs(where[m - 1, 1] - from_) < SAME_PLACE:
             where[m - 1, 1] = to
         else:
             which[m], where[m, 0], where[m, 1] = best, from_, to

@@ -83,10 +83,8 @@ def test_frames_that_hardly_turn_are_not_accused(cell_and_frames: tuple[Syntheti
 
 def test_row_of_another_arm(cell_and_frames: tuple[SyntheticCell, Frames]) -> None:
     cell, frames = cell_and_frames
-    wrong = np.zeros((5, 6))
-    wrong[1, 3] = -142.0
     assert "d of joint 4 in the robot's table is changed by about +142 mm" in _said(
-        cell, frames, cell.robot.corrected(wrong)
+        cell, frames, cell.robot.with_changes(d=-142.0 * np.eye(6)[3])
     )
 
 

@@ -13,7 +13,7 @@ from calib import CalibConfig, CalibrationResult
 from calib.label.frame import label_frame
 from geometry import Frame, Pose, Sensor
 from jig_cad import Jig
-from perceptron_emu import Frame as Rendered
+from perceptron_emu import RenderedFrame
 from workbench.campaign.emulated import VERIFY, EmulatedCell
 from workbench.compare import Comparison, NamedPoints, Statistics, match, summarise, true_strings
 
@@ -66,7 +66,7 @@ class ScoredFrame:
     compared: Comparison
 
 
-def score_frames(emulated: EmulatedCell, frames: Sequence[Rendered], outcome: Outcome) -> list[ScoredFrame]:
+def score_frames(emulated: EmulatedCell, frames: Sequence[RenderedFrame], outcome: Outcome) -> list[ScoredFrame]:
     """Every frame against its truth."""
     scored = []
     for configuration, frame, answer in zip(emulated.configurations, frames, outcome.frames, strict=True):

@@ -14,8 +14,7 @@ import numpy as np
 from calib import calibrate
 from extraction import extract
 from geometry import Frame, PerceptronEmuError, SurfacePoints
-from perceptron_emu import Frame as Rendered
-from perceptron_emu import render
+from perceptron_emu import RenderedFrame, render
 from workbench.campaign.emulated import EmulatedCell, emulated_cell
 from workbench.campaign.outcome import Outcome, calibrated, labelled_only, score_frames, trial_row
 from workbench.campaign.settings import TrialSettings
@@ -66,7 +65,7 @@ def _answer(frames: tuple[Frame, ...], emulated: EmulatedCell, settings: TrialSe
 
 def trial_frames(
     settings: TrialSettings, run: str, seed: np.random.SeedSequence
-) -> Iterator[tuple[Configuration, Rendered]]:
+) -> Iterator[tuple[Configuration, RenderedFrame]]:
     """The frames of a trial alone, the same bytes as when it was run; none where no configurations were found."""
     try:
         emulated = emulated_cell(settings, _cell_rng(seed), one_view=run == ONE_VIEW)
@@ -76,7 +75,9 @@ def trial_frames(
         yield configuration, render_frame(emulated, configuration, seed)
 
 
-def one_trial_frame(settings: TrialSettings, run: str, seed: np.random.SeedSequence, frame: int) -> Rendered | None:
+def one_trial_frame(
+    settings: TrialSettings, run: str, seed: np.random.SeedSequence, frame: int
+) -> RenderedFrame | None:
     """One frame of a trial as when it was run; None where no configurations were found."""
     try:
         emulated = emulated_cell(settings, _cell_rng(seed), one_view=run == ONE_VIEW)
@@ -96,7 +97,7 @@ def frame_rng(seed: np.random.SeedSequence, frame: int) -> np.random.Generator:
     return np.random.default_rng(np.random.SeedSequence(seed.entropy, spawn_key=key))
 
 
-def render_frame(emulated: EmulatedCell, configuration: Configuration, seed: np.random.SeedSequence) -> Rendered:
+def render_frame(emulated: EmulatedCell, configuration: Configuration, seed: np.random.SeedSequence) -> RenderedFrame:
     """One frame of the trial, the same bytes whenever it is made."""
     scene = frame_scene(emulated.cell, emulated.true, configuration)
     return render(scene, emulated.cell.emulator, frame_rng(seed, configuration.frame))
@@ -104,7 +105,7 @@ def render_frame(emulated: EmulatedCell, configuration: Configuration, seed: np.
 
 def _measure(
     emulated: EmulatedCell, settings: TrialSettings, seed: np.random.SeedSequence, clock: _Clock
-) -> tuple[list[Rendered], list[SurfacePoints]]:
+) -> tuple[list[RenderedFrame], list[SurfacePoints]]:
     """All frames, and their spots by the configuration that a dataset of these images would be given."""
     sensor = emulated.cell.sensor
     with clock("render_s"):
@@ -127,7 +128,7 @@ def image_name(frame: int) -> str:
     return f"{frame:03d}.png"
 
 
-def png(frame: Rendered) -> bytes:
+def png(frame: RenderedFrame) -> bytes:
     """A frame's image as it is kept."""
     return bytes(cv2.imencode(".png", frame.image, PNG_FASTEST)[1])
 
