@@ -13,7 +13,7 @@ import numba
 import numpy as np
 
 from workbench.campaign.worker import code_version
-from workbench.files.atomic import write_text
+from workbench.files import write_text
 
 NAME = "environment.json"
 PACKAGES = ("numpy", "scipy", "numba", "opencv-python-headless", "pyarrow")

@@ -18,7 +18,7 @@ from workbench.campaign.settings import TrialSettings, with_values
 from workbench.campaign.store import ShardResult
 from workbench.campaign.trial import Trial, run_trial
 from workbench.campaign.worker import one_thread
-from workbench.files.rounding import rounded
+from workbench.files import rounded
 
 _KEEP, _TRIAL = 1, 2  # which stream of the plan's seed
 

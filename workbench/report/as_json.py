@@ -10,7 +10,7 @@ import numpy as np
 
 from calib import CalibrationResult, DesignSolved, LocationResult
 from geometry import CONVENTIONS, Frame, express
-from workbench.files.rounding import rounded
+from workbench.files import rounded
 
 
 def calibration_object(result: CalibrationResult, complaints: dict[int, str] | None = None) -> dict[str, Any]:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib import engine
-from calib.bundle.hands import Hands
+from calib.bundle import Hands
 from geometry import Block, InputError, Linearised, Robot, State, Unknowns, skew, with_beta_prior
 
 Array = NDArray[np.float64]
