@@ -10,7 +10,9 @@ import numpy as np
 
 from calib import CalibrationResult
 from geometry import DH_ROWS, DhRobot, require_arm
-from workbench.files import DECIMALS, Cell, robot_text, urdf_of, write_text
+from workbench.files import Cell, robot_text, urdf_of, write_text
+
+_DECIMALS = 9  # of degrees and mm: some 1e-8 mm at the hand of a large arm
 
 
 def write_corrected_robot(out: Path, cell: Cell, result: CalibrationResult) -> None:
@@ -30,7 +32,7 @@ def write_corrected_robot(out: Path, cell: Cell, result: CalibrationResult) -> N
 def _rounded(robot: DhRobot) -> DhRobot:
     """The table rounded in its file's units, so that every processor writes the same."""
     shown: dict[str, Any] = {
-        row.column: np.round(row.to_file(getattr(robot, row.column)), DECIMALS) + 0.0 for row in DH_ROWS
+        row.column: np.round(row.to_file(getattr(robot, row.column)), _DECIMALS) + 0.0 for row in DH_ROWS
     }
     columns: dict[str, Any] = {row.column: row.from_file(shown[row.column]) for row in DH_ROWS}
     return replace(robot, **columns)
