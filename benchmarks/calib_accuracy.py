@@ -16,15 +16,14 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from calib import CalibConfig
-from calib.bundle.bundle import solve_bundle
-from calib.bundle.linearise import initial_state, residuals
-from calib.bundle.problem import Problem
+from calib.bundle.problem import Bundle
 from calib.bundle.solution import solve_problem
-from calib.bundle.uncertainty import uncertainty
+from calib.bundle.solve import solve_bundle
+from calib.engine import covariance
 from calib.paper.scp import PaperProblem, solve_paper
 from calib.pose.closed_form import closed_forms
 from calib.pose.fit import jig_pose
-from calib.synthetic.cell import Cell, Layout, Noise, made_cell, observe, random_cell
+from calib.synthetic.cell import Layout, Noise, SyntheticCell, made_cell, observe, random_cell
 from calib.synthetic.problem import problem_of, true_candidates
 from geometry import Pose, RobotUncertainty, stack_poses
 from jig_cad import Jig
@@ -52,31 +51,31 @@ class Setting:
     joint_deg: float
 
 
-def cell_for(rng: np.random.Generator, setting: Setting) -> Cell:
+def cell_for(rng: np.random.Generator, setting: Setting) -> SyntheticCell:
     """A cell with an exact robot and jig, whose stated noise is the true one."""
     cell = random_cell(rng, NEAR, Jig.nominal(height_mm=120.0, tolerance_mm=0.0))
     exact = RobotUncertainty(float(np.deg2rad(setting.joint_deg)), 0.0, 0.0, 0.0, 0.0)
     return replace(cell, robot=replace(cell.robot, uncertainty=exact))
 
 
-def paper(problem: Problem, cell: Cell, own: Pose) -> Pose | None:
+def paper(problem: Bundle, cell: SyntheticCell, own: Pose) -> Pose | None:
     """The paper's chain: closed forms (the sign candidate nearest the least-squares pose), then Eqs. (1)-(4)."""
-    forms = closed_forms(problem.points.yz_mm, cell.jig.side_mm, cell.jig.height_mm)
+    forms = closed_forms(problem.term.points.yz_mm, cell.jig.side_mm, cell.jig.height_mm)
     use = np.flatnonzero(forms.defined)
     distance = np.linalg.norm(forms.T_sensor_jig.t[use] - own.t[use, None], axis=-1)
     origins = forms.T_sensor_jig.t[use, np.argmin(distance, axis=1)]
     if len(use) < 5:
         return None
-    chain = problem.chain.T_base_hand
-    return solve_paper(PaperProblem(origins, chain[use], problem.location[use]), cell.design).T_hand_sensor
+    return solve_paper(PaperProblem(origins, problem.hands[use], problem.location[use]), cell.design).T_hand_sensor
 
 
-def opencv(problem: Problem, own: Pose, method: int) -> Pose:
+def opencv(problem: Bundle, own: Pose, method: int) -> Pose:
     """OpenCV's hand-eye: one target, so the frames of each location are solved apart and averaged."""
     found = []
-    for k in range(problem.n_locations):
+    nominal = problem.hands.pose(np.zeros(len(problem.hands.sigma)))
+    for k in range(len(problem.locations)):
         i = np.flatnonzero(problem.location == k)
-        hand, jig = problem.chain.T_base_hand[i], own[i]
+        hand, jig = nominal[i], own[i]
         R, t = cv2.calibrateHandEye(list(hand.R), list(hand.t), list(jig.R), list(jig.t), method=method)
         found.append(Pose(R, t[:, 0]))
     mean = found[0]
@@ -85,31 +84,27 @@ def opencv(problem: Problem, own: Pose, method: int) -> Pose:
     return mean
 
 
-def scipy_bundle(problem: Problem, start: Pose, jigs: Pose) -> Pose:
+def scipy_bundle(problem: Bundle, start: Pose, jigs: Pose) -> Pose:
     """Least squares over SCP and jig poses with a numeric Jacobian and the points' weights alone."""
-    state = initial_state(problem, start, jigs)
-    weight = 1 / np.sqrt(problem.points.cov_mm2[..., 0, 0])[..., None]
+    state = problem.start(start, jigs)
+    weight = np.repeat(1 / np.sqrt(problem.term.points.cov_mm2[..., 0, 0]), 2, axis=-1)
 
     def of(x: np.ndarray) -> np.ndarray:
         twists = x.reshape(-1, 6)
-        moved = replace(
-            state,
-            T_hand_sensor=state.T_hand_sensor @ Pose.exp(twists[0]),
-            Ts_base_jig=state.Ts_base_jig @ Pose.exp(twists[1:]),
-        )
-        return (residuals(problem, moved) * weight).ravel()
+        moved = state.with_value("scp", start @ Pose.exp(twists[0])).with_value("target", jigs @ Pose.exp(twists[1:]))
+        return (problem.term.residual(moved) * weight).ravel()
 
-    x = least_squares(of, np.zeros(6 * (1 + problem.n_locations)), method="lm", x_scale="jac").x
+    x = least_squares(of, np.zeros(6 * (1 + len(problem.locations))), method="lm", x_scale="jac").x
     return start @ Pose.exp(x[:6])
 
 
-def trial(rng: np.random.Generator, cell: Cell, setting: Setting, out: dict[str, list[np.ndarray]]) -> None:
+def trial(rng: np.random.Generator, cell: SyntheticCell, setting: Setting, out: dict[str, list[np.ndarray]]) -> None:
     """One noisy data set, solved by all."""
     noise = Noise(setting.point_mm, float(np.deg2rad(setting.joint_deg)), robot=False, anchors=False)
     observed = observe(cell, made_cell(cell, rng, noise), rng, noise)
     problem, candidates = problem_of(observed, cell), true_candidates(cell)
     own = stack_poses([
-        jig_pose(f.axis, cell.jig, guess=candidates[i][0]).T_sensor_jig for i, f in enumerate(observed.frames) if f.axis
+        jig_pose(f.axis, cell.jig, guess=candidates[i][0]).T_sensor_jig for i, f in enumerate(observed.frames)
     ])  # fmt: skip
     jigs = stack_poses([cell.T_base_jig[n] for n in ("A", "B", "C")])
     methods = {
@@ -125,15 +120,15 @@ def trial(rng: np.random.Generator, cell: Cell, setting: Setting, out: dict[str,
         out.setdefault(name, []).append(np.concatenate([error, [spent]]))
 
 
-def bound(cell: Cell, setting: Setting) -> np.ndarray:
+def bound(cell: SyntheticCell, setting: Setting) -> np.ndarray:
     """Cramér-Rao covariance (6, 6) at the truth, joint noise marginalised."""
     noise = Noise(0.0, 0.0, robot=False, anchors=False)
     exact = problem_of(observe(cell, cell, np.random.default_rng(0), noise), cell)
-    cov = np.broadcast_to(np.eye(2) * setting.point_mm**2, exact.points.cov_mm2.shape)
-    exact = replace(exact, points=replace(exact.points, cov_mm2=cov))
+    points = exact.term.points
+    cov = np.broadcast_to(np.eye(2) * setting.point_mm**2, points.cov_mm2.shape)
+    exact = replace(exact, term=replace(exact.term, points=replace(points, cov_mm2=cov)))
     jigs = stack_poses([cell.T_base_jig[n] for n in ("A", "B", "C")])
-    state = initial_state(exact, cell.T_hand_sensor, jigs)
-    return uncertainty(solve_bundle(exact, state, np.zeros(0, dtype=bool))).scp
+    return covariance(solve_bundle(exact, exact.start(cell.T_hand_sensor, jigs))).of("scp")
 
 
 def main() -> None:

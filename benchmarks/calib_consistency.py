@@ -14,7 +14,7 @@ from scipy.stats import chi2
 
 from calib import CalibConfig
 from calib.bundle.solution import solve_problem
-from calib.bundle.uncertainty import nees
+from calib.printed import nees
 from calib.synthetic.cell import Noise, made_cell, observe, random_cell
 from calib.synthetic.problem import CALIBRATE_ONLY, problem_of, true_candidates
 
@@ -35,7 +35,7 @@ def run(runs: int, seed: int) -> dict[str, np.ndarray]:
         candidates = true_candidates(made)
         for model in MODELS:
             answer = solve_problem(problem, candidates, cell.design, CalibConfig(model=model))
-            error = nees(made.T_hand_sensor, answer.T_hand_sensor, answer.uncertainty.scp)
+            error = nees(made.T_hand_sensor, answer.T_hand_sensor, answer.covariance.of("scp"))
             out[model].append(
                 (
                     error,

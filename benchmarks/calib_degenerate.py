@@ -14,15 +14,24 @@ from dataclasses import replace
 
 import numpy as np
 
-from calib import CalibConfig, FrameObservation, Observations, calibrate
-from calib.synthetic.cell import Cell, Noise, axis_points, made_cell, observe, random_cell
+from calib import CalibConfig
+from calib.synthetic.cell import (
+    CellFrames,
+    Noise,
+    SyntheticCell,
+    axis_points,
+    calibrated,
+    made_cell,
+    observe,
+    random_cell,
+)
 from calib.synthetic.degenerate import constant_lever, mirror_frames
 from calib.synthetic.problem import CALIBRATE_ONLY
-from geometry import AxisPoints, DhRobot, Pose, exp_so3
+from geometry import AxisPoints, DhRobot, Frame, Pose, exp_so3
 from jig_cad import Jig
 
-Frames = tuple[FrameObservation, ...]
-Spoil = Callable[[Frames, Cell, np.random.Generator], tuple[Frames, Jig, DhRobot]]
+Frames = tuple[Frame, ...]
+Spoil = Callable[[Frames, SyntheticCell, np.random.Generator], tuple[Frames, Jig, DhRobot]]
 NOISE = Noise()
 # what the words must hold where the cause can be named
 NAMED = {
@@ -50,10 +59,10 @@ LEVER = "lever that stands still (paper)"
 def spoils() -> dict[str, Spoil]:
     """Ways to spoil a data set, by name."""
 
-    def frames_only(change: Callable[[Frames, Cell, np.random.Generator], Frames]) -> Spoil:
+    def frames_only(change: Callable[[Frames, SyntheticCell, np.random.Generator], Frames]) -> Spoil:
         return lambda f, c, rng: (change(f, c, rng), c.jig, c.robot)
 
-    def each(change: Callable[[FrameObservation], FrameObservation]) -> Spoil:
+    def each(change: Callable[[Frame], Frame]) -> Spoil:
         return frames_only(lambda f, c, rng: tuple(map(change, f)))
 
     def robot_only(change: Callable[[DhRobot], DhRobot]) -> Spoil:
@@ -103,7 +112,7 @@ def _diagonals(label: str) -> str:
     return {"B'": "C'", "C'": "B'"}.get(label, label)
 
 
-def _alike(frames: Frames, cell: Cell, rng: np.random.Generator, degrees: float, axes: int) -> Frames:
+def _alike(frames: Frames, cell: SyntheticCell, rng: np.random.Generator, degrees: float, axes: int) -> Frames:
     """Seven frames of one location whose hand turns by up to ``degrees`` about x (or any axis) and moves by 20 mm."""
     first = frames[0]
     hand = cell.robot.pose(first.joints_rad)
@@ -155,16 +164,16 @@ def main() -> None:
         observed = observe(cell, made, rng, NOISE)
         for name, spoil in spoils().items():
             frames, jig, robot = spoil(observed.frames, cell, rng)
-            spoilt = Observations(frames, observed.sensor, observed.T_hand_sensor_design)
-            verdict = calibrate(spoilt, jig, robot).verdict
+            spoilt = CellFrames(frames, observed.sensor, observed.T_hand_sensor_design)
+            verdict = calibrated(spoilt, jig, robot).verdict
             codes[name][verdict.code] += 1
             named[name] += NAMED.get(name, "no cause to name") in verdict.text
         mirrored, lever = mirror_frames(cell, rng, NOISE), constant_lever(cell, rng, NOISE)
-        codes[MIRROR][calibrate(mirrored, cell.jig, None).verdict.code] += 1
-        codes[LEVER][calibrate(lever, cell.jig, None, CalibConfig(method="paper")).verdict.code] += 1
+        codes[MIRROR][calibrated(mirrored, cell.jig, None).verdict.code] += 1
+        codes[LEVER][calibrated(lever, cell.jig, None, CalibConfig(method="paper")).verdict.code] += 1
         for model in ("scp", "full"):
             codes[f"sound ({model})"][
-                calibrate(observed, cell.jig, cell.robot, CalibConfig(model=model)).verdict.code
+                calibrated(observed, cell.jig, cell.robot, CalibConfig(model=model)).verdict.code
             ] += 1
     said = total = 0
     for name, counts in codes.items():

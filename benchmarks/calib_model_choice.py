@@ -13,9 +13,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from calib import CalibConfig, CalibrationResult, calibrate
-from calib.bundle.uncertainty import nees
-from calib.synthetic.cell import Cell, Layout, Noise, made_cell, observe, random_cell
+from calib import CalibConfig, CalibrationResult
+from calib.printed import nees
+from calib.synthetic.cell import Layout, Noise, SyntheticCell, calibrated, made_cell, observe, random_cell
 from geometry import draw_errors
 
 ONE = Layout(places=(("A", "calibrate", 7),))
@@ -28,8 +28,8 @@ def run(cells: int, seed: int, share: float, layout: Layout) -> None:
     for _ in range(cells):
         cell, made = _drawn(rng, share, layout)
         observed = observe(cell, made, rng, Noise())
-        chosen = calibrate(observed, cell.jig, cell.robot, CalibConfig(model="full"))
-        plain = calibrate(observed, cell.jig, cell.robot, CalibConfig(model="scp"))
+        chosen = calibrated(observed, cell.jig, cell.robot, CalibConfig(model="full"))
+        plain = calibrated(observed, cell.jig, cell.robot, CalibConfig(model="scp"))
         kept, codes[chosen.verdict.code] = kept + (chosen.model == "full"), codes[chosen.verdict.code] + 1
         if chosen.T_hand_sensor is not None and chosen.covariance is not None:
             error.append(nees(made.T_hand_sensor, chosen.T_hand_sensor, chosen.covariance))
@@ -44,7 +44,7 @@ def run(cells: int, seed: int, share: float, layout: Layout) -> None:
     )
 
 
-def _drawn(rng: np.random.Generator, share: float, layout: Layout) -> tuple[Cell, Cell]:
+def _drawn(rng: np.random.Generator, share: float, layout: Layout) -> tuple[SyntheticCell, SyntheticCell]:
     cell = random_cell(rng, layout)
     made = made_cell(cell, rng, Noise(robot=False))
     return cell, replace(made, robot=cell.robot.corrected(share * draw_errors(cell.robot, rng)))

@@ -12,29 +12,18 @@ from dataclasses import replace
 import numpy as np
 from calib_accuracy import OPENCV, opencv, scipy_bundle
 
-from calib.bundle.bundle import solve_bundle
-from calib.bundle.linearise import initial_state
-from calib.bundle.problem import Problem, robot_chain
-from calib.bundle.uncertainty import uncertainty
+from calib.bundle.problem import Bundle
+from calib.bundle.solve import solve_bundle
+from calib.engine import covariance, scaled_condition
 from calib.synthetic.cell import Noise
 from calib.synthetic.problem import made_problem, true_candidates, true_jigs
 from geometry import stack_poses
 
 
-def repeated(problem: Problem, times: int) -> Problem:
+def repeated(bundle: Bundle, times: int) -> Bundle:
     """The same frames again and again: as many rows as a long recording has."""
-
-    def again(x: np.ndarray) -> np.ndarray:
-        return np.concatenate([x] * times)
-
-    p, c = problem.points, problem.chain
-    assert c.robot is not None
-    assert c.joints_rad is not None
-    points = replace(
-        p, yz_mm=again(p.yz_mm), cov_mm2=again(p.cov_mm2), present=again(p.present), string=again(p.string)
-    )
-    chain = robot_chain(c.robot, again(c.joints_rad))
-    return replace(problem, points=points, chain=chain, location=again(problem.location))
+    index = np.tile(np.arange(len(bundle.hands)), times)
+    return replace(bundle, term=bundle.term.at_frames(index, bundle.location[index]))
 
 
 def median_ms(solve: Callable[[], object], runs: int) -> float:
@@ -54,9 +43,14 @@ def main() -> None:
     jigs = true_jigs(made)
     scp, full = np.zeros(24, dtype=bool), np.ones(24, dtype=bool)
 
-    def ours(p: Problem, estimated: np.ndarray) -> Callable[[], object]:
-        start = initial_state(p, cell.design, jigs)
-        return lambda: uncertainty(solve_bundle(p, start, estimated))
+    def ours(p: Bundle, estimated: np.ndarray) -> Callable[[], object]:
+        start = p.start(cell.design, jigs)
+
+        def solve() -> object:
+            result = solve_bundle(p.estimating(estimated), start)
+            return covariance(result), scaled_condition(result, "scp")
+
+        return solve
 
     own = stack_poses([c[0] for c in true_candidates(made)])
     ms = median_ms(ours(problem, scp), 21)
@@ -68,7 +62,7 @@ def main() -> None:
         peer = median_ms(lambda m=method: opencv(problem, own, m), 21)
         print(f"OpenCV {name + ', no covariance:':32s} {peer:7.1f} ms, {peer / ms:.2f} x ours")
     long = repeated(problem, 48)
-    print(f"{long.n_frames} frames, scp:   {median_ms(ours(long, scp), 5):7.1f} ms (reach 300)")
+    print(f"{len(long.hands)} frames, scp:   {median_ms(ours(long, scp), 5):7.1f} ms (reach 300)")
 
 
 if __name__ == "__main__":

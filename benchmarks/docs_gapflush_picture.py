@@ -16,7 +16,7 @@ from geometry import Pose
 from perceptron_emu import EmulatorConfig, Scene, render
 from perceptron_emu.solids import PanelPair
 from workbench.files import read_sensor
-from workbench.report.gapflush_picture import draw_gap_flush
+from workbench.report import draw_gap_flush
 
 PANELS = PanelPair(gap_mm=4.0, flush_mm=1.2, radii_mm=(1.5, 2.5))
 
@@ -24,7 +24,7 @@ PANELS = PanelPair(gap_mm=4.0, flush_mm=1.2, radii_mm=(1.5, 2.5))
 def main() -> None:
     """Render, measure and draw."""
     target = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parents[1] / "docs/pictures/gapflush.png"
-    sensor = read_sensor(asset("sensors", "nominal")).model
+    sensor = read_sensor(asset("sensors", "nominal"))
     config = EmulatorConfig.model_validate({"exposure": {"time_ms": 0.3}, "speckle": {"enabled": False}})
     place = Pose(np.eye(3), np.array([0, 0, 300.0]))
     image = render(Scene(sensor, None, solids=PANELS.solids(place)), config, np.random.default_rng(1)).image

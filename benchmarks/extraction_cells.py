@@ -26,16 +26,14 @@ import cv2
 import numpy as np
 from rendered_strings import random_thread
 
-from calib import FrameObservation, Observations, calibrate
+from calib import Observed, calibrate
+from calib.config import SurfaceConfig
 from calib.label.surface_offset import surface_offset
-from calib.surface_config import SurfaceConfig
 from extraction import ExtractionConfig, extract
-from geometry import PerceptronEmuError, Pose
+from geometry import Frame, PerceptronEmuError, Pose
 from perceptron_emu import ALUMINIUM, Material, Solid, panel
-from workbench.campaign.emulated import EmulatedCell, emulated_cell
-from workbench.campaign.settings import TrialSettings
-from workbench.campaign.trial import render_frame
-from workbench.cell.speckle import dataset_config
+from workbench.campaign import EmulatedCell, TrialSettings, emulated_cell, render_frame
+from workbench.cell import dataset_config
 from workbench.compare import VISIBLE, NamedPoints, match, true_strings
 
 SETTINGS = TrialSettings.model_validate({"clutter": True, "poses": {"plans": 6}})
@@ -91,13 +89,13 @@ def measured_cell(seed: int, hide: bool) -> Measured:
         sequence = np.random.SeedSequence(seed)
         frames = [render_frame(emulated, c, sequence) for c in emulated.configurations]
         config = dataset_config(seen_by, ExtractionConfig(), len(frames), lambda some: [frames[i].image for i in some])
-        spots = [extract(f.image, seen_by.model, config) for f in frames]
+        spots = [extract(f.image, seen_by, config) for f in frames]
         observed = tuple(
-            FrameObservation(c.frame, c.location, c.role, p, joints_rad=c.reading_rad)
+            Frame(c.frame, c.location, c.role, p, joints_rad=c.reading_rad)
             for c, p in zip(emulated.configurations, spots, strict=True)
         )
         places = emulated.cell.T_base_jig if hide else {}
-        observations = Observations(observed, seen_by.model, emulated.cell.T_hand_sensor_design, places)
+        observations = Observed(observed, seen_by, emulated.cell.T_hand_sensor_design, places)
         result = calibrate(observations, emulated.cell.jig, emulated.cell.robot)
     except PerceptronEmuError as error:
         return Measured(np.zeros(4, int), np.zeros((0, COLUMNS)), (), 0, time.process_time() - start, str(error))
@@ -116,7 +114,7 @@ def measured_cell(seed: int, hide: bool) -> Measured:
 
 def string_rows(seed: int, truth, points, emulated: EmulatedCell, thread: Material):
     """Label and row of every string of a frame that leaves any light in it."""
-    jig, sensor = emulated.cell.jig, emulated.cell.sensor.model
+    jig, sensor = emulated.cell.jig, emulated.cell.sensor
     own = SurfaceConfig(known=True, diffuse=thread.diffuse, specular=thread.specular, roughness=thread.roughness)
     for k, string in enumerate(truth.strings):
         row = np.full(COLUMNS, np.nan)

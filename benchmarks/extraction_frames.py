@@ -37,7 +37,7 @@ def main() -> None:
     folder = Path(sys.argv[1]) if len(sys.argv) > 1 else assets.path("samples", "cell_a")
     runs = int(sys.argv[2]) if len(sys.argv) > 2 else 9
     cell = read_cell(folder)
-    sensor = cell.sensor.model
+    sensor = cell.sensor
     images = [read_image(cell.folder / row.image, sensor) for row in cell.frames]
     crowded = np.array([len(extract_stages(image, sensor).candidates) >= CROWDED for image in images])
     times = np.array([frame_ms(image, sensor, runs) for image in images])

@@ -4,7 +4,7 @@ Shape: contrast of the residuals of frames without noise and speckle, weighed as
 rendered several times with fresh noise and speckle; what the mean of a spot's errors keeps is systematic. It is given
 in pixels, along and across the light, and as the share of the height that independent errors in every pixel would need
 for it. "noise/within": σ of camera and speckle over the scatter of one pose. `speckle.SHAPE_CONTRAST` and
-`spot_errors.MODEL_SHARE` come from here.
+`errors.MODEL_SHARE` of `extraction/spots` come from here.
 Run: python benchmarks/extraction_model_error.py [--poses 60] [--times 12] [--first 21] [--diameters 0.3 ...]
 """
 
@@ -16,7 +16,7 @@ from dataclasses import replace
 
 import cv2
 import numpy as np
-from rendered_strings import Optics, budgets, matches, optics, scene
+from rendered_strings import Emulated, budgets, matches, optics, scene
 
 from extraction import ExtractionConfig, SpotNoiseConfig, extract, learn_speckle
 from extraction.spots import correlation
@@ -27,7 +27,7 @@ FINE = 65535 / 255  # grey levels of 16 bits in one of 8
 QUIET_READ_DN = 0.5  # of 8 bits
 
 
-def shape_contrast(seen_by: Optics, scenes: list[Scene]) -> float:
+def shape_contrast(seen_by: Emulated, scenes: list[Scene]) -> float:
     """Contrast of the residuals without noise and speckle."""
     sensor = seen_by.sensor.with_camera(bit_depth=16, black_level=seen_by.sensor.camera.black_level * FINE)
     emulator = seen_by.emulator.off("noise", "speckle")
@@ -45,7 +45,7 @@ def shape_contrast(seen_by: Optics, scenes: list[Scene]) -> float:
     return float(np.sqrt(left / light))
 
 
-def shifts(seen_by: Optics, scenes: list[Scene], times: int, rng: np.random.Generator) -> str:
+def shifts(seen_by: Emulated, scenes: list[Scene], times: int, rng: np.random.Generator) -> str:
     """Systematic error, its share of the height, and the noise's σ over the scatter of one pose."""
     config = learn_speckle([render(s, seen_by.emulator, rng).image for s in scenes], seen_by.sensor)
     rho = config.noise.speckle_contrast**2 * correlation(config.noise.speckle_grain_px)

@@ -17,8 +17,8 @@ from extraction_cells import drawn_cell
 
 from extraction import ExtractionConfig, extract
 from geometry import SurfacePoints
-from workbench.campaign.trial import render_frame
-from workbench.compare.match import GATE_PX, VISIBLE
+from workbench.campaign import render_frame
+from workbench.compare import GATE_PX, VISIBLE
 
 TABLES = ("score", "doubt")
 FACTORS = (0.5, 2.0)
@@ -63,7 +63,7 @@ def main() -> None:
         for c in emulated.configurations:
             frame = render_frame(emulated, c, np.random.SeedSequence(k))
             seen = [s.image_px for s in frame.truth.strings if s.visible_fraction >= VISIBLE]
-            frames.append((frame.image, np.array(seen, dtype=float).reshape(-1, 2), emulated.cell.sensor.model))
+            frames.append((frame.image, np.array(seen, dtype=float).reshape(-1, 2), emulated.cell.sensor))
     print(f"{len(frames)} frames            strings    found    first  flagged   others a frame")
     for name, config in variations():
         n, found, first, flagged, others = sum(counted(extract(im, s, config), uv) for im, uv, s in frames)

@@ -15,7 +15,7 @@ import time
 
 import cv2
 import numpy as np
-from rendered_strings import Optics, frames, optics, spot_errors
+from rendered_strings import Emulated, frames, optics, spot_errors
 
 from extraction import learn_speckle
 
@@ -23,7 +23,7 @@ LEARNT = 60  # frames
 DIAMETERS = (0.1, 0.2, 0.3, 0.5, 1.0)
 
 
-def case(seen_by: Optics, diameter_mm: float, count: int, seed: int) -> str:
+def case(seen_by: Emulated, diameter_mm: float, count: int, seed: int) -> str:
     """One line: a sensor and a string."""
     rendered = frames(seen_by, diameter_mm, count, np.random.default_rng((seed, int(1000 * diameter_mm))))
     config = learn_speckle([f.image for f in rendered[:LEARNT]], seen_by.sensor)

@@ -60,7 +60,7 @@ def main() -> None:
     count = int(sys.argv[1]) if len(sys.argv) > 1 else 200
     surfaces = [name for name in SURFACES if name in sys.argv] or list(SURFACES)
     kinds = [k for k in ("plain", "speckle") if k in sys.argv] or ["plain", "speckle"]
-    sensor = read_sensor(asset("sensors", "nominal")).model
+    sensor = read_sensor(asset("sensors", "nominal"))
     for surface in surfaces:
         for kind in kinds:
             error, sigma, doubtful, seconds = measure(sensor, surface, kind == "speckle", count)

@@ -50,7 +50,7 @@ def flat(irradiance: float, seed: int, frames: int) -> tuple[np.ndarray, float]:
         "noise": {"read_noise_e": READ_E, "dsnu_e": DSNU_E, "prnu": PRNU, "full_well_e": WELL_E, "gain_dn_per_e": GAIN,
                   "dark_current_e_s": 0.0},
     }  # fmt: skip
-    config, scene = EmulatorConfig.from_tables(tables), Scene(sensor, solids=(wall,))
+    config, scene = EmulatorConfig.model_validate(tables), Scene(sensor, solids=(wall,))
     rng = np.random.default_rng(seed)
     images = np.stack([render(scene, config, rng).image for _ in range(frames)]).astype(np.float32)
     return images, float(mean_electrons(scene, config).mean())
@@ -90,7 +90,7 @@ def speckle(polarised: bool) -> list[tuple[str, float, float]]:
         "speckle": {"polarised": polarised},
         "ambient": {"enabled": False},
     }
-    config, scene = EmulatorConfig.from_tables(tables), Scene(sensor, solids=(plate,))
+    config, scene = EmulatorConfig.model_validate(tables), Scene(sensor, solids=(plate,))
     smooth = mean_electrons(scene, config.off("speckle"))
     window = np.s_[int(np.argmax(smooth.sum(1))) - 15 : int(np.argmax(smooth.sum(1))) + 16, 100:1180]
     fields = [mean_electrons(scene, config, key)[window] / smooth[window] for key in range(24)]

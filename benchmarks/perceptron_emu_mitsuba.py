@@ -114,7 +114,7 @@ def our_spots(specular: float) -> list[dict[str, Any]]:
     pose = Pose(rotation, np.array([120.0, 0, 0]))
     sensor = Sensor(Sheet(fan_rad=float(np.deg2rad(44))), Camera(1280, 1024, 2300.0, 2300.0, 639.5, 511.5, pose))
     tables = {"optics": {"blur_px": BLUR_PX, "diffraction": False, "vignetting": False}}
-    config = EmulatorConfig.from_tables(tables).off("noise", "speckle", "ambient")
+    config = EmulatorConfig.model_validate(tables).off("noise", "speckle", "ambient")
     material = Material(0.6, specular, 0.3)
     turn = Pose.from_fixed_xyz_deg([POOL.uniform(-12, 12), POOL.uniform(-30, 30), POOL.uniform(-25, 25)], np.zeros(3)).R
     middle = np.array([0, POOL.uniform(-10, 10), POOL.uniform(310, 340)])

@@ -73,7 +73,7 @@ def jig_scene(
 
 def config(**tables: dict[str, Any]) -> EmulatorConfig:
     """The default configuration without noise, speckle and room light, but for the given tables."""
-    return EmulatorConfig.from_tables({k: QUIET.get(k, {}) | tables.get(k, {}) for k in {*QUIET, *tables}})
+    return EmulatorConfig.model_validate({k: QUIET.get(k, {}) | tables.get(k, {}) for k in {*QUIET, *tables}})
 
 
 def shot(scene: Scene, c: EmulatorConfig) -> Picture:
@@ -209,7 +209,7 @@ PAIRS: dict[str, Callable[[], tuple[Picture, Picture]]] = {
     ),
     "laser_off": lambda: whole(
         [jig_scene(wall=True)] * 2,
-        [EmulatorConfig.from_tables({"exposure": {"laser_on": on}}) for on in (True, False)],
+        [EmulatorConfig.model_validate({"exposure": {"laser_on": on}}) for on in (True, False)],
         8.0,
     ),
     "labels": labels,

@@ -20,7 +20,7 @@ from geometry import Camera, Pose, Sensor, Sheet, nearest_rotation
 from jig_cad import Jig
 from jig_cad.solids import jig_solids
 from perceptron_emu import ALUMINIUM, BLACK_PLATE, EmulatorConfig, Scene, Solid, cylinders, mean_electrons, render
-from perceptron_emu.gl import View, depth_and_identity, gl_problem, gl_world
+from perceptron_emu.gl import GlView, depth_and_identity, gl_problem, gl_world
 
 REPEATS = 15
 
@@ -99,7 +99,7 @@ def pyrender_depth(scene: Scene) -> Callable[[], object]:
     """The depth map of the same scene by OpenGL, without any light on it."""
     s = scene.camera
     world = gl_world(scene, cylinders(scene.jig, scene.T_sensor_jig) if scene.jig else None)
-    view = View(s.T_sensor_camera, (s.fx_px, s.fy_px, s.cx_px, s.cy_px), s.width_px, s.height_px)
+    view = GlView(s.T_sensor_camera, (s.fx_px, s.fy_px, s.cx_px, s.cy_px), s.width_px, s.height_px)
     return lambda: depth_and_identity(world, view)
 
 

@@ -18,18 +18,27 @@ from pathlib import Path
 import numpy as np
 
 from calib import CalibConfig
+from calib.bundle.hands import Hands
 from calib.bundle.information import scp_covariance
-from calib.bundle.problem import Problem, robot_chain
+from calib.bundle.problem import Bundle
 from calib.bundle.solution import solve_problem
 from calib.synthetic.cell import axis_points
 from geometry import Pose, draw_errors, stack_poses
 from jig_cad import sample_tolerance
-from workbench.cell.locating import located
-from workbench.cell.starter import write_starter
+from workbench.cell import located, write_starter
 from workbench.files import Cell, read_cell
-from workbench.plan.choose import LEVER_MM, RANDOM_PLANS, random_plans, size_mm
-from workbench.plan.expected import expected_points
-from workbench.plan.propose import ViewPools, best_plan, candidates, plan_limits, pooled
+from workbench.plan import (
+    LEVER_MM,
+    RANDOM_PLANS,
+    ViewPools,
+    best_plan,
+    candidates,
+    expected_points,
+    plan_limits,
+    pooled,
+    random_plans,
+    size_mm,
+)
 
 PER_LOCATION = 7
 BLOCKS = 10  # of as many draws as each random plan gets, for the planned views
@@ -44,11 +53,14 @@ def calibrated_error(
     robot, jig = cell.robot.corrected(draw_errors(cell.robot, rng)), sample_tolerance(cell.jig, rng)
     moved = joints + rng.normal(size=joints.shape) * cell.robot.uncertainty.joint_sigma_rad
     T_sensor_jig = (robot.pose(moved) @ true_scp).inverse() @ places[location]
-    points = expected_points(cell.sensor.model, cell.jig, T_sensor_jig)
-    noise = np.linalg.cholesky(points.cov_mm2) @ rng.normal(size=(*points.yz_mm.shape, 1))
-    points = replace(points, yz_mm=axis_points(T_sensor_jig, jig) + noise[..., 0])
-    sigma = cell.jig.tolerance_mm / np.sqrt(12)
-    problem = Problem(points, robot_chain(cell.robot, joints), location, len(places), cell.jig.anchors_mm, float(sigma))
+    expected = expected_points(cell.sensor, cell.jig, T_sensor_jig)
+    truth = axis_points(T_sensor_jig, jig)
+    axes = [
+        replace(a, yz_mm=yz + (np.linalg.cholesky(a.cov_yz_mm2) @ rng.normal(size=(len(a), 2, 1)))[..., 0])
+        for a, yz in zip(expected, truth, strict=True)
+    ]
+    names = [str(k) for k in range(len(places))]
+    problem = Bundle.of(axes, [names[k] for k in location], cell.jig, Hands(cell.robot, joints), names)
     own = [T_sensor_jig[i : i + 1] for i in range(len(joints))]
     answer = solve_problem(problem, own, cell.T_hand_sensor_design, CalibConfig(model=model))
     return (answer.T_hand_sensor.inverse() @ true_scp).log()

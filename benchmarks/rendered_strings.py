@@ -1,4 +1,4 @@
-"""Rendered frames of a jig's strings and what extraction makes of them, for the benchmarks of σ."""
+"""RenderedFrame frames of a jig's strings and what extraction makes of them, for the benchmarks of σ."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from extraction.spots.pipeline import sheet_scale
 from extraction.spots.prepare import prepare
 from geometry import Pose, Sensor, SurfacePoints, exp_so3
 from jig_cad import Jig
-from perceptron_emu import EmulatorConfig, Frame, Material, Scene, render
-from workbench.cell.presets import find_sensor
+from perceptron_emu import EmulatorConfig, Material, RenderedFrame, Scene, render
+from workbench.cell import find_emulator, find_sensor
 
 Array = NDArray[np.float64]
 
@@ -29,31 +29,32 @@ TILT_DEG, SPREAD = (25.0, 25.0, 30.0), (0.09, 0.03, 0.09)  # of the jig's poses;
 
 
 @dataclass(frozen=True)
-class Optics:
+class Emulated:
     """A sensor with its emulation."""
 
     name: str
     sensor: Sensor
     emulator: EmulatorConfig
 
-    def plain(self) -> Optics:
+    def plain(self) -> Emulated:
         """The same without speckle."""
         return replace(self, emulator=self.emulator.off("speckle"))
 
 
-def optics(name: str) -> Optics:
+def optics(name: str) -> Emulated:
     """A preset; "nominal-0" is the nominal sensor whose dark pixels lie at grey level 0, "fine" one of 12 bits, 5
     million pixels of 3.45 µm.
     """
-    sensor = find_sensor("nominal" if name in ("nominal-0", "fine") else name)
-    model, emulator = sensor.model, sensor.emulator
+    preset = "nominal" if name in ("nominal-0", "fine") else name
+    model = find_sensor(preset)
+    emulator = find_emulator(preset)
     if name == "nominal-0":
         model = model.with_camera(black_level=0.0)
     if name == "fine":
         fine = {"width_px": 2448, "height_px": 2048, "cx_px": 1223.5, "cy_px": 1023.5, "fx_px": 4400.0, "fy_px": 4400.0}
         model = model.with_camera(**fine, bit_depth=12, black_level=60.0)
         emulator = emulator.model_copy(update={"optics": emulator.optics.model_copy(update={"pixel_um": 3.45})})
-    return Optics(name, model, emulator)
+    return Emulated(name, model, emulator)
 
 
 def random_thread(rng: np.random.Generator) -> Material:
@@ -62,7 +63,7 @@ def random_thread(rng: np.random.Generator) -> Material:
     return Material(float(rng.uniform(0.15, 0.7)), gloss, float(rng.uniform(0.15, 0.5)))
 
 
-def scene(seen_by: Optics, diameter_mm: float, rng: np.random.Generator) -> Scene:
+def scene(seen_by: Emulated, diameter_mm: float, rng: np.random.Generator) -> Scene:
     """The nominal jig with strings of a diameter and a random thread, in the middle of the view at a random pose."""
     sensor = seen_by.sensor
     middle = image_to_sheet(sensor, np.array([[sensor.camera.width_px / 2, sensor.camera.height_px / 2]]))[0][0]
@@ -73,7 +74,7 @@ def scene(seen_by: Optics, diameter_mm: float, rng: np.random.Generator) -> Scen
     return Scene(sensor, jig, Pose(rotation, centre - rotation @ [50.0, 0, 43.0]), string_material=random_thread(rng))
 
 
-def frames(seen_by: Optics, diameter_mm: float, count: int, rng: np.random.Generator) -> list[Frame]:
+def frames(seen_by: Emulated, diameter_mm: float, count: int, rng: np.random.Generator) -> list[RenderedFrame]:
     """Frames of as many random poses."""
     return [render(scene(seen_by, diameter_mm, rng), seen_by.emulator, rng) for _ in range(count)]
 
@@ -84,7 +85,7 @@ def along_across(axis_rad: float) -> Array:
     return np.array([[c, s], [-s, c]])
 
 
-def matches(frame: Frame, points: SurfacePoints) -> Iterator[tuple[int, int]]:
+def matches(frame: RenderedFrame, points: SurfacePoints) -> Iterator[tuple[int, int]]:
     """String and spot of every well seen string, apart from others, whose spot has no flag."""
     size = np.array(frame.image.shape[::-1])
     seen = [(n, s) for n, s in enumerate(frame.truth.strings) if np.all(np.isfinite(s.image_px))]
@@ -109,7 +110,7 @@ def budgets(image: np.ndarray, sensor: Sensor, config: ExtractionConfig) -> tupl
     return spots.uv_px, all_errors(spots, np.arange(len(spots)), noise).budget
 
 
-def spot_errors(rendered: Sequence[Frame], sensor: Sensor, config: ExtractionConfig) -> tuple[Array, Array]:
+def spot_errors(rendered: Sequence[RenderedFrame], sensor: Sensor, config: ExtractionConfig) -> tuple[Array, Array]:
     """Errors (N, 2) and variances (N, 2) along and across the light of all spots [px]."""
     errors, variances = [], []
     for frame in rendered:

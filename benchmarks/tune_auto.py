@@ -12,27 +12,31 @@ import argparse
 import sys
 import tempfile
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from extraction import ExtractionConfig
-from geometry import draw_errors
+from geometry import Sensor, draw_errors
 from jig_cad import Jig, sample_tolerance
 from perceptron_emu import EmulatorConfig
 from workbench import defaults
-from workbench.cell.presets import DESIGN_SCP, find_robot, find_sensor
-from workbench.cell.starter import PLACES, place_of_jig
-from workbench.cell.surroundings import jig_bodies, sees_all_strings, wall_behind
-from workbench.emulate.record import TrueCell, record, with_joint_noise
-from workbench.files import Cell, SensorDescription
-from workbench.opened.image_set import ImageRequest, open_images
-from workbench.plan.views import ViewProblem, plan_views
-from workbench.tune.cost import Score
-from workbench.tune.judge import judge
-from workbench.tune.search import search
-from workbench.tune.task import make_task
+from workbench.cell import (
+    DESIGN_SCP,
+    PLACES,
+    find_robot,
+    find_sensor,
+    jig_bodies,
+    place_of_jig,
+    sees_all_strings,
+    wall_behind,
+)
+from workbench.emulate import TrueCell, record, with_joint_noise
+from workbench.files import Cell, stated_optics
+from workbench.opened import ImageRequest, open_images
+from workbench.plan import ViewProblem, plan_views
+from workbench.tune import Score, judge, make_task, search
 
 PER_LOCATION = 8
 WRONG = {
@@ -162,12 +166,10 @@ def record_cell(variant: Variant, folder: Path) -> Cell:
     true = TrueCell(
         robot.corrected(draw_errors(robot, rng)), true_jig, DESIGN_SCP, places, dict.fromkeys(places, solids)
     )
-    sees_all = sees_all_strings(sensor.model, jig, solids)
+    sees_all = sees_all_strings(sensor, jig, solids)
     views = []
     for name, pose in places.items():
-        planned = plan_views(
-            ViewProblem(robot, sensor.model, jig, pose, DESIGN_SCP, sees_all=sees_all), PER_LOCATION, rng
-        )
+        planned = plan_views(ViewProblem(robot, sensor, jig, pose, DESIGN_SCP, sees_all=sees_all), PER_LOCATION, rng)
         views += [(name, "calibrate", joints) for joints in planned.joints_rad]
     cell = Cell(
         folder=folder,
@@ -177,14 +179,15 @@ def record_cell(variant: Variant, folder: Path) -> Cell:
         frames=(),
         T_hand_sensor_design=DESIGN_SCP,
         name=variant.name,
+        emulator=EmulatorConfig.model_validate(variant.emulation),
     )
     return record(folder, cell, true, with_joint_noise(views, true.robot, rng), variant.seed)
 
 
-def other_sensor(base: SensorDescription, variant: Variant) -> SensorDescription:
-    """The demo's sensor with the variant's geometry and emulation."""
-    model = base.model.with_camera(**variant.geometry)
-    return SensorDescription(model, EmulatorConfig.model_validate(variant.emulation), variant.emulation)
+def other_sensor(base: Sensor, variant: Variant) -> Sensor:
+    """The demo's sensor with the variant's geometry and stated optics."""
+    optics = stated_optics(EmulatorConfig.model_validate(variant.emulation))
+    return replace(base.with_camera(**variant.geometry), optics=optics)
 
 
 if __name__ == "__main__":

@@ -1,28 +1,16 @@
-"""From string points and robot readings to the sensor centre position, with its uncertainty. Knows no image."""
+"""From points and robot readings to the sensor centre position, with its uncertainty. Knows no image."""
 
 from calib.calibrate import calibrate
 from calib.config import CalibConfig
-from calib.observation import FrameObservation, Observations
-from calib.result import (
-    CalibrationResult,
-    DesignSolved,
-    Distances,
-    FramePoints,
-    FrameResult,
-    LocationResult,
-    Verdict,
-)
+from calib.result import CalibrationResult, DesignSolved, Distances, Estimate, LocationResult, Verdict
 
 __all__ = [
     "CalibConfig",
     "CalibrationResult",
     "DesignSolved",
     "Distances",
-    "FrameObservation",
-    "FramePoints",
-    "FrameResult",
+    "Estimate",
     "LocationResult",
-    "Observations",
     "Verdict",
     "calibrate",
 ]

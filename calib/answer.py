@@ -1,116 +1,134 @@
-"""The answer of calibrate, put together from an estimate, the figures and the verdict."""
+"""The answer of calibrate: figures by location, points by frame, the verdict and the estimate."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.assemble import Chains, by_location, frame_distances, frame_result, location_figures
-from calib.bundle.uncertainty import printed_sigmas
 from calib.config import CalibConfig
-from calib.observation import Observations
-from calib.result import SIGMA_HOLDS, CalibrationResult, FrameResult, LocationResult, Verdict
-from calib.stations import Station
-from geometry import Pose, RobotModel
-from jig_cad import Jig
+from calib.figures import Fit, agreeing_pose, fit_location, max_deviation, spread_3d
+from calib.hands import chain_poses
+from calib.pose import own_poses
+from calib.result import CalibrationResult, DesignSolved, Distances, Estimate, LocationResult, Verdict
+from geometry import Frame, Pose, Robot, SheetPoints, Target, locations_of, stack_poses
 
 Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+Chain = tuple[Pose, Robot | None]  # an SCP and the robot that carries it
+
+_NONE = DesignSolved(None, None)
 
 
 @dataclass(frozen=True, eq=False)
-class Estimate:
-    """What a method says: the SCP with its covariance, and which frames and points it left out.
+class Figures:
+    """A location's result, with the fit by the solved chain (or by design where there is none) and own poses."""
 
-    reasons: why a used frame was left out after all, by its number. outliers: its outlying points (N,), by its number.
-    The other fields are those of CalibrationResult.
-    """
-
-    T_hand_sensor: Pose
-    covariance: Array
-    robot: RobotModel | None
-    robot_delta: Array
-    robot_sigma: Array
-    chi2_per_dof: float
-    degrees_of_freedom: int
-    converged: bool
-    iterations: int
-    initial_cost: float
-    final_cost: float
-    condition: float
-    noise: dict[str, float]
-    reasons: dict[int, str] = field(default_factory=dict)
-    outliers: dict[int, Mask] = field(default_factory=dict)
-    anchors_delta_mm: Array = field(default_factory=lambda: np.zeros((6, 3)))
-    anchors_sigma_mm: Array = field(default_factory=lambda: np.zeros((6, 3)))
-    weak_directions: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
-
-
-_OWN = ("reasons", "outliers")  # the other fields go into the result as they are
-_SOLVED = (  # withheld where the covariance is not true
-    "T_hand_sensor",
-    "covariance",
-    "robot",
-    "robot_delta",
-    "robot_sigma",
-    "anchors_delta_mm",
-    "anchors_sigma_mm",
-    "weak_directions",
-)
+    result: LocationResult
+    fit: Fit | None
+    own: Mapping[int, Pose]
 
 
 def answer(
-    observations: Observations,
-    ready: tuple[Station, ...],
-    jig: Jig,
-    robot: RobotModel | None,
+    frames: tuple[Frame, ...],
+    target: Target,
+    robot: Robot | None,
+    design: Pose,
     config: CalibConfig,
     verdict: Verdict,
     estimate: Estimate | None,
 ) -> CalibrationResult:
     """Everything that calibrate says; ``estimate`` is None where the data were refused."""
-    design = observations.T_hand_sensor_design
     solved = None if estimate is None else (estimate.T_hand_sensor, estimate.robot)
-    locations, frames = dict[str, LocationResult](), dict[int, FrameResult]()
-    for name, group in by_location(observations, ready).items():
-        figures = location_figures(group, jig, Chains((design, robot), solved))
-        distances = frame_distances(group, figures.fit)
-        locations[name] = figures.result
-        for s in group:
-            number = s.observation.frame
-            reason, flags = _marks(s, estimate)
-            frames[number] = frame_result(s, reason, flags, distances.get(number), figures.own.get(number))
-    n = 0 if robot is None else robot.n_joints
-    empty = CalibrationResult(
-        method=config.method,
-        model=config.model,
-        verdict=verdict,
-        T_hand_sensor_design=design,
-        locations=locations,
-        frames=tuple(frames[s.observation.frame] for s in ready),
-        robot=robot,
-        robot_delta=np.zeros((5, n)),
-        robot_sigma=np.zeros((5, n)),
+    locations, done = dict[str, LocationResult](), dict[int, Frame]()
+    holds = CalibrationResult("", "", verdict, design, {}, (), robot, estimate).trusted is not None
+    for name, group in locations_of(frames).items():
+        figures = location_figures(group, target, (design, robot), solved)
+        locations[name] = figures.result if holds else replace(figures.result, T_base_target=None)
+        done |= {f.number: f for f in _answered(group, figures, estimate)}
+    ordered = tuple(done[f.number] for f in frames)
+    return CalibrationResult(config.method, config.model, verdict, design, locations, ordered, robot, estimate)
+
+
+def location_figures(group: Sequence[Frame], target: Target, design: Chain, solved: Chain | None) -> Figures:
+    """All figures of one location from its labelled frames."""
+    role = group[0].role
+    usable = measured(group)
+    if not usable:
+        return Figures(
+            LocationResult(role, None, _NONE, _NONE, _NONE, Distances((), np.zeros(0), np.zeros(0))), None, {}
+        )
+    points = SheetPoints.of([f.axis for f in usable], target.features)
+    by_design = _sensors(usable, design)
+    sensors = by_design if solved is None else _sensors(usable, solved)
+    fit = fit_location(points, sensors, target, _start(usable, sensors))
+    design_fit = fit_location(points, by_design, target, _start(usable, by_design))
+    own = own_poses(target, usable, sensors.inverse() @ fit.T_base_target)
+    complete = [i for i, f in enumerate(usable) if set(f.axis.label) == set(target.features) and f.number in own]
+    own_stack = stack_poses([own[usable[i].number] for i in complete])
+    origins = (by_design[complete] @ own_stack).t
+    solved_origins = np.zeros((0, 3)) if solved is None else (sensors[complete] @ own_stack).t
+    length, solved_length = (np.linalg.norm(o, axis=-1) for o in (origins, solved_origins))
+    result = LocationResult(
+        role,
+        fit.T_base_target if solved else None,
+        DesignSolved(max_deviation(length), max_deviation(solved_length)),
+        DesignSolved(spread_3d(origins), spread_3d(solved_origins)),
+        DesignSolved(design_fit.rms_mm, fit.rms_mm if solved else None),
+        Distances(tuple(usable[i].number for i in complete), length, solved_length),
     )
-    if estimate is None:
-        return empty
-    taken = {f.name: getattr(estimate, f.name) for f in fields(Estimate) if f.name not in _OWN}
-    if verdict.code not in SIGMA_HOLDS:
-        places = {name: replace(place, T_base_jig=None) for name, place in locations.items()}
-        return replace(empty, locations=places, **{k: v for k, v in taken.items() if k not in _SOLVED})
-    rotation, translation = printed_sigmas(estimate.T_hand_sensor, estimate.covariance)
-    return replace(empty, **taken, sigma_rotation_deg=rotation, sigma_translation_mm=translation)
+    return Figures(result, fit, own)
 
 
-def _marks(s: Station, estimate: Estimate | None) -> tuple[str | None, list[str]]:
-    """Why a frame does not count, and its points' flags with the outliers of the solution marked."""
-    flags = list(s.axis.flag) if s.axis.flag else [""] * len(s.axis)
-    if estimate is None:
-        return s.reason, flags
-    out = estimate.outliers.get(s.observation.frame)
-    if out is not None:
-        flags = ["outlier" if out[k] else f for k, f in enumerate(flags)]
-    return s.reason or estimate.reasons.get(s.observation.frame), flags
+def location_pose(group: Sequence[Frame], target: Target, chain: Chain) -> Pose | None:
+    """T_base_target fitted to all frames of a location by a chain, None where none is usable."""
+    usable = measured(group)
+    if not usable:
+        return None
+    sensors = _sensors(usable, chain)
+    points = SheetPoints.of([f.axis for f in usable], target.features)
+    return fit_location(points, sensors, target, _start(usable, sensors)).T_base_target
+
+
+def measured(group: Sequence[Frame]) -> list[Frame]:
+    """The frames that have labelled points and nothing against them."""
+    return [f for f in group if f.usable and len(f.axis)]
+
+
+def _answered(group: Sequence[Frame], figures: Figures, estimate: Estimate | None) -> list[Frame]:
+    """The frames with what became of them: reason, flags of outliers, distances of points, own poses."""
+    distances = {}
+    if figures.fit is not None:
+        distances = {f.number: figures.fit.distance_mm[i, : len(f.axis)] for i, f in enumerate(measured(group))}
+    out = []
+    for f in group:
+        flag = f.axis.flag or ("",) * len(f.axis)
+        reason = f.reason
+        if estimate is not None:
+            outlying = estimate.outliers.get(f.number)
+            if outlying is not None:
+                flag = tuple("outlier" if outlying[k] else one for k, one in enumerate(flag))
+            reason = reason or estimate.reasons.get(f.number)
+        out.append(
+            replace(
+                f,
+                axis=replace(f.axis, flag=flag),
+                reason=reason,
+                used=reason is None,
+                residual_mm=distances.get(f.number, np.full(len(f.axis), np.nan)),
+                T_sensor_target=figures.own.get(f.number),
+            )
+        )
+    return out
+
+
+def _start(usable: Sequence[Frame], sensors: Pose) -> Pose:
+    """Where most frames have the target."""
+    return agreeing_pose([sensors[i] @ f.candidates for i, f in enumerate(usable)])[0]
+
+
+def _sensors(usable: Sequence[Frame], chain: Chain) -> Pose:
+    """Ts_base_sensor of frames by a chain."""
+    T_hand_sensor, robot = chain
+    return chain_poses(usable, robot) @ T_hand_sensor

@@ -1,199 +1,228 @@
-"""From observed frames to the sensor centre position: labels, axis points, poses, SCP, verdict."""
+"""From measured frames to the sensor centre position: labels, axis points, poses, SCP, verdict."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
-import numpy as np
-from numpy.typing import NDArray
-
-from calib.answer import Estimate, answer
-from calib.assemble import by_location, location_pose
-from calib.bundle.solution import Solution, make_problem, solve_problem
+from calib.answer import answer, location_pose
+from calib.bundle import Solution, make_bundle, solve_problem
 from calib.config import CalibConfig, Model
-from calib.estimate import bundle_estimate, bundle_facts
-from calib.given_jigs import given_jig_notes
-from calib.hand_joints import hand_pose_notes, with_joints
-from calib.judge.culprit import culprit
-from calib.judge.culprit_jig import wrong_jig
-from calib.judge.model_choice import choose_model, left_out_rms
-from calib.judge.verdict import Motion, judge, judge_motion, misfit_limit, motion
-from calib.label.relabel import relabel, settled
-from calib.observation import Observations
-from calib.paper.check import checked
-from calib.paper.estimate import Starts, paper_estimate, paper_frames
-from calib.result import CalibrationResult, Verdict
-from calib.stations import Station, label, stations
-from geometry import InputError, Pose, RobotModel, stack_poses
+from calib.given_places import given_place_notes
+from calib.hands import hand_pose_notes, placed, with_joints
+from calib.judge import (
+    bundle_estimate,
+    bundle_facts,
+    choose_model,
+    culprit,
+    frames_motion,
+    judge,
+    judge_motion,
+    left_out_rms,
+    misfit_limit,
+    wrong_jig,
+)
+from calib.label import label_frames, relabel, settled
+from calib.paper import Starts, checked, paper_estimate, paper_frames
+from calib.result import CalibrationResult, Estimate, Verdict
+from geometry import Frame, InputError, Pose, Robot, Sensor, Target, locations_of
 from jig_cad import Jig
-
-Array = NDArray[np.float64]
 
 CONTRADICTED = ("not_converged", "outliers", "rotation_too_small", "too_few_poses")
 
 
 @dataclass(frozen=True, eq=False)
-class Problem:
-    """What calibrate was given, its defaults filled in."""
+class Setup:
+    """What calibrate was given beside the frames."""
 
-    observations: Observations
-    jig: Jig
-    robot: RobotModel | None
+    target: Target
+    robot: Robot | None
+    sensor: Sensor
+    design: Pose
+    places: Mapping[str, Pose]
     config: CalibConfig
+
+    def with_config(self, **changes: object) -> Setup:
+        """The same with some settings changed."""
+        return replace(self, config=self.config.model_copy(update=changes))
 
 
 @dataclass(frozen=True, eq=False)
-class _Solved:
-    """The bundle's verdict with its answer; ``used``: the stations of the solution's frames."""
+class Solved:
+    """The bundle's verdict with its answer; ``used``: the frames of the solution."""
 
     verdict: Verdict
     estimate: Estimate | None = None
     solution: Solution | None = None
-    used: tuple[Station, ...] = ()
+    used: tuple[Frame, ...] = field(default=())
 
 
 def calibrate(
-    observations: Observations, jig: Jig, robot: RobotModel | None, config: CalibConfig | None = None
+    frames: Sequence[Frame],
+    target: Target,
+    robot: Robot | None,
+    sensor: Sensor,
+    T_hand_sensor: Pose,
+    places: Mapping[str, Pose] | None = None,
+    config: CalibConfig | None = None,
 ) -> CalibrationResult:
     """Solve the sensor centre position from all frames with role calibrate; judge it on all locations.
 
-    robot: its nominal table; None where every frame has T_base_hand. Raises InputError where the input can not be used
-    at all; data from which no trustworthy answer follows give a result whose verdict says why.
+    Parameters
+    ----------
+    frames : sequence of Frame
+        With the points that extraction found (or labelled ones), and joint readings or hand poses.
+    target : Target
+        What was measured, at every location.
+    robot : Robot or None
+        Nominal; None where every frame has T_base_hand.
+    sensor : Sensor
+        Whose frame {P} the points are in.
+    T_hand_sensor : Pose
+        The SCP by design: some millimetres and degrees off.
+    places : mapping of str to Pose, optional
+        T_base_target of locations where it is known; it then decides between symmetric poses.
+    config : CalibConfig, optional
+
+    Returns
+    -------
+    CalibrationResult
+        Also for data from which no trustworthy answer follows: its verdict says why.
+
+    Raises
+    ------
+    InputError
+        Where the input can not be used at all.
+
+    References
+    ----------
+    Jeong & Kang, Autonomous Sensor Center Position Calibration with Linear Laser-Vision Sensor, 2003.
     """
-    if not observations.frames:
+    if not frames:
         raise InputError("the dataset has no frames")
-    config = config or CalibConfig()
-    observations = with_joints(observations, robot)
-    p = Problem(observations, jig, robot, config)
-    ready, solved = _prepare(p)
-    if config.method == "paper":
-        result = _paper(p, ready, solved)
+    setup = Setup(target, robot, sensor, T_hand_sensor, places or {}, config or CalibConfig())
+    given = with_joints(frames, robot)
+    labelled, solved = _prepare(setup, given)
+    if setup.config.method == "paper":
+        result = _paper(setup, labelled, solved)
     elif solved.solution is None or not solved.verdict.trustworthy:
-        result = answer(observations, ready, jig, robot, config, solved.verdict, solved.estimate)
+        result = _answer(setup, labelled, solved)
     else:
-        kept, scores, words = _choose(p, solved.solution, solved.used)
-        if kept.config.model != config.model:
-            solved = _solve(kept, ready, solved.solution.T_hand_sensor)
-        result = answer(observations, ready, jig, robot, kept.config, solved.verdict, solved.estimate)
-        result = replace(result, left_out_rms_mm=scores, notes=(*result.notes, words, *_lonely(observations)))
-    result = replace(result, verdict=_named(result.verdict, ready, jig, robot))
-    return replace(result, notes=(*result.notes, *_remarks(p, ready, result)))
+        chosen, scores, words = _choose(setup, solved.solution, solved.used)
+        if chosen.config.model != setup.config.model:
+            solved = _solve(chosen, labelled, solved.solution.T_hand_sensor)
+        result = _answer(chosen, labelled, solved)
+        result = replace(result, left_out_rms_mm=scores, remarks=(words, *_lonely(given)))
+    verdict = _named(result.verdict, setup, labelled)
+    return replace(result, verdict=verdict, remarks=(*result.remarks, *_remarks(setup, labelled, result)))
 
 
-def _named(verdict: Verdict, ready: tuple[Station, ...], jig: Jig, robot: RobotModel | None) -> Verdict:
-    """The verdict on data that contradict one another, with what the motions say of the cause before all else."""
-    if verdict.code not in CONTRADICTED:
-        return verdict
-    found = wrong_jig(ready, jig) or culprit(ready, jig, robot)
-    return replace(verdict, text=f"{found}. In all, {verdict.text}") if found else verdict
-
-
-def _prepare(p: Problem) -> tuple[tuple[Station, ...], _Solved]:
+def _prepare(setup: Setup, given: tuple[Frame, ...]) -> tuple[tuple[Frame, ...], Solved]:
     """Labels and axis points by design, then by the solved chain, with the bundle's answer; for both methods.
 
     The paper's iteration leaves labels and surface offsets open, and its own solution is too coarse to find them.
     """
-    model: Model = "scp" if p.config.method == "paper" else p.config.model
-    b = replace(p, config=p.config.model_copy(update={"method": "bundle", "model": model}))
-    o, design = p.observations, p.observations.T_hand_sensor_design
-    ready = label(stations(o, p.robot), o.sensor, design, o.T_base_jig, p.jig, b.config)
-    solved = _solve(b, ready, design)
-    for _ in range(p.config.relabel_rounds if any(f.axis is None for f in o.frames) else 0):
+    model: Model = "scp" if setup.config.method == "paper" else setup.config.model
+    s = setup.with_config(method="bundle", model=model)
+    labelled = label_frames(placed(given, s.robot), s.target, s.sensor, s.design, s.places, s.config)
+    solved = _solve(s, labelled, s.design)
+    open_labels = any(not f.labels_given for f in given)
+    for _ in range(s.config.relabel_rounds if open_labels else 0):
         if solved.solution is None or not solved.verdict.trustworthy:
             break
-        again = _relabel(b, ready, solved.solution, solved.used)
-        if settled(ready, again):
+        again = _relabel(s, given, labelled, solved.solution)
+        if settled(labelled, again):
             break
-        ready = again
-        solved = _solve(b, ready, solved.solution.T_hand_sensor)
-    return ready, solved
+        labelled = again
+        solved = _solve(s, labelled, solved.solution.T_hand_sensor)
+    return labelled, solved
 
 
-def _paper(p: Problem, ready: tuple[Station, ...], solved: _Solved) -> CalibrationResult:
-    """The paper's answer to the prepared frames; the bundle's tells mirrors and outliers and judges it."""
-    verdict, bundle = solved.verdict, solved.estimate
-    design, trusted = p.observations.T_hand_sensor_design, bundle if verdict.trustworthy else None
-    outlying = {**trusted.reasons, **trusted.outliers} if trusted is not None else {}
-    used = tuple(s for s in ready if s.observation.role == "calibrate" and s.usable)
-    frames = paper_frames(used, p.jig, outlying)
-    moved = _motion(frames.stations)
-    early = judge_motion(moved, p.config)
-    if early is not None:
-        return answer(p.observations, ready, p.jig, p.robot, p.config, early, None)
-    starts = Starts(design, design if trusted is None else trusted.T_hand_sensor)
-    estimate, facts = paper_estimate(frames, p.jig, p.robot, starts, p.config)
-    own = judge(facts, moved, p.config)
-    return answer(p.observations, ready, p.jig, p.robot, p.config, checked(own, estimate, verdict, bundle), estimate)
+def _solve(setup: Setup, labelled: tuple[Frame, ...], T_hand_sensor: Pose) -> Solved:
+    """Solve the usable calibrate frames by the bundle, or say why they can not be."""
+    used = tuple(f for f in labelled if f.role == "calibrate" and f.usable)
+    moved = frames_motion(used)
+    verdict = judge_motion(moved, setup.config)
+    if verdict is not None:
+        return Solved(verdict)
+    bundle = make_bundle(used, setup.target, setup.robot, setup.config)
+    solution = solve_problem(bundle, [f.candidates for f in used], T_hand_sensor, setup.config)
+    refused = tuple(f for f in labelled if f.role == "calibrate" and f.reason == "not_labelled" and len(f.axis))
+    facts = bundle_facts(solution, used, refused)
+    return Solved(judge(facts, moved, setup.config), bundle_estimate(solution, used, setup.config), solution, used)
 
 
-def _remarks(p: Problem, ready: tuple[Station, ...], result: CalibrationResult) -> tuple[str, ...]:
-    """What is to be said of given jig poses and hand poses."""
-    o = p.observations
-    chain, groups = (result.T_hand_sensor or o.T_hand_sensor_design, result.robot), by_location(o, ready)
-    found = {n: T for n in o.T_base_jig if n in groups and (T := location_pose(groups[n], p.jig, chain)) is not None}
-    hands = hand_pose_notes(o, p.config.hand_floor_mm, p.config.hand_floor_deg)
-    return (*given_jig_notes(o.T_base_jig, found, p.jig), *hands)
+def _relabel(
+    setup: Setup, given: tuple[Frame, ...], labelled: tuple[Frame, ...], solution: Solution
+) -> tuple[Frame, ...]:
+    """Labels and axis points again, with the solved chain; given places still decide the half turn."""
+    chain = (solution.T_hand_sensor, solution.robot)
+    others = {n: g for n, g in locations_of(labelled).items() if n not in solution.places}
+    found = {n: T for n, g in others.items() if (T := location_pose(g, setup.target, chain)) is not None}
+    fresh = placed(given, solution.robot)
+    places = solution.places | found
+    return relabel(labelled, fresh, setup.target, setup.sensor, chain[0], places, setup.places, setup.config)
 
 
-def _lonely(observations: Observations) -> tuple[str, ...]:
-    """A sentence for every location with a single frame, which tells nothing: its name may be misspelt."""
-    names = [f.location for f in observations.frames]
-    lonely = [n for n in dict.fromkeys(names) if names.count(n) == 1]
-    others = [n for n in dict.fromkeys(names) if n not in lonely]
-    return tuple(
-        f'location "{n}" has frame {observations.frames[names.index(n)].frame} alone and tells nothing of the SCP: '
-        f"is it one of {', '.join(others)}?"
-        for n in lonely
-        if others
-    )
-
-
-def _choose(p: Problem, solution: Solution, used: tuple[Station, ...]) -> tuple[Problem, dict[str, float], str]:
+def _choose(setup: Setup, solution: Solution, used: tuple[Frame, ...]) -> tuple[Setup, dict[str, float], str]:
     """Keep the model asked for unless it predicts locations that it did not see worse than scp alone."""
-    asked = p.config.model
+    asked = setup.config.model
     models: tuple[Model, ...] = ("scp",) if asked == "scp" else ("scp", asked)
-    scores = {m: left_out_rms(solution, used, p.config, m) for m in models}
-    fits = solution.nominal <= misfit_limit(solution.dof, p.config.misfit_chi2)
+    scores = {m: left_out_rms(solution, used, setup.config, m) for m in models}
+    fits = solution.nominal <= misfit_limit(solution.dof, setup.config.misfit_chi2)
     model, words = choose_model(scores, asked, nominal_fits=fits)
     known: dict[str, float] = {m: rms for m, rms in scores.items() if rms is not None}
     if asked == "scp":
         words = f"leaving one location out, its points are predicted to {known['scp']:.3f} mm" if known else words
-    return replace(p, config=p.config.model_copy(update={"model": model})), known, words
+    return setup.with_config(model=model), known, words
 
 
-def _solve(p: Problem, ready: tuple[Station, ...], T_hand_sensor: Pose) -> _Solved:
-    """Solve the usable calibrate frames by the bundle, or say why they can not be."""
-    used = tuple(s for s in ready if s.observation.role == "calibrate" and s.usable)
-    moved = _motion(used)
-    verdict = judge_motion(moved, p.config)
-    if verdict is not None:
-        return _Solved(verdict)
-    problem = make_problem(used, p.jig, p.robot, p.config)
-    solution = solve_problem(problem, [s.candidates for s in used], T_hand_sensor, p.config)
-    facts = bundle_facts(solution, used, _refused(ready))
-    return _Solved(judge(facts, moved, p.config), bundle_estimate(solution, used, p.config), solution, used)
+def _paper(setup: Setup, labelled: tuple[Frame, ...], solved: Solved) -> CalibrationResult:
+    """The paper's answer to the prepared frames; the bundle's tells mirrors and outliers and judges it."""
+    if not isinstance(setup.target, Jig):
+        raise InputError("the paper's method measures a pillar of strings: use --method bundle for other targets")
+    trusted = solved.estimate if solved.verdict.trustworthy else None
+    outlying = {**trusted.reasons, **trusted.outliers} if trusted is not None else {}
+    used = tuple(f for f in labelled if f.role == "calibrate" and f.usable)
+    frames = paper_frames(used, setup.target, outlying)
+    moved = frames_motion(frames.frames)
+    early = judge_motion(moved, setup.config)
+    if early is not None:
+        return _answer(setup, labelled, Solved(early))
+    starts = Starts(setup.design, setup.design if trusted is None else trusted.T_hand_sensor)
+    estimate, facts = paper_estimate(frames, setup.target, setup.robot, starts, setup.config)
+    verdict = checked(judge(facts, moved, setup.config), estimate, solved.verdict, solved.estimate)
+    return _answer(setup, labelled, Solved(verdict, estimate))
 
 
-def _motion(used: tuple[Station, ...]) -> Motion:
-    names = list(dict.fromkeys(s.observation.location for s in used))
-    place = np.array([names.index(s.observation.location) for s in used], dtype=np.intp)
-    firsts = stack_poses([s.candidates[0] for s in used])
-    return motion(stack_poses([s.T_base_hand for s in used]), firsts, place)
+def _answer(setup: Setup, labelled: tuple[Frame, ...], solved: Solved) -> CalibrationResult:
+    return answer(labelled, setup.target, setup.robot, setup.design, setup.config, solved.verdict, solved.estimate)
 
 
-def _refused(ready: tuple[Station, ...]) -> tuple[Station, ...]:
-    """Calibrate frames whose given labels no pose of the jig explains."""
-    return tuple(s for s in ready if s.observation.role == "calibrate" and s.reason == "not_labelled" and len(s.axis))
+def _named(verdict: Verdict, setup: Setup, labelled: tuple[Frame, ...]) -> Verdict:
+    """The verdict on data that contradict one another, with what the motions say of the cause before all else."""
+    if verdict.code not in CONTRADICTED or not isinstance(setup.target, Jig):
+        return verdict
+    found = wrong_jig(labelled, setup.target) or culprit(labelled, setup.target, setup.robot)
+    return replace(verdict, text=f"{found}. In all, {verdict.text}") if found else verdict
 
 
-def _relabel(
-    p: Problem, ready: tuple[Station, ...], solution: Solution, used: tuple[Station, ...]
-) -> tuple[Station, ...]:
-    """Labels and axis points again, with the solved chain; given jig poses still decide the half turn."""
-    chain, groups = (solution.T_hand_sensor, solution.robot), by_location(p.observations, ready)
-    names = dict.fromkeys(s.observation.location for s in used)
-    T_base_jig = {n: solution.bundle.state.Ts_base_jig[k] for k, n in enumerate(names)}
-    others = {n: g for n, g in groups.items() if n not in T_base_jig}
-    T_base_jig |= {n: T for n, g in others.items() if (T := location_pose(g, p.jig, chain)) is not None}
-    fresh = stations(p.observations, solution.robot)
-    return relabel(ready, fresh, p.observations, chain[0], T_base_jig, p.jig, p.config)
+def _remarks(setup: Setup, labelled: tuple[Frame, ...], result: CalibrationResult) -> tuple[str, ...]:
+    """What is to be said of given places and hand poses."""
+    chain, groups = (result.T_hand_sensor or setup.design, result.robot), locations_of(labelled)
+    seen = {n: location_pose(groups[n], setup.target, chain) for n in setup.places if n in groups}
+    found = {n: T for n, T in seen.items() if T is not None}
+    hands = hand_pose_notes(labelled, setup.config.hand_floor_mm, setup.config.hand_floor_deg)
+    return (*given_place_notes(setup.places, found, setup.target), *hands)
+
+
+def _lonely(frames: tuple[Frame, ...]) -> tuple[str, ...]:
+    """A sentence for every location with a single frame, which tells nothing: its name may be misspelt."""
+    groups = locations_of(frames)
+    others = [n for n, group in groups.items() if len(group) > 1]
+    return tuple(
+        f'location "{n}" has frame {group[0].number} alone and tells nothing of the SCP: '
+        f"is it one of {', '.join(others)}?"
+        for n, group in groups.items()
+        if len(group) == 1 and others
+    )

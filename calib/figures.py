@@ -1,4 +1,4 @@
-"""The figures of a location: the paper's Fig. 7, the 3-D spread, and the points' distances from their strings."""
+"""The figures of a location: the paper's Fig. 7, the 3-D spread, and the points' distances from their target."""
 
 from __future__ import annotations
 
@@ -8,51 +8,62 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.bundle.problem import Points
-from geometry import Pose, skew
+from calib import engine
+from geometry import Block, Linearised, Pose, SheetPoints, State, Target, Unknowns, cross
 
 Array = NDArray[np.float64]
 
-_ITERATIONS = 30
 _STEP_MM = 1e-9
 _MEAN_ITERATIONS = 2
+_FIT_TOLERANCE = 1e-8  # of a place, in units of its points' unit weight [mm]
 
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A location's jig pose fitted to all its frames; distance_mm (F, M) of points from strings, NaN where absent."""
+    """A target's place fitted to all frames of a location; distance_mm (F, M) of points from it, NaN where absent."""
 
-    T_base_jig: Pose
+    T_base_target: Pose
     distance_mm: Array
     rms_mm: float
 
 
-def fit_location(points: Points, Ts_base_sensor: Pose, anchors_mm: Array, start: Pose) -> Fit:
-    """The pose T_base_jig with the least sum of squared perpendicular distances of the points from their strings.
+@dataclass(frozen=True, eq=False)
+class OffsetsFromTarget:
+    """The evidence that points (N, 3), base axes, lie on a target's features, all weighted alike [mm].
 
-    points: F frames of one location. Ts_base_sensor (F): by the chain. anchors_mm (A, 3): nominal or of the
-    jig's file.
+    Unknown: "target", the one place T_base_target.
     """
-    xyz = np.concatenate([np.zeros((*points.present.shape, 1)), points.yz_mm], -1)
-    in_base = (Ts_base_sensor @ xyz)[points.present]
-    starts = (points.start_weights @ anchors_mm)[points.present]
-    along = (points.end_weights @ anchors_mm)[points.present] - starts
-    unit = along / np.linalg.norm(along, axis=-1, keepdims=True)
-    across = np.eye(3) - unit[:, :, None] * unit[:, None, :]  # (N, 3, 3)
-    pose = start
-    for _ in range(_ITERATIONS):
-        p = pose.inverse() @ in_base
-        r = (across @ (p - starts)[..., None]).reshape(-1)
-        J = np.concatenate([-across, across @ skew(p)], -1).reshape(-1, 6)
-        step = np.linalg.lstsq(J, -r, rcond=None)[0]
-        pose = pose @ Pose.exp(step)
-        if np.max(np.abs(step)) < _STEP_MM:
-            break
-    offset = (across @ ((pose.inverse() @ in_base) - starts)[..., None])[..., 0]
-    distance = np.full(points.present.shape, np.nan)
-    distance[points.present] = np.linalg.norm(offset, axis=-1)
-    rms = float(np.sqrt(np.nanmean(distance**2))) if len(offset) else float("nan")
-    return Fit(pose, distance, rms)
+
+    points_mm: Array
+    feature: NDArray[np.intp]
+    target: Target
+
+    def residual(self, state: State) -> Array:
+        """Perpendicular offsets (N, c)."""
+        return self.target.offset(state.pose("target").inverse() @ self.points_mm, self.feature)[0]
+
+    def linearise(self, state: State) -> Linearised:
+        """With T·Exp((ρ, ω)) a point q, target axes, moves by -(ρ + ω × q)."""
+        q = state.pose("target").inverse() @ self.points_mm
+        offset, gradient = self.target.offset(q, self.feature)
+        by_pose = np.concatenate([-gradient, -cross(q[:, None, :], gradient)], -1)
+        weights = np.broadcast_to(np.eye(offset.shape[1]), (len(q), *offset.shape[1:], offset.shape[1]))
+        return Linearised(offset, {"target": by_pose}, weights)
+
+
+def fit_location(points: SheetPoints, Ts_base_sensor: Pose, target: Target, start: Pose) -> Fit:
+    """The place T_base_target with the least sum of squared perpendicular distances of the points from the target.
+
+    points: F frames of one location. Ts_base_sensor (F): by the chain.
+    """
+    seen = points.present
+    term = OffsetsFromTarget((Ts_base_sensor @ points.xyz_mm)[seen], points.feature[seen], target)
+    unknowns = Unknowns((Block.pose("target", free=target.freedom),))
+    result = engine.solve([term], unknowns, State({"target": start}), tolerance=_FIT_TOLERANCE)
+    distance = np.full(seen.shape, np.nan)
+    distance[seen] = np.linalg.norm(term.residual(result.state), axis=-1)
+    rms = float(np.sqrt(np.nanmean(distance**2))) if np.any(seen) else float("nan")
+    return Fit(result.state.pose("target"), distance, rms)
 
 
 def max_deviation(distances_mm: Array) -> float | None:

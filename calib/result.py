@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.observation import Role
-from geometry import Pose, RobotModel
+from calib.printed import printed_sigmas
+from geometry import Frame, Pose, Robot, Role
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 Code = Literal[
     "ok",
     "model_misfit",
@@ -44,32 +46,6 @@ class Verdict:
         return self.code in TRUSTWORTHY
 
 
-@dataclass(frozen=True, eq=False)
-class FramePoints:
-    """The labelled points of one frame as used; ``residual_mm`` is the perpendicular distance from the string."""
-
-    label: tuple[str, ...] = ()
-    uv_px: Array = field(default_factory=lambda: np.zeros((0, 2)))  # NaN where only (y, z) was given
-    yz_mm: Array = field(default_factory=lambda: np.zeros((0, 2)))
-    sigma_yz_mm: Array = field(default_factory=lambda: np.zeros((0, 2)))
-    residual_mm: Array = field(default_factory=lambda: np.zeros(0))  # NaN where the location has no pose
-    flag: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True, eq=False)
-class FrameResult:
-    """One frame: whether its points entered (calibrate: the solution, verify: the figures), else why not."""
-
-    frame: int
-    location: str
-    role: Role
-    used: bool
-    reason: str | None
-    points: FramePoints
-    image: str = ""
-    T_sensor_jig: Pose | None = None  # this frame's own pose, from its points alone
-
-
 @dataclass(frozen=True)
 class DesignSolved:
     """One figure with the design SCP and nominal robot, and with what was solved; None where it can not be formed."""
@@ -92,7 +68,7 @@ class LocationResult:
     """One place of the jig."""
 
     role: Role
-    T_base_jig: Pose | None
+    T_base_target: Pose | None
     max_deviation_mm: DesignSolved
     spread_3d_mm: DesignSolved
     point_rms_mm: DesignSolved
@@ -100,14 +76,77 @@ class LocationResult:
 
 
 @dataclass(frozen=True, eq=False)
+class Estimate:
+    """What a method says of SCP, robot and shape, and which frames and points it left out.
+
+    Parameters
+    ----------
+    T_hand_sensor : Pose
+    covariance : ndarray (6, 6)
+        Of ξ in T = T̂·Exp(ξ), sensor axes [mm, rad].
+    robot : Robot or None
+        With its corrections; None where only hand poses are known.
+    robot_delta, robot_sigma : ndarray (P,)
+        Corrections of ``robot.parameters`` and their σ, after the data or the prior's where considered.
+    shape_delta, shape_sigma : ndarray (S,)
+        Of the target's shape unknowns.
+    chi2_per_dof, degrees_of_freedom, converged, iterations, initial_cost, final_cost
+        Of the fit.
+    condition : float
+        Scaled condition number of the SCP, nuisances marginalised.
+    noise : dict
+        The σ that made the weights, by name.
+    reasons : dict of int to str
+        Why a frame that was tried was left out after all, by its number.
+    outliers : dict of int to ndarray (N,) of bool
+        Its outlying points, by its number.
+    weak_directions, notes : tuple of str
+        In words.
+    """
+
+    T_hand_sensor: Pose
+    covariance: Array
+    robot: Robot | None
+    robot_delta: Array
+    robot_sigma: Array
+    chi2_per_dof: float
+    degrees_of_freedom: int
+    converged: bool
+    iterations: int
+    initial_cost: float
+    final_cost: float
+    condition: float
+    noise: dict[str, float]
+    shape_delta: Array = field(default_factory=lambda: np.zeros(0))
+    shape_sigma: Array = field(default_factory=lambda: np.zeros(0))
+    reasons: dict[int, str] = field(default_factory=dict)
+    outliers: dict[int, Mask] = field(default_factory=dict)
+    weak_directions: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
 class CalibrationResult:
     """The answer of calibrate.
 
-    T_hand_sensor: the SCP, None where the data give none or none whose σ would be true (the figures of ``locations``
-    then show the fit for diagnosis alone). covariance: of ξ in T = T̂·Exp(ξ), sensor axes (6, 6)
-    [mm, rad]. sigma_rotation_deg, sigma_translation_mm: of the six printed numbers, hand axes (3,).
-    robot: the nominal robot, with its corrections where the model estimates any. robot_sigma: (5, n) in the order of
-    geometry.PARAMETERS, after the data (the prior's where considered). weak_directions: in words.
+    Parameters
+    ----------
+    method, model : str
+        As solved.
+    verdict : Verdict
+    T_hand_sensor_design : Pose
+        The SCP that was given.
+    locations : dict of str to LocationResult
+    frames : tuple of Frame
+        As used: labelled, with residuals, own poses and the reason why not.
+    nominal_robot : Robot or None
+        As given.
+    estimate : Estimate or None
+        What the method says; None where the data were refused before solving. Where the verdict says that its σ would
+        not be true, T_hand_sensor and covariance below withhold it, and the figures of ``locations`` show the fit for
+        diagnosis alone.
+    left_out_rms_mm : dict of str to float
+        Rms distance of points at locations left out, by model.
     """
 
     method: str
@@ -115,24 +154,65 @@ class CalibrationResult:
     verdict: Verdict
     T_hand_sensor_design: Pose
     locations: dict[str, LocationResult]
-    frames: tuple[FrameResult, ...]
-    robot: RobotModel | None
-    robot_delta: Array
-    robot_sigma: Array
-    chi2_per_dof: float | None = None
-    T_hand_sensor: Pose | None = None
-    covariance: Array | None = None
-    sigma_rotation_deg: Array | None = None
-    sigma_translation_mm: Array | None = None
-    anchors_delta_mm: Array = field(default_factory=lambda: np.zeros((6, 3)))
-    anchors_sigma_mm: Array = field(default_factory=lambda: np.zeros((6, 3)))
-    converged: bool = False
-    iterations: int = 0
-    initial_cost: float | None = None
-    final_cost: float | None = None
-    degrees_of_freedom: int = 0
-    condition: float | None = None  # scaled condition number of the SCP, nuisances marginalised
-    noise: dict[str, float] = field(default_factory=dict)  # σ that made the weights
-    weak_directions: tuple[str, ...] = ()
-    left_out_rms_mm: dict[str, float] = field(default_factory=dict)  # leave-one-location-out, by model
-    notes: tuple[str, ...] = ()
+    frames: tuple[Frame, ...]
+    nominal_robot: Robot | None
+    estimate: Estimate | None = None
+    left_out_rms_mm: dict[str, float] = field(default_factory=dict)
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def trusted(self) -> Estimate | None:
+        """The estimate, unless its covariance would not say how wrong it is."""
+        return self.estimate if self.verdict.code in SIGMA_HOLDS else None
+
+    @property
+    def T_hand_sensor(self) -> Pose | None:
+        """The SCP, None where the data give none or none whose σ would be true."""
+        return None if self.trusted is None else self.trusted.T_hand_sensor
+
+    @property
+    def covariance(self) -> Array | None:
+        """Of ξ in T = T̂·Exp(ξ), sensor axes (6, 6) [mm, rad]; None where withheld."""
+        return None if self.trusted is None else self.trusted.covariance
+
+    @property
+    def sigma_rotation_deg(self) -> Array | None:
+        """σ of the three printed angles, hand axes (3,)."""
+        return None if self.trusted is None else self._printed[0]
+
+    @property
+    def sigma_translation_mm(self) -> Array | None:
+        """σ of the three printed lengths, hand axes (3,)."""
+        return None if self.trusted is None else self._printed[1]
+
+    @cached_property
+    def _printed(self) -> tuple[Array, Array]:
+        e = self.trusted
+        return printed_sigmas(e.T_hand_sensor, e.covariance) if e is not None else (np.zeros(3), np.zeros(3))
+
+    @property
+    def robot(self) -> Robot | None:
+        """The robot with its corrections where the model estimates any, else as given."""
+        return self.nominal_robot if self.trusted is None else self.trusted.robot
+
+    @property
+    def robot_delta(self) -> Array:
+        """Corrections (P,) of the robot's parameters, zero where none belong to the answer."""
+        if self.trusted is not None:
+            return self.trusted.robot_delta
+        return np.zeros(0 if self.nominal_robot is None else len(self.nominal_robot.parameters))
+
+    @property
+    def weak_directions(self) -> tuple[str, ...]:
+        """What the data can not tell apart, in words."""
+        return () if self.trusted is None else self.trusted.weak_directions
+
+    @property
+    def chi2_per_dof(self) -> float | None:
+        """χ² per degree of freedom of the fit; None where nothing was solved."""
+        return None if self.estimate is None else self.estimate.chi2_per_dof
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Remarks on the data and on the answer."""
+        return (*(() if self.estimate is None else self.estimate.notes), *self.remarks)

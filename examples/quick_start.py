@@ -2,15 +2,16 @@
 
 import numpy as np
 
-from calib import FrameObservation, Observations, calibrate
+from calib import calibrate
 from extraction import extract
-from geometry import Pose
+from geometry import Frame, Pose
 from perceptron_emu import Scene, render
-from workbench.cell.presets import find_jig, find_robot, find_sensor
-from workbench.plan.views import ViewProblem, plan_views
+from workbench.cell import find_emulator, find_jig, find_robot, find_sensor
+from workbench.plan import ViewProblem, plan_views
 
 rng = np.random.default_rng(7)
 sensor, jig, robot = find_sensor("nominal"), find_jig("paper"), find_robot("abb_irb6640_180_255")
+emulator = find_emulator("nominal")  # light, lens, noise and exposure of its images
 
 # T_a_b maps b-coordinates to a. The SCP by design, and where the sensor really sits (Table 1 of the paper).
 design = Pose.from_fixed_xyz_deg((0, 0, 20), (-17, -76, 117))
@@ -22,14 +23,14 @@ places = {"A": Pose(upright, np.array([1700.0, -400.0, 800.0])), "B": Pose(uprig
 
 frames = []
 for location, T_base_jig in places.items():
-    views = plan_views(ViewProblem(robot, sensor.model, jig, T_base_jig, design), 7, rng)
+    views = plan_views(ViewProblem(robot, sensor, jig, T_base_jig, design), 7, rng)
     for joints in views.joints_rad:
         T_sensor_jig = (robot.pose(joints) @ T_hand_sensor).inverse() @ T_base_jig
-        frame = render(Scene(sensor.model, jig, T_sensor_jig), sensor.emulator, rng)
-        spots = extract(frame.image, sensor.model)
-        frames.append(FrameObservation(len(frames), location, "calibrate", spots, joints_rad=joints))
+        image = render(Scene(sensor, jig, T_sensor_jig), emulator, rng).image
+        spots = extract(image, sensor)
+        frames.append(Frame(len(frames), location, points=spots, joints_rad=joints))
 
-result = calibrate(Observations(tuple(frames), sensor.model, design), jig, robot)
+result = calibrate(frames, jig, robot, sensor, design)
 
 print(f"verdict: {result.verdict.code}, {result.verdict.text}")
 if result.T_hand_sensor is not None:

@@ -34,9 +34,9 @@ def check_image(image: object, sensor: Sensor) -> Image:
         )
     if image.dtype == np.uint8 and camera.bit_depth > 8:
         raise InputError(f"the image has 8 bits but [image] bit_depth of the sensor is {camera.bit_depth}")
-    if image.dtype == np.uint16 and int(image.max()) > camera.saturation_dn:
+    if image.dtype == np.uint16 and int(image.max()) > camera.full_scale_dn:
         raise InputError(
-            f"the image holds grey level {int(image.max())}, above the {camera.saturation_dn} of "
+            f"the image holds grey level {int(image.max())}, above the {camera.full_scale_dn} of "
             f"[image] bit_depth = {camera.bit_depth}"
         )
     return image

@@ -1,13 +1,13 @@
 """Ground floor: poses, lines, the sensor, the robot, measured points and errors (numpy and scipy only)."""
 
 from geometry.errors import InputError, MissingDependencyError, NoAnswerError, PerceptronEmuError, did_you_mean
+from geometry.frame import NO_POSES, Frame, Role, locations_of
 from geometry.lines import cross_plane_x0, distance_to_line
-from geometry.points import AxisPoints, SurfacePoints
+from geometry.points import AxisPoints, SheetPoints, SurfacePoints
 from geometry.pose import Pose, cross, exp_so3, log_so3, nearest_rotation, quaternion_wxyz, skew, stack_poses
 from geometry.robot import (
     CONVENTIONS,
     DH_ROWS,
-    PARAMETERS,
     TYPICAL_SIGMA,
     Arm,
     ChainJoint,
@@ -21,7 +21,6 @@ from geometry.robot import (
     JointDeviation,
     Parameter,
     Robot,
-    RobotModel,
     RobotUncertainty,
     all_solutions,
     corrected_origins,
@@ -37,16 +36,18 @@ from geometry.robot import (
     with_beta_prior,
 )
 from geometry.sensor import Camera, Sensor, Sheet, field_of_view, inside_polygon
-from geometry.target import Symmetry
+from geometry.target import Prediction, Shape, Surface, Symmetry, Target
+from geometry.unknowns import Block, Linearised, State, Step, Term, Unknowns
 from geometry.writing import toml_value, write_bytes, write_text
 
 __all__ = [
     "CONVENTIONS",
     "DH_ROWS",
-    "PARAMETERS",
+    "NO_POSES",
     "TYPICAL_SIGMA",
     "Arm",
     "AxisPoints",
+    "Block",
     "Camera",
     "ChainJoint",
     "Compliance",
@@ -54,22 +55,33 @@ __all__ = [
     "Corrected",
     "DhRobot",
     "DhRow",
+    "Frame",
     "GivenPoses",
     "InputError",
     "InverseKinematics",
     "JointDeviation",
+    "Linearised",
     "MissingDependencyError",
     "NoAnswerError",
     "Parameter",
     "PerceptronEmuError",
     "Pose",
+    "Prediction",
     "Robot",
-    "RobotModel",
     "RobotUncertainty",
+    "Role",
     "Sensor",
+    "Shape",
     "Sheet",
+    "SheetPoints",
+    "State",
+    "Step",
+    "Surface",
     "SurfacePoints",
     "Symmetry",
+    "Target",
+    "Term",
+    "Unknowns",
     "all_solutions",
     "corrected_origins",
     "cross",
@@ -84,6 +96,7 @@ __all__ = [
     "inside_polygon",
     "interpret",
     "inverse_kinematics",
+    "locations_of",
     "log_so3",
     "nearest_rotation",
     "quaternion_wxyz",

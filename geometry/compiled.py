@@ -11,9 +11,10 @@ from __future__ import annotations
 
 import hashlib
 import logging
+import sys
 import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from enum import Enum
 from pathlib import Path
 from types import ModuleType
@@ -23,6 +24,9 @@ import numba
 import numpy as np
 from numba.core.caching import InTreeCacheLocator, UserProvidedCacheLocator, UserWideCacheLocator
 
+# LLVM's leave to take values for finite; none to reorder sums, to divide by reciprocals or to fuse products with sums,
+# which gives other last bits on a processor of another width or with other instructions
+_FINITE = {"nnan", "ninf", "nsz"}
 _PLACES: tuple[Any, ...] = (UserProvidedCacheLocator, InTreeCacheLocator, UserWideCacheLocator)
 _settings: Any = numba.config
 F = TypeVar("F", bound=Callable[..., object])
@@ -45,7 +49,8 @@ def kernel(
     function
         A function of numbers, arrays and named tuples of them that calls numpy, `math` and other kernels only.
     fastmath
-        Sums may be reordered for the vector unit: only where NaN and infinity can not occur.
+        Only where NaN and infinity can not occur: minima and maxima are then the vector unit's. Sums keep their order
+        and no product is fused with a sum, so that every processor gives the same last bits.
     inline
         Written out in its callers, as numba's `inline="always"`; without, the compiler decides by itself.
     parallel
@@ -69,7 +74,8 @@ def kernel(
     """
 
     def compiled(function: F) -> F:
-        options: dict[str, Any] = {"error_model": "numpy", "nogil": True, "fastmath": fastmath, "parallel": parallel}
+        options: dict[str, Any] = {"error_model": "numpy", "nogil": True, "parallel": parallel}
+        options["fastmath"] = _FINITE if fastmath else False
         options["inline"] = "always" if inline else "never"
         options["no_cfunc_wrapper"] = True  # nobody calls them from C, and it compiles faster
         with _own_cache(function) as cache:
@@ -84,8 +90,9 @@ class KernelCacheLocator:
 
     def __init__(self, function: Callable[..., object], file: str, folder: str) -> None:
         self._py_file = file  # numba's remarks name it
-        self._folder = folder
-        self._stamp = _module_stamp(function)
+        self._folder = Path(folder)
+        self._files = f"{Path(file).stem}.{function.__qualname__}-".replace("<", "").replace(">", "")
+        self._stamp = _module_stamp(function.__module__, file, function.__globals__)
 
     @classmethod
     def from_function(cls, function: Callable[..., object], file: str) -> KernelCacheLocator | None:
@@ -98,19 +105,26 @@ class KernelCacheLocator:
 
     def get_cache_path(self) -> str:
         """The folder."""
-        return self._folder
+        return str(self._folder)
 
     def ensure_cache_path(self) -> None:
-        """Make the folder where it has gone."""
-        Path(self._folder).mkdir(parents=True, exist_ok=True)
+        """Called before a kernel is written: makes the folder, and removes what was compiled of other source."""
+        self._folder.mkdir(parents=True, exist_ok=True)
+        for file in self._folder.glob(f"{self._files}*.nb[ic]"):
+            if not file.name.startswith(self._files + self.get_disambiguator()):
+                with suppress(OSError):  # another process has it open, or was quicker
+                    file.unlink()
 
     def get_source_stamp(self) -> str:
         """The hash of all that the kernel is made of: compared with the kept one's."""
         return self._stamp
 
     def get_disambiguator(self) -> str:
-        """The same for all, where numba takes the line number: an edited file leaves no stale files behind."""
-        return "kernel"
+        """Part of the files' names, where numba has the line number.
+
+        What was compiled of other source is not even opened: it may speak of classes that are no more.
+        """
+        return self._stamp[:16]
 
 
 @contextmanager
@@ -147,13 +161,13 @@ _said = False
 _stamps: dict[str, str] = {}  # module name → stamp
 
 
-def _module_stamp(function: Callable[..., object]) -> str:
-    """Hash of a module's file and of what it had imported when its first kernel was met."""
-    name = function.__module__
+def _module_stamp(name: str, file: str, names: Mapping[str, object]) -> str:
+    """Hash of a module's file and of what it has imported, when its first kernel is met."""
     if name not in _stamps:
+        _stamps[name] = ""  # its own names, met on the way, are in its file
         digest = hashlib.sha256(_OWN)
-        digest.update(Path(function.__code__.co_filename).read_bytes())
-        for key, value in sorted(function.__globals__.items()):
+        digest.update(Path(file).read_bytes())
+        for key, value in sorted(names.items()):
             if not key.startswith("__"):
                 digest.update(f"{key}={_fingerprint(value)};".encode())
         _stamps[name] = digest.hexdigest()
@@ -161,7 +175,9 @@ def _module_stamp(function: Callable[..., object]) -> str:
 
 
 def _fingerprint(value: object) -> str:
-    """What of an imported name can change compiled code: plain data by value, kernels and modules of them by stamp."""
+    """What of an imported name can change compiled code: plain data by value, kernels and named tuples by the stamp of
+    the module they come from.
+    """
     if isinstance(value, (bool, int, float, complex, str, np.generic, np.dtype, Enum)):
         return repr(value)
     if isinstance(value, tuple):
@@ -171,7 +187,9 @@ def _fingerprint(value: object) -> str:
     if isinstance(value, type) and issubclass(value, Enum):
         return repr(list(value))
     if isinstance(value, type) and issubclass(value, tuple):
-        return f"{value.__qualname__}{getattr(value, '__annotations__', {})}"
+        module = sys.modules.get(value.__module__)
+        file = getattr(module, "__file__", None)
+        return _module_stamp(value.__module__, file, vars(module)) if module and file else repr(value)
     name = value.__name__ if isinstance(value, ModuleType) else getattr(value, "__module__", None)
     return _stamps.get(str(name), "")
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +11,10 @@ from numpy.typing import NDArray
 from geometry.errors import InputError
 
 Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+Mask = NDArray[np.bool_]
+
+_SIGMA_FLOOR_MM = 1e-6  # exact points must not make the weights infinite
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,10 +84,62 @@ class AxisPoints:
         """The points (0, y, z) in {P} (N, 3)."""
         return np.column_stack([np.zeros(len(self)), self.yz_mm])
 
+    @property
+    def sigma_yz_mm(self) -> Array:
+        """σ of y and z (N, 2) [mm]."""
+        return np.sqrt(np.diagonal(self.cov_yz_mm2, axis1=-2, axis2=-1))
+
     @staticmethod
     def empty() -> AxisPoints:
         """No points."""
         return AxisPoints((), np.zeros(0, dtype=np.intp), np.zeros((0, 2)), np.zeros((0, 2, 2)), ())
+
+
+@dataclass(frozen=True, eq=False)
+class SheetPoints:
+    """Points of F frames in the laser plane, filled up to M a frame.
+
+    Parameters
+    ----------
+    yz_mm : ndarray (F, M, 2)
+        In {P} [mm].
+    cov_mm2 : ndarray (F, M, 2, 2)
+        Unit where absent.
+    present : ndarray (F, M) of bool
+    feature : ndarray (F, M) of int
+        Which of the target's features each point lies on.
+    """
+
+    yz_mm: Array
+    cov_mm2: Array
+    present: Mask
+    feature: Index
+
+    @staticmethod
+    def of(frames: Sequence[AxisPoints], features: Sequence[str]) -> SheetPoints:
+        """Labelled points of frames, side by side; the labels are names of ``features``."""
+        number = {name: i for i, name in enumerate(features)}
+        shape = (len(frames), max(1, max((len(f) for f in frames), default=0)))
+        yz, present, feature = np.zeros((*shape, 2)), np.zeros(shape, dtype=bool), np.zeros(shape, dtype=np.intp)
+        covariance = np.broadcast_to(np.eye(2), (*shape, 2, 2)).copy()
+        for i, f in enumerate(frames):
+            n = len(f)
+            yz[i, :n], present[i, :n], feature[i, :n] = f.yz_mm, True, [number[label] for label in f.label]
+            covariance[i, :n] = f.cov_yz_mm2 + np.eye(2) * _SIGMA_FLOOR_MM**2
+        return SheetPoints(yz, covariance, present, feature)
+
+    def __len__(self) -> int:
+        """The number of frames."""
+        return len(self.yz_mm)
+
+    def __getitem__(self, index: Index) -> SheetPoints:
+        """The frames of ``index``."""
+        return SheetPoints(self.yz_mm[index], self.cov_mm2[index], self.present[index], self.feature[index])
+
+    @property
+    def xyz_mm(self) -> Array:
+        """The points (0, y, z) in {P} (F, M, 3)."""
+        return np.concatenate([np.zeros((*self.present.shape, 1)), self.yz_mm], -1)
 
 
 def _check_columns(points: SurfacePoints | AxisPoints, n: int, shapes: dict[str, tuple[int, ...]]) -> None:

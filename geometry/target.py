@@ -1,11 +1,19 @@
-"""What every kind of target says of itself."""
+"""What every kind of target says of itself: the protocol, what it predicts, and a base for surfaces."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Protocol
 
-from geometry.pose import Pose
+import numpy as np
+from numpy.typing import NDArray
+
+from geometry.points import SheetPoints
+from geometry.pose import Pose, cross
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,3 +32,91 @@ class Symmetry:
     def relabelled(self, label: str) -> str:
         """The name under T @ pose of a point that is ``label`` under T."""
         return next(name for name, onto in self.renaming.items() if onto == label)
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """What a target makes of measured points: k residuals [mm] a point, zero where a point is absent.
+
+    residual (F, M, k). by_pose (F, M, k, 6): by ξ of T_sensor_target·Exp(ξ). by_shape (F, M, k, S). by_point
+    (F, M, k, 2): by the measured (y, z), through which the point's covariance acts; None where the residual is
+    predicted less measured.
+    """
+
+    residual: Array
+    by_pose: Array
+    by_shape: Array
+    by_point: Array | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """What of a target's own form is not known exactly: names and prior σ (S,) of its shape unknowns, 0 a priori."""
+
+    labels: tuple[str, ...] = ()
+    sigma: Array = field(default_factory=lambda: np.zeros(0))
+
+
+class Target(Protocol):
+    """What is measured. Everything that solves knows a target by this alone."""
+
+    @property
+    def features(self) -> tuple[str, ...]:
+        """Names of what a point can lie on: strings, or one name for a surface."""
+
+    @property
+    def shape(self) -> Shape:
+        """Its shape unknowns."""
+
+    @property
+    def symmetries(self) -> tuple[Symmetry, ...]:
+        """Motions that carry it onto itself, the identity left out."""
+
+    @property
+    def freedom(self) -> tuple[bool, ...]:
+        """Which of the six components of its pose, target axes, can be seen at all: a sphere does not show a turn."""
+
+    @property
+    def residuals_per_point(self) -> int:
+        """The number k of residuals that a point gives."""
+
+    def predict(self, T_sensor_target: Pose, shape: Array, points: SheetPoints) -> Prediction:
+        """Residuals of F frames' points at the poses (F) and shape (S,), with their derivatives."""
+
+    def offset(self, points_mm: Array, feature: Index) -> tuple[Array, Array]:
+        """How far points (N, 3), target axes, are from its features (N,), and the derivative by the point.
+
+        Perpendicular offsets (N, c) [mm], as vectors or as one signed number, and (N, c, 3).
+        """
+
+
+class Surface:
+    """Base of targets whose points lie on one surface: a subclass gives ``offset`` as one signed distance.
+
+    The residual is the distance itself.
+    """
+
+    features: tuple[str, ...] = ("surface",)
+    shape: Shape = Shape()
+    symmetries: tuple[Symmetry, ...] = ()
+    freedom: tuple[bool, ...] = (True,) * 6
+    residuals_per_point = 1
+
+    def offset(self, points_mm: Array, feature: Index) -> tuple[Array, Array]:
+        """Signed distance (N, 1) [mm] of points (N, 3) from the surface, and its gradient (N, 1, 3)."""
+        raise NotImplementedError
+
+    def predict(self, T_sensor_target: Pose, shape: Array, points: SheetPoints) -> Prediction:
+        """Distances of the points from the surface.
+
+        A point q, target axes, moves by -(ρ + ω × q) with T·Exp((ρ, ω)).
+        """
+        q = T_sensor_target.inverse() @ points.xyz_mm  # (F, M, 3)
+        distance, gradient = (
+            x.reshape(*q.shape[:2], *x.shape[1:]) for x in self.offset(q.reshape(-1, 3), points.feature.ravel())
+        )
+        seen = points.present[..., None]
+        n = gradient * seen[..., None]
+        by_pose = np.concatenate([-n, -cross(q[..., None, :], n)], -1)
+        by_point = n @ np.swapaxes(T_sensor_target.R, -1, -2)[:, None]  # (F, M, 1, 3) in {P}
+        return Prediction(distance * seen, by_pose, np.zeros((*seen.shape, 0)), by_point[..., 1:])

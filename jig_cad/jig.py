@@ -9,7 +9,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import InputError, Symmetry, did_you_mean
+from geometry import InputError, Pose, Prediction, Shape, SheetPoints, Symmetry, did_you_mean
+from jig_cad.crossing import offset_from_lines, predict_crossings
 from jig_cad.pillar import ANCHORS, DEFAULT_STRINGS, STRINGS, Pillar, half_turn, nominal_anchors, pillar_of
 from jig_cad.symmetry import symmetries_of
 
@@ -133,6 +134,36 @@ class Jig:
         _check_names(self)
         _check_anchors(self)
         _check_lengths(self)
+
+    @property
+    def features(self) -> tuple[str, ...]:
+        """The strings: what a point can lie on."""
+        return self.strings
+
+    @cached_property
+    def shape(self) -> Shape:
+        """Shifts of every anchor in y and z: uniform within ± half of the tolerance, none where they were measured."""
+        sigma = 0.0 if self.measured else self.tolerance_mm / np.sqrt(12)
+        labels = tuple(f"{a}.{axis}" for a in self.anchors for axis in ("y", "z"))
+        return Shape(labels, np.full(len(labels), float(sigma)))
+
+    @property
+    def freedom(self) -> tuple[bool, ...]:
+        """A set of strings shows all six components of its pose."""
+        return (True,) * 6
+
+    @property
+    def residuals_per_point(self) -> int:
+        """The crossing's y and z."""
+        return 2
+
+    def predict(self, T_sensor_target: Pose, shape: Array, points: SheetPoints) -> Prediction:
+        """Crossings of the strings with the laser plane less the measured points."""
+        return predict_crossings(self.anchors_mm, self.start_index, self.end_index, T_sensor_target, shape, points)
+
+    def offset(self, points_mm: Array, feature: NDArray[np.intp]) -> tuple[Array, Array]:
+        """Perpendicular offsets (N, 3) [mm] of points from their strings, and their derivatives (N, 3, 3)."""
+        return offset_from_lines(points_mm, self.starts[feature], self.directions[feature])
 
     @property
     def nominal_anchors_mm(self) -> Array:

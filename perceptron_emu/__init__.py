@@ -10,7 +10,7 @@ from perceptron_emu.pipeline import mean_electrons, render
 from perceptron_emu.scene import ALUMINIUM, BLACK_PLATE, MATTE, WALL, Material, Scene, Solid, panel
 from perceptron_emu.scene_file import SceneFile, Surroundings, read_scene, read_surroundings
 from perceptron_emu.solids import hidden_by_solid
-from perceptron_emu.truth import Frame, FrameTruth, SheetCurve, StringTruth
+from perceptron_emu.truth import RenderedFrame, RenderedTruth, SheetCurve, StringTruth
 
 __all__ = [
     "ALUMINIUM",
@@ -18,9 +18,9 @@ __all__ = [
     "MATTE",
     "WALL",
     "EmulatorConfig",
-    "Frame",
-    "FrameTruth",
     "Material",
+    "RenderedFrame",
+    "RenderedTruth",
     "Scene",
     "SceneFile",
     "SheetCurve",

@@ -16,8 +16,9 @@ from perceptron_emu.lens import (
 from perceptron_emu.light import axis_meets_sheet_mm, cylinders, faces_in_sheet
 from perceptron_emu.scene import Scene
 
-MIN_TRANSMISSION = 1e-3
-LARGEST_BLUR_PX = 0.1  # of the image's width
+MIN_TRANSMISSION = 1e-3  # of the filter: a frame of 200 grey levels would show none of them
+PARALLEL = 1e-6  # of a string's direction across the sheet: it would be met kilometres away
+LARGEST_BLUR = 0.1  # of the image's width, a radius: no spot could be told from its neighbour
 
 
 def check_scene(scene: Scene) -> None:
@@ -26,7 +27,7 @@ def check_scene(scene: Scene) -> None:
     in_view = False
     if scene.jig is not None:
         strings = cylinders(scene.jig, scene.T_sensor_jig)
-        if np.all(np.abs(strings.directions[:, 0]) < 1e-6):
+        if np.all(np.abs(strings.directions[:, 0]) < PARALLEL):
             raise InputError("the laser sheet is parallel to all strings of the jig: turn the jig")
         crossed = ~np.isnan(strings.crossing[:, 0])
         if not np.any(crossed):
@@ -60,7 +61,7 @@ def check_optics(sensor: Sensor, config: EmulatorConfig) -> None:
         )
     ray = sensor.sheet.origin_mm + np.array([0.0, 0.0, axis_meets_sheet_mm(sensor)])
     blur = float(defocus_radius_px(optics, sensor, to_camera(sensor, ray)))
-    if blur > LARGEST_BLUR_PX * sensor.require_camera().width_px:
+    if blur > LARGEST_BLUR * sensor.require_camera().width_px:
         raise InputError(
             f"[optics] focus_distance_mm = {focus:g} at F/{optics.f_number:g} blurs the middle of the sheet to "
             f"{2 * blur:.0f} px: focus nearer to where the camera looks"

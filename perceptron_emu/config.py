@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
-
-from geometry import InputError
+from pydantic import BaseModel, ConfigDict, Field
 
 
 class Section(BaseModel):
@@ -58,7 +55,7 @@ class OpticsConfig(Section):
     filter_index: Annotated[float, Field(gt=1, description="effective index that rules the shift with angle")] = 2.0
 
 
-class SurfaceConfig(Section):
+class ThreadConfig(Section):
     """[surface]: the strings' thread, unless the scene says otherwise."""
 
     diffuse: Annotated[float, Field(ge=0, le=1, description="albedo of the matte part")] = 0.6
@@ -147,44 +144,12 @@ class EmulatorConfig(Section):
 
     laser: LaserConfig = LaserConfig()
     optics: OpticsConfig = OpticsConfig()
-    surface: SurfaceConfig = SurfaceConfig()
+    surface: ThreadConfig = ThreadConfig()
     speckle: SpeckleConfig = SpeckleConfig()
     ambient: AmbientConfig = AmbientConfig()
     noise: NoiseConfig = NoiseConfig()
     exposure: ExposureConfig = ExposureConfig()
     motion: MotionConfig = MotionConfig()
-
-    @classmethod
-    def sections(cls) -> dict[str, tuple[str, ...]]:
-        """The emulator's keys by table, so that a reader of sensor.toml can tell them from the geometry's and from
-        mistakes.
-        """
-        sections = {name: field.annotation for name, field in cls.model_fields.items()}
-        return {
-            name: tuple(s.model_fields)
-            for name, s in sections.items()
-            if isinstance(s, type) and issubclass(s, Section)
-        }
-
-    @classmethod
-    def from_tables(cls, tables: Mapping[str, Any]) -> EmulatorConfig:
-        """The configuration in the tables of a sensor.toml; keys and tables that are not the emulator's are passed
-        over.
-
-        Raises InputError naming table and key where a value can not be.
-        """
-        known = cls.sections()
-        own = {
-            name: {key: value for key, value in tables[name].items() if key in keys}
-            for name, keys in known.items()
-            if isinstance(tables.get(name), Mapping)
-        }
-        try:
-            return cls.model_validate(own)
-        except ValidationError as error:
-            first = error.errors()[0]
-            table, *key = (str(part) for part in first["loc"])
-            raise InputError(f"[{table}] {'.'.join(key)} = {first['input']!r}: {first['msg']}") from error
 
     def off(self, *effects: str) -> EmulatorConfig:
         """The same configuration with the named effects switched off: any of "noise", "speckle", "ambient"."""

@@ -16,7 +16,7 @@ from perceptron_emu.config import EmulatorConfig
 from perceptron_emu.image import ambient_electrons, draw
 from perceptron_emu.light import LitScene, Moment, light_scene, moments, moved, thread_of
 from perceptron_emu.scene import Scene
-from perceptron_emu.truth import Frame, FrameTruth, label_names, pixel_labels, sheet_curve, string_truths
+from perceptron_emu.truth import RenderedFrame, RenderedTruth, label_names, pixel_labels, sheet_curve, string_truths
 
 Float32 = NDArray[np.float32]
 
@@ -28,7 +28,7 @@ def render(
     *,
     full_truth: bool = False,
     renderer: Literal["own", "pyrender"] = "own",
-) -> Frame:
+) -> RenderedFrame:
     """The image that the sensor delivers of the scene, and what is known of it.
 
     rng draws two keys, for speckle and for the chip's noise; the same state gives the same bytes. Without config: its
@@ -51,7 +51,7 @@ def render(
     else:
         image = expose(electrons, config.noise, scene.sensor, exposure.time_ms * 1e-3, noise_key)
     now = lit[0] if len(path) == 1 else find_light(scene, config)
-    return Frame(image, _truth(scene, lit, path, now, config, full_truth))
+    return RenderedFrame(image, _truth(scene, lit, path, now, config, full_truth))
 
 
 @lru_cache(maxsize=64)
@@ -105,10 +105,10 @@ def _electrons_at(scene: Scene, lit: LitScene, moment: Moment, config: EmulatorC
 
 def _truth(
     scene: Scene, lit: list[LitScene], path: list[Moment], now: LitScene, config: EmulatorConfig, full: bool
-) -> FrameTruth:
+) -> RenderedTruth:
     pose = scene.T_sensor_jig if scene.jig else None
     strings = string_truths(lit, [m.rows for m in path], now, scene.sensor)
     if not full:
-        return FrameTruth(pose, strings)
+        return RenderedTruth(pose, strings)
     labels, curve = pixel_labels(scene, now, config), sheet_curve(scene, now, config)
-    return FrameTruth(pose, strings, labels, label_names(scene), curve)
+    return RenderedTruth(pose, strings, labels, label_names(scene), curve)

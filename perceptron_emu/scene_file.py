@@ -48,7 +48,7 @@ class Placed(Table):
     material: str = "matte"
 
 
-class JigTable(Table):
+class SceneJig(Table):
     """[jig]: its file and T_sensor_jig; solids = false leaves out plates and posts."""
 
     file: str
@@ -86,7 +86,7 @@ class MaterialTable(Table):
 class SceneFile(Table):
     """The whole file."""
 
-    jig: JigTable | None = None
+    jig: SceneJig | None = None
     mesh: tuple[MeshTable, ...] = ()
     panel: tuple[PanelTable, ...] = ()
     materials: dict[str, MaterialTable] = {}
@@ -196,7 +196,7 @@ def _parse(path: Path) -> SceneFile:
 def _suggestion(error: Any) -> str:
     if error["type"] != "extra_forbidden":
         return ""
-    known = [f for table in (SceneFile, JigTable, MeshTable, PanelTable, MaterialTable) for f in table.model_fields]
+    known = [f for table in (SceneFile, SceneJig, MeshTable, PanelTable, MaterialTable) for f in table.model_fields]
     near = difflib.get_close_matches(str(error["loc"][-1]), known, n=1)
     return f'; did you mean "{near[0]}"?' if near else ""
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,8 @@ from perceptron_emu.solids import hidden_by_solid
 
 Array = NDArray[np.float64]
 
+# sums over a string's nodes: light [e⁻], and light times the coordinates
+SUMS = np.dtype([(name, float) for name in ("electrons", "y", "z", "u", "v")])
 MIN_ELECTRONS = 1.0  # a pixel with less mean laser light than this belongs to nothing
 
 
@@ -55,7 +58,7 @@ class SheetCurve:
 
 
 @dataclass(frozen=True, eq=False)
-class FrameTruth:
+class RenderedTruth:
     """What a frame shows.
 
     T_sensor_jig: the jig's pose in {P} at mid-exposure, None without a jig. strings: one entry per string of the jig,
@@ -72,11 +75,11 @@ class FrameTruth:
 
 
 @dataclass(frozen=True, eq=False)
-class Frame:
+class RenderedFrame:
     """image: (H, W) uint8, or uint16 above 8 bits [DN]. truth: what is known of it."""
 
     image: NDArray[np.uint8] | NDArray[np.uint16]
-    truth: FrameTruth
+    truth: RenderedTruth
 
 
 def string_truths(parts: list[LitScene], shares: list[Array], now: LitScene, sensor: Sensor) -> tuple[StringTruth, ...]:
@@ -89,21 +92,29 @@ def string_truths(parts: list[LitScene], shares: list[Array], now: LitScene, sen
         return ()
     axes, truths = now.strings.crossing[:, 1:], []
     for i, label in enumerate(now.strings.labels):
-        sums, unhidden = np.zeros(5), 0.0
+        sums, unhidden = np.zeros(1, SUMS), 0.0
         for part, share in zip(parts, shares, strict=True):
             nodes = part.string_samples[i]
-            uv = project(sensor, nodes.xyz_mm)
-            taken = _add(sums, uv, nodes.xyz_mm, nodes.electrons, share, camera.width_px, camera.height_px)
+            seen = Nodes(project(sensor, nodes.xyz_mm), nodes.xyz_mm, nodes.electrons)
+            taken = _add(sums, seen, share, camera.width_px)
             unhidden += taken * float(part.unhidden[i])
-        truths.append(_string_truth(label, axes[i], sums, unhidden))
+        truths.append(_string_truth(label, axes[i], sums[0], unhidden))
     return tuple(truths)
 
 
+class Nodes(NamedTuple):
+    """Nodes of a string for compiled code: places in the image (N, 2) [px] and in {P} (N, 3) [mm], electrons (N,)."""
+
+    uv_px: Array
+    xyz_mm: Array
+    electrons: Array
+
+
 @kernel
-def _add(sums, uv, xyz, electrons, share, width, height):  # type: ignore[no-untyped-def]
-    """Add the electrons of the nodes inside the image, and these times y, z, u and v, to the sums (5,); returns the
-    mean share (H,) of the rows of all nodes.
-    """
+def _add(sums: NDArray[np.void], nodes: Nodes, share: Array, width: int) -> float:
+    """Add the nodes inside the image to the sums (1,); returns the mean share (H,) of the rows of all nodes."""
+    uv, xyz, electrons = nodes
+    height, total = len(share), sums[0]
     taken = 0.0
     for k in range(len(electrons)):
         u, v = uv[k, 0], uv[k, 1]
@@ -111,21 +122,22 @@ def _add(sums, uv, xyz, electrons, share, width, height):  # type: ignore[no-unt
         taken += share[row]
         if -0.5 < u < width - 0.5 and -0.5 < v < height - 0.5:
             light = electrons[k] * share[row]
-            sums[0] += light
-            sums[1] += light * xyz[k, 1]
-            sums[2] += light * xyz[k, 2]
-            sums[3] += light * u
-            sums[4] += light * v
+            total["electrons"] += light
+            total["y"] += light * xyz[k, 1]
+            total["z"] += light * xyz[k, 2]
+            total["u"] += light * u
+            total["v"] += light * v
     return taken / max(len(electrons), 1)
 
 
-def _string_truth(label: str, axis: Array, sums: Array, unhidden: float) -> StringTruth:
-    total = float(sums[0])
+def _string_truth(label: str, axis: Array, sums: np.void, unhidden: float) -> StringTruth:
+    total = float(sums["electrons"])
     if total == 0:
         return StringTruth(label, axis, np.full(2, np.nan), np.full(2, np.nan), 0.0)
     # a sum of parts over the sum of all: rounding alone could carry the fraction past 1
     fraction = min(1.0, total / unhidden)
-    return StringTruth(label, axis, sums[1:3] / total, sums[3:] / total, fraction, total)
+    surface, image = (np.array([sums[a], sums[b]]) / total for a, b in ("yz", "uv"))
+    return StringTruth(label, axis, surface, image, fraction, total)
 
 
 def label_names(scene: Scene) -> tuple[str, ...]:

@@ -3,73 +3,57 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.bundle.linearise import initial_state, linearise
-from calib.bundle.problem import Problem
-from calib.bundle.weights import frame_covariance, removal, whitener
-from geometry import Pose
+from calib.bundle.problem import Bundle
+from calib.engine import GroupNormals, considered_covariance, group_normals
+from geometry import Pose, Unknowns
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Model = Literal["scp", "full"]
 
 WEAK_SCP = np.array([100.0] * 3 + [1.0] * 3)  # σ [mm, rad] known before anything is measured, so that few frames count
-WEAK_JIG = np.array([1000.0] * 3 + [3.0] * 3)
+WEAK_PLACE = np.array([1000.0] * 3 + [3.0] * 3)
 
 
 @dataclass(frozen=True, eq=False)
 class FrameInformation:
-    """Normal equations of every frame alone: common unknowns (C) = SCP 6, robot P, anchors 12; its jig's six.
+    """What every frame alone says of the common unknowns and of its target's place.
 
-    common (F, C, C), cross (F, C, 6), jigs (F, 6, 6), location (F,), prior_sigma (C,), estimated (C,): whether the
-    model estimates it; what is not estimated is carried along as considered.
+    groups: the normal equations by frame, the location as member. unknowns: which are estimated, which considered.
     """
 
-    common: Array
-    cross: Array
-    jigs: Array
-    location: Index
-    prior_sigma: Array
-    estimated: NDArray[np.bool_]
+    groups: GroupNormals
+    unknowns: Unknowns
+
+    @property
+    def location(self) -> Index:
+        """Which location (F,) each frame belongs to."""
+        return self.groups.member
 
     def followed_by(self, other: FrameInformation) -> FrameInformation:
         """These frames and then the ``other`` ones, of the same unknowns."""
-        return FrameInformation(
-            np.concatenate([self.common, other.common]),
-            np.concatenate([self.cross, other.cross]),
-            np.concatenate([self.jigs, other.jigs]),
-            np.concatenate([self.location, other.location]),
-            self.prior_sigma,
-            self.estimated,
-        )
+        return FrameInformation(self.groups.followed_by(other.groups), self.unknowns)
 
     def __getitem__(self, index: Index) -> FrameInformation:
         """The frames of ``index``."""
-        common, cross, jigs = self.common[index], self.cross[index], self.jigs[index]
-        return FrameInformation(common, cross, jigs, self.location[index], self.prior_sigma, self.estimated)
+        return FrameInformation(self.groups[index], self.unknowns)
 
 
 def frame_information(
-    problem: Problem, T_hand_sensor: Pose, Ts_base_jig: Pose, model: Model = "scp"
+    bundle: Bundle, T_hand_sensor: Pose, Ts_base_target: Pose, model: Model = "scp"
 ) -> FrameInformation:
-    """The information of the problem's frames, linearised at the SCP and jig poses (L) given."""
-    lin = linearise(problem, initial_state(problem, T_hand_sensor, Ts_base_jig))
-    white = whitener(frame_covariance(problem, lin, removal(~problem.points.present), problem.chain.noise))
-    f, rows = white.shape[:2]
-    moved = lin.hand.reshape(f, rows, 6) @ lin.parameters
-    a = white @ np.concatenate([lin.scp.reshape(f, rows, 6), moved, lin.anchors.reshape(f, rows, 12)], -1)
-    b = white @ lin.jig.reshape(f, rows, 6)
-    a_t, b_t = np.swapaxes(a, -1, -2), np.swapaxes(b, -1, -2)
-    sigma = np.concatenate([WEAK_SCP, problem.chain.parameter_sigma, np.full(12, problem.anchor_sigma_mm)])
-    estimated = np.ones(len(sigma), dtype=bool)
-    estimated[6:-12] = model == "full"
-    estimated[-12:] = problem.anchor_sigma_mm > 0
-    return FrameInformation(a_t @ a, a_t @ b, b_t @ b, problem.location, sigma, estimated)
+    """The information of the problem's frames, linearised at the SCP and places (L) given."""
+    robot = bundle.estimating(np.full(len(bundle.estimated), model == "full"))
+    weakly = {"scp": WEAK_SCP, "target": WEAK_PLACE}
+    blocks = tuple(replace(b, sigma=weakly[b.name]) if b.name in weakly else b for b in robot.unknowns.blocks)
+    lin = robot.term.linearise(robot.start(T_hand_sensor, Ts_base_target))
+    return FrameInformation(group_normals(Unknowns(blocks), lin), Unknowns(blocks))
 
 
 def scp_covariance(info: FrameInformation, chosen: Sequence[int] | Index, *, noise_alone: bool = False) -> Array:
@@ -84,38 +68,40 @@ def scp_covariance(info: FrameInformation, chosen: Sequence[int] | Index, *, noi
 def covariances_with(info: FrameInformation, base: Index, candidates: Index, *, noise_alone: bool = False) -> Array:
     """Covariances (N, 6, 6) of the SCP from the ``base`` frames and one of the ``candidates`` (N), all of one place."""
     here = info.location[base] == info.location[candidates[0]]
-    mine, others = base[here], base[~here]
-    common = _reduced(info, others) + info.common[mine].sum(axis=0) + info.common[candidates]
-    cross = info.cross[mine].sum(axis=0) + info.cross[candidates]
-    jigs = info.jigs[mine].sum(axis=0) + info.jigs[candidates]
-    return _covariance(info, common - _jigs_part(cross, jigs), noise_alone)
+    mine, others, every = info.groups[base[here]], base[~here], info.groups[candidates]
+    common = _reduced(info, others) + mine.common.sum(axis=0) + every.common
+    cross = mine.cross.sum(axis=0) + every.cross
+    own = mine.own.sum(axis=0) + every.own
+    return _covariance(info, common - _place_part(info, cross, own), noise_alone)
 
 
 def _reduced(info: FrameInformation, index: Index) -> Array:
-    """Information (C, C) of the common unknowns once the jigs' places are eliminated, without priors."""
-    schur = np.asarray(info.common[index].sum(axis=0))
-    for place in np.unique(info.location[index]):
-        here = index[info.location[index] == place]
-        schur = schur - _jigs_part(info.cross[here].sum(axis=0), info.jigs[here].sum(axis=0))
+    """Information (C, C) of the common unknowns once the places are eliminated, without priors."""
+    groups = info.groups[index]
+    schur = np.asarray(groups.common.sum(axis=0))
+    for place in np.unique(groups.member):
+        here = groups[np.flatnonzero(groups.member == place)]
+        schur = schur - _place_part(info, here.cross.sum(axis=0), here.own.sum(axis=0))
     return schur
 
 
-def _jigs_part(cross: Array, jigs: Array) -> Array:
-    """What an unknown place of the jig takes from the common unknowns' information (..., C, C)."""
-    jigs = jigs + np.diag(WEAK_JIG**-2.0)
-    return np.asarray(cross @ np.linalg.solve(jigs, np.swapaxes(cross, -1, -2)))
+def _place_part(info: FrameInformation, cross: Array, own: Array) -> Array:
+    """What an unknown place of the target takes from the common unknowns' information (..., C, C)."""
+    place = info.unknowns.block("target")
+    free = np.flatnonzero(place.free)
+    cross, own = cross[..., free], own[..., free[:, None], free] + np.diag(place.sigma[free] ** -2.0)
+    return np.asarray(cross @ np.linalg.solve(own, np.swapaxes(cross, -1, -2)))
 
 
 def _covariance(info: FrameInformation, schur: Array, noise_alone: bool) -> Array:
     """The SCP's covariances (N, 6, 6) of reduced information (N, C, C)."""
-    known = info.prior_sigma > 0
-    weight = np.where(known, 1 / np.where(known, info.prior_sigma, 1.0) ** 2, 0.0)
-    free, considered = np.flatnonzero(info.estimated), np.flatnonzero(~info.estimated & known)
-    noise = np.linalg.inv(schur[:, free[:, None], free] + np.diag(weight[free]))
-    if noise_alone or len(considered) == 0:
-        return np.asarray(noise[:, :6, :6])
-    bias = noise[:, :6] @ (schur[:, free[:, None], considered] * info.prior_sigma[considered])
-    return np.asarray(noise[:, :6, :6] + bias @ np.swapaxes(bias, -1, -2))
+    u = info.unknowns
+    free, considered = np.flatnonzero(u.free), np.flatnonzero(u.considered)
+    noise = np.asarray(np.linalg.inv(schur[:, free[:, None], free] + np.diag(u.sigma[free] ** -2.0)))
+    coupling = schur[:, free[:, None], considered]
+    total = noise if noise_alone else considered_covariance(noise, coupling, u.sigma[considered])
+    scp = np.searchsorted(free, u.indices("scp"))
+    return np.asarray(total[:, scp[:, None], scp])
 
 
 def scaled(covariance: Array, lever_mm: float) -> Array:

@@ -1,20 +1,21 @@
-"""Noise that is not known beforehand, estimated from the residuals by restricted maximum likelihood."""
+"""Which noise makes the weights: what was stated, unless the residuals contradict it; then what they say it is."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from calib.bundle.bundle import BundleResult
-from calib.bundle.linearise import Linearised
-from calib.bundle.normal import normal_equations, reduced, scaled_solve, with_prior
-from calib.bundle.problem import Problem
-from calib.bundle.weights import frame_covariance, removal, whitener
+from calib.bundle.problem import Bundle
+from calib.bundle.solve import linearisation
+from calib.config import CalibConfig
+from calib.engine import Result, deviance, total_cost
+from geometry import Arm
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 _MAX_EVALUATIONS = 80
 _LOG_TOLERANCE = 0.02  # of a variance; far below its own uncertainty
@@ -22,37 +23,71 @@ _SCORE_STEP = 0.3
 _MAX_LOG = 14.0  # a variance a million times smaller or larger than at the start: a σ a thousand times so
 _SIMPLEX = -0.7  # first steps of the search, in the logarithm of a variance
 
+_CONTRADICTION = 13.8  # deviance gained by two variances; 0.1 % by chance
+_POINT_BOUNDS = (0.5, 2.5)  # factors of a variance beyond which the model, not the noise, is wrong
+_JOINT_BOUNDS = (0.01, 9.0)
+_OWN_BOUNDS = (0.0, 1.0)
+_OWN_START = 0.1  # share of the robot's variance that is a frame's own, where its search starts
+_MAX_CHI2 = 10.0  # per degree of freedom; beyond this something else than the noise is wrong
+_MIN_FREEDOM = 40  # fewer degrees of freedom say too little of a variance
 
-def deviance(problem: Problem, result: BundleResult) -> float:
-    """Minus twice the restricted log-likelihood (up to a constant) of ``problem``'s noise, at the linearised solution.
 
-    All unknowns are integrated out: log|S| + log|H| + the cost once they are solved for (Patterson & Thompson 1971).
+@dataclass(frozen=True, eq=False)
+class Weighed:
+    """The problem with the noise that makes the weights, and with the noise by which χ² is formed.
+
+    stated: the points' own covariances; the joints' noise as stated or, where smaller, as found. noise: the σ, by name.
     """
-    lin: Linearised = result.lin
-    covariance = frame_covariance(problem, lin, removal(result.removed), problem.chain.noise)
-    white = whitener(covariance)
-    state, free = result.state, result.free
-    values = np.concatenate([np.zeros(6), state.parameters, state.anchors.ravel()])
-    sigma = np.where(free, result.prior_sigma, 0.0)
-    normal = with_prior(normal_equations(problem, lin, white), sigma, values)
-    schur, gain = reduced(normal)
-    gradient = normal.gradient_common - np.einsum("lci,li->c", gain, normal.gradient_jigs)
-    free = free & (np.diag(schur) > 0)  # an open direction saves nothing
-    information = schur[np.ix_(free, free)]
-    saved = gradient[free] @ scaled_solve(information, gradient[free])
-    saved += np.sum(normal.gradient_jigs * np.linalg.solve(normal.jigs, normal.gradient_jigs[..., None])[..., 0])
-    r = white @ lin.residual.reshape(*white.shape[:2], 1)
-    prior = values[sigma > 0] / sigma[sigma > 0]
-    cost = np.vdot(r, r) + prior @ prior - saved
-    diagonals = np.diagonal(white, axis1=-2, axis2=-1)
-    determinants = -2 * np.sum(np.log(diagonals)) + np.linalg.slogdet(information)[1]
-    return float(cost + determinants + np.sum(np.linalg.slogdet(normal.jigs)[1]))
+
+    bundle: Bundle
+    stated: Bundle
+    changed: bool
+    noise: dict[str, float]
 
 
-def with_noise(problem: Problem, point_scale: float, hand_noise: Array) -> Problem:
-    """The problem with the points' covariances times ``point_scale`` and hand poses of covariance (F, 6, 6)."""
-    points = replace(problem.points, cov_mm2=problem.points.cov_mm2 * point_scale)
-    return replace(problem, points=points, chain=replace(problem.chain, noise=hand_noise))
+def weigh(bundle: Bundle, result: Result, config: CalibConfig) -> Weighed:
+    """Keep the noise stated, or estimate the factors of the points' and the joints' variances from the residuals."""
+    if bundle.hands.poses_only:
+        return _weigh_poses(bundle, result, config)
+    if bundle.hands.inferred:
+        return _weigh_inferred(bundle, result, config)
+    factors = np.ones(2)
+    hand = bundle.term.hand_noise
+    freedom = bundle.degrees_of_freedom
+    sane = result.converged and result.cost < _MAX_CHI2 * freedom
+    if config.noise == "auto" and freedom >= _MIN_FREEDOM and np.any(hand) and sane:
+        variances = Variances((hand,), np.ones(2), np.ones(2, dtype=bool))
+        if contradiction(bundle, result, variances) > _CONTRADICTION / 2:
+            found = estimate_noise(bundle, result, variances)
+            found = np.clip(found, *np.transpose([_POINT_BOUNDS, _JOINT_BOUNDS]))
+            other = bundle.with_noise(found[0], found[1] * hand)
+            factors = found if _gain(other, bundle, result) > _CONTRADICTION else factors
+    joint = joint_sigma_deg(bundle)
+    noise = {
+        "joint_sigma_deg": joint * float(np.sqrt(factors[1])),
+        "joint_sigma_stated_deg": joint,
+        "point_sigma_factor": float(np.sqrt(factors[0])),
+        "anchor_sigma_mm": shape_sigma_mm(bundle),
+    }
+    stated = bundle.with_noise(1.0, min(1.0, factors[1]) * hand)
+    used = bundle.with_noise(factors[0], factors[1] * hand)
+    return Weighed(used, stated, bool(np.any(factors != 1)), noise)
+
+
+def stated_cost(stated: Bundle, result: Result) -> float:
+    """Cost of a fit by the noise stated."""
+    return total_cost(result.unknowns, result.state, [stated.term.linearise(result.state)])
+
+
+def joint_sigma_deg(bundle: Bundle) -> float:
+    """The joints' repeatability that robot.toml states [deg], 0 where no table stands behind the readings."""
+    robot = bundle.hands.robot
+    return float(np.rad2deg(robot.dh_part().uncertainty.joint_sigma_rad)) if isinstance(robot, Arm) else 0.0
+
+
+def shape_sigma_mm(bundle: Bundle) -> float:
+    """The largest prior σ of the target's shape."""
+    return float(np.max(bundle.target.shape.sigma, initial=0.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,12 +100,12 @@ class Variances:
 
     components: tuple[Array, ...]
     value: Array
-    free: NDArray[np.bool_]
+    free: Mask
 
-    def problem(self, problem: Problem, log_free: Array) -> Problem:
+    def bundle(self, bundle: Bundle, log_free: Array) -> Bundle:
         """The problem with the free variances at exp(``log_free``)."""
         value = self.at(log_free)
-        return with_noise(problem, value[0], np.einsum("k,kfij->fij", value[1:], np.array(self.components)))
+        return bundle.with_noise(value[0], np.einsum("k,kfij->fij", value[1:], np.array(self.components)))
 
     def at(self, log_free: Array) -> Array:
         """All variances (1 + K,) with the free ones at exp(``log_free``), held near their start.
@@ -83,12 +118,12 @@ class Variances:
         return value
 
 
-def contradiction(problem: Problem, result: BundleResult, variances: Variances) -> float:
+def contradiction(bundle: Bundle, result: Result, variances: Variances) -> float:
     """About how much deviance the free variances would gain (a score test by finite differences)."""
     start = np.log(variances.value[variances.free])
 
     def of(x: Array) -> float:
-        return deviance(variances.problem(problem, x), result)
+        return _deviance(variances.bundle(bundle, x), result)
 
     middle, gain = of(start), 0.0
     for e in np.eye(len(start)) * _SCORE_STEP:
@@ -98,13 +133,68 @@ def contradiction(problem: Problem, result: BundleResult, variances: Variances) 
     return float(gain)
 
 
-def estimate_noise(problem: Problem, result: BundleResult, variances: Variances) -> Array:
+def estimate_noise(bundle: Bundle, result: Result, variances: Variances) -> Array:
     """Variances (1 + K,) that make the residuals most likely, the solution's linearisation held."""
 
     def of(log_free: Array) -> float:
-        return deviance(variances.problem(problem, log_free), result)
+        return _deviance(variances.bundle(bundle, log_free), result)
 
     start = np.log(variances.value[variances.free])
     simplex = np.vstack([start, start + _SIMPLEX * np.eye(len(start))])  # scipy's own is 0.00025 wide at zero
     options = {"maxfev": _MAX_EVALUATIONS, "xatol": _LOG_TOLERANCE, "fatol": 1e-2, "initial_simplex": simplex}
     return variances.at(minimize(of, start, method="Nelder-Mead", options=options).x)
+
+
+def _deviance(noisy: Bundle, result: Result) -> float:
+    """Of a problem's noise, at the linearised solution."""
+    return deviance(result, [noisy.term.relinearised(linearisation(result))])
+
+
+def _gain(other: Bundle, bundle: Bundle, result: Result) -> float:
+    return _deviance(bundle, result) - _deviance(other, result)
+
+
+def _weigh_inferred(bundle: Bundle, result: Result, config: CalibConfig) -> Weighed:
+    """Joints inferred from poses: what of the robot's errors is a frame's own, its joints being another solution's.
+
+    Kept at nothing, with the joints' noise as stated, unless the residuals contradict it.
+    """
+    hand = bundle.term.hand_noise
+    columns = linearisation(result).twists * bundle.hands.sigma
+    own = columns @ np.swapaxes(columns, -1, -2)
+    factors = np.array([1.0, 0.0])
+    given = config.noise == "given" or (config.hand_sigma_mm is not None and config.hand_sigma_deg is not None)
+    if not given and result.converged:
+        variances = Variances((hand, own), np.array([1.0, 1.0, _OWN_START]), np.array([False, True, True]))
+        found = np.clip(estimate_noise(bundle, result, variances)[1:], *np.transpose([_JOINT_BOUNDS, _OWN_BOUNDS]))
+        other = bundle.with_noise(1.0, found[0] * hand + found[1] * own)
+        factors = found if _gain(other, bundle, result) > _CONTRADICTION else factors
+    joint = joint_sigma_deg(bundle)
+    noise = {
+        "joint_sigma_deg": joint * float(np.sqrt(factors[0])),
+        "joint_sigma_stated_deg": joint,
+        "own_robot_error_share": float(factors[1]),
+        "anchor_sigma_mm": shape_sigma_mm(bundle),
+    }
+    used = bundle.with_noise(1.0, factors[0] * hand + factors[1] * own)
+    stated = bundle.with_noise(1.0, min(1.0, factors[0]) * hand + factors[1] * own)
+    return Weighed(used, stated, bool(np.any(factors != [1.0, 0.0])), noise)
+
+
+def _weigh_poses(bundle: Bundle, result: Result, config: CalibConfig) -> Weighed:
+    """Hand poses alone: their noise, where it was not given, as one σ of translation and one of rotation."""
+    shape = bundle.term.hand_noise.shape
+    sigma = np.sqrt(np.diagonal(bundle.term.hand_noise[0]))[[0, 3]]
+    given = config.hand_sigma_mm is not None and config.hand_sigma_deg is not None
+    if not given:
+        parts = [np.diag([1.0] * 3 + [0.0] * 3), np.diag([0.0] * 3 + [1.0] * 3)]
+        components = tuple(np.broadcast_to(p, shape) for p in parts)
+        start = Variances(components, np.array([1.0, *sigma**2]), np.array([False, True, True]))
+        sigma = np.sqrt(estimate_noise(bundle, result, start)[1:])
+    noise = {
+        "hand_sigma_mm": float(sigma[0]),
+        "hand_sigma_deg": float(np.rad2deg(sigma[1])),
+        "anchor_sigma_mm": shape_sigma_mm(bundle),
+    }
+    used = bundle.with_noise(1.0, np.broadcast_to(np.diag(np.repeat(sigma, 3) ** 2), shape).copy())
+    return Weighed(used, used, not given, noise)

@@ -1,152 +1,128 @@
-"""The least-squares problem of all frames: measured points, the robot's poses and Jacobians, priors."""
+"""The least-squares problem of all frames: which points on which target, which unknowns, which of them are free."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import PARAMETERS, AxisPoints, Pose, RobotModel, RobotUncertainty
-from jig_cad import Jig
+from calib.bundle.hands import Hands
+from calib.bundle.on_target import OnTarget
+from geometry import AxisPoints, Block, InputError, Pose, SheetPoints, State, Target, Unknowns
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
-
-_SIGMA_FLOOR_MM = 1e-6  # exact points must not make the weights infinite
-
-
-@dataclass(frozen=True, eq=False)
-class Points:
-    """Axis points of F frames, filled up to M a frame.
-
-    yz_mm (F, M, 2), cov_mm2 (F, M, 2, 2) (unit where absent), present (F, M), string (F, M) index into the
-    jig's strings. first, second (S, A): which anchor starts and which ends each string of the jig, one-hot.
-    """
-
-    yz_mm: Array
-    cov_mm2: Array
-    present: NDArray[np.bool_]
-    string: Index
-    first: Array
-    second: Array
-
-    @property
-    def start_weights(self) -> Array:
-        """Which anchor starts each point's string, one-hot (F, M, A)."""
-        return np.asarray(self.first[self.string])
-
-    @property
-    def end_weights(self) -> Array:
-        """Which anchor ends each point's string, one-hot (F, M, A)."""
-        return np.asarray(self.second[self.string])
+Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
-class Chain:
-    """The robot at F frames.
+class Bundle:
+    """Frames of one target kind, its unknowns, and the names of its locations.
 
-    T_base_hand (F). parameter_jacobian (F, 6, P): twists in hand axes of the P uncertain parameters. parameters (P, 2):
-    (row of PARAMETERS, joint). parameter_sigma (P,): prior. noise (F, 6, 6): covariance of the hand pose, hand axes.
-    robot, joints_rad (F, n): to recompute poses, None where only poses are known. inferred: the readings follow from
-    poses by the nominal table, which they can therefore not correct.
+    term: the evidence. unknowns: "scp", "robot", "shape" and "target", the place at every location.
     """
 
-    T_base_hand: Pose
-    parameter_jacobian: Array
-    parameters: Index
-    parameter_sigma: Array
-    noise: Array
-    robot: RobotModel | None = None
-    joints_rad: Array | None = None
-    inferred: bool = False
+    term: OnTarget
+    unknowns: Unknowns
 
+    @staticmethod
+    def of(
+        axes: Sequence[AxisPoints],
+        locations: Sequence[str],
+        target: Target,
+        hands: Hands,
+        names: Sequence[str] | None = None,
+    ) -> Bundle:
+        """The problem of labelled frames, nothing of the robot estimated.
 
-@dataclass(frozen=True, eq=False)
-class Problem:
-    """Points, chain, location (F,) of 0 … L - 1, anchors (6, 3) and the σ of their y and z (0: taken as exact)."""
-
-    points: Points
-    chain: Chain
-    location: Index
-    n_locations: int
-    anchors_mm: Array
-    anchor_sigma_mm: float
+        names: of the locations in their order; by default that of their first frames.
+        """
+        names = tuple(names or dict.fromkeys(locations))
+        points = SheetPoints.of(axes, target.features)
+        member = np.array([names.index(n) for n in locations], dtype=np.intp)
+        term = OnTarget(points, target, hands, member, hands.noise, ~points.present)
+        unknowns = Unknowns(
+            (
+                Block.pose("scp"),
+                Block.vector("robot", hands.sigma, free=False, labels=hands.labels),
+                Block.vector("shape", target.shape.sigma, labels=target.shape.labels),
+                Block.pose("target", names, free=target.freedom),
+            )
+        )
+        return Bundle(term, unknowns)
 
     @property
-    def n_frames(self) -> int:
-        """The number of frames."""
-        return len(self.location)
+    def hands(self) -> Hands:
+        """The robot's hand in every frame."""
+        return self.term.hands
+
+    @property
+    def target(self) -> Target:
+        """What the points lie on."""
+        return self.term.target
+
+    @property
+    def location(self) -> Index:
+        """Which location (F,) every frame belongs to."""
+        return self.term.member
+
+    @property
+    def locations(self) -> tuple[str, ...]:
+        """Names of the locations."""
+        return self.unknowns.block("target").members
+
+    @property
+    def estimated(self) -> Mask:
+        """Which of the robot's parameters (P,) are estimated."""
+        return self.unknowns.block("robot").free
+
+    def estimating(self, robot: Mask) -> Bundle:
+        """The problem with the robot's parameters ``robot`` (P,) estimated and the others considered."""
+        return replace(self, unknowns=self.unknowns.with_free(robot=robot))
+
+    def with_noise(self, point_scale: float, hand_noise: Array) -> Bundle:
+        """The problem with the points' covariances times ``point_scale`` and hand poses of covariance (F, 6, 6)."""
+        return replace(self, term=self.term.with_noise(point_scale, hand_noise))
+
+    def at_frames(self, chosen: Mask) -> Bundle:
+        """The problem of the ``chosen`` frames (F,) alone, its locations numbered anew."""
+        index = np.flatnonzero(chosen)
+        kept, member = np.unique(self.location[index], return_inverse=True)
+        names = tuple(self.locations[int(k)] for k in kept)
+        blocks = tuple(replace(b, members=names) if b.members else b for b in self.unknowns.blocks)
+        return Bundle(self.term.at_frames(index, member.astype(np.intp)), Unknowns(blocks))
+
+    def start(self, T_hand_sensor: Pose, Ts_base_target: Pose) -> State:
+        """The state with robot and shape as stated."""
+        rest = {name: self.unknowns.block(name).at_rest() for name in ("robot", "shape")}
+        return State({"scp": T_hand_sensor, **rest, "target": Ts_base_target})
+
+    def without(self, removed: Mask) -> Bundle:
+        """The problem with the points ``removed`` (F, M) not counting, beside those that are absent."""
+        return replace(self, term=self.term.without(removed | ~self.term.points.present))
+
+    @property
+    def degrees_of_freedom(self) -> int:
+        """Residuals of the points that count, less the SCP and the places; what has a prior costs none."""
+        place = int(np.sum(self.target.freedom)) * len(self.locations)
+        return self.target.residuals_per_point * int((~self.term.removed).sum()) - 6 - place
 
 
-def at_frames(problem: Problem, chosen: NDArray[np.bool_]) -> Problem:
-    """The problem of the ``chosen`` frames (F,) alone, its locations numbered anew."""
-    i = np.flatnonzero(chosen)
-    p, c = problem.points, problem.chain
-    points = Points(p.yz_mm[i], p.cov_mm2[i], p.present[i], p.string[i], p.first, p.second)
-    joints = None if c.joints_rad is None else c.joints_rad[i]
-    chain = replace(
-        c,
-        T_base_hand=c.T_base_hand[i],
-        parameter_jacobian=c.parameter_jacobian[i],
-        noise=c.noise[i],
-        joints_rad=joints,
-    )
-    names, location = np.unique(problem.location[i], return_inverse=True)
-    return replace(problem, points=points, chain=chain, location=location.astype(np.intp), n_locations=len(names))
+def estimated_groups(model: str) -> Collection[str] | None:
+    """Groups of the robot's parameters that a model estimates; None for all of them."""
+    return {"scp": (), "scp+offsets": ("theta",), "full": None}[model]
 
 
-def pad_points(frames: Sequence[AxisPoints], jig: Jig) -> Points:
-    """Frames' axis points of the jig's strings in rectangular arrays."""
-    order = {s: i for i, s in enumerate(jig.strings)}
-    every = np.eye(len(jig.anchors))
-    count = max((len(f) for f in frames), default=0)
-    shape = (len(frames), max(count, 1))
-    yz, present, string = np.zeros((*shape, 2)), np.zeros(shape, dtype=bool), np.zeros(shape, dtype=np.intp)
-    covariance = np.broadcast_to(np.eye(2), (*shape, 2, 2)).copy()
-    for i, f in enumerate(frames):
-        n = len(f)
-        yz[i, :n], present[i, :n], string[i, :n] = f.yz_mm, True, [order[s] for s in f.label]
-        covariance[i, :n] = f.cov_yz_mm2 + np.eye(2) * _SIGMA_FLOOR_MM**2
-    return Points(yz, covariance, present, string, every[jig.start_index], every[jig.end_index])
-
-
-def robot_chain(robot: RobotModel, joints_rad: Array, beta_sigma_rad: float = 0.0) -> Chain:
-    """The chain of a robot by its table, with its uncertain parameters and joint noise.
-
-    beta_sigma_rad: prior of Hayati's β at joints whose axis is parallel to the next (α near 0 or π); 0 leaves β fixed.
-    """
-    sigma = parameter_sigmas(robot, beta_sigma_rad)
-    rows, joints = np.nonzero(sigma > 0)
-    jacobian = robot.stacked_jacobian(joints_rad)[:, :, rows, joints]
-    j = robot.joint_jacobian(joints_rad)
-    noise = robot.uncertainty.joint_sigma_rad**2 * (j @ np.swapaxes(j, -1, -2))
-    parameters = np.column_stack([rows, joints])
-    hand = robot.hand_pose(joints_rad)
-    return Chain(hand, jacobian, parameters, sigma[rows, joints], noise, robot, joints_rad)
-
-
-def pose_chain(Ts_base_hand: Pose, noise: Array) -> Chain:
-    """The chain where only hand poses are known; ``noise`` (6, 6) is their covariance in hand axes."""
-    n = len(Ts_base_hand)
-    none = np.zeros((n, 6, 0))
-    return Chain(
-        Ts_base_hand, none, np.zeros((0, 2), dtype=np.intp), np.zeros(0), np.broadcast_to(noise, (n, 6, 6)).copy()
-    )
-
-
-def parameter_sigmas(robot: RobotModel, beta_sigma_rad: float = 0.0) -> Array:
-    """Prior σ (5, n) of the robot's PARAMETERS; β has one at parallel axes only."""
-    u: RobotUncertainty = robot.uncertainty
-    sigma = np.zeros((len(PARAMETERS), robot.n_joints))
-    sigma[:4] = np.array([u.theta_sigma_rad, u.d_sigma_mm, u.a_sigma_mm, u.alpha_sigma_rad])[:, None]
-    sigma[4, parallel_axes(robot)] = beta_sigma_rad
-    return sigma
-
-
-def parallel_axes(robot: RobotModel) -> NDArray[np.bool_]:
-    """Whether link i (n,) carries its joint's axis into a (nearly) parallel one, where d is not identifiable alone."""
-    parallel = np.abs(np.sin(robot.alpha)) < np.sin(np.deg2rad(1.0))
-    parallel[-1 if robot.convention == "standard" else 0] = False  # that α joins no two joints
-    return np.asarray(parallel)
+def estimated_parameters(hands: Hands, model: str) -> Mask:
+    """Which of the robot's parameters (P,) a model estimates; InputError where there is no robot to correct."""
+    groups = estimated_groups(model)
+    if groups == ():
+        return np.zeros(len(hands.groups), dtype=bool)
+    if hands.poses_only or hands.inferred:
+        raise InputError(
+            f"model {model} corrects the robot's table and needs joint readings j1_deg …, but these frames give hand "
+            "poses T_base_hand only: use model scp"
+        )
+    return np.array([groups is None or g in groups for g in hands.groups], dtype=bool)

@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2 as chi2_law
 
-from calib.bundle.bundle import BundleResult, solve_bundle
-from calib.bundle.linearise import State
-from calib.bundle.problem import Problem
+from calib.bundle.problem import Bundle
+from calib.bundle.solve import linearisation, solve_bundle
 from calib.bundle.weights import deletion_chi2, frame_chi2
+from calib.engine import Result
+from geometry import State
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -25,56 +26,51 @@ _FRAME_TAIL = 1e-7
 class RobustResult:
     """The bundle's answer, the outlying points (F, M) and the frames left out (F,)."""
 
-    bundle: BundleResult
+    result: Result
     outlier: Mask
     frame_outlier: Mask
 
+    @property
+    def left_out(self) -> Mask:
+        """Points (F, M) that were taken out, one by one or with their frame."""
+        return self.outlier | self.frame_outlier[:, None]
 
-def solve_robust(
-    problem: Problem, start: State, estimated: Mask, point_chi2: float = 25.0, max_share: float = 0.25
-) -> RobustResult:
+
+def solve_robust(bundle: Bundle, start: State, point_chi2: float = 25.0, max_share: float = 0.25) -> RobustResult:
     """Solve, take out what the rest contradicts beyond its noise, solve again, until nothing changes.
 
     Robot errors that are not estimated widen the gate, so that a misfit of the model is not taken for outliers.
     point_chi2: gate of a point (2 degrees). max_share: stop when more than this share of the points went out.
     """
-    absent = ~problem.points.present
-    outlier, frame_outlier = np.zeros_like(absent), np.zeros(problem.n_frames, dtype=bool)
-    result = solve_bundle(problem, start, estimated)
+    present = bundle.term.points.present
+    outlier, frame_outlier = np.zeros_like(present), np.zeros(len(present), dtype=bool)
+    result = solve_bundle(bundle, start)
     for _ in range(_ROUNDS):
-        after, frames_after = _judge(problem, result, estimated, outlier, frame_outlier, point_chi2)
+        after, frames_after = _judge(bundle, result, outlier, frame_outlier, point_chi2)
         if np.array_equal(after, outlier) and np.array_equal(frames_after, frame_outlier):
             break
         outlier, frame_outlier = after, frames_after
-        if (outlier | frame_outlier[:, None])[problem.points.present].mean() > max_share:
+        if (outlier | frame_outlier[:, None])[present].mean() > max_share:
             break
-        removed = absent | outlier | frame_outlier[:, None]
-        result = solve_bundle(problem, result.state, estimated, removed)
+        result = solve_bundle(bundle.without(outlier | frame_outlier[:, None]), result.state)
     return RobustResult(result, outlier, frame_outlier)
 
 
-def _judge(
-    problem: Problem,
-    result: BundleResult,
-    estimated: Mask,
-    outlier: Mask,
-    frame_outlier: Mask,
-    point_chi2: float,
-) -> tuple[Mask, Mask]:
+def _judge(bundle: Bundle, result: Result, outlier: Mask, frame_outlier: Mask, point_chi2: float) -> tuple[Mask, Mask]:
     """Outlying points and frames after this solution: at most one new point a frame, else one new frame."""
-    absent = ~problem.points.present
-    noise = gate_noise(problem, result, estimated)
-    distance = np.where(absent, 0.0, deletion_chi2(problem, result.lin, absent | outlier, noise))
+    present = bundle.term.points.present
+    noise, lin = gate_noise(bundle, result), linearisation(result)
+    distance = np.where(present, deletion_chi2(bundle.without(outlier).term, lin, noise), 0.0)
     stays = outlier & (distance > point_chi2)
     worst = np.argmax(np.where(outlier, 0.0, distance), axis=1)
     rows = np.arange(len(worst))
     new = np.zeros_like(outlier)
     new[rows, worst] = (distance[rows, worst] > point_chi2) & ~outlier[rows, worst] & ~frame_outlier
     out = stays | new
-    few = (problem.points.present & ~out).sum(axis=1) < np.minimum(_MIN_POINTS, problem.points.present.sum(axis=1))
+    few = (present & ~out).sum(axis=1) < np.minimum(_MIN_POINTS, present.sum(axis=1))
     if np.any(new):
         return out, frame_outlier | few
-    chi2, dof = frame_chi2(problem, result.lin, absent | out, noise)
+    chi2, dof = frame_chi2(bundle.without(out).term, lin, noise)
     excess = chi2 / chi2_law.isf(_FRAME_TAIL, np.maximum(dof, 1))
     frames = few | (frame_outlier & (excess > 1))
     kept = np.where(frames, 0.0, excess)
@@ -83,8 +79,8 @@ def _judge(
     return out, frames
 
 
-def gate_noise(problem: Problem, result: BundleResult, estimated: Mask) -> Array:
+def gate_noise(bundle: Bundle, result: Result) -> Array:
     """Covariance (F, 6, 6) of the hand poses: joint noise, and the robot errors that were not estimated."""
-    sigma = np.where(estimated, 0.0, problem.chain.parameter_sigma)
-    columns = result.lin.parameters * sigma
-    return np.asarray(problem.chain.noise + columns @ np.swapaxes(columns, -1, -2))
+    robot = bundle.unknowns.block("robot")
+    columns = linearisation(result).twists * np.where(robot.free, 0.0, robot.sigma)
+    return np.asarray(bundle.term.hand_noise + columns @ np.swapaxes(columns, -1, -2))

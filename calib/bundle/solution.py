@@ -3,51 +3,50 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.bundle.bundle import BundleResult, solve_bundle
-from calib.bundle.linearise import corrected_robot
-from calib.bundle.problem import Problem, pad_points, pose_chain, robot_chain
+from calib.bundle.hands import Hands
+from calib.bundle.noise import stated_cost, weigh
+from calib.bundle.problem import Bundle, estimated_parameters
 from calib.bundle.robust import RobustResult, solve_robust
+from calib.bundle.solve import solve_bundle
 from calib.bundle.starts import chain_start, hand_eye_start
-from calib.bundle.uncertainty import Uncertainty, uncertainty
-from calib.bundle.weighing import stated_cost, weigh
 from calib.config import CalibConfig
+from calib.engine import Covariance, Result, covariance, scaled_condition
 from calib.figures import pose_distance
-from calib.stations import Station
-from geometry import InputError, Pose, RobotModel, stack_poses
-from jig_cad import Jig
+from geometry import Frame, Pose, Robot, Target, stack_poses, with_beta_prior
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 _HAND_SIGMA_MM, _HAND_SIGMA_DEG = 0.3, 0.03  # of poses from an arm's nominal table, until the residuals tell it
 
-_OTHER_MM = 5.0  # poses of the jig that are farther apart are different answers
+_OTHER_MM = 5.0  # poses of the target that are farther apart are different answers
 
 
 @dataclass(frozen=True, eq=False)
 class Solution:
     """The answer to the used calibrate frames.
 
-    bundle: the solve that answers. applied: robot parameters (P,) that its robot takes over. outlier (F, M),
-    frame_outlier (F,): what was left out. Ts_sensor_jig: each frame's own pose, of its candidates the one that agrees
-    with the others. chi2_per_dof: of the model's own fit, by the noise of points and joints and the anchors' tolerance.
-    explained, nominal: the same with all robot errors free within their priors, and with none. noise: the σ that made
-    the weights.
-    rival: how much larger the χ² of the next best answer is (other jig poses of the same points); infinite where none.
+    bundle: the problem with the noise that made the weights. result: the solve that answers. applied: robot parameters
+    (P,) that its robot takes over. outlier (F, M), frame_outlier (F,): what was left out. Ts_sensor_target: each
+    frame's own pose, of its candidates the one that agrees with the others. chi2_per_dof: of the model's own fit, by
+    the noise of points and joints and the tolerance of the target's shape. explained, nominal: the same with all robot
+    errors free within their priors, and with none. noise: the σ that made the weights.
+    rival: how much larger the χ² of the next best answer is (other poses from the same points); infinite where none.
     """
 
-    problem: Problem
-    bundle: BundleResult
+    bundle: Bundle
+    result: Result
     applied: Mask
     outlier: Mask
     frame_outlier: Mask
-    uncertainty: Uncertainty
-    Ts_sensor_jig: Pose
+    covariance: Covariance
+    condition: float
+    Ts_sensor_target: Pose
     dof: int
     chi2_per_dof: float
     explained: float
@@ -58,43 +57,42 @@ class Solution:
     @property
     def T_hand_sensor(self) -> Pose:
         """The solved SCP."""
-        return self.bundle.state.T_hand_sensor
+        return self.result.state.pose("scp")
 
     @property
-    def outlier_share(self) -> float:
-        """Share of the points that the solution left out."""
-        out = self.outlier | self.frame_outlier[:, None]
-        return float(out[self.problem.points.present].mean())
+    def places(self) -> dict[str, Pose]:
+        """T_base_target of every location."""
+        poses = self.result.state.pose("target")
+        return {name: poses[k] for k, name in enumerate(self.bundle.locations)}
 
     @property
     def parameters(self) -> Array:
         """Corrections (P,) of the robot that belong to the answer."""
-        return np.where(self.applied, self.bundle.state.parameters, 0.0)
+        return np.where(self.applied, self.result.state.vector("robot"), 0.0)
 
     @property
-    def robot(self) -> RobotModel | None:
-        """The robot with its corrections."""
-        if self.problem.chain.robot is None or not np.any(self.applied):
-            return self.problem.chain.robot
-        return corrected_robot(self.problem, self.parameters)
+    def robot(self) -> Robot | None:
+        """The robot with its corrections, None where only hand poses are known."""
+        if self.bundle.hands.poses_only:
+            return None
+        robot = self.bundle.hands.robot
+        return robot.corrected(self.parameters) if np.any(self.applied) else robot
 
 
-def make_problem(used: tuple[Station, ...], jig: Jig, robot: RobotModel | None, config: CalibConfig) -> Problem:
-    """The bundle's problem of labelled frames; locations are numbered in the order of their first frame."""
-    names = list(dict.fromkeys(s.observation.location for s in used))
-    joints = [s.observation.joints_rad for s in used]
-    if robot is not None and all(q is not None for q in joints):
-        chain = robot_chain(robot, np.array(joints), float(np.deg2rad(config.beta_sigma_deg)))
-        inferred = any(s.observation.joints_inferred for s in used)
-        chain = replace(chain, inferred=inferred)
-        if inferred and config.hand_sigma_mm is not None and config.hand_sigma_deg is not None:
-            chain = replace(chain, noise=np.broadcast_to(_hand_noise(config), chain.noise.shape).copy())
-    else:
-        chain = pose_chain(stack_poses([s.T_base_hand for s in used]), _hand_noise(config))
-    location = np.array([names.index(s.observation.location) for s in used], dtype=np.intp)
-    anchor_sigma = 0.0 if jig.measured else jig.tolerance_mm / np.sqrt(12)  # uniform within the full width
-    points = pad_points([s.axis for s in used], jig)
-    return Problem(points, chain, location, len(names), jig.anchors_mm, float(anchor_sigma))
+def make_bundle(used: tuple[Frame, ...], target: Target, robot: Robot | None, config: CalibConfig) -> Bundle:
+    """The bundle's problem of labelled frames."""
+    joints = [f.joints_rad for f in used]
+    locations = [f.location for f in used]
+    if robot is None or any(q is None for q in joints):
+        hands = Hands.at_poses(stack_poses([f.at for f in used]), _hand_noise(config))
+        return Bundle.of([f.axis for f in used], locations, target, hands)
+    inferred = any(f.joints_inferred for f in used)
+    known = with_beta_prior(robot, float(np.deg2rad(config.beta_sigma_deg)))
+    hands = Hands(known, np.array(joints), inferred)
+    bundle = Bundle.of([f.axis for f in used], locations, target, hands)
+    if inferred and config.hand_sigma_mm is not None and config.hand_sigma_deg is not None:
+        return bundle.with_noise(1.0, np.broadcast_to(_hand_noise(config), (len(used), 6, 6)).copy())
+    return bundle
 
 
 def _hand_noise(config: CalibConfig) -> Array:
@@ -103,100 +101,87 @@ def _hand_noise(config: CalibConfig) -> Array:
     return np.diag(np.square([mm] * 3 + [np.deg2rad(deg)] * 3))
 
 
-def estimated_parameters(problem: Problem, model: str) -> Mask:
-    """Which robot parameters (P,) a model estimates; InputError where there is no robot to correct."""
-    rows = problem.chain.parameters[:, 0]
-    if model == "scp":
-        return np.zeros(len(rows), dtype=bool)
-    if problem.chain.robot is None or problem.chain.inferred:
-        raise InputError(
-            f"model {model} corrects the robot's table and needs joint readings j1_deg …, but these frames give hand "
-            "poses T_base_hand only: use model scp"
-        )
-    return np.asarray(rows == 0) if model == "scp+offsets" else np.ones(len(rows), dtype=bool)
-
-
-def solve_problem(problem: Problem, candidates: Sequence[Pose], T_hand_sensor: Pose, config: CalibConfig) -> Solution:
+def solve_problem(bundle: Bundle, candidates: Sequence[Pose], T_hand_sensor: Pose, config: CalibConfig) -> Solution:
     """Solve the bundle from the SCP given or, where that fails, from a closed form.
 
-    candidates: poses T_sensor_jig of each frame. Outliers and noise are judged with all robot errors free within their
-    priors, so that a misfit of the nominal robot is not taken for either. χ² is by the stated noise of the points.
+    candidates: poses T_sensor_target of each frame. Outliers and noise are judged with all robot errors free within
+    their priors, so that a misfit of the nominal robot is not taken for either. χ² is by the stated noise of the
+    points.
     """
-    applied = estimated_parameters(problem, config.model)
-    robust, own = _robust(problem, candidates, T_hand_sensor, config)
-    every, removed = robust.bundle, robust.bundle.removed
-    if problem.chain.inferred:
-        every = solve_bundle(problem, every.state, np.ones_like(applied), removed)
-    weighed = weigh(problem, every, config)
+    applied = estimated_parameters(bundle.hands, config.model)
+    robust, own = _robust(bundle, candidates, T_hand_sensor, config)
+    kept, every = bundle.without(robust.left_out), robust.result
+    if bundle.hands.inferred:
+        every = solve_bundle(kept.estimating(np.ones_like(applied)), every.state)
+    weighed = weigh(kept, every, config)
     if weighed.changed:
-        every = solve_bundle(weighed.problem, every.state, every.free[6:-12], removed)
-    model = every if np.all(applied) else _fit_model(weighed.problem, every, applied)
-    nominal = _fit_model(weighed.problem, every, np.zeros_like(applied)) if np.any(applied) else model
-    dof = 2 * int((~removed).sum()) - 6 - 6 * problem.n_locations
+        every = solve_bundle(weighed.bundle.estimating(every.unknowns.block("robot").free), every.state)
+    model = every if np.all(applied) else _fit_model(weighed.bundle, every, applied)
+    nominal = _fit_model(weighed.bundle, every, np.zeros_like(applied)) if np.any(applied) else model
+    dof = kept.degrees_of_freedom
     chi2, explained, alone = (stated_cost(weighed.stated, fit) / max(dof, 1) for fit in (model, every, nominal))
     return Solution(
-        weighed.problem,
-        model,
-        applied,
-        robust.outlier,
-        robust.frame_outlier,
-        uncertainty(model),
-        own,
-        dof,
-        chi2,
-        explained,
-        alone,
-        weighed.noise,
-        _rival(problem, candidates, own, robust),
+        bundle=weighed.bundle,
+        result=model,
+        applied=applied,
+        outlier=robust.outlier,
+        frame_outlier=robust.frame_outlier,
+        covariance=covariance(model),
+        condition=scaled_condition(model, "scp"),
+        Ts_sensor_target=own,
+        dof=dof,
+        chi2_per_dof=chi2,
+        explained=explained,
+        nominal=alone,
+        noise=weighed.noise,
+        rival=_rival(kept, candidates, own, robust),
     )
 
 
-def _rival(problem: Problem, candidates: Sequence[Pose], own: Pose, best: RobustResult) -> float:
+def _rival(kept: Bundle, candidates: Sequence[Pose], own: Pose, best: RobustResult) -> float:
     """How much more χ² the answer from the frames' other candidates has, or infinity where there is none."""
     if any(len(c) == 1 for c in candidates):
         return float("inf")
     others = [c[np.flatnonzero(pose_distance(c, own[i : i + 1]) > _OTHER_MM)] for i, c in enumerate(candidates)]
     if any(len(c) == 0 for c in others):
         return float("inf")
-    start, _ = chain_start(problem, best.bundle.state.T_hand_sensor, others)
-    free = best.bundle.free[6:-12]
+    state = best.result.state
+    start, _ = chain_start(kept, state.pose("scp"), others)
     try:
-        rival = solve_bundle(problem, start, free, best.bundle.removed, max_iterations=30)
+        rival = solve_bundle(kept.estimating(best.result.unknowns.block("robot").free), start, max_iterations=30)
     except np.linalg.LinAlgError:
         return float("inf")
-    apart = pose_distance(rival.state.Ts_base_jig, best.bundle.state.Ts_base_jig)
+    apart = pose_distance(rival.state.pose("target"), state.pose("target"))
     different = rival.converged and float(np.max(apart)) > _OTHER_MM
-    return max(0.0, rival.cost - best.bundle.cost) if different else float("inf")
+    return max(0.0, rival.cost - best.result.cost) if different else float("inf")
 
 
 def _robust(
-    problem: Problem, candidates: Sequence[Pose], T_hand_sensor: Pose, config: CalibConfig
+    bundle: Bundle, candidates: Sequence[Pose], T_hand_sensor: Pose, config: CalibConfig
 ) -> tuple[RobustResult, Pose]:
     # of a pose's several joint solutions the wrong one may be taken: its robot errors are then its own, in the gates
-    every = np.full(len(problem.chain.parameter_sigma), not problem.chain.inferred)
-    start, own = chain_start(problem, T_hand_sensor, candidates)
-    robust = solve_robust(problem, start, every, config.outlier_chi2, config.max_outlier_share)
+    every = bundle.estimating(np.full(len(bundle.estimated), not bundle.hands.inferred))
+    start, own = chain_start(bundle, T_hand_sensor, candidates)
+    robust = solve_robust(every, start, config.outlier_chi2, config.max_outlier_share)
     if not _doubtful(robust):
         return robust, own
-    other = hand_eye_start(problem.chain.T_base_hand, own, problem.location)
+    nominal = bundle.hands.pose(start.vector("robot"))
+    other = hand_eye_start(nominal, own, bundle.location)
     if other is None:
         return robust, own
-    start, again = chain_start(problem, other, candidates)
-    second = solve_robust(problem, start, every, config.outlier_chi2, config.max_outlier_share)
+    start, again = chain_start(bundle, other, candidates)
+    second = solve_robust(every, start, config.outlier_chi2, config.max_outlier_share)
     return (second, again) if _score(second) < _score(robust) else (robust, own)
 
 
-def _fit_model(problem: Problem, every: BundleResult, applied: Mask) -> BundleResult:
+def _fit_model(bundle: Bundle, every: Result, applied: Mask) -> Result:
     """The bundle with only the ``applied`` robot parameters as unknowns."""
-    none = np.zeros_like(every.state.parameters)
-    start = replace(every.state, parameters=none, T_base_hand=problem.chain.T_base_hand)
-    return solve_bundle(problem, start, applied, every.removed)
+    return solve_bundle(bundle.estimating(applied), every.state.with_value("robot", np.zeros(len(applied))))
 
 
 def _doubtful(robust: RobustResult) -> bool:
-    return not robust.bundle.converged or bool(np.mean(robust.outlier) > 0.05 or np.any(robust.frame_outlier))
+    return not robust.result.converged or bool(np.mean(robust.outlier) > 0.05 or np.any(robust.frame_outlier))
 
 
 def _score(robust: RobustResult) -> tuple[bool, int, float]:
-    out = robust.outlier | robust.frame_outlier[:, None]
-    return not robust.bundle.converged, int(out.sum()), robust.bundle.cost
+    return not robust.result.converged, int(robust.left_out.sum()), robust.result.cost

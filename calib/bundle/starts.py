@@ -7,27 +7,27 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.bundle.linearise import State, initial_state
-from calib.bundle.problem import Problem
+from calib.bundle.problem import Bundle
 from calib.figures import agreeing_pose
-from geometry import Pose, log_so3, nearest_rotation, stack_poses
+from geometry import Pose, State, log_so3, nearest_rotation, stack_poses
 
 Array = NDArray[np.float64]
 
 
-def chain_start(problem: Problem, T_hand_sensor: Pose, candidates: Sequence[Pose]) -> tuple[State, Pose]:
-    """A start from an SCP: each location's jig where its frames agree; with the chosen Ts_sensor_jig (F).
+def chain_start(bundle: Bundle, T_hand_sensor: Pose, candidates: Sequence[Pose]) -> tuple[State, Pose]:
+    """A start from an SCP: each location's target where its frames agree; with the chosen Ts_sensor_target (F).
 
-    candidates: one batch of poses T_sensor_jig a frame.
+    candidates: one batch of poses T_sensor_target a frame.
     """
-    Ts_base_sensor = problem.chain.T_base_hand @ T_hand_sensor
-    jigs, chosen = [], np.zeros(problem.n_frames, dtype=int)
-    for location in range(problem.n_locations):
-        frames = [int(f) for f in np.flatnonzero(problem.location == location)]
-        jig, chosen[frames] = agreeing_pose([Ts_base_sensor[f] @ candidates[f] for f in frames])
-        jigs.append(jig)
+    start = bundle.start(T_hand_sensor, Pose.identity())
+    Ts_base_sensor = bundle.hands.pose(start.vector("robot")) @ T_hand_sensor
+    places, chosen = [], np.zeros(len(candidates), dtype=int)
+    for location in range(len(bundle.locations)):
+        frames = [int(f) for f in np.flatnonzero(bundle.location == location)]
+        place, chosen[frames] = agreeing_pose([Ts_base_sensor[f] @ candidates[f] for f in frames])
+        places.append(place)
     own = stack_poses([c[int(k)] for c, k in zip(candidates, chosen, strict=True)])
-    return initial_state(problem, T_hand_sensor, stack_poses(jigs)), own
+    return start.with_value("target", stack_poses(places)), own
 
 
 def hand_eye_start(Ts_base_hand: Pose, Ts_sensor_jig: Pose, location: NDArray[np.intp]) -> Pose | None:

@@ -5,13 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.bundle.bundle import BundleResult
-from calib.bundle.normal import reduced, scaled_solve
-from calib.bundle.solution import Solution
+from calib.bundle import Solution
+from calib.engine import Result, reduced, scaled_solve
 
 Array = NDArray[np.float64]
 
-NAMES = ("θ", "d", "a", "α", "β")
 _NULL = 1e-9  # share of a column that is left once others took what they can
 _NULL_EIGENVALUE = 1e-8
 _TAKES_PART = 0.04  # of the projector onto the null directions: 0.2 of a direction's unit vector in each of two
@@ -19,12 +17,12 @@ _TAKES_PART = 0.04  # of the projector onto the null directions: 0.2 of a direct
 
 def weak_directions(solution: Solution) -> tuple[str, ...]:
     """Estimated robot parameters that the data do not determine, why, and what holds them (their priors)."""
-    bundle = solution.bundle
     estimated = solution.applied
     if not np.any(estimated):
         return ()
-    labels = [f"{NAMES[r]}{j + 1}" for r, j in solution.problem.chain.parameters[estimated]]
-    full, no_jigs, no_scp = _informations(bundle, estimated)
+    parameters = solution.bundle.hands.robot.parameters
+    labels = [p.symbol for p, e in zip(parameters, estimated, strict=True) if e]
+    full, no_jigs, no_scp = _informations(solution.result, estimated)
     by_jigs = np.diag(no_jigs) < _NULL * np.diag(full)
     by_scp = ~by_jigs & (np.diag(no_scp) < _NULL * np.diag(full))
     out = []
@@ -39,16 +37,16 @@ def weak_directions(solution: Solution) -> tuple[str, ...]:
     return tuple(out)
 
 
-def _informations(bundle: BundleResult, estimated: NDArray[np.bool_]) -> tuple[Array, Array, Array]:
-    """Information of the data alone on the estimated parameters: raw, without jigs and anchors, without SCP too."""
-    robot = np.flatnonzero(estimated) + 6
-    anchors = np.flatnonzero(bundle.free[-12:]) + len(bundle.free) - 12
-    prior = np.diag(1 / bundle.prior_sigma[robot] ** 2)
-    schur, _ = reduced(bundle.normal)
-    raw = bundle.normal.common[np.ix_(robot, robot)] - prior
-    no_jigs = _without(schur, robot, anchors) - prior
-    no_scp = _without(schur, robot, np.concatenate([np.arange(6), anchors])) - prior
-    return raw, no_jigs, no_scp
+def _informations(result: Result, estimated: NDArray[np.bool_]) -> tuple[Array, Array, Array]:
+    """Information of the data alone on the estimated parameters: raw, without places and shape, without SCP too."""
+    u = result.unknowns
+    robot, shape = u.indices("robot", estimated), u.indices("shape", u.block("shape").free)
+    prior = np.diag(1 / u.sigma[robot] ** 2)
+    schur, _ = reduced(result.normal)
+    raw = result.normal.common[np.ix_(robot, robot)] - prior
+    no_places = _without(schur, robot, shape) - prior
+    no_scp = _without(schur, robot, np.concatenate([u.indices("scp"), shape])) - prior
+    return raw, no_places, no_scp
 
 
 def _without(matrix: Array, keep: NDArray[np.intp], drop: NDArray[np.intp]) -> Array:

@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
-from calib.bundle.bundle import BundleResult, solve_bundle
-from calib.bundle.linearise import State, corrected_robot
-from calib.bundle.problem import at_frames
-from calib.bundle.solution import Mask, Solution, estimated_parameters
+from calib.bundle import Mask, Solution, estimated_parameters, solve_bundle
 from calib.config import CalibConfig, Model
+from calib.engine import Result
 from calib.figures import fit_location
-from calib.judge.verdict import judge_motion, motion
-from calib.stations import Station
-from geometry import stack_poses
+from calib.judge.verdict import frames_motion, judge_motion
+from geometry import Frame
 
 _OVERFIT = 1.05  # a larger model must not predict worse than this times the smaller one
 _WORTH = 0.95  # where the smaller one fits, it must predict better than this
@@ -24,18 +19,18 @@ _UNCHECKED = (
 )
 
 
-def left_out_rms(solution: Solution, used: tuple[Station, ...], config: CalibConfig, model: Model) -> float | None:
+def left_out_rms(solution: Solution, used: tuple[Frame, ...], config: CalibConfig, model: Model) -> float | None:
     """Rms distance [mm] of the points from their strings at locations that took no part in the solution.
 
-    used: the stations of the solution's frames. Weights and outliers are those of the whole solution, everything
+    used: the solution's frames. Weights and outliers are those of the whole solution, everything
     estimated is solved again without the location. None where fewer than two can be left out, because the rest would
     not suffice.
     """
     squares = []
-    for k in range(solution.problem.n_locations):
-        rest = (solution.problem.location != k) & ~solution.frame_outlier
-        if _enough(tuple(s for s, r in zip(used, rest, strict=True) if r), config):
-            squares.append(_predicted(solution, k, estimated_parameters(solution.problem, model)))
+    for k in range(len(solution.bundle.locations)):
+        rest = (solution.bundle.location != k) & ~solution.frame_outlier
+        if _enough(tuple(f for f, r in zip(used, rest, strict=True) if r), config):
+            squares.append(_predicted(solution, k, estimated_parameters(solution.bundle.hands, model)))
     return float(np.sqrt(np.mean(np.concatenate(squares)))) if len(squares) > 1 else None
 
 
@@ -55,35 +50,26 @@ def choose_model(scores: dict[Model, float | None], asked: Model, *, nominal_fit
     return asked, words
 
 
-def _enough(rest: tuple[Station, ...], config: CalibConfig) -> bool:
-    if not rest:
-        return False
-    names = list(dict.fromkeys(s.observation.location for s in rest))
-    place = np.array([names.index(s.observation.location) for s in rest], dtype=np.intp)
-    firsts = stack_poses([s.candidates[0] for s in rest])
-    return judge_motion(motion(stack_poses([s.T_base_hand for s in rest]), firsts, place), config) is None
+def _enough(rest: tuple[Frame, ...], config: CalibConfig) -> bool:
+    return bool(rest) and judge_motion(frames_motion(rest), config) is None
 
 
 def _predicted(solution: Solution, left_out: int, applied: Mask) -> np.ndarray:
-    """Squared distances of a location's points, only its jig pose fitted, all else solved from the other locations."""
-    problem = solution.problem
-    fit = _without(solution, left_out, applied)
-    own = at_frames(problem, (problem.location == left_out) & ~solution.frame_outlier)
-    hands, parameters, joints = own.chain.T_base_hand, fit.state.parameters, own.chain.joints_rad
-    if np.any(parameters) and joints is not None:
-        hands = corrected_robot(problem, parameters).pose(joints)
-    start = solution.bundle.state.Ts_base_jig[left_out]
-    distance = fit_location(own.points, hands @ fit.state.T_hand_sensor, problem.anchors_mm, start).distance_mm
+    """Squared distances of a location's points, only its place fitted, all else solved from the other locations."""
+    bundle = solution.bundle
+    state = _without(solution, left_out, applied).state
+    own = bundle.at_frames((bundle.location == left_out) & ~solution.frame_outlier)
+    sensors = own.hands.pose(state.vector("robot")) @ state.pose("scp")
+    start = solution.places[bundle.locations[left_out]]
+    distance = fit_location(own.term.points, sensors, bundle.target, start).distance_mm
     return np.asarray(distance[np.isfinite(distance)] ** 2)
 
 
-def _without(solution: Solution, left_out: int, applied: Mask) -> BundleResult:
+def _without(solution: Solution, left_out: int, applied: Mask) -> Result:
     """The bundle of the other locations, started from the whole solution."""
-    problem, state = solution.problem, solution.bundle.state
-    rest = problem.location != left_out
-    others = np.flatnonzero(np.arange(problem.n_locations) != left_out)
-    same = np.array_equal(applied, solution.applied)
-    nominal = replace(state, parameters=np.zeros_like(state.parameters), T_base_hand=problem.chain.T_base_hand)
-    start: State = state if same else nominal
-    start = replace(start, Ts_base_jig=state.Ts_base_jig[others], T_base_hand=start.T_base_hand[np.flatnonzero(rest)])
-    return solve_bundle(at_frames(problem, rest), start, applied, solution.bundle.removed[rest])
+    bundle, state = solution.bundle, solution.result.state
+    others = np.flatnonzero(np.arange(len(bundle.locations)) != left_out)
+    start = state.with_value("target", state.pose("target")[others])
+    if not np.array_equal(applied, solution.applied):
+        start = start.with_value("robot", np.zeros(len(applied)))
+    return solve_bundle(bundle.at_frames(bundle.location != left_out).estimating(applied), start)

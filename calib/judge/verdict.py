@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,8 +11,7 @@ from scipy.stats import chi2 as chi2_law
 
 from calib.config import CalibConfig
 from calib.result import Verdict
-from geometry import Pose, log_so3
-from geometry.ties import ascending
+from geometry import Frame, Pose, log_so3, stack_poses
 
 Array = NDArray[np.float64]
 
@@ -21,7 +21,6 @@ _LEVER_MM = 5.0
 _RIVAL_CHI2 = 12.0  # a likelihood ratio of 400
 _GROSS_CHI2 = 30.0  # with all robot errors free within their priors
 _UNOBSERVABLE_MM, _UNOBSERVABLE_DEG = 20.0, 5.0  # σ from noise alone
-_SAME_PART = 1e-6  # of a unit vector
 _WEAK_MM, _WEAK_DEG = 1.0, 0.3
 
 
@@ -40,6 +39,14 @@ class Motion:
     rotation_deg: float
     second_deg: float
     lever_mm: float
+
+
+def frames_motion(used: Sequence[Frame]) -> Motion:
+    """How the hand moved between labelled frames."""
+    names = list(dict.fromkeys(f.location for f in used))
+    place = np.array([names.index(f.location) for f in used], dtype=np.intp)
+    firsts = stack_poses([f.candidates[0] for f in used])
+    return motion(stack_poses([f.at for f in used]), firsts, place)
 
 
 def motion(Ts_base_hand: Pose, Ts_sensor_jig: Pose, location: NDArray[np.intp]) -> Motion:
@@ -264,7 +271,7 @@ def direction_in_words(covariance: Array) -> str:
     names = ("x", "y", "z")
     parts = [
         f"{'translation along' if i < 3 else 'rotation about'} {names[i % 3]} of the sensor"
-        for i in ascending(-np.abs(weakest), _SAME_PART)
+        for i in np.argsort(-np.abs(weakest))
         if abs(weakest[i]) > 0.4
     ]
     return "mostly " + " with ".join(parts) + f" (σ {np.sqrt(max(values[-1], 0.0)):.2g} mm at 300 mm)"

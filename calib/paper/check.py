@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.stats import chi2 as chi2_law
 
-from calib.answer import Estimate
-from calib.result import Verdict
+from calib.result import Estimate, Verdict
 
 _TAIL = 1e-6  # of the paper's own covariance, which contains what the bundle makes better use of
 _REACH_MM = 300.0  # turns the angle between two SCPs into a length where the jig is

@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.answer import Estimate
-from calib.bundle.problem import Problem
-from calib.bundle.solution import make_problem
-from calib.bundle.starts import chain_start
+from calib.bundle import Bundle, chain_start, make_bundle
 from calib.config import CalibConfig
-from calib.judge.verdict import Facts
+from calib.judge import Facts
 from calib.paper.scp import PaperProblem, PaperResult, PaperSettings, solve_paper
 from calib.paper.spread import PaperSpread, closed_form_derivative, paper_spread
-from calib.pose.closed_form import closed_form_strings, closed_forms
-from calib.stations import Station
-from geometry import PARAMETERS, AxisPoints, DhRobot, Pose
+from calib.pose import closed_form_strings, closed_forms
+from calib.result import Estimate
+from geometry import AxisPoints, Frame, Pose, Robot
 from jig_cad import Jig
 
 Array = NDArray[np.float64]
@@ -30,7 +27,7 @@ _H1_SLACK_MM = 2.0  # sign candidates that disagree in h₁ by this much more th
 class PaperFrames:
     """The frames that have a closed form, their points in the paper's order (F, 5, 2), and why others have none."""
 
-    stations: tuple[Station, ...]
+    frames: tuple[Frame, ...]
     yz_mm: Array
     reasons: dict[int, str]
 
@@ -43,14 +40,14 @@ class Starts:
     signs: Pose
 
 
-def paper_frames(used: tuple[Station, ...], jig: Jig, outlying: Collection[int] = ()) -> PaperFrames:
+def paper_frames(used: tuple[Frame, ...], jig: Jig, outlying: Collection[int] = ()) -> PaperFrames:
     """Leave out frames without the five strings, and those where noise makes a/l > 1, so that θ = acos(a/l) is none.
 
     outlying: frames with points that the others contradict; they have no five strings to be trusted.
     """
     names, kept, points, reasons = closed_form_strings(jig), [], [], dict[int, str]()
-    for s in used:
-        number, given = s.observation.frame, dict(zip(s.axis.label, s.axis.yz_mm, strict=True))
+    for f in used:
+        number, given = f.number, dict(zip(f.axis.label, f.axis.yz_mm, strict=True))
         if number in outlying:
             reasons[number] = "outlier"
             continue
@@ -63,47 +60,46 @@ def paper_frames(used: tuple[Station, ...], jig: Jig, outlying: Collection[int] 
                 "outlier"  # noise puts a/l above 1: there is no angle whose cosine it is; the note counts them
             )
             continue
-        kept.append(s)
+        kept.append(f)
         points.append(yz)
     return PaperFrames(tuple(kept), np.array(points).reshape(-1, 5, 2), reasons)
 
 
 def paper_estimate(
-    frames: PaperFrames, jig: Jig, robot: DhRobot | None, starts: Starts, config: CalibConfig
+    frames: PaperFrames, jig: Jig, robot: Robot | None, starts: Starts, config: CalibConfig
 ) -> tuple[Estimate, Facts]:
     """Run the paper's iteration on the frames' closed-form poses."""
     run = _run(frames, jig, robot, starts, config)
-    spread = paper_spread(run.problem, run.result, run.own, closed_form_derivative(frames.yz_mm, jig, run.choice))
+    spread = paper_spread(run.bundle, run.result, run.own, closed_form_derivative(frames.yz_mm, jig, run.choice))
     return _estimate(frames, robot, run, spread), _facts(run, spread)
 
 
 @dataclass(frozen=True, eq=False)
 class _Run:
-    """The iteration's result, the sign candidates chosen (F,), their poses (F), the joints whose offsets are free."""
+    """The iteration's result, sign candidates chosen (F,), their poses (F), the robot's parameters that are free."""
 
-    problem: Problem
+    bundle: Bundle
     result: PaperResult
     choice: NDArray[np.intp]
     own: Pose
     offsets: tuple[int, ...]
 
 
-def _run(frames: PaperFrames, jig: Jig, robot: DhRobot | None, starts: Starts, config: CalibConfig) -> _Run:
-    used = frames.stations
+def _run(frames: PaperFrames, jig: Jig, robot: Robot | None, starts: Starts, config: CalibConfig) -> _Run:
     names = closed_form_strings(jig)
-    ordered = tuple(_in_order(s, names, frames.yz_mm[i]) for i, s in enumerate(used))
-    problem = make_problem(ordered, jig, robot, config)
+    used = tuple(replace(f, axis=_in_order(f.axis, names, frames.yz_mm[i])) for i, f in enumerate(frames.frames))
+    bundle = make_bundle(used, jig, robot, config)
     forms = closed_forms(frames.yz_mm, jig.side_mm, jig.height_mm)
-    choice, own = _signs(problem, starts.signs, forms.T_sensor_jig, forms.h1_disagreement_mm)
-    offsets, chain = _offset_joints(problem, config), problem.chain
-    paper = PaperProblem(own.t, chain.T_base_hand, problem.location, chain.robot, chain.joints_rad, offsets)
+    choice, own = _signs(bundle, starts.signs, forms.T_sensor_jig, forms.h1_disagreement_mm)
+    offsets = _offsets(bundle, config)
     settings = PaperSettings(config.paper_damping, config.paper_switch, config.paper_tolerance)
-    return _Run(problem, solve_paper(paper, starts.T_hand_sensor, settings), choice, own, offsets)
+    paper = PaperProblem(own.t, bundle.hands, bundle.location, offsets)
+    return _Run(bundle, solve_paper(paper, starts.T_hand_sensor, settings), choice, own, offsets)
 
 
-def _estimate(frames: PaperFrames, robot: DhRobot | None, run: _Run, spread: PaperSpread) -> Estimate:
+def _estimate(frames: PaperFrames, robot: Robot | None, run: _Run, spread: PaperSpread) -> Estimate:
     result, left = run.result, len(frames.reasons)
-    delta, corrected = _corrected(robot, run.offsets, result.offsets_rad)
+    delta, corrected = _corrected(robot, run)
     return Estimate(
         T_hand_sensor=result.T_hand_sensor,
         covariance=spread.noise + spread.robot,
@@ -136,39 +132,37 @@ def _facts(run: _Run, spread: PaperSpread) -> Facts:
         outlier_share=0.0,
         outlying_strings=(),
         rival=float("inf"),
-        locations=run.problem.n_locations,
+        locations=len(run.bundle.locations),
     )
 
 
-def _corrected(robot: DhRobot | None, offsets: tuple[int, ...], offsets_rad: Array) -> tuple[Array, DhRobot | None]:
-    """What the estimated joint offsets change in the table (5, n), and the robot with it."""
-    rows = {group: np.zeros(0 if robot is None else robot.n_joints) for group in PARAMETERS}
-    rows["theta"][list(offsets)] = offsets_rad
-    return np.array(list(rows.values())), robot.with_changes(**rows) if robot is not None and offsets else robot
+def _corrected(robot: Robot | None, run: _Run) -> tuple[Array, Robot | None]:
+    """What the estimated joint offsets change of the robot's parameters (P,), and the robot with it."""
+    values = np.zeros(len(run.bundle.hands.sigma))
+    values[list(run.offsets)] = run.result.offsets_rad
+    return values, run.bundle.hands.robot.corrected(values) if robot is not None and run.offsets else robot
 
 
-def _in_order(s: Station, names: tuple[str, ...], yz_mm: Array) -> Station:
-    """The station with its points in the order of ``names``."""
-    index = [s.axis.label.index(label) for label in names]
-    flag = tuple(s.axis.flag[i] for i in index) if s.axis.flag else ()
-    axis = AxisPoints(names, s.axis.spot[index], yz_mm, s.axis.cov_yz_mm2[index], flag)
-    return Station(s.observation, s.T_base_hand, axis, s.candidates, s.reason)
+def _in_order(axis: AxisPoints, names: tuple[str, ...], yz_mm: Array) -> AxisPoints:
+    """The points in the order of ``names``."""
+    index = [axis.label.index(label) for label in names]
+    flag = tuple(axis.flag[i] for i in index) if axis.flag else ()
+    return AxisPoints(names, axis.spot[index], yz_mm, axis.cov_yz_mm2[index], flag)
 
 
-def _signs(problem: Problem, T_hand_sensor: Pose, poses: Pose, h1_mm: Array) -> tuple[NDArray[np.intp], Pose]:
+def _signs(bundle: Bundle, T_hand_sensor: Pose, poses: Pose, h1_mm: Array) -> tuple[NDArray[np.intp], Pose]:
     """Which sign candidate (F,) each frame has: Eq. (7) rules out most, the other frames and the SCP the mirror."""
     candidates, indices = [], []
-    for i in range(problem.n_frames):
-        likely = np.flatnonzero(h1_mm[i] <= np.min(h1_mm[i]) + _H1_SLACK_MM)
+    for i, h1 in enumerate(h1_mm):
+        likely = np.flatnonzero(h1 <= np.min(h1) + _H1_SLACK_MM)
         candidates.append(poses[i][likely])
         indices.append(likely)
-    _, own = chain_start(problem, T_hand_sensor, candidates)
+    _, own = chain_start(bundle, T_hand_sensor, candidates)
     nearest = [int(np.argmin(np.linalg.norm(c.t - own.t[i], axis=-1))) for i, c in enumerate(candidates)]
     return np.array([indices[i][k] for i, k in enumerate(nearest)], dtype=np.intp), own
 
 
-def _offset_joints(problem: Problem, config: CalibConfig) -> tuple[int, ...]:
-    robot = problem.chain.robot
-    if robot is None or config.paper_joint_offsets == 0:
-        return ()
-    return tuple(range(robot.n_joints - config.paper_joint_offsets, robot.n_joints - 1))
+def _offsets(bundle: Bundle, config: CalibConfig) -> tuple[int, ...]:
+    """The offsets of the last joints, as many as the configuration says, as numbers of the robot's parameters."""
+    last = range(bundle.hands.robot.n_joints - config.paper_joint_offsets + 1, bundle.hands.robot.n_joints)
+    return tuple(k for k, p in enumerate(bundle.hands.robot.parameters) if p.group == "theta" and p.joint in last)

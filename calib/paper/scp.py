@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import DhRobot, Pose, skew
+from calib.bundle import Hands
+from geometry import Pose, skew
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -23,17 +24,16 @@ _FAR = 1e6
 
 @dataclass(frozen=True, eq=False)
 class PaperProblem:
-    """Jig origins in the sensor (F, 3) [mm], hand poses (F) or joints (F, n) with a robot, locations (F,).
+    """Jig origins in the sensor (F, 3) [mm], the robot's hands (F), locations (F,).
 
-    offset_joints: joints whose offset is estimated beside the SCP; the last joint's duplicates a rotation of the SCP.
+    offsets: which of the robot's parameters are estimated beside the SCP; the last joint's offset would duplicate a
+    rotation of the SCP.
     """
 
     origins_mm: Array
-    Ts_base_hand: Pose
+    hands: Hands
     location: Index
-    robot: DhRobot | None = None
-    joints_rad: Array | None = None
-    offset_joints: tuple[int, ...] = ()
+    offsets: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ class PaperResult:
 def solve_paper(problem: PaperProblem, T_hand_sensor: Pose, settings: PaperSettings | None = None) -> PaperResult:
     """Iterate Eqs. (1)-(4) from a design SCP until the scaled step falls below the tolerance."""
     settings = settings or PaperSettings()
-    scp, offsets, damping = T_hand_sensor, np.zeros(len(problem.offset_joints)), settings.damping
+    scp, offsets, damping = T_hand_sensor, np.zeros(len(problem.offsets)), settings.damping
     history: list[float] = []
     last, converged = np.inf, False
     C, dx = differences(problem, scp, offsets)
@@ -98,19 +98,15 @@ def differences(problem: PaperProblem, T_hand_sensor: Pose, offsets_rad: Array) 
 
 def origins(problem: PaperProblem, T_hand_sensor: Pose, offsets_rad: Array) -> tuple[Array, Array]:
     """Jig origins x (F, 3) [mm] in the base by the chain, and their Jacobian (F, 3, K) by ξ and the offsets."""
-    hand, joints, robot = problem.Ts_base_hand, problem.joints_rad, problem.robot
-    chosen = list(problem.offset_joints)
-    if chosen and robot is not None and joints is not None:
-        delta = np.zeros(robot.n_joints)
-        delta[chosen] = offsets_rad
-        robot = robot.with_changes(theta=delta)
-        hand = robot.pose(joints)
+    values = np.zeros(len(problem.hands.sigma))
+    values[list(problem.offsets)] = offsets_rad
+    hand = problem.hands.pose(values)
     in_hand = T_hand_sensor @ problem.origins_mm
     rotation = hand.R @ T_hand_sensor.R
     scp = np.concatenate([rotation, -rotation @ skew(problem.origins_mm)], -1)
-    if not chosen or robot is None or joints is None:
+    if not problem.offsets:
         return hand @ in_hand, scp
-    twists = robot.table_jacobian(joints)["theta"][..., chosen]  # (F, 6, k), hand axes
+    twists = problem.hands.jacobian(values)[..., list(problem.offsets)]  # (F, 6, k), hand axes
     moved = hand.R @ (twists[:, :3] - skew(in_hand) @ twists[:, 3:])
     return hand @ in_hand, np.concatenate([scp, moved], -1)
 

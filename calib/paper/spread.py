@@ -7,11 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.bundle.linearise import Linearised, initial_state, linearise
-from calib.bundle.problem import Problem
-from calib.bundle.weights import frame_covariance, removal
+from calib.bundle import Bundle, OnTargetLinearised
 from calib.paper.scp import PaperResult, pairs
-from calib.pose.closed_form import closed_forms
+from calib.pose import closed_forms
 from geometry import Pose
 from jig_cad import Jig
 
@@ -34,18 +32,18 @@ class PaperSpread:
     dof: int
 
 
-def paper_spread(problem: Problem, result: PaperResult, own: Pose, derivative: Array) -> PaperSpread:
+def paper_spread(bundle: Bundle, result: PaperResult, own: Pose, derivative: Array) -> PaperSpread:
     """How far the errors of the measurements carry the answer, through C⁺.
 
     own: Ts_sensor_jig (F) by the closed form. derivative (F, 3, 10): of their origins by the points.
     """
-    jigs = (problem.chain.T_base_hand @ result.T_hand_sensor @ own)[_firsts(problem)]
-    lin = linearise(problem, initial_state(problem, result.T_hand_sensor, jigs))
-    base = problem.chain.T_base_hand.R @ result.T_hand_sensor.R
-    to_origin = base @ derivative  # (F, 3, 10): from the points to x
-    noise, anchors, robot = _origin_errors(problem, lin, to_origin)
-    first, other = pairs(problem.location)
-    difference = np.eye(problem.n_frames)[first] - np.eye(problem.n_frames)[other]  # (D, F)
+    nominal = bundle.hands.pose(np.zeros(len(bundle.hands.sigma)))
+    places = (nominal @ result.T_hand_sensor @ own)[_firsts(bundle)]
+    lin = bundle.term.linearise(bundle.start(result.T_hand_sensor, places))
+    to_origin = nominal.R @ result.T_hand_sensor.R @ derivative  # (F, 3, 10): from the points to x
+    noise, anchors, robot = _origin_errors(bundle, lin, to_origin)
+    first, other = pairs(bundle.location)
+    difference = np.eye(len(own))[first] - np.eye(len(own))[other]  # (D, F)
     independent = np.einsum("af,fij,bf->aibj", difference, noise, difference).reshape(len(result.residual), -1)
     shared, dh = (np.tensordot(difference, g, 1).reshape(len(result.residual), -1) for g in (anchors, robot))
     stochastic = independent + shared @ shared.T
@@ -79,18 +77,16 @@ def closed_form_derivative(yz_mm: Array, jig: Jig, choice: NDArray[np.intp]) -> 
     return np.asarray(np.swapaxes((up + down) / (np.maximum(sides, 1.0) * _STEP_MM), -1, -2))
 
 
-def _firsts(problem: Problem) -> list[int]:
-    return [int(np.flatnonzero(problem.location == k)[0]) for k in range(problem.n_locations)]
+def _firsts(bundle: Bundle) -> list[int]:
+    return [int(np.flatnonzero(bundle.location == k)[0]) for k in range(len(bundle.locations))]
 
 
-def _origin_errors(problem: Problem, lin: Linearised, to_origin: Array) -> tuple[Array, Array, Array]:
-    """Errors of x: covariance of its own noise (F, 3, 3), columns by anchors (F, 3, 12) and robot (F, 3, P).
+def _origin_errors(bundle: Bundle, lin: OnTargetLinearised, to_origin: Array) -> tuple[Array, Array, Array]:
+    """Errors of x: covariance of its own noise (F, 3, 3), columns by anchors (F, 3, S) and robot (F, 3, P).
 
     An error of the hand's pose moves the points that are seen as well as the chain; both act on x as if the points were
     exact and the jig had moved, so that one covariance of the points carries it.
     """
-    f = problem.n_frames
-    points = frame_covariance(problem, lin, removal(~problem.points.present), problem.chain.noise)
-    anchors = to_origin @ lin.anchors.reshape(f, 10, 12) * problem.anchor_sigma_mm
-    robot = to_origin @ (lin.hand.reshape(f, 10, 6) @ lin.parameters) * problem.chain.parameter_sigma
-    return to_origin @ points @ np.swapaxes(to_origin, -1, -2), anchors, robot
+    anchors = to_origin @ lin.jacobian["shape"] * bundle.target.shape.sigma
+    robot = to_origin @ lin.jacobian["robot"] * bundle.hands.sigma
+    return to_origin @ lin.covariance @ np.swapaxes(to_origin, -1, -2), anchors, robot

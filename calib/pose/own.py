@@ -1,17 +1,28 @@
-"""Each frame's own jig pose: weighted least squares on that frame's points alone, next to the robot chain."""
+"""Each frame's own pose of the target: weighted least squares on that frame's points alone, next to the robot chain."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import singledispatch
 
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.pose.fit import fit_pose, string_indices
-from calib.pose.solver import PoseProblem, PoseSolution, solve_poses
-from calib.pose.weights import whitening
-from calib.stations import Station
-from geometry import NoAnswerError, Pose, stack_poses
+from calib.engine import solve_members
+from calib.pose.fit import fit_pose
+from geometry import (
+    Block,
+    Frame,
+    Linearised,
+    NoAnswerError,
+    Pose,
+    SheetPoints,
+    State,
+    Target,
+    Unknowns,
+    stack_poses,
+)
 from jig_cad import Jig
 
 Array = NDArray[np.float64]
@@ -19,38 +30,62 @@ Array = NDArray[np.float64]
 FULL = 5  # strings that determine a pose on their own
 
 
-def own_poses(frames: Sequence[Station], jig: Jig, by_chain: Pose) -> dict[int, Pose]:
-    """T_sensor_jig of every frame, by its number; of about equally likely ones the nearest to the chain's.
+@dataclass(frozen=True, eq=False)
+class SeenAlone:
+    """The evidence of each frame's points alone: unknown is "pose", T_sensor_target, with a member for every frame."""
 
-    by_chain: (F) T_sensor_jig by the robot; it stands in where a frame's points determine no pose.
+    points: SheetPoints
+    target: Target
+
+    def linearise(self, state: State) -> Linearised:
+        """With the points' own covariance; a point that is absent has no weight and no residual."""
+        found = self.target.predict(state.pose("pose"), np.zeros(len(self.target.shape.sigma)), self.points)
+        f, m, k = found.residual.shape
+        cov = self.points.cov_mm2
+        own = cov if found.by_point is None else found.by_point @ cov @ np.swapaxes(found.by_point, -1, -2)
+        own = np.where(self.points.present[..., None, None], own, np.eye(k))
+        covariance = np.zeros((f, m, k, m, k))
+        i = np.arange(m)
+        covariance[:, i, :, i, :] = np.swapaxes(own, 0, 1)
+        jacobian = {"pose": found.by_pose.reshape(f, m * k, 6)}
+        member = {"pose": np.arange(f)}
+        return Linearised(found.residual.reshape(f, -1), jacobian, covariance.reshape(f, m * k, m * k), member)
+
+
+def poses_alone(points: SheetPoints, target: Target, starts: Pose) -> tuple[Pose, NDArray[np.bool_]]:
+    """T_sensor_target (F) next to the ``starts`` (F), and which of them converged."""
+    names = tuple(str(i) for i in range(len(points)))
+    unknowns = Unknowns((Block.pose("pose", names, free=target.freedom),))
+    found = solve_members(SeenAlone(points, target), unknowns, State({"pose": starts}))
+    return found.state.pose("pose"), found.converged
+
+
+@singledispatch
+def own_poses(target: Target, frames: Sequence[Frame], by_chain: Pose) -> dict[int, Pose]:
+    """T_sensor_target of every frame whose points tell one, by its number; of a surface a single curve tells none.
+
+    by_chain: (F) T_sensor_target by the robot.
     """
-    lone = [s for s in frames if len(s.candidates) == 1 and len(set(s.axis.label)) >= FULL]
-    solution = _solve(lone, jig) if lone else None
+    return {}
+
+
+@own_poses.register
+def _(target: Jig, frames: Sequence[Frame], by_chain: Pose) -> dict[int, Pose]:
+    """Of about equally likely ones the nearest to the chain's, which stands in where the points determine none."""
+    lone = [f for f in frames if len(f.candidates) == 1 and len(set(f.axis.label)) >= FULL]
     out: dict[int, Pose] = {}
-    for i, s in enumerate(lone):
-        if solution is not None and solution.converged[i]:
-            out[s.observation.frame] = solution.T_sensor_jig[i]
-    for i, s in enumerate(frames):
-        if s.observation.frame not in out:
-            out[s.observation.frame] = _own_pose(s, jig, by_chain[i])
+    if lone:
+        points = SheetPoints.of([f.axis for f in lone], target.features)
+        poses, converged = poses_alone(points, target, stack_poses([f.candidates[0] for f in lone]))
+        out = {f.number: poses[i] for i, f in enumerate(lone) if converged[i]}
+    for i, f in enumerate(frames):
+        if f.number not in out:
+            out[f.number] = _own_pose(f, target, by_chain[i])
     return out
 
 
-def _solve(frames: Sequence[Station], jig: Jig) -> PoseSolution:
-    """All frames with a single candidate at once, from it; what a frame lacks has no weight."""
-    most = max(len(s.axis) for s in frames)
-    index = np.zeros((len(frames), most), dtype=np.intp)
-    yz, white = np.zeros((len(frames), most, 2)), np.zeros((len(frames), 2 * most, 2 * most))
-    for i, s in enumerate(frames):
-        n = len(s.axis)
-        index[i, :n], yz[i, :n] = string_indices(s.axis, jig), s.axis.yz_mm
-        white[i, : 2 * n, : 2 * n] = whitening(s.axis.cov_yz_mm2)
-    starts = stack_poses([s.candidates[0] for s in frames])
-    return solve_poses(PoseProblem(jig.starts[index], jig.directions[index], yz, white), starts)
-
-
-def _own_pose(s: Station, jig: Jig, by_chain: Pose) -> Pose:
+def _own_pose(f: Frame, jig: Jig, by_chain: Pose) -> Pose:
     try:
-        return fit_pose(s.axis, jig, by_chain).T_sensor_jig
+        return fit_pose(f.axis, jig, by_chain).T_sensor_jig
     except NoAnswerError:
         return by_chain

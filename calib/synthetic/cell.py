@@ -7,22 +7,27 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.observation import FrameObservation, Observations, Role
+from calib.calibrate import calibrate
+from calib.config import CalibConfig
+from calib.result import CalibrationResult
 from geometry import (
     AxisPoints,
     Camera,
-    Compliance,
-    Compliant,
     DhRobot,
+    Frame,
     NoAnswerError,
     Pose,
+    Robot,
+    Role,
     Sensor,
     Sheet,
+    Target,
     cross_plane_x0,
     draw_errors,
     exp_so3,
     stack_poses,
 )
+from geometry.robot import Compliance, deflection
 from jig_cad import Jig, sample_tolerance
 
 Array = NDArray[np.float64]
@@ -62,7 +67,7 @@ class Noise:
 
 
 @dataclass(frozen=True, eq=False)
-class Cell:
+class SyntheticCell:
     """A cell and its truth; ``joints_rad`` (F, n) are the configurations as commanded."""
 
     robot: DhRobot
@@ -73,6 +78,23 @@ class Cell:
     role: tuple[Role, ...]
     joints_rad: Array
     design: Pose = field(default=DESIGN)
+
+
+@dataclass(frozen=True, eq=False)
+class CellFrames:
+    """The frames of a synthetic cell with labelled points, the sensor, the SCP by design, and places that are given."""
+
+    frames: tuple[Frame, ...]
+    sensor: Sensor
+    design: Pose
+    places: dict[str, Pose] = field(default_factory=dict)
+
+
+def calibrated(
+    observed: CellFrames, target: Target, robot: Robot | None, config: CalibConfig | None = None
+) -> CalibrationResult:
+    """``calibrate`` on what was observed of a cell."""
+    return calibrate(observed.frames, target, robot, observed.sensor, observed.design, observed.places, config)
 
 
 def industrial_arm() -> DhRobot:
@@ -95,7 +117,7 @@ def random_cell(
     jig: Jig | None = None,
     robot: DhRobot | None = None,
     T_hand_sensor: Pose = TRUTH,
-) -> Cell:
+) -> SyntheticCell:
     """A cell with jig places and configurations drawn at random such that every view shows every string."""
     layout, jig, robot = layout or Layout(), jig or Jig.nominal(), robot or industrial_arm()
     T_base_jig: dict[str, Pose] = {}
@@ -108,10 +130,10 @@ def random_cell(
         location += [name] * count
         role += [what] * count
         joints += readings
-    return Cell(robot, jig, T_hand_sensor, T_base_jig, tuple(location), tuple(role), np.array(joints))
+    return SyntheticCell(robot, jig, T_hand_sensor, T_base_jig, tuple(location), tuple(role), np.array(joints))
 
 
-def made_cell(cell: Cell, rng: np.random.Generator, noise: Noise) -> Cell:
+def made_cell(cell: SyntheticCell, rng: np.random.Generator, noise: Noise) -> SyntheticCell:
     """The cell as built: DH errors and anchors drawn; the jig's places stay."""
     robot, jig = cell.robot, cell.jig
     if noise.robot:
@@ -128,11 +150,12 @@ def axis_points(T_sensor_jig: Pose, jig: Jig) -> Array:
     return cross_plane_x0(starts, ends - starts)[0][..., 1:]
 
 
-def observe(cell: Cell, made: Cell, rng: np.random.Generator, noise: Noise) -> Observations:
+def observe(cell: SyntheticCell, made: SyntheticCell, rng: np.random.Generator, noise: Noise) -> CellFrames:
     """Frames of the cell as made: true poses move with joint noise, points with point noise; labels are given."""
     true_joints = cell.joints_rad + rng.normal(size=cell.joints_rad.shape) * noise.joint_rad
-    robot = made.robot if noise.compliance is None else Compliant(made.robot, noise.compliance)
-    hand = robot.pose(true_joints)
+    if noise.compliance is not None:
+        true_joints = true_joints + deflection(made.robot, true_joints, noise.compliance)
+    hand = made.robot.pose(true_joints)
     jigs = Pose(
         np.stack([made.T_base_jig[n].R for n in cell.location]), np.stack([made.T_base_jig[n].t for n in cell.location])
     )
@@ -141,16 +164,17 @@ def observe(cell: Cell, made: Cell, rng: np.random.Generator, noise: Noise) -> O
     covariance = np.broadcast_to(np.eye(2) * max(noise.point_mm, 1e-6) ** 2, (*yz.shape, 2))
     labels, spot = made.jig.strings, np.full(yz.shape[1], -1)
     frames = tuple(
-        FrameObservation(
+        Frame(
             i,
             cell.location[i],
             cell.role[i],
             joints_rad=cell.joints_rad[i],
             axis=AxisPoints(labels, spot, yz[i], covariance[i], ("",) * len(labels)),
+            labels_given=True,
         )
         for i in range(len(yz))
     )
-    return Observations(frames, default_sensor(), cell.design)
+    return CellFrames(frames, default_sensor(), cell.design)
 
 
 def pose_cell(

@@ -7,9 +7,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.observation import FrameObservation, Observations
-from calib.synthetic.cell import Cell, Noise, axis_points, default_sensor
-from geometry import AxisPoints, Pose, cross_plane_x0, exp_so3, stack_poses
+from calib.synthetic.cell import CellFrames, Noise, SyntheticCell, axis_points, default_sensor
+from geometry import AxisPoints, Frame, Pose, cross_plane_x0, exp_so3, stack_poses
 
 Array = NDArray[np.float64]
 
@@ -17,7 +16,7 @@ _MIRROR_POINT_MM = 0.5  # poor spots: sharp ones tell the mirrors apart by the l
 _PITCH_DEG, _PITCH_STEP_DEG = 20.0, 0.7
 
 
-def mirror_frames(cell: Cell, rng: np.random.Generator, noise: Noise, frames: int = 3) -> Observations:
+def mirror_frames(cell: SyntheticCell, rng: np.random.Generator, noise: Noise, frames: int = 3) -> CellFrames:
     """Frames of one location that see B' and C' at equal height, turned in the sheet and hardly out of it.
 
     Turned in the sheet alone, the frames' mirror images agree with one another as well as the true poses do. A second
@@ -35,7 +34,7 @@ def mirror_frames(cell: Cell, rng: np.random.Generator, noise: Noise, frames: in
     return _observed(cell, Ts, rng, replace(noise, point_mm=_MIRROR_POINT_MM))
 
 
-def constant_lever(cell: Cell, rng: np.random.Generator, noise: Noise, frames: int = 7) -> Observations:
+def constant_lever(cell: SyntheticCell, rng: np.random.Generator, noise: Noise, frames: int = 7) -> CellFrames:
     """Frames of one location in which the jig turns about its own origin, which the sensor sees at one place."""
     found: list[Pose] = []
     pivot = np.array([-cell.jig.height_mm / 2, 0.0, 240.0])
@@ -47,7 +46,7 @@ def constant_lever(cell: Cell, rng: np.random.Generator, noise: Noise, frames: i
     return _observed(cell, stack_poses(found), rng, noise)
 
 
-def _observed(cell: Cell, Ts_sensor_jig: Pose, rng: np.random.Generator, noise: Noise) -> Observations:
+def _observed(cell: SyntheticCell, Ts_sensor_jig: Pose, rng: np.random.Generator, noise: Noise) -> CellFrames:
     """Noisy labelled points of frames at one location, with their hand poses as exactly known."""
     jig = cell.T_base_jig["A"]
     hands = jig @ Ts_sensor_jig.inverse() @ cell.T_hand_sensor.inverse()
@@ -56,13 +55,13 @@ def _observed(cell: Cell, Ts_sensor_jig: Pose, rng: np.random.Generator, noise: 
     covariance = np.broadcast_to(np.eye(2) * noise.point_mm**2, (yz.shape[1], 2, 2))
     spot, labels = np.full(yz.shape[1], -1), cell.jig.strings
     frames = tuple(
-        FrameObservation(
+        Frame(
             i,
             "A",
-            "calibrate",
             T_base_hand=hands[i],
             axis=AxisPoints(labels, spot, yz[i], covariance, ("",) * len(labels)),
+            labels_given=True,
         )
         for i in range(len(yz))
     )
-    return Observations(frames, default_sensor(), cell.design)
+    return CellFrames(frames, default_sensor(), cell.design)

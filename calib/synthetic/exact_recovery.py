@@ -7,11 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.bundle.robust import solve_robust
-from calib.bundle.starts import chain_start
-from calib.bundle.uncertainty import uncertainty
-from calib.paper.scp import PaperProblem, differences, scaled_condition, solve_paper
-from calib.pose.closed_form import closed_forms
+from calib.bundle import chain_start, solve_robust
+from calib.engine import scaled_condition as bundle_condition
+from calib.paper import PaperProblem, differences, scaled_condition, solve_paper
+from calib.pose import closed_forms
 from calib.synthetic.cell import DESIGN
 from calib.synthetic.problem import exact_pose_problem
 from jig_cad import Jig
@@ -42,18 +41,17 @@ class Recovery:
 
 def recover(rng: np.random.Generator, jig: Jig) -> Recovery:
     """Solve a random cell's exact points from the design SCP, jig poses by the closed form with all its candidates."""
-    problem, truth, Ts_sensor_jig = exact_pose_problem(rng, jig)
-    forms = closed_forms(problem.points.yz_mm, jig.side_mm, jig.height_mm)
+    bundle, truth, Ts_sensor_jig = exact_pose_problem(rng, jig)
+    forms = closed_forms(bundle.term.points.yz_mm, jig.side_mm, jig.height_mm)
     exact = forms.h1_disagreement_mm < EXACT_MM
-    candidates = [forms.T_sensor_jig[i][np.flatnonzero(exact[i])] for i in range(problem.n_frames)]
-    start, own = chain_start(problem, DESIGN, candidates)
-    chain = problem.chain.T_base_hand
-    first = solve_paper(PaperProblem(own.t, chain, problem.location), DESIGN)
-    second = solve_robust(problem, start, np.zeros(0, dtype=bool)).bundle
-    at_truth, _ = differences(PaperProblem(Ts_sensor_jig.t, chain, problem.location), truth, np.zeros(0))
+    candidates = [forms.T_sensor_jig[i][np.flatnonzero(e)] for i, e in enumerate(exact)]
+    start, own = chain_start(bundle, DESIGN, candidates)
+    first = solve_paper(PaperProblem(own.t, bundle.hands, bundle.location), DESIGN)
+    second = solve_robust(bundle, start).result
+    at_truth, _ = differences(PaperProblem(Ts_sensor_jig.t, bundle.hands, bundle.location), truth, np.zeros(0))
     return Recovery(
         (first.T_hand_sensor.inverse() @ truth).log(),
-        (second.state.T_hand_sensor.inverse() @ truth).log(),
+        (second.state.pose("scp").inverse() @ truth).log(),
         first.converged and second.converged,
-        max(scaled_condition(at_truth), uncertainty(second).condition),
+        max(scaled_condition(at_truth), bundle_condition(second, "scp")),
     )

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.label.surface_offset import centroid_offsets
-from calib.pose.crossings import crossings
+from calib.label import centroid_offsets
+from calib.pose import crossings
 from geometry import (
     Camera,
     Pose,
@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class View:
+class JigView:
     """A jig as drawn (or measured) and as made, a sensor, and the pose in which every string crosses the lit sheet."""
 
     jig: Jig
@@ -85,6 +85,15 @@ def random_jig(rng: np.random.Generator, six: bool | None = None) -> tuple[Jig, 
     return (replace(made, measured=True) if rng.random() < 0.33 else jig), made
 
 
+def random_lines(rng: np.random.Generator, count: int) -> tuple[Jig, Jig]:
+    """Lines between two plates, as known and as made: no two parallel, no shared anchor, no symmetry."""
+    low = rng.uniform([-5, -60, -10], [10, 60, 90], (count, 3))
+    high = rng.uniform([90, -60, -10], [110, 60, 90], (count, 3))
+    anchors = {f"{end} {i}": tuple(p) for end, points in (("low", low), ("high", high)) for i, p in enumerate(points)}
+    jig = Jig.of_lines(anchors, {f"line {i}": (f"low {i}", f"high {i}") for i in range(count)})
+    return jig, sample_tolerance(jig, rng)
+
+
 def random_pose(
     rng: np.random.Generator, jig: Jig, distance_mm: float, tilt_deg: tuple[float, float] = (2.0, 35.0)
 ) -> Pose:
@@ -104,19 +113,21 @@ def random_pose(
             return T
 
 
-def random_view(rng: np.random.Generator, six: bool | None = None, tilt_deg: tuple[float, float] = (2.0, 35.0)) -> View:
-    """A random sensor that sees all strings of a random jig."""
+def random_view(
+    rng: np.random.Generator, six: bool | None = None, tilt_deg: tuple[float, float] = (2.0, 35.0), lines: int = 0
+) -> JigView:
+    """A random sensor that sees all strings of a random pillar, or of so many random ``lines``."""
     while True:
         sensor, distance = random_sensor(rng)
         polygon = field_of_view(sensor)
-        jig, made = random_jig(rng, six)
+        jig, made = random_lines(rng, lines) if lines else random_jig(rng, six)
         for _ in range(30):
-            view = View(jig, made, sensor, random_pose(rng, made, distance, tilt_deg))
+            view = JigView(jig, made, sensor, random_pose(rng, made, distance, tilt_deg))
             if np.all(inside_polygon(view.yz_mm, polygon)):
                 return view
 
 
-def observe_spots(view: View, noise: SpotNoise, rng: np.random.Generator) -> LabelledTruth:
+def observe_spots(view: JigView, noise: SpotNoise, rng: np.random.Generator) -> LabelledTruth:
     """The frame's spots, best score first: lit surfaces with noise, and clutter, alone and in rows."""
     strings = view.jig.strings
     thread = noise.thread or (rng.uniform(0.05, 0.7), float(rng.choice([0.0, 0.05, 0.3])), rng.uniform(0.15, 0.5))

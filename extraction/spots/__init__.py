@@ -5,7 +5,7 @@ from extraction.spots.candidates import Candidates
 from extraction.spots.fast import PeakFits, fit_peaks
 from extraction.spots.pipeline import extract, extract_stages, learn_speckle
 from extraction.spots.shapes import region_shapes
-from extraction.spots.speckle import correlation
+from extraction.spots.speckle import correlation, optical_grain_px
 from extraction.spots.stack import StackFits, fit_stack
 from extraction.spots.stages import FLOODED_SHARE, Stages
 
@@ -23,6 +23,7 @@ __all__ = [
     "fit_stack",
     "learn_speckle",
     "mean_image",
+    "optical_grain_px",
     "position_bound",
     "region_shapes",
 ]

@@ -12,6 +12,7 @@ from scipy.special import j1
 from extraction.config import MAX_GRAIN_PX
 from extraction.spots.budget import ErrorBudget
 from extraction.spots.influence import CLASSES, LAGS
+from geometry import Camera, Sensor
 
 Array = NDArray[np.float64]
 
@@ -45,6 +46,40 @@ class Speckle:
     def variances(self) -> Array:
         """Contrast² · ρ for the classes of distance of `influence` (CLASSES,)."""
         return np.asarray(self.contrast**2 * correlation(self.grain_px))
+
+
+def optical_grain_px(sensor: Sensor) -> float | None:
+    """The grain λF#(1 + m) on the chip that a sensor's stated optics give.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        With a camera. Its magnification m is that at the stated distance in focus, else where its axis meets the sheet.
+
+    Returns
+    -------
+    float or None
+        Grain [px], no coarser than pixels can tell; None where wavelength, pixel pitch or F-number are not stated.
+
+    References
+    ----------
+    Goodman, Speckle Phenomena in Optics (2007), section 4.5; Dorsch, Häusler & Herrmann (1994).
+    """
+    optics = sensor.optics
+    if optics is None or optics.wavelength_nm is None or optics.pixel_um is None or optics.f_number is None:
+        return None
+    camera = sensor.require_camera()
+    principal_mm = (camera.fx_px + camera.fy_px) / 2 * optics.pixel_um * 1e-3
+    magnification = principal_mm / (optics.focus_distance_mm or _sheet_on_axis_mm(camera))
+    grain = optics.wavelength_nm * 1e-3 * optics.f_number * (1 + magnification) / optics.pixel_um
+    return min(grain, MAX_GRAIN_PX)
+
+
+def _sheet_on_axis_mm(camera: Camera) -> float:
+    """Distance from the camera's centre along its axis to the sheet [mm]; infinite where they do not meet."""
+    towards = float(camera.T_sensor_camera.R[0, 2])
+    distance = -float(camera.centre_mm[0]) / towards if towards else math.inf
+    return distance if distance > 0 else math.inf
 
 
 def _pupil_correlations() -> Array:

@@ -7,11 +7,9 @@ from geometry.robot.corrected import Corrected
 from geometry.robot.dh import (
     DH_CONVENTIONS,
     DH_ROWS,
-    PARAMETERS,
     TYPICAL_SIGMA,
     DhRobot,
     DhRow,
-    RobotModel,
     RobotUncertainty,
 )
 from geometry.robot.given_poses import GivenPoses
@@ -27,7 +25,6 @@ __all__ = [
     "DH_CONVENTIONS",
     "DH_ROWS",
     "GRAVITY",
-    "PARAMETERS",
     "TYPICAL_SIGMA",
     "Arm",
     "ChainJoint",
@@ -42,7 +39,6 @@ __all__ = [
     "JointDeviation",
     "Parameter",
     "Robot",
-    "RobotModel",
     "RobotUncertainty",
     "all_solutions",
     "corrected_origins",

@@ -53,7 +53,7 @@ DH_ROWS = (  # the one place that knows their order
     DhRow("alpha", "alpha", "rad"),
     DhRow("beta", "beta", "rad"),
 )
-PARAMETERS = tuple(row.group for row in DH_ROWS)
+_GROUPS = tuple(row.group for row in DH_ROWS)
 _COLUMNS = (*(row.column for row in DH_ROWS), "sign", "min_rad", "max_rad")
 
 # σ of an ordinary arm, in the units of robot.toml's [uncertainty]
@@ -258,7 +258,8 @@ class DhRobot:
         """Change of the hand's pose with the parameters: twists in the hand's axes (..., 6, P)."""
         robot = self if values is None else self.corrected(values)
         rows, joints = self._places
-        return np.asarray(robot.stacked_jacobian(joints_rad)[..., rows, joints])
+        by_group = robot.table_jacobian(joints_rad)
+        return np.stack([by_group[row.group] for row in DH_ROWS], -2)[..., rows, joints]
 
     def table_jacobian(self, joints_rad: ArrayLike) -> dict[str, Array]:
         """Twists (..., 6, n) in the hand's axes by every number of the table, known or not, by the groups of DH_ROWS.
@@ -284,11 +285,6 @@ class DhRobot:
             "beta": _rotating(hand, *y_axis),
         }
 
-    def stacked_jacobian(self, joints_rad: ArrayLike) -> Array:
-        """``table_jacobian`` as one array (..., 6, 5, n), PARAMETERS along the fifth axis."""
-        by_group = self.table_jacobian(joints_rad)
-        return np.stack([by_group[row.group] for row in DH_ROWS], -2)
-
     def joint_noise(self, joints_rad: ArrayLike, values: ArrayLike | None = None) -> Array:
         """Covariance (..., 6, 6) of the hand's pose, in its axes, from the joints' repeatability."""
         j = self.joint_jacobian(joints_rad, values)
@@ -297,19 +293,17 @@ class DhRobot:
     def corrected(self, values: ArrayLike) -> DhRobot:
         """The model with the corrections (P,) [rad, mm] of its ``parameters`` in its table."""
         v = np.asarray(values, dtype=float)
-        if v.ndim == 2:  # (5, n), every row of PARAMETERS
-            return self.with_changes(**dict(zip(PARAMETERS, v, strict=True)))
         rows, joints = self._places
         if v.shape != rows.shape:
             raise InputError(f"{v.size} corrections for a robot of {len(rows)} uncertain parameters")
         delta = np.zeros((len(DH_ROWS), self.n_joints))
         delta[rows, joints] = v
-        return self.with_changes(**dict(zip(PARAMETERS, delta, strict=True)))
+        return self.with_changes(**dict(zip(_GROUPS, delta, strict=True)))
 
     def with_changes(self, **rows: ArrayLike) -> DhRobot:
         """The model with numbers (n,) [rad, mm] added to the rows of its table, by the groups of DH_ROWS."""
-        if unknown := rows.keys() - set(PARAMETERS):
-            raise InputError(f"a robot's table has {', '.join(PARAMETERS)}, not {', '.join(sorted(unknown))}")
+        if unknown := rows.keys() - set(_GROUPS):
+            raise InputError(f"a robot's table has {', '.join(_GROUPS)}, not {', '.join(sorted(unknown))}")
         changed = {r.column: getattr(self, r.column) + np.asarray(rows[r.group]) for r in DH_ROWS if r.group in rows}
         return replace(self, **changed)
 
@@ -326,10 +320,6 @@ class DhRobot:
         """Whether all readings (..., n) [rad] lie inside the joint limits (...)."""
         q = np.asarray(joints_rad, dtype=float)
         return np.asarray(np.all((q >= self.min_rad) & (q <= self.max_rad), axis=-1))
-
-    def hand_pose(self, joints: ArrayLike) -> Pose:
-        """``pose`` of the nominal table."""
-        return self.pose(joints)
 
     @cached_property
     def _sigma(self) -> Array:
@@ -352,9 +342,6 @@ class DhRobot:
         offset = fixed[:, :, 2] * self.d[:, None]
         offset[:, 0] += self.a
         return Pose(fixed @ rz, np.broadcast_to(offset, (*theta.shape, 3)))
-
-
-RobotModel = DhRobot
 
 
 def _check(robot: DhRobot) -> None:

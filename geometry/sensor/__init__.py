@@ -1,8 +1,26 @@
-"""The sensor: laser sheet, camera or none, and the part of the sheet that is measured."""
+"""The sensor: laser sheet, camera or profile output, stated optics, uncertainty, and what of the sheet is measured."""
 
-from geometry.sensor.camera import Camera
+from geometry.sensor.camera import CHANNELS, Camera, project
 from geometry.sensor.field_of_view import field_of_view, inside_polygon
+from geometry.sensor.optics import Optics
+from geometry.sensor.profile import AUTO, PROFILE_FORMATS, ProfileOutput
 from geometry.sensor.sensor import Sensor
 from geometry.sensor.sheet import Sheet
+from geometry.sensor.uncertainty import SENSOR_PARAMETERS, SOURCES, SensorUncertainty
 
-__all__ = ["Camera", "Sensor", "Sheet", "field_of_view", "inside_polygon"]
+__all__ = [
+    "AUTO",
+    "CHANNELS",
+    "PROFILE_FORMATS",
+    "SENSOR_PARAMETERS",
+    "SOURCES",
+    "Camera",
+    "Optics",
+    "ProfileOutput",
+    "Sensor",
+    "SensorUncertainty",
+    "Sheet",
+    "field_of_view",
+    "inside_polygon",
+    "project",
+]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from geometry.errors import InputError
 from geometry.pose import Pose, check_rotation
@@ -14,6 +14,7 @@ Array = NDArray[np.float64]
 
 DISTORTION_LENGTHS = (0, 4, 5, 8, 12, 14)
 BIT_DEPTHS = (8, 10, 12, 14, 16)
+CHANNELS = ("red", "green", "blue", "grey", "max")
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +35,10 @@ class Camera:
         8, 10, 12, 14 or 16.
     black_level : float
         Grey level of no light [DN].
+    stated_saturation_dn : int or None
+        Grey level from which a pixel is full, where the sensor's file says so.
+    channel : str or None
+        The channel of colour images that holds the laser's light, one of CHANNELS; None where the file is silent.
 
     Raises
     ------
@@ -51,6 +56,8 @@ class Camera:
     distortion: tuple[float, ...] = ()
     bit_depth: int = 8
     black_level: float = 0.0
+    stated_saturation_dn: int | None = None
+    channel: str | None = None
 
     def __post_init__(self) -> None:
         _check_image(self)
@@ -77,9 +84,57 @@ class Camera:
         return np.array([*self.distortion, *[0.0] * (14 - len(self.distortion))])
 
     @property
-    def saturation_dn(self) -> int:
+    def full_scale_dn(self) -> int:
         """The largest grey level that the image can hold."""
         return int(2**self.bit_depth - 1)
+
+    @property
+    def saturation_dn(self) -> int:
+        """Grey level from which a pixel is full: as stated, else the full scale."""
+        return self.full_scale_dn if self.stated_saturation_dn is None else self.stated_saturation_dn
+
+
+def project(camera: Camera, xyz_mm: ArrayLike) -> Array:
+    """Where a camera is expected to see points, for planning.
+
+    The emulator draws by a projection of its own and extraction inverts by its own; neither may lean on this one.
+
+    Parameters
+    ----------
+    camera : Camera
+        Intrinsics, lens and pose.
+    xyz_mm : ArrayLike
+        Points (..., 3) in {P} [mm].
+
+    Returns
+    -------
+    Array
+        Pixels (..., 2), NaN for points that are not in front of the camera.
+
+    References
+    ----------
+    OpenCV, calib3d, "Detailed Description": the pinhole model with rational, tangential, thin-prism and tilt terms.
+    """
+    xyz = (np.asarray(xyz_mm, dtype=float) - camera.centre_mm) @ camera.T_sensor_camera.R
+    depth = np.where(xyz[..., 2:] > 0, xyz[..., 2:], np.nan)
+    xy = (xyz[..., :2] / depth).reshape(-1, 2)
+    seen = distort(xy, camera.distortion14) if any(camera.distortion) else xy
+    uv = seen * [camera.fx_px, camera.fy_px] + [camera.cx_px, camera.cy_px]
+    return np.asarray(uv.reshape(*xyz.shape[:-1], 2))
+
+
+def distort(xy: Array, k: Array) -> Array:
+    """OpenCV's rational, tangential, thin-prism and tilt model, terms (14,), on normalised coordinates (N, 2)."""
+    x, y = xy[:, 0], xy[:, 1]
+    r2 = x * x + y * y
+    radial = (1 + r2 * (k[0] + r2 * (k[1] + r2 * k[4]))) / (1 + r2 * (k[5] + r2 * (k[6] + r2 * k[7])))
+    xd = x * radial + 2 * k[2] * x * y + k[3] * (r2 + 2 * x * x) + r2 * (k[8] + r2 * k[9])
+    yd = y * radial + k[2] * (r2 + 2 * y * y) + 2 * k[3] * x * y + r2 * (k[10] + r2 * k[11])
+    (sx, sy), (cx, cy) = np.sin(k[12:14]), np.cos(k[12:14])
+    rotation = np.array([[cy, 0, -sy], [0, 1, 0], [sy, 0, cy]]) @ np.array([[1, 0, 0], [0, cx, sx], [0, -sx, cx]])
+    shear = np.array([[rotation[2, 2], 0, -rotation[0, 2]], [0, rotation[2, 2], -rotation[1, 2]], [0, 0, 1]])
+    tilted = np.column_stack([xd, yd, np.ones(len(xd))]) @ (shear @ rotation).T
+    return np.asarray(tilted[:, :2] / tilted[:, 2:])
 
 
 def _check_image(c: Camera) -> None:
@@ -87,8 +142,15 @@ def _check_image(c: Camera) -> None:
         raise InputError(f"image size {c.width_px} × {c.height_px} px: width and height must lie in 1 … 65535")
     if c.bit_depth not in BIT_DEPTHS:
         raise InputError(f"bit_depth {c.bit_depth}: must be one of {', '.join(map(str, BIT_DEPTHS))}")
-    if not 0 <= c.black_level < c.saturation_dn:
-        raise InputError(f"black_level {c.black_level:g}: must lie in 0 … {c.saturation_dn - 1} at {c.bit_depth} bits")
+    if not 0 <= c.black_level < c.full_scale_dn:
+        raise InputError(f"black_level {c.black_level:g}: must lie in 0 … {c.full_scale_dn - 1} at {c.bit_depth} bits")
+    if not c.black_level < c.saturation_dn <= c.full_scale_dn:
+        raise InputError(
+            f"[image] saturation_dn = {c.saturation_dn}: must lie above black_level = {c.black_level:g} and at most at "
+            f"{c.full_scale_dn}, the full scale of {c.bit_depth} bits"
+        )
+    if c.channel is not None and c.channel not in CHANNELS:
+        raise InputError(f'[image] channel = "{c.channel}": must be one of {", ".join(CHANNELS)}')
 
 
 def _check_optics(c: Camera) -> None:

@@ -1,4 +1,10 @@
-"""The part of the laser sheet that is lit by the fan and seen by the camera, as a polygon."""
+"""The part of the laser sheet that is lit by the fan and seen by the camera, as a polygon.
+
+The lens is inverted here a second time, beside `extraction`, and that is meant: the emulator asks this room how far it
+must light and trace, so an inverse shared with extraction would cut image and measurement alike and hide its own
+errors. The two also answer differently: here a pixel beyond the lens's fold takes the last ray before it, there it has
+none.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geometry.errors import InputError
-from geometry.sensor.camera import Camera
+from geometry.sensor.camera import Camera, distort
 from geometry.sensor.sensor import Sensor
 from geometry.sensor.sheet import Sheet
 
@@ -16,11 +22,29 @@ MAX_DISTANCE_MM = 5000.0  # beyond this no line sensor measures; it closes a fie
 
 
 def field_of_view(sensor: Sensor, margin_px: float = 0.0, samples_per_side: int = 24) -> Array:
-    """The field of view in the laser plane: a polygon (N, 2) of (y, z) [mm] in order around it.
+    """The field of view in the laser plane.
 
-    margin_px: strip along the image's border that is left out.
-    Raises InputError where the camera sees nothing of the lit sheet.
+    Parameters
+    ----------
+    sensor : Sensor
+        With a camera, or with a profile output that states its field of view.
+    margin_px : float
+        Strip along the image's border that is left out; a profile sensor's polygon stands as its maker gives it.
+    samples_per_side : int
+        Points along each side of the image.
+
+    Returns
+    -------
+    Array
+        A polygon (N, 2) of (y, z) [mm] in {P}, in order around it.
+
+    Raises
+    ------
+    InputError
+        Where the camera sees nothing of the lit sheet, or a profile sensor states no field of view.
     """
+    if sensor.profile is not None:
+        return sensor.profile.require_field_of_view()
     camera = sensor.require_camera()
     border = _image_border(camera, margin_px, samples_per_side)
     rays = np.column_stack([_undistort(camera, border), np.ones(len(border))]) @ camera.T_sensor_camera.R.T
@@ -81,29 +105,15 @@ def _newton(start: Array, goal: Array, k: Array) -> tuple[Array, NDArray[np.bool
     """Solve distort(xy) = goal (N, 2) near ``start``; True where it was reached without crossing a fold."""
     xy, h = start.copy(), 1e-6
     for _ in range(8):
-        f = _distort(xy, k) - goal
-        j = np.stack([(_distort(xy + h * e, k) - _distort(xy - h * e, k)) / (2 * h) for e in np.eye(2)], -1)
+        f = distort(xy, k) - goal
+        j = np.stack([(distort(xy + h * e, k) - distort(xy - h * e, k)) / (2 * h) for e in np.eye(2)], -1)
         det = np.linalg.det(j)
         unfolded = det > 1e-3
         j[~unfolded] = np.eye(2)
         xy = xy - np.where(unfolded[:, None], np.linalg.solve(j, f[..., None])[..., 0], 0.0)
         xy = np.clip(xy, -20.0, 20.0)  # no lens sees 87° off its axis; keeps a lost iterate finite
-    left = np.max(np.abs(_distort(xy, k) - goal), axis=-1)
+    left = np.max(np.abs(distort(xy, k) - goal), axis=-1)
     return xy, unfolded & (left < 1e-12)
-
-
-def _distort(xy: Array, k: Array) -> Array:
-    """OpenCV's rational, tangential, thin-prism and tilt model on normalised coordinates (N, 2)."""
-    x, y = xy[:, 0], xy[:, 1]
-    r2 = x * x + y * y
-    radial = (1 + r2 * (k[0] + r2 * (k[1] + r2 * k[4]))) / (1 + r2 * (k[5] + r2 * (k[6] + r2 * k[7])))
-    xd = x * radial + 2 * k[2] * x * y + k[3] * (r2 + 2 * x * x) + r2 * (k[8] + r2 * k[9])
-    yd = y * radial + k[2] * (r2 + 2 * y * y) + 2 * k[3] * x * y + r2 * (k[10] + r2 * k[11])
-    (sx, sy), (cx, cy) = np.sin(k[12:14]), np.cos(k[12:14])
-    rotation = np.array([[cy, 0, -sy], [0, 1, 0], [sy, 0, cy]]) @ np.array([[1, 0, 0], [0, cx, sx], [0, -sx, cx]])
-    shear = np.array([[rotation[2, 2], 0, -rotation[0, 2]], [0, rotation[2, 2], -rotation[1, 2]], [0, 0, 1]])
-    tilted = np.column_stack([xd, yd, np.ones(len(xd))]) @ (shear @ rotation).T
-    return np.asarray(tilted[:, :2] / tilted[:, 2:])
 
 
 def _fan_half_planes(sheet: Sheet) -> list[Array]:

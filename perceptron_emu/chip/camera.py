@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
-from numba import uint32, uint64
 from numpy.typing import NDArray
 
 from geometry import Sensor
@@ -15,42 +15,114 @@ from perceptron_emu.chip.hashing import BITS, LOW, NORMAL, mix, mix32
 from perceptron_emu.config import NoiseConfig
 
 Float32 = NDArray[np.float32]
+Bits = NDArray[np.uint32]
 Image = NDArray[np.uint8] | NDArray[np.uint16]
 
 FULL_WELL_OVER_RANGE = 1.03  # a saturated pixel then gives the largest grey level, its noise notwithstanding
 RUN = 1024  # pixels that are exposed at a time
+FIRST, SECOND = np.float32(0.8), np.float32(0.6)  # shares of the two deviates of a sum: their squares add up to 1
 SURE = 6.0  # σ of shot noise that the full well must be away for it not to matter
 
 
+class Pattern(NamedTuple):
+    """The chip's own gains and offsets [e⁻] of all pixels, (N,) each: the same for every exposure of a camera."""
+
+    gain: Float32
+    offset: Float32
+
+
+class Exposure(NamedTuple):
+    """What turns mean electrons into grey levels, for compiled code.
+
+    sure_e: mean charge below which shot noise never fills the well. dark_e: of the exposure's time. low, high: halves
+    of the noise's key.
+    """
+
+    gain_dn_per_e: float
+    black_dn: float
+    top_dn: float
+    well_e: float
+    sure_e: float
+    read_noise_e: float
+    dark_e: float
+    shot: bool
+    low: np.uint32
+    high: np.uint32
+
+
 def gain_dn_per_e(noise: NoiseConfig, sensor: Sensor) -> float:
-    """System gain K [DN/e⁻]: as configured, or such that the converter is full a little before the pixel is."""
+    """
+    System gain K of the camera.
+
+    Parameters
+    ----------
+    noise
+        The chip's configuration; its gain_dn_per_e, where given, is the answer.
+    sensor
+        Its camera's grey levels count.
+
+    Returns
+    -------
+    gain
+        [DN/e⁻]; by default the converter is full a little before the pixel is.
+    """
     camera = sensor.require_camera()
     return noise.gain_dn_per_e or FULL_WELL_OVER_RANGE * (camera.saturation_dn - camera.black_level) / noise.full_well_e
 
 
 def expose(electrons: Float32, noise: NoiseConfig, sensor: Sensor, time_s: float, key: int) -> Image:
-    """The image (H, W) that the chip delivers for mean photo-electrons (H, W).
+    """
+    The image that the chip delivers for mean photo-electrons.
 
-    key: 64 random bits; with the pixel's number they give its noise (counter-based, hence the same on every machine
-    and thread).
     y = K·(clip(n) + DSNU + read) + black, quantised; n has the mean μ·(1 + PRNU) + dark and Poisson's variance and
     skewness.
-    Source: EMVA Standard 1288, release 4.0 linear, section 2.
+
+    Parameters
+    ----------
+    electrons
+        Mean photo-electrons (H, W).
+    noise
+        The chip.
+    sensor
+        Grey levels and black level.
+    time_s
+        Exposure, for the dark current [s].
+    key
+        64 random bits; with the pixel's number they give its noise (counter-based, hence the same on every machine and
+        thread).
+
+    Returns
+    -------
+    image
+        (H, W) uint8 or, above 8 bits, uint16 [DN].
+
+    References
+    ----------
+    EMVA Standard 1288, release 4.0 linear, section 2.
     """
     camera = sensor.require_camera()
-    out = np.empty(electrons.shape, np.uint8 if camera.bit_depth == 8 else np.uint16)
     gain = gain_dn_per_e(noise, sensor)
     if not noise.enabled:
         grey = np.minimum(electrons, np.float32(noise.full_well_e))
         grey *= np.float32(gain)
         grey += np.float32(camera.black_level + 0.5)
         np.clip(grey, 0, camera.saturation_dn, out=grey)
-        return grey.astype(out.dtype)
-    own_gain, own_offset = _pattern(electrons.size, noise.pattern_seed, noise.prnu, noise.dsnu_e)
-    _expose(electrons.ravel(), out.ravel(), own_gain, own_offset, NORMAL, np.uint32(key & 0xFFFFFFFF),
-            np.uint32(key >> 32 & 0xFFFFFFFF), gain, camera.black_level,
-            float(camera.saturation_dn), noise.full_well_e, _sure_limit(noise.full_well_e), noise.read_noise_e,
-            noise.dark_current_e_s * time_s, noise.shot)  # fmt: skip
+        return grey.astype(np.uint8) if camera.bit_depth == 8 else grey.astype(np.uint16)
+    exposure = Exposure(
+        gain_dn_per_e=gain,
+        black_dn=float(camera.black_level),
+        top_dn=float(camera.saturation_dn),
+        well_e=noise.full_well_e,
+        sure_e=_sure_limit(noise.full_well_e),
+        read_noise_e=noise.read_noise_e,
+        dark_e=noise.dark_current_e_s * time_s,
+        shot=noise.shot,
+        low=np.uint32(key & 0xFFFFFFFF),
+        high=np.uint32(key >> 32 & 0xFFFFFFFF),
+    )
+    pattern = _pattern(electrons.size, noise.pattern_seed, noise.prnu, noise.dsnu_e)
+    out: Image = np.empty(electrons.shape, np.uint8) if camera.bit_depth == 8 else np.empty(electrons.shape, np.uint16)
+    _expose(electrons.ravel(), pattern, exposure, out.ravel())
     return out
 
 
@@ -61,30 +133,32 @@ def _sure_limit(well_e: float) -> float:
 
 
 @lru_cache(maxsize=4)
-def _pattern(pixels: int, seed: int, prnu: float, dsnu_e: float) -> tuple[Float32, Float32]:
-    """The chip's own gains and offsets [e⁻] of all pixels, (N,) each; the same for every exposure of a camera."""
-    own_gain, own_offset = np.empty(pixels, np.float32), np.empty(pixels, np.float32)
-    _draw_pattern(own_gain, own_offset, NORMAL, np.uint64(seed * 2 + 1), prnu, dsnu_e)
-    return own_gain, own_offset
+def _pattern(pixels: int, seed: int, prnu: float, dsnu_e: float) -> Pattern:
+    """The fixed pattern of the camera of that seed."""
+    pattern = Pattern(np.empty(pixels, np.float32), np.empty(pixels, np.float32))
+    _draw_pattern(pattern, np.uint64(seed * 2 + 1), prnu, dsnu_e)
+    return pattern
 
 
 @kernel(inline=True)
-def _deviate(bits, place, normal):  # type: ignore[no-untyped-def]
+def _deviate(bits: np.uint64, place: int) -> np.float32:
     """A standard normal deviate from 24 of the bits: the sum of two of the table is smooth where one is a staircase."""
-    low, half = uint64(LOW), uint64(place + BITS)
-    return np.float32(0.8) * normal[(bits >> uint64(place)) & low] + np.float32(0.6) * normal[(bits >> half) & low]
+    low, half = np.uint64(LOW), np.uint64(place + BITS)
+    first, second = NORMAL[(bits >> np.uint64(place)) & low], NORMAL[(bits >> half) & low]
+    deviate: np.float32 = FIRST * first + SECOND * second
+    return deviate
 
 
 @kernel(fastmath=True)
-def _draw_pattern(own_gain, own_offset, normal, key, prnu, dsnu):  # type: ignore[no-untyped-def]
-    for i in range(own_gain.size):
+def _draw_pattern(pattern: Pattern, key: np.uint64, prnu: float, dsnu: float) -> None:
+    for i in range(pattern.gain.size):
         bits = mix(i, key)
-        own_gain[i] = np.float32(1) + np.float32(prnu) * _deviate(bits, 0, normal)
-        own_offset[i] = np.float32(dsnu) * _deviate(bits, 2 * BITS, normal)
+        pattern.gain[i] = np.float32(1) + np.float32(prnu) * _deviate(bits, 0)
+        pattern.offset[i] = np.float32(dsnu) * _deviate(bits, 2 * BITS)
 
 
 @kernel(fastmath=True)
-def _expose(electrons, out, own_gain, own_offset, normal, low, high, gain, black, top, well, sure, read, dark, shot):  # type: ignore[no-untyped-def]
+def _expose(electrons: Float32, pattern: Pattern, exposure: Exposure, out: Image) -> None:
     """One draw for shot and read noise together where the well is far, two where it may cut the charge.
 
     Pixels are taken in runs, in loops over few arrays each, simple enough for the compiler to do several at once.
@@ -92,53 +166,59 @@ def _expose(electrons, out, own_gain, own_offset, normal, low, high, gain, black
     z, other = np.empty(RUN, np.float32), np.empty(RUN, np.float32)
     mean, signal = np.empty(RUN, np.float32), np.empty(RUN, np.float32)
     bits = np.empty(RUN, np.uint32)
+    read, low, high = exposure.read_noise_e, exposure.low, exposure.high
+    scale, zero = np.float32(exposure.gain_dn_per_e), np.float32(exposure.black_dn) + np.float32(0.5)
     for first in range(0, electrons.size, RUN):
         n = min(RUN, electrons.size - first)
-        _normal(z[:n], bits, first, low, high, normal)
-        largest = _charge(electrons[first : first + n], own_gain[first : first + n], np.float32(dark), mean)
-        if not shot:
-            _cut(mean[:n], np.float32(well), np.float32(read), z, signal)
+        here = slice(first, first + n)
+        _normal(z[:n], bits, first, low, high)
+        largest = _charge(electrons[here], pattern.gain[here], np.float32(exposure.dark_e), mean)
+        if not exposure.shot:
+            _cut(mean[:n], np.float32(exposure.well_e), np.float32(read), z, signal)
         else:
             _noisy(mean[:n], z, np.float32(read * read), signal)
-            if largest >= sure:
-                _normal(other[:n], bits, first, low, uint32(~high), normal)
-                _near_the_well(mean[:n], z, other, sure, well, read, signal)
-        scale, zero = np.float32(gain), np.float32(black) + np.float32(0.5)
-        _quantise(signal[:n], own_offset[first : first + n], scale, zero, np.float32(top), out[first : first + n])
+            if largest >= exposure.sure_e:
+                _normal(other[:n], bits, first, low, np.uint32(~high))
+                _near_the_well(mean[:n], z, other, exposure, signal)
+        _quantise(signal[:n], pattern.offset[here], scale, zero, np.float32(exposure.top_dn), out[here])
 
 
 @kernel(fastmath=True)
-def _normal(z, bits, first, low, high, normal):  # type: ignore[no-untyped-def]
+def _normal(z: Float32, bits: Bits, first: int, low: np.uint32, high: np.uint32) -> None:
     """Standard normal deviates of the pixels from ``first`` on: sums of two of the table, 24 bits each."""
-    _bits(bits, uint32(first), low, high)
+    _bits(bits, np.uint32(first), low, high)
     for i in range(len(z)):
-        z[i] = np.float32(0.8) * normal[bits[i] & uint32(LOW)] + np.float32(0.6) * normal[bits[i] >> uint32(32 - BITS)]
+        lower, upper = NORMAL[bits[i] & np.uint32(LOW)], NORMAL[bits[i] >> np.uint32(32 - BITS)]
+        z[i] = FIRST * lower + SECOND * upper
 
 
 @kernel
-def _bits(bits, first, low, high):  # type: ignore[no-untyped-def]
+def _bits(bits: Bits, first: np.uint32, low: np.uint32, high: np.uint32) -> None:
     for i in range(len(bits)):
-        bits[i] = mix32(first + uint32(i), low, high)
+        bits[i] = mix32(first + np.uint32(i), low, high)
 
 
 @kernel(fastmath=True)
-def _cut(mean, well, read, z, signal):  # type: ignore[no-untyped-def]
+def _cut(mean: Float32, well: np.float32, read: np.float32, z: Float32, signal: Float32) -> None:
     """Charge without shot noise, cut by the full well, with read noise."""
     for i in range(len(mean)):
         signal[i] = min(mean[i], well) + read * z[i]
 
 
 @kernel(fastmath=True)
-def _near_the_well(mean, z, other, sure, well, read, signal):  # type: ignore[no-untyped-def]
+def _near_the_well(mean: Float32, z: Float32, other: Float32, exposure: Exposure, signal: Float32) -> None:
     """Charge of the pixels whose shot noise the full well may cut; read noise comes after it."""
+    sure, well, read = exposure.sure_e, np.float32(exposure.well_e), np.float32(exposure.read_noise_e)
     for i in range(len(mean)):
         if mean[i] >= sure:
             charge = mean[i] + math.sqrt(mean[i]) * z[i] + (z[i] * z[i] - np.float32(1)) / np.float32(6)
-            signal[i] = min(charge, np.float32(well)) + np.float32(read) * other[i]
+            signal[i] = min(charge, well) + read * other[i]
 
 
 @kernel(fastmath=True)
-def _quantise(signal, offset, scale, zero, top, out):  # type: ignore[no-untyped-def]
+def _quantise(
+    signal: Float32, offset: Float32, scale: np.float32, zero: np.float32, top: np.float32, out: Image
+) -> None:
     for i in range(len(out)):
         signal[i] = min(max((signal[i] + offset[i]) * scale + zero, np.float32(0)), top)
     for i in range(len(out)):
@@ -146,7 +226,7 @@ def _quantise(signal, offset, scale, zero, top, out):  # type: ignore[no-untyped
 
 
 @kernel(fastmath=True)
-def _charge(light, own_gain, dark, mean):  # type: ignore[no-untyped-def]
+def _charge(light: Float32, own_gain: Float32, dark: np.float32, mean: Float32) -> np.float32:
     """Mean charge [e⁻] of a run of pixels, to ``mean``; returns the largest."""
     largest = np.float32(0)
     for i in range(len(light)):
@@ -156,7 +236,7 @@ def _charge(light, own_gain, dark, mean):  # type: ignore[no-untyped-def]
 
 
 @kernel(fastmath=True)
-def _noisy(mean, z, read2, signal):  # type: ignore[no-untyped-def]
+def _noisy(mean: Float32, z: Float32, read2: np.float32, signal: Float32) -> None:
     """Charge with shot and read noise: variance μ + r² and third moment μ by Cornish and Fisher's expansion."""
     one, sixth = np.float32(1), np.float32(1 / 6)
     for i in range(len(mean)):

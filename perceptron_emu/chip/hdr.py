@@ -24,7 +24,9 @@ def expose_hdr(electrons: Float32, exposure: ExposureConfig, noise: NoiseConfig,
     becomes the image's, so the image wants more bits than one exposure: [noise] adc_bits, [image] bit_depth.
     """
     camera = sensor.require_camera()
-    once = sensor.with_camera(bit_depth=noise.adc_bits or camera.bit_depth, black_level=_black(camera, noise))
+    once = sensor.with_camera(
+        bit_depth=noise.adc_bits or camera.bit_depth, black_level=_black(camera, noise), stated_saturation_dn=None
+    )
     single = once.require_camera()
     ratios = np.array([1.0, *exposure.hdr_ratios])
     top, shortest = single.saturation_dn, float(ratios.min())

@@ -3,11 +3,11 @@
 from perceptron_emu.gl.backend import light_scene_gl
 from perceptron_emu.gl.context import gl_problem
 from perceptron_emu.gl.picture import CellView, cell_picture
-from perceptron_emu.gl.world import View, depth_and_identity, gl_world
+from perceptron_emu.gl.world import GlView, depth_and_identity, gl_world
 
 __all__ = [
     "CellView",
-    "View",
+    "GlView",
     "cell_picture",
     "depth_and_identity",
     "gl_problem",

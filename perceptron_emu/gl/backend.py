@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from geometry import Pose, Sensor
 from perceptron_emu.config import EmulatorConfig
-from perceptron_emu.gl.world import GlWorld, View, back_project, depth_and_identity, gl_world
+from perceptron_emu.gl.world import GlView, GlWorld, back_project, depth_and_identity, gl_world
 from perceptron_emu.lens import to_camera
 from perceptron_emu.light import (
     SHEET_REACH,
@@ -32,8 +32,9 @@ from perceptron_emu.scene import Scene
 Array = NDArray[np.float64]
 
 SUPERSAMPLING = 8  # a 0.3 mm string is then some 14 sub-pixels wide
-LASER_COLUMNS, LASER_ROWS = 8192, 128
+LASER_COLUMNS, LASER_ROWS = 8192, 128  # 0.03 mm a column at 300 mm, a tenth of a string; the sheet is thin
 SHADOW_BIAS_MM = 0.05  # less than a string's radius, more than the depth of a pixel of the laser's map
+GRAZING = 0.02  # cosine of the view at which a footprint stops growing: a silhouette's is infinite
 STENCIL = 2  # sub-pixels to either side that a normal is taken over
 LASER_AXES = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])  # columns along y, rows across the sheet
 
@@ -42,7 +43,7 @@ LASER_AXES = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])  # columns along y, 
 class Shadow:
     """The laser's view and the depth map (H, W) [mm] that it sees, each pixel the farthest of its neighbours."""
 
-    view: View
+    view: GlView
     depth: Array
 
 
@@ -91,7 +92,7 @@ def _reach_mm(sensor: Sensor, config: EmulatorConfig) -> float:
 def _laser_depth(world: GlWorld, sensor: Sensor) -> Shadow:
     focal = LASER_COLUMNS / (2 * np.tan(sensor.sheet.fan_rad / 2))
     pose = Pose(LASER_AXES, np.array(sensor.sheet.origin_mm))
-    view = View(pose, (focal, focal, (LASER_COLUMNS - 1) / 2, (LASER_ROWS - 1) / 2), LASER_COLUMNS, LASER_ROWS)
+    view = GlView(pose, (focal, focal, (LASER_COLUMNS - 1) / 2, (LASER_ROWS - 1) / 2), LASER_COLUMNS, LASER_ROWS)
     depth, number = depth_and_identity(world, view)
     depth = np.where(number > 0, depth, 1e9)
     return Shadow(view, np.asarray(cv2.dilate(depth, np.ones((3, 3), np.uint8)), float))
@@ -109,7 +110,7 @@ def _reached(shadow: Shadow, xyz: Array) -> NDArray[np.bool_]:
     return out
 
 
-def _lit_tiles(world: GlWorld, sensor: Sensor, reach: float) -> list[tuple[tuple[int, int], View]]:
+def _lit_tiles(world: GlWorld, sensor: Sensor, reach: float) -> list[tuple[tuple[int, int], GlView]]:
     """Supersampled views of the tiles of the pinhole image that show surface within reach of the sheet."""
     camera = sensor.require_camera()
     if not world.identity:
@@ -132,11 +133,11 @@ def _lit_tiles(world: GlWorld, sensor: Sensor, reach: float) -> list[tuple[tuple
     ]
 
 
-def _view(sensor: Sensor, u0: int, v0: int, width: int, height: int, q: int) -> View:
+def _view(sensor: Sensor, u0: int, v0: int, width: int, height: int, q: int) -> GlView:
     """The part of the pinhole image whose first pixel is (u0, v0), each pixel divided into q × q."""
     camera = sensor.require_camera()
     cx, cy = ((c + 0.5 - o) * q - 0.5 for c, o in ((camera.cx_px, u0), (camera.cy_px, v0)))
-    return View(camera.T_sensor_camera, (camera.fx_px * q, camera.fy_px * q, cx, cy), width * q, height * q)
+    return GlView(camera.T_sensor_camera, (camera.fx_px * q, camera.fy_px * q, cx, cy), width * q, height * q)
 
 
 def _normals(xyz: Array, number: NDArray[np.int64]) -> Array:
@@ -163,11 +164,11 @@ def _difference(xyz: Array, number: NDArray[np.int64], axis: int) -> Array:
     return best
 
 
-def _footprint_mm2(view: View, sensor: Sensor, xyz: Array, normal: Array) -> Array:
+def _footprint_mm2(view: GlView, sensor: Sensor, xyz: Array, normal: Array) -> Array:
     """Surface (N,) [mm²] behind a sub-pixel: Z² cos α/(f_x f_y) over the cosine of the surface's slope to the ray."""
     camera = to_camera(sensor, xyz)
     distance = np.linalg.norm(camera, axis=1)
     towards = (sensor.require_camera().centre_mm - xyz) / distance[:, None]
-    slope = np.maximum(np.einsum("ij,ij->i", normal, towards), 0.02)
+    slope = np.maximum(np.einsum("ij,ij->i", normal, towards), GRAZING)
     fx, fy = view.intrinsics[:2]
     return np.asarray(camera[:, 2] ** 3 / distance / (fx * fy) / slope)

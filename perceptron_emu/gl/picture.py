@@ -13,8 +13,7 @@ from geometry import Pose, Sensor, field_of_view
 from jig_cad import Jig
 from jig_cad.solids import jig_solids
 from perceptron_emu.gl.context import draw_gl, load_pyrender
-from perceptron_emu.gl.world import FROM_GL, two_sided
-from perceptron_emu.scene import Scene
+from perceptron_emu.gl.world import two_sided
 
 Array = NDArray[np.float64]
 Picture = NDArray[np.uint8]
@@ -61,27 +60,6 @@ def cell_picture(cell: CellView, width: int = 1280, height: int = 960) -> Pictur
     floor = trimesh.creation.box((4000, 4000, 10))
     floor.apply_translation([0, 0, min(0.0, float(corners[:, 2].min())) - 6])
     return _draw([*parts, (floor, FLOOR)], corners, np.array(cell.eye_direction), width, height)
-
-
-def colour_picture(scene: Scene, width: int | None = None, height: int | None = None) -> Picture:
-    """What a colour camera in the sensor's place would see of the scene by room light (H, W, 3)."""
-    seen_by = scene.camera
-    pyrender = load_pyrender()
-    world = pyrender.Scene(ambient_light=[0.3, 0.3, 0.3], bg_color=[0.05, 0.05, 0.06, 1.0])
-    parts = [(s.mesh.copy().apply_transform(s.T_sensor_mesh.matrix), _grey(s.material.diffuse)) for s in scene.solids]
-    if scene.jig is not None:
-        tubes = [m for name, m in jig_solids(scene.jig).items() if name.startswith("string")]
-        parts += [(m.apply_transform(scene.T_sensor_jig.matrix), STRING) for m in tubes]
-    for mesh, colour in parts:
-        world.add(_coloured(mesh, colour))
-    w, h = width or seen_by.width_px, height or seen_by.height_px
-    sx, sy = w / seen_by.width_px, h / seen_by.height_px
-    cx, cy = (seen_by.cx_px + 0.5) * sx, (seen_by.cy_px + 0.5) * sy
-    camera = pyrender.IntrinsicsCamera(seen_by.fx_px * sx, seen_by.fy_px * sy, cx, cy, 10.0, 5000.0)
-    eye = seen_by.T_sensor_camera.matrix @ FROM_GL
-    world.add(camera, pose=eye)
-    world.add(pyrender.DirectionalLight(intensity=4.0), pose=eye)
-    return np.array(draw_gl(world, w, h)[0])
 
 
 def _arm(links: Pose) -> list[tuple[trimesh.Trimesh, Colour]]:
@@ -167,7 +145,3 @@ def _look_at(eye: Array, target: Array) -> Array:
     out = np.eye(4)
     out[:3, 0], out[:3, 1], out[:3, 2], out[:3, 3] = right, np.cross(back, right), back, eye
     return out
-
-
-def _grey(albedo: float) -> Colour:
-    return (albedo, albedo, albedo, 1.0)

@@ -16,13 +16,13 @@ from perceptron_emu.scene import Scene
 
 Array = NDArray[np.float64]
 
-STRING_SIDES = 48
+STRING_SIDES = 48  # a string's outline misses the circle by 2e-3 of its radius: 0.0003 mm
 FROM_GL = np.diag([1.0, -1.0, -1.0, 1.0])  # OpenGL's cameras look along −z with y up
-NEAREST_MM = 1.0
+NEAREST_MM = 1.0  # of a view's near plane: OpenGL's must not be 0
 
 
 @dataclass(frozen=True, eq=False)
-class View:
+class GlView:
     """A pinhole view: its pose (x right, y down, z forward) in {P} and size.
 
     intrinsics: fx, fy, cx, cy [px], (0, 0) the centre of the first pixel.
@@ -57,7 +57,7 @@ def gl_world(scene: Scene, strings: Cylinders | None) -> GlWorld:
     return GlWorld(meshes, identity, np.concatenate(corners) if corners else np.zeros((0, 3)))
 
 
-def depth_and_identity(world: GlWorld, view: View) -> tuple[Array, NDArray[np.int64]]:
+def depth_and_identity(world: GlWorld, view: GlView) -> tuple[Array, NDArray[np.int64]]:
     """Depth along the view's axis (H, W) [mm] and number of the body (H, W) behind every pixel's centre; 0 where
     there is none.
     """
@@ -83,7 +83,7 @@ def two_sided(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     return trimesh.Trimesh(mesh.vertices, np.vstack([mesh.faces, mesh.faces[:, ::-1]]), process=False)
 
 
-def back_project(view: View, depth: Array) -> Array:
+def back_project(view: GlView, depth: Array) -> Array:
     """Points (H, W, 3) [mm] in {P} behind the pixels of a depth map (H, W)."""
     fx, fy, cx, cy = view.intrinsics
     x = (np.arange(view.width) - cx) / fx

@@ -24,6 +24,9 @@ Float32 = NDArray[np.float32]
 
 NEAR_MM = 5.0  # what is nearer to the camera than this is not drawn
 BLUR_REACH = 3.0  # σ of the blur that its kernel takes in
+# room light is coarse on purpose: it is there to be told from the laser's, not to be measured
+SIDE_LIT = 0.6  # about the mean cosine of light from the camera's side on a cylinder, 2/π
+GLOSS_SEEN = 0.5  # part of the glossy reflectance that sends room light to the camera
 MAX_VIEW = 4.0  # image sizes: farther out a lens's distortion shows nothing
 
 
@@ -63,14 +66,14 @@ def _facets(scene: Scene, strings: Cylinders | None, material: Material, config:
         seen = above > 0 if body.closed else np.ones(len(above), dtype=bool)
         facets.append((body.facets[seen].reshape(-1, 3) @ pose.R.T + pose.t).reshape(-1, 4, 3))
         towards_light = np.where(above[seen] < 0, -1, 1) * (body.facing[seen] @ (pose.R.T @ towards))
-        albedo = solid.material.diffuse + solid.material.specular * 0.5
+        albedo = solid.material.diffuse + solid.material.specular * GLOSS_SEEN
         levels.append(albedo * (fill + (1 - fill) * np.maximum(towards_light, 0)))
     if strings is not None:
         ends = strings.starts, strings.starts + strings.lengths[:, None] * strings.directions
         side = np.cross(strings.directions, camera - strings.starts)
         side *= strings.radius / np.linalg.norm(side, axis=1, keepdims=True)
         facets.append(np.stack([ends[0] - side, ends[1] - side, ends[1] + side, ends[0] + side], 1))
-        levels.append(np.full(len(side), material.diffuse * (fill + (1 - fill) * 0.6)))
+        levels.append(np.full(len(side), material.diffuse * (fill + (1 - fill) * SIDE_LIT)))
     return np.concatenate(facets), np.concatenate(levels)
 
 
@@ -94,7 +97,7 @@ def _vignette(sensor: Sensor, on: bool) -> Float32:
 
 
 @dataclass(frozen=True, eq=False)
-class _View:
+class _LensView:
     """From the part of the pinhole image that the lens shows to the image.
 
     left, top: where that part begins in the pinhole image, shape: its rows and columns. places: of the
@@ -110,7 +113,7 @@ class _View:
 
 
 @lru_cache(maxsize=4)
-def _view(sensor: Sensor, reach_px: int) -> _View:
+def _view(sensor: Sensor, reach_px: int) -> _LensView:
     camera = sensor.require_camera()
     u, v = np.meshgrid(np.arange(camera.width_px, dtype=np.float64), np.arange(camera.height_px, dtype=np.float64))
     pixels: Array = np.stack([u.ravel(), v.ravel()], -1)
@@ -125,7 +128,7 @@ def _view(sensor: Sensor, reach_px: int) -> _View:
     maps = (pixels - [left, top]).astype(np.float32).reshape(camera.height_px, camera.width_px, 2)
     along_u, along_v = np.ascontiguousarray(maps[..., 0]), np.ascontiguousarray(maps[..., 1])
     boxes = sources(along_u, along_v, reach_px, shape)
-    return _View(left, top, shape, Places.of(along_u, along_v, shape[1]), boxes, reach_px)
+    return _LensView(left, top, shape, Places.of(along_u, along_v, shape[1]), boxes, reach_px)
 
 
 def _clip_near(camera: Array, level: Array) -> tuple[Array, Array]:

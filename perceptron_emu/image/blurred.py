@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-from numba import uint32
 from numpy.typing import NDArray
 
 from geometry.compiled import kernel
@@ -21,8 +20,7 @@ def gaussian_taps(sigma_px: float, reach_px: int) -> Float32:
     return np.asarray(taps / taps.sum(), np.float32)
 
 
-@dataclass(frozen=True, eq=False)
-class Places:
+class Places(NamedTuple):
     """Where in a picture an image's pixels (H, W) are taken from: number of the picture's pixel up and left of it, and
     how far it is to the right of and below that one, in [0, 1].
     """
@@ -39,6 +37,23 @@ class Places:
         return Places(pixel, u - left, v - top)
 
 
+class SourcePicture(NamedTuple):
+    """A picture (N,), row after row of so many columns, and where the image's pixels are in it."""
+
+    picture: Float32
+    columns: np.uint32
+    places: Places
+
+
+class Box(NamedTuple):
+    """Part of an image: first row and the one after the last, first column and the one after the last."""
+
+    top: int
+    bottom: int
+    left: int
+    right: int
+
+
 def draw_blurred(
     target: Float32, picture: Float32, places: Places, cells: Flags, taps: Float32, scale: Float32
 ) -> None:
@@ -47,12 +62,11 @@ def draw_blurred(
     places: of the target's pixels in the picture, each with a neighbour to the right and below. taps: of the blur
     along each axis; the image is mirrored at its border.
     """
-    where = places.pixel, places.right, places.below
-    _draw(target, picture.ravel(), np.uint32(picture.shape[1]), where, cells, taps, scale)
+    _draw(target, SourcePicture(picture.ravel(), np.uint32(picture.shape[1]), places), cells, taps, scale)
 
 
 @kernel(fastmath=True)
-def _draw(target, picture, columns, where, cells, taps, scale):  # type: ignore[no-untyped-def]
+def _draw(target: Float32, source: SourcePicture, cells: Flags, taps: Float32, scale: Float32) -> None:
     """Cells of a row that touch are drawn in one run."""
     reach = len(taps) // 2
     height, width = target.shape
@@ -69,7 +83,7 @@ def _draw(target, picture, columns, where, cells, taps, scale):  # type: ignore[
             while a < cells.shape[1] and cells[b, a]:
                 a += 1
             right = min(a * CELL_PX, width)
-            _bent(sharp, picture, columns, where, top, bottom, left, right, reach)
+            _bent(source, Box(top, bottom, left, right), reach, sharp)
             for j in range(bottom - top + 2 * reach):
                 convolved(sharp[j], taps, level[j, : right - left])
             for j in range(top, bottom):
@@ -77,9 +91,10 @@ def _draw(target, picture, columns, where, cells, taps, scale):  # type: ignore[
 
 
 @kernel(fastmath=True)
-def _bent(sharp, picture, columns, where, top, bottom, left, right, reach):  # type: ignore[no-untyped-def]
+def _bent(source: SourcePicture, box: Box, reach: int, sharp: Float32) -> None:
     """The picture at the pixels of a box and reach around it, between its pixels linearly."""
-    pixel, right_of, below = where
+    picture, columns, (pixel, right_of, below) = source
+    top, bottom, left, right = box
     height, width = pixel.shape
     low, high = max(left - reach, 0), min(right + reach, width)
     before, after = low - (left - reach), right + reach - high
@@ -89,9 +104,9 @@ def _bent(sharp, picture, columns, where, top, bottom, left, right, reach):  # t
         to = line[before : before + high - low]
         for i in range(len(at)):
             k = at[i]
-            upper = picture[k] + s[i] * (picture[k + uint32(1)] - picture[k])
+            upper = picture[k] + s[i] * (picture[k + np.uint32(1)] - picture[k])
             k += columns
-            lower = picture[k] + s[i] * (picture[k + uint32(1)] - picture[k])
+            lower = picture[k] + s[i] * (picture[k + np.uint32(1)] - picture[k])
             to[i] = upper + t[i] * (lower - upper)
         for i in range(before):
             line[i] = line[2 * before - i]
@@ -101,12 +116,12 @@ def _bent(sharp, picture, columns, where, top, bottom, left, right, reach):  # t
 
 
 @kernel(inline=True)
-def _mirrored(i, n):  # type: ignore[no-untyped-def]
+def _mirrored(i: int, n: int) -> int:
     return -i if i < 0 else (2 * n - 2 - i if i >= n else i)
 
 
 @kernel(fastmath=True)
-def _across(lines, taps, scale, out):  # type: ignore[no-untyped-def]
+def _across(lines: Float32, taps: Float32, scale: Float32, out: Float32) -> None:
     """Lines (taps, n) blurred across and scaled."""
     reach = len(taps) // 2
     n, middle = len(out), lines[reach]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,32 +14,53 @@ from geometry.compiled import kernel
 
 Float32 = NDArray[np.float32]
 Array = NDArray[np.float64]
+Index = NDArray[np.int64]
 
 REACH = 4.5  # σ: what lies outside is 7e-6 of the light
-
-
 STEPS_A_SIGMA = 1024  # of the table of the normal distribution; interpolated, it is exact to 3e-8
-_EDGE = 6
+_EDGE = 6  # σ: the table's ends, 2e-9 of the light lies beyond
 NORMAL_CDF = ndtr(np.arange(-_EDGE * STEPS_A_SIGMA, _EDGE * STEPS_A_SIGMA + 2) / STEPS_A_SIGMA)
 
 
 @kernel(inline=True)
-def _cdf(z, table):  # type: ignore[no-untyped-def]
+def _cdf(z: float) -> float:
     place = min(max((z + _EDGE) * STEPS_A_SIGMA, 0.0), 2.0 * _EDGE * STEPS_A_SIGMA)
     i = int(place)
-    return table[i] + (place - i) * (table[i + 1] - table[i])
+    below, above = NORMAL_CDF[i], NORMAL_CDF[i + 1]
+    value: float = below + (place - i) * (above - below)
+    return value
 
 
-def deposit(image: Float32, u: Array, v: Array, weight: Array, sigma: Array) -> None:
-    """Add Gaussian spots to an image (H, W); positions and σ in its pixels, (0, 0) the centre of the first.
-
-    A pixel takes ∫∫ of the spot over its square: the product of two differences of the normal distribution.
+class GaussianSpots(NamedTuple):
+    """Gaussian spots (N,): centres u, v and σ in pixels of a grid, (0, 0) the centre of the first; weight: their
+    light.
     """
-    _deposit(image, u, v, weight, sigma, NORMAL_CDF)
+
+    u: Array
+    v: Array
+    weight: Array
+    sigma: Array
+
+    def part(self, which: Index | slice) -> GaussianSpots:
+        """Some of them, in that order."""
+        return GaussianSpots(self.u[which], self.v[which], self.weight[which], self.sigma[which])
+
+    def seen_from(self, column: int, row: int) -> GaussianSpots:
+        """The same in a grid whose first pixel is that one."""
+        return GaussianSpots(self.u - column, self.v - row, self.weight, self.sigma)
+
+    def on_sub_pixels(self, q: int) -> GaussianSpots:
+        """The same in a grid of q × q sub-pixels a pixel."""
+        return GaussianSpots((self.u + 0.5) * q - 0.5, (self.v + 0.5) * q - 0.5, self.weight, self.sigma * q)
 
 
 @kernel(fastmath=True)
-def _deposit(image, u, v, weight, sigma, table):  # type: ignore[no-untyped-def]
+def deposit(image: Float32, spots: GaussianSpots) -> None:
+    """Add spots to an image (H, W).
+
+    A pixel takes ∫∫ of the spot over its square: the product of two differences of the normal distribution.
+    """
+    u, v, weight, sigma = spots
     height, width = image.shape
     row = np.empty(width, np.float32)
     for k in range(len(u)):
@@ -48,29 +70,29 @@ def _deposit(image, u, v, weight, sigma, table):  # type: ignore[no-untyped-def]
         if u0 > u1 or v0 > v1:
             continue
         scale = 1 / sigma[k]
-        last = _cdf((u0 - 0.5 - u[k]) * scale, table)
+        last = _cdf((u0 - 0.5 - u[k]) * scale)
         for i in range(u0, u1 + 1):
-            here = _cdf((i + 0.5 - u[k]) * scale, table)
+            here = _cdf((i + 0.5 - u[k]) * scale)
             row[i] = here - last
             last = here
-        last = _cdf((v0 - 0.5 - v[k]) * scale, table)
+        last = _cdf((v0 - 0.5 - v[k]) * scale)
         for j in range(v0, v1 + 1):
-            here = _cdf((j + 0.5 - v[k]) * scale, table)
+            here = _cdf((j + 0.5 - v[k]) * scale)
             factor = np.float32(weight[k] * (here - last))
             last = here
             for i in range(u0, u1 + 1):
                 image[j, i] += factor * row[i]
 
 
-def deposit_fine(shape: tuple[int, int], u: Array, v: Array, weight: Array, sigma: float) -> Float32:
-    """An image (H, W) of Gaussian spots of one σ of several pixels.
+def deposit_fine(shape: tuple[int, int], spots: GaussianSpots, sigma: float) -> Float32:
+    """An image (H, W) of spots, all of one σ of several pixels.
 
-    Nodes are spread by cubic B-splines; one convolution along each axis divides the spline out again and multiplies
-    Gaussian and pixel in (the non-uniform FFT's gridding; the error is below 1e-4 of the peak for σ ≥ 2.5). Spots must
+    They are spread by cubic B-splines; one convolution along each axis divides the spline out again and multiplies
+    Gaussian and pixel in (the non-uniform FFT's gridding; the error is below 1e-4 of the peak for σ ≥ 2.5). All must
     keep REACH σ off the border.
     """
     grid, image = np.zeros(shape, np.float32), np.empty(shape, np.float32)
-    first, last = _spread(grid, u, v, weight)
+    first, last = _spread(grid, spots)
     _convolve(grid, _taps(round(sigma, 4)), first, last, image)
     return image
 
@@ -87,8 +109,9 @@ def _taps(sigma: float) -> Float32:
 
 
 @kernel(fastmath=True)
-def _spread(grid, u, v, weight):  # type: ignore[no-untyped-def]
+def _spread(grid: Float32, spots: GaussianSpots) -> tuple[int, int]:
     """Add splines to the grid; the first and the last row that have light."""
+    u, v, weight = spots.u, spots.v, spots.weight
     height, width = grid.shape
     wx, wy = np.empty(4), np.empty(4)
     first, last = height, -1
@@ -109,7 +132,7 @@ def _spread(grid, u, v, weight):  # type: ignore[no-untyped-def]
 
 
 @kernel(fastmath=True)
-def _convolve(grid, taps, first, last, out):  # type: ignore[no-untyped-def]
+def _convolve(grid: Float32, taps: Float32, first: int, last: int, out: Float32) -> None:
     """Rows first to last of the grid convolved along both axes; nothing is outside."""
     reach = len(taps) // 2
     height, width = out.shape
@@ -125,7 +148,7 @@ def _convolve(grid, taps, first, last, out):  # type: ignore[no-untyped-def]
 
 
 @kernel(fastmath=True)
-def convolved(line, taps, out):  # type: ignore[no-untyped-def]
+def convolved(line: Float32, taps: Float32, out: Float32) -> None:
     """Fill out (n,) with the line (n + taps − 1,) convolved; taps: of odd number, the same to either side."""
     reach = len(taps) // 2
     n, middle = len(out), line[reach : reach + len(out)]
@@ -138,6 +161,6 @@ def convolved(line, taps, out):  # type: ignore[no-untyped-def]
 
 
 @kernel(fastmath=True)
-def _add(row, weight, other):  # type: ignore[no-untyped-def]
+def _add(row: Float32, weight: np.float32, other: Float32) -> None:
     for i in range(len(row)):
         row[i] += weight * other[i]

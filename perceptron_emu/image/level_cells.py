@@ -36,17 +36,12 @@ def levels(image: Float32, boxes: Boxes) -> tuple[Float32, Flags]:
     return level, several
 
 
-def fill(target: Float32, level: Float32, several: Flags, scale: Float32) -> None:
-    """Set target (H, W) to level · scale in the cells of a single level."""
-    _fill(target, level, several, scale)
-
-
 def _cells(shape: tuple[int, ...], side: int) -> tuple[int, int]:
     return -(-shape[0] // side), -(-shape[1] // side)
 
 
 @kernel
-def _reached(place, reach, last, out):  # type: ignore[no-untyped-def]
+def _reached(place: Float32, reach: int, last: int, out: Boxes) -> None:
     """First and last square (h, w, 2) that a cell's pixels are taken from, by their places (H, W) along one axis."""
     height, width = place.shape
     for b in range(out.shape[0]):
@@ -60,7 +55,7 @@ def _reached(place, reach, last, out):  # type: ignore[no-untyped-def]
 
 
 @kernel(fastmath=True)
-def _gather(low, high, boxes, level, several):  # type: ignore[no-untyped-def]
+def _gather(low: Float32, high: Float32, boxes: Boxes, level: Float32, several: Flags) -> None:
     for b in range(level.shape[0]):
         for a in range(level.shape[1]):
             top, bottom, left, right = boxes[b, a]
@@ -75,7 +70,7 @@ def _gather(low, high, boxes, level, several):  # type: ignore[no-untyped-def]
 
 
 @kernel(fastmath=True)
-def _extremes(image, low, high):  # type: ignore[no-untyped-def]
+def _extremes(image: Float32, low: Float32, high: Float32) -> None:
     """Least and largest level of every square."""
     height, width = image.shape
     least, most = np.empty(width, np.float32), np.empty(width, np.float32)
@@ -98,7 +93,8 @@ def _extremes(image, low, high):  # type: ignore[no-untyped-def]
 
 
 @kernel(fastmath=True)
-def _fill(target, level, several, scale):  # type: ignore[no-untyped-def]
+def fill(target: Float32, level: Float32, several: Flags, scale: Float32) -> None:
+    """Set target (H, W) to level · scale in the cells of a single level."""
     height, width = target.shape
     for b in range(level.shape[0]):
         for j in range(b * CELL_PX, min((b + 1) * CELL_PX, height)):

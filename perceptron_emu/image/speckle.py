@@ -85,11 +85,12 @@ def _cells(least: int) -> int:
 
 
 @kernel(fastmath=True)
-def _power(field, weights):  # type: ignore[no-untyped-def]
+def _power(field: NDArray[np.complex64], weights: Float32) -> Float32:
     """Σ weight · |field|² (H, W) over the fields (n, H, W)."""
-    total = np.zeros(field.shape[1:], np.float32)
+    _, height, width = field.shape
+    total = np.zeros((height, width), np.float32)
     for k in range(len(weights)):
-        for j in range(total.shape[0]):
+        for j in range(height):
             row, sum_ = field[k, j], total[j]
             for i in range(len(sum_)):
                 sum_[i] += weights[k] * (row[i].real * row[i].real + row[i].imag * row[i].imag)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from geometry import Pose, Sensor
 from geometry.compiled import kernel
 from perceptron_emu.config import EmulatorConfig
-from perceptron_emu.image.deposit import REACH, deposit, deposit_fine
+from perceptron_emu.image.deposit import REACH, GaussianSpots, deposit, deposit_fine
 from perceptron_emu.image.speckle import contrast, grain_px, oversampling, speckle_field
 from perceptron_emu.lens import defocus_radius_px, project, sharp_sigma_px, to_camera
 from perceptron_emu.light import Samples
@@ -20,7 +20,9 @@ from perceptron_emu.light import Samples
 Array = NDArray[np.float64]
 Float32 = NDArray[np.float32]
 
-MAX_RINGS = 16
+MAX_RINGS = 16  # of nodes on a disc of defocus: 817 nodes a spot
+SMALL_DISC = 0.5  # σ of the blur: a smaller disc of defocus changes the spot by 5e-4 of its peak
+ALIKE = 0.01  # of σ, by which spots drawn in one convolution may differ: ±0.5 % of their width
 SPLINE_SIGMA = 2.5  # sub-pixels: sharper spots would alias on the splines that they are spread by
 
 
@@ -39,17 +41,15 @@ def draw(
     """
     if len(samples.electrons) == 0:
         return
-    uv = project(sensor, samples.xyz_mm)
-    sigma = np.full(len(uv), sharp_sigma_px(config.optics, sensor, config.laser.wavelength_nm))
-    uv, sigma, weight, group = _defocused(uv, sigma, samples, sensor, config)
+    spots, group = _defocused(samples, sensor, config)
     order = np.argsort(group, kind="stable")
-    uv, sigma, weight, group = uv[order], sigma[order], weight[order], group[order]
+    spots, group = spots.part(order), group[order]
     bounds = [0, *(np.flatnonzero(np.diff(group)) + 1), len(group)]
     for begin, end in pairwise(bounds):
-        piece, shift = slice(begin, end), np.zeros(2)
+        shift = np.zeros(2)
         if drift is not None:
             shift = _speckle_shift(samples.xyz_mm[samples.group == group[begin]], sensor, drift)
-        _draw_piece(electrons, uv[piece], weight[piece], sigma[piece], sensor, config, key, shift)
+        _draw_piece(electrons, spots.part(slice(begin, end)), sensor, config, key, shift)
 
 
 def _speckle_shift(xyz_mm: Array, sensor: Sensor, drift: Pose) -> Array:
@@ -59,20 +59,21 @@ def _speckle_shift(xyz_mm: Array, sensor: Sensor, drift: Pose) -> Array:
     return np.asarray(np.nan_to_num(shift))
 
 
-def _defocused(
-    uv: Array, sigma: Array, samples: Samples, sensor: Sensor, config: EmulatorConfig
-) -> tuple[Array, Array, Array, NDArray[np.int64]]:
-    """Nodes spread over the disc of defocus; a disc much smaller than the blur is folded into σ (σ² + R²/4)."""
-    weight, group = samples.electrons, samples.group
+def _defocused(samples: Samples, sensor: Sensor, config: EmulatorConfig) -> tuple[GaussianSpots, NDArray[np.int64]]:
+    """The nodes' spots and groups, spread over the disc of defocus; a disc much smaller than the blur is folded into σ
+    (σ² + R²/4).
+    """
+    uv, weight, group = project(sensor, samples.xyz_mm), samples.electrons, samples.group
+    sigma = np.full(len(uv), sharp_sigma_px(config.optics, sensor, config.laser.wavelength_nm))
     if not config.optics.defocus:
-        return uv, sigma, weight, group
+        return GaussianSpots(uv[:, 0], uv[:, 1], weight, sigma), group
     radius = defocus_radius_px(config.optics, sensor, to_camera(sensor, samples.xyz_mm))
-    if np.max(radius) < 0.5 * np.min(sigma):
-        return uv, np.sqrt(sigma**2 + radius**2 / 4), weight, group
+    if np.max(radius) < SMALL_DISC * np.min(sigma):
+        return GaussianSpots(uv[:, 0], uv[:, 1], weight, np.sqrt(sigma**2 + radius**2 / 4)), group
     disc = _disc(min(MAX_RINGS, math.ceil(float(np.max(radius) / np.min(sigma)))))
     n = len(disc)
-    uv = (uv[:, None] + radius[:, None, None] * disc).reshape(-1, 2)
-    return uv, np.repeat(sigma, n), np.repeat(weight / n, n), np.repeat(group, n)
+    u, v = (uv[:, i, None] + radius[:, None] * disc[:, i] for i in range(2))
+    return GaussianSpots(u.ravel(), v.ravel(), np.repeat(weight / n, n), np.repeat(sigma, n)), np.repeat(group, n)
 
 
 @lru_cache(maxsize=MAX_RINGS)
@@ -87,30 +88,22 @@ def _disc(rings: int) -> Array:
 
 
 def _draw_piece(
-    electrons: Float32,
-    uv: Array,
-    weight: Array,
-    sigma: Array,
-    sensor: Sensor,
-    config: EmulatorConfig,
-    key: int,
-    shift_px: Array,
+    electrons: Float32, spots: GaussianSpots, sensor: Sensor, config: EmulatorConfig, key: int, shift_px: Array
 ) -> None:
     """One group of nodes: drawn on sub-pixels, multiplied by speckle, summed over each pixel."""
     height, width = electrons.shape
-    reach = REACH * float(sigma.max()) + 1
+    reach = REACH * float(spots.sigma.max()) + 1
     # the piece's own box; it may stand out over the image's border
-    (u0, u1), (v0, v1) = ((math.floor(c.min() - reach), math.ceil(c.max() + reach)) for c in (uv[:, 0], uv[:, 1]))
+    (u0, u1), (v0, v1) = ((math.floor(c.min() - reach), math.ceil(c.max() + reach)) for c in (spots.u, spots.v))
     first_u, last_u, first_v, last_v = max(0, u0), min(width - 1, u1), max(0, v0), min(height - 1, v1)
     if first_u > last_u or first_v > last_v:
         return
     target = electrons[first_v : last_v + 1, first_u : last_u + 1]
     if not config.speckle.enabled:
-        deposit(target, uv[:, 0] - first_u, uv[:, 1] - first_v, weight, sigma)
+        deposit(target, spots.seen_from(first_u, first_v))
         return
     q = oversampling(config, sensor)
-    u, v = ((uv[:, i] - o + 0.5) * q - 0.5 for i, o in ((0, u0), (1, v0)))
-    fine = _on_sub_pixels(((v1 - v0 + 1) * q, (u1 - u0 + 1) * q), u, v, weight, sigma * q)
+    fine = _on_grid(((v1 - v0 + 1) * q, (u1 - u0 + 1) * q), spots.seen_from(u0, v0).on_sub_pixels(q))
     moved = np.round(shift_px * q).astype(int)
     origin = (v0 * q - int(moved[1]), u0 * q - int(moved[0]))
     grains = speckle_field(origin, fine.shape, grain_px(config, sensor) * q, contrast(config), key)
@@ -119,7 +112,7 @@ def _draw_piece(
 
 
 @kernel(fastmath=True)
-def _add_product(electrons, light, grains, q):  # type: ignore[no-untyped-def]
+def _add_product(electrons: Float32, light: Float32, grains: Float32, q: int) -> None:
     """Add light · grains (H q, W q), summed over the q × q sub-pixels of every pixel, to the electrons (H, W)."""
     row = np.empty(light.shape[1], np.float32)
     for j in range(electrons.shape[0]):
@@ -134,12 +127,13 @@ def _add_product(electrons, light, grains, q):  # type: ignore[no-untyped-def]
             electrons[j, i] += total
 
 
-def _on_sub_pixels(shape: tuple[int, int], u: Array, v: Array, weight: Array, sigma: Array) -> Float32:
-    """Spots drawn on sub-pixels: all in one convolution where they are alike and clear of the border."""
+def _on_grid(shape: tuple[int, int], spots: GaussianSpots) -> Float32:
+    """GaussianSpots drawn on a grid: all in one convolution where they are alike and clear of the border."""
+    u, v, _, sigma = spots
     low, high = float(np.min(sigma)), float(np.max(sigma))
     clear = min(u.min(), v.min(), shape[1] - 1 - u.max(), shape[0] - 1 - v.max()) > REACH * high - 0.5
-    if clear and low >= SPLINE_SIGMA and high - low < 0.01 * low:
-        return deposit_fine(shape, u, v, weight, (low + high) / 2)
+    if clear and low >= SPLINE_SIGMA and high - low < ALIKE * low:
+        return deposit_fine(shape, spots, (low + high) / 2)
     fine = np.zeros(shape, np.float32)
-    deposit(fine, u, v, weight, sigma)
+    deposit(fine, spots)
     return fine

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,8 +14,10 @@ from perceptron_emu.config import OpticsConfig
 from perceptron_emu.lens.projection import lens, tilt_rotation
 
 Array = NDArray[np.float64]
+N = TypeVar("N", float, Array)
 
 LN2 = math.log(2)
+INFINITY_MM = 1e9  # in focus where the optical axis never meets the sheet
 AIRY_SIGMA = 0.42  # σ of the Gaussian nearest to Airy's disc, in units of λN (Zhang, Zerubia & Olivo-Marin 2007)
 
 
@@ -32,7 +34,7 @@ def focus_distance_mm(optics: OpticsConfig, sensor: Sensor) -> float:
         return optics.focus_distance_mm
     towards = camera.T_sensor_camera.R[0, 2]
     to_sheet = -camera.centre_mm[0] / towards if towards else np.inf
-    return float(to_sheet) if 0 < to_sheet < np.inf else 1e9
+    return float(to_sheet) if 0 < to_sheet < np.inf else INFINITY_MM
 
 
 def focal_length_mm(optics: OpticsConfig, sensor: Sensor) -> float:
@@ -40,14 +42,26 @@ def focal_length_mm(optics: OpticsConfig, sensor: Sensor) -> float:
     return 1 / (1 / principal_distance_mm(optics, sensor) + 1 / focus_distance_mm(optics, sensor))
 
 
+class Band(NamedTuple):
+    """The interference filter before light of one wavelength: its centre and half its width [nm], the square of its
+    effective index, its peak transmission.
+    """
+
+    wavelength_nm: float
+    centre_nm: float
+    half_nm: float
+    index2: float
+    peak: float
+
+
 class Gather(NamedTuple):
     """What `gathered` needs to know of lens and filter. pupil_sr_mm2: area of the entrance pupil [mm²] times the lens's
-    transmission; band: as for `passed`.
+    transmission.
     """
 
     pupil_sr_mm2: float
     vignetting: bool
-    band: tuple[float, float, float, float, float]
+    band: Band
 
 
 def gather(optics: OpticsConfig, sensor: Sensor, wavelength_nm: float) -> Gather:
@@ -61,7 +75,7 @@ def gather(optics: OpticsConfig, sensor: Sensor, wavelength_nm: float) -> Gather
 
 
 @kernel(inline=True)
-def gathered(lens, cosine, distance):  # type: ignore[no-untyped-def]
+def gathered(lens: Gather, cosine: float, distance: float) -> float:
     """Solid angle of the entrance pupil seen from a point, times the lens's and filter's transmission [sr].
 
     cosine: of the angle between the optical axis and the way to the point; distance [mm].
@@ -79,19 +93,19 @@ def filter_transmission(optics: OpticsConfig, wavelength_nm: float, cosine: Arra
     return np.asarray(passed(_band(optics, wavelength_nm, laser_nm), np.asarray(cosine, dtype=float)))
 
 
-def _band(optics: OpticsConfig, wavelength_nm: float, laser_nm: float) -> tuple[float, float, float, float, float]:
+def _band(optics: OpticsConfig, wavelength_nm: float, laser_nm: float) -> Band:
     centre = float(optics.filter_centre_nm or laser_nm)
-    return float(wavelength_nm), centre, optics.filter_fwhm_nm / 2, optics.filter_index**2, optics.filter_peak
+    return Band(float(wavelength_nm), centre, optics.filter_fwhm_nm / 2, optics.filter_index**2, optics.filter_peak)
 
 
 @kernel(inline=True)
-def passed(band, cosine):  # type: ignore[no-untyped-def]
+def passed(band: Band, cosine: N) -> N:
     """Transmission of the filter: its centre moves to λ₀ √(1 − (sin θ/n)²) (Macleod, Thin-Film Optical Filters); the
     pass band is a Gaussian of order 4 (flat top).
     """
-    wavelength, centre, half, index2, peak = band
-    off = (wavelength - centre * np.sqrt(1 - (1 - cosine * cosine) / index2)) / half
-    return peak * np.exp(-LN2 * off * off * off * off)
+    off = (band.wavelength_nm - band.centre_nm * np.sqrt(1 - (1 - cosine * cosine) / band.index2)) / band.half_nm
+    transmission: N = band.peak * np.exp(-LN2 * off * off * off * off)
+    return transmission
 
 
 def sharp_sigma_px(optics: OpticsConfig, sensor: Sensor, wavelength_nm: float) -> float:

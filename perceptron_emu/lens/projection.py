@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,25 +22,37 @@ def project(sensor: Sensor, xyz_mm: ArrayLike) -> Array:
     """
     xyz = np.ascontiguousarray(xyz_mm, dtype=float)
     out = np.empty((*xyz.shape[:-1], 2))
-    _project(xyz.reshape(-1, 3), *_camera(sensor), out.reshape(-1, 2))
+    _project(xyz.reshape(-1, 3), _in_numbers(sensor), out.reshape(-1, 2))
     return out
 
 
+class CameraNumbers(NamedTuple):
+    """A camera for compiled code: its rotation R (3, 3) and place t (3,) in {P} [mm], intrinsics fx, fy, cx, cy [px],
+    the twelve terms of the lens, and the chip's rotation (3, 3).
+    """
+
+    R: Array
+    t: Array
+    intrinsics: Array
+    terms: Array
+    turn: Array
+
+
 @lru_cache(maxsize=32)
-def _camera(sensor: Sensor) -> tuple[Array, Array, Array, Array, Array]:
-    """Rotation and place of the camera in {P}, fx, fy, cx, cy, the twelve terms of the lens, the chip's rotation."""
+def _in_numbers(sensor: Sensor) -> CameraNumbers:
     camera = sensor.require_camera()
     pose, terms = camera.T_sensor_camera, np.array(camera.distortion14, dtype=float)
     intrinsics = np.array([camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px])
     turn = tilt_rotation(float(terms[12]), float(terms[13]))
-    return np.array(pose.R, order="C"), np.array(pose.t), intrinsics, terms[:12].copy(), turn
+    return CameraNumbers(np.array(pose.R, order="C"), np.array(pose.t), intrinsics, terms[:12].copy(), turn)
 
 
 @kernel
-def _project(xyz, R, t, intrinsics, terms, turn, out):  # type: ignore[no-untyped-def]
+def _project(xyz: Array, camera: CameraNumbers, out: Array) -> None:
     """The chip turned by R = Ry(τy)·Rx(τx) (OpenCV's signs) passes through (0, 0, 1): the ray q = (x, y, 1) has the
     coordinates R·q in its axes and reaches it by the projective map of the last lines.
     """
+    R, t, intrinsics, terms, turn = camera
     fx, fy, cx, cy = intrinsics
     for i in range(len(xyz)):
         px, py, pz = xyz[i, 0] - t[0], xyz[i, 1] - t[1], xyz[i, 2] - t[2]
@@ -74,13 +87,13 @@ def lens(sensor: Sensor, x: Array, y: Array) -> tuple[Array, Array]:
 
 
 @kernel
-def _bend(x, y, terms, out):  # type: ignore[no-untyped-def]
+def _bend(x: Array, y: Array, terms: Array, out: Array) -> None:
     for i in range(len(x)):
         out[0, i], out[1, i] = _bent(x[i], y[i], terms)
 
 
 @kernel(inline=True)
-def _bent(x, y, terms):  # type: ignore[no-untyped-def]
+def _bent(x: float, y: float, terms: Array) -> tuple[float, float]:
     k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4 = terms
     r2 = x * x + y * y
     gain = (1 + r2 * (k1 + r2 * (k2 + r2 * k3))) / (1 + r2 * (k4 + r2 * (k5 + r2 * k6)))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,12 +14,35 @@ from geometry.compiled import kernel
 from perceptron_emu.config import LaserConfig
 
 Array = NDArray[np.float64]
+N = TypeVar("N", float, Array)
 
 SHEET_REACH = 3.6  # standard deviations of the sheet's thickness to either side: 3e-4 of the light lies beyond
 STEP = 1.0  # trapezoid step over a Gaussian's σ: relative error 2 exp(−2π²) = 5e-9
 PROFILES = ("powell", "gaussian", "uniform")
-POWELL, GAUSSIAN = 0, 1
+POWELL, GAUSSIAN = 0, 1  # places among the profiles
+SHOULDER = 0.02  # σ of the Powell fan's edge, of half the fan; an assumption
 MAX_DISTANCE_MM = 5000.0  # an optical axis that meets the sheet farther off says nothing about where to focus
+
+
+class Beam(NamedTuple):
+    """The sheet across: its waist, the waist's distance from the emitter, and the distance from there over which it
+    widens by √2 (infinite without divergence) [mm].
+    """
+
+    waist_mm: float
+    at_mm: float
+    rayleigh_mm: float
+
+
+class Fan(NamedTuple):
+    """The sheet along: which profile, half the fan's angle [rad], the edge's fraction of the middle, and 1 over the
+    profile's integral [1/rad].
+    """
+
+    profile: int
+    half_rad: float
+    edge_fraction: float
+    scale: float
 
 
 def half_width_mm(laser: LaserConfig, sensor: Sensor, distance_mm: Array) -> Array:
@@ -26,21 +50,22 @@ def half_width_mm(laser: LaserConfig, sensor: Sensor, distance_mm: Array) -> Arr
 
     w(s) = w₀ √(1 + (M² λ (s − s₀) / (π w₀²))²). Source: ISO 11146-1; Siegman, Lasers (1986), chapter 17.
     """
-    return np.asarray(width_at(np.asarray(distance_mm, dtype=float), *beam(laser, sensor)))
+    return np.asarray(width_at(np.asarray(distance_mm, dtype=float), beam(laser, sensor)))
 
 
-def beam(laser: LaserConfig, sensor: Sensor) -> tuple[float, float, float]:
-    """Waist, its distance, and the distance over which the sheet widens by √2 (infinite without divergence) [mm]."""
+def beam(laser: LaserConfig, sensor: Sensor) -> Beam:
+    """The laser's beam before the sensor."""
     waist = laser.waist_um * 1e-3
     rayleigh = np.pi * waist**2 / (laser.m2 * laser.wavelength_nm * 1e-6) if laser.divergence else np.inf
-    return waist, waist_distance_mm(laser, sensor), float(rayleigh)
+    return Beam(waist, waist_distance_mm(laser, sensor), float(rayleigh))
 
 
 @kernel(inline=True)
-def width_at(distance, waist, at, rayleigh):  # type: ignore[no-untyped-def]
-    """`half_width_mm` of one `beam`."""
-    off = (distance - at) / rayleigh
-    return waist * np.sqrt(1 + off * off)
+def width_at(distance: N, beam: Beam) -> N:
+    """`half_width_mm` of one beam."""
+    off = (distance - beam.at_mm) / beam.rayleigh_mm
+    width: N = beam.waist_mm * np.sqrt(1 + off * off)
+    return width
 
 
 def waist_distance_mm(laser: LaserConfig, sensor: Sensor) -> float:
@@ -63,10 +88,11 @@ def axis_meets_sheet_mm(sensor: Sensor) -> float:
 
 
 @kernel(inline=True)
-def across(x_mm, half_width):  # type: ignore[no-untyped-def]
+def across(x_mm: N, half_width: N) -> N:
     """Density across the sheet [1/mm], ∫ dx = 1: √(2/π)/w · exp(−2x²/w²)."""
     t = x_mm / half_width
-    return math.sqrt(2 / math.pi) / half_width * np.exp(-2 * t * t)
+    density: N = math.sqrt(2 / math.pi) / half_width * np.exp(-2 * t * t)
+    return density
 
 
 def along(laser: LaserConfig, fan_rad: float, angle: Array) -> Array:
@@ -81,27 +107,27 @@ def along(laser: LaserConfig, fan_rad: float, angle: Array) -> Array:
     return out
 
 
-def fan(laser: LaserConfig, fan_rad: float) -> tuple[int, float, float, float]:
-    """Which profile, half the fan's angle [rad], the edge's fraction, 1 over the profile's integral [1/rad]."""
+def fan(laser: LaserConfig, fan_rad: float) -> Fan:
+    """The laser's fan, opened by so much."""
     norm = 1.0 if laser.profile == "uniform" else _fan_norm(laser.profile, laser.edge_fraction)
-    return PROFILES.index(laser.profile), fan_rad / 2, laser.edge_fraction, 1 / (fan_rad * norm)
+    return Fan(PROFILES.index(laser.profile), fan_rad / 2, laser.edge_fraction, 1 / (fan_rad * norm))
 
 
 @kernel(inline=True)
-def density_at(angle, fan):  # type: ignore[no-untyped-def]
-    """`along` of one `fan`."""
-    profile, half, edge, scale = fan
-    t = abs(angle) / half
-    if profile == POWELL:
-        beyond, inside = max(t - 1, 0.0) / 0.02, min(t, 1.0)
-        return scale * (1 - (1 - edge) * inside * inside) * np.exp(-0.5 * beyond * beyond)
+def density_at(angle: float, fan: Fan) -> float:
+    """`along` of one fan."""
+    edge, scale = fan.edge_fraction, fan.scale
+    t = abs(angle) / fan.half_rad
+    if fan.profile == POWELL:
+        beyond, inside = max(t - 1, 0.0) / SHOULDER, min(t, 1.0)
+        return float(scale * (1 - (1 - edge) * inside * inside) * np.exp(-0.5 * beyond * beyond))
     if t > 1:
         return 0.0
-    return scale * edge ** (t * t) if profile == GAUSSIAN else scale
+    return float(scale * edge ** (t * t)) if fan.profile == GAUSSIAN else scale
 
 
 @kernel
-def _densities(angle, fan, out):  # type: ignore[no-untyped-def]
+def _densities(angle: Array, fan: Fan, out: Array) -> None:
     for i in range(len(angle)):
         out[i] = density_at(angle[i], fan)
 
@@ -112,4 +138,4 @@ def _fan_norm(profile: str, edge: float) -> float:
     if profile == "gaussian":
         t = (np.arange(4096) + 0.5) / 4096
         return float(np.mean(edge ** (t * t)))
-    return 1 - (1 - edge) / 3 + edge * 0.02 * float(np.sqrt(np.pi / 2))
+    return 1 - (1 - edge) / 3 + edge * SHOULDER * float(np.sqrt(np.pi / 2))

@@ -17,7 +17,7 @@ from perceptron_emu.solids import body_of
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-MAX_PLANES = 201
+MAX_PLANES = 201  # of the sheet: enough for a waist of 1/27 of its widest part; finer ones would cost, not show
 MAX_SLOPE = 3.0  # a steeper face is hardly lit
 
 

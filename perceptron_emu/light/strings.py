@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +23,8 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 MATTE_NODES, NODES_A_LOBE, MAX_ARC_NODES = 8, 5, 120  # 8 + 5/α nodes give the centroid to 2e-5 px for α ≥ 0.05
-MAX_LENGTH_NODES = 400
+MAX_LENGTH_NODES = 400  # along a string: met where it lies almost in the sheet, a blur's σ apart over some 400 px
+ALONG_SHEET = 1e-9  # the least slope of a string across the sheet that is divided by
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +133,7 @@ def _axis_nodes(
     [mm].
     """
     camera = sensor.require_camera()
-    slope = np.maximum(np.abs(strings.directions[:, 0]), 1e-9)
+    slope = np.maximum(np.abs(strings.directions[:, 0]), ALONG_SHEET)
     sigma = half_width_mm(config.laser, sensor, np.linalg.norm(middle - sensor.sheet.origin_mm, axis=1)) / 2 / slope
     reach = np.minimum(SHEET_REACH * sigma, strings.lengths)
     depth = np.linalg.norm(middle - camera.centre_mm, axis=1)
@@ -154,14 +156,22 @@ def hidden_by_strings(strings: Cylinders, points: Array, sources: Array, own: ND
     points = np.array(points, dtype=float, order="C")
     sources = np.array(np.broadcast_to(sources, points.shape), dtype=float, order="C")
     own = np.full(len(points), -1) if own is None else np.array(own, dtype=np.int64)
-    lengths = np.array(strings.lengths)
-    return np.asarray(
-        _hidden(np.array(strings.starts), np.array(strings.directions), lengths, strings.radius, points, sources, own)
-    )
+    tubes = Tubes(np.array(strings.starts), np.array(strings.directions), np.array(strings.lengths), strings.radius)
+    return np.asarray(_hidden(tubes, points, sources, own))
+
+
+class Tubes(NamedTuple):
+    """Cylinders for compiled code: starts, unit directions (S, 3), lengths (S,) and the radius [mm]."""
+
+    starts: Array
+    directions: Array
+    lengths: Array
+    radius: float
 
 
 @kernel(fastmath=True)
-def _hidden(starts, directions, lengths, radius, points, sources, own):  # type: ignore[no-untyped-def]
+def _hidden(tubes: Tubes, points: Array, sources: Array, own: NDArray[np.int64]) -> Mask:
+    starts, directions, lengths, radius = tubes
     out = np.zeros(len(points), np.bool_)
     for i in range(len(points)):
         rx, ry, rz = sources[i, 0] - points[i, 0], sources[i, 1] - points[i, 1], sources[i, 2] - points[i, 2]

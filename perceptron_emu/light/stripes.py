@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,26 +17,27 @@ from perceptron_emu.light.sheet_faces import Faces, faces_in_sheet, sheet_planes
 from perceptron_emu.light.strings import Cylinders, hidden_by_strings
 from perceptron_emu.light.transport import Light
 from perceptron_emu.scene import Scene
-from perceptron_emu.solids import body_of, hidden_by_solid, lit_in_planes
+from perceptron_emu.solids import LaserRays, Pieces, Shades, body_of, hidden_by_solid, lit_in_planes
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-OFF_SURFACE_MM = 1e-4
+OFF_SURFACE_MM = 1e-4  # where a ray to the camera starts: above its own face's rounding, below any part's detail
+UNKNOWN_PX, MAX_PAIRS = 2000.0, 4000  # of a piece that reaches behind the camera; of nodes on a piece
+GRAZED = 0.5  # sine of half a string's width from the emitter: one that takes more lies almost in the plane
 NODE_STEP = 1.7  # length of image, in σ of the blur, that a pair of Gauss nodes covers: ripple 3e-4
 MARGIN_PX = 40.0  # light this far outside the image can still reach into it
 
 
-@dataclass(frozen=True, eq=False)
-class Pieces:
-    """Straight pieces of surface that the laser reaches first, each in one plane of the sheet.
-
-    ends: (n, 2, 3) [mm] in {P}. normals: unit shading normals at the ends (n, 2, 3). face: the triangle (n,).
+class SurfaceNodes(NamedTuple):
+    """Nodes (N,) on lit surface: points and unit normals towards the laser (N, 3) [mm] in {P}, the area [mm²] that each
+    stands for, the solid it lies on.
     """
 
-    ends: Array
-    normals: Array
-    face: Index
+    xyz_mm: Array
+    normal: Array
+    area_mm2: Array
+    solid: Index
 
 
 def light_solids(scene: Scene, strings: Cylinders | None, config: EmulatorConfig, light: Light) -> Samples:
@@ -52,23 +53,23 @@ def light_solids(scene: Scene, strings: Cylinders | None, config: EmulatorConfig
     planes, step = sheet_planes(faces, scene.sensor, config)
     pieces, length_px = _in_view(faces, lit_pieces(faces, strings, planes, scene.sensor), scene.sensor)
     nodes = _nodes(faces, pieces, length_px, step, scene.sensor, config)
-    return _seen(*nodes, scene, strings, light)
+    return _seen(nodes, scene, strings, light)
 
 
 def lit_pieces(faces: Faces, strings: Cylinders | None, planes: Array, sensor: Sensor) -> Pieces:
     """What the laser reaches first in the planes of constant x."""
     origin = np.array(sensor.sheet.origin_mm[1:], dtype=float)
-    shades, shading = _silhouettes(strings, planes, origin)
+    rays = LaserRays(origin, float(sensor.sheet.fan_rad))
     triangles, normals = np.ascontiguousarray(faces.triangles), np.ascontiguousarray(faces.normals)
-    return Pieces(*lit_in_planes(triangles, normals, planes, shades, shading, origin, float(sensor.sheet.fan_rad)))
+    return lit_in_planes(triangles, normals, planes, _silhouettes(strings, planes, origin), rays)
 
 
-def _silhouettes(strings: Cylinders | None, planes: Array, origin: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Segments (K, S, 2, 2) as (y, z) across the strings as the emitter sees them in the planes of constant x (K,), and
-    whether (K, S) a string is met there.
+def _silhouettes(strings: Cylinders | None, planes: Array, origin: Array) -> Shades:
+    """What the strings take of the laser in the planes of constant x (K,): segments across them as the emitter sees
+    them.
     """
     if strings is None:
-        return np.zeros((len(planes), 0, 2, 2)), np.zeros((len(planes), 0), dtype=bool)
+        return Shades(np.zeros((len(planes), 0, 2, 2)), np.zeros((len(planes), 0), dtype=bool))
     slope = strings.directions[:, 0]
     with np.errstate(divide="ignore", invalid="ignore"):
         t = (planes[:, None] - strings.starts[:, 0]) / slope  # (K, S)
@@ -79,11 +80,11 @@ def _silhouettes(strings: Cylinders | None, planes: Array, origin: Array) -> tup
         along = np.sum(towards * strings.directions[:, 1:], -1)
         # the ray at δ from the axis point passes the axis at s |sin δ| |d_x| / √(1 − (r·d)²)
         sine = strings.radius * np.sqrt(1 - along**2) / (distance * np.abs(slope))
-        reached = (t >= 0) & (t <= strings.lengths) & (sine < 0.5)
+        reached = (t >= 0) & (t <= strings.lengths) & (sine < GRAZED)
         half = (distance * sine / np.sqrt(1 - sine**2))[..., None]
         across = np.stack([towards[..., 1], -towards[..., 0]], -1)
         ends = np.stack([centre - half * across, centre + half * across], -2)
-    return ends, reached
+    return Shades(ends, reached)
 
 
 def _in_view(faces: Faces, pieces: Pieces, sensor: Sensor) -> tuple[Pieces, Array]:
@@ -106,10 +107,9 @@ def _in_view(faces: Faces, pieces: Pieces, sensor: Sensor) -> tuple[Pieces, Arra
     return Pieces(ends[~outside], pieces.normals[kept], pieces.face[kept]), length[~outside]
 
 
-def _seen(
-    xyz: Array, normal: Array, area: Array, number: Index, scene: Scene, strings: Cylinders | None, light: Light
-) -> Samples:
+def _seen(nodes: SurfaceNodes, scene: Scene, strings: Cylinders | None, light: Light) -> Samples:
     """The nodes that the camera sees, inside the image and past all that stands before it."""
+    xyz, normal, area, number = nodes
     camera = scene.camera
     uv = project(scene.sensor, xyz)
     electrons = area * light.electrons_on(xyz, normal, [s.material for s in scene.solids], number)
@@ -132,7 +132,7 @@ def _seen(
 
 
 @kernel
-def _within(uv, last_u, last_v):  # type: ignore[no-untyped-def]
+def _within(uv: Array, last_u: float, last_v: float) -> NDArray[np.bool_]:
     """Whether points (N, 2) of the image lie within MARGIN_PX of it; false behind the camera, where they are NaN."""
     out = np.empty(len(uv), np.bool_)
     for i in range(len(uv)):
@@ -143,22 +143,23 @@ def _within(uv, last_u, last_v):  # type: ignore[no-untyped-def]
 
 def _nodes(
     faces: Faces, pieces: Pieces, length_px: Array, step: float, sensor: Sensor, config: EmulatorConfig
-) -> tuple[Array, Array, Array, Index]:
-    """Pairs of Gauss-Legendre nodes along the pieces: points, normals towards the laser (N, 3), area [mm²], solid
-    (N,).
-    """
+) -> SurfaceNodes:
+    """Pairs of Gauss-Legendre nodes along the pieces."""
     sigma = sharp_sigma_px(config.optics, sensor, config.laser.wavelength_nm)
-    pairs = np.clip(np.ceil(np.nan_to_num(length_px, nan=2000.0) / (NODE_STEP * sigma)), 1, 4000).astype(np.int64)
-    count = 2 * int(pairs.sum())
-    xyz, normal, piece = np.empty((count, 3)), np.empty((count, 3)), np.empty(count, np.int64)
-    _place(pieces.ends, pieces.normals, pairs, np.array(sensor.sheet.origin_mm, dtype=float), xyz, normal, piece)
+    pairs = np.clip(np.ceil(np.nan_to_num(length_px, nan=UNKNOWN_PX) / (NODE_STEP * sigma)), 1, MAX_PAIRS).astype(
+        np.int64
+    )
+    xyz, normal, piece = _place(pieces, pairs, np.array(sensor.sheet.origin_mm, dtype=float))
     area = _length_mm(pieces) / (2 * pairs) * step / _plane_sine(faces, pieces)
-    return xyz, normal, area[piece], faces.solid[pieces.face][piece]
+    return SurfaceNodes(xyz, normal, area[piece], faces.solid[pieces.face][piece])
 
 
 @kernel
-def _place(ends, normals, pairs, origin, xyz, normal, piece):  # type: ignore[no-untyped-def]
-    """Fill points, normals towards the laser and the number of the piece of every node."""
+def _place(pieces: Pieces, pairs: Index, origin: Array) -> tuple[Array, Array, Index]:
+    """Points and unit normals towards the laser (N, 3) of every node, and the piece (N,) it lies on."""
+    ends, normals = pieces.ends, pieces.normals
+    count = 2 * pairs.sum()
+    xyz, normal, piece = np.empty((count, 3)), np.empty((count, 3)), np.empty(count, np.int64)
     n = 0
     for p in range(len(pairs)):
         for k in range(2 * pairs[p]):
@@ -174,6 +175,7 @@ def _place(ends, normals, pairs, origin, xyz, normal, piece):  # type: ignore[no
                 normal[n, a] *= scale
             piece[n] = p
             n += 1
+    return xyz, normal, piece
 
 
 def _length_mm(pieces: Pieces) -> Array:

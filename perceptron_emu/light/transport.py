@@ -15,28 +15,41 @@ from geometry import Sensor
 from geometry.compiled import kernel
 from perceptron_emu.config import EmulatorConfig
 from perceptron_emu.lens import Gather, gather, gathered
-from perceptron_emu.light.sheet import across, beam, density_at, fan, width_at
+from perceptron_emu.light.sheet import Beam, Fan, across, beam, density_at, fan, width_at
 from perceptron_emu.scene import Material
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
+Surfaces = NDArray[np.void]
+
+SURFACE = np.dtype([("diffuse", float), ("specular", float), ("roughness", float)])  # materials as a table
 
 PLANCK_C_J_NM = 1.98644586e-16  # h·c in J·nm: a photon's energy is this over its wavelength
 
 
-class Source(NamedTuple):
+class LightPath(NamedTuple):
     """Laser, lens and chip in numbers, for compiled code. scale: electrons per exposure of the whole fan's light on the
-    chip; origin of the laser, camera's centre and unit optical axis in {P} (3,) [mm]; beam, fan, lens: as made by the
-    functions of these names.
+    chip; origin of the laser, camera's centre and unit optical axis in {P} (3,) [mm].
     """
 
     scale: float
     origin: Array
     camera: Array
     axis: Array
-    beam: tuple[float, float, float]
-    fan: tuple[int, float, float, float]
+    beam: Beam
+    fan: Fan
     lens: Gather
+
+
+class Cosines(NamedTuple):
+    """Of the angles between a surface's normal and light, normal and camera, normal and halfway vector, light and
+    halfway vector.
+    """
+
+    light: float
+    camera: float
+    halfway: float
+    difference: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,19 +72,19 @@ class Light:
         """The same at points (N, 3) of several materials, which[n] of them at point n."""
         out = np.empty(len(xyz_mm))
         points, normals = (np.ascontiguousarray(a, dtype=float) for a in (xyz_mm, normal))
-        surfaces = np.array([[m.diffuse, m.specular, m.roughness] for m in materials])
-        _electrons(points, normals, self._source, surfaces, which, out)
+        surfaces = np.array([(m.diffuse, m.specular, m.roughness) for m in materials], SURFACE)
+        _electrons(points, normals, surfaces, which, self._path, out)
         return out
 
     @cached_property
-    def _source(self) -> Source:
+    def _path(self) -> LightPath:
         laser, sensor = self.config.laser, self.sensor
         scale = laser.power_mw * self.electrons_per_mw(laser.wavelength_nm)
         T_sensor_camera = sensor.require_camera().T_sensor_camera
         origin, camera = np.array(sensor.sheet.origin_mm, dtype=float), np.array(T_sensor_camera.t, dtype=float)
         axis = np.array(T_sensor_camera.R[:, 2], dtype=float)
         lens = gather(self.config.optics, sensor, laser.wavelength_nm)
-        return Source(scale, origin, camera, axis, beam(laser, sensor), fan(laser, sensor.sheet.fan_rad), lens)
+        return LightPath(scale, origin, camera, axis, beam(laser, sensor), fan(laser, sensor.sheet.fan_rad), lens)
 
     def electrons_per_mw(self, wavelength_nm: float) -> float:
         """Photo-electrons of one exposure per mW on the chip: t · η · λ/(hc)."""
@@ -80,10 +93,9 @@ class Light:
 
 
 @kernel
-def _electrons(xyz, normal, source, surfaces, which, out):  # type: ignore[no-untyped-def]
-    """Fill out (N,) for points xyz and unit normals (N, 3) of the surfaces (M, 3)."""
-    origin, camera, axis = source.origin, source.camera, source.axis
-    waist, waist_at, rayleigh = source.beam
+def _electrons(xyz: Array, normal: Array, surfaces: Surfaces, which: Index, path: LightPath, out: Array) -> None:
+    """Fill out (N,) for points xyz and unit normals (N, 3), which[n] of the surfaces (M,) at point n."""
+    origin, camera, axis = path.origin, path.camera, path.axis
     for i in range(len(out)):
         ly, lz = origin[1] - xyz[i, 1], origin[2] - xyz[i, 2]  # the sheet's rays keep their distance from its middle
         s = math.sqrt(ly * ly + lz * lz)
@@ -101,35 +113,35 @@ def _electrons(xyz, normal, source, surfaces, which, out):  # type: ignore[no-un
         hy, hz = ly + cy, lz + cz
         size = max(math.sqrt(cx * cx + hy * hy + hz * hz), 1e-12)
         cos_h = (normal[i, 0] * cx + normal[i, 1] * hy + normal[i, 2] * hz) / size
-        diffuse, specular, roughness = surfaces[which[i]]
-        scatter = brdf(diffuse, specular, roughness, cos_i, cos_o, cos_h, (ly * hy + lz * hz) / size)
-        irradiance = density_at(angle, source.fan) / s * across(xyz[i, 0], width_at(s, waist, waist_at, rayleigh))
-        out[i] = source.scale * irradiance * cos_i * cos_o * scatter * gathered(source.lens, cosine, distance)
+        scatter = brdf(surfaces[which[i]], Cosines(cos_i, cos_o, cos_h, (ly * hy + lz * hz) / size))
+        irradiance = density_at(angle, path.fan) / s * across(xyz[i, 0], width_at(s, path.beam))
+        out[i] = path.scale * irradiance * cos_i * cos_o * scatter * gathered(path.lens, cosine, distance)
 
 
 @kernel(inline=True)
-def brdf(diffuse, specular, roughness, cos_i, cos_o, cos_h, cos_d):  # type: ignore[no-untyped-def]
+def brdf(surface: np.void, cosines: Cosines) -> float:
     """Bidirectional reflectance [1/sr] of one surface element.
 
-    cos_i, cos_o: of the angles between its normal and light, and camera; cos_h: normal and halfway vector; cos_d: light
-    and halfway vector.
     Lambert's ρ/π and a microfacet lobe D·G·F/(4 cos θᵢ cos θₒ): GGX distribution, Smith's separable shadowing,
     Schlick's Fresnel.
     Source: Walter, Marschner, Li & Torrance, "Microfacet Models for Refraction through Rough Surfaces", 2007.
     """
+    diffuse: float = surface["diffuse"]
+    specular: float = surface["specular"]
     if specular == 0:
         return diffuse / math.pi
-    if cos_i <= 0 or cos_o <= 0:
+    if cosines.light <= 0 or cosines.camera <= 0:
         return 0.0
-    alpha2 = roughness * roughness
-    cos_h, cos_d = max(cos_h, 0.0), min(max(cos_d, 0.0), 1.0)
+    alpha2 = surface["roughness"] * surface["roughness"]
+    cos_h, cos_d = max(cosines.halfway, 0.0), min(max(cosines.difference, 0.0), 1.0)
     spread = cos_h * cos_h * (alpha2 - 1) + 1
     distribution = alpha2 / (math.pi * spread * spread)
     fresnel = specular + (1 - specular) * (1 - cos_d) ** 5
     # D·F·G1(i)·G1(o)/(4 cos cos) with G1(c) = 2c/(c + √(α² + (1 − α²)c²)): the cosines cancel
-    return diffuse / math.pi + distribution * fresnel / (_smith(cos_i, alpha2) * _smith(cos_o, alpha2))
+    glossy: float = distribution * fresnel / (_smith(cosines.light, alpha2) * _smith(cosines.camera, alpha2))
+    return diffuse / math.pi + glossy
 
 
 @kernel(inline=True)
-def _smith(cosine, alpha2):  # type: ignore[no-untyped-def]
+def _smith(cosine: float, alpha2: float) -> float:
     return cosine + math.sqrt(alpha2 + (1 - alpha2) * cosine * cosine)

@@ -5,12 +5,15 @@ from perceptron_emu.solids.bvh import Bvh, blocked, build_bvh
 from perceptron_emu.solids.flat_faces import facets
 from perceptron_emu.solids.panels import PanelPair, random_panels
 from perceptron_emu.solids.raster import rasterise
-from perceptron_emu.solids.section import lit_in_planes
+from perceptron_emu.solids.section import LaserRays, Pieces, Shades, lit_in_planes
 
 __all__ = [
     "Body",
     "Bvh",
+    "LaserRays",
     "PanelPair",
+    "Pieces",
+    "Shades",
     "blocked",
     "body_of",
     "build_bvh",

@@ -15,9 +15,10 @@ from perceptron_emu.solids.bvh import Bvh, blocked, build_bvh
 from perceptron_emu.solids.flat_faces import facets
 
 Array = NDArray[np.float64]
+Index = NDArray[np.int64]
 
 SMOOTH_COS = float(np.cos(np.deg2rad(35.0)))  # faces that meet at a smaller angle are shaded as one smooth surface
-MAX_CONVEX_FACES = 4000
+MAX_CONVEX_FACES = 4000  # asked in their square, some 20 ms; larger meshes count as not convex, which is safe
 FLAT = 1e-9  # of a mesh's size: corners no farther from a face's plane lie in it
 
 
@@ -25,7 +26,7 @@ FLAT = 1e-9  # of a mesh's size: corners no farther from a face's plane lie in i
 class Body:
     """A mesh in its own axes. triangles: (T, 3, 3) [mm]. outwards: their unit normals (T, 3), by their winding.
 
-    facets: its flat faces of up to four corners (F, 4, 3), `facets`; facing: their unit normals (F, 3). normals: unit
+    facets: its flat faces of up to four corners (F, 4, 3); facing: their unit normals (F, 3). normals: unit
     normals for shading at the triangles' corners (T, 3, 3). closed: without a hole in its surface and wound
     outwards, so that back faces are never seen. convex: it never hides a part of its own surface that faces the camera.
     """
@@ -74,7 +75,7 @@ def _convex(triangles: Array, corners: Array) -> bool:
 
 
 @kernel
-def _one_sided(triangles, corners, slack):  # type: ignore[no-untyped-def]
+def _one_sided(triangles: Array, corners: Array, slack: float) -> bool:
     """Whether no triangle's plane has corners on both sides, farther away than slack."""
     for t in range(len(triangles)):
         a, b, c = triangles[t, 0], triangles[t, 1] - triangles[t, 0], triangles[t, 2] - triangles[t, 0]
@@ -99,9 +100,7 @@ def corner_normals(mesh: trimesh.Trimesh) -> Array:
     order = np.lexsort(corners.T)
     new = np.any(np.diff(corners[order], axis=0) != 0, axis=1)
     bounds = np.concatenate([[0], np.flatnonzero(new) + 1, [len(corners)]])
-    out = np.empty((len(corners), 3))
-    _smooth(order, bounds, area, face, out)
-    return out.reshape(-1, 3, 3)
+    return _smooth(order, bounds, area, face).reshape(-1, 3, 3)
 
 
 def _face_normals(triangles: Array) -> tuple[Array, Array]:
@@ -111,8 +110,9 @@ def _face_normals(triangles: Array) -> tuple[Array, Array]:
 
 
 @kernel
-def _smooth(order, bounds, area, face, out):  # type: ignore[no-untyped-def]
-    """Fill out (3T, 3), a row a corner; those of order[bounds[k] : bounds[k + 1]] are in one place."""
+def _smooth(order: Index, bounds: Index, area: Array, face: Array) -> Array:
+    """Normals (3T, 3), a row a corner; those of order[bounds[k] : bounds[k + 1]] are in one place."""
+    out = np.empty((len(order), 3))
     for k in range(len(bounds) - 1):
         for i in order[bounds[k] : bounds[k + 1]]:
             x, y, z = 0.0, 0.0, 0.0
@@ -123,3 +123,4 @@ def _smooth(order, bounds, area, face, out):  # type: ignore[no-untyped-def]
                     x, y, z = x + weight[0], y + weight[1], z + weight[2]
             size = max(np.sqrt(x * x + y * y + z * z), 1e-300)
             out[i, 0], out[i, 1], out[i, 2] = x / size, y / size, z / size
+    return out

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,25 +10,35 @@ from numpy.typing import NDArray
 from geometry.compiled import kernel
 
 Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+Vector = tuple[float, float, float]
 Mask = NDArray[np.bool_]
 
-LEAF = 4
+LEAF = 4  # triangles of a box that is not divided
 PACKET = 16  # segments that are tried together
+TIE = 1e-9  # by which a split must be better than one found before: rounding decides none
 PIECES, MAX_PIECES = 4, 100_000  # of a mesh's length; pieces of a mesh after which none is halved
 UNTURNED, UNMOVED = np.eye(3), np.zeros(3)
+EDGE_SLACK = 1e-12  # of a triangle: rays between two triangles must hit one
 SLACK = 1e-9  # of a segment's length: a flat box must not be missed by rounding
 
 
-@dataclass(frozen=True, eq=False)
-class Bvh:
+class Bvh(NamedTuple):
     """Boxes (M, 6) of low and high corners, children (M, 2) or, in leaves, (−1 − first, count) of the members (P,),
     numbers of triangles (T, 3, 3); one that is long is the member of several leaves.
     """
 
     boxes: Array
-    children: NDArray[np.int64]
-    members: NDArray[np.int64]
+    children: Index
+    members: Index
     triangles: Array
+
+
+class MeshPose(NamedTuple):
+    """The pose of a hierarchy's axes in those of the points: rotation (3, 3), translation (3,) [mm]."""
+
+    R: Array
+    t: Array
 
 
 def build_bvh(triangles: Array) -> Bvh:
@@ -39,7 +49,7 @@ def build_bvh(triangles: Array) -> Bvh:
     """
     triangles = np.array(triangles, dtype=float, order="C")  # a copy: never a read-only view
     pieces, owner = _in_pieces(triangles)
-    order, boxes, children = _build(pieces.min(1), pieces.max(1))
+    order, boxes, children = _grow(pieces.min(1), pieces.max(1))
     return Bvh(boxes, children, owner[order].copy(), triangles)
 
 
@@ -68,21 +78,15 @@ def blocked(bvh: Bvh, origins: Array, targets: Array, R: Array = UNTURNED, t: Ar
     origins = np.array(origins, dtype=float, order="C")
     # copies: never a read-only view
     targets = np.array(np.atleast_2d(targets), dtype=float, order="C")
-    pose = np.array(R, dtype=float, order="C"), np.array(t, dtype=float)
-    return np.asarray(_blocked(bvh.boxes, bvh.children, bvh.members, bvh.triangles, origins, targets, *pose))
-
-
-def _build(low: Array, high: Array) -> tuple[NDArray[np.int64], Array, NDArray[np.int64]]:
-    """Leaf order (T,), boxes and children of the hierarchy over boxes low, high (T, 3)."""
-    order, count = np.arange(len(low)), 2 * len(low)
-    boxes, children = np.empty((count, 6)), np.empty((count, 2), np.int64)
-    used = _grow(np.ascontiguousarray(low), np.ascontiguousarray(high), order, boxes, children)
-    return order, boxes[:used].copy(), children[:used].copy()
+    place = MeshPose(np.array(R, dtype=float, order="C"), np.array(t, dtype=float))
+    return np.asarray(_blocked(bvh, origins, targets, place))
 
 
 @kernel
-def _grow(low, high, order, boxes, children):  # type: ignore[no-untyped-def]
-    """Fill order, boxes and children from the root down; the number of boxes."""
+def _grow(low: Array, high: Array) -> tuple[Index, Array, Index]:
+    """Leaf order (T,), boxes and children of the hierarchy over boxes low, high (T, 3), from the root down."""
+    order, count = np.arange(len(low)), 2 * len(low)
+    boxes, children = np.empty((count, 6)), np.empty((count, 2), np.int64)
     todo = np.empty((128, 3), np.int64)
     todo[0, 0], todo[0, 1], todo[0, 2] = 0, 0, len(low)
     left, used = 1, 1
@@ -102,11 +106,11 @@ def _grow(low, high, order, boxes, children):  # type: ignore[no-untyped-def]
         todo[left], todo[left + 1] = parts[big], parts[1 - big]
         left += 2
         used += 2
-    return used
+    return order, boxes[:used].copy(), children[:used].copy()
 
 
 @kernel
-def _box_of(low, high, members, box):  # type: ignore[no-untyped-def]
+def _box_of(low: Array, high: Array, members: Index, box: Array) -> None:
     for axis in range(3):
         box[axis], box[3 + axis] = np.inf, -np.inf
         for i in members:
@@ -114,7 +118,7 @@ def _box_of(low, high, members, box):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _split(low, high, members, cost):  # type: ignore[no-untyped-def]
+def _split(low: Array, high: Array, members: Index, cost: Array) -> int:
     """Order the members along the axis, and return how many go to the first child, for which the children's surfaces
     times their counts are least.
 
@@ -137,14 +141,14 @@ def _split(low, high, members, cost):  # type: ignore[no-untyped-def]
                 else:
                     cost[n - 2 - k] += area
         for k in range(n - 1):
-            if cost[k] < best * (1 - 1e-9):
+            if cost[k] < best * (1 - TIE):
                 best, best_at, best_axis = cost[k], k + 1, axis
     members[:] = members[np.argsort(low[members, best_axis] + high[members, best_axis], kind="mergesort")]
     return best_at
 
 
 @kernel
-def _blocked(boxes, children, members, triangles, origins, targets, R, t):  # type: ignore[no-untyped-def]
+def _blocked(bvh: Bvh, origins: Array, targets: Array, place: MeshPose) -> Mask:
     """Segments are taken in packets of neighbours: most packets come near no triangle at all."""
     out = np.zeros(len(origins), np.bool_)
     stack = np.empty(128, np.int64)
@@ -155,25 +159,25 @@ def _blocked(boxes, children, members, triangles, origins, targets, R, t):  # ty
     for first in range(0, len(origins), PACKET):
         n = min(PACKET, len(origins) - first)
         for k in range(n):
-            _into(R, t, origins[first + k], begin[k])
-            _into(R, t, targets[first + k if len(targets) > 1 else 0], end[k])
+            _into(place, origins[first + k], begin[k])
+            _into(place, targets[first + k if len(targets) > 1 else 0], end[k])
         _bounds(begin, n, begin_box)
         _bounds(end, n, end_box)
         for a in range(3):
             middle[a] = (begin_box[a] + begin_box[3 + a]) / 2
             way[a] = (end_box[a] + end_box[3 + a]) / 2 - middle[a]
             half[a] = max(begin_box[3 + a] - begin_box[a], end_box[3 + a] - end_box[a]) / 2
-        if not _meets(boxes, children, members, triangles, middle, way, half, False, stack):
+        if not _meets(bvh, middle, way, half, False, stack):
             continue
         for k in range(n):
             for a in range(3):
                 way[a] = end[k, a] - begin[k, a]
-            out[first + k] = _meets(boxes, children, members, triangles, begin[k], way, single, True, stack)
+            out[first + k] = _meets(bvh, begin[k], way, single, True, stack)
     return out
 
 
 @kernel
-def _bounds(points, n, box):  # type: ignore[no-untyped-def]
+def _bounds(points: Array, n: int, box: Array) -> None:
     for a in range(3):
         low, high = points[0, a], points[0, a]
         for k in range(1, n):
@@ -182,11 +186,14 @@ def _bounds(points, n, box):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _meets(boxes, children, members, triangles, origin, way, half, exact, stack):  # type: ignore[no-untyped-def]
+def _meets(bvh: Bvh, origin: Array, way: Array, half: Array, exact: bool, stack: Index) -> bool:
     """Whether the segment from the origin along the way cuts a triangle; not exact: whether it comes within half of the
     box of a few triangles along each axis.
     """
-    (ox, oy, oz), (dx, dy, dz), (hx, hy, hz) = origin, way, half
+    boxes, children = bvh.boxes, bvh.children
+    ox, oy, oz = origin[0], origin[1], origin[2]
+    dx, dy, dz = way[0], way[1], way[2]
+    hx, hy, hz = half[0], half[1], half[2]
     # a component of 0 becomes one so small that its slab is all or nothing
     ix = 1 / dx if abs(dx) > 1e-12 else 1e12
     iy = 1 / dy if abs(dy) > 1e-12 else 1e12
@@ -212,22 +219,24 @@ def _meets(boxes, children, members, triangles, origin, way, half, exact, stack)
         if not exact:
             return True
         for i in range(-1 - first, second - 1 - first):
-            if _cuts(triangles, members[i], ox, oy, oz, dx, dy, dz):
+            if _cuts(bvh.triangles, bvh.members[i], (ox, oy, oz), (dx, dy, dz)):
                 return True
     return False
 
 
 @kernel(inline=True)
-def _into(R, t, point, out):  # type: ignore[no-untyped-def]
+def _into(place: MeshPose, point: Array, out: Array) -> None:
     """Set out to Rᵀ (point − t)."""
+    R, t = place
     x, y, z = point[0] - t[0], point[1] - t[1], point[2] - t[2]
     for a in range(3):
         out[a] = R[0, a] * x + R[1, a] * y + R[2, a] * z
 
 
 @kernel(inline=True)
-def _cuts(triangles, i, ox, oy, oz, dx, dy, dz):  # type: ignore[no-untyped-def]
+def _cuts(triangles: Array, i: int, origin: Vector, way: Vector) -> bool:
     """Möller & Trumbore 1997; closed at the edges, so that no ray slips between two triangles."""
+    (ox, oy, oz), (dx, dy, dz) = origin, way
     ax, ay, az = triangles[i, 0, 0], triangles[i, 0, 1], triangles[i, 0, 2]
     e1x, e1y, e1z = triangles[i, 1, 0] - ax, triangles[i, 1, 1] - ay, triangles[i, 1, 2] - az
     e2x, e2y, e2z = triangles[i, 2, 0] - ax, triangles[i, 2, 1] - ay, triangles[i, 2, 2] - az
@@ -237,7 +246,7 @@ def _cuts(triangles, i, ox, oy, oz, dx, dy, dz):  # type: ignore[no-untyped-def]
         return False
     # all are compared in units of the determinant: most triangles are missed, and a division is dear
     size, sign = abs(det), (1.0 if det > 0 else -1.0)
-    slack = 1e-12 * size
+    slack = EDGE_SLACK * size
     sx, sy, sz = ox - ax, oy - ay, oz - az
     u = (sx * px + sy * py + sz * pz) * sign
     if u < -slack or u > size + slack:
@@ -246,4 +255,4 @@ def _cuts(triangles, i, ox, oy, oz, dx, dy, dz):  # type: ignore[no-untyped-def]
     v = (dx * qx + dy * qy + dz * qz) * sign
     if v < -slack or u + v > size + slack:
         return False
-    return 0 < (e2x * qx + e2y * qy + e2z * qz) * sign < size
+    return bool(0 < (e2x * qx + e2y * qy + e2z * qz) * sign < size)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,18 +21,25 @@ def facets(vertices: Array, faces: Index, outwards: Array) -> tuple[Array, Index
     vertices: (V, 3) [mm]. faces: (T, 3) corners of the triangles. outwards: their unit normals (T, 3).
     Returns corners in order (F, 4, 3), the last one twice where it is a triangle, and a triangle of each facet (F,).
     """
-    first, second, edge = _neighbours(faces)
+    pairs = _neighbours(faces)
+    first, second, edge = pairs
     length = np.linalg.norm(vertices[edge[:, 0]] - vertices[edge[:, 1]], axis=1)
     flat = np.einsum("ij,ij->i", outwards[first], outwards[second]) > 1 - PARALLEL
     order = np.argsort(-length, kind="stable")  # across the longest edges: a strip's quadrilaterals stay whole
     order = order[flat[order]]
-    corners, owner = np.empty((len(faces), 4), np.int64), np.empty(len(faces), np.int64)
-    used = _pair(vertices, faces, outwards, first[order], second[order], edge[order], corners, owner)
-    return vertices[corners[:used]], owner[:used].copy()
+    corners, owner = _pair(vertices, faces, outwards, Neighbours(*(values[order] for values in pairs)))
+    return vertices[corners], owner
 
 
-def _neighbours(faces: Index) -> tuple[Index, Index, Index]:
+class Neighbours(NamedTuple):
     """Two triangles (N,), (N,) for each edge (N, 2) that just two have in common."""
+
+    first: Index
+    second: Index
+    edge: Index
+
+
+def _neighbours(faces: Index) -> Neighbours:
     edges = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     order = np.lexsort((edges[:, 1], edges[:, 0]))
     ordered = edges[order]
@@ -38,12 +47,14 @@ def _neighbours(faces: Index) -> tuple[Index, Index, Index]:
     new[1:-1] = np.any(ordered[1:] != ordered[:-1], axis=1)
     begins = np.flatnonzero(new)
     twice = begins[:-1][np.diff(begins) == 2]
-    return order[twice] // 3, order[twice + 1] // 3, ordered[twice]
+    return Neighbours(order[twice] // 3, order[twice + 1] // 3, ordered[twice])
 
 
 @kernel
-def _pair(vertices, faces, outwards, first, second, edge, corners, owner):  # type: ignore[no-untyped-def]
-    """Fill the facets' corners and owners; their number."""
+def _pair(vertices: Array, faces: Index, outwards: Array, neighbours: Neighbours) -> tuple[Index, Index]:
+    """The facets' corners (F, 4), numbers of vertices, and owners (F,)."""
+    first, second, edge = neighbours
+    corners, owner = np.empty((len(faces), 4), np.int64), np.empty(len(faces), np.int64)
     taken = np.zeros(len(faces), np.bool_)
     n = 0
     for k in range(len(first)):
@@ -67,12 +78,12 @@ def _pair(vertices, faces, outwards, first, second, edge, corners, owner):  # ty
         if not taken[t]:
             corners[n, :3], corners[n, 3], owner[n] = faces[t], faces[t, 2], t
             n += 1
-    return n
+    return corners[:n].copy(), owner[:n].copy()
 
 
 @kernel
-def _turns(vertices, a, b, c, normal):  # type: ignore[no-untyped-def]
+def _turns(vertices: Array, a: int, b: int, c: int, normal: Array) -> bool:
     """Whether the way from a over b to c turns to the left, seen against the normal."""
     p, q = vertices[b] - vertices[a], vertices[c] - vertices[b]
     x, y, z = p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]
-    return x * normal[0] + y * normal[1] + z * normal[2] > 0
+    return bool(x * normal[0] + y * normal[1] + z * normal[2] > 0)

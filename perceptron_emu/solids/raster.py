@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,6 +16,22 @@ SHORT = 12  # pixels of a row that are not worth drawing several at once
 FLAT_PX2 = 1e-9  # twice the area of a face's image below which it is not drawn
 
 
+class DepthBuffer(NamedTuple):
+    """What is drawn so far (H, W): the level of the nearest face, and 1/z of it [1/mm]."""
+
+    level: Float32
+    inverse_depth: Float32
+
+
+class Rows(NamedTuple):
+    """The rows of a face, first to last, and where each enters and leaves it [px]."""
+
+    first: int
+    last: int
+    left: Array
+    right: Array
+
+
 def rasterise(
     facets: Array, level: Float32, shape: tuple[int, int], intrinsics: tuple[float, float, float, float]
 ) -> Float32:
@@ -22,26 +40,29 @@ def rasterise(
 
     intrinsics: fx, fy, cx, cy [px]. 1/z is linear in the image.
     """
-    picture, inverse_depth = np.zeros((2, *shape), np.float32)
-    _rasterise(picture, inverse_depth, facets, level, *intrinsics)
-    return picture
+    drawn = DepthBuffer(*np.zeros((2, *shape), np.float32))
+    _rasterise(drawn, facets, level, intrinsics)
+    return drawn.level
 
 
 @kernel
-def _rasterise(picture, inverse_depth, facets, level, fx, fy, cx, cy):  # type: ignore[no-untyped-def]
+def _rasterise(
+    drawn: DepthBuffer, facets: Array, level: Float32, intrinsics: tuple[float, float, float, float]
+) -> None:
+    fx, fy, cx, cy = intrinsics
     corners = np.empty((4, 3))  # (u, v, 1/z)
-    left, right = np.empty((2, len(picture)))
+    left, right = np.empty((2, len(drawn.level)))
     for f in range(len(facets)):
         for k in range(4):
             x, y, z = facets[f, k, 0], facets[f, k, 1], facets[f, k, 2]
             corners[k, 0], corners[k, 1], corners[k, 2] = fx * x / z + cx, fy * y / z + cy, 1 / z
-        top, bottom = _edges(corners, left, right)
-        if top <= bottom:
-            _draw_facet(picture, inverse_depth, corners, level[f], top, bottom, left, right)
+        first, last = _edges(corners, left, right)
+        if first <= last:
+            _draw_facet(drawn, corners, Rows(first, last, left, right), level[f])
 
 
 @kernel(fastmath=True)
-def _edges(corners, left, right):  # type: ignore[no-untyped-def]
+def _edges(corners: Array, left: Array, right: Array) -> tuple[int, int]:
     """Fill where rows enter and leave the face; its first and last row."""
     last = len(left) - 1.0
     first_row = int(max(np.ceil(corners[:, 1].min()), 0.0))
@@ -62,7 +83,9 @@ def _edges(corners, left, right):  # type: ignore[no-untyped-def]
 
 
 @kernel(fastmath=True)
-def _draw_facet(picture, inverse_depth, corners, level, top, bottom, left, right):  # type: ignore[no-untyped-def]
+def _draw_facet(drawn: DepthBuffer, corners: Array, rows: Rows, level: np.float32) -> None:
+    picture, inverse_depth = drawn
+    left, right = rows.left, rows.right
     last_column = picture.shape[1] - 1.0
     (u0, v0, w0), (u1, v1, w1), (u2, v2, w2), (u3, v3, w3) = corners[0], corners[1], corners[2], corners[3]
     area = (u1 - u0) * (v2 - v0) - (u2 - u0) * (v1 - v0)
@@ -74,7 +97,7 @@ def _draw_facet(picture, inverse_depth, corners, level, top, bottom, left, right
     along_u = ((w1 - w0) * (v2 - v0) - (w2 - w0) * (v1 - v0)) / area
     along_v = ((w2 - w0) * (u1 - u0) - (w1 - w0) * (u2 - u0)) / area
     step = np.float32(along_u)
-    for j in range(top, bottom + 1):
+    for j in range(rows.first, rows.last + 1):
         first, last = int(np.ceil(max(left[j], 0.0))), int(np.floor(min(right[j], last_column)))
         inverse = np.float32(w0 + along_u * (first - u0) + along_v * (j - v0))
         if last - first < SHORT:
@@ -87,7 +110,7 @@ def _draw_facet(picture, inverse_depth, corners, level, top, bottom, left, right
 
 
 @kernel(fastmath=True)
-def _draw_row(levels, depths, inverse, step, level):  # type: ignore[no-untyped-def]
+def _draw_row(levels: Float32, depths: Float32, inverse: np.float32, step: np.float32, level: np.float32) -> None:
     """Without branches, so that the compiler can do several pixels at once."""
     for i in range(len(depths)):
         here = inverse + np.float32(i) * step

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,12 +11,60 @@ from numpy.typing import NDArray
 from geometry.compiled import kernel
 
 Array = NDArray[np.float64]
+Index = NDArray[np.int64]
 
 GRID_RAD = 2e-3  # breakpoints at least this close, so that bodies that interpenetrate are told apart
 
+SAME_RAD, SAME_PLACE = 1e-12, 1e-9  # breaks, and places along a segment, that rounding alone tells apart
+BEHIND_RAD = 10.0  # the angle given to what no ray about +z reaches
+
+
+class Shades(NamedTuple):
+    """What only casts shadows in K planes of constant x: segments (K, S, 2, 2) as (y, z) [mm], and whether each is
+    there (K, S).
+    """
+
+    ends: Array
+    there: NDArray[np.bool_]
+
+
+class LaserRays(NamedTuple):
+    """The laser in a plane: its rays come from the emitter's (y, z) [mm] and fill the fan about +z."""
+
+    origin: Array
+    fan_rad: float
+
+
+class Pieces(NamedTuple):
+    """Straight pieces of surface that the laser reaches first, each in one plane of the sheet.
+
+    ends: (n, 2, 3) [mm] in {P}. normals: shading normals at the ends (n, 2, 3). face: the triangle (n,).
+    """
+
+    ends: Array
+    normals: Array
+    face: Index
+
+
+class Segments(NamedTuple):
+    """Segments (n, 2, 2) as (y, z) [mm], the angles (n, 2) between which rays meet each, and their order by the
+    first.
+    """
+
+    ends: Array
+    angle: Array
+    by_start: Index
+
+
+class Reached(NamedTuple):
+    """Pieces of segments: which segment (m,), and where along it the piece begins and ends (m, 2), in [0, 1]."""
+
+    which: Index
+    where: Array
+
 
 @kernel
-def cut_plane(triangles, normals, x):  # type: ignore[no-untyped-def]
+def cut_plane(triangles: Array, normals: Array, x: float) -> tuple[Array, Array, Index]:
     """Where triangles (T, 3, 3) [mm] cut the plane of constant x: ends (n, 2, 2) as (y, z) [mm], normals there (n, 2,
     3), triangle numbers (n,).
     """
@@ -45,21 +94,18 @@ def cut_plane(triangles, normals, x):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def lit_in_planes(triangles, normals, planes, shades, shading, origin, fan_rad):  # type: ignore[no-untyped-def]
+def lit_in_planes(triangles: Array, normals: Array, planes: Array, shades: Shades, rays: LaserRays) -> Pieces:
     """The pieces of triangles (T, 3, 3) [mm] that the laser reaches first in the planes of constant x (K,).
 
-    normals: at the triangles' corners (T, 3, 3). shades: segments (K, S, 2, 2) as (y, z) in each plane that only
-    cast shadows, where shading (K, S) says so. origin: the emitter's (y, z).
-    Returns ends (n, 2, 3) [mm], normals there (n, 2, 3), triangle numbers (n,).
+    normals: at the triangles' corners (T, 3, 3).
     """
-    grid = _grid(fan_rad)
+    grid = _grid(rays.fan_rad)
     ends, normal, face = np.empty((256, 2, 3)), np.empty((256, 2, 3)), np.empty(256, np.int64)
     n = 0
     for k in range(len(planes)):
         cut, turned, owner = cut_plane(triangles, normals, planes[k])
         solids = len(cut)
-        segments = np.concatenate((cut, shades[k][shading[k]]))
-        which, where = _first_reached(segments, origin, grid)
+        which, where = _first_reached(np.concatenate((cut, shades.ends[k][shades.there[k]])), rays.origin, grid)
         if n + len(which) > len(face):
             more = max(2 * len(face), n + len(which))
             ends, normal, face = _longer(ends, more), _longer(normal, more), _longer_int(face, more)
@@ -75,35 +121,35 @@ def lit_in_planes(triangles, normals, planes, shades, shading, origin, fan_rad):
                     normal[n, e, a] = turned[w, 0, a] + where[i, e] * (turned[w, 1, a] - turned[w, 0, a])
             face[n] = owner[w]
             n += 1
-    return ends[:n].copy(), normal[:n].copy(), face[:n].copy()
+    return Pieces(ends[:n].copy(), normal[:n].copy(), face[:n].copy())
 
 
 @kernel
-def _longer(values, size):  # type: ignore[no-untyped-def]
-    out = np.empty((size, values.shape[1], values.shape[2]))
-    out[: len(values)] = values
+def _longer(values: Array, size: int) -> Array:
+    n, rows, columns = values.shape
+    out = np.empty((size, rows, columns))
+    out[:n] = values
     return out
 
 
 @kernel
-def _longer_int(values, size):  # type: ignore[no-untyped-def]
+def _longer_int(values: Index, size: int) -> Index:
     out = np.empty(size, np.int64)
     out[: len(values)] = values
     return out
 
 
 @kernel
-def _grid(fan_rad):  # type: ignore[no-untyped-def]
+def _grid(fan_rad: float) -> Array:
     return np.linspace(-fan_rad / 2, fan_rad / 2, int(fan_rad / GRID_RAD) + 2)
 
 
 @kernel
-def _first_reached(ends, origin, grid):  # type: ignore[no-untyped-def]
+def _first_reached(ends: Array, origin: Array, grid: Array) -> Reached:
     """The pieces of segments (n, 2, 2) as (y, z) [mm] that rays from the origin (2,) reach first within the fan about
     +z.
 
-    grid: angles that the fan is cut at in any case, from edge to edge.
-    Returns which segment (m,) and where along it the piece lies (m, 2), in [0, 1]. Source: the angular sweep of planar
+    grid: angles that the fan is cut at in any case, from edge to edge. Source: the angular sweep of planar
     visibility (Suri & O'Rourke 1986): between two neighbouring ends the nearest segment does not change.
     """
     n = len(ends)
@@ -115,26 +161,26 @@ def _first_reached(ends, origin, grid):  # type: ignore[no-untyped-def]
         second = math.atan2(ends[i, 1, 0] - origin[0], ends[i, 1, 1] - origin[1])
         angle[i, 0], angle[i, 1] = min(first, second), max(first, second)
         if angle[i, 1] - angle[i, 0] > math.pi:  # passes behind the emitter
-            angle[i] = 10.0
+            angle[i] = BEHIND_RAD
         for a in angle[i]:
             if grid[0] <= a <= grid[-1]:
                 breaks[count] = a
                 count += 1
     breaks = np.sort(breaks[:count])
     by_start = np.argsort(angle[:, 0], kind="mergesort")
-    which, where = np.empty(len(breaks), np.int64), np.empty((len(breaks), 2))
-    m = _sweep(ends, origin, angle, breaks, by_start, which, where)
-    return which[:m], where[:m]
+    return _sweep(Segments(ends, angle, by_start), breaks, origin)
 
 
 @kernel
-def _sweep(ends, origin, angle, breaks, by_start, which, where):  # type: ignore[no-untyped-def]
-    """Fill which and where from the angular order; the number of pieces."""
+def _sweep(segments: Segments, breaks: Array, origin: Array) -> Reached:
+    """From one break of the fan to the next: what is reached first there."""
+    ends, angle, by_start = segments
+    which, where = np.empty(len(breaks), np.int64), np.empty((len(breaks), 2))
     active = np.empty(len(ends), np.int64)
     n_active, following, m = 0, 0, 0
     for k in range(len(breaks) - 1):
         a, b = breaks[k], breaks[k + 1]
-        if b - a < 1e-12:
+        if b - a < SAME_RAD:
             continue
         middle = (a + b) / 2
         while following < len(ends) and angle[by_start[following], 0] < middle:
@@ -154,16 +200,16 @@ def _sweep(ends, origin, angle, breaks, by_start, which, where):  # type: ignore
         if best < 0:
             continue
         from_, to = _reach(ends[best], origin, a)[1], _reach(ends[best], origin, b)[1]
-        if m > 0 and which[m - 1] == best and abs(where[m - 1, 1] - from_) < 1e-9:
+        if m > 0 and which[m - 1] == best and abs(where[m - 1, 1] - from_) < SAME_PLACE:
             where[m - 1, 1] = to
         else:
             which[m], where[m, 0], where[m, 1] = best, from_, to
             m += 1
-    return m
+    return Reached(which[:m], where[:m])
 
 
 @kernel(inline=True)
-def _reach(segment, origin, angle):  # type: ignore[no-untyped-def]
+def _reach(segment: Array, origin: Array, angle: float) -> tuple[float, float]:
     """Distance along the ray at the angle to the segment's line, and the place on it."""
     ry, rz = math.sin(angle), math.cos(angle)
     ey, ez = segment[1, 0] - segment[0, 0], segment[1, 1] - segment[0, 1]

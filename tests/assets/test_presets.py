@@ -8,7 +8,7 @@ import assets
 from geometry import InputError, field_of_view, inside_polygon
 from jig_cad import read_jig
 from tests.recordings import MISSING, recording
-from workbench.files.sensor_file import read_sensor
+from workbench.files import read_emulator, read_sensor
 
 # near and far [mm from the face], width near, at the reference distance (None: not published) and far, wavelength [nm]
 DATA_SHEETS = {
@@ -35,7 +35,7 @@ def width_at(polygon: np.ndarray, depth: float) -> float:
 def test_fields_of_view_are_those_of_the_data_sheets(name: str) -> None:
     near, far, w_near, w_reference, w_far, wavelength = DATA_SHEETS[name]
     sensor = read_sensor(assets.path("sensors", name))
-    polygon = field_of_view(sensor.model)
+    polygon = field_of_view(sensor)
     depth = far - near
     np.testing.assert_allclose(polygon[:, 1].min(), near, rtol=0, atol=RTOL * depth)
     np.testing.assert_allclose(polygon[:, 1].max(), far, rtol=0, atol=RTOL * depth)
@@ -43,7 +43,7 @@ def test_fields_of_view_are_those_of_the_data_sheets(name: str) -> None:
     np.testing.assert_allclose(width_at(polygon, far - 0.0005 * depth), w_far, rtol=RTOL)
     if w_reference is not None:
         np.testing.assert_allclose(width_at(polygon, (near + far) / 2), w_reference, rtol=RTOL_REFERENCE)
-    assert sensor.emulator.laser.wavelength_nm == wavelength
+    assert read_emulator(assets.path("sensors", name)).laser.wavelength_nm == wavelength
 
 
 @pytest.mark.parametrize("name", assets.list_presets("sensors"))
@@ -56,7 +56,7 @@ def test_sensor_presets_say_what_is_assumed(name: str) -> None:
 
 def test_the_nominal_sensor_sees_the_papers_jig_from_its_stand_off() -> None:
     """A triangle of 100 mm with 10 mm to spare, its front string at 290 mm, inside the field of view."""
-    polygon = field_of_view(read_sensor(assets.path("sensors", "nominal")).model, margin_px=20.0)
+    polygon = field_of_view(read_sensor(assets.path("sensors", "nominal")), margin_px=20.0)
     corners = np.array([[0, 280], [-60, 387], [60, 387]])
     assert np.all(inside_polygon(corners, polygon))
 

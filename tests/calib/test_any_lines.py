@@ -8,14 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calib import CalibConfig, calibrate
+from calib import CalibConfig
 from calib.label.any_lines import FOUND, any_labels
 from calib.label.frame import label_frame
 from calib.label.location import label_location
-from calib.observation import FrameObservation, Observations
 from calib.pose.fit import jig_pose
-from calib.synthetic.cell import Layout, Noise, made_cell, observe, random_cell
-from calib.synthetic.views import SpotNoise, View, disturbed, observe_spots, random_pose, random_sensor, random_view
+from calib.synthetic.cell import Layout, Noise, calibrated, made_cell, observe, random_cell
+from calib.synthetic.views import JigView, SpotNoise, disturbed, observe_spots, random_pose, random_sensor, random_view
 from geometry import AxisPoints, InputError, Pose, SurfacePoints, cross_plane_x0, field_of_view, inside_polygon
 from jig_cad import ANCHORS, STRINGS, Jig, sample_tolerance
 
@@ -51,7 +50,7 @@ def view_of(rng, jig):
         sensor, distance = random_sensor(rng)
         made = sample_tolerance(jig, rng)
         for _ in range(30):
-            view = View(jig, made, sensor, random_pose(rng, made, distance))
+            view = JigView(jig, made, sensor, random_pose(rng, made, distance))
             if np.all(inside_polygon(view.yz_mm, field_of_view(sensor))):
                 return view
 
@@ -168,13 +167,13 @@ def test_a_renamed_pillar_calibrates_to_the_same_bits(method):
     rng = np.random.default_rng(2)
     layout = Layout(places=(("A", "calibrate", 5), ("B", "calibrate", 5)))
     cell = random_cell(rng, layout)
-    observations = observe(cell, made_cell(cell, rng, Noise()), rng, Noise())
+    observed = observe(cell, made_cell(cell, rng, Noise()), rng, Noise())
     config = CalibConfig(method=method, model="scp")
-    own = calibrate(observations, cell.jig, cell.robot, config)
+    own = calibrated(observed, cell.jig, cell.robot, config)
     frames = tuple(
-        replace(f, axis=replace(f.axis, label=tuple(RENAMED[s] for s in f.axis.label))) for f in observations.frames
+        replace(f, axis=replace(f.axis, label=tuple(RENAMED[s] for s in f.axis.label))) for f in observed.frames
     )
-    other = calibrate(replace(observations, frames=frames), renamed(cell.jig), cell.robot, config)
+    other = calibrated(replace(observed, frames=frames), renamed(cell.jig), cell.robot, config)
     np.testing.assert_array_equal(other.T_hand_sensor.matrix, own.T_hand_sensor.matrix)
     np.testing.assert_array_equal(other.covariance, own.covariance)
     assert other.verdict.code == own.verdict.code
@@ -191,30 +190,29 @@ def test_any_five_lines_have_their_pose_and_the_paper_asks_for_a_pillar():
         found = jig_pose(AxisPoints(jig.strings, np.full(5, -1), yz, cov, ("",) * 5), jig)
         apart = [np.abs(c.T_sensor_jig.matrix - T.matrix).max() for c in found.candidates]
         assert min(apart) < 1e-6
-    cell = random_cell(rng, Layout(places=(("A", "calibrate", 4),)), Jig.of_lines(SIX, SHARED))
-    observations = observe(cell, cell, rng, Noise())
+    cell = random_cell(rng, Layout(places=(("A", "calibrate", 4),)), jig)
     with pytest.raises(InputError, match="needs a triangular pillar, and the jig is none: its strings are front, left"):
-        calibrate(observations, cell.jig, cell.robot, CalibConfig(method="paper"))
+        calibrated(observe(cell, cell, rng, Noise()), jig, cell.robot, CalibConfig(method="paper"))
 
 
-def test_five_lines_calibrate_from_unlabelled_spots():
+@pytest.mark.parametrize("jig", [general_jig(), Jig.of_lines(SIX, SHARED)], ids=["ten anchors", "six shared anchors"])
+def test_five_lines_calibrate_from_unlabelled_spots(jig):
     """Points of lines that are no pillar, their labels unknown: the SCP within its stated σ."""
     rng = np.random.default_rng(6)
-    layout = Layout(places=(("A", "calibrate", 6), ("B", "calibrate", 6)), half_turns=True)
-    cell = random_cell(rng, layout, Jig.of_lines(SIX, SHARED))
+    layout = Layout(places=(("A", "calibrate", 6), ("B", "calibrate", 6)))
+    cell = random_cell(rng, layout, jig)
     made = made_cell(cell, rng, Noise())
     given = observe(cell, made, rng, Noise())
     frames = tuple(_spots(f, cell, made, rng, given.sensor) for f in given.frames)
-    result = calibrate(Observations(frames, given.sensor, cell.design), cell.jig, cell.robot, CONFIG)
+    result = calibrated(replace(given, frames=frames), jig, cell.robot, CONFIG)
     assert sum(f.used for f in result.frames) >= 11
     xi = (result.T_hand_sensor.inverse() @ made.T_hand_sensor).log()
     assert xi @ np.linalg.solve(result.covariance, xi) < 25  # 6 degrees of freedom: 3e-4 lie beyond
-    for f in result.frames:
-        assert set(f.points.label) <= set(cell.jig.strings)
+    assert {label for f in result.frames for label in f.axis.label} == set(jig.strings)
 
 
 def _spots(f, cell, made, rng, sensor):
     """The frame as spots of unknown labels among clutter: its own true pose, lit surfaces, noise."""
-    T = (made.robot.hand_pose(f.joints_rad) @ made.T_hand_sensor).inverse() @ made.T_base_jig[f.location]
-    truth = observe_spots(View(cell.jig, made.jig, sensor, T), SpotNoise(clutter=4), rng)
-    return FrameObservation(f.frame, f.location, f.role, truth.points, joints_rad=f.joints_rad)
+    T = (made.robot.pose(f.joints_rad) @ made.T_hand_sensor).inverse() @ made.T_base_jig[f.location]
+    truth = observe_spots(JigView(cell.jig, made.jig, sensor, T), SpotNoise(clutter=4), rng)
+    return replace(f, points=truth.points, axis=AxisPoints.empty(), labels_given=False)

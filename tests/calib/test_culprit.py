@@ -8,43 +8,41 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calib import FrameObservation, calibrate
 from calib.config import CalibConfig
-from calib.judge.culprit import culprit
-from calib.judge.culprit_jig import wrong_jig
-from calib.stations import label, stations
-from calib.synthetic.cell import Cell, Noise, made_cell, observe, random_cell
+from calib.hands import placed
+from calib.judge.culprits import culprit
+from calib.judge.culprits_jig import wrong_jig
+from calib.label.all_frames import label_frames
+from calib.synthetic.cell import Noise, SyntheticCell, calibrated, default_sensor, made_cell, observe, random_cell
 from calib.synthetic.problem import CALIBRATE_ONLY
-from geometry import DhRobot
+from geometry import DhRobot, Frame
 from jig_cad import Jig
 
-Frames = tuple[FrameObservation, ...]
+Frames = tuple[Frame, ...]
 
 
 @pytest.fixture(scope="module")
-def cell_and_frames() -> tuple[Cell, Frames]:
+def cell_and_frames() -> tuple[SyntheticCell, Frames]:
     rng = np.random.default_rng(3)
     cell = random_cell(rng, CALIBRATE_ONLY)
     return cell, observe(cell, made_cell(cell, rng, Noise()), rng, Noise()).frames
 
 
-def _said(cell: Cell, frames: Frames, robot: DhRobot, jig: Jig | None = None) -> str:
-    observed = replace(observe(cell, cell, np.random.default_rng(0), Noise()), frames=frames)
+def _said(cell: SyntheticCell, frames: Frames, robot: DhRobot, jig: Jig | None = None) -> str:
     jig = jig or cell.jig
-    ready = label(stations(observed, robot), observed.sensor, cell.design, {}, jig, CalibConfig())
-    return wrong_jig(ready, jig) or culprit(ready, jig, robot)
+    labelled = label_frames(placed(frames, robot), jig, default_sensor(), cell.design, {}, CalibConfig())
+    return wrong_jig(labelled, jig) or culprit(labelled, jig, robot)
 
 
 def _named(frames: Frames, where: Callable[[int], bool], location: str) -> Frames:
-    return tuple(replace(f, location=location) if where(f.frame) else f for f in frames)
+    return tuple(replace(f, location=location) if where(f.number) else f for f in frames)
 
 
 def _relabelled(frames: Frames, where: Callable[[int], bool]) -> Frames:
-    def turned(f: FrameObservation) -> FrameObservation:
-        assert f.axis is not None
+    def turned(f: Frame) -> Frame:
         return replace(f, axis=replace(f.axis, label=tuple(map(Jig.nominal().symmetries[0].relabelled, f.axis.label))))
 
-    return tuple(turned(f) if where(f.frame) else f for f in frames)
+    return tuple(turned(f) if where(f.number) else f for f in frames)
 
 
 def _joints(frames: Frames, change: Callable[[np.ndarray], np.ndarray]) -> Frames:
@@ -67,39 +65,39 @@ SPOILT = {
 
 
 @pytest.mark.parametrize("words", SPOILT)
-def test_frames_and_joint_columns(words: str, cell_and_frames: tuple[Cell, Frames]) -> None:
+def test_frames_and_joint_columns(words: str, cell_and_frames: tuple[SyntheticCell, Frames]) -> None:
     cell, frames = cell_and_frames
     said = _said(cell, SPOILT[words](frames), cell.robot)
     assert words in said
     assert bool(said) == bool(words)
 
 
-def test_frames_that_hardly_turn_are_not_accused(cell_and_frames: tuple[Cell, Frames]) -> None:
+def test_frames_that_hardly_turn_are_not_accused(cell_and_frames: tuple[SyntheticCell, Frames]) -> None:
     """Location A holds two configurations, four times each: pairs without an axis say nothing against a frame."""
     cell, frames = cell_and_frames
-    copies = tuple(replace(frames[k % 2], frame=k) for k in range(8))
-    kept = (*copies, *(replace(f, frame=f.frame + 1) for f in frames[7:]))
+    copies = tuple(replace(frames[k % 2], number=k) for k in range(8))
+    kept = (*copies, *(replace(f, number=f.number + 1) for f in frames[7:]))
     assert _said(cell, kept, cell.robot) == ""
     assert "labels of frame 10 are those" in _said(cell, _relabelled(kept, lambda n: n == 10), cell.robot)
 
 
-def test_row_of_another_arm(cell_and_frames: tuple[Cell, Frames]) -> None:
+def test_row_of_another_arm(cell_and_frames: tuple[SyntheticCell, Frames]) -> None:
     cell, frames = cell_and_frames
     assert "d of joint 4 in the robot's table is changed by about +142 mm" in _said(
         cell, frames, cell.robot.with_changes(d=-142.0 * np.eye(6)[3])
     )
 
 
-def test_jig_of_another_size(cell_and_frames: tuple[Cell, Frames]) -> None:
+def test_jig_of_another_size(cell_and_frames: tuple[SyntheticCell, Frames]) -> None:
     cell, frames = cell_and_frames
     side = cell.jig.side_mm
     said = _said(cell, frames, cell.robot, Jig.nominal(side_mm=0.8 * side, height_mm=cell.jig.height_mm))
     assert f"side_mm is about {side:.0f}, not {0.8 * side:g}" in said
 
 
-def test_verdict_says_it_first(cell_and_frames: tuple[Cell, Frames]) -> None:
+def test_verdict_says_it_first(cell_and_frames: tuple[SyntheticCell, Frames]) -> None:
     cell, frames = cell_and_frames
     observed = observe(cell, cell, np.random.default_rng(0), Noise())
-    verdict = calibrate(replace(observed, frames=_named(frames, lambda n: n == 3, "C")), cell.jig, cell.robot).verdict
+    verdict = calibrated(replace(observed, frames=_named(frames, lambda n: n == 3, "C")), cell.jig, cell.robot).verdict
     assert not verdict.trustworthy
     assert verdict.text.startswith("frame 3 does not move")

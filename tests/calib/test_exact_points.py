@@ -39,7 +39,7 @@ def test_exact_points_give_the_exact_scp_in_10000_cells() -> None:
 def test_printed_sign_diverges() -> None:
     """With the printed plus the differences double each step; with minus they fall to rounding (docs/theory.md)."""
     problem, _, Ts_sensor_jig = exact_pose_problem(np.random.default_rng(3), JIG)
-    paper = PaperProblem(Ts_sensor_jig.t, problem.chain.T_base_hand, problem.location)
+    paper = PaperProblem(Ts_sensor_jig.t, problem.hands, problem.location)
     printed = solve_paper(paper, DESIGN, PaperSettings(sign=1.0, damping=0.0, max_iterations=4)).history
     mended = solve_paper(paper, DESIGN).history
     np.testing.assert_allclose(printed[1:] / printed[:-1], 2.0, atol=0.1)

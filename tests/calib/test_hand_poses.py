@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from calib import CalibConfig, Observations, calibrate
-from calib.bundle.uncertainty import nees
-from calib.hand_joints import with_joints
-from calib.synthetic.cell import Cell, Noise, made_cell, observe, random_cell
+from calib import CalibConfig
+from calib.hands import with_joints
+from calib.printed import nees
+from calib.synthetic.cell import CellFrames, Noise, SyntheticCell, calibrated, made_cell, observe, random_cell
 from calib.synthetic.problem import CALIBRATE_ONLY
 from geometry import InputError, Pose
 
@@ -19,13 +19,13 @@ RUNS = 60
 ATOL_MM = 1e-6
 
 
-def _poses(cell: Cell, observed: Observations) -> Observations:
+def _poses(cell: SyntheticCell, observed: CellFrames) -> CellFrames:
     """What a controller writes: poses by its nominal table."""
     frames = tuple(replace(f, joints_rad=None, T_base_hand=cell.robot.pose(f.joints_rad)) for f in observed.frames)
     return replace(observed, frames=frames)
 
 
-def _draw(rng: np.random.Generator, cell: Cell) -> tuple[Cell, Observations]:
+def _draw(rng: np.random.Generator, cell: SyntheticCell) -> tuple[SyntheticCell, CellFrames]:
     made = made_cell(cell, rng, Noise())
     return made, _poses(cell, observe(cell, made, rng, Noise()))
 
@@ -40,7 +40,7 @@ def test_sigma_is_true_with_a_robot_table() -> None:
         if i % 6 == 0:
             cell = random_cell(rng, CALIBRATE_ONLY)
         made, poses = _draw(rng, cell)
-        result = calibrate(poses, cell.jig, cell.robot)
+        result = calibrated(poses, cell.jig, cell.robot)
         assert result.verdict.trustworthy
         assert result.T_hand_sensor is not None
         assert result.covariance is not None
@@ -53,8 +53,7 @@ def test_sigma_is_true_with_a_robot_table() -> None:
 def test_joints_found_again_give_the_poses() -> None:
     cell = random_cell(np.random.default_rng(4), CALIBRATE_ONLY)
     _, poses = _draw(np.random.default_rng(5), cell)
-    found = with_joints(poses, cell.robot)
-    for f in found.frames:
+    for f in with_joints(poses.frames, cell.robot):
         assert f.joints_inferred
         assert f.joints_rad is not None
         assert f.T_base_hand is not None
@@ -65,7 +64,7 @@ def test_models_beyond_scp_are_refused_with_a_table_too() -> None:
     cell = random_cell(np.random.default_rng(4), CALIBRATE_ONLY)
     _, poses = _draw(np.random.default_rng(5), cell)
     with pytest.raises(InputError, match="joint readings"):
-        calibrate(poses, cell.jig, cell.robot, CalibConfig(model="full"))
+        calibrated(poses, cell.jig, cell.robot, CalibConfig(model="full"))
 
 
 def test_without_a_table_sigma_have_a_floor_that_is_said() -> None:
@@ -75,8 +74,8 @@ def test_without_a_table_sigma_have_a_floor_that_is_said() -> None:
     away = Pose(np.eye(3), np.array([1e4, 0, 0]))
     frames = tuple(replace(f, T_base_hand=away @ f.T_base_hand) for f in poses.frames if f.T_base_hand is not None)
     for robot, data in ((None, poses), (cell.robot, replace(poses, frames=frames))):
-        result = calibrate(data, cell.jig, robot)
+        result = calibrated(data, cell.jig, robot)
         assert min(result.sigma_translation_mm) > 0.3
         assert any("floor of 0.3 mm and 0.03°" in n for n in result.notes)
-        bare = calibrate(data, cell.jig, robot, CalibConfig(hand_floor_mm=0.0, hand_floor_deg=0.0))
+        bare = calibrated(data, cell.jig, robot, CalibConfig(hand_floor_mm=0.0, hand_floor_deg=0.0))
         assert min(bare.sigma_translation_mm) < min(result.sigma_translation_mm)

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from calib.config import CalibConfig
+from calib.hands import placed
+from calib.label.again import relabel
+from calib.label.all_frames import label_frames
 from calib.label.frame import label_frame
 from calib.label.location import label_location
 from calib.label.refine import turned_over
-from calib.label.relabel import relabel
-from calib.observation import FrameObservation, Observations
-from calib.stations import label, stations
-from calib.synthetic.views import SpotNoise, View, disturbed, observe_spots, random_pose, random_sensor, random_view
-from geometry import Pose, SurfacePoints, exp_so3, stack_poses
+from calib.synthetic.views import JigView, SpotNoise, disturbed, observe_spots, random_pose, random_sensor, random_view
+from geometry import Frame, Pose, SurfacePoints, exp_so3, stack_poses
 from jig_cad import STRINGS, Jig, sample_tolerance
 
 CONFIG = CalibConfig()
@@ -118,7 +118,7 @@ def location(rng, n=7, noise=lambda i: SpotNoise()):
     true = design @ Pose.exp(np.concatenate([rng.normal(0, 1.5, 3), np.deg2rad(rng.normal(0, 1.2, 3))]))
     T_base_jig = Pose(exp_so3(rng.normal(size=3)), np.array([1500.0, 200.0, 700.0]))
     hands = T_base_jig @ poses.inverse() @ true.inverse()
-    truth = [observe_spots(View(jig, made, sensor, poses[i]), noise(i), rng) for i in range(n)]
+    truth = [observe_spots(JigView(jig, made, sensor, poses[i]), noise(i), rng) for i in range(n)]
     return jig, sensor, design, T_base_jig, hands, poses, truth
 
 
@@ -164,10 +164,11 @@ def test_a_first_frame_with_hidden_strings_decides_the_half_turn_too(seed):
 def test_a_first_frame_labelled_late_turns_its_location_unless_the_place_is_given(given):
     jig, sensor, design, T_base_jig, hands, poses, truth = hidden_first(100)
     wrong = T_base_jig if poses.R[0, 0, 0] < 0 else T_base_jig @ jig.symmetries[0].pose  # does not show frame 0 upright
-    frames = tuple(FrameObservation(i, "A", "calibrate", t.points, T_base_hand=hands[i]) for i, t in enumerate(truth))
-    observations = Observations(frames, sensor, design, {"A": wrong} if given else {})
-    ready = label(stations(observations, None), sensor, design, {"A": wrong}, jig, CONFIG)
-    again = relabel(ready, stations(observations, None), observations, design, {"A": wrong}, jig, CONFIG)
+    frames = tuple(Frame(i, "A", points=t.points, T_base_hand=hands[i]) for i, t in enumerate(truth))
+    fresh = placed(frames, None)
+    labelled = label_frames(fresh, jig, sensor, design, {"A": wrong}, CONFIG)
+    decided = {"A": wrong} if given else {}
+    again = relabel(labelled, fresh, jig, sensor, design, {"A": wrong}, decided, CONFIG)
     assert sum(s.usable for s in again) >= 6
     upright = next(s for s in again if s.usable).candidates[0].R[0, 0] > 0
     assert upright != given

@@ -11,6 +11,8 @@ from geometry import (
     AxisPoints,
     InputError,
     Pose,
+    Sensor,
+    Sheet,
     SurfacePoints,
     cross_plane_x0,
     did_you_mean,
@@ -18,6 +20,7 @@ from geometry import (
     field_of_view,
     inside_polygon,
 )
+from geometry.sensor import Optics, ProfileOutput, SensorUncertainty, project
 from geometry.sensor.field_of_view import MAX_DISTANCE_MM
 from tests.geometry.strategies import SEEDS, line_sensor
 
@@ -125,6 +128,119 @@ def test_a_camera_that_looks_away_from_the_sheet_is_refused(angle_deg: float) ->
 def test_a_fan_that_the_camera_does_not_see_is_refused() -> None:
     with pytest.raises(InputError, match="sees nothing"):
         field_of_view(line_sensor(origin_mm=np.array([0.0, 2000.0, 0.0]), fan_rad=0.1))
+
+
+FIELD = np.array([[-40.0, 150.0], [40.0, 150.0], [60.0, 300.0], [-60.0, 300.0]])
+
+
+def test_a_profile_sensor_has_a_field_of_view_and_no_camera() -> None:
+    """The polygon stands as its maker gives it, whatever margin of an image is asked for."""
+    sensor = Sensor(Sheet(), profile=ProfileOutput(field_of_view_mm=FIELD), name="profiler")
+    np.testing.assert_array_equal(field_of_view(sensor, margin_px=20.0), FIELD)
+    for ask in (sensor.require_camera, lambda: sensor.with_camera(bit_depth=8)):
+        with pytest.raises(InputError, match='"profiler" has no camera'):
+            ask()
+    with pytest.raises(InputError, match="field_of_view_mm"):
+        field_of_view(Sensor(Sheet(), profile=ProfileOutput()))
+    with pytest.raises(InputError, match="no camera"):
+        field_of_view(Sensor(Sheet()))
+
+
+def test_points_must_lie_open_to_emitter_and_camera() -> None:
+    sensor = line_sensor(origin_mm=np.array([0.0, 0.0, -10.0]))
+    np.testing.assert_array_equal(sensor.viewpoints_mm, [[0, 0, -10], sensor.require_camera().centre_mm])
+    np.testing.assert_array_equal(Sensor(Sheet(), profile=ProfileOutput()).viewpoints_mm, [[0, 0, 0]])
+
+
+def test_a_profile_sensor_states_its_noise() -> None:
+    stated = ProfileOutput(sigma_y_mm=0.02, sigma_z_mm=0.01)
+    np.testing.assert_allclose(stated.require_covariance(), np.diag([4e-4, 1e-4]), rtol=0, atol=1e-18)
+    with pytest.raises(InputError, match="sigma_z_mm"):
+        ProfileOutput(sigma_y_mm=0.02).require_covariance()
+
+
+def test_a_sensor_gives_images_or_profiles() -> None:
+    with pytest.raises(InputError, match="not both"):
+        replace(line_sensor(), profile=ProfileOutput())
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"format": "gocatr"}, 'did you mean "gocator"'),
+        ({"sigma_y_mm": 0.0}, "sigma_y_mm"),
+        ({"sigma_z_mm": np.nan}, "sigma_z_mm"),
+        ({"pitch_mm": -0.1}, "pitch_mm"),
+        ({"start_mm": np.inf}, "start_mm"),
+        ({"field_of_view_mm": FIELD[:2]}, "three or more"),
+        ({"field_of_view_mm": FIELD * np.nan}, "finite"),
+        ({"field_of_view_mm": np.column_stack([FIELD[:, 0], FIELD[:, 0]])}, "no area"),
+    ],
+)
+def test_numbers_that_are_no_profile_sensor_are_refused(values: dict[str, object], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        ProfileOutput(**values)  # type: ignore[arg-type]
+
+
+def test_standard_deviations_by_name_are_a_diagonal_covariance() -> None:
+    uncertainty = SensorUncertainty.from_sigma({"fx_px": 2.0, "scale_y": 1e-3}, "drawing")
+    np.testing.assert_allclose(uncertainty.covariance, np.diag([4.0, 1e-6]), rtol=0, atol=1e-18)
+    assert uncertainty.sigma == pytest.approx({"fx_px": 2.0, "scale_y": 1e-3}, rel=1e-12)
+    assert SensorUncertainty.from_sigma({}, "data sheet").covariance.shape == (0, 0)
+    with pytest.raises(InputError, match="fx_px is a camera's"):
+        Sensor(Sheet(), profile=ProfileOutput(), uncertainty=uncertainty)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "covariance", "message"),
+    [
+        (("fz_px",), [[1.0]], "did you mean"),
+        (("fx_px", "fx_px"), np.eye(2), "2 times"),
+        (("fx_px",), np.eye(2), "1 × 1"),
+        (("fx_px",), [[np.nan]], "not finite"),
+        (("fx_px",), [[-1.0]], "negative"),
+        (("fx_px", "fy_px"), [[1.0, 0.5], [0.4, 1.0]], "not symmetric"),
+        (("fx_px", "fy_px"), [[1.0, 1.1], [1.1, 1.0]], "negative eigenvalue"),
+    ],
+)
+def test_what_is_no_covariance_is_refused(parameters: tuple[str, ...], covariance: object, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        SensorUncertainty(parameters, np.array(covariance))
+    with pytest.raises(InputError, match="source"):
+        SensorUncertainty((), np.zeros((0, 0)), "hearsay")
+    with pytest.raises(InputError, match="fx_px = -1"):
+        SensorUncertainty.from_sigma({"fx_px": -1.0})
+
+
+def test_optics_that_are_no_numbers_are_refused() -> None:
+    with pytest.raises(InputError, match="f_number"):
+        Optics(f_number=np.inf)
+    with pytest.raises(InputError, match="wavelength_nm"):
+        Optics(wavelength_nm=-660.0)
+
+
+def test_saturation_is_the_full_scale_unless_stated() -> None:
+    assert line_sensor(bit_depth=12).require_camera().saturation_dn == 4095
+    assert line_sensor(bit_depth=12, stated_saturation_dn=4000).require_camera().saturation_dn == 4000
+    for change in ({"stated_saturation_dn": 256}, {"stated_saturation_dn": 9, "black_level": 10.0}):
+        with pytest.raises(InputError, match="saturation_dn"):
+            line_sensor(**change)
+    with pytest.raises(InputError, match="channel"):
+        line_sensor(channel="rot")
+
+
+@pytest.mark.parametrize("lens", LENSES)
+@given(seed=SEEDS)
+@settings(max_examples=10)
+def test_projection_is_opencvs(lens: str, seed: int) -> None:
+    """Points of the view; points behind the camera have no pixel."""
+    sensor = line_sensor(distortion=LENSES[lens])
+    camera = sensor.require_camera()
+    yz = np.random.default_rng(seed).uniform([-80, 200], [80, 450], (2, 50, 2))
+    xyz = np.concatenate([np.zeros((2, 50, 1)), yz], axis=-1)
+    expected = np.stack([by_opencv(sensor, one) for one in yz])
+    np.testing.assert_allclose(project(camera, xyz), expected, rtol=0, atol=1e-8)
+    assert np.all(np.isnan(project(camera, camera.centre_mm - 10 * camera.T_sensor_camera.R[:, 2])))
 
 
 @given(SEEDS)

@@ -18,7 +18,7 @@ TABLE = {"read_noise_e": 8.0, "dsnu_e": 5.0, "prnu": 0.01, "full_well_e": 9000.0
 
 def flats(electrons: float, frames: int, first_key: int = 1, **noise: float) -> np.ndarray:
     sensor = make_sensor(bit_depth=12, black_level=64.0)
-    config = EmulatorConfig.from_tables({"noise": TABLE | noise}).noise
+    config = EmulatorConfig.model_validate({"noise": TABLE | noise}).noise
     flat = np.full((sensor.camera.height_px, sensor.camera.width_px), electrons, np.float32)
     images = [expose(flat, config, sensor, 0.01, 977 * k + first_key) for k in range(frames)]
     return np.stack(images).astype(np.float64)
@@ -72,7 +72,7 @@ def test_speckle_of_overlapping_boxes_agrees() -> None:
 
 def test_bandwidth_and_depolarisation_lower_the_contrast() -> None:
     of = [
-        contrast(EmulatorConfig.from_tables({"laser": {"bandwidth_nm": b}, "speckle": {"polarised": p}}))
+        contrast(EmulatorConfig.model_validate({"laser": {"bandwidth_nm": b}, "speckle": {"polarised": p}}))
         for b, p in ((0.01, True), (0.01, False), (5.0, False))
     ]
     assert of[0] == pytest.approx(1, abs=1e-3)

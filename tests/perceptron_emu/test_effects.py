@@ -16,7 +16,7 @@ CLEAN = PLAIN | {"noise": {"enabled": False, "full_well_e": 1e6}}
 
 
 def config(**tables: dict[str, object]) -> EmulatorConfig:
-    return EmulatorConfig.from_tables({k: CLEAN.get(k, {}) | tables.get(k, {}) for k in {*CLEAN, *tables}})
+    return EmulatorConfig.model_validate({k: CLEAN.get(k, {}) | tables.get(k, {}) for k in {*CLEAN, *tables}})
 
 
 def spot_sigma_px(image: np.ndarray, black: float, uv: np.ndarray, half: int = 20) -> np.ndarray:
@@ -62,7 +62,7 @@ def test_a_rolling_shutter_shears_the_picture(scene: Scene) -> None:
 def test_laser_off_shows_the_room_alone(scene: Scene) -> None:
     wall = panel(600, 600, Pose(np.eye(3), np.array([0.0, 0, 420])))
     both = Scene(scene.sensor, scene.jig, scene.T_sensor_jig, (wall,))
-    dark = render(both, EmulatorConfig.from_tables({"exposure": {"laser_on": False}, "noise": {"enabled": False}}))
+    dark = render(both, EmulatorConfig.model_validate({"exposure": {"laser_on": False}, "noise": {"enabled": False}}))
     assert dark.image.max() < 40
     assert dark.image.min() >= 10
     assert np.ptp(dark.image) > 0
@@ -138,7 +138,7 @@ def test_defocus_widens_a_spot_as_its_disc_does(scene: Scene) -> None:
 
 @pytest.mark.parametrize("profile", ["powell", "gaussian", "uniform"])
 def test_the_fan_holds_all_the_power(profile: str) -> None:
-    laser = EmulatorConfig.from_tables({"laser": {"profile": profile, "edge_fraction": 0.6}}).laser
+    laser = EmulatorConfig.model_validate({"laser": {"profile": profile, "edge_fraction": 0.6}}).laser
     angle = np.linspace(-0.6, 0.6, 200_001)
     density = along(laser, 0.8, angle)
     assert np.trapezoid(density, angle) == pytest.approx(1, rel=1e-4)
@@ -149,7 +149,7 @@ def test_the_fan_holds_all_the_power(profile: str) -> None:
 
 
 def test_the_sheet_has_its_waist_where_configured() -> None:
-    laser = EmulatorConfig.from_tables({"laser": {"waist_um": 100, "waist_distance_mm": 300, "m2": 1.0}}).laser
+    laser = EmulatorConfig.model_validate({"laser": {"waist_um": 100, "waist_distance_mm": 300, "m2": 1.0}}).laser
     rayleigh = np.pi * 0.1**2 / 660e-6
     width = half_width_mm(laser, make_sensor(), np.array([300.0, 300 + rayleigh, 300 - rayleigh]))
     np.testing.assert_allclose(width, [0.1, 0.1 * np.sqrt(2), 0.1 * np.sqrt(2)], rtol=1e-12)
@@ -158,7 +158,7 @@ def test_the_sheet_has_its_waist_where_configured() -> None:
 
 
 def test_the_filter_dims_slanted_laser_light_and_most_of_the_room() -> None:
-    optics = EmulatorConfig.from_tables({"optics": {"filter_fwhm_nm": 10.0}}).optics
+    optics = EmulatorConfig.model_validate({"optics": {"filter_fwhm_nm": 10.0}}).optics
     cosine = np.cos(np.deg2rad([0.0, 10.0, 25.0]))
     transmission = filter_transmission(optics, 660.0, cosine, 660.0)
     assert transmission[0] == pytest.approx(optics.filter_peak)

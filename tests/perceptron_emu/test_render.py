@@ -15,7 +15,7 @@ from tests.perceptron_emu.conftest import TILTED, jig_before, make_sensor
 
 ATOL_PX = 1e-5
 EXACT_LINE_PX = 1e-3
-CLEAN_16BIT = EmulatorConfig.from_tables(
+CLEAN_16BIT = EmulatorConfig.model_validate(
     {"ambient": {"enabled": False}, "noise": {"enabled": False, "full_well_e": 1e6}, "speckle": {"enabled": False}}
 )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,13 +12,10 @@ from geometry import Pose, draw_errors
 from jig_cad import Jig, sample_tolerance
 from perceptron_emu import EmulatorConfig
 from workbench import defaults
-from workbench.cell.presets import DESIGN_SCP, find_robot, find_sensor
-from workbench.cell.starter import PLACES, place_of_jig
-from workbench.cell.surroundings import jig_bodies, wall_behind
-from workbench.emulate.record import TrueCell, record, with_joint_noise
-from workbench.files import Cell, SensorDescription
-from workbench.plan.view_space import ViewLimits
-from workbench.plan.views import ViewProblem, plan_views
+from workbench.cell import DESIGN_SCP, PLACES, find_robot, find_sensor, jig_bodies, place_of_jig, wall_behind
+from workbench.emulate import TrueCell, record, with_joint_noise
+from workbench.files import Cell
+from workbench.plan import ViewLimits, ViewProblem, plan_views
 
 SEED = 5
 EMULATION = {"exposure": {"time_ms": 0.8}, "laser": {"power_mw": 6.0}}
@@ -29,10 +27,8 @@ def cell_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("cell")
     rng = np.random.default_rng(SEED)
     big = find_sensor(defaults.SENSOR)
-    half = {k: getattr(big.model.camera, k) / 2 for k in ("fx_px", "fy_px", "cx_px", "cy_px")}
-    sensor = SensorDescription(
-        big.model.with_camera(width_px=640, height_px=512, **half), EmulatorConfig.model_validate(EMULATION), EMULATION
-    )
+    half = {k: getattr(big.camera, k) / 2 for k in ("fx_px", "fy_px", "cx_px", "cy_px")}
+    sensor = replace(big.with_camera(width_px=640, height_px=512, **half), optics=None)
     jig = Jig.nominal()
     true_jig = sample_tolerance(jig, rng)
     mounted = Pose.from_fixed_xyz_deg((-1.5, 1.6, 22.5), (-16.9, -75.5, 116.5))
@@ -42,10 +38,17 @@ def cell_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     solids = {n: bodies if n in "AC" else (*bodies, wall_behind(true_jig, 120.0)) for n in places}
     views = []
     for name, pose in places.items():
-        planned = plan_views(ViewProblem(robot, sensor.model, jig, pose, DESIGN_SCP, ViewLimits()), 7, rng)
+        planned = plan_views(ViewProblem(robot, sensor, jig, pose, DESIGN_SCP, ViewLimits()), 7, rng)
         views += [(name, PLACES[name][0], joints) for joints in planned.joints_rad]
     cell = Cell(
-        folder=folder, sensor=sensor, jig=jig, robot=robot, frames=(), T_hand_sensor_design=DESIGN_SCP, name="test cell"
+        folder=folder,
+        sensor=sensor,
+        jig=jig,
+        robot=robot,
+        frames=(),
+        T_hand_sensor_design=DESIGN_SCP,
+        name="test cell",
+        emulator=EmulatorConfig.model_validate(EMULATION),
     )
     true = TrueCell(robot.corrected(draw_errors(robot, rng)), true_jig, mounted, places, solids)
     record(folder, cell, true, with_joint_noise(views, true.robot, rng), SEED)

@@ -15,9 +15,9 @@ from extraction import ExtractionConfig, extract
 from geometry import InputError
 from workbench.compare import summarise
 from workbench.files import read_cell, read_image
-from workbench.opened.image_set import ImageRequest
+from workbench.opened import ImageRequest
+from workbench.window import open_session
 from workbench.window.engine import badge
-from workbench.window.opening import open_session
 from workbench.window.parameters import parse
 from workbench.window.session import Session
 from workbench.window.survey import Survey
@@ -49,9 +49,9 @@ def test_the_points_are_those_of_extract(session: Session, cell_folder: Path) ->
     cell = read_cell(cell_folder)
     for i in (0, 9, 20):
         outcome = session.outcome(i, parse(ExtractionConfig, DEFAULTS))
-        image = read_image(cell_folder / cell.frames[i].image, cell.sensor.model)
+        image = read_image(cell_folder / cell.frames[i].image, cell.sensor)
         assert outcome.view is not None
-        np.testing.assert_allclose(outcome.view.points.uv_px, extract(image, cell.sensor.model).uv_px, atol=ATOL_PX)
+        np.testing.assert_allclose(outcome.view.points.uv_px, extract(image, cell.sensor).uv_px, atol=ATOL_PX)
 
 
 def test_an_equal_question_is_answered_from_memory(session: Session) -> None:

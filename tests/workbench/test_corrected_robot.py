@@ -8,11 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from calib import CalibConfig, calibrate
+from calib import CalibConfig
 from calib.result import CalibrationResult
-from calib.synthetic.cell import Noise, made_cell, observe, random_cell
+from calib.synthetic.cell import Noise, calibrated, made_cell, observe, random_cell
 from calib.synthetic.problem import CALIBRATE_ONLY
-from geometry import PARAMETERS
 from tests.workbench.helpers import Cli
 from tests.workbench.test_urdf import SIX, urdf_text
 from workbench.files import Cell, read_cell, read_robot
@@ -26,7 +25,7 @@ def _result(model: str) -> CalibrationResult:
     rng = np.random.default_rng(3)
     cell = random_cell(rng, CALIBRATE_ONLY)
     observed = observe(cell, made_cell(cell, rng, Noise()), rng, Noise())
-    return calibrate(observed, cell.jig, cell.robot, CalibConfig(model=model))
+    return calibrated(observed, cell.jig, cell.robot, CalibConfig(model=model))
 
 
 def test_a_table_is_written_as_a_table(recording: Path, tmp_path: Path) -> None:
@@ -36,20 +35,21 @@ def test_a_table_is_written_as_a_table(recording: Path, tmp_path: Path) -> None:
     again, q = read_robot(tmp_path / "robot_corrected.toml"), np.linspace(-1, 1, 6)
     assert result.robot is not None
     np.testing.assert_allclose(again.pose(q).matrix, result.robot.pose(q).matrix, rtol=0, atol=ATOL)
-    nominal = result.robot.with_changes(**dict(zip(PARAMETERS, -result.robot_delta, strict=True)))
-    assert np.abs(again.pose(q).t - nominal.pose(q).t).max() > 0.01
+    assert np.abs(again.pose(q).t - result.robot.corrected(-result.robot_delta).pose(q).t).max() > 0.01
 
 
 def test_a_urdf_is_written_as_a_urdf(recording: Path, tmp_path: Path) -> None:
     (tmp_path / "arm.urdf").write_text(urdf_text(SIX))
     (tmp_path / "robot.toml").write_text('urdf = "arm.urdf"\nbase = "L0"\ntip = "L9"\n')
     nominal = read_urdf(tmp_path / "arm.urdf", "L0", "L9")
-    corrected = nominal.with_changes(theta=np.full(nominal.n_joints, 1e-3), a=np.full(nominal.n_joints, 0.2))
+    made = nominal.with_changes(theta=np.full(nominal.n_joints, 1e-3), a=np.full(nominal.n_joints, 0.2))
     cell = replace(read_cell(recording), robot=nominal, robot_path=tmp_path / "robot.toml")
-    result = replace(_result("scp"), robot=corrected, robot_delta=np.ones(1))
+    result = _result("scp")
+    assert result.estimate is not None
+    result = replace(result, estimate=replace(result.estimate, robot=made, robot_delta=np.ones(24)))
     write_corrected_robot(tmp_path, cell, result)
     again, q = read_urdf(tmp_path / "robot_corrected.urdf", "L0", "L9"), np.linspace(-1, 1, nominal.n_joints)
-    np.testing.assert_allclose(again.pose(q).matrix, corrected.pose(q).matrix, atol=ATOL)
+    np.testing.assert_allclose(again.pose(q).matrix, made.pose(q).matrix, atol=ATOL)
 
 
 def test_a_robot_that_did_not_change_is_not_written(cli: Cli, recording: Path, tmp_path: Path) -> None:

@@ -27,7 +27,7 @@ def image_of(panels: PanelPair, turn_deg: float = 0.0, speckle: bool = False, se
     c, s = np.cos(np.deg2rad(turn_deg)), np.sin(np.deg2rad(turn_deg))
     pose = Pose(np.array([[1, 0, 0], [0, c, -s], [0, s, c]]), np.array([0, 0, 300.0]))
     config = EmulatorConfig.model_validate({"exposure": {"time_ms": 0.3}, "speckle": {"enabled": speckle}})
-    scene = Scene(read_sensor(SENSOR).model, None, solids=panels.solids(pose))
+    scene = Scene(read_sensor(SENSOR), None, solids=panels.solids(pose))
     return render(scene, config, np.random.default_rng(seed)).image
 
 
@@ -60,7 +60,7 @@ def test_rendered_panels_give_their_gap_and_flush(cli: Cli, picture: Path) -> No
 )
 def test_panels_from_end_to_end_of_the_range(panels: PanelPair, turn_deg: float) -> None:
     """Without speckle all four lengths lie within 3.5 σ of truth, and σ is small enough to mean something."""
-    sensor = read_sensor(SENSOR).model
+    sensor = read_sensor(SENSOR)
     g = measure_gap_flush(extract_profile(image_of(panels, turn_deg), sensor))
     found = np.array([g.gap_mm, g.flush_mm, *g.radius_mm])
     sigma = np.array([g.sigma_gap_mm, g.sigma_flush_mm, *g.sigma_radius_mm])
@@ -73,7 +73,7 @@ def test_panels_from_end_to_end_of_the_range(panels: PanelPair, turn_deg: float)
 @pytest.mark.parametrize("speckle", [False, True])
 def test_sigma_of_gap_and_flush_is_true(speckle: bool) -> None:
     """Monte Carlo over 100 random panels as the benchmark draws them: no bias, errors as large as σ says."""
-    sensor = read_sensor(SENSOR).model
+    sensor = read_sensor(SENSOR)
     config = EmulatorConfig.model_validate({"exposure": {"time_ms": 0.3}, "speckle": {"enabled": speckle}})
     pulls = []
     for seed in range(100):
@@ -94,7 +94,7 @@ def test_sigma_of_gap_and_flush_is_true(speckle: bool) -> None:
 
 def test_points_of_another_make(cli: Cli, picture: Path, tmp_path: Path) -> None:
     """Two columns are enough; what the blur did to the bend stays in, and that is said."""
-    sensor = read_sensor(SENSOR).model
+    sensor = read_sensor(SENSOR)
     yz = extract_profile(cv2.imread(str(picture), cv2.IMREAD_UNCHANGED), sensor).yz_mm
     file = tmp_path / "points.csv"
     file.write_text("y_mm,z_mm\n" + "\n".join(f"{y:.5f},{z:.5f}" for y, z in yz) + "\n")
@@ -168,7 +168,7 @@ def test_unusable_arguments(cli: Cli, arguments: tuple[object, ...], code: int, 
 
 
 def test_no_stripe_and_no_panels_are_no_answers(cli: Cli, tmp_path: Path) -> None:
-    sensor = read_sensor(SENSOR).model
+    sensor = read_sensor(SENSOR)
     dark = tmp_path / "dark.png"
     write_png(dark, np.full((sensor.camera.height_px, sensor.camera.width_px), 12, np.uint8))
     empty = cli("profile", dark, "--sensor", SENSOR, "--csv", tmp_path / "p.csv")

@@ -139,10 +139,8 @@ def test_a_cell_survives_writing(recording: Path, tmp_path: Path) -> None:
     for name in ("jig.toml", "robot.toml", "frames.csv", "truth.json"):
         assert (tmp_path / name).read_bytes() == (recording / name).read_bytes()
     assert np.array_equal(again.robot.alpha, cell.robot.alpha)
-    assert np.allclose(
-        again.sensor.model.camera.T_sensor_camera.R, cell.sensor.model.camera.T_sensor_camera.R, rtol=0, atol=1e-15
-    )
-    assert again.sensor.emulator == cell.sensor.emulator
+    assert np.allclose(again.sensor.camera.T_sensor_camera.R, cell.sensor.camera.T_sensor_camera.R, rtol=0, atol=1e-15)
+    assert again.emulator == cell.emulator
 
 
 def test_init_refuses_a_full_folder(cli: Cli, recording: Path) -> None:
@@ -169,7 +167,7 @@ def test_bit_depths_and_tiff(cli: Cli, plan: Path, tmp_path: Path) -> None:
     from workbench.files import read_image
 
     cell = read_cell(out)
-    assert np.array_equal(read_image(out / "images" / "000.tiff", cell.sensor.model), image)
+    assert np.array_equal(read_image(out / "images" / "000.tiff", cell.sensor), image)
     frames = {f["frame"]: f for f in cli("calibrate", out, "--json").json["frames"]}
     assert frames[0]["reason"] != "image_unreadable"
     assert frames[1]["reason"] == "image_unreadable"

@@ -7,19 +7,19 @@ from pathlib import Path
 
 import pytest
 
-from extraction import ExtractionConfig, SpotNoiseConfig
-from workbench.cell.presets import find_sensor
-from workbench.cell.speckle import MAX_GRAIN_PX, dataset_config, frames_to_learn, with_known_grain
-from workbench.files import read_cell, read_image, read_sensor
-from workbench.files.sensor_file import SensorDescription, sensor_text
+from extraction import MAX_GRAIN_PX, ExtractionConfig, SpotNoiseConfig
+from geometry import Sensor
+from workbench.cell import dataset_config, find_emulator, find_sensor, with_known_grain
+from workbench.cell.speckle import frames_to_learn
+from workbench.files import read_cell, read_image, read_sensor, sensor_text
 
 # by hand: light of 660 nm at F/4 on pixels of 5.3 µm, the chip 12.19 mm behind the lens, the sheet 313.6 mm before it
 NOMINAL_GRAIN_PX = 0.660 * 4.0 * (1.0 + 12.19 / 313.6) / 5.3
 
 
-def _sensor(tmp_path: Path, old: str, new: str) -> SensorDescription:
+def _sensor(tmp_path: Path, old: str, new: str) -> Sensor:
     path = tmp_path / "sensor.toml"
-    text = sensor_text(find_sensor("nominal"))
+    text = sensor_text(find_sensor("nominal"), find_emulator("nominal"))
     assert old in text
     path.write_text(text.replace(old, new), encoding="utf-8")
     return read_sensor(path)
@@ -53,14 +53,14 @@ def test_what_the_optics_do_not_say_is_learnt(recording: Path) -> None:
 
     def images(frames: list[int]) -> list[object]:
         asked.extend(frames)
-        return [read_image(cell.folder / cell.frames[k].image, cell.sensor.model) for k in frames]
+        return [read_image(cell.folder / cell.frames[k].image, cell.sensor) for k in frames]
 
     total = len(cell.frames)
     known = dataset_config(find_sensor("nominal"), ExtractionConfig(), total, images).noise
     assert known.speckle_grain_px == pytest.approx(NOMINAL_GRAIN_PX, rel=1e-3)
     assert known.speckle_contrast is not None
     assert asked == frames_to_learn(total)
-    unknown = replace(cell.sensor, emulator_keys={})
+    unknown = replace(cell.sensor, optics=None)
     learnt = dataset_config(unknown, ExtractionConfig(), total, images).noise
     assert learnt.speckle_grain_px not in (None, known.speckle_grain_px)
 

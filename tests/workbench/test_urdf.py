@@ -8,10 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pytransform3d.urdf import UrdfTransformManager
 
-from geometry import PARAMETERS, InputError, Pose, robot_from_axes
-from workbench.files.robot_file import read_robot
+from geometry import DH_ROWS, InputError, Pose, robot_from_axes
+from workbench.files import read_robot, write_urdf
 from workbench.files.urdf import read_urdf
-from workbench.files.urdf_write import write_urdf
 
 ATOL_MM = 1e-8
 ATOL_ROTATION = 1e-12
@@ -163,7 +162,7 @@ def test_a_corrected_arm_is_written_back_exactly(tmp_path: Path, spec: Spec, tip
     nominal, rng = read_urdf(path, "L0", tip), np.random.default_rng(4)
     scale = np.array([[1e-3], [0.3], [0.3], [1e-3], [1e-4]])
     errors = scale * rng.normal(size=(5, nominal.n_joints))
-    corrected = nominal.with_changes(**dict(zip(PARAMETERS, errors, strict=True)))
+    corrected = nominal.with_changes(**{row.group: e for row, e in zip(DH_ROWS, errors, strict=True)})
     target = tmp_path / "out" / "corrected.urdf"
     write_urdf(path, "L0", tip, corrected, target)
     again = read_urdf(target, "L0", tip)

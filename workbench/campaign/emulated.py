@@ -12,18 +12,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import TYPICAL_SIGMA, Arm, DhRobot, NoAnswerError, Pose, RobotUncertainty
+from geometry import TYPICAL_SIGMA, Arm, DhRobot, NoAnswerError, Pose, RobotUncertainty, Sensor
 from geometry.ties import first_most
 from jig_cad import DEFAULT_STRINGS, STRINGS, Jig
 from perceptron_emu import EmulatorConfig, Surroundings
 from workbench.campaign.settings import JigPart, PosesPart, RobotPart, TrialSettings
-from workbench.cell.presets import DESIGN_SCP, find_robot, find_sensor
-from workbench.cell.surroundings import jig_bodies, sees_all_strings, wall_behind
-from workbench.emulate.record import Configuration, TrueCell, with_joint_noise
-from workbench.emulate.truth import NOTHING, Errors, draw_truth
-from workbench.files import Cell, SensorDescription
-from workbench.plan.view_space import ViewLimits
-from workbench.plan.views import ViewProblem, Views, plan_views
+from workbench.cell import DESIGN_SCP, find_emulator, find_robot, find_sensor, jig_bodies, sees_all_strings, wall_behind
+from workbench.emulate import NOTHING, Configuration, Errors, TrueCell, draw_truth, with_joint_noise
+from workbench.files import Cell, stated_optics
+from workbench.plan import ViewLimits, ViewProblem, Views, plan_views
 
 Array = NDArray[np.float64]
 
@@ -53,6 +50,7 @@ def emulated_cell(settings: TrialSettings, rng: np.random.Generator, *, one_view
     jig, robot, sensor = nominal_jig(settings.jig), nominal_robot(settings.robot), nominal_sensor(settings)
     where = {p.location: p.T_base_jig for p in places}
     cell = Cell(Path(), sensor, jig, robot, (), DESIGN_SCP, T_base_jig=where)
+    cell = replace(cell, emulator=nominal_emulator(settings))
     errors = Errors(settings.sensor.mount_error_deg, settings.sensor.mount_error_mm)
     true = draw_truth(cell, errors, rng, _around(jig, clutter=settings.clutter))
     views = [(p.location, p.role, joints) for p in places for joints in p.views.joints_rad]
@@ -98,7 +96,7 @@ def _planned(
     jig_part: JigPart, robot: str, sensor: str, poses: PosesPart, clutter: bool, plan: int
 ) -> tuple[Place, ...] | NoAnswerError:
     """The places, or why there are none: that is remembered as well."""
-    jig, model = nominal_jig(jig_part), _sensor_preset(sensor).model
+    jig, model = nominal_jig(jig_part), _sensor_preset(sensor)
     rng = np.random.default_rng(np.random.SeedSequence(plan, spawn_key=(77,)))
     solids = (*jig_bodies(jig), *_around(jig, clutter=clutter).standing_in("jig"))
     limits = ViewLimits(tilt_deg=poses.tilt_max_deg, roll_deg=poses.roll_max_deg)
@@ -156,18 +154,27 @@ def nominal_robot(part: RobotPart) -> DhRobot:
     return replace(_robot_preset(part.preset), uncertainty=uncertainty)
 
 
-def nominal_sensor(settings: TrialSettings) -> SensorDescription:
-    """The preset's sensor; emulator settings that the plan gives stand over the preset's."""
+def nominal_emulator(settings: TrialSettings) -> EmulatorConfig:
+    """The preset's emulation; settings that the plan gives stand over the preset's."""
+    return _emulator(settings.sensor.preset, settings.emulator.model_dump_json(exclude_unset=True))
+
+
+@lru_cache(maxsize=64)
+def _emulator(preset: str, emulator_json: str) -> EmulatorConfig:
+    own = find_emulator(preset).model_dump(exclude_unset=True)
+    for table, values in json.loads(emulator_json).items():
+        own.setdefault(table, {}).update(values)
+    return EmulatorConfig.model_validate(own)
+
+
+def nominal_sensor(settings: TrialSettings) -> Sensor:
+    """The preset's sensor, with the optics of its emulation."""
     return _sensor(settings.sensor.preset, settings.emulator.model_dump_json(exclude_unset=True))
 
 
 @lru_cache(maxsize=64)
-def _sensor(preset: str, emulator_json: str) -> SensorDescription:
-    found = _sensor_preset(preset)
-    own = found.emulator.model_dump()
-    for table, values in json.loads(emulator_json).items():
-        own[table].update(values)
-    return replace(found, emulator=EmulatorConfig.model_validate(own))
+def _sensor(preset: str, emulator_json: str) -> Sensor:
+    return replace(_sensor_preset(preset), optics=stated_optics(_emulator(preset, emulator_json)))
 
 
 @lru_cache(maxsize=64)
@@ -182,7 +189,7 @@ def _robot_preset(name: str) -> DhRobot:
 
 
 @lru_cache(maxsize=16)
-def _sensor_preset(name: str) -> SensorDescription:
+def _sensor_preset(name: str) -> Sensor:
     return find_sensor(name)
 
 

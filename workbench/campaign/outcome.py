@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from calib import CalibConfig, CalibrationResult, Observations
-from calib.label.frame import label_frame
-from geometry import Pose
+from calib import CalibConfig, CalibrationResult
+from calib.label import label_frame
+from geometry import Frame, Pose, Sensor
 from jig_cad import Jig
-from perceptron_emu import Frame
+from perceptron_emu import RenderedFrame
 from workbench.campaign.emulated import VERIFY, EmulatedCell
 from workbench.compare import Comparison, NamedPoints, Statistics, match, summarise, true_strings
 
@@ -38,11 +38,11 @@ class Outcome:
     result: CalibrationResult | None
 
 
-def labelled_only(observations: Observations, jig: Jig, config: CalibConfig) -> Outcome:
+def labelled_only(frames: Sequence[Frame], sensor: Sensor, jig: Jig, config: CalibConfig) -> Outcome:
     """Every frame labelled by itself from the jig's geometry alone, no robot."""
     out = []
-    for frame in observations.frames:
-        found = label_frame(frame.points, jig, observations.sensor, None, config)
+    for frame in frames:
+        found = label_frame(frame.points, jig, sensor, None, config)
         uv = frame.points.uv_px[found.axis.spot] if len(found.axis) else np.zeros((0, 2))
         points = NamedPoints(found.axis.label, uv, found.axis.yz_mm)
         out.append(TrialFrame(found.reason is None, found.reason, points, found.T_sensor_jig))
@@ -52,7 +52,7 @@ def labelled_only(observations: Observations, jig: Jig, config: CalibConfig) -> 
 def calibrated(result: CalibrationResult) -> Outcome:
     """Every frame as calibration used it."""
     frames = tuple(
-        TrialFrame(f.used, f.reason, NamedPoints(f.points.label, f.points.uv_px, f.points.yz_mm), f.T_sensor_jig)
+        TrialFrame(f.used, f.reason, NamedPoints(f.axis.label, f.axis_uv_px, f.axis.yz_mm), f.T_sensor_target)
         for f in result.frames
     )
     return Outcome(frames, result)
@@ -66,7 +66,7 @@ class ScoredFrame:
     compared: Comparison
 
 
-def score_frames(emulated: EmulatedCell, frames: Sequence[Frame], outcome: Outcome) -> list[ScoredFrame]:
+def score_frames(emulated: EmulatedCell, frames: Sequence[RenderedFrame], outcome: Outcome) -> list[ScoredFrame]:
     """Every frame against its truth."""
     scored = []
     for configuration, frame, answer in zip(emulated.configurations, frames, outcome.frames, strict=True):

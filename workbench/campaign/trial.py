@@ -11,15 +11,15 @@ from typing import Any
 import cv2
 import numpy as np
 
-from calib import FrameObservation, Observations, calibrate
+from calib import calibrate
 from extraction import extract
-from geometry import PerceptronEmuError, SurfacePoints
-from perceptron_emu import Frame, render
+from geometry import Frame, PerceptronEmuError, SurfacePoints
+from perceptron_emu import RenderedFrame, render
 from workbench.campaign.emulated import EmulatedCell, emulated_cell
 from workbench.campaign.outcome import Outcome, calibrated, labelled_only, score_frames, trial_row
 from workbench.campaign.settings import TrialSettings
-from workbench.cell.speckle import dataset_config
-from workbench.emulate.record import Configuration, frame_scene
+from workbench.cell import dataset_config
+from workbench.emulate import Configuration, frame_scene
 
 ONE_VIEW = "extract"  # the kind of run whose trials are a single frame
 PNG_FASTEST = [cv2.IMWRITE_PNG_COMPRESSION, 1]
@@ -46,8 +46,7 @@ def run_trial(settings: TrialSettings, run: str, seed: np.random.SeedSequence, *
             emulated = emulated_cell(settings, _cell_rng(seed), one_view=run == ONE_VIEW)
         frames, points = _measure(emulated, settings, seed, clock)
         with clock("calibrate_s"):
-            observations = _observations(emulated, points)
-            outcome = _answer(observations, emulated, settings, run)
+            outcome = _answer(_records(emulated, points), emulated, settings, run)
     except PerceptronEmuError as error:
         return Trial({"verdict": "no_answer", "message": str(error)}, timings=clock.seconds)
     scored = score_frames(emulated, frames, outcome)
@@ -56,15 +55,17 @@ def run_trial(settings: TrialSettings, run: str, seed: np.random.SeedSequence, *
     return Trial(trial_row(emulated, scored, outcome), [s.row for s in scored], clock.seconds, images)
 
 
-def _answer(observations: Observations, emulated: EmulatedCell, settings: TrialSettings, run: str) -> Outcome:
+def _answer(frames: tuple[Frame, ...], emulated: EmulatedCell, settings: TrialSettings, run: str) -> Outcome:
+    cell = emulated.cell
     if run != "calibrate":
-        return labelled_only(observations, emulated.cell.jig, settings.calib)
-    return calibrated(calibrate(observations, emulated.cell.jig, emulated.cell.robot, settings.calib))
+        return labelled_only(frames, cell.sensor, cell.jig, settings.calib)
+    result = calibrate(frames, cell.jig, cell.robot, cell.sensor, cell.T_hand_sensor_design, config=settings.calib)
+    return calibrated(result)
 
 
 def trial_frames(
     settings: TrialSettings, run: str, seed: np.random.SeedSequence
-) -> Iterator[tuple[Configuration, Frame]]:
+) -> Iterator[tuple[Configuration, RenderedFrame]]:
     """The frames of a trial alone, the same bytes as when it was run; none where no configurations were found."""
     try:
         emulated = emulated_cell(settings, _cell_rng(seed), one_view=run == ONE_VIEW)
@@ -74,7 +75,9 @@ def trial_frames(
         yield configuration, render_frame(emulated, configuration, seed)
 
 
-def one_trial_frame(settings: TrialSettings, run: str, seed: np.random.SeedSequence, frame: int) -> Frame | None:
+def one_trial_frame(
+    settings: TrialSettings, run: str, seed: np.random.SeedSequence, frame: int
+) -> RenderedFrame | None:
     """One frame of a trial as when it was run; None where no configurations were found."""
     try:
         emulated = emulated_cell(settings, _cell_rng(seed), one_view=run == ONE_VIEW)
@@ -94,31 +97,30 @@ def frame_rng(seed: np.random.SeedSequence, frame: int) -> np.random.Generator:
     return np.random.default_rng(np.random.SeedSequence(seed.entropy, spawn_key=key))
 
 
-def render_frame(emulated: EmulatedCell, configuration: Configuration, seed: np.random.SeedSequence) -> Frame:
+def render_frame(emulated: EmulatedCell, configuration: Configuration, seed: np.random.SeedSequence) -> RenderedFrame:
     """One frame of the trial, the same bytes whenever it is made."""
     scene = frame_scene(emulated.cell, emulated.true, configuration)
-    return render(scene, emulated.cell.sensor.emulator, frame_rng(seed, configuration.frame))
+    return render(scene, emulated.cell.emulator, frame_rng(seed, configuration.frame))
 
 
 def _measure(
     emulated: EmulatedCell, settings: TrialSettings, seed: np.random.SeedSequence, clock: _Clock
-) -> tuple[list[Frame], list[SurfacePoints]]:
+) -> tuple[list[RenderedFrame], list[SurfacePoints]]:
     """All frames, and their spots by the configuration that a dataset of these images would be given."""
     sensor = emulated.cell.sensor
     with clock("render_s"):
         frames = [render_frame(emulated, c, seed) for c in emulated.configurations]
     with clock("extract_s"):
         config = dataset_config(sensor, settings.extraction, len(frames), lambda some: [frames[i].image for i in some])
-        points = [extract(f.image, sensor.model, config) for f in frames]
+        points = [extract(f.image, sensor, config) for f in frames]
     return frames, points
 
 
-def _observations(emulated: EmulatedCell, points: list[SurfacePoints]) -> Observations:
-    frames = tuple(
-        FrameObservation(c.frame, c.location, c.role, p, joints_rad=c.reading_rad)  # type: ignore[arg-type]
+def _records(emulated: EmulatedCell, points: list[SurfacePoints]) -> tuple[Frame, ...]:
+    return tuple(
+        Frame(c.frame, c.location, c.role, points=p, joints_rad=c.reading_rad)  # type: ignore[arg-type]
         for c, p in zip(emulated.configurations, points, strict=True)
     )
-    return Observations(frames, emulated.cell.sensor.model, emulated.cell.T_hand_sensor_design)
 
 
 def image_name(frame: int) -> str:
@@ -126,7 +128,7 @@ def image_name(frame: int) -> str:
     return f"{frame:03d}.png"
 
 
-def png(frame: Frame) -> bytes:
+def png(frame: RenderedFrame) -> bytes:
     """A frame's image as it is kept."""
     return bytes(cv2.imencode(".png", frame.image, PNG_FASTEST)[1])
 

@@ -14,8 +14,7 @@ from workbench.cell.labels import label_dataset, label_image
 from workbench.cell.pipeline import observe
 from workbench.cell.points_table import FrameTable
 from workbench.cell.speckle import with_known_grain
-from workbench.files import Cell, read_image
-from workbench.files.settings_file import Settings
+from workbench.files import Cell, Settings, read_image
 
 Progress = Callable[[int, int], None]
 
@@ -37,14 +36,14 @@ def extract_inputs(
     found = read_inputs(inputs, sensor, jig)
     if isinstance(found, BareImages):
         config = with_known_grain(found.sensor, settings.extraction)
-        return _images(found.paths, found.sensor.model, found.jig, config, progress)
+        return _images(found.paths, found.sensor, found.jig, config, progress)
     return _dataset(found, settings, progress)
 
 
 def _dataset(cell: Cell, settings: Settings, progress: Progress) -> Extracted:
     observed = observe(cell, settings.extraction, progress)
     paths = {} if cell.points is not None else {row.frame: cell.folder / row.image for row in cell.frames}
-    return Extracted(label_dataset(cell, observed, settings.calib), cell.sensor.model, paths, observed.complaints)
+    return Extracted(label_dataset(cell, observed, settings.calib), cell.sensor, paths, observed.complaints)
 
 
 def _images(

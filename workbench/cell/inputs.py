@@ -6,10 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from geometry import InputError
+from geometry import InputError, Sensor
 from jig_cad import Jig
-from workbench.files import Cell, SensorDescription, read_cell, read_jig_file, read_sensor
-from workbench.files.images import SUFFIXES
+from workbench.files import SUFFIXES, Cell, read_cell, read_jig_file, read_sensor
 
 MAX_IMAGES = 100_000  # of one call: more is a wrong folder
 
@@ -19,7 +18,7 @@ class BareImages:
     """Image files of a sensor, without a robot. jig: where one is given; without it nothing can be labelled."""
 
     paths: tuple[Path, ...]
-    sensor: SensorDescription
+    sensor: Sensor
     jig: Jig | None
 
 

@@ -25,5 +25,5 @@ def located(cell: Cell, progress: Callable[[int, int], None] | None = None) -> C
             f"{cell.folder / 'cell.toml'}: [locations.NAME] T_base_jig is missing, and the frames do not tell it "
             f"({result.verdict.code}: {result.verdict.text})"
         )
-    found = {name: p.T_base_jig for name, p in result.locations.items() if p.T_base_jig is not None}
+    found = {name: p.T_base_target for name, p in result.locations.items() if p.T_base_target is not None}
     return replace(cell, T_base_jig={**found, **cell.T_base_jig}, T_hand_sensor_design=result.T_hand_sensor)

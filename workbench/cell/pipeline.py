@@ -7,9 +7,9 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
-from calib import CalibConfig, CalibrationResult, FrameObservation, Observations, calibrate
+from calib import CalibConfig, CalibrationResult, calibrate
 from extraction import ExtractionConfig, extract
-from geometry import InputError, Sensor, SurfacePoints
+from geometry import Frame, InputError, Sensor, SurfacePoints
 from workbench.cell.remarks import remarks
 from workbench.cell.speckle import dataset_config
 from workbench.files import Cell, FrameRow, read_image
@@ -22,75 +22,77 @@ WORKERS = 2  # decoding and OpenCV release the interpreter's lock; more threads 
 class Observed:
     """A cell's frames as measured. complaints: one sentence for each frame whose image could not be used."""
 
-    observations: Observations
+    frames: tuple[Frame, ...]
     complaints: dict[int, str]
 
 
 def observe(cell: Cell, config: ExtractionConfig | None = None, progress: Progress | None = None) -> Observed:
     """Measure every frame of ``cell``: its image's spots, or its rows of points.csv."""
-    frames: list[FrameObservation] = []
+    frames: list[Frame] = []
     complaints: dict[int, str] = {}
     for frame, complaint in _measured(cell, config or ExtractionConfig()):
         frames.append(frame)
         if complaint:
-            complaints[frame.frame] = complaint
+            complaints[frame.number] = complaint
         if progress:
             progress(len(frames), len(cell.frames))
-    observations = Observations(tuple(frames), cell.sensor.model, cell.T_hand_sensor_design, cell.T_base_jig)
-    return Observed(observations, complaints)
+    return Observed(tuple(frames), complaints)
 
 
 def solve(cell: Cell, observed: Observed, config: CalibConfig | None = None) -> CalibrationResult:
     """Calibrate on what was observed; the notes say what looks wrong with the files."""
-    result = calibrate(observed.observations, cell.jig, cell.robot, config)
-    return replace(result, notes=(*remarks(result), *result.notes))
+    result = calibrate(
+        observed.frames,
+        cell.jig,
+        cell.robot,
+        cell.sensor,
+        cell.T_hand_sensor_design,
+        cell.T_base_jig,
+        config,
+    )
+    return replace(result, remarks=(*remarks(result), *result.remarks))
 
 
 def _readable(cell: Cell, frames: list[int]) -> Iterator[object]:
     for k in frames:
         with suppress(InputError):
-            yield read_image(cell.folder / cell.frames[k].image, cell.sensor.model)
+            yield read_image(cell.folder / cell.frames[k].image, cell.sensor)
 
 
-def _measured(cell: Cell, config: ExtractionConfig) -> Iterator[tuple[FrameObservation, str]]:
+def _measured(cell: Cell, config: ExtractionConfig) -> Iterator[tuple[Frame, str]]:
     if cell.points is not None:
         for row in cell.frames:
             yield _from_points(cell, row), ""
         return
+    cell.sensor.require_camera()  # said once, not as every frame's complaint
     config = dataset_config(cell.sensor, config, len(cell.frames), lambda frames: _readable(cell, frames))
     with ThreadPoolExecutor(WORKERS) as pool:
         jobs = pool.map(lambda row: _from_image(cell, row, config), cell.frames)
         yield from jobs
 
 
-def _from_image(cell: Cell, row: FrameRow, config: ExtractionConfig) -> tuple[FrameObservation, str]:
-    sensor: Sensor = cell.sensor.model
+def _from_image(cell: Cell, row: FrameRow, config: ExtractionConfig) -> tuple[Frame, str]:
+    sensor: Sensor = cell.sensor
     try:
         image = read_image(cell.folder / row.image, sensor)
     except InputError as error:
-        return _observation(cell, row, reason="image_unreadable"), str(error)
-    return _observation(cell, row, extract(image, sensor, config)), ""
+        return _frame(cell, row, reason="image_unreadable"), str(error)
+    return _frame(cell, row, extract(image, sensor, config)), ""
 
 
-def _from_points(cell: Cell, row: FrameRow) -> FrameObservation:
+def _from_points(cell: Cell, row: FrameRow) -> Frame:
     given = (cell.points or {}).get(row.frame)
     if given is None:
-        return _observation(cell, row, reason="no_spots")
-    observation = _observation(cell, row, given.points)
-    return observation if given.axis is None else _with_axis(observation, given.axis)
+        return _frame(cell, row, reason="no_spots")
+    frame = _frame(cell, row, given.points)
+    return frame if given.axis is None else replace(frame, axis=given.axis, labels_given=True)
 
 
-def _with_axis(observation: FrameObservation, axis: object) -> FrameObservation:
-    return replace(observation, axis=axis)  # type: ignore[arg-type]
-
-
-def _observation(
-    cell: Cell, row: FrameRow, points: SurfacePoints | None = None, reason: str | None = None
-) -> FrameObservation:
+def _frame(cell: Cell, row: FrameRow, points: SurfacePoints | None = None, reason: str | None = None) -> Frame:
     if reason is None and row.joints_rad is not None and not cell.robot.within_limits(row.joints_rad):
         reason = "robot_out_of_range"
-    return FrameObservation(
-        frame=row.frame,
+    return Frame(
+        number=row.frame,
         location=row.location,
         role=row.role,  # type: ignore[arg-type]
         points=points if points is not None else SurfacePoints.empty(),

@@ -6,16 +6,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from calib import CalibConfig
-from calib.label.frame import label_frame
-from calib.pose.candidates import JigPoseResult
-from calib.pose.fit import jig_pose
+from calib.label import label_frame
+from calib.pose import JigPoseResult, jig_pose
 from geometry import AxisPoints, InputError, NoAnswerError, Sensor
 from jig_cad import Jig
 from workbench.cell.presets import find_jig, find_sensor
 from workbench.files import GivenPoints, read_points
 
 WORDS = {
-    "unique": "one pose explains the points; the half turn of the jig is chosen so that x_jig · x_sensor > 0",
+    "unique": "one pose explains the points; of those that turn the jig onto itself, the one with x_jig · x_sensor > 0",
     "mirror": "a mirror pose explains the points as well",
     "weak": "a direction of the pose is hardly determined by these points",
 }
@@ -47,7 +46,7 @@ def frame_poses(points: Path, jig: str | None, sensor: str | None, frame: int | 
         raise InputError(f"{points}: holds no frame {frame}; its frames are {min(frames)} … {max(frames)}")
     chosen = frames if frame is None else {frame: frames[frame]}
     needs_sensor = any(f.axis is None for f in chosen.values())
-    model = find_sensor(sensor or _beside(points, "sensor.toml")).model if needs_sensor else None
+    model = find_sensor(sensor or _beside(points, "sensor.toml")) if needs_sensor else None
     return [_pose(number, given, the_jig, model) for number, given in sorted(chosen.items())]
 
 

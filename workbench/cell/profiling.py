@@ -10,9 +10,7 @@ from pydantic import Field
 
 from extraction import GapFlushConfig, Profile, StripeConfig, extract_profile, read_profile_csv
 from geometry import InputError
-from workbench.files import read_image, read_sensor
-from workbench.files.strict import FileSection, validate
-from workbench.files.toml_text import read_toml
+from workbench.files import FileSection, read_image, read_sensor, read_toml, validate
 
 
 class ProfileFile(FileSection):
@@ -50,7 +48,7 @@ def read_profile(source: ProfileSource) -> Profile:
         return read_profile_csv(source.path)
     if source.sensor is None:
         raise InputError(f"{source.path} is an image, not a profile's CSV: it needs --sensor FILE")
-    sensor = read_sensor(source.sensor).model
+    sensor = read_sensor(source.sensor)
     image = read_image(source.path, sensor)
     off = None if source.laser_off is None else read_image(source.laser_off, sensor)
     mask = None if source.mask is None else read_image(source.mask, sensor) > 0

@@ -4,27 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 
-from extraction import MAX_GRAIN_PX, ExtractionConfig, learn_speckle
-from perceptron_emu import grain_px
-from workbench.files.sensor_file import SensorDescription
+from extraction import ExtractionConfig, learn_speckle
+from extraction.spots import optical_grain_px
+from geometry import Sensor
 
 LEARNT_FRAMES = 6  # frames that the speckle is learnt from, and the largest share of a dataset's
 LEARNT_SHARE = 0.3
-# what tells the grain λF#(1 + m), by table of sensor.toml; the emulator's defaults are no knowledge of a real sensor
-OPTICS = {"laser": {"wavelength_nm"}, "optics": {"pixel_um", "f_number"}}
 
 
-def with_known_grain(sensor: SensorDescription, config: ExtractionConfig) -> ExtractionConfig:
+def with_known_grain(sensor: Sensor, config: ExtractionConfig) -> ExtractionConfig:
     """The configuration with the grain by the optics, where it gives none and the sensor's file itself states them."""
-    stated = all(keys <= sensor.emulator_keys.get(table, {}).keys() for table, keys in OPTICS.items())
-    if config.noise.speckle_grain_px is not None or not stated:
+    grain = optical_grain_px(sensor) if config.noise.speckle_grain_px is None else None
+    if grain is None:
         return config
-    grain = min(grain_px(sensor.emulator, sensor.model), MAX_GRAIN_PX)
     return config.model_copy(update={"noise": config.noise.model_copy(update={"speckle_grain_px": grain})})
 
 
 def dataset_config(
-    sensor: SensorDescription, config: ExtractionConfig, total: int, images: Callable[[list[int]], Iterable[object]]
+    sensor: Sensor, config: ExtractionConfig, total: int, images: Callable[[list[int]], Iterable[object]]
 ) -> ExtractionConfig:
     """The configuration for a dataset of ``total`` frames, the speckle learnt from a few that are spread over all.
 
@@ -34,7 +31,7 @@ def dataset_config(
     config = with_known_grain(sensor, config)
     if total < 2 or not _learns(config):
         return config
-    return learn_speckle(images(frames_to_learn(total)), sensor.model, config)
+    return learn_speckle(images(frames_to_learn(total)), sensor, config)
 
 
 def _learns(config: ExtractionConfig) -> bool:

@@ -7,10 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from geometry import DhRobot, InputError, Pose, toml_value
+from geometry import DhRobot, InputError, Pose, Sensor, toml_value
 from workbench.cell.presets import DESIGN_SCP, preset_path
-from workbench.files import SensorDescription, read_robot, read_sensor
-from workbench.files.atomic import write_text
+from workbench.files import read_robot, read_sensor, write_text
 
 REACH_OF_PLACES_MM = 2550.0  # the places below suit an arm of this reach; others get them in proportion
 PLACES = {
@@ -72,7 +71,7 @@ def reach_mm(robot: DhRobot) -> float:
     return float(np.sum(np.abs(robot.a[1:])) + np.sum(np.abs(robot.d[1:])) + abs(robot.a[0]))
 
 
-def _cell_text(arm: DhRobot, sensor: SensorDescription) -> str:
+def _cell_text(arm: DhRobot, sensor: Sensor) -> str:
     rotation, translation = (np.round(v, 9) + 0.0 for v in (DESIGN_SCP.fixed_xyz_deg, DESIGN_SCP.t))
     numbers = {"rotation": toml_value(rotation.tolist()), "translation": toml_value(translation.tolist())}
     return CELL.format(name=toml_value(_name(arm, sensor)), **numbers) + _locations(arm)
@@ -87,5 +86,5 @@ def _locations(arm: DhRobot) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _name(arm: DhRobot, sensor: SensorDescription) -> str:
-    return f"{sensor.model.name or 'sensor'} on {arm.name or 'arm'}"
+def _name(arm: DhRobot, sensor: Sensor) -> str:
+    return f"{sensor.name or 'sensor'} on {arm.name or 'arm'}"

@@ -10,9 +10,9 @@ from rich.table import Table
 
 from calib import CalibrationResult
 from geometry import Pose
-from workbench.emulate.experiment import PAPER_DEVIATION_MM
+from workbench.emulate import PAPER_DEVIATION_MM
 from workbench.files import Truth
-from workbench.report.as_text import AXES, arrow, number, print_verdict
+from workbench.report import AXES, arrow, number, print_verdict
 
 CHI2_6_95 = 12.59  # 95 % of true errors lie below this squared Mahalanobis distance, six degrees of freedom
 
@@ -24,7 +24,7 @@ def print_demo(console: Console, result: CalibrationResult, full: CalibrationRes
     console.print(_figure7(result))
     left_out = [f for f in result.frames if not f.used]
     for frame in left_out:
-        console.print(f"frame {frame.frame} not used: {frame.reason}")
+        console.print(f"frame {frame.number} not used: {frame.reason}")
     print_verdict(console, result)
     _print_full(console, full)
     pictures = "fig7.png, cell.png" if (out / "cell.png").exists() else "fig7.png"

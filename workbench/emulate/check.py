@@ -8,7 +8,7 @@ import numpy as np
 
 from geometry import InputError
 from perceptron_emu import check_scene, faces_in_sheet
-from workbench.emulate.record import Configuration, TrueCell, frame_scene
+from workbench.emulate.recording import Configuration, TrueCell, frame_scene
 from workbench.files import Cell, Truth
 
 
@@ -22,7 +22,7 @@ def check_views(cell: Cell, true: TrueCell, configurations: Sequence[Configurati
         except InputError as error:
             where = f"frame {configuration.frame} at location {configuration.location}"
             raise InputError(f"{where}: {error}") from None
-        met |= {scene.solids[k].name for k in np.unique(faces_in_sheet(scene, cell.sensor.emulator).solid)}
+        met |= {scene.solids[k].name for k in np.unique(faces_in_sheet(scene, cell.emulator).solid)}
     return met
 
 

@@ -7,17 +7,26 @@ from pathlib import Path
 
 import numpy as np
 
-from calib.synthetic.cell import TRUTH
+from calib.synthetic import TRUTH
 from geometry import draw_errors
 from jig_cad import Jig, sample_tolerance
 from perceptron_emu import Solid
 from workbench import defaults
-from workbench.cell.presets import DESIGN_SCP, find_jig, find_robot, find_sensor
-from workbench.cell.starter import PLACES, place_of_jig
-from workbench.cell.surroundings import jig_bodies, sees_all_strings, wall_behind
-from workbench.emulate.record import Configuration, TrueCell, with_joint_noise
+from workbench.cell import (
+    DESIGN_SCP,
+    PLACES,
+    find_emulator,
+    find_jig,
+    find_robot,
+    find_sensor,
+    jig_bodies,
+    place_of_jig,
+    sees_all_strings,
+    wall_behind,
+)
+from workbench.emulate.recording import Configuration, TrueCell, with_joint_noise
 from workbench.files import Cell
-from workbench.plan.views import ViewProblem, plan_views
+from workbench.plan import ViewProblem, plan_views
 
 # Fig. 7: maximum deviation of the base distance [mm]
 PAPER_DEVIATION_MM = {"design": 5.0, "solved": 1.4}
@@ -52,8 +61,8 @@ def paper_experiment(seed: int) -> Experiment:
     views = []
     for name, place in PLACES.items():
         # planned with what the user knows: the design SCP is a little wrong, the views' margins hold for the true one
-        sees_all = sees_all_strings(sensor.model, jig, solids[name])
-        problem = ViewProblem(robot, sensor.model, jig, places[name], DESIGN_SCP, sees_all=sees_all)
+        sees_all = sees_all_strings(sensor, jig, solids[name])
+        problem = ViewProblem(robot, sensor, jig, places[name], DESIGN_SCP, sees_all=sees_all)
         planned = plan_views(problem, PER_LOCATION, rng)
         views += [(name, place[0], joints) for joints in planned.joints_rad]
     cell = Cell(
@@ -64,6 +73,7 @@ def paper_experiment(seed: int) -> Experiment:
         frames=(),
         T_hand_sensor_design=DESIGN_SCP,
         name=f"the paper's experiment in emulation, seed {seed}",
+        emulator=find_emulator(defaults.SENSOR),
     )
     return Experiment(cell, true, with_joint_noise(views, true.robot, rng))
 

@@ -11,10 +11,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from perceptron_emu import EmulatorConfig, Frame, FrameTruth, Scene, render
-from workbench.files import TruthPoint
-from workbench.files.atomic import write_text
-from workbench.files.images import write_png
+from perceptron_emu import EmulatorConfig, RenderedFrame, RenderedTruth, Scene, render
+from workbench.files import TruthPoint, write_png, write_text
 
 Array = NDArray[np.float64]
 Renderer = Literal["own", "pyrender"]
@@ -39,7 +37,7 @@ class Extras:
 
     def render(
         self, folder: Path, number: int, scene: Scene, config: EmulatorConfig, seed: int, renderer: Renderer
-    ) -> Frame:
+    ) -> RenderedFrame:
         """Render a frame, write its extras into ``folder`` and return it."""
         rng = np.random.default_rng([seed, number])
         frame = render(scene, config, rng, full_truth=self.full_truth, renderer=renderer)
@@ -56,7 +54,7 @@ class Extras:
 NONE = Extras()
 
 
-def truth_points(frame: Frame) -> tuple[TruthPoint, ...]:
+def truth_points(frame: RenderedFrame) -> tuple[TruthPoint, ...]:
     """The strings of a rendered frame as truth.json has them."""
     return tuple(
         TruthPoint(
@@ -70,7 +68,7 @@ def truth_points(frame: Frame) -> tuple[TruthPoint, ...]:
     )
 
 
-def _write_full_truth(folder: Path, number: str, truth: FrameTruth, scene: Scene) -> None:
+def _write_full_truth(folder: Path, number: str, truth: RenderedTruth, scene: Scene) -> None:
     if truth.labels is None or truth.curve is None:
         return
     write_png(folder / f"{number}_labels.png", truth.labels)

@@ -7,23 +7,27 @@ from pathlib import Path
 
 import numpy as np
 
-from geometry import InputError
-from perceptron_emu import Scene, mean_electrons, read_scene
+from geometry import InputError, Sensor
+from perceptron_emu import EmulatorConfig, Scene, mean_electrons, read_scene
 from workbench.emulate.extras import Extras, Renderer, truth_points
-from workbench.files import SensorDescription
-from workbench.files.atomic import write_text
-from workbench.files.images import write_png
+from workbench.files import write_png, write_text
 
 DARKEST_E = 5.0  # mean electrons of the brightest pixel below which an image shows nothing
 
 
 def render_scene_file(
-    path: Path, sensor: SensorDescription, out: Path, seed: int, renderer: Renderer, extras: Extras
+    path: Path,
+    sensor: Sensor,
+    emulator: EmulatorConfig,
+    out: Path,
+    seed: int,
+    renderer: Renderer,
+    extras: Extras,
 ) -> Path:
     """Write images/000.png and truth/000.json; InputError, and no file, where the image would show no laser light."""
-    scene = read_scene(path, sensor.model)
-    _refuse_darkness(path, scene, sensor)
-    frame = extras.render(out, 0, scene, sensor.emulator, seed, renderer)
+    scene = read_scene(path, sensor)
+    _refuse_darkness(path, scene, emulator)
+    frame = extras.render(out, 0, scene, emulator, seed, renderer)
     pose = frame.truth.T_sensor_jig
     truth = {
         "T_sensor_jig": None if pose is None else pose.matrix.tolist(),
@@ -35,10 +39,10 @@ def render_scene_file(
     return image
 
 
-def _refuse_darkness(path: Path, scene: Scene, sensor: SensorDescription) -> None:
-    if not sensor.emulator.exposure.laser_on:
+def _refuse_darkness(path: Path, scene: Scene, emulator: EmulatorConfig) -> None:
+    if not emulator.exposure.laser_on:
         return
-    brightest = float(np.max(mean_electrons(scene, sensor.emulator.off("ambient", "speckle"))))
+    brightest = float(np.max(mean_electrons(scene, emulator.off("ambient", "speckle"))))
     if brightest < DARKEST_E:
         raise InputError(
             f"{path}: no laser light of the scene reaches the image (brightest pixel {brightest:.2g} electrons): what "

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from geometry import InputError, Pose, draw_errors
 from jig_cad import sample_tolerance
 from perceptron_emu import Solid, Surroundings
-from workbench.cell.surroundings import around_jig, jig_bodies, sees_all_strings
-from workbench.emulate.record import Configuration, TrueCell, with_joint_noise
+from workbench.cell import around_jig, jig_bodies, sees_all_strings
+from workbench.emulate.recording import Configuration, TrueCell, with_joint_noise
 from workbench.files import Cell, FrameRow
-from workbench.plan.views import ViewProblem, plan_views
+from workbench.plan import ViewProblem, plan_views
 
 Array = NDArray[np.float64]
 
@@ -57,10 +57,8 @@ def planned_views(
     views = []
     for name, place in cell.T_base_jig.items():
         bodies = (*jig_bodies(cell.jig), *around_jig(around, place))
-        sees_all = sees_all_strings(cell.sensor.model, cell.jig, bodies, around.standing_in("sensor"))
-        problem = ViewProblem(
-            cell.robot, cell.sensor.model, cell.jig, place, cell.T_hand_sensor_design, sees_all=sees_all
-        )
+        sees_all = sees_all_strings(cell.sensor, cell.jig, bodies, around.standing_in("sensor"))
+        problem = ViewProblem(cell.robot, cell.sensor, cell.jig, place, cell.T_hand_sensor_design, sees_all=sees_all)
         planned = plan_views(problem, per_location, rng)
         views += [(name, cell.roles.get(name, "calibrate"), joints) for joints in planned.joints_rad]
     return views

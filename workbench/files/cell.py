@@ -10,13 +10,14 @@ import numpy as np
 from pydantic import Field, field_validator
 
 import assets
-from geometry import DhRobot, InputError, Pose, did_you_mean
+from geometry import DhRobot, InputError, Pose, Sensor, did_you_mean
 from jig_cad import Jig, jig_from_table
 from jig_cad.files import table_model, without_names
+from perceptron_emu import EmulatorConfig
 from workbench.files.frames_csv import FrameRow, read_frames
 from workbench.files.points_csv import GivenPoints, read_points
 from workbench.files.robot_file import read_robot
-from workbench.files.sensor_file import ATOL_ROTATION, SensorDescription, read_sensor
+from workbench.files.sensor_file import ATOL_ROTATION, read_emulator, read_sensor
 from workbench.files.strict import FileSection, Matrix4, Text, Vector3, suggestion, validate
 from workbench.files.toml_text import TomlSource, read_toml
 from workbench.files.truth_file import Truth, read_truth
@@ -62,10 +63,11 @@ class Cell:
 
     points: by frame number, where a points.csv stands in place of images. T_base_jig: by location, where given.
     roles: of the locations in cell.toml that say one. robot_path: the robot.toml.
+    emulator: how images of the cell are made, no knowledge of a recorded one.
     """
 
     folder: Path
-    sensor: SensorDescription
+    sensor: Sensor
     jig: Jig
     robot: DhRobot
     frames: tuple[FrameRow, ...]
@@ -76,6 +78,7 @@ class Cell:
     roles: dict[str, str] = field(default_factory=dict)
     name: str = ""
     robot_path: Path | None = None
+    emulator: EmulatorConfig = field(default_factory=EmulatorConfig)
 
 
 def read_cell(path: Path, *, recorded: bool = True) -> Cell:
@@ -86,6 +89,7 @@ def read_cell(path: Path, *, recorded: bool = True) -> Cell:
     source = read_toml(_cell_path(path))
     file = validate(CellFile, source)
     folder = source.path.parent
+    sensor_path = _named(folder, file.sensor, source, "sensor")
     robot_path = _named(folder, file.robot, source, "robot")
     robot = read_robot(robot_path)
     frames, frames_path = _frames(folder, file, source, robot, recorded=recorded)
@@ -95,7 +99,7 @@ def read_cell(path: Path, *, recorded: bool = True) -> Cell:
     jig = _read_target(folder, file, source)
     return Cell(
         folder=folder,
-        sensor=read_sensor(_named(folder, file.sensor, source, "sensor")),
+        sensor=read_sensor(sensor_path),
         jig=jig,
         robot=robot,
         frames=frames,
@@ -106,6 +110,7 @@ def read_cell(path: Path, *, recorded: bool = True) -> Cell:
         roles={name: given.role for name, given in file.locations.items() if given.role},
         name=file.name,
         robot_path=robot_path,
+        emulator=read_emulator(sensor_path),
     )
 
 

@@ -129,9 +129,9 @@ def _check_levels(path: Path, image: NDArray[np.generic], sensor: Sensor) -> Ima
             f"{wanted.itemsize * 8}"
         )
     highest = int(image.max())
-    if highest > camera.saturation_dn:
+    if highest > camera.full_scale_dn:
         raise InputError(
-            f"{path}: holds the grey level {highest}, above the {camera.saturation_dn} of "
+            f"{path}: holds the grey level {highest}, above the {camera.full_scale_dn} of "
             f"bit_depth = {camera.bit_depth}; levels must be right-aligned"
         )
     return np.ascontiguousarray(image)

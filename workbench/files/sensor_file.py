@@ -2,18 +2,33 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import Field
 
 from geometry import Camera, InputError, Pose, Sensor, Sheet, toml_value
+from geometry.sensor import AUTO, Optics, ProfileOutput, SensorUncertainty
 from perceptron_emu import EmulatorConfig
-from workbench.files.strict import FileSection, Matrix3, Names, Positive, Real, Vector3, Whole, validate
+from workbench.files.strict import (
+    FileSection,
+    Matrix3,
+    Names,
+    NotNegative,
+    Positive,
+    Real,
+    Text,
+    Vector3,
+    Whole,
+    YesNo,
+    suggestion,
+    validate,
+)
 from workbench.files.toml_text import TomlSource, read_toml
 
+OPTICS_KEYS = tuple(f.name for f in fields(Optics))
 GEOMETRY_OF_LASER = ("origin_mm", "fan_deg")
 ATOL_ROTATION = 1e-4  # files are written with as few as four decimals; the rotation is made orthogonal on reading
 
@@ -25,6 +40,8 @@ class ImageSection(FileSection):
     height_px: Whole
     bit_depth: Whole = 8
     black_level: Real = 0.0
+    saturation_dn: Whole | None = None
+    channel: Literal["red", "green", "blue", "grey", "max"] | None = None
 
 
 class CameraPoseSection(FileSection):
@@ -52,87 +69,233 @@ class LaserSection(FileSection):
     fan_deg: Positive = 45.0
 
 
+class ProfileSection(FileSection):
+    """[profile]: in place of [image] and [camera], of a sensor that gives profiles."""
+
+    format: Text = AUTO
+    sigma_y_mm: Positive | None = None
+    sigma_z_mm: Positive | None = None
+    field_of_view_mm: tuple[tuple[Real, Real], ...] | None = None
+    pitch_mm: Positive | None = None
+    start_mm: Real | None = None
+    z_towards_sensor: YesNo = False
+
+
+class SensorUncertaintySection(FileSection):
+    """[uncertainty]: standard deviations by name, or names with a covariance; angles of the plane in degrees."""
+
+    source: Literal["calibrated", "data sheet", "drawing"] | None = None
+    parameters: tuple[Text, ...] | None = None
+    covariance: tuple[tuple[Real, ...], ...] | None = None
+    fx_px: NotNegative | None = None
+    fy_px: NotNegative | None = None
+    cx_px: NotNegative | None = None
+    cy_px: NotNegative | None = None
+    k1: NotNegative | None = None
+    k2: NotNegative | None = None
+    p1: NotNegative | None = None
+    p2: NotNegative | None = None
+    k3: NotNegative | None = None
+    k4: NotNegative | None = None
+    k5: NotNegative | None = None
+    k6: NotNegative | None = None
+    s1: NotNegative | None = None
+    s2: NotNegative | None = None
+    s3: NotNegative | None = None
+    s4: NotNegative | None = None
+    tau_x: NotNegative | None = None
+    tau_y: NotNegative | None = None
+    plane_tilt_y_deg: NotNegative | None = None
+    plane_tilt_z_deg: NotNegative | None = None
+    plane_shift_mm: NotNegative | None = None
+    scale_y: NotNegative | None = None
+    scale_z: NotNegative | None = None
+
+
+SIGMAS = tuple(
+    k for k in SensorUncertaintySection.model_fields if k not in ("name", "source", "parameters", "covariance")
+)
+
+
 class SensorFile(FileSection):
     """The part of sensor.toml that every room needs."""
 
-    image: ImageSection
-    camera: CameraSection
+    image: ImageSection | None = None
+    camera: CameraSection | None = None
+    profile: ProfileSection | None = None
     laser: LaserSection = Field(default_factory=LaserSection)
+    uncertainty: SensorUncertaintySection | None = None
 
 
-@dataclass(frozen=True, eq=False)
-class SensorDescription:
-    """A sensor as its file gives it: the shared parameters and those of its emulation, with the file's own tables."""
-
-    model: Sensor
-    emulator: EmulatorConfig
-    emulator_keys: dict[str, Any]
+SHARED_TABLES = ("image", "camera", "profile", "uncertainty")  # of no concern to the emulator; [laser] is both's
 
 
-def read_sensor(path: Path) -> SensorDescription:
+def read_sensor(path: Path) -> Sensor:
     """The sensor of a sensor.toml; InputError names file, line and key."""
+    file, emulator = _read(path)
+    try:
+        return replace(_sensor(file), optics=stated_optics(emulator))
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+
+
+def read_emulator(path: Path) -> EmulatorConfig:
+    """How the sensor of a sensor.toml is emulated; the keys that the file states are the model's fields set."""
+    return _read(path)[1]
+
+
+def _read(path: Path) -> tuple[SensorFile, EmulatorConfig]:
     source = read_toml(path)
     own = {k: v for k, v in source.data.items() if k in SensorFile.model_fields}
     laser = source.data.get("laser", {})
     if isinstance(laser, dict):
         own["laser"] = {k: v for k, v in laser.items() if k in (*GEOMETRY_OF_LASER, "name")}
-    emulation = _emulation_keys(source)
     also: Names = {(): tuple(SensorFile.model_fields), ("laser",): GEOMETRY_OF_LASER}
-    emulator = validate(EmulatorConfig, source, emulation, also)
-    file = validate(SensorFile, source, own, {(): tuple(EmulatorConfig.model_fields)})
-    try:
-        return SensorDescription(_model(file), emulator, emulation)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
+    emulator = validate(EmulatorConfig, source, _emulation_keys(source), also)
+    return validate(SensorFile, source, own, {(): tuple(EmulatorConfig.model_fields)}), emulator
 
 
 def _emulation_keys(source: TomlSource) -> dict[str, Any]:
     """The tables of the file without the shared keys and without the names that are welcome everywhere."""
     out: dict[str, Any] = {}
     for key, value in source.data.items():
-        if key in ("image", "camera", "name"):
+        if key in (*SHARED_TABLES, "name"):
             continue
         shared = ("name", *GEOMETRY_OF_LASER) if key == "laser" else ("name",)
         out[key] = {k: v for k, v in value.items() if k not in shared} if isinstance(value, dict) else value
     return out if out.get("laser", {}) != {} else {k: v for k, v in out.items() if k != "laser"}
 
 
-def _model(file: SensorFile) -> Sensor:
-    pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = file.camera.pose.rotation, file.camera.pose.translation_mm
-    camera = Camera(
-        width_px=file.image.width_px,
-        height_px=file.image.height_px,
-        fx_px=file.camera.fx_px,
-        fy_px=file.camera.fy_px,
-        cx_px=file.camera.cx_px,
-        cy_px=file.camera.cy_px,
-        T_sensor_camera=Pose.from_matrix(pose, ATOL_ROTATION),
-        distortion=file.camera.distortion,
-        bit_depth=file.image.bit_depth,
-        black_level=file.image.black_level,
-    )
+def stated_optics(emulator: EmulatorConfig) -> Optics | None:
+    """What a configuration states of light and lens, its defaults left out."""
+    stated = emulator.model_dump(exclude_unset=True, include={"laser", "optics"})
+    values = {k: v for table in stated.values() for k, v in table.items() if k in OPTICS_KEYS}
+    return Optics(**values) if values else None
+
+
+def _sensor(file: SensorFile) -> Sensor:
     sheet = Sheet(np.array(file.laser.origin_mm), float(np.deg2rad(file.laser.fan_deg)))
-    return Sensor(sheet, camera, name=file.name)
+    uncertainty = None if file.uncertainty is None else _uncertainty(file.uncertainty)
+    if file.profile is not None:
+        for name, table in (("image", file.image), ("camera", file.camera)):
+            if table is not None:
+                raise InputError(f"[{name}] and [profile] stand side by side: a sensor gives images or profiles")
+        return Sensor(sheet, profile=_profile(file.profile), uncertainty=uncertainty, name=file.name)
+    if file.image is None or file.camera is None:
+        missing = "image" if file.image is None else "camera"
+        raise InputError(f"the table [{missing}] is missing; a sensor without a camera has [profile]")
+    return Sensor(sheet, _camera(file.image, file.camera), uncertainty=uncertainty, name=file.name)
 
 
-def sensor_text(sensor: SensorDescription) -> str:
-    """The sensor as the text of a sensor.toml; read back it is the same to the last bit."""
-    m, sheet = sensor.model.require_camera(), sensor.model.sheet
+def _camera(image: ImageSection, camera: CameraSection) -> Camera:
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = camera.pose.rotation, camera.pose.translation_mm
+    return Camera(
+        width_px=image.width_px,
+        height_px=image.height_px,
+        fx_px=camera.fx_px,
+        fy_px=camera.fy_px,
+        cx_px=camera.cx_px,
+        cy_px=camera.cy_px,
+        T_sensor_camera=Pose.from_matrix(pose, ATOL_ROTATION),
+        distortion=camera.distortion,
+        bit_depth=image.bit_depth,
+        black_level=image.black_level,
+        stated_saturation_dn=image.saturation_dn,
+        channel=image.channel,
+    )
+
+
+def _profile(given: ProfileSection) -> ProfileOutput:
+    polygon = given.field_of_view_mm
+    return ProfileOutput(
+        format=given.format,
+        sigma_y_mm=given.sigma_y_mm,
+        sigma_z_mm=given.sigma_z_mm,
+        field_of_view_mm=None if polygon is None else np.array(polygon, dtype=float).reshape(-1, 2),
+        pitch_mm=given.pitch_mm,
+        start_mm=given.start_mm,
+        z_towards_sensor=given.z_towards_sensor,
+    )
+
+
+def _uncertainty(given: SensorUncertaintySection) -> SensorUncertainty:
+    """Degrees of the file become radians, of names and numbers alike."""
+    values = given.model_dump(exclude_none=True, include=set(SIGMAS))
+    if given.parameters is None and given.covariance is None:
+        sigma = {_inside(name): value * _scale(name) for name, value in values.items()}
+        return SensorUncertainty.from_sigma(sigma, given.source)
+    if given.parameters is None or given.covariance is None:
+        missing = "parameters" if given.parameters is None else "covariance"
+        raise InputError(f"[uncertainty] {missing} is missing: parameters and covariance go together")
+    for name in given.parameters:
+        if name not in SIGMAS:
+            raise InputError(f'[uncertainty] "{name}" is no parameter of a sensor{suggestion(name, SIGMAS)}')
+    if values:
+        raise InputError(f"[uncertainty] {next(iter(values))} stands beside covariance: give σ by name or a covariance")
+    count = len(given.parameters)
+    if [len(row) for row in given.covariance] != [count] * count:
+        raise InputError(f"[uncertainty] covariance must be {count} × {count}, a row and a column for each parameter")
+    scale = np.array([_scale(name) for name in given.parameters])
+    covariance = np.array(given.covariance, dtype=float).reshape(count, count) * np.outer(scale, scale)
+    return SensorUncertainty(tuple(map(_inside, given.parameters)), covariance, given.source)
+
+
+def _inside(name: str) -> str:
+    """The name of a file's parameter in the code: angles are radians there."""
+    return f"{name[:-4]}_rad" if name.endswith("_deg") else name
+
+
+def _scale(name: str) -> float:
+    return float(np.deg2rad(1.0)) if name.endswith("_deg") else 1.0
+
+
+def sensor_text(sensor: Sensor, emulator: EmulatorConfig) -> str:
+    """Sensor and emulation as the text of a sensor.toml; read back they are the same to the last bit."""
+    keys = emulator.model_dump(exclude_unset=True)
     lines = ["# laser-line sensor; frame {P}: laser plane x = 0, y lateral, z depth"]
-    lines += [f"name = {toml_value(sensor.model.name)}"] if sensor.model.name else []
-    lines += ["[image]", f"width_px = {m.width_px}", f"height_px = {m.height_px}", f"bit_depth = {m.bit_depth}"]
-    lines += [f"black_level = {toml_value(float(m.black_level))}"]
-    lines += ["[camera]            # OpenCV's model; pixel (0, 0) is the centre of the top-left pixel"]
-    lines += [f"{k} = {toml_value(float(getattr(m, k)))}" for k in ("fx_px", "fy_px", "cx_px", "cy_px")]
-    lines += [f"distortion = {toml_value([float(v) for v in m.distortion])}"]
-    lines += ["[camera.pose]       # T_sensor_camera: camera (x right, y down, z forward) in {P}"]
-    lines += [f"rotation = {toml_value(m.T_sensor_camera.R.tolist())}"]
-    lines += [f"translation_mm = {toml_value(m.T_sensor_camera.t.tolist())}"]
-    lines += ["[laser]", f"origin_mm = {toml_value(sheet.origin_mm.tolist())}"]
-    lines += [f"fan_deg = {toml_value(round(float(np.rad2deg(sheet.fan_rad)), 12))}"]
-    lines += [f"{k} = {toml_value(v)}" for k, v in sensor.emulator_keys.get("laser", {}).items()]
-    for name, table in sensor.emulator_keys.items():
-        if name != "laser" and isinstance(table, dict):
-            lines += [f"[{name}]", *(f"{k} = {toml_value(v)}" for k, v in table.items())]
+    lines += [f"name = {toml_value(sensor.name)}"] if sensor.name else []
+    lines += [] if sensor.camera is None else _camera_lines(sensor.camera)
+    lines += [] if sensor.profile is None else _profile_lines(sensor.profile)
+    lines += ["[laser]", f"origin_mm = {toml_value(sensor.sheet.origin_mm.tolist())}"]
+    lines += [f"fan_deg = {toml_value(round(float(np.rad2deg(sensor.sheet.fan_rad)), 12))}"]
+    lines += [f"{k} = {toml_value(v)}" for k, v in keys.get("laser", {}).items() if v is not None]
+    lines += [] if sensor.uncertainty is None else _uncertainty_lines(sensor.uncertainty)
+    for name, table in keys.items():
+        if name != "laser":
+            lines += [f"[{name}]", *(f"{k} = {toml_value(v)}" for k, v in table.items() if v is not None)]
     return "\n".join(lines) + "\n"
+
+
+def _camera_lines(c: Camera) -> list[str]:
+    lines = ["[image]", f"width_px = {c.width_px}", f"height_px = {c.height_px}", f"bit_depth = {c.bit_depth}"]
+    lines += [f"black_level = {toml_value(float(c.black_level))}"]
+    lines += [] if c.stated_saturation_dn is None else [f"saturation_dn = {c.stated_saturation_dn}"]
+    lines += [] if c.channel is None else [f"channel = {toml_value(c.channel)}"]
+    lines += ["[camera]            # OpenCV's model; pixel (0, 0) is the centre of the top-left pixel"]
+    lines += [f"{k} = {toml_value(float(getattr(c, k)))}" for k in ("fx_px", "fy_px", "cx_px", "cy_px")]
+    lines += [f"distortion = {toml_value([float(v) for v in c.distortion])}"]
+    lines += ["[camera.pose]       # T_sensor_camera: camera (x right, y down, z forward) in {P}"]
+    lines += [f"rotation = {toml_value(c.T_sensor_camera.R.tolist())}"]
+    return [*lines, f"translation_mm = {toml_value(c.T_sensor_camera.t.tolist())}"]
+
+
+def _profile_lines(p: ProfileOutput) -> list[str]:
+    polygon = None if p.field_of_view_mm is None else p.field_of_view_mm.tolist()
+    values = {**{f.name: getattr(p, f.name) for f in fields(p)}, "field_of_view_mm": polygon}
+    return ["[profile]", *(f"{k} = {toml_value(v)}" for k, v in values.items() if v is not None)]
+
+
+def _uncertainty_lines(u: SensorUncertainty) -> list[str]:
+    """As parameters and covariance, in the file's units, rounded where degrees would show the last bits of π."""
+    names = [f"{n[:-4]}_deg" if n.endswith("_rad") else n for n in u.parameters]
+    scale = np.array([_scale(name) for name in names])
+    covariance = u.covariance / np.outer(scale, scale)
+    lines = ["[uncertainty]"] + ([f"source = {toml_value(u.source)}"] if u.source else [])
+    if not names:
+        return lines
+    if np.array_equal(u.covariance, np.diag(np.diag(u.covariance))):
+        sigma = np.sqrt(np.diag(covariance))
+        return lines + [f"{k} = {toml_value(float(f'{v:.15g}'))}" for k, v in zip(names, sigma, strict=True)]
+    rows = [[float(f"{v:.15g}") for v in row] for row in covariance]
+    return [*lines, f"parameters = {toml_value(names)}", f"covariance = {toml_value(rows)}"]

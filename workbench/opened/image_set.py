@@ -10,12 +10,9 @@ from pathlib import Path
 from calib import CalibrationResult
 from extraction import ExtractionConfig
 from geometry import InputError, Sensor
-from workbench.cell.inputs import BareImages, read_inputs
-from workbench.cell.labels import poses_in_sensor
-from workbench.cell.pipeline import Observed, observe, solve
+from workbench.cell import BareImages, Observed, observe, poses_in_sensor, read_inputs, solve
 from workbench.compare import TrueString, true_strings
-from workbench.files import Cell
-from workbench.files.settings_file import Settings, read_settings
+from workbench.files import Cell, Settings, read_settings
 from workbench.opened.labeller import Labeller
 from workbench.opened.pictures import Pictures
 
@@ -70,7 +67,7 @@ class ImageSet:
             raise InputError(NO_CHAIN)
         observed = observe(self.cell, config)
         result = solve(self.cell, observed, self.settings.calib)
-        poses = poses_in_sensor(self.cell, observed, result)
+        poses = poses_in_sensor(result)
         if poses:
             index = {image.frame: i for i, image in enumerate(self.images)}
             self.labeller.learn({index[frame]: pose for frame, pose in poses.items()})
@@ -89,13 +86,14 @@ def open_images(request: ImageRequest) -> ImageSet:
     """The images of a dataset (folder with cell.toml, or that file) or bare ones; InputError says what is missing."""
     settings = read_settings(request.config)
     found = read_inputs(request.inputs, request.sensor, request.jig)
+    found.sensor.require_camera()
     return _bare(found, request, settings) if isinstance(found, BareImages) else _of_cell(found, request, settings)
 
 
 def _of_cell(cell: Cell, request: ImageRequest, settings: Settings) -> ImageSet:
     if cell.points is not None:
         raise InputError(f"{cell.folder}: holds points.csv in place of images, there is nothing to tune detection on")
-    sensor = cell.sensor.model
+    sensor = cell.sensor
     index = {row.frame: i for i, row in enumerate(cell.frames)}
     known = cell.truth.frames if cell.truth is not None else ()
     return ImageSet(
@@ -117,7 +115,7 @@ def _bare(found: BareImages, request: ImageRequest, settings: Settings) -> Image
     if len(found.paths) > MAX_IMAGES:
         raise InputError(f"{len(found.paths)} images are more than the {MAX_IMAGES} that one window holds")
     folder = Path(os.path.commonpath([path.parent.resolve() for path in found.paths]))
-    sensor = found.sensor.model
+    sensor = found.sensor
     return ImageSet(
         title=folder.name,
         pictures=Pictures(folder, found.paths, sensor),

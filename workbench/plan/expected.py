@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.bundle.information import FrameInformation, Model, frame_information
-from calib.bundle.problem import Points, Problem, pad_points, robot_chain
+from calib.bundle import Bundle, FrameInformation, Hands, Model, frame_information
 from extraction import image_to_sheet
 from geometry import AxisPoints, DhRobot, Pose, Sensor, cross_plane_x0
+from geometry.sensor import project
 from jig_cad import Jig
-from perceptron_emu import project
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -34,23 +33,28 @@ def view_information(
 ) -> FrameInformation:
     """The information of configurations (F, n) [rad] at locations (F,), indices into Ts_base_jig."""
     T_sensor_jig = (robot.pose(joints_rad) @ T_hand_sensor).inverse() @ Ts_base_jig[location]
-    points = expected_points(sensor, jig, T_sensor_jig)
-    anchor_sigma = 0.0 if jig.measured else jig.tolerance_mm / np.sqrt(12)
-    problem = Problem(points, robot_chain(robot, joints_rad), location, len(Ts_base_jig), jig.anchors_mm, anchor_sigma)
-    return frame_information(problem, T_hand_sensor, Ts_base_jig, model)
+    axes = expected_points(sensor, jig, T_sensor_jig)
+    names = [str(k) for k in range(len(Ts_base_jig))]
+    bundle = Bundle.of(axes, [names[k] for k in location], jig, Hands(robot, joints_rad), names)
+    return frame_information(bundle, T_hand_sensor, Ts_base_jig, model)
 
 
-def expected_points(sensor: Sensor, jig: Jig, T_sensor_jig: Pose) -> Points:
+def expected_points(sensor: Sensor, jig: Jig, T_sensor_jig: Pose) -> list[AxisPoints]:
     """Where the strings' axes will be seen at the poses (F), with the covariance that a spot there has."""
     starts = T_sensor_jig @ jig.starts[None]
     crossing, _ = cross_plane_x0(starts, (T_sensor_jig.R[:, None] @ jig.directions[..., None])[..., 0])
-    flat = crossing.reshape(-1, 3)
-    _, jacobian = image_to_sheet(sensor, project(sensor, flat))
-    spread = SPOT_SIGMA_PX**2 * jacobian @ np.swapaxes(jacobian, -1, -2) + SURFACE_SIGMA_MM**2 * np.eye(2)
+    spread = _spot_covariance(sensor, crossing.reshape(-1, 3)) + SURFACE_SIGMA_MM**2 * np.eye(2)
     covariance = spread.reshape(*crossing.shape[:2], 2, 2)
     count = len(jig.strings)
     none, plain = np.full(count, -1, dtype=np.intp), ("",) * count
-    frames = [
+    return [
         AxisPoints(jig.strings, none, yz, cov, plain) for yz, cov in zip(crossing[..., 1:], covariance, strict=True)
     ]
-    return pad_points(frames, jig)
+
+
+def _spot_covariance(sensor: Sensor, xyz_mm: Array) -> Array:
+    """Covariance (N, 2, 2) [mm²] with which points (N, 3) of the sheet are measured."""
+    if sensor.profile is not None:
+        return np.broadcast_to(sensor.profile.require_covariance(), (len(xyz_mm), 2, 2))
+    _, jacobian = image_to_sheet(sensor, project(sensor.require_camera(), xyz_mm))
+    return np.asarray(SPOT_SIGMA_PX**2 * jacobian @ np.swapaxes(jacobian, -1, -2))

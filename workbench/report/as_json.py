@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from calib import CalibrationResult, FramePoints, LocationResult
-from calib.result import DesignSolved, FrameResult
-from geometry import CONVENTIONS, express
+from calib import CalibrationResult, DesignSolved, LocationResult
+from geometry import CONVENTIONS, Frame, express
 
 
 def calibration_object(result: CalibrationResult, complaints: dict[int, str] | None = None) -> dict[str, Any]:
@@ -35,7 +34,7 @@ def calibration_object(result: CalibrationResult, complaints: dict[int, str] | N
             "conventions": {} if pose is None else {name: express(pose, name) for name in CONVENTIONS},
             "convention_formulas": {name: f"{c.maker}: {c.formula}" for name, c in CONVENTIONS.items()},
             "locations": {name: _location(location) for name, location in result.locations.items()},
-            "frames": [_frame(frame, (complaints or {}).get(frame.frame)) for frame in result.frames],
+            "frames": [_frame(frame, (complaints or {}).get(frame.number)) for frame in result.frames],
             "solution": _solution(result),
             "weak_directions": result.weak_directions,
             "notes": result.notes,
@@ -45,21 +44,22 @@ def calibration_object(result: CalibrationResult, complaints: dict[int, str] | N
 
 
 def _solution(result: CalibrationResult) -> dict[str, Any]:
+    e = result.estimate
     return {
-        "converged": result.converged,
-        "iterations": result.iterations,
-        "initial_cost": result.initial_cost,
-        "final_cost": result.final_cost,
-        "degrees_of_freedom": result.degrees_of_freedom,
-        "condition": result.condition,
-        "noise": result.noise,
+        "converged": e is not None and e.converged,
+        "iterations": 0 if e is None else e.iterations,
+        "initial_cost": None if e is None else e.initial_cost,
+        "final_cost": None if e is None else e.final_cost,
+        "degrees_of_freedom": 0 if e is None else e.degrees_of_freedom,
+        "condition": None if e is None else e.condition,
+        "noise": {} if e is None else e.noise,
     }
 
 
 def _location(location: LocationResult) -> dict[str, Any]:
     return {
         "role": location.role,
-        "T_base_jig": None if location.T_base_jig is None else location.T_base_jig.matrix,
+        "T_base_jig": None if location.T_base_target is None else location.T_base_target.matrix,
         "max_deviation_mm": _both(location.max_deviation_mm),
         "spread_3d_mm": _both(location.spread_3d_mm),
         "point_rms_mm": _both(location.point_rms_mm),
@@ -75,30 +75,31 @@ def _both(pair: DesignSolved) -> dict[str, float | None]:
     return {"design": pair.design, "solved": pair.solved}
 
 
-def _frame(frame: FrameResult, complaint: str | None) -> dict[str, Any]:
+def _frame(frame: Frame, complaint: str | None) -> dict[str, Any]:
     out = {
-        "frame": frame.frame,
+        "frame": frame.number,
         "location": frame.location,
         "role": frame.role,
         "image": frame.image,
         "used": frame.used,
         "reason": frame.reason,
-        "points": [_point(frame.points, i) for i in range(len(frame.points.label))],
+        "points": [_point(frame, i) for i in range(len(frame.axis))],
     }
     return out | ({"complaint": complaint} if complaint else {})
 
 
-def _point(points: FramePoints, i: int) -> dict[str, Any]:
+def _point(frame: Frame, i: int) -> dict[str, Any]:
+    (u, v), (y, z), (sigma_y, sigma_z) = frame.axis_uv_px[i], frame.axis.yz_mm[i], frame.axis.sigma_yz_mm[i]
     return {
-        "label": points.label[i],
-        "u_px": points.uv_px[i, 0],
-        "v_px": points.uv_px[i, 1],
-        "y_mm": points.yz_mm[i, 0],
-        "z_mm": points.yz_mm[i, 1],
-        "sigma_y_mm": points.sigma_yz_mm[i, 0],
-        "sigma_z_mm": points.sigma_yz_mm[i, 1],
-        "residual_mm": points.residual_mm[i],
-        "flag": points.flag[i] if i < len(points.flag) else "",
+        "label": frame.axis.label[i],
+        "u_px": u,
+        "v_px": v,
+        "y_mm": y,
+        "z_mm": z,
+        "sigma_y_mm": sigma_y,
+        "sigma_z_mm": sigma_z,
+        "residual_mm": frame.residual_mm[i],
+        "flag": frame.axis.flag[i],
     }
 
 

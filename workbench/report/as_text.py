@@ -10,8 +10,7 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from calib import CalibrationResult
-from calib.result import DesignSolved
+from calib import CalibrationResult, DesignSolved
 from geometry import CONVENTIONS, Pose, express
 
 AXES = ("X", "Y", "Z")
@@ -103,9 +102,9 @@ def number(value: float | None, digits: int, *, sign: bool = False) -> str:
 
 def _print_points(console: Console, result: CalibrationResult) -> None:
     used = [f for f in result.frames if f.used]
-    n = sum(len(f.points.label) for f in used)
-    flagged = sum(bool(flag) for f in used for flag in f.points.flag)
-    residuals = np.concatenate([f.points.residual_mm for f in used]) if used else np.zeros(0)
+    n = sum(len(f.axis) for f in used)
+    flagged = sum(bool(flag) for f in used for flag in f.axis.flag)
+    residuals = np.concatenate([f.residual_mm for f in used]) if used else np.zeros(0)
     finite = residuals[np.isfinite(residuals)]
     rms = f", rms distance from their strings {np.sqrt(np.mean(finite**2)):.3f} mm" if len(finite) else ""
     console.print(f"{len(used)} of {len(result.frames)} frames used, {n} points ({flagged} flagged){rms}")
@@ -114,8 +113,8 @@ def _print_points(console: Console, result: CalibrationResult) -> None:
 def _print_left_out(console: Console, result: CalibrationResult, complaints: dict[int, str]) -> None:
     for frame in result.frames:
         if not frame.used:
-            why = complaints.get(frame.frame, f"{frame.image or 'points'}, location {frame.location}")
-            console.print(f"frame {frame.frame} not used: {escape(str(frame.reason))} ({escape(why)})", soft_wrap=True)
+            why = complaints.get(frame.number, f"{frame.image or 'points'}, location {frame.location}")
+            console.print(f"frame {frame.number} not used: {escape(str(frame.reason))} ({escape(why)})", soft_wrap=True)
 
 
 def join(words: Sequence[str]) -> str:

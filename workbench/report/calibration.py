@@ -11,18 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib import CalibrationResult
-from calib.result import FrameResult
-from geometry import CONVENTIONS, express
-from workbench.cell.labels import label_dataset
-from workbench.cell.pipeline import Observed
-from workbench.cell.points_table import FrameTable
-from workbench.files import Cell, read_image
-from workbench.files.atomic import write_text
-from workbench.files.settings_file import Settings, settings_text
+from geometry import CONVENTIONS, Frame, express
+from workbench.cell import FrameTable, Observed, label_dataset
+from workbench.files import Cell, Settings, read_image, settings_text, write_text
 from workbench.report.as_text import AXES
 from workbench.report.fig7 import draw_fig7
 from workbench.report.left_out import leave_one_location_out
-from workbench.report.overlay import overlay
+from workbench.report.overlays import overlay
 from workbench.report.page import jpeg, render_page, svg
 from workbench.report.residuals import draw_residuals
 
@@ -53,7 +48,7 @@ def write_report(path: Path, given: ReportInput) -> None:
 def _content(given: ReportInput) -> dict[str, Any]:
     result, cell = given.result, given.cell
     tables = label_dataset(cell, given.observed, given.settings.calib, result)
-    left_out = leave_one_location_out(cell, given.observed, tables, result, given.settings.calib)
+    left_out = leave_one_location_out(cell, result, given.settings.calib)
     return {
         "title": cell.name or cell.folder.resolve().name,
         "result": result,
@@ -71,7 +66,7 @@ def _content(given: ReportInput) -> dict[str, Any]:
         "complaints": given.observed.complaints,
         "worst": _worst(cell, result, tables),
         "settings": settings_text(given.settings),
-        "points": sum(len(f.points.label) for f in result.frames if f.used),
+        "points": sum(len(f.axis) for f in result.frames if f.used),
     }
 
 
@@ -114,26 +109,26 @@ def _correlations(result: CalibrationResult) -> list[list[float]] | None:
     return [[float(v) for v in row] for row in result.covariance / np.outer(sigma, sigma)]
 
 
-def _rms(frame: FrameResult) -> float:
-    finite = frame.points.residual_mm[np.isfinite(frame.points.residual_mm)]
+def _rms(frame: Frame) -> float:
+    finite = frame.residual_mm[np.isfinite(frame.residual_mm)]
     return float(np.sqrt(np.mean(finite**2))) if len(finite) else float("nan")
 
 
-def _frame_row(frame: FrameResult) -> dict[str, Any]:
-    flags = [f"{label} {flag}" for label, flag in zip(frame.points.label, frame.points.flag, strict=False) if flag]
-    return {"frame": frame, "rms": _rms(frame), "points": len(frame.points.label), "flags": ", ".join(flags)}
+def _frame_row(frame: Frame) -> dict[str, Any]:
+    flags = [f"{label} {flag}" for label, flag in zip(frame.axis.label, frame.axis.flag, strict=False) if flag]
+    return {"frame": frame, "rms": _rms(frame), "points": len(frame.axis), "flags": ", ".join(flags)}
 
 
 def _worst(cell: Cell, result: CalibrationResult, tables: Sequence[FrameTable]) -> list[dict[str, Any]]:
     """The frames left out and those with the largest residuals, with their overlays."""
     if cell.points is not None:
         return []
-    rms = {f.frame: _rms(f) if f.used else np.inf for f in result.frames}
+    rms = {f.number: _rms(f) if f.used else np.inf for f in result.frames}
     order = sorted(tables, key=lambda t: -rms[t.frame])[: WORST + sum(np.isinf(v) for v in rms.values())]
     out = []
     for table in order[: 2 * WORST]:
         if table.reason != "image_unreadable":
-            picture = overlay(read_image(cell.folder / table.image, cell.sensor.model), cell.sensor.model, table)
+            picture = overlay(read_image(cell.folder / table.image, cell.sensor), cell.sensor, table)
             why = "not used" if np.isinf(rms[table.frame]) else f"rms {rms[table.frame]:.3f} mm"
             out.append({"frame": table.frame, "why": why, "image": jpeg(picture)})
     return out

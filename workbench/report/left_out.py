@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calib import CalibConfig, CalibrationResult, Observations, calibrate
-from geometry import NoAnswerError
-from workbench.cell.pipeline import Observed
-from workbench.cell.points_table import FrameTable
+from calib import CalibConfig, CalibrationResult
+from geometry import Frame, NoAnswerError
+from workbench.cell import Observed, solve
 from workbench.files import Cell
 
 
@@ -25,35 +23,24 @@ class LeftOut:
     shift_deg: float | None
 
 
-def leave_one_location_out(
-    cell: Cell, observed: Observed, tables: Sequence[FrameTable], result: CalibrationResult, config: CalibConfig
-) -> tuple[LeftOut, ...]:
+def leave_one_location_out(cell: Cell, result: CalibrationResult, config: CalibConfig) -> tuple[LeftOut, ...]:
     """Solve without each calibrate location in turn and judge the solution there; empty with fewer than two of them.
 
-    The labels of ``tables`` are kept, so that nothing but the solution changes.
+    The labels of the result are kept, so that nothing but the solution changes.
     """
-    labelled = _with_labels(observed.observations, tables)
+    frames = tuple(replace(f, labels_given=bool(len(f.axis))) for f in result.frames)
     names = [name for name, location in result.locations.items() if location.role == "calibrate"]
     if len(names) < 2 or result.T_hand_sensor is None:
         return ()
-    return tuple(_without(name, cell, labelled, result, config) for name in names)
-
-
-def _with_labels(observations: Observations, tables: Sequence[FrameTable]) -> Observations:
-    axis = {t.frame: t.axis for t in tables}
-    frames = [
-        replace(f, axis=axis[f.frame]) if f.reason is None and len(axis.get(f.frame, ())) else f
-        for f in observations.frames
-    ]
-    return replace(observations, frames=tuple(frames))
+    return tuple(_without(name, cell, frames, result, config) for name in names)
 
 
 def _without(
-    name: str, cell: Cell, observations: Observations, result: CalibrationResult, config: CalibConfig
+    name: str, cell: Cell, labelled: tuple[Frame, ...], result: CalibrationResult, config: CalibConfig
 ) -> LeftOut:
-    frames = tuple(replace(f, role="verify") if f.location == name else f for f in observations.frames)
+    frames = tuple(replace(f, role="verify") if f.location == name else f for f in labelled)
     try:
-        solved = calibrate(replace(observations, frames=frames), cell.jig, cell.robot, config)
+        solved = solve(cell, Observed(frames, {}), config)
     except NoAnswerError:
         return LeftOut(name, None, None, None, None)
     if solved.T_hand_sensor is None or result.T_hand_sensor is None:

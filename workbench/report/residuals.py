@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-from matplotlib.figure import Figure
 
 from calib import CalibrationResult
 from workbench.report.page import new_figure
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 COLOURS = ("#2a6f97", "#c77d2e", "#5b8c5a", "#8a5a8c", "#a34a4a", "#4a4a4a")
 REASON_HEIGHT = 0.97  # of the axes
@@ -18,20 +22,20 @@ def draw_residuals(result: CalibrationResult) -> Figure:
     for k, name in enumerate(result.locations):
         colour = COLOURS[k % len(COLOURS)]
         frames = [f for f in result.frames if f.location == name and f.used]
-        x = np.concatenate([np.full(len(f.points.label), f.frame) for f in frames]) if frames else np.zeros(0)
-        y = np.concatenate([f.points.residual_mm for f in frames]) if frames else np.zeros(0)
+        x = np.concatenate([np.full(len(f.axis), f.number) for f in frames]) if frames else np.zeros(0)
+        y = np.concatenate([f.residual_mm for f in frames]) if frames else np.zeros(0)
         role = result.locations[name].role
         axis.plot(x, y, "o", ms=3.5, color=colour, alpha=0.8, label=f"{name} ({role})")
         for f in frames:
-            finite = f.points.residual_mm[np.isfinite(f.points.residual_mm)]
+            finite = f.residual_mm[np.isfinite(f.residual_mm)]
             if len(finite):
                 rms = float(np.sqrt(np.mean(finite**2)))
-                axis.plot([f.frame - 0.35, f.frame + 0.35], [rms, rms], "-", color=colour, lw=1.6)
+                axis.plot([f.number - 0.35, f.number + 0.35], [rms, rms], "-", color=colour, lw=1.6)
     for f in result.frames:
         if not f.used:
-            axis.axvline(f.frame, color="0.85", lw=6, zorder=0)
+            axis.axvline(f.number, color="0.85", lw=6, zorder=0)
             upright = axis.get_xaxis_transform()
-            text = axis.text(f.frame, REASON_HEIGHT, f.reason or "", transform=upright, va="top", ha="center")
+            text = axis.text(f.number, REASON_HEIGHT, f.reason or "", transform=upright, va="top", ha="center")
             text.set(rotation=90, fontsize=7)
     axis.set_xlabel("frame")
     axis.set_ylabel("distance from the string [mm]\n(bar: rms of the frame)")

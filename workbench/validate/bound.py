@@ -18,7 +18,7 @@ DERIVATIVE = np.array([-1, 9, -45, 0, 45, -9, 1]) / 60  # central differences, e
 
 def noise_free_electrons(scene: Scene, config: EmulatorConfig) -> Array:
     """Mean photo-electrons (H, W) of a scene without noise and speckle, read out with 16 bits."""
-    sensor = scene.sensor.with_camera(bit_depth=16, black_level=0.0)
+    sensor = scene.sensor.with_camera(bit_depth=16, black_level=0.0, stated_saturation_dn=None)
     quiet = config.off("noise", "speckle")
     quiet = quiet.model_copy(update={"noise": quiet.noise.model_copy(update={"gain_dn_per_e": None})})
     image = render(replace(scene, sensor=sensor), quiet).image

@@ -7,13 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from geometry import Pose
+from geometry import Pose, Sensor
 from jig_cad import Jig
 from perceptron_emu import EmulatorConfig, Scene, Solid
-from workbench.cell.surroundings import jig_bodies, wall_behind
-from workbench.files import SensorDescription
-from workbench.plan.view_space import ViewLimits
-from workbench.plan.views import free_views
+from workbench.cell import jig_bodies, wall_behind
+from workbench.plan import ViewLimits, free_views
 
 GUESS_MM, GUESS_DEG = 3.0, 1.5  # how far off the robot chain's guess of the jig is before a calibration
 CLUTTER = ("strings alone", "plates and posts", "and a wall")
@@ -34,16 +32,16 @@ class Drawn:
     seed: tuple[int, int]
 
 
-def draw_frames(sensor: SensorDescription, jig: Jig, count: int, seed: int) -> Iterator[Drawn]:
+def draw_frames(sensor: Sensor, emulator: EmulatorConfig, jig: Jig, count: int, seed: int) -> Iterator[Drawn]:
     """``count`` frames as the files say, then ``count`` with varied conditions."""
     rng = np.random.default_rng([seed, 2**29])
-    poses = free_views(sensor.model, jig, ViewLimits(mounting_deg=0.0), 2 * count, rng)
+    poses = free_views(sensor, jig, ViewLimits(mounting_deg=0.0), 2 * count, rng)
     bodies = (jig_bodies(jig), wall_behind(jig, 160.0, turn_deg=8.0))
     for number in range(2 * count):
         nominal = number < count
-        config, mine, factors = sensor.emulator, jig, _as_given(sensor.emulator, jig)
+        config, mine, factors = emulator, jig, _as_given(emulator, jig)
         if not nominal:
-            config, mine, factors = _varied(sensor.emulator, jig, rng)
+            config, mine, factors = _varied(emulator, jig, rng)
         pose = poses[number]
         clutter = int(rng.integers(3))
         solids = (*(bodies[0] if clutter else ()), *((bodies[1],) if clutter == 2 else ()))
@@ -61,9 +59,9 @@ def draw_frames(sensor: SensorDescription, jig: Jig, count: int, seed: int) -> I
         )
 
 
-def _scene(sensor: SensorDescription, jig: Jig, pose: Pose, solids: tuple[Solid, ...]) -> Scene:
+def _scene(sensor: Sensor, jig: Jig, pose: Pose, solids: tuple[Solid, ...]) -> Scene:
     placed = tuple(replace(s, T_sensor_mesh=pose @ s.T_sensor_mesh) for s in solids)
-    return Scene(sensor.model, jig, pose, placed)
+    return Scene(sensor, jig, pose, placed)
 
 
 def _as_given(config: EmulatorConfig, jig: Jig) -> dict[str, float]:

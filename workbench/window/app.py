@@ -17,8 +17,7 @@ from starlette.responses import JSONResponse, PlainTextResponse, Response
 from starlette.routing import Route
 
 from geometry import InputError, PerceptronEmuError
-from workbench.files.atomic import write_text
-from workbench.files.settings_file import carried_calib
+from workbench.files import carried_calib, write_text
 from workbench.window import settings
 from workbench.window.jobs import Job
 from workbench.window.overview import overview
@@ -150,7 +149,7 @@ class _Api:
                 raise InputError(outcome.error)
             if _text(body, "stage") == "mask":
                 return _pixels((outcome.view.mask != 0).astype(np.uint8), outcome.hash)
-            if self.opened.engine.sensor.require_camera().saturation_dn > 255:
+            if self.opened.engine.sensor.require_camera().full_scale_dn > 255:
                 levels = np.clip(np.rint(outcome.view.background), 0, 65535).astype(np.uint16)
             else:
                 levels = cv2.convertScaleAbs(outcome.view.background)  # rounded, at most 255

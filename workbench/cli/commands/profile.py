@@ -23,7 +23,7 @@ def command(
     """Measure the laser stripe of an image: points (y, z) of the laser plane with covariance, as CSV or PLY."""
     from extraction import write_profile_csv, write_profile_ply
     from geometry import InputError
-    from workbench.cell.profiling import ProfileSource, read_profile, read_profile_settings
+    from workbench.cell import ProfileSource, read_profile, read_profile_settings
 
     if csv is None and ply is None:
         raise InputError("nothing to write: give --csv FILE, --ply FILE or both")
@@ -46,7 +46,7 @@ def _why_empty(image: Path, sensor: Path) -> str:
     from extraction.spots import FLOODED_SHARE
     from workbench.files import read_image, read_sensor
 
-    model = read_sensor(sensor).model
+    model = read_sensor(sensor)
     full = model.require_camera().saturation_dn
     if (read_image(image, model) >= full).mean() > FLOODED_SHARE:
         return f"no stripe: more than half of the image is saturated ({full}), lower the exposure"

@@ -15,8 +15,8 @@ from itertools import combinations, product
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.stations import Station
-from geometry import DH_ROWS, DhRobot, DhRow, Pose, log_so3, stack_poses
+from geometry import Arm, DhRobot, Frame, Pose, Robot, log_so3, stack_poses
+from geometry.robot import DH_ROWS, DhRow
 from jig_cad import Jig
 
 Array = NDArray[np.float64]
@@ -32,7 +32,8 @@ MAJORITY = 0.55  # of a location's frames, that the others are judged by
 LENGTHS_MM = np.linspace(-400.0, 400.0, 101)
 ANGLES_RAD = np.deg2rad(np.linspace(-180.0, 175.0, 72))
 FINER = np.linspace(-1.0, 1.0, 9)  # of a step of these
-ROWS = tuple(row for row in DH_ROWS if row.group != "beta")  # β is 0 in every table that a maker gives
+SYMBOLS = {"theta": "θ", "d": "d", "a": "a", "alpha": "α"}
+ROWS = tuple(row for row in DH_ROWS if row.group in SYMBOLS)  # β is 0 in every maker's table
 EQUAL = 0.03  # suspicions this near in their share are told apart by nothing
 
 
@@ -40,20 +41,20 @@ EQUAL = 0.03  # suspicions this near in their share are told apart by nothing
 class _Views:
     """Frames, the names of their locations, pairs (P, 2) that share one, and the jig's screw between them."""
 
-    stations: tuple[Station, ...]
+    frames: tuple[Frame, ...]
     names: tuple[str, ...]
     pairs: NDArray[np.intp]
     screws: Array  # (1 + K, P, 2): angle and advance, as labelled and with one frame's labels turned
     joints: Array | None
 
 
-def culprit(ready: tuple[Station, ...], jig: Jig, robot: DhRobot | None) -> str:
+def culprit(labelled: tuple[Frame, ...], jig: Jig, robot: Robot | None) -> str:
     """A sentence that names what most likely spoils the calibrate frames; "" where their motions name nothing."""
-    used = tuple(s for s in ready if s.observation.role == "calibrate" and s.usable)[:MOST_FRAMES]
+    used = tuple(s for s in labelled if s.role == "calibrate" and s.usable)[:MOST_FRAMES]
     v = _views(used, jig)
     if len(v.pairs) < LEAST_PAIRS:
         return ""
-    apart = _apart(v, stack_poses([s.T_base_hand for s in used]))
+    apart = _apart(v, stack_poses([s.at for s in used]))
     agree = apart.min(axis=0) < 1.0
     return (
         (_joints(v, robot, float(agree.mean())) if agree.mean() < SOUND else "")
@@ -62,11 +63,11 @@ def culprit(ready: tuple[Station, ...], jig: Jig, robot: DhRobot | None) -> str:
     )
 
 
-def _views(used: tuple[Station, ...], jig: Jig) -> _Views:
-    names = tuple(s.observation.location for s in used)
+def _views(used: tuple[Frame, ...], jig: Jig) -> _Views:
+    names = tuple(s.location for s in used)
     index = [(i, j) for i, j in combinations(range(len(used)), 2) if names[i] == names[j]]
     pairs = np.array(index, dtype=np.intp).reshape(-1, 2)
-    joints = [s.observation.joints_rad for s in used]
+    joints = [s.joints_rad for s in used]
     known = None if any(q is None for q in joints) or not joints else np.array(joints)
     if not len(pairs):
         return _Views(used, names, pairs, np.zeros((2, 0, 2)), known)
@@ -75,7 +76,7 @@ def _views(used: tuple[Station, ...], jig: Jig) -> _Views:
     return _Views(used, names, pairs[far], screws[:, far], known)
 
 
-def _jig_screws(used: tuple[Station, ...], pairs: NDArray[np.intp], jig: Jig) -> Array:
+def _jig_screws(used: tuple[Frame, ...], pairs: NDArray[np.intp], jig: Jig) -> Array:
     """Angle and advance (1 + K, P, 2) of the jig's motions in the sensor: as labelled, turned by each symmetry."""
     jigs = stack_poses([s.candidates[0] for s in used])
     first, second = jigs[pairs[:, 0]], jigs[pairs[:, 1]]
@@ -132,7 +133,7 @@ def _holds(v: _Views, which: Mask, i: int, j: int) -> bool:
 
 
 def _numbers(v: _Views, index: list[int]) -> str:
-    numbers = [str(v.stations[i].observation.frame) for i in sorted(index)]
+    numbers = [str(v.frames[i].number) for i in sorted(index)]
     return f"frame {numbers[0]}" if len(numbers) == 1 else f"frames {', '.join(numbers)}"
 
 
@@ -186,15 +187,15 @@ def _stranger(
 
 def _fits(v: _Views, rest: list[int], kept: list[int], jig: Jig) -> bool:
     """Whether the frames ``rest`` move as the frames ``kept`` of another location."""
-    used = tuple(v.stations[i] for i in (*kept, *rest))
+    used = tuple(v.frames[i] for i in (*kept, *rest))
     pairs = np.array([(i, len(kept) + j) for i in range(len(kept)) for j in range(len(rest))], dtype=np.intp)
     across = _Views(used, v.names, pairs, _jig_screws(used, pairs, jig), None)
-    return _share(across, stack_poses([s.T_base_hand for s in used])) >= AGREED
+    return _share(across, stack_poses([s.at for s in used])) >= AGREED
 
 
-def _joints(v: _Views, robot: DhRobot | None, given: float) -> str:
+def _joints(v: _Views, robot: Robot | None, given: float) -> str:
     """What in the joint columns or in the robot's table makes the motions agree; "" where nothing does."""
-    if robot is None or v.joints is None:
+    if not isinstance(robot, Arm) or v.joints is None:
         return ""
     for kind in (_other_units, _other_columns, _other_rows):
         tried = [(share, words) for share, words in kind(v, robot) if share >= max(AGREED, given + GAINED)]
@@ -208,7 +209,7 @@ def _joints(v: _Views, robot: DhRobot | None, given: float) -> str:
     return ""
 
 
-def _other_units(v: _Views, robot: DhRobot) -> Iterator[tuple[float, str]]:
+def _other_units(v: _Views, robot: Arm) -> Iterator[tuple[float, str]]:
     """Radians for degrees, and readings of a neighbouring row."""
     q = np.asarray(v.joints)
     yield _share(v, robot.pose(np.rad2deg(q))), "the joint columns hold radians, not degrees"
@@ -217,7 +218,7 @@ def _other_units(v: _Views, robot: DhRobot) -> Iterator[tuple[float, str]]:
         yield _share(v, robot.pose(np.roll(q, step, axis=0))), f"each frame has the joint readings of the {words}"
 
 
-def _other_columns(v: _Views, robot: DhRobot) -> Iterator[tuple[float, str]]:
+def _other_columns(v: _Views, robot: Arm) -> Iterator[tuple[float, str]]:
     """One joint of the other sign, or two columns exchanged."""
     q = np.asarray(v.joints)
     for k in range(q.shape[1]):
@@ -230,8 +231,8 @@ def _other_columns(v: _Views, robot: DhRobot) -> Iterator[tuple[float, str]]:
         yield _share(v, robot.pose(other)), f"the columns of joints {i + 1} and {j + 1} are exchanged"
 
 
-def _other_rows(v: _Views, robot: DhRobot) -> Iterator[tuple[float, str]]:
-    """One Denavit-Hartenberg parameter of another value: the best over a grid, then over a finer one."""
+def _other_rows(v: _Views, robot: Arm) -> Iterator[tuple[float, str]]:
+    """One number of the robot's table of another value: the best over a grid, then over a finer one."""
     for row, joint in product(ROWS, range(robot.n_joints)):
         grid = ANGLES_RAD if row.unit == "rad" else LENGTHS_MM
         step = grid[1] - grid[0]
@@ -240,15 +241,17 @@ def _other_rows(v: _Views, robot: DhRobot) -> Iterator[tuple[float, str]]:
         change = f"{np.rad2deg(value):+.0f}°" if row.unit == "rad" else f"{value:+.0f} mm"
         yield (
             _share(v, _changed(robot, row, joint, value).pose(np.asarray(v.joints))),
-            f"{row.symbol} of joint {joint + 1} in the robot's table is changed by about {change}",
+            f"{SYMBOLS[row.group]} of joint {joint + 1} in the robot's table is changed by about {change}",
         )
 
 
-def _changed(robot: DhRobot, row: DhRow, joint: int, value: float) -> DhRobot:
-    return robot.with_changes(**{row.group: np.where(np.arange(robot.n_joints) == joint, value, 0.0)})
+def _changed(robot: Arm, row: DhRow, joint: int, value: float) -> DhRobot:
+    change = np.zeros(robot.n_joints)
+    change[joint] = value
+    return robot.dh_part().with_changes(**{row.group: change})
 
 
-def _closeness(v: _Views, robot: DhRobot, row: DhRow, joint: int, value: float) -> float:
-    """Mean nearness in (0, 1] of hand's and jig's motions with the parameter changed."""
+def _closeness(v: _Views, robot: Arm, row: DhRow, joint: int, value: float) -> float:
+    """Mean nearness in (0, 1] of hand's and jig's motions with the number changed."""
     apart = _apart(v, _changed(robot, row, joint, value).pose(np.asarray(v.joints))).min(axis=0)
     return float(np.mean(1.0 / (1.0 + apart**2)))

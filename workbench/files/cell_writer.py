@@ -19,7 +19,7 @@ def write_cell(cell: Cell, folder: Path, decimals: int = 6) -> None:
 
     decimals: digits after the point of the joint readings [deg] in frames.csv.
     """
-    write_text(folder / "sensor.toml", sensor_text(cell.sensor))
+    write_text(folder / "sensor.toml", sensor_text(cell.sensor, cell.emulator))
     write_text(folder / "jig.toml", jig_text(cell.jig))
     write_text(folder / "robot.toml", robot_text(cell.robot))
     write_text(folder / "frames.csv", frames_text(cell.frames, decimals))

@@ -12,10 +12,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.calibrate import calibrate
 from calib.config import CalibConfig
-from calib.synthetic.cell import Cell, Layout, Noise, made_cell, observe, random_cell
-from geometry import Compliance, NoAnswerError, Pose
+from calib.synthetic.cell import Layout, Noise, SyntheticCell, calibrated, made_cell, observe, random_cell
+from geometry import NoAnswerError, Pose
+from geometry.robot import Compliance
 
 Array = NDArray[np.float64]
 
@@ -87,12 +87,12 @@ def poses(rows: tuple[EnsembleRow, ...], method: str) -> list[Pose]:
     return [r.T_hand_sensor for r in rows if r.source == first and r.method == method and r.T_hand_sensor is not None]
 
 
-def _run(cell: Cell, source: str, noise: Noise, rng: np.random.Generator) -> list[EnsembleRow]:
+def _run(cell: SyntheticCell, source: str, noise: Noise, rng: np.random.Generator) -> list[EnsembleRow]:
     made = made_cell(cell, rng, noise)
     observed = observe(cell, made, rng, noise)
     out = []
     for method, config in METHODS.items():
-        result = calibrate(observed, cell.jig, cell.robot, config)
+        result = calibrated(observed, cell.jig, cell.robot, config)
         design = [p.max_deviation_mm.design for p in result.locations.values()]
         solved = [p.max_deviation_mm.solved for p in result.locations.values()]
         if any(d is None for d in design):

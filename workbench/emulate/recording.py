@@ -15,9 +15,7 @@ from jig_cad import Jig
 from perceptron_emu import Material, Scene, Solid
 from workbench.emulate.extras import NONE, Extras, Renderer, truth_points
 from workbench.emulate.recipe import recipe_name
-from workbench.files import Cell, FrameRow, Truth, TruthFrame, read_truth, write_cell
-from workbench.files.atomic import write_text
-from workbench.files.images import write_png
+from workbench.files import Cell, FrameRow, Truth, TruthFrame, read_truth, write_cell, write_png, write_text
 
 Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
@@ -106,7 +104,7 @@ def frame_scene(cell: Cell, true: TrueCell, configuration: Configuration) -> Sce
     T_sensor_jig = T_base_sensor.inverse() @ true.T_base_jig[configuration.location]
     solids = true.solids.get(configuration.location, ())
     placed = tuple(replace(s, T_sensor_mesh=T_sensor_jig @ s.T_sensor_mesh) for s in solids)
-    return Scene(cell.sensor.model, true.jig, T_sensor_jig, (*placed, *true.carried), true.string_material)
+    return Scene(cell.sensor, true.jig, T_sensor_jig, (*placed, *true.carried), true.string_material)
 
 
 def _row(c: Configuration) -> FrameRow:
@@ -125,7 +123,7 @@ def _frame(
         if data.pop("recipe", None) == recipe:
             return TruthFrame.model_validate(data)
     scene = frame_scene(cell, true, configuration)
-    frame = extras.render(folder, number, scene, cell.sensor.emulator, seed, renderer)
+    frame = extras.render(folder, number, scene, cell.emulator, seed, renderer)
     if frame.truth.T_sensor_jig is None:
         raise NoAnswerError(f"frame {number} has no jig in its scene")
     pose = frame.truth.T_sensor_jig.matrix.tolist()
@@ -162,5 +160,6 @@ def _recipe(cell: Cell, true: TrueCell, configurations: Sequence[Configuration],
     """A name of everything that decides the images."""
     from importlib.metadata import version
 
+    seen_by = cell.sensor.sheet, cell.sensor.require_camera(), cell.emulator
     stands = [(c.frame, c.location, c.true_rad) for c in configurations]
-    return recipe_name(version("perceptron-emu"), renderer, seed, cell.sensor, true, stands)
+    return recipe_name(version("perceptron-emu"), renderer, seed, *seen_by, true, stands)

@@ -1,4 +1,4 @@
-"""Jig poses given in cell.toml, held against what the frames say of them."""
+"""Places of the target given in cell.toml, held against what the frames say of them."""
 
 from __future__ import annotations
 
@@ -6,20 +6,19 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from geometry import Pose, log_so3
-from jig_cad import Jig
+from geometry import Pose, Target, log_so3
 
 _FAR_MM, _FAR_DEG = 30.0, 10.0
 
 
-def given_jig_notes(given: Mapping[str, Pose], found: Mapping[str, Pose], jig: Jig) -> tuple[str, ...]:
-    """A sentence for every location whose given T_base_jig is plainly not where its frames see the jig."""
+def given_place_notes(given: Mapping[str, Pose], found: Mapping[str, Pose], target: Target) -> tuple[str, ...]:
+    """A sentence for every location whose given T_base_jig is plainly not where its frames see the target."""
     out = []
-    for name, T_base_jig in given.items():
+    for name, place in given.items():
         if name not in found:
             continue
-        alike = [found[name], *(found[name] @ symmetry.pose for symmetry in jig.symmetries)]
-        apart = [T_base_jig.inverse() @ T for T in alike]
+        alike = (found[name], *(found[name] @ s.pose for s in target.symmetries))
+        apart = [place.inverse() @ T for T in alike]
         mm, deg = min((float(np.linalg.norm(a.t)), float(np.rad2deg(np.linalg.norm(log_so3(a.R))))) for a in apart)
         if mm > _FAR_MM or deg > _FAR_DEG:
             out.append(

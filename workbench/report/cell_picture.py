@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib import CalibrationResult
-from geometry import MissingDependencyError, Pose
+from geometry import MissingDependencyError, Pose, require_arm
 from perceptron_emu.gl import CellView, cell_picture
 from workbench.files import Cell, FrameRow
 
@@ -26,7 +26,7 @@ def cell_image(cell: Cell, result: CalibrationResult) -> tuple[Picture | None, s
 
 def cell_view(cell: Cell, result: CalibrationResult) -> CellView | None:
     """The cell at its first used frame: solved arm, SCP and jigs, each by design or as given where it is not solved."""
-    used = {f.frame for f in result.frames if f.used}
+    used = {f.number for f in result.frames if f.used}
     row = next((r for r in cell.frames if r.frame in used), None)
     if row is None:
         return None
@@ -34,15 +34,15 @@ def cell_view(cell: Cell, result: CalibrationResult) -> CellView | None:
     if hand is None:
         return None
     jigs = {name: place for name, place in cell.T_base_jig.items() if name in result.locations}
-    jigs |= {name: found.T_base_jig for name, found in result.locations.items() if found.T_base_jig is not None}
+    jigs |= {name: found.T_base_target for name, found in result.locations.items() if found.T_base_target is not None}
     T_hand_sensor = result.T_hand_sensor or result.T_hand_sensor_design
-    return CellView(cell.sensor.model, hand @ T_hand_sensor, tuple((cell.jig, p) for p in jigs.values()), links)
+    return CellView(cell.sensor, hand @ T_hand_sensor, tuple((cell.jig, p) for p in jigs.values()), links)
 
 
 def _arm(cell: Cell, result: CalibrationResult, row: FrameRow) -> tuple[Pose | None, Pose | None]:
     """T_base_hand and the chain's frames, base first, hand last; no chain where only hand poses were recorded."""
     if row.joints_rad is None:
         return row.T_base_hand, None
-    robot = result.robot or cell.robot
+    robot = require_arm(result.robot or cell.robot)
     links, hand = robot.link_poses(row.joints_rad), robot.pose(row.joints_rad)
     return hand, Pose(np.concatenate([links.R, hand.R[None]]), np.concatenate([links.t, hand.t[None]]))

@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from calib.pose.fit import fit_pose
-from calib.stations import Station
-from geometry import AxisPoints, NoAnswerError
+from calib.pose import fit_pose
+from geometry import AxisPoints, Frame, NoAnswerError
 from jig_cad import Jig
 
 Array = NDArray[np.float64]
@@ -26,9 +25,9 @@ _EXTENTS = {"side_mm": "width across x in mm", "height_mm": "extent along x in m
 SIZES = np.geomspace(0.5, 2.0, 29)
 
 
-def wrong_jig(ready: tuple[Station, ...], jig: Jig) -> str:
+def wrong_jig(frames: tuple[Frame, ...], jig: Jig) -> str:
     """A sentence that names a wrong size of the jig or two exchanged labels; "" where the points fit as they are."""
-    axes = [s.axis for s in ready if s.observation.role == "calibrate" and len(s.axis) >= LEAST_STRINGS]
+    axes = [f.axis for f in frames if f.role == "calibrate" and len(f.axis) >= LEAST_STRINGS]
     axes = [axes[int(i)] for i in np.unique(np.linspace(0, len(axes) - 1, FRAMES).astype(int))] if axes else []
     if len(axes) < 3:
         return ""

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student_t
 
-from calib.closure.problem import ClosureFit, Socket, closure_problem, positions, solve_closure
-from geometry import InputError, RobotModel
+from calib.closure.terms import ClosureFit, Socket, closure_problem, positions, solve_closure
+from geometry import InputError, Robot
 
 Array = NDArray[np.float64]
 
@@ -67,7 +67,7 @@ class ClosureResult:
 
 def closure(
     sockets: Sequence[Socket],
-    robot: RobotModel,
+    robot: Robot,
     distance_mm: float | None = None,
     prior_scale: float = PRIOR_SCALE,
     seat_mm: float = SEAT_MM,
@@ -126,7 +126,7 @@ def _shown(mean: float, error: float, count: int) -> bool:
     return count > 1 and bool(mean > student_t.ppf(_CONFIDENCE, count - 1) * error)
 
 
-def _check(sockets: Sequence[Socket], robot: RobotModel) -> None:
+def _check(sockets: Sequence[Socket], robot: Robot) -> None:
     for s in sockets:
         if s.joints_rad.ndim != 2 or s.joints_rad.shape[1] != robot.n_joints:
             raise InputError(

@@ -1,0 +1,210 @@
+"""Fixed-point closure: a tool's point seated again and again in the same socket, joint readings alone.
+
+The paper's setting without the sensor: T_base_hand(q) · p_tool = x_socket for every configuration of a socket. Unknown
+are the tool's point, each socket's place, and the robot's parameters under their priors. Positions alone leave the
+arm's scale open (a smaller arm closes better); a known distance between the two sockets of one base holds it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib import engine
+from calib.bundle import Hands
+from geometry import Block, InputError, Linearised, Robot, State, Unknowns, skew, with_beta_prior
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+Mask = NDArray[np.bool_]
+
+_DISTANCE_SIGMA_MM = 0.02
+_MAX_ITERATIONS = 80
+_PLAIN_ITERATIONS = 6  # before the residuals say which configurations to trust
+_TOLERANCE = 1e-4
+_CAUCHY = 4.0
+
+
+@dataclass(frozen=True, eq=False)
+class Socket:
+    """The configurations (N, n) [rad] in which the tool sat in one socket of one base location."""
+
+    location: str
+    name: str
+    joints_rad: Array
+
+
+@dataclass(frozen=True, eq=False)
+class ClosureFit:
+    """A solved closure: the tool's point in the hand, the sockets in the base [mm], the robot.
+
+    residual_mm (N, 3), rms_mm: between the tool's point and its socket. parameters (P,): corrections of the robot.
+    weight (N,): robust weights, 1 where a configuration is trusted. chi2_per_dof: by the noise of seat and joints.
+    tool_covariance (3, 3) [mm²]: of the point, with the noise that the residuals show where chi2_per_dof is above 1.
+    evidence: minus twice the log marginal likelihood, comparable between priors and models on the same data.
+    """
+
+    tool_mm: Array
+    sockets_mm: Array
+    robot: Robot
+    parameters: Array
+    residual_mm: Array
+    rms_mm: float
+    evidence: float
+    tool_covariance: Array
+    chi2_per_dof: float
+    weight: Array
+    converged: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Seated:
+    """The evidence of N configurations: the tool's point sits in a socket of one base, within the seat's play.
+
+    Unknown: "tool" (3,) in the hand, "robot", and "sockets" (L, 6), the places of each location's two sockets.
+    location (N,), side (N,) 0 or 1: of each configuration's socket. seat_mm: σ of the ball in its socket, per axis.
+    """
+
+    hands: Hands
+    location: Index
+    side: Index
+    seat_mm: float
+
+    def linearise(self, state: State) -> Linearised:
+        """The joints' noise moves the point as the hand's pose does."""
+        tool, values, places = state.vector("tool"), state.vector("robot"), state.vector("sockets").reshape(-1, 2, 3)
+        hand = self.hands.pose(values)
+        by_hand = np.concatenate([hand.R, -hand.R @ skew(np.broadcast_to(tool, hand.t.shape))], -1)  # (N, 3, 6)
+        noise = by_hand @ self.hands.robot.joint_noise(self.hands.readings, values) @ np.swapaxes(by_hand, -1, -2)
+        sockets = np.zeros((len(hand), 3, 2, 3))
+        sockets[np.arange(len(hand)), :, self.side] = -np.eye(3)
+        jacobian = {
+            "tool": hand.R,
+            "robot": by_hand @ self.hands.jacobian(values),
+            "sockets": sockets.reshape(-1, 3, 6),
+        }
+        member = {"sockets": self.location}
+        residual = hand @ tool - places[self.location, self.side]
+        return Linearised(residual, jacobian, noise + self.seat_mm**2 * np.eye(3), member)
+
+
+@dataclass(frozen=True, eq=False)
+class KnownDistance:
+    """The evidence that the two sockets of each ``paired`` (L,) location are ``distance_mm`` apart."""
+
+    paired: Mask
+    distance_mm: float
+
+    def linearise(self, state: State) -> Linearised:
+        """No evidence where there is one socket alone."""
+        places = state.vector("sockets").reshape(-1, 2, 3)
+        between = places[:, 1] - places[:, 0]
+        length = np.linalg.norm(between, axis=1)
+        unit = between / np.maximum(length, 1e-9)[:, None] * self.paired[:, None]
+        residual = ((length - self.distance_mm) * self.paired)[:, None]
+        variance = np.full((len(length), 1, 1), _DISTANCE_SIGMA_MM**2)
+        jacobian = {"sockets": np.concatenate([-unit, unit], 1)[:, None, :]}
+        return Linearised(residual, jacobian, variance, {"sockets": np.arange(len(length))})
+
+
+@dataclass(frozen=True, eq=False)
+class ClosureProblem:
+    """Configurations of the sockets of some locations, with what is known beforehand.
+
+    paired (L,): locations with two sockets, ``distance_mm`` apart where that is known. prior_sigma (P,): of the robot.
+    """
+
+    seated: Seated
+    places: tuple[str, ...]
+    paired: Mask
+    distance_mm: float | None
+    prior_sigma: Array
+
+
+def closure_problem(
+    sockets: Sequence[Socket],
+    robot: Robot,
+    distance_mm: float | None,
+    prior_scale: float,
+    seat_mm: float,
+    beta_sigma_rad: float = 0.0,
+) -> ClosureProblem:
+    """The problem of some sockets; the two sockets of a location that has two are ``distance_mm`` apart."""
+    if len(sockets) == 0:
+        raise InputError("no sockets were given: each needs the joint readings of at least three configurations")
+    places = tuple(dict.fromkeys(s.location for s in sockets))
+    seen: dict[str, int] = {}
+    location, side = [], []
+    for s in sockets:
+        number = seen.setdefault(s.location, 0)
+        if number > 1:
+            raise InputError(f'location "{s.location}" has more than two sockets: give each base its own location')
+        seen[s.location] += 1
+        location += [places.index(s.location)] * len(s.joints_rad)
+        side += [number] * len(s.joints_rad)
+    hands = Hands(with_beta_prior(robot, beta_sigma_rad), np.concatenate([s.joints_rad for s in sockets]))
+    seated = Seated(hands, np.array(location, dtype=np.intp), np.array(side, dtype=np.intp), seat_mm)
+    paired = np.array([seen[place] == 2 for place in places])
+    return ClosureProblem(seated, places, paired, distance_mm, prior_scale * hands.sigma)
+
+
+def solve_closure(problem: ClosureProblem, estimated: Mask) -> ClosureFit:
+    """Tool, sockets and the ``estimated`` (P,) robot parameters from all configurations, the trusted ones most."""
+    p = problem
+    unknowns = Unknowns(
+        (
+            Block.vector("tool", np.full(3, np.inf)),
+            Block.vector("robot", p.prior_sigma, free=estimated),
+            Block.vector("sockets", np.full(6, np.inf), members=p.places),
+        )
+    )
+    values = np.zeros(len(p.prior_sigma))
+    sockets = socket_means(p, p.seated.hands.pose(values).t)
+    start = State({"tool": np.zeros(3), "robot": values, "sockets": sockets.reshape(-1, 6)})
+    known = [] if p.distance_mm is None else [KnownDistance(p.paired, p.distance_mm)]
+    result = engine.solve(
+        [p.seated, *known],
+        unknowns,
+        start,
+        losses=[engine.cauchy(_CAUCHY), *(None for _ in known)],
+        max_iterations=_MAX_ITERATIONS,
+        tolerance=_TOLERANCE,
+        plain_iterations=_PLAIN_ITERATIONS,
+    )
+    return _fit(p, result)
+
+
+def positions(robot: Robot, joints_rad: Array, tool_mm: Array) -> Array:
+    """Places (N, 3) [mm] of the tool's point in the base."""
+    return robot.pose(joints_rad) @ tool_mm
+
+
+def socket_means(p: ClosureProblem, points_mm: Array) -> Array:
+    """Mean point (L, 2, 3) of each location's two sockets, zero where there is none."""
+    out = np.zeros((len(p.paired), 2, 3))
+    for k in range(len(out)):
+        for side in range(2 if p.paired[k] else 1):
+            out[k, side] = points_mm[(p.seated.location == k) & (p.seated.side == side)].mean(axis=0)
+    return out
+
+
+def _fit(p: ClosureProblem, result: engine.Result) -> ClosureFit:
+    state, residual, n = result.state, result.linearised[0].residual, len(p.seated.location)
+    white = (result.whites[0] @ residual[..., None])[..., 0]
+    chi2 = float(np.sum(white**2)) / max(3 * n - 3 - 3 * (len(p.paired) + int(p.paired.sum())), 1)
+    return ClosureFit(
+        tool_mm=state.vector("tool"),
+        sockets_mm=state.vector("sockets").reshape(-1, 2, 3),
+        robot=p.seated.hands.robot.corrected(state.vector("robot")),
+        parameters=state.vector("robot"),
+        residual_mm=residual,
+        rms_mm=float(np.sqrt(np.mean(np.sum(residual**2, axis=1)))),
+        evidence=engine.evidence(result),
+        tool_covariance=engine.covariance(result).noise_of("tool") * max(1.0, chi2),
+        chi2_per_dof=chi2,
+        weight=result.weights[0],
+        converged=result.converged,
+    )

@@ -1,0 +1,36 @@
+"""The one least-squares engine: terms and named unknowns in, a result with its covariance out."""
+
+from calib.engine.covariances import Covariance, covariance, deviance, evidence, scaled_condition
+from calib.engine.members import MembersResult, solve_members
+from calib.engine.normal import (
+    GroupNormals,
+    Normal,
+    considered_covariance,
+    group_normals,
+    normal_step,
+    reduced,
+    scaled_solve,
+)
+from calib.engine.solve import Loss, Result, cauchy, solve, total_cost
+
+__all__ = [
+    "Covariance",
+    "GroupNormals",
+    "Loss",
+    "MembersResult",
+    "Normal",
+    "Result",
+    "cauchy",
+    "considered_covariance",
+    "covariance",
+    "deviance",
+    "evidence",
+    "group_normals",
+    "normal_step",
+    "reduced",
+    "scaled_condition",
+    "scaled_solve",
+    "solve",
+    "solve_members",
+    "total_cost",
+]

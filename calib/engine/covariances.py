@@ -1,0 +1,134 @@
+"""What a solution knows: covariances with considered parameters, conditions, the likelihood of its noise."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.engine.normal import (
+    considered_covariance,
+    departure,
+    reduced,
+    reduced_gradient,
+    scaled_solve,
+    total_normal,
+    whitener,
+)
+from calib.engine.solve import Result
+from geometry import Linearised, Unknowns
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Covariance:
+    """Covariances by block name, in the tangent of each block.
+
+    total, noise (C, C): of the common unknowns, with the errors of considered ones and from noise alone; zero rows for
+    what was not estimated. separate: by block (L, n, n), considered errors included.
+    """
+
+    unknowns: Unknowns
+    total: Array
+    noise: Array
+    separate: Mapping[str, Array]
+
+    def of(self, name: str) -> Array:
+        """Covariance of a block: (n, n), or (L, n, n) of its members."""
+        if name in self.separate:
+            return self.separate[name]
+        i = self.unknowns[name]
+        return self.total[i, i]
+
+    def noise_of(self, name: str) -> Array:
+        """Covariance (n, n) of a common block from noise alone."""
+        i = self.unknowns[name]
+        return self.noise[i, i]
+
+    def sigma(self, name: str) -> Array:
+        """σ (n,) of a common block: after the data where it was estimated, else its prior's."""
+        block = self.unknowns.block(name)
+        return np.where(block.free, np.sqrt(np.diag(self.of(name))), block.sigma)
+
+
+def covariance(result: Result) -> Covariance:
+    """Covariances at a solution (Schmidt's consider analysis for what was left at its start under a prior)."""
+    u = result.unknowns
+    schur, gains = reduced(result.normal)
+    free, considered = u.free, u.considered
+    coupling, sigma = schur[np.ix_(free, considered)], u.sigma[considered]
+    noise = scaled_solve(schur[np.ix_(free, free)], np.eye(int(free.sum())))
+    total, from_noise = np.zeros((u.size, u.size)), np.zeros((u.size, u.size))
+    from_noise[np.ix_(free, free)] = noise
+    total[np.ix_(free, free)] = considered_covariance(noise, coupling, sigma)
+    shift = -noise @ (coupling * sigma)  # of the free unknowns, for each considered one's σ
+    separate = {}
+    for name, gain in gains.items():
+        # a member's own error: η = -own⁻¹ (g + crossᵀ c), with c the errors of the common unknowns
+        to_free = np.swapaxes(gain[:, free], -1, -2)  # (L, n, C_free)
+        bias = -to_free @ shift - np.swapaxes(gain[:, considered], -1, -2) * sigma
+        own = np.linalg.inv(result.normal.own[name])
+        separate[name] = own + to_free @ noise @ np.swapaxes(to_free, -1, -2) + bias @ np.swapaxes(bias, -1, -2)
+    return Covariance(u, total, from_noise, separate)
+
+
+def scaled_condition(result: Result, name: str) -> float:
+    """Condition number of a common block's scaled Jacobian once everything else that is free is marginalised."""
+    u = result.unknowns
+    schur, _ = reduced(result.normal)
+    mine = u.indices(name, u.block(name).free)
+    rest = np.setdiff1d(np.flatnonzero(u.free), mine)
+    block = schur[np.ix_(mine, mine)]
+    if len(rest):
+        cross = schur[np.ix_(mine, rest)]
+        block = block - cross @ scaled_solve(schur[np.ix_(rest, rest)], cross.T)
+    scale = 1 / np.sqrt(np.maximum(np.diag(block), 1e-300))
+    values = np.linalg.eigvalsh(block * scale[:, None] * scale)
+    return float(np.sqrt(values[-1] / values[0])) if values[0] > 1e-16 * values[-1] else float("inf")
+
+
+def deviance(result: Result, linearised: Sequence[Linearised] | None = None) -> float:
+    """Minus twice the restricted log-likelihood (up to a constant) of the noise, at the linearised solution.
+
+    linearised: the result's own with other covariances, to compare one noise with another. All unknowns are integrated
+    out: log|S| + log|H| + the cost once they are solved for.
+
+    References
+    ----------
+    Patterson & Thompson, Biometrika 58 (1971) 545.
+    """
+    lins = result.linearised if linearised is None else tuple(linearised)
+    u, state = result.unknowns, result.state
+    whites = [whitener(lin.covariance) for lin in lins]
+    normal = total_normal(u, state, lins, whites, u.free)
+    schur, gains = reduced(normal)
+    gradient = reduced_gradient(normal, gains)
+    free = u.free & (np.diag(schur) > 0)  # an open direction saves nothing
+    information = schur[np.ix_(free, free)]
+    saved = float(gradient[free] @ scaled_solve(information, gradient[free]))
+    determinants = float(np.linalg.slogdet(information)[1])
+    for name, own in normal.own.items():
+        g = normal.own_gradient[name]
+        saved += float(np.sum(g * np.linalg.solve(own, g[..., None])[..., 0]))
+        determinants += float(np.sum(np.linalg.slogdet(own)[1]))
+    cost = float(u.prior_weight @ departure(u, state) ** 2)
+    for lin, white in zip(lins, whites, strict=True):
+        w = white @ lin.residual[..., None]
+        cost += float(np.vdot(w, w))
+        determinants -= 2 * float(np.sum(np.log(np.diagonal(white, axis1=-2, axis2=-1))))
+    return cost - saved + determinants
+
+
+def evidence(result: Result) -> float:
+    """Minus twice the log marginal likelihood (up to a constant), comparable between priors and models on like data."""
+    u = result.unknowns
+    schur, _ = reduced(result.normal)
+    known = u.free & np.isfinite(u.sigma)
+    total = result.cost + float(np.linalg.slogdet(schur[np.ix_(u.free, u.free)])[1])
+    total += 2 * float(np.sum(np.log(u.sigma[known])))
+    total += sum(float(np.sum(np.linalg.slogdet(own)[1])) for own in result.normal.own.values())
+    diagonals = (np.diagonal(white, axis1=-2, axis2=-1) for white in result.whites)
+    return total - 2 * sum(float(np.sum(np.log(d))) for d in diagonals)
