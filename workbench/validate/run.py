@@ -31,6 +31,7 @@ class Validation:
 def validate_drawn(sensor: str, jig: str, frames: int, seed: int, settings: Settings, progress: Progress) -> Validation:
     """Validate on frames drawn for a sensor and a jig."""
     seen_by = find_sensor(sensor)
+    seen_by.require_camera()
     settings = replace(settings, extraction=with_known_grain(seen_by, settings.extraction))
     drawn = list(draw_frames(seen_by, find_emulator(sensor), find_jig(jig), frames, seed))
     measured = measure_drawn(drawn, settings, progress)
