@@ -35,7 +35,34 @@ class Found:
 
 
 def search(task: Task, start: ExtractionConfig, trials: int, seed: int, journal: Path, progress: Progress) -> Found:
-    """Minimise the loss on the training part, beginning at ``start``, until ``trials`` are in ``journal``."""
+    """Minimise the loss on the training part, trial by trial.
+
+    Parameters
+    ----------
+    task
+        The images.
+    start
+        The first trial.
+    trials
+        How many must stand in the journal in the end.
+    seed
+        Of the sampler; another seed is another study.
+    journal
+        Kept after every trial; the same search goes on from it.
+    progress
+        Told the trials done, the trials in all and the best loss [mm].
+
+    Returns
+    -------
+    SearchResult
+        The best parameters; an interrupted search gives those it has.
+
+    Raises
+    ------
+    MissingDependencyError, InputError
+        Where the extra ``tune`` is missing, or the journal can not be written or is damaged.
+
+    """
     optuna = _optuna()
     dimensions = space(type(start))
     with warnings.catch_warnings():
