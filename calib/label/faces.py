@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import product
 
 import numpy as np
@@ -77,7 +78,8 @@ def _rods_at(jig: Jig, anchor: int) -> list[int]:
     return [int(s) for s in np.flatnonzero(upright & (here[0] | here[1]))]
 
 
-def face_pairs(jig: Jig) -> list[tuple[PillarFace, PillarFace]]:
+@lru_cache(maxsize=64)
+def face_pairs(jig: Jig) -> tuple[tuple[PillarFace, PillarFace], ...]:
     """Pairs of faces, both turned so that their first rod is the one they share."""
     out: list[tuple[PillarFace, PillarFace]] = []
     known = faces(jig)
@@ -85,7 +87,7 @@ def face_pairs(jig: Jig) -> list[tuple[PillarFace, PillarFace]]:
         for other in known[n + 1 :]:
             for a in (one, one.turned()):
                 out.extend((a, b) for b in (other, other.turned()) if a.rods[0] == b.rods[0])
-    return out
+    return tuple(out)
 
 
 def collinear_triples(yz_mm: Array, min_mm: float, max_mm: float, tolerance_mm: float) -> Triples:

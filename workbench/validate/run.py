@@ -51,6 +51,7 @@ def validate_drawn(sensor: str, jig: str, frames: int, seed: int, settings: Sett
 
     """
     seen_by = find_sensor(sensor)
+    seen_by.require_camera()
     settings = replace(settings, extraction=with_known_grain(seen_by, settings.extraction))
     drawn = list(draw_frames(seen_by, find_emulator(sensor), find_jig(jig), frames, seed))
     measured = measure_drawn(drawn, settings, progress)
