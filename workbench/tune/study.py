@@ -24,7 +24,7 @@ RANDOM_TRIALS = 16  # two for each dimension before the estimator models them, a
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class SearchResult:
     """What the search ended with. ``trials``: finished ones in the file; ``resumed``: of those, from earlier runs."""
 
     config: ExtractionConfig
@@ -34,7 +34,9 @@ class Found:
     interrupted: bool
 
 
-def search(task: Task, start: ExtractionConfig, trials: int, seed: int, journal: Path, progress: Progress) -> Found:
+def search(
+    task: Task, start: ExtractionConfig, trials: int, seed: int, journal: Path, progress: Progress
+) -> SearchResult:
     """Minimise the loss on the training part, trial by trial.
 
     Parameters
@@ -75,7 +77,7 @@ def search(task: Task, start: ExtractionConfig, trials: int, seed: int, journal:
     if not any(t.value is not None and t.state.name == "COMPLETE" for t in study.trials):
         raise InputError("the search was interrupted before its first trial ended")
     best = with_values(start, {d.key: study.best_trial.params[d.key] for d in dimensions})
-    return Found(best, float(study.best_value), len(_finished(study)), resumed, interrupted)
+    return SearchResult(best, float(study.best_value), len(_finished(study)), resumed, interrupted)
 
 
 def _optuna() -> Any:
