@@ -49,7 +49,7 @@ def kernel(
         Of numbers, arrays and named tuples of them; calls numpy, `math` and other kernels only. Classes of named tuples
         that it is given are imported by its module, so that their changes are noticed.
     fastmath : bool
-        Sums may be reordered for the vector unit: only where NaN and infinity can not occur.
+        Values are taken for finite: only where NaN and infinity can not occur. Sums keep their order.
     inline : bool
         Written out in its callers, as numba's `inline="always"`; without, the compiler decides by itself.
     parallel : bool
