@@ -16,8 +16,8 @@ import numpy as np
 
 from calib import CalibConfig
 from calib.synthetic.cell import (
+    CellFrames,
     Noise,
-    Observed,
     SyntheticCell,
     axis_points,
     calibrated,
@@ -164,7 +164,7 @@ def main() -> None:
         observed = observe(cell, made, rng, NOISE)
         for name, spoil in spoils().items():
             frames, jig, robot = spoil(observed.frames, cell, rng)
-            spoilt = Observed(frames, observed.sensor, observed.T_hand_sensor_design)
+            spoilt = CellFrames(frames, observed.sensor, observed.T_hand_sensor_design)
             verdict = calibrated(spoilt, jig, robot).verdict
             codes[name][verdict.code] += 1
             named[name] += NAMED.get(name, "no cause to name") in verdict.text

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from calib.pose.candidates import JigPoseResult
 from calib.pose.closed_form import closed_forms
-from calib.pose.crossings import crossings
+from calib.pose.crossing import crossings
 from calib.pose.fit import jig_pose
 from calib.pose.solver import PoseProblem, solve_poses
 from calib.pose.starts import pencil_starts

@@ -17,8 +17,7 @@ from pathlib import Path
 import numpy as np
 import psutil
 
-from workbench.campaign.plan import Plan
-from workbench.campaign.runner import run_campaign
+from workbench.campaign import Plan, run_campaign
 
 MEGA = 2**20
 

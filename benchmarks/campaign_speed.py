@@ -21,8 +21,7 @@ from pathlib import Path
 
 import numpy as np
 
-from workbench.campaign.plan import Plan
-from workbench.campaign.runner import run_campaign
+from workbench.campaign import Plan, run_campaign
 
 SHARD = {"calibrate": 2, "extract": 16}
 PER_COMPLETE = 16  # extraction trials for each complete one

@@ -18,21 +18,22 @@ mpl.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 
-from workbench.campaign.advice import advice, reached
-from workbench.campaign.summary import (
+from workbench.campaign import (
     LEVEL,
+    AskedAccuracy,
     Run,
-    Target,
+    advice,
     consistency,
     proportion_band,
     quantile_band,
+    reached,
     read_run,
     verdicts,
 )
 
 POSES, TILT, ARM, MODEL = "poses.per_location", "poses.tilt_max_deg", "robot.error_scale", "calib.model"
 TOLERANCE, STRING = "jig.tolerance_mm", "jig.string_diameter_mm"
-TARGETS = (Target(0.1, 0.03), Target(0.2, 0.05), Target(0.5, 0.1))
+TARGETS = (AskedAccuracy(0.1, 0.03), AskedAccuracy(0.2, 0.05), AskedAccuracy(0.5, 0.1))
 COLOURS = {(1.0, "scp"): "#c2571a", (1.0, "full"): "#2563a8", (0.2, "scp"): "#c9a227", (0.2, "full"): "#2d8a57"}
 RESAMPLES = 2000
 

@@ -16,7 +16,7 @@ from geometry import Pose
 from perceptron_emu import EmulatorConfig, Scene, render
 from perceptron_emu.solids import PanelPair
 from workbench.files import read_sensor
-from workbench.report.gapflush_picture import draw_gap_flush
+from workbench.report import draw_gap_flush
 
 PANELS = PanelPair(gap_mm=4.0, flush_mm=1.2, radii_mm=(1.5, 2.5))
 

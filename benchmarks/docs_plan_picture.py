@@ -16,9 +16,9 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from geometry import Pose
-from workbench.cell.starter import write_starter
+from workbench.cell import write_starter
 from workbench.files import read_cell
-from workbench.plan.propose import best_plan, candidates, plan_limits
+from workbench.plan import best_plan, candidates, plan_limits
 
 ARROW_MM = 60.0
 

@@ -27,15 +27,13 @@ import numpy as np
 from rendered_strings import random_thread
 
 from calib import Observed, calibrate
+from calib.config import SurfaceConfig
 from calib.label.surface_offset import surface_offset
-from calib.surface_config import SurfaceConfig
 from extraction import ExtractionConfig, extract
 from geometry import Frame, PerceptronEmuError, Pose
 from perceptron_emu import ALUMINIUM, Material, Solid, panel
-from workbench.campaign.emulated import EmulatedCell, emulated_cell
-from workbench.campaign.settings import TrialSettings
-from workbench.campaign.trial import render_frame
-from workbench.cell.speckle import dataset_config
+from workbench.campaign import EmulatedCell, TrialSettings, emulated_cell, render_frame
+from workbench.cell import dataset_config
 from workbench.compare import VISIBLE, NamedPoints, match, true_strings
 
 SETTINGS = TrialSettings.model_validate({"clutter": True, "poses": {"plans": 6}})

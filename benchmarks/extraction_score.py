@@ -17,8 +17,8 @@ from extraction_cells import drawn_cell
 
 from extraction import ExtractionConfig, extract
 from geometry import SurfacePoints
-from workbench.campaign.trial import render_frame
-from workbench.compare.match import GATE_PX, VISIBLE
+from workbench.campaign import render_frame
+from workbench.compare import GATE_PX, VISIBLE
 
 TABLES = ("score", "doubt")
 FACTORS = (0.5, 2.0)

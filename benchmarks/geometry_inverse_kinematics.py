@@ -14,7 +14,7 @@ from scipy.optimize import least_squares
 
 import assets
 from geometry import DhRobot, Pose, inverse_kinematics
-from workbench.files.robot_file import read_robot
+from workbench.files import read_robot
 
 GOALS, PEER_GOALS, STARTS = 1000, 5, 24
 ATOL_MM = 1e-6

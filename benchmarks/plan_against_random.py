@@ -25,12 +25,20 @@ from calib.bundle.solution import solve_problem
 from calib.synthetic.cell import axis_points
 from geometry import Pose, draw_errors, stack_poses
 from jig_cad import sample_tolerance
-from workbench.cell.locating import located
-from workbench.cell.starter import write_starter
+from workbench.cell import located, write_starter
 from workbench.files import Cell, read_cell
-from workbench.plan.choose import LEVER_MM, RANDOM_PLANS, random_plans, size_mm
-from workbench.plan.expected import expected_points
-from workbench.plan.propose import ViewPools, best_plan, candidates, plan_limits, pooled
+from workbench.plan import (
+    LEVER_MM,
+    RANDOM_PLANS,
+    ViewPools,
+    best_plan,
+    candidates,
+    expected_points,
+    plan_limits,
+    pooled,
+    random_plans,
+    size_mm,
+)
 
 PER_LOCATION = 7
 BLOCKS = 10  # of as many draws as each random plan gets, for the planned views

@@ -19,7 +19,7 @@ from extraction.spots.prepare import prepare
 from geometry import Pose, Sensor, SurfacePoints, exp_so3
 from jig_cad import Jig
 from perceptron_emu import EmulatorConfig, Material, RenderedFrame, Scene, render
-from workbench.cell.presets import find_emulator, find_sensor
+from workbench.cell import find_emulator, find_sensor
 
 Array = NDArray[np.float64]
 

@@ -22,18 +22,21 @@ from geometry import Sensor, draw_errors
 from jig_cad import Jig, sample_tolerance
 from perceptron_emu import EmulatorConfig
 from workbench import defaults
-from workbench.cell.presets import DESIGN_SCP, find_robot, find_sensor
-from workbench.cell.starter import PLACES, place_of_jig
-from workbench.cell.surroundings import jig_bodies, sees_all_strings, wall_behind
-from workbench.emulate.record import TrueCell, record, with_joint_noise
-from workbench.files import Cell
-from workbench.files.sensor_file import stated_optics
-from workbench.opened.image_set import ImageRequest, open_images
-from workbench.plan.views import ViewProblem, plan_views
-from workbench.tune.cost import Score
-from workbench.tune.judge import judge
-from workbench.tune.search import search
-from workbench.tune.task import make_task
+from workbench.cell import (
+    DESIGN_SCP,
+    PLACES,
+    find_robot,
+    find_sensor,
+    jig_bodies,
+    place_of_jig,
+    sees_all_strings,
+    wall_behind,
+)
+from workbench.emulate import TrueCell, record, with_joint_noise
+from workbench.files import Cell, stated_optics
+from workbench.opened import ImageRequest, open_images
+from workbench.plan import ViewProblem, plan_views
+from workbench.tune import Score, judge, make_task, search
 
 PER_LOCATION = 8
 WRONG = {

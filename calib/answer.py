@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from calib.config import CalibConfig
 from calib.figures import Fit, agreeing_pose, fit_location, max_deviation, spread_3d
 from calib.hands import chain_poses
-from calib.pose.own import own_poses
+from calib.pose import own_poses
 from calib.result import CalibrationResult, DesignSolved, Distances, Estimate, LocationResult, Verdict
 from geometry import Frame, Pose, Robot, SheetPoints, Target, locations_of, stack_poses
 

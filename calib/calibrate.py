@@ -6,19 +6,24 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from calib.answer import answer, location_pose
-from calib.bundle.answer import bundle_estimate, bundle_facts
-from calib.bundle.solution import Solution, make_bundle, solve_problem
+from calib.bundle import Solution, make_bundle, solve_problem
 from calib.config import CalibConfig, Model
 from calib.given_places import given_place_notes
 from calib.hands import hand_pose_notes, placed, with_joints
-from calib.judge.culprit import culprit
-from calib.judge.culprit_jig import wrong_jig
-from calib.judge.model_choice import choose_model, left_out_rms
-from calib.judge.verdict import frames_motion, judge, judge_motion, misfit_limit
-from calib.label.all_frames import label_frames
-from calib.label.relabel import relabel, settled
-from calib.paper.check import checked
-from calib.paper.estimate import Starts, paper_estimate, paper_frames
+from calib.judge import (
+    bundle_estimate,
+    bundle_facts,
+    choose_model,
+    culprit,
+    frames_motion,
+    judge,
+    judge_motion,
+    left_out_rms,
+    misfit_limit,
+    wrong_jig,
+)
+from calib.label import label_frames, relabel, settled
+from calib.paper import Starts, checked, paper_estimate, paper_frames
 from calib.result import CalibrationResult, Estimate, Verdict
 from geometry import Frame, InputError, Pose, Robot, Sensor, Target, locations_of
 from jig_cad import Jig

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,7 +42,7 @@ class OffsetsFromTarget:
         """Perpendicular offsets (N, c)."""
         return self.target.offset(state.pose("target").inverse() @ self.points_mm, self.feature)[0]
 
-    def linearise(self, state: State, wanted: Collection[str] | None = None) -> Linearised:
+    def linearise(self, state: State) -> Linearised:
         """With T·Exp((ρ, ω)) a point q, target axes, moves by -(ρ + ω × q)."""
         q = state.pose("target").inverse() @ self.points_mm
         offset, gradient = self.target.offset(q, self.feature)

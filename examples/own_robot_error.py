@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from calib import CalibConfig
-from calib.synthetic.cell import Noise, calibrated, industrial_arm, made_cell, observe, random_cell
+from calib.synthetic import Noise, calibrated, industrial_arm, made_cell, observe, random_cell
 from geometry import JointDeviation, Parameter
 
 JOINT, SIGMA_RAD = 1, 1e-3  # counted from 0; what such a gear may do: 0.06°

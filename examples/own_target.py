@@ -11,7 +11,7 @@ from calib import CalibConfig, calibrate
 from extraction import extract_profile
 from geometry import AxisPoints, Frame, Pose, Surface, draw_errors, exp_so3, inverse_kinematics
 from perceptron_emu import Scene, Solid, render
-from workbench.cell.presets import find_robot, find_sensor
+from workbench.cell import find_emulator, find_robot, find_sensor
 
 
 class Cylinder(Surface):
@@ -42,7 +42,7 @@ def main() -> float:
     places = {k: Pose(upright, np.array([1600.0, y, 900.0])) for k, y in (("A", -450.0), ("B", 0.0), ("C", 450.0))}
     places["C"] = places["C"] @ Pose(exp_so3(np.array([0.0, 0.0, 1.2])), np.zeros(3))  # one of them lies
     # speckle off: how it ties neighbours along a stripe is not in a profile's σ
-    camera = sensor.emulator.off("speckle")
+    camera = find_emulator("nominal").off("speckle")
     frames: list[Frame] = []
     for location, T_base_target in places.items():
         while sum(f.location == location for f in frames) < 9:
@@ -54,7 +54,7 @@ def main() -> float:
             q = found.joints + rng.normal(size=6) * robot.uncertainty.joint_sigma_rad
             T_sensor_target = (built.pose(q) @ truth).inverse() @ T_base_target
             solid = Solid(pipe, T_sensor_mesh=T_sensor_target @ along_x)
-            profile = extract_profile(render(Scene(sensor.model, solids=(solid,)), camera, rng).image, sensor.model)
+            profile = extract_profile(render(Scene(sensor, solids=(solid,)), camera, rng).image, sensor)
             n = len(profile)
             middle = profile[np.linspace(0.2 * n, 0.8 * n, 40).astype(int)]  # not the rim, where light grazes
             axis = AxisPoints(("surface",) * 40, np.full(40, -1), middle.yz_mm, middle.cov_yz_mm2, ("",) * 40)
@@ -62,7 +62,7 @@ def main() -> float:
     roughly = {
         name: place @ Pose.exp(rng.normal(size=6) * [5, 5, 5, 0.02, 0.02, 0.02]) for name, place in places.items()
     }
-    result = calibrate(frames, target, robot, sensor.model, design, roughly, CalibConfig(model="full"))
+    result = calibrate(frames, target, robot, sensor, design, roughly, CalibConfig(model="full"))
     error = (result.T_hand_sensor.inverse() @ truth).log()
     print(f"verdict: {result.verdict.code}, χ² per degree of freedom {result.chi2_per_dof:.2f}")
     print(f"error {np.round(error[:3], 3)} mm, σ {np.round(np.sqrt(np.diag(result.covariance))[:3], 3)} mm")

@@ -6,8 +6,8 @@ from calib import calibrate
 from extraction import extract
 from geometry import Frame, Pose
 from perceptron_emu import Scene, render
-from workbench.cell.presets import find_emulator, find_jig, find_robot, find_sensor
-from workbench.plan.views import ViewProblem, plan_views
+from workbench.cell import find_emulator, find_jig, find_robot, find_sensor
+from workbench.plan import ViewProblem, plan_views
 
 rng = np.random.default_rng(7)
 sensor, jig, robot = find_sensor("nominal"), find_jig("paper"), find_robot("abb_irb6640_180_255")

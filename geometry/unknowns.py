@@ -6,7 +6,7 @@ terms. Nobody outside this file knows at which position of a vector a block stan
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Protocol
@@ -82,6 +82,11 @@ class Block:
         """Which components (n,) keep their start and pass their σ on."""
         return ~self.free & (self.sigma > 0) & np.isfinite(self.sigma)
 
+    @cached_property
+    def prior_weight(self) -> Array:
+        """Information (n,) of the priors of what is free."""
+        return prior_weight(self.sigma, self.free)
+
     def at_rest(self) -> Pose | Array:
         """The block's value before anything is known: identities, zeros."""
         shape = (len(self.members),) if self.members else ()
@@ -148,6 +153,11 @@ class Unknowns:
     def considered(self) -> Mask:
         """Which common unknowns (C,) are considered."""
         return np.concatenate([np.zeros(0, dtype=bool), *(b.considered for b in self.common)])
+
+    @cached_property
+    def prior_weight(self) -> Array:
+        """Information (C,) of the priors of what is free; none where nothing is known."""
+        return prior_weight(self.sigma, self.free)
 
     def indices(self, name: str, chosen: Mask | None = None) -> Index:
         """Positions of a common block among the common unknowns, or of its ``chosen`` (n,) components."""
@@ -231,13 +241,14 @@ class Linearised:
 class Term(Protocol):
     """One kind of evidence. A solver sums terms and never asks what they are."""
 
-    def linearise(self, state: State, wanted: Collection[str] | None = None) -> Linearised:
-        """Residuals with Jacobians and covariance; ``wanted``: blocks whose Jacobians are needed, None for all."""
-        ...
+    def linearise(self, state: State) -> Linearised:
+        """Residuals at a state, with their Jacobians and covariance."""
 
-    def residual(self, state: State) -> Array:
-        """The residuals (G, r) alone, for trial steps."""
-        ...
+
+def prior_weight(sigma: Array, free: Mask) -> Array:
+    """1/σ² of what is free and has a prior, else 0."""
+    known = free & (sigma > 0)
+    return np.where(known, 1 / np.where(known, sigma, 1.0) ** 2, 0.0)
 
 
 def _moved(value: Pose | Array, step: Array) -> Pose | Array:

@@ -10,8 +10,7 @@ def main() -> None:
     import assets
     from geometry import Pose
     from perceptron_emu import Scene, render
-    from workbench.cell.pipeline import observe, solve
-    from workbench.cell.surroundings import jig_bodies
+    from workbench.cell import jig_bodies, observe, solve
     from workbench.files import read_cell
 
     cell = read_cell(assets.path("samples", "cell_a"))

@@ -1,1 +1,39 @@
 """All frames at once: SCP, places of the target, robot and shape, with outliers, noise and covariance."""
+
+from calib.bundle.hands import Hands
+from calib.bundle.information import (
+    FrameInformation,
+    Model,
+    covariances_with,
+    frame_information,
+    observability,
+    scaled,
+    scp_covariance,
+)
+from calib.bundle.on_target import OnTargetLinearised
+from calib.bundle.problem import Bundle, estimated_parameters
+from calib.bundle.robust import solve_robust
+from calib.bundle.solution import Mask, Solution, make_bundle, solve_problem
+from calib.bundle.solve import solve_bundle
+from calib.bundle.starts import chain_start
+
+__all__ = [
+    "Bundle",
+    "FrameInformation",
+    "Hands",
+    "Mask",
+    "Model",
+    "OnTargetLinearised",
+    "Solution",
+    "chain_start",
+    "covariances_with",
+    "estimated_parameters",
+    "frame_information",
+    "make_bundle",
+    "observability",
+    "scaled",
+    "scp_covariance",
+    "solve_bundle",
+    "solve_problem",
+    "solve_robust",
+]

@@ -78,7 +78,15 @@ class Hands:
         key = values.tobytes()
         known = self._last.get(what)
         if known is None or known[0] != key:
-            compute = self.robot.pose if what == "pose" else self.robot.parameter_jacobian
-            known = key, compute(self.readings, values)
+            robot = self._corrected(key, values)
+            compute = robot.pose if what == "pose" else robot.parameter_jacobian
+            known = key, compute(self.readings)
             self._last[what] = known
         return known[1]
+
+    def _corrected(self, key: bytes, values: Array) -> Robot:
+        known = self._last.get("robot")
+        if known is None or known[0] != key:
+            known = key, self.robot.corrected(values) if np.any(values) else self.robot
+            self._last["robot"] = known
+        return known[1]  # type: ignore[return-value] # a Robot is kept under "robot"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -93,7 +92,7 @@ class OnTarget:
         f, m, k = found.residual.shape
         return found.residual.reshape(f, m * k)
 
-    def linearise(self, state: State, wanted: Collection[str] | None = None) -> OnTargetLinearised:
+    def linearise(self, state: State) -> OnTargetLinearised:
         """Residuals (F, r), their Jacobians, and their covariance with the hand's."""
         T = self.T_sensor_target(state)
         found = self.target.predict(T, state.vector(self.shape_block), self.points)
@@ -104,11 +103,10 @@ class OnTarget:
         twists = self.hands.jacobian(state.vector("robot"))
         jacobian = {
             "scp": -twist,
+            "robot": hand @ twists,
             self.place_block: place,
             self.shape_block: found.by_shape.reshape(f, m * k, found.by_shape.shape[-1]),
         }
-        if wanted is None or "robot" in wanted:
-            jacobian["robot"] = hand @ twists
         member = {self.place_block: self.member}
         noise = self.covariance(found.by_point, hand)
         residual = found.residual.reshape(f, m * k)

@@ -1,1 +1,10 @@
 """Fixed-point closure: a tool's point seated again and again in the same socket, joint readings alone."""
+
+from calib.closure.judge import ClosureResult, closure
+from calib.closure.terms import Socket
+
+__all__ = [
+    "ClosureResult",
+    "Socket",
+    "closure",
+]

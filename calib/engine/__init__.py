@@ -1,6 +1,6 @@
 """The one least-squares engine: terms and named unknowns in, a result with its covariance out."""
 
-from calib.engine.covariance import Covariance, covariance, deviance, evidence, scaled_condition
+from calib.engine.covariances import Covariance, covariance, deviance, evidence, scaled_condition
 from calib.engine.members import MembersResult, solve_members
 from calib.engine.normal import (
     GroupNormals,

@@ -121,12 +121,6 @@ def departure(unknowns: Unknowns, state: State) -> Array:
     return out
 
 
-def prior_weights(sigma: Array, free: Mask) -> Array:
-    """Information of the priors of what is free; none where nothing is known."""
-    known = free & (sigma > 0)
-    return np.where(known, 1 / np.where(known, sigma, 1.0) ** 2, 0.0)
-
-
 def reduced(normal: Normal, damping: float = 0.0) -> tuple[Array, dict[str, Array]]:
     """Schur complement on the common unknowns (C, C), and cross · own⁻¹ (L, C, n) of every separate block."""
     schur = normal.common * (1 + damping * np.eye(len(normal.common)))
@@ -215,11 +209,11 @@ def _add_priors(
     own: Mapping[str, Array],
     own_gradient: Mapping[str, Array],
 ) -> None:
-    weight = prior_weights(unknowns.sigma, unknowns.free)
+    weight = unknowns.prior_weight
     common[np.diag_indices(len(weight))] += weight
     gradient += weight * departure(unknowns, state)
     for block in unknowns.separate:
-        if np.any(weight := prior_weights(block.sigma, block.free)):
+        if np.any(weight := block.prior_weight):
             own[block.name][:] += np.diag(weight)
             if not block.is_pose:
                 own_gradient[block.name][:] += weight * state.vector(block.name)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.engine.normal import Normal, departure, normal_step, prior_weights, total_normal, whitener
+from calib.engine.normal import Normal, departure, normal_step, total_normal, whitener
 from geometry import Linearised, State, Step, Term, Unknowns
 
 Array = NDArray[np.float64]
@@ -97,25 +97,36 @@ def solve(
     """
     problem = _Problem(tuple(terms), unknowns, tuple(losses) if losses else (None,) * len(terms))
     robust = any(loss is not None for loss in problem.losses)
-    here = _Point(problem, start, weighted=robust and plain_iterations == 0)
+    here = _Point.at(problem, problem.linearise(start), weighted=robust and plain_iterations == 0)
     damping, initial, iterations, converged = 0.0, here.cost, 0, False
     while iterations < max_iterations and not converged and damping < _MAX_DAMPING:
         iterations += 1
-        state, damping, step = _advance(here, damping)
-        weighted = robust and iterations >= plain_iterations
+        found, damping, step = _advance(here, damping)
         try:
-            here = _Point(problem, state, weighted)
+            here = _Point.at(problem, found, weighted=robust and iterations >= plain_iterations)
         except np.linalg.LinAlgError:  # the data say nothing there (strings in the sheet): no place to go on from
             break
         converged = step.decrement < tolerance**2 and iterations >= plain_iterations
-    return here.result(initial, iterations, converged)
+    every = np.ones(unknowns.size, dtype=bool)
+    return Result(
+        unknowns,
+        here.found.state,
+        here.found.linearised,
+        here.whites,
+        total_normal(unknowns, here.found.state, here.found.linearised, here.whites, every),
+        here.weights,
+        initial,
+        here.cost,
+        iterations,
+        converged,
+    )
 
 
 def prior_cost(unknowns: Unknowns, state: State) -> float:
     """Squared departures of what is free from its priors, in σ."""
-    total = float(prior_weights(unknowns.sigma, unknowns.free) @ departure(unknowns, state) ** 2)
+    total = float(unknowns.prior_weight @ departure(unknowns, state) ** 2)
     for block in unknowns.separate:
-        if not block.is_pose and np.any(weight := prior_weights(block.sigma, block.free)):
+        if not block.is_pose and np.any(weight := block.prior_weight):
             total += float(np.sum(state.vector(block.name) ** 2 @ weight))
     return total
 
@@ -127,67 +138,63 @@ def total_cost(unknowns: Unknowns, state: State, linearised: Sequence[Linearised
 
 
 @dataclass(frozen=True, eq=False)
+class _Found:
+    """All terms linearised at a state."""
+
+    state: State
+    linearised: tuple[Linearised, ...]
+
+
+@dataclass(frozen=True, eq=False)
 class _Problem:
     terms: tuple[Term, ...]
     unknowns: Unknowns
     losses: tuple[Loss | None, ...]
 
-    @property
-    def estimated(self) -> frozenset[str]:
-        """Names of the blocks of which something is estimated."""
-        return frozenset(b.name for b in self.unknowns.blocks if np.any(b.free))
+    def linearise(self, state: State) -> _Found:
+        """All terms at a state."""
+        return _Found(state, tuple(t.linearise(state) for t in self.terms))
 
-    def cost(self, residuals: Sequence[Array], whites: Sequence[Array], state: State) -> float:
+    def cost(self, found: _Found, whites: Sequence[Array]) -> float:
         """Squared whitened residuals and priors."""
-        whitened = (white @ r[..., None] for r, white in zip(residuals, whites, strict=True))
-        return sum((float(np.vdot(w, w)) for w in whitened), prior_cost(self.unknowns, state))
+        whitened = (white @ lin.residual[..., None] for lin, white in zip(found.linearised, whites, strict=True))
+        return sum((float(np.vdot(w, w)) for w in whitened), prior_cost(self.unknowns, found.state))
 
 
+@dataclass(frozen=True, eq=False)
 class _Point:
-    """The linearised, weighted problem at one state."""
+    """The weighted problem at one state."""
 
-    def __init__(self, problem: _Problem, state: State, weighted: bool) -> None:
-        self.problem, self.state = problem, state
-        self.linearised = tuple(t.linearise(state, problem.estimated) for t in problem.terms)
-        whites = [whitener(lin.covariance) for lin in self.linearised]
-        self.weights = tuple(
-            _weights(lin, white, loss if weighted else None)
-            for lin, white, loss in zip(self.linearised, whites, problem.losses, strict=True)
-        )
-        self.whites = tuple(
-            white if np.all(w == 1) else white * np.sqrt(w)[:, None, None]
-            for white, w in zip(whites, self.weights, strict=True)
-        )
-        self.cost = problem.cost([lin.residual for lin in self.linearised], self.whites, state)
+    problem: _Problem
+    found: _Found
+    whites: tuple[Array, ...]
+    weights: tuple[Array, ...]
+    cost: float
 
-    def normal(self) -> Normal:
-        """The normal equations of what is estimated."""
-        u = self.problem.unknowns
-        return total_normal(u, self.state, self.linearised, self.whites, u.free)
-
-    def result(self, initial_cost: float, iterations: int, converged: bool) -> Result:
-        """The end of the iteration, with the Jacobians of what was not estimated too."""
-        u, lins = self.problem.unknowns, self.linearised
-        if self.problem.estimated != {b.name for b in u.blocks}:
-            lins = tuple(t.linearise(self.state, None) for t in self.problem.terms)
-        normal = total_normal(u, self.state, lins, self.whites, np.ones(u.size, dtype=bool))
-        return Result(
-            u, self.state, lins, self.whites, normal, self.weights, initial_cost, self.cost, iterations, converged
-        )
+    @staticmethod
+    def at(problem: _Problem, found: _Found, weighted: bool) -> _Point:
+        """With the terms' own covariances; LinAlgError where one is none."""
+        whites, weights = [], []
+        for lin, loss in zip(found.linearised, problem.losses, strict=True):
+            white = whitener(lin.covariance)
+            weights.append(_weights(lin, white, loss if weighted else None))
+            whites.append(white if np.all(weights[-1] == 1) else white * np.sqrt(weights[-1])[:, None, None])
+        return _Point(problem, found, tuple(whites), tuple(weights), problem.cost(found, whites))
 
 
-def _advance(here: _Point, damping: float) -> tuple[State, float, Step]:
+def _advance(here: _Point, damping: float) -> tuple[_Found, float, Step]:
     """The first damped step that lowers the cost, at weights held fixed; the same state where none does."""
-    problem, normal = here.problem, here.normal()
+    problem, at = here.problem, here.found
+    normal = total_normal(problem.unknowns, at.state, at.linearised, here.whites, problem.unknowns.free)
     while True:
         step = normal_step(normal, problem.unknowns.free, damping)
-        trial = here.state.moved(problem.unknowns, step)
-        cost = problem.cost([t.residual(trial) for t in problem.terms], here.whites, trial)
+        trial = problem.linearise(at.state.moved(problem.unknowns, step))
+        cost = problem.cost(trial, here.whites)
         if cost <= here.cost * (1 + 1e-12) + 1e-18 or step.decrement < _ROUNDING:
             return trial, 0.0 if damping < 1e-6 else damping / 10, step
         damping = max(10 * damping, 1e-4)
         if damping >= _MAX_DAMPING:
-            return here.state, damping, step
+            return at, damping, step
 
 
 def _weights(lin: Linearised, white: Array, loss: Loss | None) -> Array:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.bundle.solution import Solution
+from calib.bundle import Solution
 from calib.engine import Result, reduced, scaled_solve
 
 Array = NDArray[np.float64]

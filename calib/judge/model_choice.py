@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from calib.bundle.problem import estimated_parameters
-from calib.bundle.solution import Mask, Solution
-from calib.bundle.solve import solve_bundle
+from calib.bundle import Mask, Solution, estimated_parameters, solve_bundle
 from calib.config import CalibConfig, Model
 from calib.engine import Result
 from calib.figures import fit_location

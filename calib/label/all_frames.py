@@ -10,7 +10,7 @@ import numpy as np
 
 from calib.config import CalibConfig
 from calib.label.location import label_location
-from calib.pose.fit import fit_pose
+from calib.pose import fit_pose
 from geometry import (
     NO_POSES,
     AxisPoints,

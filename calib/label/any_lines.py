@@ -24,7 +24,8 @@ IntArray = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 Words = NDArray[np.uint64]
 
-SLOPE_STEP = 0.1  # between planes; a cell then moves a point 50 mm from the middle by 2.5 mm along its string
+CELL_MM = 5.0  # between planes, along x where the jig is widest: half of it is a cell's reach
+SLOPE_STEP = (0.1, 0.5)  # between planes, least and most: for wide jigs the cells grow, for narrow ones they end
 LEVELS = 18  # heights of planes over the jig's extent
 CURVED = 1.2  # of the first-order reach of a cell, for what the second order adds
 BEYOND = 0.05  # share of its length by which a string may be crossed beyond its anchors
@@ -79,6 +80,8 @@ def any_labels(
     if len(spots) < FOUND or count < FOUND:
         return none
     planes = _planes(jig, max_tilt_rad)
+    if len(planes.normal) == 0:
+        return none
     labels, alive = _search(spots, odds, planes, tolerance_mm)
     if len(labels) == 0:
         return none
@@ -114,7 +117,9 @@ def _planes(jig: Jig, max_tilt_rad: float) -> _Planes:
     height = (anchors - middle) @ axis
     step = np.ptp(height) / LEVELS
     levels = np.linspace(height.min(), height.max(), LEVELS + 1)
-    slopes = _slopes(np.tan(max_tilt_rad))
+    sideways = np.linalg.norm((anchors - middle) @ across.T, axis=1)
+    tilt = float(np.clip(CELL_MM / np.max(sideways), *SLOPE_STEP))
+    slopes = _slopes(np.tan(max_tilt_rad), tilt)
     g = np.repeat(slopes, len(levels), axis=0)
     h = np.tile(levels, len(slopes))
 
@@ -129,7 +134,7 @@ def _planes(jig: Jig, max_tilt_rad: float) -> _Planes:
     inside = (share > -BEYOND) & (share < 1 + BEYOND)
     keep = inside.sum(axis=1) >= FOUND
     g, h, points = g[keep], h[keep], np.where(inside[keep, :, None], points[keep], np.nan)
-    half = [SLOPE_STEP / 2, SLOPE_STEP / 2, step / 2]
+    half = [tilt / 2, tilt / 2, step / 2]
     moves = [_apart(cut(g + d[:2], h + d[2])[0]) - _apart(cut(g - d[:2], h - d[2])[0]) for d in np.diag(half)]
     reach = CURVED / 2 * sum(np.abs(m) for m in moves)
     normal = axis - g @ across
@@ -139,11 +144,11 @@ def _planes(jig: Jig, max_tilt_rad: float) -> _Planes:
     return _Planes(normal, e1, np.cross(normal, e1), points, _apart(points), np.asarray(reach))
 
 
-def _slopes(largest: float) -> Array:
+def _slopes(largest: float, step: float) -> Array:
     """Slopes (K, 2) of planes against the jig's cross-section, on a square grid within a disc."""
-    line = SLOPE_STEP * np.arange(-np.ceil(largest / SLOPE_STEP), np.ceil(largest / SLOPE_STEP) + 1)
+    line = step * np.arange(-np.ceil(largest / step), np.ceil(largest / step) + 1)
     grid = np.stack(np.meshgrid(line, line, indexing="ij"), -1).reshape(-1, 2)
-    return np.asarray(grid[np.linalg.norm(grid, axis=1) <= largest + SLOPE_STEP / 2])
+    return np.asarray(grid[np.linalg.norm(grid, axis=1) <= largest + step / 2])
 
 
 def _apart(points: Array) -> Array:

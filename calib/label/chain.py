@@ -8,9 +8,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.config import LabellingConfig
 from calib.label.evidence import Prior
-from calib.pose.departure import departure
-from calib.surface_config import LabellingConfig
+from calib.pose import departure
 from geometry import Pose
 
 Array = NDArray[np.float64]

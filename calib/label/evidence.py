@@ -8,10 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.label.gates import DETECTED
-from calib.pose.departure import departure
-from calib.pose.solver import PoseProblem, PoseSolution, solve_poses
-from calib.pose.starts import pencil_starts
-from calib.pose.weights import whitening
+from calib.pose import PoseProblem, PoseSolution, departure, pencil_starts, solve_poses, whitening
 from geometry import Pose
 from geometry.ties import ascending, first_least_of_each
 from jig_cad import Jig

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import product
 
 import numpy as np
@@ -22,7 +23,7 @@ _SIGNS = np.array([[1.0, 1.0], [1.0, -1.0], [-1.0, 1.0], [-1.0, -1.0]])
 
 
 @dataclass(frozen=True, eq=False)
-class Face:
+class PillarFace:
     """Two rods and the diagonal between them, as indices of the jig's strings.
 
     x0, x1: heights [mm] at which the diagonal meets the first and the second rod. width: between the rods [mm].
@@ -34,9 +35,9 @@ class Face:
     x1: float
     width: float
 
-    def turned(self) -> Face:
+    def turned(self) -> PillarFace:
         """The same face, seen from its other rod."""
-        return Face((self.rods[1], self.rods[0]), self.diagonal, self.x1, self.x0, self.width)
+        return PillarFace((self.rods[1], self.rods[0]), self.diagonal, self.x1, self.x0, self.width)
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +51,7 @@ class Triples:
     length: Array
 
 
-def faces(jig: Jig) -> list[Face]:
+def faces(jig: Jig) -> list[PillarFace]:
     """The faces whose rods and diagonal the jig has: two strings along x, and one from an anchor of each to the other.
 
     The strings' names say nothing here.
@@ -63,7 +64,7 @@ def faces(jig: Jig) -> list[Face]:
                 continue
             apart = jig.starts[v, 1:] - jig.starts[u, 1:]
             width = float(np.linalg.norm(apart))
-            out.append(Face((u, v), k, float(jig.anchors_mm[first, 0]), float(jig.anchors_mm[second, 0]), width))
+            out.append(PillarFace((u, v), k, float(jig.anchors_mm[first, 0]), float(jig.anchors_mm[second, 0]), width))
     return out
 
 
@@ -77,15 +78,16 @@ def _rods_at(jig: Jig, anchor: int) -> list[int]:
     return [int(s) for s in np.flatnonzero(upright & (here[0] | here[1]))]
 
 
-def face_pairs(jig: Jig) -> list[tuple[Face, Face]]:
+@lru_cache(maxsize=64)
+def face_pairs(jig: Jig) -> tuple[tuple[PillarFace, PillarFace], ...]:
     """Pairs of faces, both turned so that their first rod is the one they share."""
-    out: list[tuple[Face, Face]] = []
+    out: list[tuple[PillarFace, PillarFace]] = []
     known = faces(jig)
     for n, one in enumerate(known):
         for other in known[n + 1 :]:
             for a in (one, one.turned()):
                 out.extend((a, b) for b in (other, other.turned()) if a.rods[0] == b.rods[0])
-    return out
+    return tuple(out)
 
 
 def collinear_triples(yz_mm: Array, min_mm: float, max_mm: float, tolerance_mm: float) -> Triples:
@@ -127,7 +129,7 @@ def five_spot_labels(
 
 
 def _match(
-    t: Triples, yz_mm: Array, one: Face, two: Face, jig: Jig, orientation: float, tolerance_mm: float
+    t: Triples, yz_mm: Array, one: PillarFace, two: PillarFace, jig: Jig, orientation: float, tolerance_mm: float
 ) -> tuple[Array, IntArray]:
     a, b = _sharing_first(t)
     cross = _cross(yz_mm[t.j[a]] - yz_mm[t.i[a]], yz_mm[t.j[b]] - yz_mm[t.i[b]])
@@ -147,7 +149,14 @@ def _match(
 
 
 def _misfit(
-    t: Triples, a: IntArray, b: IntArray, one: Face, two: Face, third: Array, width3: float, tolerance_mm: float
+    t: Triples,
+    a: IntArray,
+    b: IntArray,
+    one: PillarFace,
+    two: PillarFace,
+    third: Array,
+    width3: float,
+    tolerance_mm: float,
 ) -> Array:
     """Largest disagreement of five points with the jig, in units of what ``tolerance_mm`` allows; best of four signs.
 

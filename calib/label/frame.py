@@ -12,8 +12,7 @@ from calib.label.faces import face_pairs, five_spot_labels
 from calib.label.gates import DETECTED, gated_labels
 from calib.label.refine import FULL, LabelledFrame, refine_labels, turned_over, upright_turn
 from calib.label.surface_offset import rough_offset
-from calib.pose.fit import MIN_STRINGS
-from calib.pose.weights import anchor_sigma
+from calib.pose import MIN_STRINGS, anchor_sigma
 from geometry import Pose, Sensor, SurfacePoints, skew, stack_poses
 from geometry.ties import ascending
 from jig_cad import Jig

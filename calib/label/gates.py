@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.pose.crossings import crossings_jacobian
+from calib.pose import crossings_jacobian
 from geometry import Pose
 from geometry.ties import ascending
 from jig_cad import Jig

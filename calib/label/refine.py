@@ -14,9 +14,7 @@ from scipy.stats import chi2 as chi2_distribution
 from calib.config import CalibConfig
 from calib.label.evidence import SAME_CHI2, Prior
 from calib.label.surface_offset import axis_points
-from calib.pose.candidates import JigPoseCandidate, JigPoseFit
-from calib.pose.crossings import crossings
-from calib.pose.fit import fit_pose, pose_near
+from calib.pose import JigPoseCandidate, JigPoseFit, crossings, fit_pose, pose_near
 from geometry import AxisPoints, NoAnswerError, Pose, Sensor, SurfacePoints, Symmetry
 from geometry.ties import first_least
 from jig_cad import Jig

@@ -16,8 +16,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.config import CalibConfig
-from calib.surface_config import SurfaceConfig
+from calib.config import CalibConfig, SurfaceConfig
 from geometry import Pose, Sensor, SurfacePoints, cross
 from jig_cad import Jig
 

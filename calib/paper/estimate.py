@@ -8,14 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.bundle.problem import Bundle
-from calib.bundle.solution import make_bundle
-from calib.bundle.starts import chain_start
+from calib.bundle import Bundle, chain_start, make_bundle
 from calib.config import CalibConfig
-from calib.judge.verdict import Facts
+from calib.judge import Facts
 from calib.paper.scp import PaperProblem, PaperResult, PaperSettings, solve_paper
 from calib.paper.spread import PaperSpread, closed_form_derivative, paper_spread
-from calib.pose.closed_form import closed_form_strings, closed_forms
+from calib.pose import closed_form_strings, closed_forms
 from calib.result import Estimate
 from geometry import AxisPoints, Frame, Pose, Robot
 from jig_cad import Jig

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.bundle.hands import Hands
+from calib.bundle import Hands
 from geometry import Pose, skew
 
 Array = NDArray[np.float64]

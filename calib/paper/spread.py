@@ -7,10 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.bundle.on_target import OnTargetLinearised
-from calib.bundle.problem import Bundle
+from calib.bundle import Bundle, OnTargetLinearised
 from calib.paper.scp import PaperResult, pairs
-from calib.pose.closed_form import closed_forms
+from calib.pose import closed_forms
 from geometry import Pose
 from jig_cad import Jig
 

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.pose.candidates import Ambiguity, JigPoseCandidate, JigPoseFit, JigPoseResult
-from calib.pose.departure import departure
 from calib.pose.solver import PoseProblem, PoseSolution, solve_poses
 from calib.pose.starts import grid_starts, pencil_starts
+from calib.pose.tangent import departure
 from calib.pose.weakness import (
     WEAK_CONDITION,
     curved,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import singledispatch
 
@@ -37,11 +37,7 @@ class SeenAlone:
     points: SheetPoints
     target: Target
 
-    def residual(self, state: State) -> Array:
-        """Residuals (F, r) [mm]."""
-        return self.linearise(state).residual
-
-    def linearise(self, state: State, wanted: Collection[str] | None = None) -> Linearised:
+    def linearise(self, state: State) -> Linearised:
         """With the points' own covariance; a point that is absent has no weight and no residual."""
         found = self.target.predict(state.pose("pose"), np.zeros(len(self.target.shape.sigma)), self.points)
         f, m, k = found.residual.shape

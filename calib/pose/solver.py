@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.pose.crossings import crossings
+from calib.pose.crossing import crossings
 from calib.pose.kernel import minimise
 from geometry import Pose, nearest_rotation
 

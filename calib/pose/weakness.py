@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.pose.candidates import JigPoseCandidate, WeakDirection
-from calib.pose.crossings import crossings
+from calib.pose.crossing import crossings
 from calib.pose.solver import PoseProblem
 from geometry import Pose
 from geometry.pose import skew

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.pose.crossings import anchor_jacobian
+from calib.pose.crossing import anchor_jacobian
 from calib.pose.solver import PoseSolution
 from geometry import AxisPoints, Pose
 from jig_cad import Jig

@@ -1,1 +1,21 @@
 """Synthetic cells and views with known truth, without images: for tests, benchmarks and the paper's ensemble."""
+
+from calib.synthetic.cell import DESIGN, TRUTH, Noise, calibrated, industrial_arm, made_cell, observe, random_cell
+from calib.synthetic.ensemble import METHODS, SOURCES, EnsembleRow, largest_deviations, paper_ensemble, poses
+
+__all__ = [
+    "DESIGN",
+    "METHODS",
+    "SOURCES",
+    "TRUTH",
+    "EnsembleRow",
+    "Noise",
+    "calibrated",
+    "industrial_arm",
+    "largest_deviations",
+    "made_cell",
+    "observe",
+    "paper_ensemble",
+    "poses",
+    "random_cell",
+]

@@ -81,7 +81,7 @@ class SyntheticCell:
 
 
 @dataclass(frozen=True, eq=False)
-class Observed:
+class CellFrames:
     """The frames of a synthetic cell with labelled points, the sensor, the SCP by design, and places that are given."""
 
     frames: tuple[Frame, ...]
@@ -91,7 +91,7 @@ class Observed:
 
 
 def calibrated(
-    observed: Observed, target: Target, robot: Robot | None, config: CalibConfig | None = None
+    observed: CellFrames, target: Target, robot: Robot | None, config: CalibConfig | None = None
 ) -> CalibrationResult:
     """``calibrate`` on what was observed of a cell."""
     return calibrate(observed.frames, target, robot, observed.sensor, observed.design, observed.places, config)
@@ -150,7 +150,7 @@ def axis_points(T_sensor_jig: Pose, jig: Jig) -> Array:
     return cross_plane_x0(starts, ends - starts)[0][..., 1:]
 
 
-def observe(cell: SyntheticCell, made: SyntheticCell, rng: np.random.Generator, noise: Noise) -> Observed:
+def observe(cell: SyntheticCell, made: SyntheticCell, rng: np.random.Generator, noise: Noise) -> CellFrames:
     """Frames of the cell as made: true poses move with joint noise, points with point noise; labels are given."""
     true_joints = cell.joints_rad + rng.normal(size=cell.joints_rad.shape) * noise.joint_rad
     if noise.compliance is not None:
@@ -174,7 +174,7 @@ def observe(cell: SyntheticCell, made: SyntheticCell, rng: np.random.Generator, 
         )
         for i in range(len(yz))
     )
-    return Observed(frames, default_sensor(), cell.design)
+    return CellFrames(frames, default_sensor(), cell.design)
 
 
 def pose_cell(

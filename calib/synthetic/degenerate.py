@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.synthetic.cell import Noise, Observed, SyntheticCell, axis_points, default_sensor
+from calib.synthetic.cell import CellFrames, Noise, SyntheticCell, axis_points, default_sensor
 from geometry import AxisPoints, Frame, Pose, cross_plane_x0, exp_so3, stack_poses
 
 Array = NDArray[np.float64]
@@ -16,7 +16,7 @@ _MIRROR_POINT_MM = 0.5  # poor spots: sharp ones tell the mirrors apart by the l
 _PITCH_DEG, _PITCH_STEP_DEG = 20.0, 0.7
 
 
-def mirror_frames(cell: SyntheticCell, rng: np.random.Generator, noise: Noise, frames: int = 3) -> Observed:
+def mirror_frames(cell: SyntheticCell, rng: np.random.Generator, noise: Noise, frames: int = 3) -> CellFrames:
     """Frames of one location that see B' and C' at equal height, turned in the sheet and hardly out of it.
 
     Turned in the sheet alone, the frames' mirror images agree with one another as well as the true poses do. A second
@@ -34,7 +34,7 @@ def mirror_frames(cell: SyntheticCell, rng: np.random.Generator, noise: Noise, f
     return _observed(cell, Ts, rng, replace(noise, point_mm=_MIRROR_POINT_MM))
 
 
-def constant_lever(cell: SyntheticCell, rng: np.random.Generator, noise: Noise, frames: int = 7) -> Observed:
+def constant_lever(cell: SyntheticCell, rng: np.random.Generator, noise: Noise, frames: int = 7) -> CellFrames:
     """Frames of one location in which the jig turns about its own origin, which the sensor sees at one place."""
     found: list[Pose] = []
     pivot = np.array([-cell.jig.height_mm / 2, 0.0, 240.0])
@@ -46,7 +46,7 @@ def constant_lever(cell: SyntheticCell, rng: np.random.Generator, noise: Noise, 
     return _observed(cell, stack_poses(found), rng, noise)
 
 
-def _observed(cell: SyntheticCell, Ts_sensor_jig: Pose, rng: np.random.Generator, noise: Noise) -> Observed:
+def _observed(cell: SyntheticCell, Ts_sensor_jig: Pose, rng: np.random.Generator, noise: Noise) -> CellFrames:
     """Noisy labelled points of frames at one location, with their hand poses as exactly known."""
     jig = cell.T_base_jig["A"]
     hands = jig @ Ts_sensor_jig.inverse() @ cell.T_hand_sensor.inverse()
@@ -64,4 +64,4 @@ def _observed(cell: SyntheticCell, Ts_sensor_jig: Pose, rng: np.random.Generator
         )
         for i in range(len(yz))
     )
-    return Observed(frames, default_sensor(), cell.design)
+    return CellFrames(frames, default_sensor(), cell.design)

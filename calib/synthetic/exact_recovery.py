@@ -7,11 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.bundle.robust import solve_robust
-from calib.bundle.starts import chain_start
+from calib.bundle import chain_start, solve_robust
 from calib.engine import scaled_condition as bundle_condition
-from calib.paper.scp import PaperProblem, differences, scaled_condition, solve_paper
-from calib.pose.closed_form import closed_forms
+from calib.paper import PaperProblem, differences, scaled_condition, solve_paper
+from calib.pose import closed_forms
 from calib.synthetic.cell import DESIGN
 from calib.synthetic.problem import exact_pose_problem
 from jig_cad import Jig

@@ -6,12 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from calib.bundle.hands import Hands
-from calib.bundle.problem import Bundle
+from calib.bundle import Bundle, Hands
 from calib.synthetic.cell import (
+    CellFrames,
     Layout,
     Noise,
-    Observed,
     SyntheticCell,
     axis_points,
     made_cell,
@@ -26,7 +25,7 @@ EXACT = Noise(point_mm=0.0, joint_rad=0.0, robot=False, anchors=False)
 CALIBRATE_ONLY = Layout(places=(("A", "calibrate", 7), ("B", "calibrate", 7), ("C", "calibrate", 7)))
 
 
-def problem_of(observed: Observed, cell: SyntheticCell, role: str = "calibrate") -> Bundle:
+def problem_of(observed: CellFrames, cell: SyntheticCell, role: str = "calibrate") -> Bundle:
     """The bundle's problem of a cell's frames, by its nominal robot and jig."""
     frames = [f for f in observed.frames if f.role == role]
     hands = Hands(cell.robot, np.array([f.joints_rad for f in frames]))

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.label.surface_offset import centroid_offsets
-from calib.pose.crossings import crossings
+from calib.label import centroid_offsets
+from calib.pose import crossings
 from geometry import (
     Camera,
     Pose,
@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class View:
+class JigView:
     """A jig as drawn (or measured) and as made, a sensor, and the pose in which every string crosses the lit sheet."""
 
     jig: Jig
@@ -115,19 +115,19 @@ def random_pose(
 
 def random_view(
     rng: np.random.Generator, six: bool | None = None, tilt_deg: tuple[float, float] = (2.0, 35.0), lines: int = 0
-) -> View:
+) -> JigView:
     """A random sensor that sees all strings of a random pillar, or of so many random ``lines``."""
     while True:
         sensor, distance = random_sensor(rng)
         polygon = field_of_view(sensor)
         jig, made = random_lines(rng, lines) if lines else random_jig(rng, six)
         for _ in range(30):
-            view = View(jig, made, sensor, random_pose(rng, made, distance, tilt_deg))
+            view = JigView(jig, made, sensor, random_pose(rng, made, distance, tilt_deg))
             if np.all(inside_polygon(view.yz_mm, polygon)):
                 return view
 
 
-def observe_spots(view: View, noise: SpotNoise, rng: np.random.Generator) -> LabelledTruth:
+def observe_spots(view: JigView, noise: SpotNoise, rng: np.random.Generator) -> LabelledTruth:
     """The frame's spots, best score first: lit surfaces with noise, and clutter, alone and in rows."""
     strings = view.jig.strings
     thread = noise.thread or (rng.uniform(0.05, 0.7), float(rng.choice([0.0, 0.05, 0.3])), rng.uniform(0.15, 0.5))

@@ -73,6 +73,13 @@ class ProfileOutput:
         if self.field_of_view_mm is not None:
             _check_polygon(self.field_of_view_mm)
 
+    def require_covariance(self) -> Array:
+        """Covariance (2, 2) [mm²] of a point; InputError where its standard deviations are not stated."""
+        for name in ("sigma_y_mm", "sigma_z_mm"):
+            if getattr(self, name) is None:
+                raise InputError(f"the profile sensor's noise is not known: give [profile] {name} in its sensor.toml")
+        return np.diag(np.square(np.array([self.sigma_y_mm, self.sigma_z_mm], dtype=float)))
+
     def require_field_of_view(self) -> Array:
         """The polygon (N, 2) [mm]; InputError where it is not stated."""
         if self.field_of_view_mm is None:

@@ -5,12 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from geometry.errors import InputError
 from geometry.sensor.camera import Camera
 from geometry.sensor.optics import Optics
 from geometry.sensor.profile import ProfileOutput
 from geometry.sensor.sheet import Sheet
 from geometry.sensor.uncertainty import CAMERA_PARAMETERS, SensorUncertainty
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +64,11 @@ class Sensor:
             named = f' "{self.name}"' if self.name else ""
             raise InputError(f"the sensor{named} has no camera: this needs a sensor.toml with [image] and [camera]")
         return self.camera
+
+    @property
+    def viewpoints_mm(self) -> Array:
+        """What a point must lie open to, in {P} (K, 3) [mm]: the emitter, and the camera where there is one."""
+        return np.stack([self.sheet.origin_mm, *([] if self.camera is None else [self.camera.centre_mm])])
 
     def with_camera(self, **changes: Any) -> Sensor:
         """The same sensor with some of its camera's fields changed."""

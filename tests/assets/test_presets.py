@@ -8,7 +8,7 @@ import assets
 from geometry import InputError, field_of_view, inside_polygon
 from jig_cad import read_jig
 from tests.recordings import MISSING, recording
-from workbench.files.sensor_file import read_emulator, read_sensor
+from workbench.files import read_emulator, read_sensor
 
 # near and far [mm from the face], width near, at the reference distance (None: not published) and far, wavelength [nm]
 DATA_SHEETS = {

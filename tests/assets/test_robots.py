@@ -11,7 +11,7 @@ from pytransform3d import transformations as pt
 
 import assets
 from geometry import inverse_kinematics
-from workbench.files.robot_file import read_robot
+from workbench.files import read_robot
 
 ATOL_MM = 1e-9
 BENT = 1 / np.sqrt(2)

@@ -14,7 +14,7 @@ from calib.label.frame import label_frame
 from calib.label.location import label_location
 from calib.pose.fit import jig_pose
 from calib.synthetic.cell import Layout, Noise, calibrated, made_cell, observe, random_cell
-from calib.synthetic.views import SpotNoise, View, disturbed, observe_spots, random_pose, random_sensor, random_view
+from calib.synthetic.views import JigView, SpotNoise, disturbed, observe_spots, random_pose, random_sensor, random_view
 from geometry import AxisPoints, InputError, Pose, SurfacePoints, cross_plane_x0, field_of_view, inside_polygon
 from jig_cad import ANCHORS, STRINGS, Jig, sample_tolerance
 
@@ -50,7 +50,7 @@ def view_of(rng, jig):
         sensor, distance = random_sensor(rng)
         made = sample_tolerance(jig, rng)
         for _ in range(30):
-            view = View(jig, made, sensor, random_pose(rng, made, distance))
+            view = JigView(jig, made, sensor, random_pose(rng, made, distance))
             if np.all(inside_polygon(view.yz_mm, field_of_view(sensor))):
                 return view
 
@@ -214,5 +214,5 @@ def test_five_lines_calibrate_from_unlabelled_spots(jig):
 def _spots(f, cell, made, rng, sensor):
     """The frame as spots of unknown labels among clutter: its own true pose, lit surfaces, noise."""
     T = (made.robot.pose(f.joints_rad) @ made.T_hand_sensor).inverse() @ made.T_base_jig[f.location]
-    truth = observe_spots(View(cell.jig, made.jig, sensor, T), SpotNoise(clutter=4), rng)
+    truth = observe_spots(JigView(cell.jig, made.jig, sensor, T), SpotNoise(clutter=4), rng)
     return replace(f, points=truth.points, axis=AxisPoints.empty(), labels_given=False)

@@ -5,9 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from calib.config import CalibConfig
+from calib.config import CalibConfig, SurfaceConfig
 from calib.label.surface_offset import axis_points, centroid_offsets, surface_offset
-from calib.surface_config import SurfaceConfig
 from calib.synthetic.views import SpotNoise, observe_spots, random_view
 from geometry import Sensor
 

@@ -9,7 +9,7 @@ import pytest
 
 from calib import CalibConfig
 from calib.printed import nees
-from calib.synthetic.cell import Noise, Observed, SyntheticCell, calibrated, made_cell, observe, random_cell
+from calib.synthetic.cell import CellFrames, Noise, SyntheticCell, calibrated, made_cell, observe, random_cell
 from geometry import InputError, Pose
 from jig_cad import Jig
 
@@ -28,16 +28,16 @@ def made(cell: SyntheticCell) -> SyntheticCell:
 
 
 @pytest.fixture(scope="module")
-def observed(cell: SyntheticCell, made: SyntheticCell) -> Observed:
+def observed(cell: SyntheticCell, made: SyntheticCell) -> CellFrames:
     return observe(cell, made, np.random.default_rng(13), Noise())
 
 
-def _calibrate_frames(observed: Observed) -> Observed:
+def _calibrate_frames(observed: CellFrames) -> CellFrames:
     return replace(observed, frames=tuple(f for f in observed.frames if f.role == "calibrate"))
 
 
 @pytest.mark.parametrize("model", ["scp", "scp+offsets", "full"])
-def test_truth_lies_within_sigma(cell: SyntheticCell, made: SyntheticCell, observed: Observed, model: str) -> None:
+def test_truth_lies_within_sigma(cell: SyntheticCell, made: SyntheticCell, observed: CellFrames, model: str) -> None:
     """One cell; that σ is true on average is the benchmark's business."""
     result = calibrated(observed, cell.jig, cell.robot, CalibConfig(model=model))
     assert result.T_hand_sensor is not None
@@ -46,7 +46,7 @@ def test_truth_lies_within_sigma(cell: SyntheticCell, made: SyntheticCell, obser
     assert result.verdict.code == ("ok" if model == "full" else "model_misfit")
 
 
-def test_full_model_beats_scp_at_the_verify_location(cell: SyntheticCell, observed: Observed) -> None:
+def test_full_model_beats_scp_at_the_verify_location(cell: SyntheticCell, observed: CellFrames) -> None:
     figures = {
         model: calibrated(observed, cell.jig, cell.robot, CalibConfig(model=model)).locations["D"]
         for model in ("scp", "full")
@@ -57,7 +57,7 @@ def test_full_model_beats_scp_at_the_verify_location(cell: SyntheticCell, observ
         assert scp.solved > full
 
 
-def test_figures_are_what_they_are_defined_as(cell: SyntheticCell, observed: Observed) -> None:
+def test_figures_are_what_they_are_defined_as(cell: SyntheticCell, observed: CellFrames) -> None:
     """Fig. 7's deviation and the spread again from each frame's own pose, the rms again from the residuals."""
     result = calibrated(observed, cell.jig, cell.robot)
     assert result.T_hand_sensor is not None
@@ -77,7 +77,7 @@ def test_figures_are_what_they_are_defined_as(cell: SyntheticCell, observed: Obs
         assert location.point_rms_mm.solved == pytest.approx(np.sqrt(np.mean(residuals**2)), abs=ATOL_MM)
 
 
-def test_outlying_point_is_flagged_but_stays_in_the_figures(cell: SyntheticCell, observed: Observed) -> None:
+def test_outlying_point_is_flagged_but_stays_in_the_figures(cell: SyntheticCell, observed: CellFrames) -> None:
     bad = observed.frames[3]
     moved = bad.axis.yz_mm.copy()
     moved[2] += [3.0, -2.0]
@@ -93,7 +93,7 @@ def test_outlying_point_is_flagged_but_stays_in_the_figures(cell: SyntheticCell,
     assert np.linalg.norm((clean.T_hand_sensor.inverse() @ result.T_hand_sensor).t) < 0.05
 
 
-def test_verify_frames_never_enter_the_solution(cell: SyntheticCell, observed: Observed) -> None:
+def test_verify_frames_never_enter_the_solution(cell: SyntheticCell, observed: CellFrames) -> None:
     both = calibrated(observed, cell.jig, cell.robot)
     alone = calibrated(_calibrate_frames(observed), cell.jig, cell.robot)
     assert both.T_hand_sensor is not None
@@ -101,7 +101,7 @@ def test_verify_frames_never_enter_the_solution(cell: SyntheticCell, observed: O
     np.testing.assert_array_equal(both.T_hand_sensor.matrix, alone.T_hand_sensor.matrix)
 
 
-def test_base_frame_does_not_matter(cell: SyntheticCell, observed: Observed) -> None:
+def test_base_frame_does_not_matter(cell: SyntheticCell, observed: CellFrames) -> None:
     """The robot standing elsewhere, turned, gives the same SCP and the same σ."""
     elsewhere = Pose.exp(np.array([500.0, -300.0, 200.0, 0.3, -0.2, 1.0]))
     here = calibrated(observed, cell.jig, cell.robot)
@@ -112,7 +112,7 @@ def test_base_frame_does_not_matter(cell: SyntheticCell, observed: Observed) -> 
     np.testing.assert_allclose(here.sigma_translation_mm, there.sigma_translation_mm, rtol=1e-4)
 
 
-def test_hand_poses_in_place_of_joints(cell: SyntheticCell, made: SyntheticCell, observed: Observed) -> None:
+def test_hand_poses_in_place_of_joints(cell: SyntheticCell, made: SyntheticCell, observed: CellFrames) -> None:
     """Their noise is estimated and said to be; a model that corrects the robot is refused."""
     frames = tuple(replace(f, joints_rad=None, T_base_hand=made.robot.pose(f.joints_rad)) for f in observed.frames)
     poses = replace(observed, frames=frames)
@@ -125,7 +125,9 @@ def test_hand_poses_in_place_of_joints(cell: SyntheticCell, made: SyntheticCell,
         calibrated(poses, cell.jig, None, CalibConfig(model="full"))
 
 
-def test_paper_method_answers_with_its_own_sigma(cell: SyntheticCell, made: SyntheticCell, observed: Observed) -> None:
+def test_paper_method_answers_with_its_own_sigma(
+    cell: SyntheticCell, made: SyntheticCell, observed: CellFrames
+) -> None:
     result = calibrated(observed, cell.jig, cell.robot, CalibConfig(method="paper"))
     bundle = calibrated(observed, cell.jig, cell.robot)
     assert result.T_hand_sensor is not None
@@ -135,20 +137,20 @@ def test_paper_method_answers_with_its_own_sigma(cell: SyntheticCell, made: Synt
     assert np.trace(result.covariance[:3, :3]) > np.trace(bundle.covariance[:3, :3])
 
 
-def _two(observed: Observed) -> Observed:
+def _two(observed: CellFrames) -> CellFrames:
     return replace(observed, frames=observed.frames[:2])
 
 
-def _alike(observed: Observed) -> Observed:
+def _alike(observed: CellFrames) -> CellFrames:
     return replace(observed, frames=tuple(replace(observed.frames[0], number=i) for i in range(5)))
 
 
-def _radians(observed: Observed) -> Observed:
+def _radians(observed: CellFrames) -> CellFrames:
     frames = tuple(replace(f, joints_rad=np.deg2rad(f.joints_rad)) for f in observed.frames)
     return replace(observed, frames=frames)
 
 
-def _half_outliers(observed: Observed) -> Observed:
+def _half_outliers(observed: CellFrames) -> CellFrames:
     rng = np.random.default_rng(5)
     frames = []
     for f in observed.frames:
@@ -166,7 +168,7 @@ def _half_outliers(observed: Observed) -> Observed:
         (_half_outliers, {"outliers", "not_converged", "too_few_poses"}),
     ],
 )
-def test_bad_data_are_said_to_be_bad(cell: SyntheticCell, observed: Observed, spoil, codes: set[str]) -> None:  # type: ignore[no-untyped-def]
+def test_bad_data_are_said_to_be_bad(cell: SyntheticCell, observed: CellFrames, spoil, codes: set[str]) -> None:  # type: ignore[no-untyped-def]
     result = calibrated(spoil(observed), cell.jig, cell.robot)
     assert result.verdict.code in codes
     assert not result.verdict.trustworthy
@@ -174,11 +176,11 @@ def test_bad_data_are_said_to_be_bad(cell: SyntheticCell, observed: Observed, sp
     assert result.covariance is None
 
 
-def test_wrong_jig_size_is_no_answer(observed: Observed, cell: SyntheticCell) -> None:
+def test_wrong_jig_size_is_no_answer(observed: CellFrames, cell: SyntheticCell) -> None:
     assert not calibrated(observed, Jig.nominal(side_mm=80.0), cell.robot).verdict.trustworthy
 
 
-def test_unidentifiable_parameters_are_named(cell: SyntheticCell, observed: Observed) -> None:
+def test_unidentifiable_parameters_are_named(cell: SyntheticCell, observed: CellFrames) -> None:
     words = " | ".join(calibrated(observed, cell.jig, cell.robot, CalibConfig(model="full")).weak_directions)
     for names in ("θ1, d1", "θ6, d6, a6, α6", "d2, d3"):
         assert names in words

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from calib.pose.closed_form import LABELS, closed_form_poses, closed_forms
-from calib.pose.crossings import crossings
+from calib.pose.crossing import crossings
 from calib.pose.fit import jig_pose
 from calib.pose.solver import PoseProblem, solve_poses
 from calib.pose.weakness import scaled_condition

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from calib.closure.closure import Socket, closure, held_out_rms
-from calib.closure.problem import closure_problem, solve_closure
+from calib.closure.judge import Socket, closure, held_out_rms
+from calib.closure.terms import closure_problem, solve_closure
 from calib.synthetic.cell import industrial_arm
 from geometry import DhRobot, draw_errors
 from tests.recordings import MISSING, recording

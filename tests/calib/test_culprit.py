@@ -10,8 +10,8 @@ import pytest
 
 from calib.config import CalibConfig
 from calib.hands import placed
-from calib.judge.culprit import culprit
-from calib.judge.culprit_jig import wrong_jig
+from calib.judge.culprits import culprit
+from calib.judge.culprits_jig import wrong_jig
 from calib.label.all_frames import label_frames
 from calib.synthetic.cell import Noise, SyntheticCell, calibrated, default_sensor, made_cell, observe, random_cell
 from calib.synthetic.problem import CALIBRATE_ONLY

@@ -11,7 +11,7 @@ from scipy.stats import chi2
 from calib import CalibConfig
 from calib.hands import with_joints
 from calib.printed import nees
-from calib.synthetic.cell import Noise, Observed, SyntheticCell, calibrated, made_cell, observe, random_cell
+from calib.synthetic.cell import CellFrames, Noise, SyntheticCell, calibrated, made_cell, observe, random_cell
 from calib.synthetic.problem import CALIBRATE_ONLY
 from geometry import InputError, Pose
 
@@ -19,13 +19,13 @@ RUNS = 60
 ATOL_MM = 1e-6
 
 
-def _poses(cell: SyntheticCell, observed: Observed) -> Observed:
+def _poses(cell: SyntheticCell, observed: CellFrames) -> CellFrames:
     """What a controller writes: poses by its nominal table."""
     frames = tuple(replace(f, joints_rad=None, T_base_hand=cell.robot.pose(f.joints_rad)) for f in observed.frames)
     return replace(observed, frames=frames)
 
 
-def _draw(rng: np.random.Generator, cell: SyntheticCell) -> tuple[SyntheticCell, Observed]:
+def _draw(rng: np.random.Generator, cell: SyntheticCell) -> tuple[SyntheticCell, CellFrames]:
     made = made_cell(cell, rng, Noise())
     return made, _poses(cell, observe(cell, made, rng, Noise()))
 

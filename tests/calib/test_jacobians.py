@@ -7,7 +7,7 @@ import pytest
 
 from calib.bundle.hands import Hands
 from calib.bundle.problem import Bundle
-from calib.closure.problem import KnownDistance, Seated
+from calib.closure.terms import KnownDistance, Seated
 from calib.figures import OffsetsFromTarget
 from calib.pose.own import SeenAlone
 from calib.synthetic.cell import Noise, industrial_arm

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from calib.pose.crossings import anchor_jacobian, crossings, crossings_jacobian
+from calib.pose.crossing import anchor_jacobian, crossings, crossings_jacobian
 from calib.pose.fit import jig_pose
 from calib.pose.solver import PoseProblem, solve_poses
 from calib.pose.starts import grid_starts, pencil_starts

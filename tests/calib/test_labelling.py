@@ -7,12 +7,12 @@ import pytest
 
 from calib.config import CalibConfig
 from calib.hands import placed
+from calib.label.again import relabel
 from calib.label.all_frames import label_frames
 from calib.label.frame import label_frame
 from calib.label.location import label_location
 from calib.label.refine import turned_over
-from calib.label.relabel import relabel
-from calib.synthetic.views import SpotNoise, View, disturbed, observe_spots, random_pose, random_sensor, random_view
+from calib.synthetic.views import JigView, SpotNoise, disturbed, observe_spots, random_pose, random_sensor, random_view
 from geometry import Frame, Pose, SurfacePoints, exp_so3, stack_poses
 from jig_cad import STRINGS, Jig, sample_tolerance
 
@@ -118,7 +118,7 @@ def location(rng, n=7, noise=lambda i: SpotNoise()):
     true = design @ Pose.exp(np.concatenate([rng.normal(0, 1.5, 3), np.deg2rad(rng.normal(0, 1.2, 3))]))
     T_base_jig = Pose(exp_so3(rng.normal(size=3)), np.array([1500.0, 200.0, 700.0]))
     hands = T_base_jig @ poses.inverse() @ true.inverse()
-    truth = [observe_spots(View(jig, made, sensor, poses[i]), noise(i), rng) for i in range(n)]
+    truth = [observe_spots(JigView(jig, made, sensor, poses[i]), noise(i), rng) for i in range(n)]
     return jig, sensor, design, T_base_jig, hands, poses, truth
 
 

@@ -12,7 +12,7 @@ from calib import CalibConfig
 from calib.paper.check import checked
 from calib.printed import nees
 from calib.result import Estimate, Verdict
-from calib.synthetic.cell import Layout, Noise, Observed, SyntheticCell, calibrated, made_cell, observe, random_cell
+from calib.synthetic.cell import CellFrames, Layout, Noise, SyntheticCell, calibrated, made_cell, observe, random_cell
 from calib.synthetic.degenerate import constant_lever, mirror_frames
 from geometry import Pose
 
@@ -21,7 +21,7 @@ FEW = Layout(places=(("A", "calibrate", 3), ("B", "calibrate", 3), ("C", "calibr
 TAIL = 1e-7  # of 6 degrees of freedom, over the runs here
 
 
-def _cell(seed: int) -> tuple[SyntheticCell, SyntheticCell, Observed]:
+def _cell(seed: int) -> tuple[SyntheticCell, SyntheticCell, CellFrames]:
     rng = np.random.default_rng(seed)
     cell = random_cell(rng, FEW)
     made = made_cell(cell, rng, Noise())

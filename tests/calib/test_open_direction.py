@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from calib.engine import Normal, normal_step, scaled_solve
-from calib.paper.ensemble import NONE, PLACES
 from calib.synthetic.cell import calibrated, made_cell, observe, random_cell
+from calib.synthetic.ensemble import NONE, PLACES
 
 
 @pytest.mark.parametrize("left", [0.0, -1e-9])

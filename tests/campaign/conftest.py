@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 from tests.campaign.plans import write_plan
-from workbench.campaign.plan import read_plan
-from workbench.campaign.runner import run_campaign
+from workbench.campaign import read_plan, run_campaign
 
 
 @pytest.fixture(scope="session")

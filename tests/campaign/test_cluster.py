@@ -15,8 +15,7 @@ import pytest
 
 from geometry import InputError
 from tests.campaign.plans import shards_of, tables, write_plan
-from workbench.campaign.plan import read_plan
-from workbench.campaign.runner import run_campaign
+from workbench.campaign import read_plan, run_campaign
 
 distributed = pytest.importorskip("distributed", reason="the campaign extra is not installed")
 

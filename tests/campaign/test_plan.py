@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from geometry import InputError
+from workbench.campaign import Plan, TrialSettings, read_plan
 from workbench.campaign.design import design_points
 from workbench.campaign.emulated import planned_diameter_mm
-from workbench.campaign.plan import Plan, read_plan
-from workbench.campaign.settings import TrialSettings, leaf_paths, with_values
+from workbench.campaign.settings import leaf_paths, with_values
 
 
 def plan_file(folder: Path, text: str) -> Path:

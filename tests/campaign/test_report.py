@@ -9,12 +9,10 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from workbench.campaign.advice import advice
-from workbench.campaign.page import write_page
-from workbench.campaign.plan import Plan
-from workbench.campaign.summary import Run, Target, by_factor, quantile_band, worst_trials
+from workbench.campaign import AskedAccuracy, Plan, Run, advice, quantile_band, write_page
+from workbench.campaign.summary import by_factor, worst_trials
 
-TARGET = Target(0.1, 0.03, 0.95)
+TARGET = AskedAccuracy(0.1, 0.03, 0.95)
 
 
 def run_of(error_mm: Any, **columns: list[Any]) -> Run:
@@ -84,7 +82,7 @@ def test_named_values_are_groups_of_their_own() -> None:
 def test_the_worst_trials_of_an_extraction_are_those_that_lost_spots(small_run: Path) -> None:
     from dataclasses import replace
 
-    from workbench.campaign.summary import read_run
+    from workbench.campaign import read_run
 
     run = read_run(small_run)
     found = [5, 5, 3, 5, 4, 5]

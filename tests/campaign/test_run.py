@@ -15,10 +15,8 @@ import pyarrow.parquet as pq
 import pytest
 
 from tests.campaign.plans import tables
+from workbench.campaign import read_plan, remake_trial, run_campaign
 from workbench.campaign.engines import run_local
-from workbench.campaign.plan import read_plan
-from workbench.campaign.remake import remake_trial
-from workbench.campaign.runner import run_campaign
 from workbench.campaign.shard import run_shard
 from workbench.campaign.store import ShardResult
 

@@ -20,10 +20,8 @@ import pytest
 
 from geometry import InputError
 from tests.campaign.plans import end, group, shards_of, start_sweep, tables, wait_until, write_plan
-from workbench.campaign.plan import Plan, read_plan
-from workbench.campaign.runner import run_campaign
+from workbench.campaign import Plan, read_plan, read_run, run_campaign
 from workbench.campaign.store import ShardResult, opened_store
-from workbench.campaign.summary import read_run
 
 KILLS = 100
 

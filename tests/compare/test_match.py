@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from geometry import AxisPoints, SurfacePoints
-from workbench.cell.points_table import FrameTable
+from workbench.cell import FrameTable
 from workbench.compare import (
     GATE_MM,
     GATE_PX,

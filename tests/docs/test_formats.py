@@ -14,13 +14,13 @@ from calib import CalibConfig
 from extraction import ExtractionConfig, GapFlushConfig, StripeConfig
 from jig_cad.files import JigTable, LinesTable
 from perceptron_emu import EmulatorConfig, SceneFile
+from workbench.files import Truth
 from workbench.files.cell import CellFile
 from workbench.files.frames_csv import POSE_COLUMNS
 from workbench.files.points_csv import COLUMNS
 from workbench.files.robot_file import RobotFile
 from workbench.files.sensor_file import SensorFile
-from workbench.files.truth_file import Truth
-from workbench.validate.summary import Thresholds
+from workbench.validate import Thresholds
 
 PAGE = (Path(__file__).parents[2] / "docs" / "formats.md").read_text(encoding="utf-8")
 WORDS = set(re.findall(r"\w+", PAGE))
@@ -56,7 +56,7 @@ def test_every_column_is_described() -> None:
 
 def test_every_setting_and_column_of_a_campaign_is_described() -> None:
     pytest.importorskip("pyarrow")
-    from workbench.campaign.plan import Plan
+    from workbench.campaign import Plan
 
     assert not set(keys(Plan)) - WORDS
 

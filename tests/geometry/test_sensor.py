@@ -146,6 +146,19 @@ def test_a_profile_sensor_has_a_field_of_view_and_no_camera() -> None:
         field_of_view(Sensor(Sheet()))
 
 
+def test_points_must_lie_open_to_emitter_and_camera() -> None:
+    sensor = line_sensor(origin_mm=np.array([0.0, 0.0, -10.0]))
+    np.testing.assert_array_equal(sensor.viewpoints_mm, [[0, 0, -10], sensor.require_camera().centre_mm])
+    np.testing.assert_array_equal(Sensor(Sheet(), profile=ProfileOutput()).viewpoints_mm, [[0, 0, 0]])
+
+
+def test_a_profile_sensor_states_its_noise() -> None:
+    stated = ProfileOutput(sigma_y_mm=0.02, sigma_z_mm=0.01)
+    np.testing.assert_allclose(stated.require_covariance(), np.diag([4e-4, 1e-4]), rtol=0, atol=1e-18)
+    with pytest.raises(InputError, match="sigma_z_mm"):
+        ProfileOutput(sigma_y_mm=0.02).require_covariance()
+
+
 def test_a_sensor_gives_images_or_profiles() -> None:
     with pytest.raises(InputError, match="not both"):
         replace(line_sensor(), profile=ProfileOutput())

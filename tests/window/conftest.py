@@ -12,13 +12,10 @@ from geometry import Pose, draw_errors
 from jig_cad import Jig, sample_tolerance
 from perceptron_emu import EmulatorConfig
 from workbench import defaults
-from workbench.cell.presets import DESIGN_SCP, find_robot, find_sensor
-from workbench.cell.starter import PLACES, place_of_jig
-from workbench.cell.surroundings import jig_bodies, wall_behind
-from workbench.emulate.record import TrueCell, record, with_joint_noise
+from workbench.cell import DESIGN_SCP, PLACES, find_robot, find_sensor, jig_bodies, place_of_jig, wall_behind
+from workbench.emulate import TrueCell, record, with_joint_noise
 from workbench.files import Cell
-from workbench.plan.view_space import ViewLimits
-from workbench.plan.views import ViewProblem, plan_views
+from workbench.plan import ViewLimits, ViewProblem, plan_views
 
 SEED = 5
 EMULATION = {"exposure": {"time_ms": 0.8}, "laser": {"power_mw": 6.0}}

@@ -10,7 +10,7 @@ from pydantic import BaseModel, Field
 
 from extraction import ExtractionConfig
 from geometry import InputError
-from workbench.opened.parameters import panel
+from workbench.opened import panel
 from workbench.opened.sliders import FILE_ONLY, SLIDERS
 from workbench.window.parameters import ParameterError, parse
 

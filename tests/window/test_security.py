@@ -11,10 +11,9 @@ from typing import Any
 import pytest
 
 from geometry import InputError
-from workbench.opened.image_set import ImageRequest
-from workbench.window import settings
+from workbench.opened import ImageRequest
+from workbench.window import open_session, settings
 from workbench.window.app import make_app
-from workbench.window.opening import open_session
 from workbench.window.security import MAX_BODY_BYTES, Gate
 from workbench.window.serve import bind
 from workbench.window.session import Session

@@ -15,9 +15,9 @@ from extraction import ExtractionConfig, extract
 from geometry import InputError
 from workbench.compare import summarise
 from workbench.files import read_cell, read_image
-from workbench.opened.image_set import ImageRequest
+from workbench.opened import ImageRequest
+from workbench.window import open_session
 from workbench.window.engine import badge
-from workbench.window.opening import open_session
 from workbench.window.parameters import parse
 from workbench.window.session import Session
 from workbench.window.survey import Survey

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from extraction import ExtractionConfig
 from geometry import InputError
-from workbench.files.settings_file import carried_calib, parse_settings, read_settings, settings_toml
+from workbench.files import carried_calib, parse_settings, read_settings, settings_toml
 from workbench.tune.space import space, with_values
 from workbench.window import settings
 

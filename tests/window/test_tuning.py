@@ -12,13 +12,12 @@ import pytest
 from extraction import ExtractionConfig
 from geometry import InputError
 from workbench.cli.main import run
-from workbench.files.settings_file import read_settings
-from workbench.opened.image_set import ImageRequest, open_images
+from workbench.files import read_settings
+from workbench.opened import ImageRequest, open_images
+from workbench.tune import Task, judge, make_task, search
 from workbench.tune.cost import MISS_MM, FrameCost, total
-from workbench.tune.judge import judge
-from workbench.tune.search import search
 from workbench.tune.space import space, values_of, with_values
-from workbench.tune.task import Task, make_task, split
+from workbench.tune.task import split
 
 pytest.importorskip("optuna", reason="optuna is not installed")
 

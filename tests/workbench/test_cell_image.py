@@ -11,10 +11,11 @@ import pytest
 from geometry import MissingDependencyError
 from perceptron_emu.gl import gl_problem
 from tests.workbench.helpers import Cli
-from workbench.cell.pipeline import observe, solve
+from workbench.cell import observe, solve
 from workbench.cli import diagnosis
-from workbench.files.settings_file import Settings
-from workbench.report.cell_image import cell_image, cell_view
+from workbench.files import Settings
+from workbench.report import cell_image
+from workbench.report.cell_picture import cell_view
 
 needs_gl = pytest.mark.skipif((PROBLEM := gl_problem()) is not None, reason=str(PROBLEM))
 FIGURE = 'alt="Arm, sensor'
@@ -53,7 +54,7 @@ def test_without_opengl_one_line_says_so(
     def absent(*_: object) -> None:
         raise MissingDependencyError("neither EGL nor OSMesa is installed")
 
-    monkeypatch.setattr("workbench.report.cell_image.cell_picture", absent)
+    monkeypatch.setattr("workbench.report.cell_picture.cell_picture", absent)
     page = tmp_path / "report.html"
     result = cli("calibrate", recording, "--report", page)
     assert result.code == 0

@@ -9,7 +9,7 @@ import trimesh
 from geometry import Pose
 from jig_cad import Jig
 from jig_cad.solids import PillarDesign, jig_solids
-from workbench.cell.presets import find_robot
+from workbench.cell import find_robot
 from workbench.plan.clearance import arm_clears, distance_mm
 
 ATOL_MM = 1e-9

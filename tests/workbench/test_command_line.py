@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from rich.text import Text
 
+import workbench.files
 from tests.workbench.helpers import Cli
 from workbench.cli.lazy import COMMANDS, load
 
@@ -85,8 +86,6 @@ def test_a_closed_pipe_is_no_error() -> None:
 
 
 def test_a_fault_of_the_program_is_one_line(cli: Cli, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    import workbench.files
-
     def fails(_: Path) -> None:
         raise ZeroDivisionError("boom")
 
@@ -98,8 +97,6 @@ def test_a_fault_of_the_program_is_one_line(cli: Cli, monkeypatch: pytest.Monkey
 
 
 def test_interruption_is_130(cli: Cli, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    import workbench.files
-
     def stops(_: Path) -> None:
         raise KeyboardInterrupt
 
@@ -112,3 +109,14 @@ def test_output_that_can_not_be_written(cli: Cli, recording: Path, tmp_path: Pat
     result = cli("extract", recording, "--csv", tmp_path / "file" / "points.csv")
     assert result.code == 2
     assert "can not be written" in result.err
+
+
+@pytest.mark.parametrize(("module", "extra"), [("pyarrow", "campaign"), ("starlette", "window")])
+def test_a_missing_extra_is_said(cli: Cli, monkeypatch: pytest.MonkeyPatch, module: str, extra: str) -> None:
+    def fails(*_: object, **__: object) -> None:
+        raise ModuleNotFoundError(f"No module named '{module}'", name=module)
+
+    monkeypatch.setattr(workbench.files, "read_cell", fails)
+    result = cli("calibrate", "anywhere")
+    assert result.code == 2
+    assert f"perceptron-emu[{extra}]" in result.err

@@ -17,11 +17,9 @@ from extraction import extract
 from jig_cad import Jig
 from perceptron_emu import Scene, render
 from tests.workbench.helpers import Cli, edit
-from workbench.cell.presets import find_sensor
-from workbench.cell.surroundings import jig_bodies
+from workbench.cell import find_emulator, find_sensor, jig_bodies
 from workbench.files import read_cell
-from workbench.plan.view_space import ViewLimits
-from workbench.plan.views import free_views
+from workbench.plan import ViewLimits, free_views
 
 TARGET = """\
 kind = "strings"
@@ -54,10 +52,10 @@ def test_an_image_of_five_lines_gives_their_pose() -> None:
     jig, sensor = Jig.of_lines(TEN, LINES, tolerance_mm=0.0), find_sensor("nominal")
     rng = np.random.default_rng(3)
     for i in range(2):
-        T = free_views(sensor.model, jig, ViewLimits(), 2, rng)[i]
+        T = free_views(sensor, jig, ViewLimits(), 2, rng)[i]
         blocks = tuple(replace(block, T_sensor_mesh=T @ block.T_sensor_mesh) for block in jig_bodies(jig))
-        frame = render(Scene(sensor.model, jig, T, blocks), sensor.emulator, rng)
-        labelled = label_frame(extract(frame.image, sensor.model), jig, sensor.model, None, CalibConfig())
+        frame = render(Scene(sensor, jig, T, blocks), find_emulator("nominal"), rng)
+        labelled = label_frame(extract(frame.image, sensor), jig, sensor, None, CalibConfig())
         assert set(labelled.axis.label) == set(jig.strings)
         true = {s.label: s.axis_mm for s in frame.truth.strings}
         for label, yz in zip(labelled.axis.label, labelled.axis.yz_mm, strict=True):

@@ -8,16 +8,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import workbench.plan.propose
+import workbench.plan.proposal
 from calib.bundle.information import scp_covariance
+from geometry import Pose, Sensor, Sheet
+from geometry.sensor import ProfileOutput
+from jig_cad import Jig
 from tests.workbench.helpers import Cli
 from workbench.files import read_cell, read_frames
-from workbench.plan.expected import view_information
+from workbench.plan.expected import SURFACE_SIGMA_MM, expected_points, view_information
 
 
 @pytest.fixture(autouse=True)
 def small_pool(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(workbench.plan.propose, "POOL", 24)
+    monkeypatch.setattr(workbench.plan.proposal, "POOL", 24)
 
 
 def test_a_proposal(cli: Cli, recording: Path, tmp_path: Path) -> None:
@@ -79,6 +82,34 @@ def test_the_prediction_is_what_calibration_reports(recording: Path, answer: obj
     predicted = np.sqrt(np.diag(scp_covariance(info, range(len(rows)))))
     reported = np.sqrt(np.diag(np.array(answer["covariance"])))  # type: ignore[index]
     assert np.all(np.abs(np.log(predicted / reported)) < np.log(2.0)), predicted / reported
+
+
+FIELD_MM = [[-80.0, 200.0], [80.0, 200.0], [140.0, 450.0], [-140.0, 450.0]]
+
+
+def test_a_profile_sensor_is_planned_for(cli: Cli, recording: Path, tmp_path: Path) -> None:
+    """By its field of view and its stated noise; without them it is said which key is missing."""
+    plan = recording.parent / "plan"
+    for name in ("cell.toml", "jig.toml", "robot.toml", "frames.csv"):
+        (tmp_path / name).write_bytes((plan / name).read_bytes())
+    text = f"[profile]\nsigma_y_mm = 0.02\nsigma_z_mm = 0.01\nfield_of_view_mm = {FIELD_MM}\n"
+    (tmp_path / "sensor.toml").write_text(text)
+    result = cli("plan", tmp_path, "--per-location", 3, "--json")
+    assert result.code == 0, result.err
+    assert len(result.json["frames"]) == 12
+    for key in ("sigma_z_mm = 0.01\n", f"field_of_view_mm = {FIELD_MM}\n"):
+        (tmp_path / "sensor.toml").write_text(text.replace(key, ""))
+        result = cli("plan", tmp_path, "--per-location", 3)
+        assert result.code == 2
+        assert key.split()[0] in result.err
+
+
+def test_points_of_a_profile_sensor_have_its_noise() -> None:
+    sensor = Sensor(Sheet(), profile=ProfileOutput(sigma_y_mm=0.02, sigma_z_mm=0.01))
+    jig, turn = Jig.nominal(), Pose.from_fixed_xyz_deg((0.0, 90.0, 0.0), (0.0, 0.0, 300.0))
+    [axis] = expected_points(sensor, jig, Pose(turn.R[None], turn.t[None]))
+    expected = np.diag([0.02**2, 0.01**2]) + SURFACE_SIGMA_MM**2 * np.eye(2)
+    np.testing.assert_allclose(axis.cov_yz_mm2, np.broadcast_to(expected, (5, 2, 2)), rtol=0, atol=1e-15)
 
 
 def test_an_unreachable_place_is_said(cli: Cli, recording: Path, tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ import pytest
 from geometry import InputError, field_of_view
 from geometry.sensor import Optics
 from tests.workbench.helpers import Cli
-from workbench.cell.presets import find_emulator, find_sensor
+from workbench.cell import find_emulator, find_sensor
 from workbench.files import read_emulator, read_sensor, sensor_text
 
 CAMERA = sensor_text(find_sensor("nominal"), find_emulator("nominal"))

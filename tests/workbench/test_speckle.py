@@ -9,10 +9,9 @@ import pytest
 
 from extraction import MAX_GRAIN_PX, ExtractionConfig, SpotNoiseConfig
 from geometry import Sensor
-from workbench.cell.presets import find_emulator, find_sensor
-from workbench.cell.speckle import dataset_config, frames_to_learn, with_known_grain
-from workbench.files import read_cell, read_image, read_sensor
-from workbench.files.sensor_file import sensor_text
+from workbench.cell import dataset_config, find_emulator, find_sensor, with_known_grain
+from workbench.cell.speckle import frames_to_learn
+from workbench.files import read_cell, read_image, read_sensor, sensor_text
 
 # by hand: light of 660 nm at F/4 on pixels of 5.3 µm, the chip 12.19 mm behind the lens, the sheet 313.6 mm before it
 NOMINAL_GRAIN_PX = 0.660 * 4.0 * (1.0 + 12.19 / 313.6) / 5.3

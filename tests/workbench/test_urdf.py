@@ -9,9 +9,8 @@ from hypothesis import strategies as st
 from pytransform3d.urdf import UrdfTransformManager
 
 from geometry import DH_ROWS, InputError, Pose, robot_from_axes
-from workbench.files.robot_file import read_robot
+from workbench.files import read_robot, write_urdf
 from workbench.files.urdf import read_urdf
-from workbench.files.urdf_write import write_urdf
 
 ATOL_MM = 1e-8
 ATOL_ROTATION = 1e-12

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.campaign.summary import Array, Mask, Run, Target, groups_of, proportion_band
+from workbench.campaign.summary import Array, AskedAccuracy, Mask, Run, groups_of, proportion_band
 
 FEWEST = 20  # trials of one setting below which its share says nothing
 FEW_VALUES = 4  # other factors with at most so many values may be part of the advice
@@ -39,12 +39,12 @@ class PoseBudget:
         return proportion_band(self.hits, self.trials)
 
 
-def reached(run: Run, target: Target) -> Mask:
+def reached(run: Run, target: AskedAccuracy) -> Mask:
     """Trials whose answer may be used and lies within the target."""
     return run.answered & (run.real("error_mm") <= target.mm) & (run.real("error_deg") <= target.deg)
 
 
-def cells(run: Run, target: Target, among: Mask | None = None, given: tuple[str, ...] = ()) -> list[PoseBudget]:
+def cells(run: Run, target: AskedAccuracy, among: Mask | None = None, given: tuple[str, ...] = ()) -> list[PoseBudget]:
     """All settings of poses and tilt in the run, fewest poses first."""
     good = reached(run, target)
     inside = np.ones(run.size, bool) if among is None else among
@@ -57,7 +57,7 @@ def cells(run: Run, target: Target, among: Mask | None = None, given: tuple[str,
     return out
 
 
-def advice(run: Run, target: Target) -> str:
+def advice(run: Run, target: AskedAccuracy) -> str:
     """What to do for the target, or that nothing in this plan is enough."""
     wanted = f"{target.mm:g} mm / {target.deg:g}° at {100 * target.level:g} %"
     everything = cells(run, target)
@@ -96,12 +96,12 @@ def _share(cell: PoseBudget) -> str:
     )
 
 
-def _doubt(cell: PoseBudget, target: Target) -> str:
+def _doubt(cell: PoseBudget, target: AskedAccuracy) -> str:
     sure = cell.band[0] >= target.level
     return "" if sure else f" More trials would be needed to be sure of {100 * target.level:g} %."
 
 
-def _given(run: Run, target: Target, count: int) -> Iterator[PoseBudget]:
+def _given(run: Run, target: AskedAccuracy, count: int) -> Iterator[PoseBudget]:
     """Settings of poses and tilt where ``count`` other factors hold one of their values."""
     others: dict[str, Any] = {}
     for name in run.plan.factors:

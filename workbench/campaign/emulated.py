@@ -17,14 +17,10 @@ from geometry.ties import first_most
 from jig_cad import DEFAULT_STRINGS, STRINGS, Jig
 from perceptron_emu import EmulatorConfig, Surroundings
 from workbench.campaign.settings import JigPart, PosesPart, RobotPart, TrialSettings
-from workbench.cell.presets import DESIGN_SCP, find_emulator, find_robot, find_sensor
-from workbench.cell.surroundings import jig_bodies, sees_all_strings, wall_behind
-from workbench.emulate.record import Configuration, TrueCell, with_joint_noise
-from workbench.emulate.truth import NOTHING, Errors, draw_truth
-from workbench.files import Cell
-from workbench.files.sensor_file import stated_optics
-from workbench.plan.view_space import ViewLimits
-from workbench.plan.views import ViewProblem, Views, plan_views
+from workbench.cell import DESIGN_SCP, find_emulator, find_robot, find_sensor, jig_bodies, sees_all_strings, wall_behind
+from workbench.emulate import NOTHING, Configuration, Errors, TrueCell, draw_truth, with_joint_noise
+from workbench.files import Cell, stated_optics
+from workbench.plan import ViewLimits, ViewProblem, Views, plan_views
 
 Array = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from geometry import InputError
 from workbench.campaign.plan import Plan, plan_of
-from workbench.files.atomic import write_text
+from workbench.files import write_text
 
 NAME, LOCK = "run.json", "run.lock"
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib import CalibConfig, CalibrationResult
-from calib.label.frame import label_frame
+from calib.label import label_frame
 from geometry import Frame, Pose, Sensor
 from jig_cad import Jig
 from perceptron_emu import RenderedFrame

@@ -12,9 +12,9 @@ from workbench.campaign.advice import FEWEST, PoseBudget, advice, cells, reached
 from workbench.campaign.plots import factor_plot, nees_plot
 from workbench.campaign.shard import trial_seed, trial_settings
 from workbench.campaign.summary import (
+    AskedAccuracy,
     Group,
     Run,
-    Target,
     by_factor,
     consistency,
     groups_of,
@@ -25,8 +25,8 @@ from workbench.campaign.summary import (
     worst_trials,
 )
 from workbench.campaign.trial import one_trial_frame
-from workbench.files.atomic import write_text
-from workbench.report.page import png, render_page
+from workbench.files import write_text
+from workbench.report import png, render_page
 
 WORST = 4  # worst trials that are shown
 NO_BOUND = "∞"
@@ -38,7 +38,7 @@ ERRORS = {
 }
 
 
-def write_page(folder: Path, target: Target, out: Path | None = None) -> Path:
+def write_page(folder: Path, target: AskedAccuracy, out: Path | None = None) -> Path:
     """Write the page of the run in ``folder`` (default report.html in it) and return its path."""
     run = read_run(folder)
     path = out or folder / "report.html"
@@ -46,7 +46,7 @@ def write_page(folder: Path, target: Target, out: Path | None = None) -> Path:
     return path
 
 
-def _content(run: Run, target: Target) -> dict[str, Any]:
+def _content(run: Run, target: AskedAccuracy) -> dict[str, Any]:
     solved = run.plan.run == "calibrate"
     nees = run.real("nees")
     nees = nees[np.isfinite(nees) & run.answered]
@@ -99,7 +99,7 @@ def _cell_row(cell: PoseBudget) -> list[str]:
     return [f"{cell.poses:.0f}", f"{cell.tilt_deg:.0f}°", str(cell.trials), _percent(cell.hits, cell.trials)]
 
 
-def _factor(run: Run, name: str, errors: tuple[tuple[str, str], ...], target: Target) -> dict[str, Any]:
+def _factor(run: Run, name: str, errors: tuple[tuple[str, str], ...], target: AskedAccuracy) -> dict[str, Any]:
     groups = [by_factor(run, name, column) for column, _ in errors]
     good = reached(run, target) if run.plan.run == "calibrate" else None
     rows = []

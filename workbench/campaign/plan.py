@@ -12,8 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from geometry import InputError
 from workbench.campaign.settings import TrialSettings, leaf_paths, with_values
-from workbench.files.strict import FileSection, Real, Text, sentence, suggestion, validate
-from workbench.files.toml_text import TomlSource, read_toml
+from workbench.files import FileSection, Real, Text, TomlSource, read_toml, sentence, suggestion, validate
 
 RESULTS_VERSION = 5  # raised when rows or trials change, so that a half-done run of another version is not continued
 MAX_TRIALS = 10_000_000  # a year of a hundred cores: more is a slip of the pen

@@ -10,7 +10,7 @@ from workbench.campaign.manifest import plan_of_run
 from workbench.campaign.plan import Plan, read_plan
 from workbench.campaign.shard import trial_seed, trial_settings
 from workbench.campaign.trial import image_name, png, trial_frames
-from workbench.files.atomic import write_bytes
+from workbench.files import write_bytes
 
 
 def remake_trial(plan_or_run: Path, trial: int, out: Path) -> int:

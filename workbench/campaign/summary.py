@@ -26,7 +26,7 @@ LEVEL = 0.95  # confidence of every band of the page
 
 
 @dataclass(frozen=True)
-class Target:
+class AskedAccuracy:
     """The accuracy asked for: translation [mm] and rotation [deg] errors at ``level`` of the trials."""
 
     mm: float = 0.1

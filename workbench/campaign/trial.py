@@ -18,8 +18,8 @@ from perceptron_emu import RenderedFrame, render
 from workbench.campaign.emulated import EmulatedCell, emulated_cell
 from workbench.campaign.outcome import Outcome, calibrated, labelled_only, score_frames, trial_row
 from workbench.campaign.settings import TrialSettings
-from workbench.cell.speckle import dataset_config
-from workbench.emulate.record import Configuration, frame_scene
+from workbench.cell import dataset_config
+from workbench.emulate import Configuration, frame_scene
 
 ONE_VIEW = "extract"  # the kind of run whose trials are a single frame
 PNG_FASTEST = [cv2.IMWRITE_PNG_COMPRESSION, 1]

@@ -1,1 +1,51 @@
 """A cell and its frames: found by name, measured, labelled and solved."""
+
+from workbench.cell.extracting import Extracted, extract_inputs
+from workbench.cell.inputs import BareImages, read_inputs
+from workbench.cell.labels import label_dataset, label_image, poses_in_sensor
+from workbench.cell.locating import located
+from workbench.cell.pipeline import Observed, Progress, observe, solve
+from workbench.cell.points_table import FrameTable, rows
+from workbench.cell.posing import FramePose, frame_poses
+from workbench.cell.presets import DESIGN_SCP, find_emulator, find_jig, find_robot, find_sensor
+from workbench.cell.profiling import ProfileSource, read_profile, read_profile_settings
+from workbench.cell.speckle import dataset_config, with_known_grain
+from workbench.cell.starter import PLACES, place_of_jig, write_starter
+from workbench.cell.surroundings import SeesAll, around_jig, jig_bodies, sees_all_strings, wall_behind
+
+__all__ = [
+    "DESIGN_SCP",
+    "PLACES",
+    "BareImages",
+    "Extracted",
+    "FramePose",
+    "FrameTable",
+    "Observed",
+    "ProfileSource",
+    "Progress",
+    "SeesAll",
+    "around_jig",
+    "dataset_config",
+    "extract_inputs",
+    "find_emulator",
+    "find_jig",
+    "find_robot",
+    "find_sensor",
+    "frame_poses",
+    "jig_bodies",
+    "label_dataset",
+    "label_image",
+    "located",
+    "observe",
+    "place_of_jig",
+    "poses_in_sensor",
+    "read_inputs",
+    "read_profile",
+    "read_profile_settings",
+    "rows",
+    "sees_all_strings",
+    "solve",
+    "wall_behind",
+    "with_known_grain",
+    "write_starter",
+]

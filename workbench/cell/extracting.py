@@ -14,8 +14,7 @@ from workbench.cell.labels import label_dataset, label_image
 from workbench.cell.pipeline import observe
 from workbench.cell.points_table import FrameTable
 from workbench.cell.speckle import with_known_grain
-from workbench.files import Cell, read_image
-from workbench.files.settings_file import Settings
+from workbench.files import Cell, Settings, read_image
 
 Progress = Callable[[int, int], None]
 

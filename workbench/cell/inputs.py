@@ -8,8 +8,7 @@ from pathlib import Path
 
 from geometry import InputError, Sensor
 from jig_cad import Jig
-from workbench.files import Cell, read_cell, read_jig_file, read_sensor
-from workbench.files.images import SUFFIXES
+from workbench.files import SUFFIXES, Cell, read_cell, read_jig_file, read_sensor
 
 MAX_IMAGES = 100_000  # of one call: more is a wrong folder
 

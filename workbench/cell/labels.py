@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from calib import CalibConfig, CalibrationResult
 from calib.hands import hand_poses
-from calib.label.frame import label_frame
-from calib.label.refine import LabelledFrame
+from calib.label import LabelledFrame, label_frame
 from geometry import AxisPoints, Pose, Sensor, SurfacePoints
 from jig_cad import Jig
 from workbench.cell.pipeline import Observed, solve

@@ -6,9 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from calib import CalibConfig
-from calib.label.frame import label_frame
-from calib.pose.candidates import JigPoseResult
-from calib.pose.fit import jig_pose
+from calib.label import label_frame
+from calib.pose import JigPoseResult, jig_pose
 from geometry import AxisPoints, InputError, NoAnswerError, Sensor
 from jig_cad import Jig
 from workbench.cell.presets import find_jig, find_sensor

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import assets
-from calib.synthetic.cell import DESIGN
+from calib.synthetic import DESIGN
 from geometry import DhRobot, Sensor
 from jig_cad import Jig
 from perceptron_emu import EmulatorConfig

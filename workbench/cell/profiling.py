@@ -10,9 +10,7 @@ from pydantic import Field
 
 from extraction import GapFlushConfig, Profile, StripeConfig, extract_profile, read_profile_csv
 from geometry import InputError
-from workbench.files import read_image, read_sensor
-from workbench.files.strict import FileSection, validate
-from workbench.files.toml_text import read_toml
+from workbench.files import FileSection, read_image, read_sensor, read_toml, validate
 
 
 class ProfileFile(FileSection):

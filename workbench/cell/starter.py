@@ -9,8 +9,7 @@ import numpy as np
 
 from geometry import DhRobot, InputError, Pose, Sensor, toml_value
 from workbench.cell.presets import DESIGN_SCP, preset_path
-from workbench.files import read_robot, read_sensor
-from workbench.files.atomic import write_text
+from workbench.files import read_robot, read_sensor, write_text
 
 REACH_OF_PLACES_MM = 2550.0  # the places below suit an arm of this reach; others get them in proportion
 PLACES = {

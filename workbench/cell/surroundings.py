@@ -106,7 +106,7 @@ def sees_all_strings(sensor: Sensor, jig: Jig, solids: tuple[Solid, ...], carrie
         own = np.tile(np.repeat(np.arange(len(jig.strings)), SAMPLES), len(points))
         back = T_sensor_jig.inverse()
         hidden = np.zeros(points.shape[:2], dtype=bool)
-        for source in (sensor.sheet.origin_mm, sensor.require_camera().centre_mm):
+        for source in sensor.viewpoints_mm:
             towards = (source - points) / np.linalg.norm(source - points, axis=-1, keepdims=True)
             surface = points + jig.string_diameter_mm / 2 * towards
             here = (back @ surface).reshape(-1, 3)

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Literal
 
 from workbench import defaults
+from workbench.cli.extras import EXTRAS
 
 State = Literal["ok", "absent", "broken"]
 
@@ -32,12 +33,6 @@ CORE = {
     "matplotlib": "matplotlib",
     "jinja2": "jinja2",
     "pyrender": "pyrender2",
-}
-# extra: modules that it brings, what it is for
-EXTRAS = {
-    "window": (("starlette", "uvicorn"), "the process window, `perceptron-emu tune`"),
-    "tune": (("optuna",), "automatic tuning, `perceptron-emu tune --auto`"),
-    "campaign": (("joblib", "dask", "pyarrow"), "campaigns of many runs"),
 }
 GL_PURPOSE = "for --renderer pyrender and the picture of the cell; all else needs none"
 
@@ -126,8 +121,7 @@ def _one_frame() -> tuple[int, int]:
     from extraction import extract
     from geometry import Pose
     from perceptron_emu import Scene, render
-    from workbench.cell.labels import label_image
-    from workbench.cell.presets import find_emulator, find_jig, find_sensor
+    from workbench.cell import find_emulator, find_jig, find_sensor, label_image
     from workbench.files import read_image, write_png
 
     sensor, jig = find_sensor(defaults.SENSOR), find_jig(defaults.JIG)

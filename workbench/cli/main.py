@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from workbench.cli import exit_codes
+from workbench.cli.extras import install_hint
 from workbench.cli.lazy import LazyGroup
 
 app = typer.Typer(cls=LazyGroup, add_completion=False, no_args_is_help=True, rich_markup_mode="rich")
@@ -72,6 +73,8 @@ def _explain(error: Exception) -> int:
         return _say(str(error), exit_codes.NO_ANSWER)
     if isinstance(error, PerceptronEmuError):
         return _say(str(error), exit_codes.INPUT)
+    if isinstance(error, ModuleNotFoundError) and (hint := install_hint(error.name)):
+        return _say(hint, exit_codes.INPUT)
     if isinstance(error, MemoryError):
         return _say("not enough memory for this input", exit_codes.INPUT)
     if isinstance(error, OSError):

@@ -14,13 +14,9 @@ from rich.table import Table
 from geometry import PerceptronEmuError
 from workbench.cli import exit_codes
 from workbench.cli.console import standard_error, standard_output
-from workbench.files.atomic import write_text
-from workbench.files.settings_file import settings_toml
-from workbench.opened.image_set import ImageRequest, ImageSet, open_images
-from workbench.tune.cost import Score
-from workbench.tune.judge import Judgement, judge
-from workbench.tune.search import Found, search
-from workbench.tune.task import Task, make_task
+from workbench.files import settings_toml, write_text
+from workbench.opened import ImageRequest, ImageSet, open_images
+from workbench.tune import Found, Judgement, Score, Task, judge, make_task, search
 
 RESULT = "tuned.toml"
 JOURNAL = "tune.journal"

@@ -1,6 +1,6 @@
 """Measured points against their truth: one matcher and its figures, for validation, window, tuning and campaigns."""
 
-from workbench.compare.match import (
+from workbench.compare.matching import (
     GATE_MM,
     GATE_PX,
     VISIBLE,

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.compare.match import Comparison
+from workbench.compare.matching import Comparison
 
 Array = NDArray[np.float64]
 

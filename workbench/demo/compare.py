@@ -10,9 +10,9 @@ from rich.table import Table
 
 from calib import CalibrationResult
 from geometry import Pose
-from workbench.emulate.experiment import PAPER_DEVIATION_MM
+from workbench.emulate import PAPER_DEVIATION_MM
 from workbench.files import Truth
-from workbench.report.as_text import AXES, arrow, number, print_verdict
+from workbench.report import AXES, arrow, number, print_verdict
 
 CHI2_6_95 = 12.59  # 95 % of true errors lie below this squared Mahalanobis distance, six degrees of freedom
 

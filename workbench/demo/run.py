@@ -9,18 +9,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from calib import CalibrationResult
-from workbench.cell.labels import label_dataset
-from workbench.cell.pipeline import Observed, observe, solve
-from workbench.cell.points_table import FrameTable
-from workbench.emulate.experiment import paper_experiment
-from workbench.emulate.record import record
-from workbench.files import Cell, read_cell, read_image
-from workbench.files.images import write_png
-from workbench.files.settings_file import Settings
-from workbench.report.calibration import ReportInput, write_report
-from workbench.report.cell_image import cell_image
-from workbench.report.folder import write_results
-from workbench.report.overlay import save_overlays
+from workbench.cell import FrameTable, Observed, label_dataset, observe, solve
+from workbench.emulate import paper_experiment, record
+from workbench.files import Cell, Settings, read_cell, read_image, write_png
+from workbench.report import ReportInput, cell_image, save_overlays, write_report, write_results
 
 PICTURE_COMPRESSION = 6
 Bar = Callable[[str, int], AbstractContextManager[Callable[[int, int], None]]]

@@ -8,7 +8,7 @@ import numpy as np
 
 from geometry import InputError
 from perceptron_emu import check_scene, faces_in_sheet
-from workbench.emulate.record import Configuration, TrueCell, frame_scene
+from workbench.emulate.recording import Configuration, TrueCell, frame_scene
 from workbench.files import Cell, Truth
 
 

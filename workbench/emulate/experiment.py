@@ -7,17 +7,26 @@ from pathlib import Path
 
 import numpy as np
 
-from calib.synthetic.cell import TRUTH
+from calib.synthetic import TRUTH
 from geometry import draw_errors
 from jig_cad import Jig, sample_tolerance
 from perceptron_emu import Solid
 from workbench import defaults
-from workbench.cell.presets import DESIGN_SCP, find_emulator, find_jig, find_robot, find_sensor
-from workbench.cell.starter import PLACES, place_of_jig
-from workbench.cell.surroundings import jig_bodies, sees_all_strings, wall_behind
-from workbench.emulate.record import Configuration, TrueCell, with_joint_noise
+from workbench.cell import (
+    DESIGN_SCP,
+    PLACES,
+    find_emulator,
+    find_jig,
+    find_robot,
+    find_sensor,
+    jig_bodies,
+    place_of_jig,
+    sees_all_strings,
+    wall_behind,
+)
+from workbench.emulate.recording import Configuration, TrueCell, with_joint_noise
 from workbench.files import Cell
-from workbench.plan.views import ViewProblem, plan_views
+from workbench.plan import ViewProblem, plan_views
 
 # Fig. 7: maximum deviation of the base distance [mm]
 PAPER_DEVIATION_MM = {"design": 5.0, "solved": 1.4}

@@ -12,9 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perceptron_emu import EmulatorConfig, RenderedFrame, RenderedTruth, Scene, render
-from workbench.files import TruthPoint
-from workbench.files.atomic import write_text
-from workbench.files.images import write_png
+from workbench.files import TruthPoint, write_png, write_text
 
 Array = NDArray[np.float64]
 Renderer = Literal["own", "pyrender"]

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from geometry import InputError, Pose, draw_errors
 from jig_cad import sample_tolerance
 from perceptron_emu import Solid, Surroundings
-from workbench.cell.surroundings import around_jig, jig_bodies, sees_all_strings
-from workbench.emulate.record import Configuration, TrueCell, with_joint_noise
+from workbench.cell import around_jig, jig_bodies, sees_all_strings
+from workbench.emulate.recording import Configuration, TrueCell, with_joint_noise
 from workbench.files import Cell, FrameRow
-from workbench.plan.views import ViewProblem, plan_views
+from workbench.plan import ViewProblem, plan_views
 
 Array = NDArray[np.float64]
 

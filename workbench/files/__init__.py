@@ -1,23 +1,46 @@
 """The files of a cell dataset: strict models that say in one sentence what is wrong, where, and what is right."""
 
+from workbench.files.atomic import write_bytes, write_text
 from workbench.files.cell import Cell, read_cell, read_jig_file
+from workbench.files.cell_writer import cell_text, write_cell
 from workbench.files.frames_csv import FrameRow, frames_text, read_frames
-from workbench.files.images import read_image, write_png
+from workbench.files.images import SUFFIXES, Image, read_image, write_png
 from workbench.files.points_csv import GivenPoints, points_text, read_points
-from workbench.files.robot_file import read_robot, robot_text
-from workbench.files.sensor_file import read_emulator, read_sensor, sensor_text
+from workbench.files.robot_file import read_robot, robot_text, urdf_of
+from workbench.files.sensor_file import read_emulator, read_sensor, sensor_text, stated_optics
+from workbench.files.settings_file import (
+    Settings,
+    carried_calib,
+    parse_settings,
+    read_settings,
+    settings_text,
+    settings_toml,
+)
+from workbench.files.sockets_csv import read_sockets
+from workbench.files.strict import FileSection, NotNegative, Real, Text, sentence, suggestion, validate
+from workbench.files.toml_text import TomlSource, read_toml
 from workbench.files.truth_file import Truth, TruthFrame, TruthPoint, read_truth, write_truth
-from workbench.files.write_cell import cell_text, write_cell
+from workbench.files.urdf_write import write_urdf
 
 __all__ = [
+    "SUFFIXES",
     "Cell",
+    "FileSection",
     "FrameRow",
     "GivenPoints",
+    "Image",
+    "NotNegative",
+    "Real",
+    "Settings",
+    "Text",
+    "TomlSource",
     "Truth",
     "TruthFrame",
     "TruthPoint",
+    "carried_calib",
     "cell_text",
     "frames_text",
+    "parse_settings",
     "points_text",
     "read_cell",
     "read_emulator",
@@ -27,10 +50,23 @@ __all__ = [
     "read_points",
     "read_robot",
     "read_sensor",
+    "read_settings",
+    "read_sockets",
+    "read_toml",
     "read_truth",
     "robot_text",
     "sensor_text",
+    "sentence",
+    "settings_text",
+    "settings_toml",
+    "stated_optics",
+    "suggestion",
+    "urdf_of",
+    "validate",
+    "write_bytes",
     "write_cell",
     "write_png",
+    "write_text",
     "write_truth",
+    "write_urdf",
 ]

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from calib.closure.problem import Socket
+from calib.closure import Socket
 from geometry import InputError
 
 

@@ -10,12 +10,9 @@ from pathlib import Path
 from calib import CalibrationResult
 from extraction import ExtractionConfig
 from geometry import InputError, Sensor
-from workbench.cell.inputs import BareImages, read_inputs
-from workbench.cell.labels import poses_in_sensor
-from workbench.cell.pipeline import Observed, observe, solve
+from workbench.cell import BareImages, Observed, observe, poses_in_sensor, read_inputs, solve
 from workbench.compare import TrueString, true_strings
-from workbench.files import Cell
-from workbench.files.settings_file import Settings, read_settings
+from workbench.files import Cell, Settings, read_settings
 from workbench.opened.labeller import Labeller
 from workbench.opened.pictures import Pictures
 

@@ -6,8 +6,7 @@ import threading
 from dataclasses import dataclass, field
 
 from calib import CalibConfig
-from calib.label.frame import label_frame
-from calib.label.refine import LabelledFrame
+from calib.label import LabelledFrame, label_frame
 from geometry import InputError, Pose, Sensor, SurfacePoints
 from jig_cad import Jig
 

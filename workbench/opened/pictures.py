@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from geometry import InputError, Sensor
-from workbench.files.images import Image, read_image
+from workbench.files import Image, read_image
 
 CACHE_BYTES = 512 * 2**20  # some four hundred images of 1280 × 1024
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.bundle.information import FrameInformation, covariances_with, scaled, scp_covariance
+from calib.bundle import FrameInformation, covariances_with, scaled, scp_covariance
 from geometry.ties import first_least
 
 Array = NDArray[np.float64]

@@ -20,7 +20,7 @@ FIRST_LINK = 2  # the base and the first links stand far off
 
 def sensor_clearance_mm(sensor: Sensor, jig: Jig, T_sensor_jig: Pose) -> Array:
     """Least distance (N) [mm] of the line from emitter to camera from the jig's solids at the poses (N)."""
-    line = _line(np.stack([sensor.sheet.origin_mm, sensor.require_camera().centre_mm])[None])[0]
+    line = _line(sensor.viewpoints_mm[None])[0]
     return distance_mm(jig, T_sensor_jig.inverse() @ line[None])
 
 

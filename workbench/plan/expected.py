@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.bundle.hands import Hands
-from calib.bundle.information import FrameInformation, Model, frame_information
-from calib.bundle.problem import Bundle
+from calib.bundle import Bundle, FrameInformation, Hands, Model, frame_information
 from extraction import image_to_sheet
 from geometry import AxisPoints, DhRobot, Pose, Sensor, cross_plane_x0
 from geometry.sensor import project
@@ -45,12 +43,18 @@ def expected_points(sensor: Sensor, jig: Jig, T_sensor_jig: Pose) -> list[AxisPo
     """Where the strings' axes will be seen at the poses (F), with the covariance that a spot there has."""
     starts = T_sensor_jig @ jig.starts[None]
     crossing, _ = cross_plane_x0(starts, (T_sensor_jig.R[:, None] @ jig.directions[..., None])[..., 0])
-    flat = crossing.reshape(-1, 3)
-    _, jacobian = image_to_sheet(sensor, project(sensor.require_camera(), flat))
-    spread = SPOT_SIGMA_PX**2 * jacobian @ np.swapaxes(jacobian, -1, -2) + SURFACE_SIGMA_MM**2 * np.eye(2)
+    spread = _spot_covariance(sensor, crossing.reshape(-1, 3)) + SURFACE_SIGMA_MM**2 * np.eye(2)
     covariance = spread.reshape(*crossing.shape[:2], 2, 2)
     count = len(jig.strings)
     none, plain = np.full(count, -1, dtype=np.intp), ("",) * count
     return [
         AxisPoints(jig.strings, none, yz, cov, plain) for yz, cov in zip(crossing[..., 1:], covariance, strict=True)
     ]
+
+
+def _spot_covariance(sensor: Sensor, xyz_mm: Array) -> Array:
+    """Covariance (N, 2, 2) [mm²] with which points (N, 3) of the sheet are measured."""
+    if sensor.profile is not None:
+        return np.broadcast_to(sensor.profile.require_covariance(), (len(xyz_mm), 2, 2))
+    _, jacobian = image_to_sheet(sensor, project(sensor.require_camera(), xyz_mm))
+    return np.asarray(SPOT_SIGMA_PX**2 * jacobian @ np.swapaxes(jacobian, -1, -2))

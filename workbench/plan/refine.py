@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.bundle.information import FrameInformation, covariances_with, scp_covariance
+from calib.bundle import FrameInformation, covariances_with, scp_covariance
 from geometry import Pose, log_so3
 from geometry.ties import ascending
 from workbench.plan.choose import LEVER_MM, size_mm

@@ -168,7 +168,7 @@ def _separation(sensor: Sensor, points: Array) -> Array:
     Two strings of one face of the pillar stand behind each other wherever that face points at the emitter.
     """
     least = np.full(len(points), np.inf)
-    for source in (sensor.sheet.origin_mm, sensor.require_camera().centre_mm):
+    for source in sensor.viewpoints_mm:
         ray = points - source
         distance = np.linalg.norm(ray, axis=-1, keepdims=True)
         unit = ray / distance

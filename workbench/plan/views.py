@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from geometry import Arm, NoAnswerError, Pose, Sensor, inverse_kinematics, stack_poses
 from geometry.ties import first_least, first_most
 from jig_cad import Jig
-from workbench.cell.surroundings import SeesAll
+from workbench.cell import SeesAll
 from workbench.plan.clearance import arm_clears
 from workbench.plan.view_space import Tally, ViewLimits, ViewSpace
 

@@ -1,1 +1,35 @@
 """Results for people and programs: JSON, tables in the terminal, pictures."""
+
+from workbench.report.as_json import calibration_object, clean, json_text
+from workbench.report.as_text import AXES, arrow, number, print_calibration, print_verdict
+from workbench.report.calibration import ReportInput, write_report
+from workbench.report.cell_picture import cell_image
+from workbench.report.folder import write_results
+from workbench.report.gapflush_picture import draw_gap_flush
+from workbench.report.overlays import overlay, save_overlays
+from workbench.report.page import jpeg, new_figure, png, render_page, svg
+from workbench.report.stage_pictures import save_stages
+
+__all__ = [
+    "AXES",
+    "ReportInput",
+    "arrow",
+    "calibration_object",
+    "cell_image",
+    "clean",
+    "draw_gap_flush",
+    "jpeg",
+    "json_text",
+    "new_figure",
+    "number",
+    "overlay",
+    "png",
+    "print_calibration",
+    "print_verdict",
+    "render_page",
+    "save_overlays",
+    "save_stages",
+    "svg",
+    "write_report",
+    "write_results",
+]

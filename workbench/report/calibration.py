@@ -12,16 +12,12 @@ from numpy.typing import NDArray
 
 from calib import CalibrationResult
 from geometry import CONVENTIONS, Frame, express
-from workbench.cell.labels import label_dataset
-from workbench.cell.pipeline import Observed
-from workbench.cell.points_table import FrameTable
-from workbench.files import Cell, read_image
-from workbench.files.atomic import write_text
-from workbench.files.settings_file import Settings, settings_text
+from workbench.cell import FrameTable, Observed, label_dataset
+from workbench.files import Cell, Settings, read_image, settings_text, write_text
 from workbench.report.as_text import AXES
 from workbench.report.fig7 import draw_fig7
 from workbench.report.left_out import leave_one_location_out
-from workbench.report.overlay import overlay
+from workbench.report.overlays import overlay
 from workbench.report.page import jpeg, render_page, svg
 from workbench.report.residuals import draw_residuals
 

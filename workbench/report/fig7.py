@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 
 from calib import CalibrationResult, LocationResult
-from workbench.files.atomic import write_bytes
-from workbench.report.page import picture_bytes
+from workbench.files import write_bytes
+from workbench.report.page import new_figure, picture_bytes
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 DESIGN, SOLVED = "#c44e52", "#2a6f97"
 
@@ -18,12 +20,12 @@ DESIGN, SOLVED = "#c44e52", "#2a6f97"
 def draw_fig7(result: CalibrationResult) -> Figure:
     """One panel for each location: distance minus its mean over the configurations, by design and as solved."""
     locations = {name: loc for name, loc in result.locations.items() if len(loc.distances.frame)}
-    figure = Figure(figsize=(max(3.1 * len(locations), 5.0), 3.4), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure, drawn = new_figure(max(3.1 * len(locations), 5.0), 3.4, max(len(locations), 1))
+    axes = np.atleast_1d(drawn)
     if not locations:
+        axes[0].set_axis_off()
         figure.text(0.5, 0.5, "no frame shows all strings: no distance can be formed", ha="center")
         return figure
-    axes = figure.subplots(1, len(locations), sharey=True, squeeze=False)[0]
     for axis, (name, location) in zip(axes, locations.items(), strict=True):
         _panel(axis, name, location)
     axes[0].set_ylabel("distance base – jig origin,\nminus its mean [mm]")
@@ -32,7 +34,7 @@ def draw_fig7(result: CalibrationResult) -> Figure:
     return figure
 
 
-def _panel(axis: object, name: str, location: LocationResult) -> None:
+def _panel(axis: Any, name: str, location: LocationResult) -> None:
     distances = location.distances
     number = np.arange(1, len(distances.frame) + 1)
     for values, colour, label, marker in (
@@ -40,12 +42,12 @@ def _panel(axis: object, name: str, location: LocationResult) -> None:
         (distances.solved_mm, SOLVED, "calibrated", "s"),
     ):
         if len(values) and np.all(np.isfinite(values)):
-            axis.plot(number, values - np.mean(values), marker + "-", color=colour, label=label, ms=4, lw=1.2)  # type: ignore[attr-defined]
-    axis.axhline(0, color="0.6", lw=0.8)  # type: ignore[attr-defined]
-    axis.set_title(f"location {name} ({location.role})", fontsize=10)  # type: ignore[attr-defined]
-    axis.set_xlabel("configuration")  # type: ignore[attr-defined]
-    axis.set_xticks(number)  # type: ignore[attr-defined]
-    axis.grid(alpha=0.25)  # type: ignore[attr-defined]
+            axis.plot(number, values - np.mean(values), marker + "-", color=colour, label=label, ms=4, lw=1.2)
+    axis.axhline(0, color="0.6", lw=0.8)
+    axis.set_title(f"location {name} ({location.role})", fontsize=10)
+    axis.set_xlabel("configuration")
+    axis.set_xticks(number)
+    axis.grid(alpha=0.25)
 
 
 def write_fig7(path: Path, result: CalibrationResult) -> None:

@@ -5,12 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from calib import CalibrationResult
-from workbench.cell.labels import label_dataset
-from workbench.cell.pipeline import Observed
-from workbench.cell.points_table import rows
-from workbench.files import Cell, points_text
-from workbench.files.atomic import write_text
-from workbench.files.settings_file import Settings, settings_text
+from workbench.cell import Observed, label_dataset, rows
+from workbench.files import Cell, Settings, points_text, settings_text, write_text
 from workbench.report.as_json import calibration_object, json_text
 from workbench.report.fig7 import write_fig7
 from workbench.report.robot import write_corrected_robot

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-import io
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from extraction import GapFlush, Profile
 from extraction.gapflush import PanelEdge
 from geometry import InputError
-from workbench.files.atomic import write_bytes
+from workbench.files import write_bytes
+from workbench.report.page import new_figure, picture_bytes
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
 
@@ -27,9 +28,7 @@ def draw_gap_flush(profile: Profile, answer: GapFlush, path: Path, reference: st
     """Write the picture, PNG, SVG or PDF by the suffix of ``path``; the sensor is above."""
     if path.suffix.lower() not in SUFFIXES:
         raise InputError(f"{path}: a picture must end in {', '.join(SUFFIXES)}")
-    figure = Figure(figsize=(8, 3.8), dpi=100, layout="constrained")
-    FigureCanvasAgg(figure)
-    axis = figure.subplots()
+    figure, axis = new_figure(8, 3.8)
     shown = np.vstack([answer.gap_points, answer.flush_points])
     low, high = shown.min(axis=0) - (AROUND_MM, 2.0), shown.max(axis=0) + np.array([AROUND_MM, 4.5])
     axis.plot(*profile.yz_mm.T, ".", color="0.6", markersize=3)
@@ -44,9 +43,7 @@ def draw_gap_flush(profile: Profile, answer: GapFlush, path: Path, reference: st
         f"reference: {reference} face" + (f"      doubtful: {answer.flag}" if answer.flag else ""),
         fontsize=9,
     )
-    out = io.BytesIO()
-    figure.savefig(out, format=path.suffix.lower()[1:])
-    write_bytes(path, out.getvalue())
+    write_bytes(path, picture_bytes(figure, path.suffix.lower()[1:], dpi=100))
 
 
 def _draw_edge(axis: Axes, edge: PanelEdge, text: str) -> None:

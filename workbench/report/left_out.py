@@ -8,7 +8,7 @@ import numpy as np
 
 from calib import CalibConfig, CalibrationResult
 from geometry import Frame, NoAnswerError
-from workbench.cell.pipeline import Observed, solve
+from workbench.cell import Observed, solve
 from workbench.files import Cell
 
 

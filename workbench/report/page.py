@@ -5,16 +5,17 @@ from __future__ import annotations
 import base64
 import io
 from importlib.resources import files
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import cv2
-import matplotlib as mpl
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from workbench.report.as_text import number
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+UNDATED = {"png": {"Software": None}, "svg": {"Date": None}, "pdf": {"CreationDate": None}}
 JPEG_WIDTH_PX, JPEG_QUALITY = 1100, 82  # sharp across a page, some 100 kB a picture
 
 
@@ -28,18 +29,23 @@ def render_page(package: str, template: str, content: dict[str, Any]) -> str:
     return environment.from_string(text).render(**content)
 
 
-def new_figure(width_in: float, height_in: float) -> tuple[Figure, Any]:
-    """A figure of that size and its axes, without a window or global state."""
+def new_figure(width_in: float, height_in: float, columns: int = 1) -> tuple[Figure, Any]:
+    """A figure of that size and its axes, without a window or global state; of several ``columns`` a row of axes."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure  # a third of a second, and most commands draw nothing
+
     figure = Figure(figsize=(width_in, height_in), layout="constrained")
     FigureCanvasAgg(figure)
-    return figure, figure.subplots()
+    return figure, figure.subplots(1, columns, sharey=True)
 
 
 def picture_bytes(figure: Figure, kind: str = "png", dpi: int = 130) -> bytes:
-    """The figure as PNG or SVG, the same bytes every time."""
+    """The figure as PNG, SVG or PDF, the same bytes every time."""
+    import matplotlib as mpl
+
     buffer = io.BytesIO()
     with mpl.rc_context({"svg.hashsalt": "perceptron-emu"}):  # else the names inside an SVG are drawn at random
-        figure.savefig(buffer, format=kind, dpi=dpi, metadata={"Software": None} if kind == "png" else {"Date": None})
+        figure.savefig(buffer, format=kind, dpi=dpi, metadata=UNDATED[kind])
     return buffer.getvalue()
 
 

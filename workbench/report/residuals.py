@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-from matplotlib.figure import Figure
 
 from calib import CalibrationResult
 from workbench.report.page import new_figure
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 COLOURS = ("#2a6f97", "#c77d2e", "#5b8c5a", "#8a5a8c", "#a34a4a", "#4a4a4a")
 REASON_HEIGHT = 0.97  # of the axes

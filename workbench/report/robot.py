@@ -8,9 +8,7 @@ import numpy as np
 
 from calib import CalibrationResult
 from geometry import require_arm
-from workbench.files import Cell, robot_text
-from workbench.files.atomic import write_text
-from workbench.files.robot_file import urdf_of
+from workbench.files import Cell, robot_text, urdf_of, write_text
 
 
 def write_corrected_robot(out: Path, cell: Cell, result: CalibrationResult) -> None:
@@ -22,6 +20,6 @@ def write_corrected_robot(out: Path, cell: Cell, result: CalibrationResult) -> N
     if urdf is None:
         write_text(out / "robot_corrected.toml", robot_text(table))
         return
-    from workbench.files.urdf_write import write_urdf
+    from workbench.files import write_urdf
 
     write_urdf(urdf.path, urdf.base, urdf.tip, table, out / "robot_corrected.urdf")

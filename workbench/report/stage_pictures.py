@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from extraction import ExtractionConfig, Stages, extract_stages
 from geometry import AxisPoints, Sensor
-from workbench.cell.points_table import FrameTable
-from workbench.files.images import Image, write_png
-from workbench.report.overlay import LABELLED, Colour, brighten, mark, overlay, write
+from workbench.cell import FrameTable
+from workbench.files import Image, write_png
+from workbench.report.overlays import LABELLED, Colour, brighten, mark, overlay, write
 
 SMALLEST_PX, LARGEST_PX = 6.0, 40.0  # circles of candidates
 NAME_PX = (130, 18)  # room that a reason's name takes: where another stands, only the circle's colour tells

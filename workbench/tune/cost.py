@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib.label.refine import LabelledFrame
+from calib.label import LabelledFrame
 from geometry import distance_to_line
 from jig_cad import Jig
 from workbench.compare import Comparison, errors_mm

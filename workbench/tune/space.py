@@ -8,7 +8,7 @@ from typing import Any, Protocol, TypeVar
 
 from pydantic import BaseModel
 
-from workbench.opened.parameters import panel
+from workbench.opened import panel
 
 M = TypeVar("M", bound=BaseModel)
 

@@ -10,8 +10,8 @@ import numpy as np
 from extraction import ExtractionConfig, extract
 from geometry import InputError, PerceptronEmuError
 from workbench.compare import match, named_points
-from workbench.files.images import Image
-from workbench.opened.image_set import ImageSet
+from workbench.files import Image
+from workbench.opened import ImageSet
 from workbench.tune.cost import FrameCost, against_truth, by_consistency
 
 LEAST_IMAGES = 4  # two to train on, two held out

@@ -1,1 +1,16 @@
 """Extraction against truth: detection, false alarms, labels, bias, scatter, honest σ, and the statistical bound."""
+
+from workbench.validate.page import WORDS, write_pages
+from workbench.validate.run import validate_dataset, validate_drawn
+from workbench.validate.summary import Thresholds, failures, figures, read_thresholds
+
+__all__ = [
+    "WORDS",
+    "Thresholds",
+    "failures",
+    "figures",
+    "read_thresholds",
+    "validate_dataset",
+    "validate_drawn",
+    "write_pages",
+]

@@ -7,10 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from geometry import InputError
-from workbench.cell.labels import label_dataset
-from workbench.cell.pipeline import Progress, observe
-from workbench.files import read_cell
-from workbench.files.settings_file import Settings
+from workbench.cell import Progress, label_dataset, observe
+from workbench.files import Settings, read_cell
 from workbench.validate.measure import Measured, score
 
 

@@ -10,9 +10,8 @@ import numpy as np
 from geometry import Pose, Sensor
 from jig_cad import Jig
 from perceptron_emu import EmulatorConfig, Scene, Solid
-from workbench.cell.surroundings import jig_bodies, wall_behind
-from workbench.plan.view_space import ViewLimits
-from workbench.plan.views import free_views
+from workbench.cell import jig_bodies, wall_behind
+from workbench.plan import ViewLimits, free_views
 
 GUESS_MM, GUESS_DEG = 3.0, 1.5  # how far off the robot chain's guess of the jig is before a calibration
 CLUTTER = ("strings alone", "plates and posts", "and a wall")

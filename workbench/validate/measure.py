@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib import CalibConfig
-from calib.label.frame import label_frame
+from calib.label import label_frame
 from extraction import extract
 from perceptron_emu import render
-from workbench.cell.points_table import FrameTable
+from workbench.cell import FrameTable
 from workbench.compare import VISIBLE, Comparison, KnownString, Match, match, named_points, true_strings
-from workbench.files.settings_file import Settings
+from workbench.files import Settings
 from workbench.validate.bound import noise_free_electrons, position_bound_px
 from workbench.validate.drawing import Drawn
 

@@ -8,9 +8,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from workbench.files.atomic import write_text
-from workbench.report.as_json import json_text
-from workbench.report.page import render_page, svg
+from workbench.files import write_text
+from workbench.report import json_text, render_page, svg
 from workbench.validate.drawing import CLUTTER, FACTORS
 from workbench.validate.measure import Measured
 from workbench.validate.plots import bias_map, curve_plot, pull_plot

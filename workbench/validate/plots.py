@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.figure import Figure
 
-from workbench.report.page import new_figure
+from workbench.report import new_figure
 from workbench.validate.measure import Measured
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 CELLS = 6  # each way over the laser plane
 MIN_IN_CELL = 3  # points; a mean of fewer is no bias

@@ -10,14 +10,9 @@ from typing import Any
 import numpy as np
 
 from perceptron_emu import render
-from workbench.cell.labels import label_dataset
-from workbench.cell.pipeline import Progress, observe
-from workbench.cell.presets import find_emulator, find_jig, find_sensor
-from workbench.cell.speckle import with_known_grain
-from workbench.files import read_cell, read_image
-from workbench.files.settings_file import Settings
-from workbench.report.overlay import overlay
-from workbench.report.page import jpeg
+from workbench.cell import Progress, find_emulator, find_jig, find_sensor, label_dataset, observe, with_known_grain
+from workbench.files import Settings, read_cell, read_image
+from workbench.report import jpeg, overlay
 from workbench.validate.dataset import measure_dataset
 from workbench.validate.drawing import Drawn, draw_frames
 from workbench.validate.measure import Measured, label_drawn, measure_drawn
@@ -36,6 +31,7 @@ class Validation:
 def validate_drawn(sensor: str, jig: str, frames: int, seed: int, settings: Settings, progress: Progress) -> Validation:
     """Validate on frames drawn for a sensor and a jig."""
     seen_by = find_sensor(sensor)
+    seen_by.require_camera()
     settings = replace(settings, extraction=with_known_grain(seen_by, settings.extraction))
     drawn = list(draw_frames(seen_by, find_emulator(sensor), find_jig(jig), frames, seed))
     measured = measure_drawn(drawn, settings, progress)

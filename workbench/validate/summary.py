@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.files.strict import FileSection, NotNegative, validate
-from workbench.files.toml_text import read_toml
+from workbench.files import FileSection, NotNegative, read_toml, validate
 from workbench.validate.measure import Measured
 
 ERRORS = (

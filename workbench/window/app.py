@@ -17,8 +17,7 @@ from starlette.responses import JSONResponse, PlainTextResponse, Response
 from starlette.routing import Route
 
 from geometry import InputError, PerceptronEmuError
-from workbench.files.atomic import write_text
-from workbench.files.settings_file import carried_calib
+from workbench.files import carried_calib, write_text
 from workbench.window import settings
 from workbench.window.jobs import Job
 from workbench.window.overview import overview

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel
 
-from calib.label.refine import LabelledFrame
+from calib.label import LabelledFrame
 from extraction import ExtractionConfig, Seen, Stages, explain, extract_stages, image_to_sheet
 from extraction.spots import Candidates
 from geometry import InputError, Sensor, SurfacePoints
-from workbench.files.images import Image
-from workbench.opened.labeller import Labeller
+from workbench.files import Image
+from workbench.opened import Labeller
 from workbench.window.engine import Candidate, StageView
 
 Array = NDArray[np.float64]

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel
 
-from calib.label.refine import LabelledFrame
+from calib.label import LabelledFrame
 from geometry import Sensor, SurfacePoints
-from workbench.files.images import Image
+from workbench.files import Image
 
 Array = NDArray[np.float64]
 

@@ -9,9 +9,9 @@ from typing import Any
 from pydantic import BaseModel
 
 from extraction import ExtractionConfig
-from workbench.files.settings_file import parse_settings, settings_toml
-from workbench.opened.image_set import NO_CHAIN, ImageRequest, ImageSet, open_images
-from workbench.report.as_json import calibration_object, clean
+from workbench.files import parse_settings, settings_toml
+from workbench.opened import NO_CHAIN, ImageRequest, ImageSet, open_images
+from workbench.report import calibration_object, clean
 from workbench.window.detector import Detector
 from workbench.window.session import Opened
 

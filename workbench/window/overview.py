@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from geometry import field_of_view
-from workbench.opened.parameters import panel
+from workbench.opened import panel
 from workbench.window import settings
 from workbench.window.session import Session
 

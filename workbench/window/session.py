@@ -15,8 +15,7 @@ from pydantic import BaseModel
 
 from geometry import PerceptronEmuError
 from workbench.compare import Comparison, TrueString, match, named_points
-from workbench.opened.image_set import ImageInfo
-from workbench.opened.pictures import Pictures, Stamp
+from workbench.opened import ImageInfo, Pictures, Stamp
 from workbench.window.engine import Engine, ImageAnswer, as_json, process
 from workbench.window.parameters import HashedConfig
 from workbench.window.truth import comparison_json

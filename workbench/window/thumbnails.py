@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from workbench.files.images import Image
+from workbench.files import Image
 
 WIDTH_PX = 240  # twice the strip's, for fine screens
 

@@ -44,11 +44,9 @@ def command(
     config: Annotated[list[Path] | None, typer.Option(help="Settings TOML; may be given more than once.")] = None,
 ) -> None:
     """Solve the sensor's pose in the hand (SCP) from a cell dataset, emulated or recorded."""
-    from workbench.cell.pipeline import observe, solve
-    from workbench.files import read_cell
-    from workbench.files.settings_file import read_settings
-    from workbench.report.as_json import calibration_object, json_text
-    from workbench.report.as_text import print_calibration
+    from workbench.cell import observe, solve
+    from workbench.files import read_cell, read_settings
+    from workbench.report import calibration_object, json_text, print_calibration
 
     settings = read_settings(config or [], method=method and method.value, model=model and model.value)
     cell = read_cell(dataset)
@@ -56,12 +54,11 @@ def command(
         observed = observe(cell, settings.extraction, progress)
     result = solve(cell, observed, settings.calib)
     if out is not None:
-        from workbench.report.folder import write_results
+        from workbench.report import write_results
 
         write_results(out, cell, observed, result, settings)
     if report is not None:
-        from workbench.report.calibration import ReportInput, write_report
-        from workbench.report.cell_image import cell_image
+        from workbench.report import ReportInput, cell_image, write_report
 
         picture, remark = cell_image(cell, result)
         if remark:

@@ -12,7 +12,7 @@ from rich.table import Table
 from workbench.cli.console import say_on_stdout, standard_output
 
 if TYPE_CHECKING:
-    from calib.closure.closure import ClosureResult
+    from calib.closure import ClosureResult
 
 MIN_LOCATIONS = 2  # one alone can not be left out
 
@@ -34,10 +34,10 @@ def command(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
 ) -> None:
     """Fit tool and robot to a point that stands still, and judge the robot on locations that it did not see."""
-    from calib.closure.closure import closure
-    from workbench.cell.presets import find_robot
-    from workbench.files.sockets_csv import read_sockets
-    from workbench.report.as_json import json_text
+    from calib.closure import closure
+    from workbench.cell import find_robot
+    from workbench.files import read_sockets
+    from workbench.report import json_text
 
     arm = find_robot(robot)
     result = closure(read_sockets(joints, arm.n_joints, degrees=degrees), arm, distance_mm)

@@ -12,7 +12,7 @@ from workbench.cli.console import progress_bar, say_on_stdout, standard_error
 
 if TYPE_CHECKING:
     from extraction import ExtractionConfig
-    from workbench.cell.extracting import Extracted
+    from workbench.cell import Extracted
 
 
 def command(
@@ -28,11 +28,8 @@ def command(
 ) -> None:
     """Find the string points of stripe images: pixel, surface point, axis point, σ and label of each, as CSV."""
     from geometry import InputError
-    from workbench.cell.extracting import extract_inputs
-    from workbench.cell.points_table import rows
-    from workbench.files import points_text
-    from workbench.files.atomic import write_text
-    from workbench.files.settings_file import read_settings
+    from workbench.cell import extract_inputs, rows
+    from workbench.files import points_text, read_settings, write_text
 
     settings = read_settings(config or [])
     with progress_bar("extracting", len(inputs)) as progress:
@@ -64,8 +61,7 @@ def _remarks(extracted: Extracted) -> Iterator[str]:
 def _overlays(extracted: Extracted, folder: Path, stages: ExtractionConfig | None) -> None:
     """Write the overlays; ``stages``: the settings whose stages are wanted as well."""
     from workbench.files import read_image
-    from workbench.report.overlay import save_overlays
-    from workbench.report.stage_pictures import save_stages
+    from workbench.report import save_overlays, save_stages
 
     with progress_bar("overlays", len(extracted.tables)) as progress:
         for i, table in enumerate(extracted.tables, start=1):

@@ -29,14 +29,14 @@ def command(
 ) -> None:
     """Measure gap, flush and edge radii of two panels in a profile, with their standard deviations."""
     from extraction import measure_gap_flush
-    from workbench.cell.profiling import ProfileSource, read_profile, read_profile_settings
-    from workbench.report.as_json import json_text
+    from workbench.cell import ProfileSource, read_profile, read_profile_settings
+    from workbench.report import json_text
 
     settings = read_profile_settings(config or [])
     points = read_profile(ProfileSource(profile, sensor, laser_off, mask, settings))
     answer = measure_gap_flush(points, settings.gapflush)
     if picture is not None:
-        from workbench.report.gapflush_picture import draw_gap_flush
+        from workbench.report import draw_gap_flush
 
         draw_gap_flush(points, answer, picture, settings.gapflush.reference)
     if answer.blur_px is None:

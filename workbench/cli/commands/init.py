@@ -20,7 +20,7 @@ def command(
 ) -> None:
     """Write a commented starter dataset from presets: fill it with a recording, or render it."""
     import assets
-    from workbench.cell.starter import write_starter
+    from workbench.cell import write_starter
 
     if presets:
         for kind in ("robots", "sensors", "jigs"):

@@ -28,7 +28,7 @@ def command(
 ) -> None:
     """Show a string jig: its size, strings and anchors; or export it as STL, GLB or drawing."""
     from jig_cad import export_jig, jig_text
-    from workbench.cell.presets import find_jig
+    from workbench.cell import find_jig
 
     found = find_jig(jig)
     if toml:

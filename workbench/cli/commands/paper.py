@@ -11,7 +11,7 @@ from rich.table import Table
 from workbench.cli.console import say_on_stdout, standard_output
 
 if TYPE_CHECKING:
-    from calib.paper.ensemble import EnsembleRow
+    from calib.synthetic import EnsembleRow
 
 PAPER_MM = {"design": 5.0, "paper": 1.4}  # Fig. 7's largest deviations as printed
 METHOD_WORDS = {"paper": "the paper's method", "bundle scp": "bundle, scp", "bundle full": "bundle, full"}
@@ -23,9 +23,9 @@ def command(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
 ) -> None:
     """Repeat the paper's experiment with errors drawn anew: Table 1 and Fig. 7 with spreads, and what explains them."""
-    from calib.paper.ensemble import paper_ensemble
+    from calib.synthetic import paper_ensemble
     from workbench.cli.console import progress_bar
-    from workbench.report.as_json import json_text
+    from workbench.report import json_text
 
     with progress_bar("calibrating", runs) as progress:
         rows = paper_ensemble(np.random.default_rng(seed), runs, progress=progress)
@@ -36,7 +36,7 @@ def command(
 
 
 def _object(rows: tuple[EnsembleRow, ...], runs: int) -> dict[str, Any]:
-    from calib.paper.ensemble import METHODS, SOURCES, largest_deviations, poses
+    from calib.synthetic import METHODS, SOURCES, largest_deviations, poses
 
     deviations = {source: {m: largest_deviations(rows, source, m) for m in ("design", *METHODS)} for source in SOURCES}
     table = {
@@ -69,7 +69,7 @@ def _show(rows: tuple[EnsembleRow, ...], runs: int) -> None:
 
 
 def _fig7(rows: tuple[EnsembleRow, ...], runs: int) -> Table:
-    from calib.paper.ensemble import METHODS, SOURCES, largest_deviations
+    from calib.synthetic import METHODS, SOURCES, largest_deviations
 
     title = f"Fig. 7: largest deviation of the distance in mm, mean ± spread of {runs} runs"
     table = Table("errors drawn", "uncalibrated", *(METHOD_WORDS[m] for m in METHODS), "times for 1.4", title=title)
@@ -82,8 +82,7 @@ def _fig7(rows: tuple[EnsembleRow, ...], runs: int) -> Table:
 
 
 def _table1(rows: tuple[EnsembleRow, ...]) -> Table:
-    from calib.paper.ensemble import METHODS, poses
-    from calib.synthetic.cell import DESIGN, TRUTH
+    from calib.synthetic import DESIGN, METHODS, TRUTH, poses
 
     table = Table("six numbers, all sources", title="Table 1: mean ± spread")
     for heading in ("design", "the paper, printed (truth here)", *(METHOD_WORDS[m] for m in METHODS)):
@@ -106,7 +105,7 @@ def _table1(rows: tuple[EnsembleRow, ...]) -> Table:
 
 
 def _explained(rows: tuple[EnsembleRow, ...]) -> str:
-    from calib.paper.ensemble import SOURCES, largest_deviations
+    from calib.synthetic import SOURCES, largest_deviations
 
     alone = {s: largest_deviations(rows, s, "paper") for s in SOURCES}
     known = {s: float(np.mean(v)) for s, v in alone.items() if len(v)}

@@ -13,7 +13,7 @@ from rich.table import Table
 from workbench.cli.console import progress_bar, say_on_stdout, standard_error, standard_output
 
 if TYPE_CHECKING:
-    from workbench.plan.propose import Proposal
+    from workbench.plan import Proposal
 
 
 class Criterion(StrEnum):
@@ -51,11 +51,10 @@ def command(
     Frames that the cell has already count as taken; where they were recorded without T_base_jig, they are solved first.
     Locations with role "verify" get spread views to check with.
     """
-    from workbench.cell.locating import located
-    from workbench.files import frames_text, read_cell
-    from workbench.files.atomic import write_text
-    from workbench.plan.propose import plan_limits, propose
-    from workbench.report.as_json import json_text
+    from workbench.cell import located
+    from workbench.files import frames_text, read_cell, write_text
+    from workbench.plan import plan_limits, propose
+    from workbench.report import json_text
 
     limits = plan_limits(tilt_deg, roll_deg, mounting_deg)
     given = read_cell(cell, recorded=False)
@@ -73,7 +72,7 @@ def command(
 
 
 def _show(proposal: Proposal) -> None:
-    from workbench.plan.choose import RANDOM_PLANS
+    from workbench.plan import RANDOM_PLANS
 
     console = standard_output()
     table = Table(title="proposed configurations", title_justify="left")

@@ -12,7 +12,7 @@ from workbench.cli import exit_codes
 from workbench.cli.console import say_on_stdout, standard_output
 
 if TYPE_CHECKING:
-    from workbench.cell.posing import FramePose
+    from workbench.cell import FramePose
 
 SHOWN = 6
 
@@ -28,8 +28,8 @@ def command(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
 ) -> None:
     """Show every pose of the jig in the sensor that explains a frame's points, with its likelihood."""
-    from workbench.cell.posing import frame_poses
-    from workbench.report.as_json import json_text
+    from workbench.cell import frame_poses
+    from workbench.report import json_text
 
     poses = frame_poses(points, jig, sensor, frame)
     if as_json:

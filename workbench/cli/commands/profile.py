@@ -23,7 +23,7 @@ def command(
     """Measure the laser stripe of an image: points (y, z) of the laser plane with covariance, as CSV or PLY."""
     from extraction import write_profile_csv, write_profile_ply
     from geometry import InputError
-    from workbench.cell.profiling import ProfileSource, read_profile, read_profile_settings
+    from workbench.cell import ProfileSource, read_profile, read_profile_settings
 
     if csv is None and ply is None:
         raise InputError("nothing to write: give --csv FILE, --ply FILE or both")

@@ -11,7 +11,7 @@ import typer
 from workbench.cli.console import progress_bar, standard_error
 
 if TYPE_CHECKING:
-    from workbench.emulate.extras import Extras
+    from workbench.emulate import Extras
 
 
 class Renderer(StrEnum):
@@ -59,12 +59,12 @@ def command(
     The true robot, jig and mounting are drawn from \[uncertainty], tolerance_mm and the mounting's σ.
     """
     if trial is not None:
-        from workbench.campaign.remake import remake_trial
+        from workbench.campaign import remake_trial
 
         count = remake_trial(cell, trial, out)
         standard_error().print(f"{out}: {count} images of trial {trial}", markup=False)
         return
-    from workbench.emulate.extras import Extras
+    from workbench.emulate import Extras
 
     extras = Extras(full_truth, ambient_frames)
     if sensor is not None:
@@ -78,8 +78,8 @@ def _one_image(
     path: Path, sensor: str, scene: Path | None, out: Path, seed: int, renderer: Renderer, extras: Extras
 ) -> None:
     from geometry import InputError
-    from workbench.cell.presets import find_emulator, find_sensor
-    from workbench.emulate.scene_frame import render_scene_file
+    from workbench.cell import find_emulator, find_sensor
+    from workbench.emulate import render_scene_file
 
     if scene is not None:
         raise InputError("--scene places parts around a cell, --sensor renders the scene given in its place: drop one")
@@ -101,9 +101,18 @@ def _record(
     import numpy as np
 
     from perceptron_emu import read_surroundings
-    from workbench.emulate.check import all_hidden, check_views, never_met
-    from workbench.emulate.record import record
-    from workbench.emulate.truth import NOTHING, Errors, configurations, draw_truth, given_views, planned_views
+    from workbench.emulate import (
+        NOTHING,
+        Errors,
+        all_hidden,
+        check_views,
+        configurations,
+        draw_truth,
+        given_views,
+        never_met,
+        planned_views,
+        record,
+    )
     from workbench.files import read_cell, read_frames
 
     given = read_cell(path, recorded=False)

@@ -18,8 +18,7 @@ def command(
     level: Annotated[float, typer.Option(min=0.5, max=0.999, help="Share of trials that must reach it.")] = 0.95,
 ) -> None:
     """Write a page: SCP error against every factor, whether σ is true, verdicts, worst trials, and what to do."""
-    from workbench.campaign.page import write_page
-    from workbench.campaign.summary import Target
+    from workbench.campaign import AskedAccuracy, write_page
 
-    path = write_page(run, Target(target_mm, target_deg, level), out)
+    path = write_page(run, AskedAccuracy(target_mm, target_deg, level), out)
     standard_output().print(f"{path}")

@@ -21,8 +21,7 @@ def command(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object, no progress.")] = False,
 ) -> None:
     """Run the plan's trials: render, extract, calibrate, a row each. The same command goes on where it was stopped."""
-    from workbench.campaign.plan import read_plan
-    from workbench.campaign.runner import run_campaign
+    from workbench.campaign import read_plan, run_campaign
 
     checked = read_plan(plan)
     folder = out or plan.with_suffix("")

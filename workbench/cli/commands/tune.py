@@ -8,10 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from geometry import MissingDependencyError
-
 if TYPE_CHECKING:
-    from workbench.opened.image_set import ImageRequest
+    from workbench.opened import ImageRequest
 
 
 def command(
@@ -30,7 +28,7 @@ def command(
     seed: Annotated[int, typer.Option(min=0, help="Seed of the search and of its split.")] = 0,
 ) -> None:
     """Tune detection on saved stripe images: the process window in the browser, or a search with --auto."""
-    from workbench.opened.image_set import ImageRequest
+    from workbench.opened import ImageRequest
 
     request = ImageRequest(tuple(inputs), sensor, jig, tuple(config or ()), out)
     if auto is not None:
@@ -43,15 +41,8 @@ def command(
 
 def _serve(request: ImageRequest, port: int, browser: bool) -> None:
     from workbench.cli.console import say_on_stdout
-    from workbench.window.opening import open_session
-
-    try:
-        from workbench.window.serve import serve
-    except ModuleNotFoundError as error:
-        if error.name not in ("starlette", "uvicorn", "anyio"):
-            raise
-        hint = "the process window needs its extra: pip install 'perceptron-emu[window]'"
-        raise MissingDependencyError(hint) from None
+    from workbench.window import open_session
+    from workbench.window.serve import serve
 
     def announce(address: str) -> None:
         say_on_stdout(f"process window: {address}  (Ctrl+C ends it)")

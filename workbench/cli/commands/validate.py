@@ -33,10 +33,17 @@ def command(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
 ) -> None:
     """Measure point extraction against truth: detection, false points, labels, bias, scatter, honest σ, the bound."""
-    from workbench.files.settings_file import read_settings
-    from workbench.validate.page import WORDS, write_pages
-    from workbench.validate.run import validate_dataset, validate_drawn
-    from workbench.validate.summary import Thresholds, failures, figures, read_thresholds
+    from workbench.files import read_settings
+    from workbench.validate import (
+        WORDS,
+        Thresholds,
+        failures,
+        figures,
+        read_thresholds,
+        validate_dataset,
+        validate_drawn,
+        write_pages,
+    )
 
     settings = read_settings(config or [])
     limits = read_thresholds(thresholds) if thresholds is not None else Thresholds()

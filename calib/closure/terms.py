@@ -7,14 +7,14 @@ arm's scale open (a smaller arm closes better); a known distance between the two
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calib import engine
-from calib.bundle.hands import Hands
+from calib.bundle import Hands
 from geometry import Block, InputError, Linearised, Robot, State, Unknowns, skew, with_beta_prior
 
 Array = NDArray[np.float64]
@@ -73,14 +73,9 @@ class Seated:
     side: Index
     seat_mm: float
 
-    def residual(self, state: State) -> Array:
-        """Point less socket (N, 3) [mm]."""
-        points = self.hands.pose(state.vector("robot")) @ state.vector("tool")
-        return points - state.vector("sockets").reshape(-1, 2, 3)[self.location, self.side]
-
-    def linearise(self, state: State, wanted: Collection[str] | None = None) -> Linearised:
+    def linearise(self, state: State) -> Linearised:
         """The joints' noise moves the point as the hand's pose does."""
-        tool, values = state.vector("tool"), state.vector("robot")
+        tool, values, places = state.vector("tool"), state.vector("robot"), state.vector("sockets").reshape(-1, 2, 3)
         hand = self.hands.pose(values)
         by_hand = np.concatenate([hand.R, -hand.R @ skew(np.broadcast_to(tool, hand.t.shape))], -1)  # (N, 3, 6)
         noise = by_hand @ self.hands.robot.joint_noise(self.hands.readings, values) @ np.swapaxes(by_hand, -1, -2)
@@ -92,7 +87,8 @@ class Seated:
             "sockets": sockets.reshape(-1, 3, 6),
         }
         member = {"sockets": self.location}
-        return Linearised(self.residual(state), jacobian, noise + self.seat_mm**2 * np.eye(3), member)
+        residual = hand @ tool - places[self.location, self.side]
+        return Linearised(residual, jacobian, noise + self.seat_mm**2 * np.eye(3), member)
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,11 +98,7 @@ class KnownDistance:
     paired: Mask
     distance_mm: float
 
-    def residual(self, state: State) -> Array:
-        """Distance less the known one (L, 1) [mm]."""
-        return self.linearise(state).residual
-
-    def linearise(self, state: State, wanted: Collection[str] | None = None) -> Linearised:
+    def linearise(self, state: State) -> Linearised:
         """No evidence where there is one socket alone."""
         places = state.vector("sockets").reshape(-1, 2, 3)
         between = places[:, 1] - places[:, 0]

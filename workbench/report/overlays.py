@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geometry import Sensor
-from workbench.cell.points_table import FrameTable
-from workbench.files.images import Image, write_png
+from workbench.cell import FrameTable
+from workbench.files import Image, write_png
 
 Colour = tuple[int, int, int]  # blue, green, red, as OpenCV draws
 Picture = NDArray[Any]  # uint8 (H, W) or (H, W, 3); OpenCV's own types say no more

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.bundle.solution import Solution
+from calib.bundle import Solution
 from calib.config import CalibConfig
 from calib.judge.identifiability import weak_directions
 from calib.judge.verdict import Facts

@@ -15,9 +15,7 @@ from jig_cad import Jig
 from perceptron_emu import Material, Scene, Solid
 from workbench.emulate.extras import NONE, Extras, Renderer, truth_points
 from workbench.emulate.recipe import recipe_name
-from workbench.files import Cell, FrameRow, Truth, TruthFrame, read_truth, write_cell
-from workbench.files.atomic import write_text
-from workbench.files.images import write_png
+from workbench.files import Cell, FrameRow, Truth, TruthFrame, read_truth, write_cell, write_png, write_text
 
 Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]

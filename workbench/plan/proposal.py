@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.bundle.information import FrameInformation, Model, observability, scaled, scp_covariance
+from calib.bundle import FrameInformation, Model, observability, scaled, scp_covariance
 from calib.printed import printed_sigmas
 from geometry import InputError, NoAnswerError, stack_poses
 from geometry.ties import ascending
-from workbench.cell.surroundings import jig_bodies, sees_all_strings
+from workbench.cell import jig_bodies, sees_all_strings
 from workbench.files import Cell, FrameRow
 from workbench.plan.choose import LEVER_MM, RANDOM_PLANS, choose, random_plans, size_mm
 from workbench.plan.expected import view_information

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from calib.engine.normal import (
     considered_covariance,
     departure,
-    prior_weights,
     reduced,
     reduced_gradient,
     scaled_solve,
@@ -115,7 +114,7 @@ def deviance(result: Result, linearised: Sequence[Linearised] | None = None) -> 
         g = normal.own_gradient[name]
         saved += float(np.sum(g * np.linalg.solve(own, g[..., None])[..., 0]))
         determinants += float(np.sum(np.linalg.slogdet(own)[1]))
-    cost = float(prior_weights(u.sigma, u.free) @ departure(u, state) ** 2)
+    cost = float(u.prior_weight @ departure(u, state) ** 2)
     for lin, white in zip(lins, whites, strict=True):
         w = white @ lin.residual[..., None]
         cost += float(np.vdot(w, w))

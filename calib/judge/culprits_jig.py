@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from calib.pose.fit import fit_pose
+from calib.pose import fit_pose
 from geometry import AxisPoints, Frame, NoAnswerError
 from jig_cad import Jig
 

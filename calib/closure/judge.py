@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student_t
 
-from calib.closure.problem import ClosureFit, Socket, closure_problem, positions, solve_closure
+from calib.closure.terms import ClosureFit, Socket, closure_problem, positions, solve_closure
 from geometry import InputError, Robot
 
 Array = NDArray[np.float64]
