@@ -32,10 +32,26 @@ MAX_VIEW = 4.0  # image sizes: farther out a lens's distortion shows nothing
 
 
 def ambient_electrons(scene: Scene, strings: Cylinders | None, material: Material, config: EmulatorConfig) -> Float32:
-    """Mean electrons (H, W) that the room's light brings, passed through the interference filter.
+    """Mean electrons that the room's light brings, passed through the interference filter.
 
     A surface of albedo ρ under the irradiance E Δλ (directional part by Lambert's cosine, the rest from everywhere,
     no shadows) has the radiance L = ρ E Δλ/π; on the chip it gives π L T cos⁴α/(4 F²) (1 + m)⁻².
+
+    Parameters
+    ----------
+    scene : Scene
+        A sensor with a camera, and solids.
+    strings : Cylinders or None
+        The jig's, where there is one.
+    material : Material
+        The strings'.
+    config : EmulatorConfig
+        Its room light and lens.
+
+    Returns
+    -------
+    Float32
+        (H, W) [e⁻].
     """
     sensor = scene.sensor
     facets, level = _facets(scene, strings, material, config)

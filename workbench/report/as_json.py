@@ -14,7 +14,21 @@ from workbench.files import rounded
 
 
 def calibration_object(result: CalibrationResult, complaints: dict[int, str] | None = None) -> dict[str, Any]:
-    """The object that ``calibrate --json`` prints. complaints: what was wrong with a frame's image, by frame."""
+    """The object that ``calibrate --json`` prints (docs/formats.md).
+
+    Parameters
+    ----------
+    result
+        The answer.
+    complaints
+        What was wrong with a frame's image, by frame.
+
+    Returns
+    -------
+    dict
+        Plain JSON values, None where there is no number.
+
+    """
     pose = result.T_hand_sensor
     out: dict[str, Any] = clean(
         {
