@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import ctypes
 import json
+import os
 import platform
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-import numba
 import numpy as np
 
 from workbench.campaign.worker import code_version
@@ -31,7 +31,7 @@ def numeric_environment() -> dict[str, str]:
         "simd": " ".join([*features.get("baseline", ()), *features.get("found", ())]),
         "blas": _blas("numpy"),
         "blas_of_scipy": _blas("scipy"),
-        "numba_cpu": str(getattr(numba.config, "CPU_NAME", None) or "native"),
+        "numba_cpu": os.environ.get("NUMBA_CPU_NAME") or "native",
     }
 
 
