@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.optimize import OptimizeResult, least_squares
 
 from extraction.config import GapFlushConfig
-from extraction.gapflush.faces import Face, fit_line
+from extraction.gapflush.faces import PanelFace, fit_line
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -63,7 +63,13 @@ class PanelEdge:
 
 
 def fit_edge(
-    yz: Array, cov: Array, face: Face, side: float, tolerance: float, config: GapFlushConfig, last: int | None = None
+    yz: Array,
+    cov: Array,
+    face: PanelFace,
+    side: float,
+    tolerance: float,
+    config: GapFlushConfig,
+    last: int | None = None,
 ) -> tuple[PanelEdge, Indices]:
     """The edge of the panel with that face, on its side towards the gap (+1: the left panel).
 
@@ -73,7 +79,7 @@ def fit_edge(
     """
     near = _near_end(yz, face, side, config.face_length_mm)
     origin, direction = fit_line(yz[near])
-    frame = Face(origin, direction, face.first, face.last)
+    frame = PanelFace(origin, direction, face.first, face.last)
     sd = np.column_stack([side * (yz - origin) @ direction, frame.depth(yz)])
     turned = np.array([side * direction, frame.normal])
     cov = turned @ cov @ turned.T
@@ -152,7 +158,7 @@ def _sigma(p: Array, sd: Array, cov: Array) -> Array:
     return np.asarray(np.maximum(sigma, max(float(np.median(sigma)) / 3, 1e-6)))
 
 
-def _near_end(yz: Array, face: Face, side: float, length: float) -> Indices:
+def _near_end(yz: Array, face: PanelFace, side: float, length: float) -> Indices:
     """Indices of the face's last ``length`` mm before the gap."""
     end = yz[face.last if side > 0 else face.first]
     index = np.arange(face.first, face.last + 1)
@@ -162,7 +168,7 @@ def _near_end(yz: Array, face: Face, side: float, length: float) -> Indices:
 
 
 def _bend_points(
-    sd: Array, face: Face, side: float, tolerance: float, config: GapFlushConfig, last: int | None
+    sd: Array, face: PanelFace, side: float, tolerance: float, config: GapFlushConfig, last: int | None
 ) -> Indices:
     """Indices of the points that follow the face's end without a break, as far as a bend can reach."""
     end_index = (len(sd) - 1 if side > 0 else 0) if last is None else last

@@ -18,7 +18,7 @@ _FEWEST_POINTS = 10
 
 
 @dataclass(frozen=True, eq=False)
-class Face:
+class PanelFace:
     """A straight stretch of a profile.
 
     origin, direction: a point and the unit direction (+y) of its line (2,) in (y, z). first, last: indices of its ends.
@@ -39,13 +39,13 @@ class Face:
         return np.asarray((yz - self.origin) @ self.normal)
 
 
-def find_faces(yz: Array, tolerance: float, config: GapFlushConfig) -> list[Face]:
+def find_faces(yz: Array, tolerance: float, config: GapFlushConfig) -> list[PanelFace]:
     """Straight runs of at least ``min_face_mm`` in a profile ordered by y, longest first, none overlapping.
 
     Lines are tried through every window of that length; a run ends at a point off the line and does not return.
     """
     free = np.ones(len(yz), dtype=bool)
-    faces: list[Face] = []
+    faces: list[PanelFace] = []
     windows = _windows(yz[:, 0], config.min_face_mm)
     while len(faces) < _MOST_FACES:
         runs = [_run(yz, free, a, b, tolerance, config) for a, b in windows if free[a:b].all()]
@@ -57,7 +57,9 @@ def find_faces(yz: Array, tolerance: float, config: GapFlushConfig) -> list[Face
     return faces
 
 
-def facing_pair(yz: Array, faces: list[Face], tolerance: float, config: GapFlushConfig) -> tuple[Face, Face]:
+def facing_pair(
+    yz: Array, faces: list[PanelFace], tolerance: float, config: GapFlushConfig
+) -> tuple[PanelFace, PanelFace]:
     """The left and right face of the gap: the longest neighbours with nothing, or only deeper points, between them.
 
     NoAnswerError says what is missing.
@@ -93,7 +95,7 @@ def _windows(y: Array, length: float) -> list[tuple[int, int]]:
     return [(int(a), int(b)) for a, b in zip(starts, ends, strict=True) if b - a >= _FEWEST_POINTS]
 
 
-def _run(yz: Array, free: Mask, a: int, b: int, tolerance: float, config: GapFlushConfig) -> Face | None:
+def _run(yz: Array, free: Mask, a: int, b: int, tolerance: float, config: GapFlushConfig) -> PanelFace | None:
     """The straight run around the window [a, b); None where the window is not straight or the run too short."""
     part = yz[a:b]
     for _ in range(3):  # trim what is off the line
@@ -104,14 +106,14 @@ def _run(yz: Array, free: Mask, a: int, b: int, tolerance: float, config: GapFlu
         part = part[off <= max(3 * float(np.median(off)), 0.2 * tolerance)]
     first, last = a, b - 1
     for _ in range(3):  # grow, refit
-        face = Face(origin, direction, first, last)
+        face = PanelFace(origin, direction, first, last)
         straight = (np.abs(face.depth(yz)) <= tolerance) & free
         first, last = _contiguous(yz, straight, (a + b) // 2, config.max_step_mm)
         if last - first < _FEWEST_POINTS or yz[last, 0] - yz[first, 0] < config.min_face_mm:
             return None
         inside = np.flatnonzero(straight[first : last + 1]) + first
         origin, direction = fit_line(yz[inside])
-    return Face(origin, direction, first, last)
+    return PanelFace(origin, direction, first, last)
 
 
 def _contiguous(yz: Array, good: Mask, middle: int, max_step: float) -> tuple[int, int]:
@@ -126,11 +128,11 @@ def _contiguous(yz: Array, good: Mask, middle: int, max_step: float) -> tuple[in
     return int(index[left[-1] + 1 if len(left) else 0]), int(index[at + right[0]] if len(right) else index[-1])
 
 
-def _length(yz: Array, face: Face) -> float:
+def _length(yz: Array, face: PanelFace) -> float:
     return float(yz[face.last, 0] - yz[face.first, 0])
 
 
-def _face_each_other(yz: Array, a: Face, b: Face, tolerance: float, config: GapFlushConfig) -> bool:
+def _face_each_other(yz: Array, a: PanelFace, b: PanelFace, tolerance: float, config: GapFlushConfig) -> bool:
     """Whether a gap lies between two faces: wide enough, faces nearly parallel, all points between deeper than both."""
     width = yz[b.first, 0] - yz[a.last, 0]
     if not config.min_gap_mm <= width <= config.max_gap_mm + 2 * config.max_radius_mm:

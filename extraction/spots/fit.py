@@ -30,6 +30,7 @@ from extraction.spots.model import (
 )
 from geometry.compiled import kernel
 
+SINGULAR = 1e-13  # of nine terms' information: a thousand times what its sums round to
 WIDEST = 0.25  # variance along a spot, in squares of the window's side, beyond which a fit is given up
 MOST_DAMPING = 1e3  # where even so short a step does not help, the spot is no Gaussian: a spark at MIN_VARIANCE_PX2
 STEP_TOLERANCE = 1e-2  # a step below this share of its own standard deviation ends the iteration
@@ -205,7 +206,7 @@ def fit_window(window: Window, start: Spot, n: int, noise: PixelNoise, max_itera
     chi2 = _score(window, spot, noise, now.weight, now, scratch)[1]
     while iteration < max_iterations and not converged and damping <= MOST_DAMPING:
         iteration += 1
-        if cholesky(now.fisher, damping, n, factor):
+        if cholesky(now.fisher, damping, SINGULAR, n, factor):
             solve(factor, now.score, n, q)
             decrement = 0.0  # the step's length in standard deviations, squared
             for k in range(n):
@@ -230,7 +231,7 @@ def fit_window(window: Window, start: Spot, n: int, noise: PixelNoise, max_itera
 @kernel
 def _centre_covariance(spot: Spot, fisher: Array, factor: Array, n: int) -> tuple[float, float, float]:
     """Cov(u, v) as uu, uv, vv: a block of the inverse information; infinite where it has none."""
-    if not cholesky(fisher, 0.0, n, factor):
+    if not cholesky(fisher, 0.0, SINGULAR, n, factor):
         return np.inf, 0.0, np.inf
     unit, first, second = np.zeros(SLOPED), np.zeros(SLOPED), np.zeros(SLOPED)
     unit[BY_U] = 1.0

@@ -13,7 +13,7 @@ import numpy as np
 
 from extraction.linalg import cholesky, solve
 from extraction.noise import PixelNoise, camera_variance, noise_of, pixel_variance
-from extraction.spots.fit import Window, Windows, window_of
+from extraction.spots.fit import SINGULAR, Window, Windows, window_of
 from extraction.spots.model import (
     BY_U,
     BY_V,
@@ -231,7 +231,7 @@ def _covariance(planes: Array, stride: int, spot: Spot, n: int, moves: Moves) ->
     fisher, factor = np.zeros((n + 1, n + 1)), np.zeros((n + 1, n + 1))
     weighted = _scaled(planes, planes[WEIGHT], n + 1)
     _gram(weighted, planes, n + 1, fisher)
-    if not cholesky(fisher, 0.0, n, factor):
+    if not cholesky(fisher, 0.0, SINGULAR, n, factor):
         moves.camera[:] = np.nan
         return 0.0
     moved, freed = np.empty((3, planes.shape[1])), np.empty((3, planes.shape[1]))
@@ -294,7 +294,7 @@ def _residual_moments(planes: Array, stride: int, n: int, height: float, moments
     weighted = _scaled(planes, planes[WEIGHT], n)
     fisher, factor, inverse, unit = np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, n)), np.zeros(n)
     _gram(weighted, planes, n, fisher)
-    if not cholesky(fisher, RIDGE, n, factor):
+    if not cholesky(fisher, RIDGE, SINGULAR, n, factor):
         return
     for r in range(n):
         unit[:] = 0.0

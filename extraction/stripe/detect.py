@@ -1,4 +1,4 @@
-"""Candidates of a stripe: centre minus the brighter surround, in pairs of rows, above the frame's own noise."""
+"""SectionPeaks of a stripe: centre minus the brighter surround, in pairs of rows, above the frame's own noise."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _PIXELS_SUMMED = 12  # pixels in a response's centre: 4 rows × 3 columns
 
 
 @dataclass(frozen=True, eq=False)
-class Candidates:
+class SectionPeaks:
     """Places to fit, grouped by section and ordered along it.
 
     section: index of the image column (N,). centre_px: middle of the detection window along it (N,).
@@ -35,13 +35,13 @@ class Candidates:
         """The number of candidates."""
         return len(self.section)
 
-    def take(self, chosen: NDArray[np.intp]) -> Candidates:
+    def take(self, chosen: NDArray[np.intp]) -> SectionPeaks:
         """The chosen candidates."""
         low, high = self.low[chosen], self.high[chosen]
-        return Candidates(self.section[chosen], self.centre_px[chosen], low, high, self.threshold_dn, self.noise_dn)
+        return SectionPeaks(self.section[chosen], self.centre_px[chosen], low, high, self.threshold_dn, self.noise_dn)
 
 
-def detect(image: NDArray[np.generic], threshold_sigma: float, surround_px: int, max_peaks: int) -> Candidates:
+def detect(image: NDArray[np.generic], threshold_sigma: float, surround_px: int, max_peaks: int) -> SectionPeaks:
     """Peaks along the columns of ``image`` (H, W) integer: a stripe that runs from left to right, several a column.
 
     The response is the mean over 4 rows × 3 columns minus that of the brighter of the two surrounds at
@@ -70,15 +70,15 @@ def _median(values: IntArray) -> float:
     return float(np.partition(values, middle)[middle])
 
 
-def _group(peaks: IntArray, threshold: float, noise: float, height: int) -> Candidates:
-    """Candidates of (section, window, response) rows ordered by section, then window."""
+def _group(peaks: IntArray, threshold: float, noise: float, height: int) -> SectionPeaks:
+    """SectionPeaks of (section, window, response) rows ordered by section, then window."""
     section = np.ascontiguousarray(peaks[:, 0])
     centre = 2 * peaks[:, 1].astype(np.float64) + 1.5
     low, high = np.zeros(len(peaks), dtype=np.int32), np.full(len(peaks), height, dtype=np.int32)
     same = section[1:] == section[:-1]
     middle = np.ceil((centre[1:] + centre[:-1]) / 2).astype(np.int32)
     low[1:][same], high[:-1][same] = middle[same], middle[same]
-    return Candidates(section, centre, low, high, threshold, noise)
+    return SectionPeaks(section, centre, low, high, threshold, noise)
 
 
 @kernel

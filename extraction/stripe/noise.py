@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
 from extraction.config import StripeConfig
-from extraction.stripe.columns import AMPLITUDE, BACKGROUND, CENTRE, CHI2, DOF, HIGH, LOW, WIDTH
-from extraction.stripe.fit import NoiseModel
-from extraction.stripe.solve import TERMS, back, factor
+from extraction.linalg import Symmetric4, Vector4, factor4, solve4
+from extraction.noise import QUANTISATION_VARIANCE, PixelNoise
+from extraction.stripe.fit import Pixels, peak_of
+from extraction.stripe.model import SINGULAR, Records, slopes
 from extraction.stripe.view import StripeView
 from geometry.compiled import kernel
 
 Array = NDArray[np.float64]
 
-QUANTISATION_DN2 = 1.0 / 12.0
 _BINS = 24  # of signal
 _ROUNDS = 4  # of reweighting; the weights need not be exact
 _SIGNIFICANT = 9.0  # of a likelihood ratio: three σ
@@ -25,18 +26,18 @@ _MISFIT = 4.0  # a section whose χ² is that many times the median is no Gaussi
 
 
 def estimate_noise(
-    view: StripeView, section: NDArray[np.int32], fits: Array, config: StripeConfig, dark_dn2: float
-) -> NoiseModel:
+    view: StripeView, section: NDArray[np.int32], fits: Records, config: StripeConfig, dark_dn2: float
+) -> PixelNoise:
     """Variance model of the frame by weighted least squares on the fits' squared residuals.
 
-    fits: rows of `fit_sections`, all converged (M, 12), fitted with equal weights. What the config states is taken,
+    fits: records of SECTION, all converged (M,), fitted with equal weights. What the config states is taken,
     the rest is estimated; without enough sections ``dark_dn2`` stands for the dark noise. Clipped plateaus say nothing.
     """
-    section, fits = section[fits[:, DOF] > 0], fits[fits[:, DOF] > 0]
+    section, fits = section[fits["dof"] > 0], fits[fits["dof"] > 0]
     known = (config.read_noise_dn, config.gain_dn_per_e, config.speckle_contrast)
     variances = [None if k is None else k**power for k, power in zip(known, (2, 1, 2), strict=True)]
     if variances[0] is not None:
-        variances[0] += QUANTISATION_DN2
+        variances[0] += QUANTISATION_VARIANCE
     if None in variances and len(fits) >= 8:
         free = [i for i, v in enumerate(variances) if v is None]
         terms, squares, pixels = _binned_residuals(view, section, fits)
@@ -49,15 +50,14 @@ def estimate_noise(
     elif variances[0] is None:
         variances[0] = dark_dn2
     a, c, k2 = (0.0 if v is None else float(v) for v in variances)
-    return NoiseModel(max(a, QUANTISATION_DN2), c, float(np.sqrt(k2)), view.black_dn)
+    return PixelNoise(max(a, QUANTISATION_VARIANCE), c, view.black_dn, k2)
 
 
-def _binned_residuals(view: StripeView, section: NDArray[np.int32], fits: Array) -> tuple[Array, Array, Array]:
+def _binned_residuals(view: StripeView, section: NDArray[np.int32], fits: Records) -> tuple[Array, Array, Array]:
     """Over pixels of like signal: mean terms (1, μ - black, signal²) (B, 3), mean square residual, pixels (B,)."""
-    chi2 = fits[:, CHI2] / np.maximum(fits[:, DOF], 1)
+    chi2 = fits["chi2"] / np.maximum(fits["dof"], 1)
     good = chi2 <= _MISFIT * np.median(chi2)
-    place = view.grey, view.left_out, view.clip_dn, view.black_dn
-    table = _residuals(*place, section[good], fits[good])
+    table = _residuals(view.pixels, section[good], fits[good], view.clip_dn, view.black_dn)
     bins = _binned(table)
     filled = bins[:, 0] > 0
     pixels = bins[filled, 0]
@@ -65,39 +65,41 @@ def _binned_residuals(view: StripeView, section: NDArray[np.int32], fits: Array)
     return means[:, :3], means[:, 3], pixels
 
 
+class SectionNoise(NamedTuple):
+    """Room for one section's pixels: slopes of the mean, F⁻¹ of them (n, 4); signal, μ - black, residual (n, 3)."""
+
+    slope: Array
+    solved: Array
+    level: Array
+
+
 @kernel
-def _residuals(
-    grey: NDArray[np.generic],
-    left_out: NDArray[np.bool_],
-    clip: float,
-    black: float,
-    section: NDArray[np.int32],
-    fits: Array,
-) -> Array:
+def _residuals(pixels: Pixels, section: NDArray[np.int32], fits: Records, clip: float, black: float) -> Array:
     """Per fitted pixel (P, 5): signal; what unit variances of the three terms leave in the residual; its square.
 
     The residual of a fit with equal weights is (1 - H) of the noise, H the hat matrix: E r² = Σ (1 - H)² variance.
     """
     most, longest = 0, 0
     for i in range(len(fits)):
-        n = int(fits[i, HIGH] - fits[i, LOW])
+        n = fits[i].high - fits[i].low
         most, longest = most + n, max(longest, n)
     out, count = np.empty((most, 5)), 0
-    slope, solved, level = np.empty((longest, 4)), np.empty((longest, 4)), np.empty((longest, 3))
-    work, u = np.zeros(TERMS), np.empty(10)
+    room = SectionNoise(np.empty((longest, 4)), np.empty((longest, 4)), np.empty((longest, 3)))
+    slope, level, grey, left_out = room.slope, room.level, pixels.grey, pixels.left_out
     for i in range(len(fits)):
-        n = 0
-        for k in range(10):
-            work[k] = 0.0
-        for row in range(int(fits[i, LOW]), int(fits[i, HIGH])):
+        n, peak = 0, peak_of(fits[i])
+        fisher = Symmetric4(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        for row in range(fits[i].low, fits[i].high):
             y = float(grey[row, section[i]])
             if y < clip and (left_out.size == 0 or not left_out[row, section[i]]):
-                mean = _slopes(fits[i], row, slope[n])
-                _add_square(slope[n], work)
-                level[n, 0], level[n, 1], level[n, 2] = mean - fits[i, BACKGROUND], mean - black, y - mean
+                mean, j = slopes(peak, row)
+                fisher = _add_square(fisher, j)
+                slope[n, 0], slope[n, 1], slope[n, 2], slope[n, 3] = j
+                level[n, 0], level[n, 1], level[n, 2] = mean - peak.background, mean - black, y - mean
                 n += 1
-        if factor(work, u):
-            _spread(slope, solved, level, n, u, out[count:])
+        definite, factor = factor4(fisher, SINGULAR)
+        if definite:
+            _spread(room, n, factor, out[count:])
             count += n
     return out[:count]
 
@@ -117,10 +119,12 @@ def _binned(table: Array) -> Array:
 
 
 @kernel(fastmath=True)
-def _spread(slope: Array, solved: Array, level: Array, n: int, u: Array, out: Array) -> None:
-    """One section's rows of `_residuals`; level: signal, μ - black and residual (n, 3)."""
+def _spread(room: SectionNoise, n: int, factor: Symmetric4, out: Array) -> None:
+    """One section's rows of `_residuals`, of its n pixels and the factor of F."""
+    slope, solved, level = room.slope, room.solved, room.level
     for a in range(n):
-        back(u, slope[a, 0], slope[a, 1], slope[a, 2], slope[a, 3], solved[a])
+        x = solve4(factor, Vector4(slope[a, 0], slope[a, 1], slope[a, 2], slope[a, 3]))
+        solved[a, 0], solved[a, 1], solved[a, 2], solved[a, 3] = x
     for a in range(n):
         out[a, 0], out[a, 1], out[a, 2], out[a, 3] = level[a, 0], 0.0, 0.0, 0.0
         out[a, 4] = level[a, 2] ** 2
@@ -135,23 +139,12 @@ def _spread(slope: Array, solved: Array, level: Array, n: int, u: Array, out: Ar
 
 
 @kernel
-def _slopes(fit: Array, row: int, j: Array) -> float:
-    """The mean at a pixel, its derivatives by centre, amplitude, σ and background (lengths in σ) in ``j``."""
-    t = (row - fit[CENTRE]) / fit[WIDTH]
-    bell = math.exp(-0.5 * t * t)
-    signal = fit[AMPLITUDE] * bell
-    j[0], j[1], j[2], j[3] = signal * t, bell, signal * t * t, 1.0
-    return float(signal + fit[BACKGROUND])
-
-
-@kernel
-def _add_square(j: Array, work: Array) -> None:
-    """Add j jᵀ to the upper triangle by rows."""
-    k = 0
-    for a in range(4):
-        for b in range(a, 4):
-            work[k] += j[a] * j[b]
-            k += 1
+def _add_square(f: Symmetric4, j: Vector4) -> Symmetric4:
+    """F + j jᵀ."""
+    return Symmetric4(
+        f.a00 + j.a0 * j.a0, f.a01 + j.a0 * j.a1, f.a02 + j.a0 * j.a2, f.a03 + j.a0 * j.a3, f.a11 + j.a1 * j.a1,
+        f.a12 + j.a1 * j.a2, f.a13 + j.a1 * j.a3, f.a22 + j.a2 * j.a2, f.a23 + j.a2 * j.a3, f.a33 + j.a3 * j.a3,
+    )  # fmt: skip
 
 
 def _non_negative(terms: Array, squares: Array, pixels: Array, variances: Array, free: list[int]) -> Array:
@@ -161,12 +154,12 @@ def _non_negative(terms: Array, squares: Array, pixels: Array, variances: Array,
     goal = squares - terms @ variances
     for _ in range(_ROUNDS):
         out[free] = nnls(terms[:, free] * weight[:, None], goal * weight)[0]
-        weight = np.sqrt(pixels) / np.maximum(terms @ out, QUANTISATION_DN2)
+        weight = np.sqrt(pixels) / np.maximum(terms @ out, QUANTISATION_VARIANCE)
     return out
 
 
 def _explains_more(terms: Array, squares: Array, pixels: Array, camera: Array, speckled: Array) -> bool:
     """Whether speckle is significant: without it the flanks, where the position comes from, are weighted better."""
-    weight = np.sqrt(pixels / 2) / np.maximum(terms @ camera, QUANTISATION_DN2)
+    weight = np.sqrt(pixels / 2) / np.maximum(terms @ camera, QUANTISATION_VARIANCE)
     misfit = [float(np.sum((weight * (squares - terms @ v)) ** 2)) for v in (camera, speckled)]
     return misfit[0] - misfit[1] > _SIGNIFICANT

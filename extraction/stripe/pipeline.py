@@ -10,10 +10,11 @@ from scipy.ndimage import median_filter
 
 from extraction.config import StripeConfig
 from extraction.image import check_image
+from extraction.noise import QUANTISATION_VARIANCE, PixelNoise
 from extraction.sheet import image_to_sheet, propagate, sheet_table
-from extraction.stripe import columns as col
-from extraction.stripe.detect import Candidates, detect
-from extraction.stripe.fit import NoiseModel, fit_sections
+from extraction.stripe.detect import SectionPeaks, detect
+from extraction.stripe.fit import SECTION, Places, fit_sections
+from extraction.stripe.model import Limits, Records
 from extraction.stripe.noise import estimate_noise
 from extraction.stripe.normal import localise_along_normal
 from extraction.stripe.plateau import join_plateaus
@@ -25,8 +26,8 @@ from geometry import Sensor
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-_SAMPLE = 320  # sections that are fitted first, for the noise and the width
-_WIDTH_PX = 1.5  # expected before anything is known
+_SAMPLE = 320  # sections that are fitted first, for the noise and the width: some 3,000 pixels for three variances
+_WIDTH_PX = 1.5  # expected before anything is known; the window follows what is found
 _WIDTH_ERROR = 0.12  # relative, of the width expected from neighbouring sections; it steadies faint sections only
 
 
@@ -82,93 +83,96 @@ def detect_stripe(
     noise, widths = _look_ahead(view, found, config)
     fits = _fit(view, found, widths, _WIDTH_ERROR, noise, config)
     good = np.flatnonzero(_acceptable(fits, config))
-    good = good[connected(found.section[good], fits[good, col.CENTRE], config.min_run)]
+    good = good[connected(found.section[good], fits["centre"][good], config.min_run)]
     fits, section = fits[good], found.section[good]
     noise = _settle(noise, fits, config)
-    chosen = select(config.select, section, fits[:, col.CENTRE], fits[:, col.AMPLITUDE], config.jump_px, config.max_gap)
+    chosen = select(config, section, fits["centre"].copy(), fits["amplitude"].copy())
     peaks = _peaks(view, section[chosen], fits[chosen], config)
     return localise_along_normal(view, peaks, noise, config) if config.along_normal else peaks
 
 
-def _joined(view: StripeView, found: Candidates) -> Candidates:
+def _joined(view: StripeView, found: SectionPeaks) -> SectionPeaks:
     """The candidates, one for each clipped run; a run with one candidate is left as it is."""
     if not np.isfinite(view.clip_dn) or len(found) == 0:
         return found
-    place = (found.centre_px, found.low, found.high)
-    keep, centre, low, high = join_plateaus(view.grey, found.section, place, view.clip_dn)
-    return replace(found, section=found.section[keep], centre_px=centre[keep], low=low[keep], high=high[keep])
+    centre, high = found.centre_px.copy(), found.high.copy()
+    keep = join_plateaus(view.grey, found.section, centre, high, view.clip_dn)
+    return replace(found, section=found.section[keep], centre_px=centre[keep], low=found.low[keep], high=high[keep])
 
 
-def _look_ahead(view: StripeView, found: Candidates, config: StripeConfig) -> tuple[NoiseModel, Array]:
+def _look_ahead(view: StripeView, found: SectionPeaks, config: StripeConfig) -> tuple[PixelNoise, Array]:
     """The frame's noise, and the width to be expected at each candidate, from every n-th of them."""
     some = np.arange(0, len(found), max(1, len(found) // _SAMPLE))
     guess = np.full(len(some), min(max(_WIDTH_PX, config.min_width_px), config.max_width_px))
-    first = NoiseModel(max(found.noise_dn**2, 1 / 12), 0.0, 0.0, view.black_dn)
+    first = PixelNoise(max(found.noise_dn**2, QUANTISATION_VARIANCE), 0.0, view.black_dn, 0.0)
     fits = _fit(view, found.take(some), guess, np.inf, first, config)
     good = _acceptable(fits, config)
     section = found.section[some[good]]
     noise = estimate_noise(view, section, fits[good], config, 6 * found.noise_dn**2)
     if not good.any():
         return noise, np.full(len(found), _WIDTH_PX)
-    steady = median_filter(fits[good, col.WIDTH], size=min(9, int(good.sum())), mode="nearest")
+    steady = median_filter(fits["width"][good], size=min(9, int(good.sum())), mode="nearest")
     return noise, np.interp(found.section, section, steady)
 
 
-def _settle(noise: NoiseModel, fits: Array, config: StripeConfig) -> NoiseModel:
+def _settle(noise: PixelNoise, fits: Records, config: StripeConfig) -> PixelNoise:
     """The noise scaled to what all sections say, ``fits`` with it in place: the few first ones leave some per cent.
 
     Only where all of the noise is estimated, and robustly: sections that are no Gaussian peak keep their high χ².
     """
     if len(fits) < _SAMPLE or (config.read_noise_dn, config.gain_dn_per_e, config.speckle_contrast) != (None,) * 3:
         return noise
-    ratio = fits[:, col.CHI2] / np.maximum(fits[:, col.DOF], 1)
-    usual = (ratio <= 3 * np.median(ratio)) & (fits[:, col.DOF] > 0)
+    ratio = fits["chi2"] / np.maximum(fits["dof"], 1)
+    usual = (ratio <= 3 * np.median(ratio)) & (fits["dof"] > 0)
     if usual.sum() < _SAMPLE // 2:
         return noise
-    scale = float(np.sum(fits[usual, col.CHI2]) / np.sum(fits[usual, col.DOF]))
-    fits[:, col.CHI2] /= scale
-    fits[:, col.VARIANCE] *= scale
-    return noise.scaled(scale)
+    scale = float(np.sum(fits["chi2"][usual]) / np.sum(fits["dof"][usual]))
+    fits["chi2"] /= scale
+    fits["variance"] *= scale
+    return PixelNoise(scale * noise.floor, scale * noise.gain, noise.dark, scale * noise.speckle2)
 
 
 def _fit(
-    view: StripeView, found: Candidates, widths: Array, width_error: float, noise: NoiseModel, config: StripeConfig
-) -> Array:
-    place = (found.section, found.centre_px, found.low, found.high)
-    limits = (view.clip_dn, config.min_width_px, config.max_width_px)
-    return np.asarray(fit_sections(view.grey, view.left_out, place, (widths, width_error), limits, noise.as_array()))
+    view: StripeView, found: SectionPeaks, widths: Array, width_error: float, noise: PixelNoise, config: StripeConfig
+) -> Records:
+    """The fits of all candidates (N,), records of SECTION; widths (N,): expected, with that relative error."""
+    table = np.zeros(len(found), SECTION)
+    places = Places(found.section, found.centre_px, found.low, found.high, widths)
+    limits = Limits(view.clip_dn, config.min_width_px, config.max_width_px)
+    fit_sections(view.pixels, places, width_error, limits, noise, table)
+    return table
 
 
-def _acceptable(fits: Array, config: StripeConfig) -> Mask:
+def _acceptable(fits: Records, config: StripeConfig) -> Mask:
     """Which fits are a peak of a stripe: converged, high enough, neither too narrow nor too wide."""
-    width = fits[:, col.WIDTH]
+    width = fits["width"]
     return np.asarray(
-        (fits[:, col.CONVERGED] > 0)
-        & (fits[:, col.AMPLITUDE] >= config.min_amplitude_dn)
-        & (fits[:, col.SNR] >= config.min_snr)
+        fits["converged"]
+        & (fits["amplitude"] >= config.min_amplitude_dn)
+        & (fits["snr"] >= config.min_snr)
         & (width >= config.min_width_px)
         & (width <= config.max_width_px)
-        & np.isfinite(fits[:, col.VARIANCE])
+        & np.isfinite(fits["variance"])
     )
 
 
-def _peaks(view: StripeView, section: NDArray[np.int32], fits: Array, config: StripeConfig) -> StripePeaks:
-    chi2 = fits[:, col.CHI2] / np.maximum(fits[:, col.DOF], 1)
-    near_border = np.minimum(fits[:, col.CENTRE] - fits[:, col.LOW], fits[:, col.HIGH] - 1 - fits[:, col.CENTRE])
+def _peaks(view: StripeView, section: NDArray[np.int32], fits: Records, config: StripeConfig) -> StripePeaks:
+    chi2 = fits["chi2"] / np.maximum(fits["dof"], 1)
+    near_border = np.minimum(fits["centre"] - fits["low"], fits["high"] - 1 - fits["centre"])
     flag = (
-        SATURATED * (fits[:, col.CLIPPED] > 0)
+        SATURATED * (fits["clipped"] > 0)
         + SHAPE * (chi2 > config.max_chi2_per_dof)
-        + EDGE * (near_border < 1.5 * fits[:, col.WIDTH])
+        + EDGE * (near_border < 1.5 * fits["width"])
     )
     zero = np.zeros(len(section))
     return StripePeaks(
         section=section + np.int32(view.first_section),
-        uv_px=view.uv_px(section.astype(float), fits[:, col.CENTRE]),
+        uv_px=view.uv_px(section.astype(float), fits["centre"]),
         normal=view.directions(zero, zero + 1),
-        sigma_px=np.sqrt(fits[:, col.VARIANCE]),
-        amplitude_dn=fits[:, col.AMPLITUDE],
-        width_px=fits[:, col.WIDTH],
-        background_dn=fits[:, col.BACKGROUND],
+        sigma_px=np.sqrt(fits["variance"]),
+        amplitude_dn=fits["amplitude"].copy(),
+        width_px=fits["width"].copy(),
+        background_dn=fits["background"].copy(),
         chi2_per_dof=chi2,
         flag=flag.astype(np.uint8),
     )

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from extraction.stripe.columns import AMPLITUDE, BACKGROUND, CENTRE, CHI2, CONVERGED, SNR, VARIANCE, WIDTH
+from extraction.noise import PixelNoise, camera_variance, pixel_variance
 from geometry.compiled import kernel
 
 Array = NDArray[np.float64]
@@ -21,47 +22,46 @@ _FWHM = 2 * math.sqrt(2 * math.log(2))
 
 
 @kernel
-def between_flanks(y: Array, n: int, clip: float, noise: Array, row: Array) -> bool:
+def between_flanks(y: Array, clip: float, noise: PixelNoise, row: Any) -> bool:
     """Centre of the section's longest clipped run, midway between its flanks; False where a flank is not seen.
 
-    y: grey levels (n). noise: `NoiseModel.as_array`. A flank's place is the mean of where it crosses all levels from
-    FLOOR to ``clip``: the sum of its grey levels, which asks for no monotonous rise. The amplitude is what is seen, the
-    least it can be; the width is that of a Gaussian as wide between the flanks.
+    y: grey levels (n,). row: the record of SECTION that is filled. A flank's place is the mean of where it crosses all
+    levels from FLOOR to ``clip``: the sum of its grey levels, which asks for no monotonous rise. The amplitude is what
+    is seen, the least it can be; the width is that of a Gaussian as wide between the flanks.
     """
-    first, last = _longest_run(y, n, clip)
+    n = len(y)
+    first, last = _longest_run(y, clip)
     if last - first + 1 < PLATEAU_PIXELS:
         return False
     background = 0.25 * (y[0] + y[1] + y[n - 1] + y[n - 2])
     height = clip - background
-    left, left_variance = _flank(y, n, (first - 1, -1), (background, height), noise)
-    right, right_variance = _flank(y, n, (last + 1, 1), (background, height), noise)
+    left, left_variance = _flank(y, first - 1, -1, background, height, noise)
+    right, right_variance = _flank(y, last + 1, 1, background, height, noise)
     if left < 0 or right < 0:
         return False
-    row[CENTRE] = 0.5 * (first + last + right - left)
-    row[WIDTH] = (last - first + 1 + left + right) / _FWHM
-    row[AMPLITUDE], row[BACKGROUND] = height, background
-    row[VARIANCE] = 0.25 * (left_variance + right_variance) + INTERPOLATION_PX**2
-    row[SNR] = height / math.sqrt(noise[0] + noise[1] * max(clip - noise[3], 0.0))
-    row[CHI2], row[CONVERGED] = 0.0, 1.0
+    row.centre = 0.5 * (first + last + right - left)
+    row.width = (last - first + 1 + left + right) / _FWHM
+    row.amplitude, row.background = height, background
+    row.variance = 0.25 * (left_variance + right_variance) + INTERPOLATION_PX**2
+    row.snr = height / math.sqrt(camera_variance(noise, clip))
+    row.chi2, row.converged = 0.0, True
     return True
 
 
 @kernel
-def _flank(y: Array, n: int, place: tuple[int, int], level: tuple[float, float], noise: Array) -> tuple[float, float]:
+def _flank(y: Array, start: int, step: int, background: float, height: float, noise: PixelNoise) -> tuple[float, float]:
     """How far a flank reaches from the clipped run [px], and its variance; -1 where the section ends within it.
 
-    place: first pixel and direction; level: background and clipping level above it.
+    start, step: first pixel and direction. height: of the clipping level above the background.
     """
-    k, step = place
-    background, height = level
+    k = start
     reach, variance, below = 0.0, 0.0, 0
-    while 0 <= k < n and below < _BELOW:
+    while 0 <= k < len(y) and below < _BELOW:
         share = ((y[k] - background) / height - FLOOR) / (1.0 - FLOOR)
         if share > 0:
             reach += min(share, 1.0)
             signal = max(y[k] - background, 0.0)
-            dark = noise[0] + noise[1] * max(y[k] - noise[3], 0.0)
-            variance += (dark + noise[2] * signal * signal) / (height * (1.0 - FLOOR)) ** 2
+            variance += pixel_variance(noise, y[k], signal) / (height * (1.0 - FLOOR)) ** 2
             below = 0
         else:
             below += 1
@@ -71,14 +71,12 @@ def _flank(y: Array, n: int, place: tuple[int, int], level: tuple[float, float],
 
 @kernel
 def join_plateaus(
-    grey: NDArray[np.generic], section: NDArray[np.int32], place: tuple[Array, IntArray, IntArray], clip: float
-) -> tuple[NDArray[np.bool_], Array, IntArray, IntArray]:
-    """Candidates on one clipped run made one: which remain (N,), their places, and their ranges low and high.
+    grey: NDArray[np.generic], section: IntArray, centre: Array, high: IntArray, clip: float
+) -> NDArray[np.bool_]:
+    """Peaks on one clipped run made one: which remain (N,); their ``centre`` and ``high`` are changed in place.
 
     A detector finds no peak on a plateau, or several; each would be given one flank only.
-    place: centre, low and high as in `Candidates`.
     """
-    centre, low, high = place[0].copy(), place[1].copy(), place[2].copy()
     keep = np.ones(len(section), dtype=np.bool_)
     last = 0
     for i in range(1, len(section)):
@@ -91,14 +89,14 @@ def join_plateaus(
             centre[last] = 0.5 * (centre[last] + centre[i])
         else:
             last = i
-    return keep, centre, low, high
+    return keep
 
 
 @kernel
-def _longest_run(y: Array, n: int, clip: float) -> tuple[int, int]:
+def _longest_run(y: Array, clip: float) -> tuple[int, int]:
     """First and last index of the longest run of clipped pixels."""
     best, first, length = 0, 0, 0
-    for k in range(n):
+    for k in range(len(y)):
         length = length + 1 if y[k] >= clip else 0
         if length > best:
             best, first = length, k - length + 1

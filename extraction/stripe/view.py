@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from extraction.config import StripeConfig
+from extraction.stripe.fit import Pixels
 from geometry import InputError
 
 Array = NDArray[np.float64]
@@ -33,6 +34,11 @@ class StripeView:
     black_dn: float
     origin_px: tuple[int, int]
     turned: bool
+
+    @property
+    def pixels(self) -> Pixels:
+        """What the kernels take."""
+        return Pixels(self.grey, self.left_out)
 
     def uv_px(self, section: Array, along: Array) -> Array:
         """Image coordinates (N, 2) of places ``along`` sections."""

@@ -24,7 +24,21 @@ def label_dataset(
 
 
 def label_alone(frame: Frame, jig: Jig, sensor: Sensor) -> Frame:
-    """A frame labelled from the jig's geometry alone."""
+    """A frame labelled from the jig's geometry alone.
+
+    Parameters
+    ----------
+    frame
+        With its spots.
+    jig, sensor
+        What the names follow from.
+
+    Returns
+    -------
+    Frame
+        With the reason where nothing could be labelled.
+
+    """
     found = label_frame(frame.points, jig, sensor, None, CalibConfig())
     return replace(frame, axis=found.axis, reason=found.reason, T_sensor_target=found.T_sensor_jig)
 

@@ -20,7 +20,28 @@ ATOL_QUATERNION = 1e-2  # length of a quaternion as written; digits cut in the f
 
 
 def read_frames(path: Path, n_joints: int, *, may_be_empty: bool = False) -> tuple[Frame, ...]:
-    """The rows of frames.csv for a robot of ``n_joints`` joints; InputError names line and column."""
+    """The rows of frames.csv, joint readings in radians.
+
+    Parameters
+    ----------
+    path
+        The file.
+    n_joints
+        How many columns j1_deg, j2_deg, … there must be, where no hand poses stand in their place.
+    may_be_empty
+        Whether a header alone will do.
+
+    Returns
+    -------
+    tuple of Frame
+        In the file's order.
+
+    Raises
+    ------
+    InputError
+        Naming line and column.
+
+    """
     joints = tuple(f"j{i}_deg" for i in range(1, MAX_JOINTS + 1))
     known = ("frame", "image", "location", "role", *joints, *POSE_COLUMNS)
     table = read_table(path, known, ("frame", "location", "role"))
