@@ -39,26 +39,25 @@ def kernel(*, fastmath: bool = False, inline: bool = False, parallel: bool = Fal
 def kernel(
     function: F | None = None, /, *, fastmath: bool = False, inline: bool = False, parallel: bool = False
 ) -> F | Callable[[F], F]:
-    """
-    Compile a function on its first call; the checker goes on seeing the function itself.
+    """Compile a function on its first call; the checker goes on seeing the function itself.
 
     Division by zero gives infinity or NaN, as in numpy, and other threads run meanwhile.
 
     Parameters
     ----------
-    function
-        A function of numbers, arrays and named tuples of them that calls numpy, `math` and other kernels only.
-    fastmath
-        Only where NaN and infinity can not occur: minima and maxima are then the vector unit's. Sums keep their order
-        and no product is fused with a sum, so that every processor gives the same last bits.
-    inline
+    function : callable
+        Of numbers, arrays and named tuples of them; calls numpy, `math` and other kernels only. Classes of named tuples
+        that it is given are imported by its module, so that their changes are noticed.
+    fastmath : bool
+        Values are taken for finite: only where NaN and infinity can not occur. Sums keep their order.
+    inline : bool
         Written out in its callers, as numba's `inline="always"`; without, the compiler decides by itself.
-    parallel
+    parallel : bool
         Loops over `numba.prange` are shared among threads; without, a kernel runs on one.
 
     Returns
     -------
-    function
+    callable
         The compiled function, with the same signature; or the decorator where no function was given.
 
     Examples

@@ -22,7 +22,18 @@ LARGEST_BLUR = 0.1  # of the image's width, a radius: no spot could be told from
 
 
 def check_scene(scene: Scene) -> None:
-    """InputError where the sensor can see nothing of what is in the scene."""
+    """Refuse a scene of which the sensor can see nothing.
+
+    Parameters
+    ----------
+    scene : Scene
+        As it would be rendered.
+
+    Raises
+    ------
+    InputError
+        Where neither a string nor a solid reaches the sheet in the field of view; says what to move.
+    """
     polygon = field_of_view(scene.sensor)
     in_view = False
     if scene.jig is not None:
@@ -45,7 +56,20 @@ def check_scene(scene: Scene) -> None:
 
 
 def check_optics(sensor: Sensor, config: EmulatorConfig) -> None:
-    """InputError where lens, filter or laser can not be, or can not give an image of the sheet."""
+    """Refuse optics that can not be, or can not give an image of the sheet.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        With a camera.
+    config : EmulatorConfig
+        Its lens, filter and laser.
+
+    Raises
+    ------
+    InputError
+        Names key, value and limit.
+    """
     optics, laser = config.optics, config.laser
     chip, focus = principal_distance_mm(optics, sensor), focus_distance_mm(optics, sensor)
     if focus <= chip:

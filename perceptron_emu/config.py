@@ -140,7 +140,32 @@ class MotionConfig(Section):
 
 
 class EmulatorConfig(Section):
-    """Everything that the emulator reads of sensor.toml; each section is a table of the file."""
+    """Everything that the emulator reads of sensor.toml; each section is a table of the file.
+
+    Parameters
+    ----------
+    laser : LaserConfig
+        The light of the sheet.
+    optics : OpticsConfig
+        Lens, stop, filter.
+    surface : ThreadConfig
+        The strings' thread.
+    speckle : SpeckleConfig
+        Interference on a rough surface.
+    ambient : AmbientConfig
+        Room light.
+    noise : NoiseConfig
+        The chip.
+    exposure : ExposureConfig
+        Time, shutter, HDR.
+    motion : MotionConfig
+        The sensor's velocity.
+
+    Raises
+    ------
+    pydantic.ValidationError
+        For unknown keys, values out of range, NaN and infinities.
+    """
 
     laser: LaserConfig = LaserConfig()
     optics: OpticsConfig = OpticsConfig()

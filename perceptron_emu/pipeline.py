@@ -31,10 +31,37 @@ def render(
 ) -> RenderedFrame:
     """The image that the sensor delivers of the scene, and what is known of it.
 
-    rng draws two keys, for speckle and for the chip's noise; the same state gives the same bytes. Without config: its
-    defaults; without rng: seed 0. Raises InputError where the optics can not give an image. full_truth: pixel labels
-    and the sheet's curve too (about twice the time).
-    renderer: who finds what is lit and seen, our own geometry or OpenGL's depth buffers; optics and chip are the same.
+    Parameters
+    ----------
+    scene : Scene
+        A sensor with a camera, and what stands before it.
+    config : EmulatorConfig, optional
+        Laser, lens, surface, chip and exposure; its defaults where None.
+    rng : numpy.random.Generator, optional
+        Two keys are drawn from it, for speckle and for the chip's noise: the same state gives the same bytes. Seed 0
+        where None.
+    full_truth : bool
+        Pixel labels and the sheet's curve too; about twice the time.
+    renderer : {"own", "pyrender"}
+        Who finds what is lit and seen, our own geometry or OpenGL's depth buffers; optics and chip are the same.
+
+    Returns
+    -------
+    RenderedFrame
+        The image (H, W) [DN] with its truth.
+
+    Raises
+    ------
+    InputError
+        Where the optics can not give an image, or the sensor has no camera.
+    MissingDependencyError
+        Where pyrender is asked for and finds no OpenGL.
+
+    Examples
+    --------
+    >>> frame = render(Scene(sensor, jig, T_sensor_jig), rng=np.random.default_rng(1))  # doctest: +SKIP
+    >>> frame.truth.strings[0].image_px  # doctest: +SKIP
+    array([612.4, 488.1])
     """
     config = config or EmulatorConfig()
     _checked(scene.sensor, config)
@@ -61,8 +88,21 @@ def _checked(sensor: Sensor, config: EmulatorConfig) -> None:
 
 
 def mean_electrons(scene: Scene, config: EmulatorConfig | None = None, speckle_key: int = 0) -> Float32:
-    """Mean photo-electrons (H, W) that one exposure would bring: the frame before the chip, free of its noise and
-    rounding.
+    """Mean photo-electrons of one exposure: the frame before the chip, free of its noise and rounding.
+
+    Parameters
+    ----------
+    scene : Scene
+        A sensor with a camera, and what stands before it.
+    config : EmulatorConfig, optional
+        Its defaults where None.
+    speckle_key : int
+        64 random bits, of which the speckle is made.
+
+    Returns
+    -------
+    Float32
+        (H, W) [e⁻].
     """
     config = config or EmulatorConfig()
     path = moments(config, scene.camera.height_px)

@@ -18,7 +18,19 @@ Array = NDArray[np.float64]
 class Material:
     """How a surface scatters light.
 
-    diffuse: albedo of the Lambertian part. specular: reflectance of the GGX part at normal incidence. roughness: its α.
+    Parameters
+    ----------
+    diffuse : float
+        Albedo of the Lambertian part, 0 … 1.
+    specular : float
+        Reflectance of the glossy part (GGX) at normal incidence, 0 … 1; 0 is matte.
+    roughness : float
+        α of the glossy part, 0.02 … 1.
+
+    Raises
+    ------
+    InputError
+        Where the numbers can not be a surface.
     """
 
     diffuse: float = 0.5
@@ -43,7 +55,24 @@ WALL = Material(0.5)
 
 @dataclass(frozen=True, eq=False)
 class Solid:
-    """A body of triangles. mesh: in its own axes [mm]. T_sensor_mesh: its pose in {P}."""
+    """A body of triangles.
+
+    Parameters
+    ----------
+    mesh : trimesh.Trimesh
+        In its own axes [mm].
+    material : Material
+        One for all of it.
+    T_sensor_mesh : Pose
+        The mesh's axes in {P}.
+    name : str
+        For labels and messages.
+
+    Raises
+    ------
+    InputError
+        For a mesh without triangles or with numbers that are not finite.
+    """
 
     mesh: trimesh.Trimesh
     material: Material = MATTE
@@ -62,8 +91,18 @@ class Solid:
 class Scene:
     """A sensor before a jig (or none) and solids.
 
-    T_sensor_jig: the jig's pose in {P}. solids: plates, posts, walls, parts; strings are not among them.
-    string_material: the thread's surface; None takes [surface] of the configuration.
+    Parameters
+    ----------
+    sensor : Sensor
+        With a camera, to be rendered.
+    jig : Jig, optional
+        The strings.
+    T_sensor_jig : Pose
+        The jig's pose in {P}.
+    solids : tuple of Solid
+        Plates, posts, walls, parts; strings are not among them.
+    string_material : Material, optional
+        The thread's surface; [surface] of the configuration where None.
     """
 
     sensor: Sensor
@@ -81,7 +120,24 @@ class Scene:
 def panel(
     width_mm: float, height_mm: float, T_sensor_panel: Pose, material: Material = WALL, name: str = "panel"
 ) -> Solid:
-    """A flat panel in the x-y plane of its own frame, centred on its origin, visible from both sides."""
+    """A flat panel, visible from both sides.
+
+    Parameters
+    ----------
+    width_mm, height_mm : float
+        Along x and y of its own frame, centred on its origin.
+    T_sensor_panel : Pose
+        That frame in {P}.
+    material : Material
+        A grey wall's by default.
+    name : str
+        For labels and messages.
+
+    Returns
+    -------
+    Solid
+        Two triangles.
+    """
     w, h = width_mm / 2, height_mm / 2
     corners = [[-w, -h, 0.0], [w, -h, 0.0], [w, h, 0.0], [-w, h, 0.0]]
     return Solid(trimesh.Trimesh(corners, [[0, 1, 2], [0, 2, 3]], process=False), material, T_sensor_panel, name)

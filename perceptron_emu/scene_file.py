@@ -84,7 +84,21 @@ class MaterialTable(Table):
 
 
 class SceneFile(Table):
-    """The whole file."""
+    """The tables of a scene.toml.
+
+    Parameters
+    ----------
+    jig : SceneJig, optional
+        Its file and pose; a scene around a cell has none.
+    mesh : tuple of MeshTable
+        Mesh files with place and material.
+    panel : tuple of PanelTable
+        Flat panels.
+    materials : dict of str to MaterialTable
+        By name, beside matte, black, aluminium and wall.
+    string_material : str, optional
+        Name of the thread's material.
+    """
 
     jig: SceneJig | None = None
     mesh: tuple[MeshTable, ...] = ()
@@ -97,8 +111,12 @@ class SceneFile(Table):
 class Surroundings:
     """What a scene.toml places around a cell, whose own files place jig and sensor.
 
-    parts: the frame each stands still in, and the solid, its T_sensor_mesh the pose in that frame. string_material: the
-    thread's surface, None for that of the sensor's file.
+    Parameters
+    ----------
+    parts : tuple of (frame, Solid)
+        The frame each stands still in, and the solid, its T_sensor_mesh the pose in that frame.
+    string_material : Material, optional
+        The thread's surface; that of the sensor's file where None.
     """
 
     parts: tuple[tuple[Frame, Solid], ...] = ()
@@ -112,7 +130,22 @@ class Surroundings:
 def read_scene(path: Path | str, sensor: Sensor) -> Scene:
     """The scene of a scene.toml before a sensor, its files found beside it.
 
-    Raises InputError naming file and key for anything that can not be, and for a scene that the sensor can not see.
+    Parameters
+    ----------
+    path : Path or str
+        The scene.toml.
+    sensor : Sensor
+        Stands at the origin of {P}.
+
+    Returns
+    -------
+    Scene
+        Ready to be rendered.
+
+    Raises
+    ------
+    InputError
+        Naming file and key for anything that can not be, and for a scene that the sensor can not see.
     """
     path = Path(path)
     file = _parse(path)
@@ -139,7 +172,23 @@ def read_scene(path: Path | str, sensor: Sensor) -> Scene:
 
 
 def read_surroundings(path: Path | str) -> Surroundings:
-    """What a scene.toml places around a cell; InputError as in `read_scene`, and for a [jig], which the cell has."""
+    """What a scene.toml places around a cell.
+
+    Parameters
+    ----------
+    path : Path or str
+        The scene.toml.
+
+    Returns
+    -------
+    Surroundings
+        Its parts by the frame they stand in.
+
+    Raises
+    ------
+    InputError
+        As in `read_scene`, and for a [jig], which the cell has.
+    """
     path = Path(path)
     file = _parse(path)
     if file.jig is not None:
@@ -152,8 +201,26 @@ def read_surroundings(path: Path | str) -> Surroundings:
 
 
 def read_mesh(path: Path, unit: Unit | None = None, *, allow_open: bool = False) -> trimesh.Trimesh:
-    """A mesh file in millimetres. Raises InputError where it has no faces, is not watertight or can not be in that
-    unit.
+    """A mesh file in millimetres.
+
+    Parameters
+    ----------
+    path : Path
+        STL, OBJ, PLY or GLB.
+    unit : {"mm", "cm", "m", "inch"}, optional
+        Of the file's numbers; mm, for GLB m, where None.
+    allow_open : bool
+        Take a mesh with holes.
+
+    Returns
+    -------
+    trimesh.Trimesh
+        [mm].
+
+    Raises
+    ------
+    InputError
+        Where it has no faces, is not watertight or can not be in that unit.
     """
     if path.suffix.lower() not in FORMATS:
         raise InputError(f'{path}: "{path.suffix}" is not a mesh format read here, use {", ".join(FORMATS)}')

@@ -26,13 +26,23 @@ MIN_ELECTRONS = 1.0  # a pixel with less mean laser light than this belongs to n
 
 @dataclass(frozen=True, eq=False)
 class StringTruth:
-    """One string of a frame.
+    """What is known of one string of a frame.
 
-    axis_mm: (y, z) (2,) where the string's axis crosses the laser plane. surface_mm: (y, z) (2,) of the centroid of
-    its lit
-    and seen surface, weighted by the light that reaches the camera. image_px: (u, v) (2,) of the noise-free spot's
-    centroid. visible_fraction: the part of the spot's light, in [0, 1], that shadows, occluders and the image's border
-    leave. Where nothing is seen, surface_mm and image_px are NaN. electrons: the spot's mean signal before noise.
+    Parameters
+    ----------
+    label : str
+        The string's name.
+    axis_mm : Array
+        (y, z) (2,) where the string's axis crosses the laser plane [mm].
+    surface_mm : Array
+        (y, z) (2,) of the centroid of its lit and seen surface, weighted by the light that reaches the camera [mm]; NaN
+        where nothing is seen.
+    image_px : Array
+        (u, v) (2,) of the noise-free spot's centroid [px]; NaN where nothing is seen.
+    visible_fraction : float
+        The part of the spot's light, in [0, 1], that shadows, occluders and the image's border leave.
+    electrons : float
+        The spot's mean signal before noise [e⁻].
     """
 
     label: str
@@ -47,8 +57,16 @@ class StringTruth:
 class SheetCurve:
     """Where the sheet's middle plane first meets the solids, in straight pieces.
 
-    yz_mm: ends (n, 2, 2) in the laser plane. uv_px: their images (n, 2, 2). solid: number of the solid in the scene
-    (n,). seen: whether the camera sees the piece's middle (n,).
+    Parameters
+    ----------
+    yz_mm : Array
+        Ends (n, 2, 2) in the laser plane [mm].
+    uv_px : Array
+        Their images (n, 2, 2) [px].
+    solid : NDArray
+        Number of the solid in the scene (n,).
+    seen : NDArray
+        Whether the camera sees the piece's middle (n,).
     """
 
     yz_mm: Array
@@ -59,12 +77,21 @@ class SheetCurve:
 
 @dataclass(frozen=True, eq=False)
 class RenderedTruth:
-    """What a frame shows.
+    """What a rendered frame shows.
 
-    T_sensor_jig: the jig's pose in {P} at mid-exposure, None without a jig. strings: one entry per string of the jig,
-    in
-    its order. labels: (H, W) uint8, which surface gives a pixel most of its laser light, an index into label_names
-    (0: none); curve: where the sheet meets the solids; both only where render was asked for them.
+    Parameters
+    ----------
+    T_sensor_jig : Pose or None
+        The jig's pose in {P} at mid-exposure; None without a jig.
+    strings : tuple of StringTruth
+        One for each string of the jig, in its order.
+    labels : NDArray, optional
+        (H, W) uint8, which surface gives a pixel most of its laser light, an index into label_names (0: none); only
+        where `render` was asked for it.
+    label_names : tuple of str
+        "" for none, the strings, the solids.
+    curve : SheetCurve, optional
+        Where the sheet meets the solids; only where `render` was asked for it.
     """
 
     T_sensor_jig: Pose | None
@@ -76,7 +103,15 @@ class RenderedTruth:
 
 @dataclass(frozen=True, eq=False)
 class RenderedFrame:
-    """image: (H, W) uint8, or uint16 above 8 bits [DN]. truth: what is known of it."""
+    """An image of the emulated sensor.
+
+    Parameters
+    ----------
+    image : NDArray
+        (H, W) uint8, or uint16 above 8 bits [DN].
+    truth : RenderedTruth
+        What is known of it.
+    """
 
     image: NDArray[np.uint8] | NDArray[np.uint16]
     truth: RenderedTruth

@@ -51,19 +51,18 @@ class Exposure(NamedTuple):
 
 
 def gain_dn_per_e(noise: NoiseConfig, sensor: Sensor) -> float:
-    """
-    System gain K of the camera.
+    """System gain K of the camera.
 
     Parameters
     ----------
-    noise
-        The chip's configuration; its gain_dn_per_e, where given, is the answer.
-    sensor
+    noise : NoiseConfig
+        The chip; its gain_dn_per_e, where given, is the answer.
+    sensor : Sensor
         Its camera's grey levels count.
 
     Returns
     -------
-    gain
+    float
         [DN/e⁻]; by default the converter is full a little before the pixel is.
     """
     camera = sensor.require_camera()
@@ -71,29 +70,28 @@ def gain_dn_per_e(noise: NoiseConfig, sensor: Sensor) -> float:
 
 
 def expose(electrons: Float32, noise: NoiseConfig, sensor: Sensor, time_s: float, key: int) -> Image:
-    """
-    The image that the chip delivers for mean photo-electrons.
+    """The image that the chip delivers for mean photo-electrons.
 
     y = K·(clip(n) + DSNU + read) + black, quantised; n has the mean μ·(1 + PRNU) + dark and Poisson's variance and
     skewness.
 
     Parameters
     ----------
-    electrons
+    electrons : Float32
         Mean photo-electrons (H, W).
-    noise
+    noise : NoiseConfig
         The chip.
-    sensor
-        Grey levels and black level.
-    time_s
+    sensor : Sensor
+        Its camera's grey levels and black level.
+    time_s : float
         Exposure, for the dark current [s].
-    key
+    key : int
         64 random bits; with the pixel's number they give its noise (counter-based, hence the same on every machine and
         thread).
 
     Returns
     -------
-    image
+    Image
         (H, W) uint8 or, above 8 bits, uint16 [DN].
 
     References

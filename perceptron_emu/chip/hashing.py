@@ -47,22 +47,21 @@ def mix32(counter: np.uint32, low: np.uint32, high: np.uint32) -> np.uint32:
 
 
 def white_noise(row: int, column: int, rows: int, columns: int, keys: Sequence[int]) -> Complex64:
-    """
-    Complex circular Gaussian noise of unit power on part of an endless grid.
+    """Complex circular Gaussian noise of unit power on part of an endless grid.
 
     Parameters
     ----------
-    row, column
+    row, column : int
         The part's first cell on the grid; parts that overlap agree.
-    rows, columns
+    rows, columns : int
         Its size.
-    keys
+    keys : sequence of int
         One for each pattern.
 
     Returns
     -------
-    noise
-        (n, rows, columns), a pattern for each key.
+    Complex64
+        (n, rows, columns).
     """
     out = np.empty((len(keys), rows, columns), np.complex64)
     for own, key in zip(out, keys, strict=True):
@@ -81,19 +80,18 @@ def _white_noise(out: Complex64, row: int, column: int, key: np.uint64) -> None:
 
 
 def mix_keys(key: int, number: int) -> int:
-    """
-    A key for a part of what a key stands for.
+    """A key for a part of what a key stands for.
 
     Parameters
     ----------
-    key
-        Any whole number ≥ 0.
-    number
+    key : int
+        At least 0.
+    number : int
         Which part.
 
     Returns
     -------
-    key
+    int
         63 bits.
     """
     return int(np.random.SeedSequence([key, number]).generate_state(1, np.uint64)[0] >> np.uint64(1))

@@ -16,12 +16,33 @@ USABLE = 0.95  # of the range: above, noise can hide that a pixel is full
 
 
 def expose_hdr(electrons: Float32, exposure: ExposureConfig, noise: NoiseConfig, sensor: Sensor, key: int) -> Image:
-    """The merged image (H, W) of exposures of time_ms and of its parts hdr_ratios, each with its own noise.
+    """Exposures of time_ms and of its parts hdr_ratios merged into one image, each with its own noise.
 
-    A pixel's value is the mean of its exposures that are not saturated, each scaled to the shortest and weighted by
-    its time (the
-    best weights where shot noise rules; Robertson, Borman & Stevenson 2003). The shortest exposure's full scale
-    becomes the image's, so the image wants more bits than one exposure: [noise] adc_bits, [image] bit_depth.
+    A pixel's value is the mean of its exposures that are not saturated, each scaled to the shortest and weighted by its
+    time: the best weights where shot noise rules. The shortest exposure's full scale becomes the image's, so the image
+    wants more bits than one exposure: [noise] adc_bits, [image] bit_depth.
+
+    Parameters
+    ----------
+    electrons : Float32
+        Mean photo-electrons (H, W) of the longest exposure.
+    exposure : ExposureConfig
+        Time and ratios.
+    noise : NoiseConfig
+        The chip.
+    sensor : Sensor
+        Its camera's grey levels and black level.
+    key : int
+        64 random bits.
+
+    Returns
+    -------
+    Image
+        (H, W) uint8 or, above 8 bits, uint16 [DN].
+
+    References
+    ----------
+    Robertson, Borman & Stevenson, "Estimation-theoretic approach to dynamic range enhancement", 2003.
     """
     camera = sensor.require_camera()
     once = sensor.with_camera(

@@ -52,7 +52,24 @@ def light_scene_gl(scene: Scene, config: EmulatorConfig) -> LitScene:
 
     The camera's depth map gives the surface behind every sub-pixel, its neighbours the normal, the laser's map the
     shadow. Every lit sub-pixel is a node with the light of its footprint, dA cos θₒ = Z² cos α/(f_x f_y). Meshes of
-    48 sides stand for the strings. Raises MissingDependencyError where OpenGL is not to be had.
+    48 sides stand for the strings.
+
+    Parameters
+    ----------
+    scene : Scene
+        A sensor with a camera, and what stands before it.
+    config : EmulatorConfig
+        Laser, lens, exposure and quantum yield.
+
+    Returns
+    -------
+    LitScene
+        As of `light_scene`.
+
+    Raises
+    ------
+    MissingDependencyError
+        Where OpenGL is not to be had.
     """
     strings = cylinders(scene.jig, scene.T_sensor_jig) if scene.jig else None
     world, light = gl_world(scene, strings), Light(scene.sensor, config)

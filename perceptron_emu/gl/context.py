@@ -22,7 +22,13 @@ HOW_TO_GET = (
 
 
 def gl_problem() -> str | None:
-    """Why pyrender can not draw here, in one sentence with the remedy; None where it can."""
+    """Why pyrender can not draw here.
+
+    Returns
+    -------
+    str or None
+        One sentence with the remedy; None where it can.
+    """
     try:
         _renderer()
     except MissingDependencyError as error:

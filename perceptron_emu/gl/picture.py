@@ -36,9 +36,18 @@ VIEW_OFFSET_MM = 3.0  # off the sheet, that the two do not fight for the depth b
 class CellView:
     """What stands in the cell, all in the base frame.
 
-    links: poses of the arm's link frames from base to hand (n, …), None for a sensor without an arm. jigs: a jig and
-    its
-    T_base_jig each.
+    Parameters
+    ----------
+    sensor : Sensor
+        With a camera.
+    T_base_sensor : Pose
+        Its place.
+    jigs : tuple of (Jig, Pose)
+        A jig and its T_base_jig each.
+    links : Pose, optional
+        Poses of the arm's link frames from base to hand (n, …); None for a sensor without an arm.
+    eye_direction : tuple of float
+        From the cell to the eye.
     """
 
     sensor: Sensor
@@ -49,7 +58,25 @@ class CellView:
 
 
 def cell_picture(cell: CellView, width: int = 1280, height: int = 960) -> Picture:
-    """A colour picture (H, W, 3) of the cell; raises MissingDependencyError where there is no OpenGL."""
+    """A colour picture of the cell: arm, sensor, sheet and field of view, jigs.
+
+    Parameters
+    ----------
+    cell : CellView
+        What stands where.
+    width, height : int
+        [px].
+
+    Returns
+    -------
+    Picture
+        (H, W, 3) uint8.
+
+    Raises
+    ------
+    MissingDependencyError
+        Where there is no OpenGL.
+    """
     parts: list[tuple[trimesh.Trimesh, Colour]] = []
     if cell.links is not None:
         parts += _arm(cell.links)

@@ -23,9 +23,16 @@ NEAREST_MM = 1.0  # of a view's near plane: OpenGL's must not be 0
 
 @dataclass(frozen=True, eq=False)
 class GlView:
-    """A pinhole view: its pose (x right, y down, z forward) in {P} and size.
+    """A pinhole view.
 
-    intrinsics: fx, fy, cx, cy [px], (0, 0) the centre of the first pixel.
+    Parameters
+    ----------
+    T_sensor_view : Pose
+        Its axes (x right, y down, z forward) in {P}.
+    intrinsics : tuple of float
+        fx, fy, cx, cy [px], (0, 0) the centre of the first pixel.
+    width, height : int
+        [px].
     """
 
     T_sensor_view: Pose
@@ -44,7 +51,20 @@ class GlWorld:
 
 
 def gl_world(scene: Scene, strings: Cylinders | None) -> GlWorld:
-    """Strings (numbers 1 … S) and solids (S + 1 …) as meshes in {P}."""
+    """Strings and solids as OpenGL's meshes in {P}.
+
+    Parameters
+    ----------
+    scene : Scene
+        Its solids are numbered S + 1 ….
+    strings : Cylinders or None
+        Numbered 1 … S.
+
+    Returns
+    -------
+    GlWorld
+        For `depth_and_identity`.
+    """
     pyrender = load_pyrender()
 
     meshes = pyrender.Scene()
@@ -58,8 +78,21 @@ def gl_world(scene: Scene, strings: Cylinders | None) -> GlWorld:
 
 
 def depth_and_identity(world: GlWorld, view: GlView) -> tuple[Array, NDArray[np.int64]]:
-    """Depth along the view's axis (H, W) [mm] and number of the body (H, W) behind every pixel's centre; 0 where
-    there is none.
+    """Depth along the view's axis and number of the body behind every pixel's centre.
+
+    Parameters
+    ----------
+    world : GlWorld
+        As made by `gl_world`.
+    view : GlView
+        Whence.
+
+    Returns
+    -------
+    depth : Array
+        (H, W) [mm], 0 where there is nothing.
+    number : NDArray
+        (H, W), 0 where there is nothing.
     """
     pyrender = load_pyrender()
 

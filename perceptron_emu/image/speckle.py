@@ -24,7 +24,25 @@ HALO = 2.5  # grains beyond the box over which the amplitude's point spread is n
 
 
 def grain_px(config: EmulatorConfig, sensor: Sensor) -> float:
-    """Grain on the chip λ F# (1 + m), in pixels (Goodman, Speckle Phenomena in Optics, 2007; Dorsch et al. 1994)."""
+    """Size of the speckle's grain on the chip, λ F# (1 + m).
+
+    Parameters
+    ----------
+    config : EmulatorConfig
+        Its laser and lens.
+    sensor : Sensor
+        With a camera.
+
+    Returns
+    -------
+    float
+        [px].
+
+    References
+    ----------
+    Goodman, Speckle Phenomena in Optics, 2007; Dorsch, Häusler & Herrmann, "Laser triangulation: fundamental
+    uncertainty in distance measurement", 1994.
+    """
     working = working_f_number(config.optics, sensor)
     return config.laser.wavelength_nm * 1e-3 * working / config.optics.pixel_um
 
@@ -33,7 +51,21 @@ def contrast(config: EmulatorConfig) -> float:
     """Contrast σ_I/⟨I⟩ of the pattern before the pixel averages it.
 
     1/√2 where the surface depolarises (two independent patterns), times [1 + (4π σ_h Δλ/λ²)²]^(−1/4) for light of
-    bandwidth Δλ (its σ) scattered over the rms depth σ_h (Goodman 2007, section 6.3; Parry 1974).
+    bandwidth Δλ (its σ) scattered over the rms depth σ_h.
+
+    Parameters
+    ----------
+    config : EmulatorConfig
+        Its speckle and laser; [speckle] contrast, where given, is the answer.
+
+    Returns
+    -------
+    float
+        In [0, 1].
+
+    References
+    ----------
+    Goodman, Speckle Phenomena in Optics, 2007, section 6.3; Parry 1974.
     """
     speckle, laser = config.speckle, config.laser
     if speckle.contrast is not None:

@@ -34,10 +34,22 @@ def draw(
     key: int,
     drift: Pose | None = None,
 ) -> None:
-    """Add the light of the nodes to the image of mean electrons (H, W).
+    """Add the light of nodes to an image of mean electrons: drawn in pieces, each multiplied by its speckle.
 
-    key: 64 random bits of this frame's speckle. drift: how far the scene has moved in {P} since the speckle's own
-    moment; the pattern moves with the surface.
+    Parameters
+    ----------
+    electrons : Float32
+        The image (H, W) [e⁻], added to in place.
+    samples : Samples
+        The nodes.
+    sensor : Sensor
+        With a camera.
+    config : EmulatorConfig
+        Its lens, laser and speckle.
+    key : int
+        64 random bits of this frame's speckle.
+    drift : Pose, optional
+        How far the scene has moved in {P} since the speckle's own moment; the pattern moves with the surface.
     """
     if len(samples.electrons) == 0:
         return

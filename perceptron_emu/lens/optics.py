@@ -22,13 +22,39 @@ AIRY_SIGMA = 0.42  # σ of the Gaussian nearest to Airy's disc, in units of λN 
 
 
 def principal_distance_mm(optics: OpticsConfig, sensor: Sensor) -> float:
-    """From the rear principal point to the chip [mm]: the camera constant of the calibrated intrinsics."""
+    """From the rear principal point to the chip: the camera constant of the calibrated intrinsics.
+
+    Parameters
+    ----------
+    optics : OpticsConfig
+        Its pixel pitch.
+    sensor : Sensor
+        Its focal lengths in pixels.
+
+    Returns
+    -------
+    float
+        [mm].
+    """
     camera = sensor.require_camera()
     return (camera.fx_px + camera.fy_px) / 2 * optics.pixel_um * 1e-3
 
 
 def focus_distance_mm(optics: OpticsConfig, sensor: Sensor) -> float:
-    """Distance in focus along the optical axis [mm]: as configured, or where the axis meets the sheet."""
+    """Distance in focus along the optical axis.
+
+    Parameters
+    ----------
+    optics : OpticsConfig
+        Its focus_distance_mm, where given, is the answer.
+    sensor : Sensor
+        With a camera.
+
+    Returns
+    -------
+    float
+        From the camera's centre [mm]; by default to where the axis meets the sheet.
+    """
     camera = sensor.require_camera()
     if optics.focus_distance_mm is not None:
         return optics.focus_distance_mm
@@ -38,7 +64,20 @@ def focus_distance_mm(optics: OpticsConfig, sensor: Sensor) -> float:
 
 
 def focal_length_mm(optics: OpticsConfig, sensor: Sensor) -> float:
-    """Focal length [mm] of the thin lens that is in focus there: 1/f = 1/u + 1/v."""
+    """Focal length of the thin lens that is in focus there: 1/f = 1/u + 1/v.
+
+    Parameters
+    ----------
+    optics : OpticsConfig
+        The lens.
+    sensor : Sensor
+        With a camera.
+
+    Returns
+    -------
+    float
+        [mm].
+    """
     return 1 / (1 / principal_distance_mm(optics, sensor) + 1 / focus_distance_mm(optics, sensor))
 
 
@@ -55,8 +94,16 @@ class Band(NamedTuple):
 
 
 class Gather(NamedTuple):
-    """What `gathered` needs to know of lens and filter. pupil_sr_mm2: area of the entrance pupil [mm²] times the lens's
-    transmission.
+    """What `gathered` needs to know of lens and filter.
+
+    Parameters
+    ----------
+    pupil_sr_mm2 : float
+        Area of the entrance pupil times the lens's transmission [mm²].
+    vignetting : bool
+        Whether the image darkens by cos⁴.
+    band : Band
+        The filter before the light's wavelength.
     """
 
     pupil_sr_mm2: float
@@ -65,7 +112,22 @@ class Gather(NamedTuple):
 
 
 def gather(optics: OpticsConfig, sensor: Sensor, wavelength_nm: float) -> Gather:
-    """Lens and filter for light of one wavelength [nm]."""
+    """Lens and filter for light of one wavelength.
+
+    Parameters
+    ----------
+    optics : OpticsConfig
+        The lens.
+    sensor : Sensor
+        With a camera.
+    wavelength_nm : float
+        Of the light, and of the filter's centre where none is given.
+
+    Returns
+    -------
+    Gather
+        For `gathered`.
+    """
     pupil = focal_length_mm(optics, sensor) / optics.f_number
     return Gather(
         float(np.pi / 4 * pupil**2 * optics.transmission),
@@ -76,11 +138,24 @@ def gather(optics: OpticsConfig, sensor: Sensor, wavelength_nm: float) -> Gather
 
 @kernel(inline=True)
 def gathered(lens: Gather, cosine: float, distance: float) -> float:
-    """Solid angle of the entrance pupil seen from a point, times the lens's and filter's transmission [sr].
+    """Solid angle of the entrance pupil seen from a point, times the lens's and filter's transmission.
 
-    cosine: of the angle between the optical axis and the way to the point; distance [mm].
     Ω = (π D²/4) cos α / r². With the foreshortened area of a pixel's footprint this gives the cos⁴ law, which is
-    divided out where vignetting is off.
+    divided out where vignetting is off. Compiled, for one point.
+
+    Parameters
+    ----------
+    lens : Gather
+        As made by `gather`.
+    cosine : float
+        Of the angle between the optical axis and the way to the point.
+    distance : float
+        From the camera's centre [mm].
+
+    Returns
+    -------
+    float
+        [sr].
     """
     solid = lens.pupil_sr_mm2 * cosine / (distance * distance)
     if not lens.vignetting:
@@ -89,7 +164,28 @@ def gathered(lens: Gather, cosine: float, distance: float) -> float:
 
 
 def filter_transmission(optics: OpticsConfig, wavelength_nm: float, cosine: Array, laser_nm: float) -> Array:
-    """Transmission of the interference filter at the angles (...) whose cosines are given."""
+    """Transmission of the interference filter, whose centre moves to shorter waves for slanted light.
+
+    Parameters
+    ----------
+    optics : OpticsConfig
+        The filter.
+    wavelength_nm : float
+        Of the light.
+    cosine : Array
+        (...) of the angle to the filter's normal.
+    laser_nm : float
+        The filter's centre where none is given.
+
+    Returns
+    -------
+    Array
+        (...) in [0, 1].
+
+    References
+    ----------
+    Macleod, Thin-Film Optical Filters.
+    """
     return np.asarray(passed(_band(optics, wavelength_nm, laser_nm), np.asarray(cosine, dtype=float)))
 
 
@@ -109,23 +205,69 @@ def passed(band: Band, cosine: N) -> N:
 
 
 def sharp_sigma_px(optics: OpticsConfig, sensor: Sensor, wavelength_nm: float) -> float:
-    """σ [px] of the blur in focus: the lens's own and diffraction's, added in variance."""
+    """Blur in focus: the lens's own and diffraction's, added in variance.
+
+    Parameters
+    ----------
+    optics : OpticsConfig
+        The lens.
+    sensor : Sensor
+        With a camera.
+    wavelength_nm : float
+        Of the light.
+
+    Returns
+    -------
+    float
+        σ [px].
+
+    References
+    ----------
+    Zhang, Zerubia & Olivo-Marin, "Gaussian approximations of fluorescence microscope point-spread functions", 2007.
+    """
     airy = AIRY_SIGMA * wavelength_nm * 1e-3 * working_f_number(optics, sensor) / optics.pixel_um
     return float(np.hypot(optics.blur_px, airy if optics.diffraction else 0.0))
 
 
 def working_f_number(optics: OpticsConfig, sensor: Sensor) -> float:
-    """F#·(1 + m), m the magnification at the distance in focus: equals v/D of the thin lens."""
+    """The f-number at work, F#·(1 + m), m the magnification at the distance in focus: v/D of the thin lens.
+
+    Parameters
+    ----------
+    optics : OpticsConfig
+        The lens.
+    sensor : Sensor
+        With a camera.
+
+    Returns
+    -------
+    float
+        Dimensionless.
+    """
     v = principal_distance_mm(optics, sensor)
     return optics.f_number * v / focal_length_mm(optics, sensor)
 
 
 def defocus_radius_px(optics: OpticsConfig, sensor: Sensor, camera_mm: Array) -> Array:
-    """Radius (...) [px] of the blur disc of points (..., 3) [mm] of the camera frame.
+    """Radius of the blur disc.
 
     Thin lens: the point at depth u is sharp at v' = f u/(u − f), the chip lies at v along the axis, on a tilted chip
     different in every pixel; the disc's diameter is D |v − v'|/v'. A Scheimpflug tilt that fits the sheet makes it
     vanish.
+
+    Parameters
+    ----------
+    optics : OpticsConfig
+        The lens; without defocus the radius is 0.
+    sensor : Sensor
+        With a camera.
+    camera_mm : Array
+        Points (..., 3) [mm] of the camera frame.
+
+    Returns
+    -------
+    Array
+        (...) [px].
     """
     if not optics.defocus:
         return np.zeros(camera_mm.shape[:-1])

@@ -17,8 +17,21 @@ Array = NDArray[np.float64]
 def project(sensor: Sensor, xyz_mm: ArrayLike) -> Array:
     """Where points of {P} fall in the image.
 
-    xyz_mm: (..., 3) [mm] in {P}. Returns uv_px (..., 2), NaN for points that are not in front of the camera.
-    Source: OpenCV's calib3d documentation, "Detailed Description", rational model with thin prism and tilt.
+    Parameters
+    ----------
+    sensor : Sensor
+        With a camera: OpenCV's pinhole model with all 14 distortion terms.
+    xyz_mm : array_like
+        (..., 3) [mm] in {P}.
+
+    Returns
+    -------
+    Array
+        (u, v) (..., 2) [px], NaN for points that are not in front of the camera.
+
+    References
+    ----------
+    OpenCV's calib3d documentation, "Detailed Description": rational model with thin prism and tilt.
     """
     xyz = np.ascontiguousarray(xyz_mm, dtype=float)
     out = np.empty((*xyz.shape[:-1], 2))
@@ -71,13 +84,39 @@ def _project(xyz: Array, camera: CameraNumbers, out: Array) -> None:
 
 
 def to_camera(sensor: Sensor, xyz_mm: ArrayLike) -> Array:
-    """Points (..., 3) [mm] of {P} in the camera's axes: x right, y down, z forward."""
+    """Points in the camera's axes.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        With a camera.
+    xyz_mm : array_like
+        (..., 3) [mm] in {P}.
+
+    Returns
+    -------
+    Array
+        (..., 3) [mm]: x right, y down, z forward.
+    """
     pose = sensor.require_camera().T_sensor_camera
     return np.asarray((np.asarray(xyz_mm, dtype=float) - pose.t) @ pose.R)
 
 
 def lens(sensor: Sensor, x: Array, y: Array) -> tuple[Array, Array]:
-    """Normalised image coordinates after the lens: radial (rational), tangential and thin-prism terms."""
+    """Normalised image coordinates after the lens: radial (rational), tangential and thin-prism terms.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        With a camera.
+    x, y : Array
+        (...) x/z and y/z of the rays in the camera's axes.
+
+    Returns
+    -------
+    x, y : Array
+        (...) before the chip's tilt and the intrinsics.
+    """
     camera = sensor.require_camera()
     if not any(camera.distortion):
         return x, y
@@ -104,7 +143,18 @@ def _bent(x: float, y: float, terms: Array) -> tuple[float, float]:
 
 
 def tilt_rotation(tau_x: float, tau_y: float) -> Array:
-    """OpenCV's rotation (3, 3) from camera axes to the axes of the tilted chip."""
+    """OpenCV's rotation from camera axes to the axes of the tilted chip.
+
+    Parameters
+    ----------
+    tau_x, tau_y : float
+        The last two distortion terms [rad].
+
+    Returns
+    -------
+    Array
+        (3, 3).
+    """
     cx, sx, cy, sy = np.cos(tau_x), np.sin(tau_x), np.cos(tau_y), np.sin(tau_y)
     about_x = np.array([[1, 0, 0], [0, cx, sx], [0, -sx, cx]])
     about_y = np.array([[cy, 0, -sy], [0, 1, 0], [sy, 0, cy]])

@@ -20,10 +20,18 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class LitScene:
-    """strings: the strings as cylinders, None without a jig. string_samples: the seen nodes of each. stripes: those
-    of the solids.
+    """Every lit and seen node of a scene at one moment, by what it belongs to.
 
-    unhidden: (S,) electrons that each string would bring were nothing in the way.
+    Parameters
+    ----------
+    strings : Cylinders or None
+        The strings; None without a jig.
+    string_samples : tuple of Samples
+        The seen nodes of each string.
+    unhidden : Array
+        (S,) electrons that each string would bring were nothing in the way.
+    stripes : Samples
+        The seen nodes of the solids.
     """
 
     strings: Cylinders | None
@@ -38,13 +46,39 @@ class LitScene:
 
 
 def thread_of(scene: Scene, config: EmulatorConfig) -> Material:
-    """The strings' surface: the scene's, or [surface]."""
+    """The strings' surface.
+
+    Parameters
+    ----------
+    scene : Scene
+        Its string_material, where given, is the answer.
+    config : EmulatorConfig
+        Its [surface] otherwise.
+
+    Returns
+    -------
+    Material
+        The thread.
+    """
     surface = config.surface
     return scene.string_material or Material(surface.diffuse, surface.specular, surface.roughness)
 
 
 def light_scene(scene: Scene, config: EmulatorConfig) -> LitScene:
-    """Everything that the laser lights and the camera sees."""
+    """Everything that the laser lights and the camera sees.
+
+    Parameters
+    ----------
+    scene : Scene
+        A sensor with a camera, and what stands before it.
+    config : EmulatorConfig
+        Laser, lens, exposure and quantum yield.
+
+    Returns
+    -------
+    LitScene
+        Nodes with the mean electrons that each brings to the chip.
+    """
     light = Light(scene.sensor, config)
     if scene.jig is None:
         return LitScene(None, (), np.zeros(0), light_solids(scene, None, config, light))

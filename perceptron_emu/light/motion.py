@@ -17,8 +17,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Moment:
-    """A part of the exposure. drift: how the scene stands in {P} then, T_then = drift @ T; None where it stands
-    still. rows: share of each row (H,).
+    """A part of the exposure.
+
+    Parameters
+    ----------
+    drift : Pose or None
+        How the scene stands in {P} then, T_then = drift @ T; None where it stands still.
+    rows : Array
+        Share of the part that each row of the chip takes (H,).
     """
 
     drift: Pose | None
@@ -29,9 +35,20 @@ def moments(config: EmulatorConfig, height_px: int) -> list[Moment]:
     """The exposure as equal parts, each at its middle; one alone where nothing moves.
 
     The sensor moves by Exp(ξ t) in its own axes, so the scene stands at Exp(−ξ t) then, t = 0 at mid-exposure of the
-    middle
-    row. A global shutter gives every row the same share of every part; with a rolling one row v is open for the
+    middle row. A global shutter gives every row the same share of every part; with a rolling one row v is open for the
     exposure time about t_v = (v − (H − 1)/2) · row_time.
+
+    Parameters
+    ----------
+    config : EmulatorConfig
+        Its motion and exposure.
+    height_px : int
+        Rows H of the chip.
+
+    Returns
+    -------
+    list of Moment
+        In order of time.
     """
     velocity = np.array([*config.motion.velocity_mm_s, *np.deg2rad(config.motion.angular_deg_s)])
     if not np.any(velocity):
@@ -52,7 +69,20 @@ def moments(config: EmulatorConfig, height_px: int) -> list[Moment]:
 
 
 def moved(scene: Scene, drift: Pose | None) -> Scene:
-    """The scene with everything in it moved by ``drift`` in {P}."""
+    """The scene with everything in it moved.
+
+    Parameters
+    ----------
+    scene : Scene
+        As it stands at mid-exposure.
+    drift : Pose or None
+        In {P}; None moves nothing.
+
+    Returns
+    -------
+    Scene
+        Before the same sensor.
+    """
     if drift is None:
         return scene
     solids = tuple(replace(s, T_sensor_mesh=drift @ s.T_sensor_mesh) for s in scene.solids)

@@ -21,10 +21,17 @@ _GROUPS_A_SOLID = _TILES_A_ROW**2
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """Quadrature nodes of the lit and seen surface.
+    """Quadrature nodes of the lit and seen surface: what light transport hands to the image.
 
-    xyz_mm: (N, 3) [mm] in {P}. electrons: (N,) mean signal that each node brings to the chip. group: (N,) numbers of
-    what they belong to; nodes of a group are drawn in one piece of image.
+    Parameters
+    ----------
+    xyz_mm : Array
+        (N, 3) [mm] in {P}.
+    electrons : Array
+        (N,) mean signal that each node brings to the chip.
+    group : NDArray
+        (N,) numbers of what they belong to, `string_group` or `stripe_group`; nodes of a group are drawn in one piece
+        of image.
     """
 
     xyz_mm: Array
@@ -43,17 +50,52 @@ class Samples:
 
 
 def join(parts: list[Samples]) -> Samples:
-    """All nodes of the parts."""
+    """All nodes of the parts.
+
+    Parameters
+    ----------
+    parts : list of Samples
+        Any number.
+
+    Returns
+    -------
+    Samples
+        In the order of the parts.
+    """
     if not parts:
         return Samples.none()
     return Samples(*(np.concatenate([getattr(p, f) for p in parts]) for f in ("xyz_mm", "electrons", "group")))
 
 
 def string_group(string: int) -> int:
-    """The group of a string's nodes."""
+    """The group of a string's nodes.
+
+    Parameters
+    ----------
+    string : int
+        Its number in the jig.
+
+    Returns
+    -------
+    int
+        Below all groups of stripes.
+    """
     return string
 
 
 def stripe_group(solid: N, column: N, row: N) -> N:
-    """The groups of nodes on solids whose images fall into tiles of TILE_PX; columns and rows from TILES_BEFORE on."""
+    """The groups of nodes on solids whose images fall into tiles of TILE_PX.
+
+    Parameters
+    ----------
+    solid : int or NDArray
+        Number of the solid in the scene.
+    column, row : int or NDArray
+        Of the tile, that of the image's first pixel being 0; from −TILES_BEFORE on.
+
+    Returns
+    -------
+    int or NDArray
+        Ordered by solid, row, column.
+    """
     return _FIRST_STRIPE + solid * _GROUPS_A_SOLID + (row + TILES_BEFORE) * _TILES_A_ROW + column + TILES_BEFORE

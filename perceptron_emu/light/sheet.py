@@ -46,9 +46,25 @@ class Fan(NamedTuple):
 
 
 def half_width_mm(laser: LaserConfig, sensor: Sensor, distance_mm: Array) -> Array:
-    """1/e² half-width w of the sheet [mm] at a distance (...) [mm] from the emitter.
+    """1/e² half-width w of the sheet: w(s) = w₀ √(1 + (M² λ (s − s₀) / (π w₀²))²).
 
-    w(s) = w₀ √(1 + (M² λ (s − s₀) / (π w₀²))²). Source: ISO 11146-1; Siegman, Lasers (1986), chapter 17.
+    Parameters
+    ----------
+    laser : LaserConfig
+        The beam.
+    sensor : Sensor
+        Where the waist lies, if the laser does not say.
+    distance_mm : Array
+        (...) from the emitter [mm].
+
+    Returns
+    -------
+    Array
+        (...) [mm].
+
+    References
+    ----------
+    ISO 11146-1; Siegman, Lasers, 1986, chapter 17.
     """
     return np.asarray(width_at(np.asarray(distance_mm, dtype=float), beam(laser, sensor)))
 
@@ -75,8 +91,17 @@ def waist_distance_mm(laser: LaserConfig, sensor: Sensor) -> float:
 
 @lru_cache(maxsize=32)
 def axis_meets_sheet_mm(sensor: Sensor) -> float:
-    """Distance from the emitter [mm] of the point where the optical axis meets the sheet; the near end of the view
-    where it does not.
+    """Distance from the emitter of the point where the optical axis meets the sheet.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        With a camera.
+
+    Returns
+    -------
+    float
+        [mm]; the near end of the view where the axis does not meet the sheet, or kilometres away.
     """
     camera = sensor.require_camera()
     centre, axis = camera.centre_mm, camera.T_sensor_camera.R[:, 2]
@@ -89,18 +114,45 @@ def axis_meets_sheet_mm(sensor: Sensor) -> float:
 
 @kernel(inline=True)
 def across(x_mm: N, half_width: N) -> N:
-    """Density across the sheet [1/mm], ∫ dx = 1: √(2/π)/w · exp(−2x²/w²)."""
+    """Density across the sheet, ∫ dx = 1: √(2/π)/w · exp(−2x²/w²).
+
+    Parameters
+    ----------
+    x_mm : float or Array
+        From the sheet's middle [mm].
+    half_width : float or Array
+        1/e² half-width w there [mm].
+
+    Returns
+    -------
+    float or Array
+        [1/mm].
+    """
     t = x_mm / half_width
     density: N = math.sqrt(2 / math.pi) / half_width * np.exp(-2 * t * t)
     return density
 
 
 def along(laser: LaserConfig, fan_rad: float, angle: Array) -> Array:
-    """Density of power over the fan's angle (N,) [1/rad], ∫ dφ = 1 over the fan.
+    """Density of power over the fan's angle, ∫ dφ = 1 over the fan.
 
     gaussian: exp(−2φ²/φ₀²) cut at the fan's edge, where it has fallen to edge_fraction of its middle.
     powell: flat with a quadratic fall to edge_fraction at the edge, closed by a Gaussian shoulder of 2 % of the fan
     (a Powell lens's data sheet gives the edge intensity; "uniform" is cut at ≥ 80 %). uniform: flat, cut sharply.
+
+    Parameters
+    ----------
+    laser : LaserConfig
+        Its profile and edge_fraction.
+    fan_rad : float
+        Full angle of the fan.
+    angle : Array
+        (N,) from the fan's middle [rad].
+
+    Returns
+    -------
+    Array
+        (N,) [1/rad].
     """
     out = np.empty(np.shape(angle))
     _densities(np.asarray(angle, dtype=float).ravel(), fan(laser, fan_rad), out.ravel())

@@ -23,8 +23,18 @@ MAX_SLOPE = 3.0  # a steeper face is hardly lit
 
 @dataclass(frozen=True, eq=False)
 class Faces:
-    """Triangles (T, 3, 3) [mm] in {P}, their unit normals (T, 3), those for shading at their corners (T, 3, 3), the
-    solid each belongs to (T,).
+    """Triangles that the sheet can reach.
+
+    Parameters
+    ----------
+    triangles : Array
+        Corners (T, 3, 3) [mm] in {P}.
+    facing : Array
+        Unit normals (T, 3).
+    normals : Array
+        Those for shading, at the corners (T, 3, 3).
+    solid : NDArray
+        The solid each belongs to (T,).
     """
 
     triangles: Array
@@ -34,7 +44,20 @@ class Faces:
 
 
 def faces_in_sheet(scene: Scene, config: EmulatorConfig) -> Faces:
-    """The faces of all solids that come near enough to x = 0 to be lit."""
+    """The faces of all solids that come near enough to x = 0 to be lit.
+
+    Parameters
+    ----------
+    scene : Scene
+        With a camera.
+    config : EmulatorConfig
+        How thick the sheet is.
+
+    Returns
+    -------
+    Faces
+        None of them where nothing reaches the sheet.
+    """
     reach = SHEET_REACH * _widest_mm(scene.sensor, config) / 2
     triangles, facing, normals = [np.zeros((0, 3, 3))], [np.zeros((0, 3))], [np.zeros((0, 3, 3))]
     owner = [np.zeros(0, dtype=np.int64)]

@@ -29,9 +29,20 @@ ALONG_SHEET = 1e-9  # the least slope of a string across the sheet that is divid
 
 @dataclass(frozen=True, eq=False)
 class Cylinders:
-    """The jig's strings as cylinders in {P}: starts, unit directions (S, 3), lengths (S,) [mm], one radius [mm].
+    """The jig's strings as cylinders in {P}.
 
-    crossing: where the axes meet the laser plane (S, 3), NaN for strings that do not reach it.
+    Parameters
+    ----------
+    labels : tuple of str
+        Names (S).
+    starts, directions : Array
+        (S, 3) [mm], unit.
+    lengths : Array
+        (S,) [mm].
+    radius : float
+        [mm].
+    crossing : Array
+        Where the axes meet the laser plane (S, 3) [mm], NaN for strings that do not reach it.
     """
 
     labels: tuple[str, ...]
@@ -54,7 +65,20 @@ class LitStrings:
 
 
 def cylinders(jig: Jig, T_sensor_jig: Pose) -> Cylinders:
-    """The strings of a jig at a pose."""
+    """The strings of a jig at a pose.
+
+    Parameters
+    ----------
+    jig : Jig
+        The strings in the jig's axes.
+    T_sensor_jig : Pose
+        Its place in {P}.
+
+    Returns
+    -------
+    Cylinders
+        In the jig's order.
+    """
     starts, ends = T_sensor_jig @ jig.starts, T_sensor_jig @ jig.ends
     along = ends - starts
     lengths = np.linalg.norm(along, axis=1)
@@ -70,10 +94,27 @@ def light_strings(
 ) -> LitStrings:
     """Nodes over the lit and seen arc of every string, with the light that each sends to the camera.
 
-    The power on a surface element is P f(φ)/s · g(x) · cos θᵢ dA; a pixel's share of it ∝ f_r cos θₒ Ω. Along the
-    axis the nodes are
-    equally spaced (the sheet is Gaussian there), around it Gauss-Legendre over exactly the arc that emitter and
-    camera both reach.
+    The power on a surface element is P f(φ)/s · g(x) · cos θᵢ dA; a pixel's share of it ∝ f_r cos θₒ Ω. Along the axis
+    the nodes are equally spaced (the sheet is Gaussian there), around it Gauss-Legendre over exactly the arc that
+    emitter and camera both reach.
+
+    Parameters
+    ----------
+    strings : Cylinders
+        In {P}.
+    material : Material
+        The thread.
+    sensor : Sensor
+        With a camera.
+    config : EmulatorConfig
+        Laser and lens.
+    light : Light
+        Of the same sensor and configuration.
+
+    Returns
+    -------
+    LitStrings
+        Shadows and occluders are left out of account.
     """
     middle = np.where(
         np.isnan(strings.crossing), strings.starts + strings.directions * strings.lengths[:, None] / 2, strings.crossing
@@ -149,9 +190,23 @@ def _axis_nodes(
 
 
 def hidden_by_strings(strings: Cylinders, points: Array, sources: Array, own: NDArray[np.int64] | None = None) -> Mask:
-    """Whether a string stands between points (N, 3) and sources (N, 3) or (3,) [mm]; exact, ends not capped.
+    """Whether a string stands between points and sources; exact, ends not capped.
 
-    own: for points on strings, which one each lies on (N,); it does not hide them.
+    Parameters
+    ----------
+    strings : Cylinders
+        In {P}.
+    points : Array
+        (N, 3) [mm].
+    sources : Array
+        (N, 3) or (3,) [mm].
+    own : NDArray, optional
+        For points on strings, which one each lies on (N,); it does not hide them.
+
+    Returns
+    -------
+    NDArray
+        (N,) of bool.
     """
     points = np.array(points, dtype=float, order="C")
     sources = np.array(np.broadcast_to(sources, points.shape), dtype=float, order="C")

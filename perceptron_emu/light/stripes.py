@@ -57,7 +57,24 @@ def light_solids(scene: Scene, strings: Cylinders | None, config: EmulatorConfig
 
 
 def lit_pieces(faces: Faces, strings: Cylinders | None, planes: Array, sensor: Sensor) -> Pieces:
-    """What the laser reaches first in the planes of constant x."""
+    """What the laser reaches first in planes of constant x.
+
+    Parameters
+    ----------
+    faces : Faces
+        Of all solids.
+    strings : Cylinders or None
+        They cast shadows.
+    planes : Array
+        x (K,) [mm].
+    sensor : Sensor
+        Where the laser stands and how far its fan opens.
+
+    Returns
+    -------
+    Pieces
+        Straight pieces of surface.
+    """
     origin = np.array(sensor.sheet.origin_mm[1:], dtype=float)
     rays = LaserRays(origin, float(sensor.sheet.fan_rad))
     triangles, normals = np.ascontiguousarray(faces.triangles), np.ascontiguousarray(faces.normals)

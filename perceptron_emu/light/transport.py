@@ -54,7 +54,15 @@ class Cosines(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Light:
-    """The laser, the lens and the chip's quantum yield of one exposure."""
+    """The laser, the lens and the chip's quantum yield of one exposure.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        With a camera.
+    config : EmulatorConfig
+        Laser, lens, exposure and quantum yield.
+    """
 
     sensor: Sensor
     config: EmulatorConfig

@@ -24,11 +24,24 @@ FLAT = 1e-9  # of a mesh's size: corners no farther from a face's plane lie in i
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """A mesh in its own axes. triangles: (T, 3, 3) [mm]. outwards: their unit normals (T, 3), by their winding.
+    """A mesh made ready for light, in its own axes.
 
-    facets: its flat faces of up to four corners (F, 4, 3); facing: their unit normals (F, 3). normals: unit
-    normals for shading at the triangles' corners (T, 3, 3). closed: without a hole in its surface and wound
-    outwards, so that back faces are never seen. convex: it never hides a part of its own surface that faces the camera.
+    Parameters
+    ----------
+    triangles : Array
+        (T, 3, 3) [mm].
+    outwards : Array
+        Their unit normals (T, 3), by their winding.
+    facets, facing : Array
+        Its flat faces of up to four corners (F, 4, 3) [mm], and their unit normals (F, 3).
+    normals : Array
+        Unit normals for shading at the triangles' corners (T, 3, 3).
+    bvh : Bvh
+        Over the triangles.
+    closed : bool
+        Without a hole in its surface and wound outwards, so that back faces are never seen.
+    convex : bool
+        It never hides a part of its own surface that faces the camera.
     """
 
     triangles: Array
@@ -45,7 +58,18 @@ _BODIES: dict[int, tuple[weakref.ref[trimesh.Trimesh], Body]] = {}
 
 
 def body_of(solid: Solid) -> Body:
-    """The solid's body, made once for a mesh."""
+    """The solid's body, made once for a mesh and kept as long as the mesh lives.
+
+    Parameters
+    ----------
+    solid : Solid
+        Its mesh counts alone.
+
+    Returns
+    -------
+    Body
+        In the mesh's axes.
+    """
     key = id(solid.mesh)
     known = _BODIES.get(key)
     if known is not None and known[0]() is solid.mesh:
@@ -63,7 +87,22 @@ def body_of(solid: Solid) -> Body:
 
 
 def hidden_by_solid(solid: Solid, points: Array, sources: Array) -> NDArray[np.bool_]:
-    """Whether the solid stands between points (N, 3) and sources (N, 3) or (3,) [mm], all in {P}."""
+    """Whether a solid stands between points and sources.
+
+    Parameters
+    ----------
+    solid : Solid
+        At its place in {P}.
+    points : Array
+        (N, 3) [mm] in {P}.
+    sources : Array
+        (N, 3) or (3,) [mm] in {P}.
+
+    Returns
+    -------
+    NDArray
+        (N,) of bool.
+    """
     return blocked(body_of(solid).bvh, points, sources, solid.T_sensor_mesh.R, solid.T_sensor_mesh.t)
 
 

@@ -18,8 +18,21 @@ PARALLEL = 1e-12  # by which the cosine of two normals of one plane may fall sho
 def facets(vertices: Array, faces: Index, outwards: Array) -> tuple[Array, Index]:
     """Pairs of triangles that make a convex quadrilateral, and all other triangles, alone.
 
-    vertices: (V, 3) [mm]. faces: (T, 3) corners of the triangles. outwards: their unit normals (T, 3).
-    Returns corners in order (F, 4, 3), the last one twice where it is a triangle, and a triangle of each facet (F,).
+    Parameters
+    ----------
+    vertices : Array
+        (V, 3) [mm].
+    faces : NDArray
+        (T, 3) corners of the triangles.
+    outwards : Array
+        Their unit normals (T, 3).
+
+    Returns
+    -------
+    corners : Array
+        In order (F, 4, 3) [mm], the last one twice where it is a triangle.
+    owner : NDArray
+        A triangle of each facet (F,).
     """
     pairs = _neighbours(faces)
     first, second, edge = pairs

@@ -19,10 +19,18 @@ HALF_LENGTH_MM = 6.0  # along the gap; the sheet is far thinner
 
 @dataclass(frozen=True)
 class PanelPair:
-    """Two panels, lengths in mm.
+    """Two panels with rounded edges and a gap between them.
 
-    gap_mm: between the bends' extreme points along the left face. flush_mm: by how much the right face stands nearer
-    to the sensor. radii_mm: of the left and the right bend. face_mm, depth_mm: length and thickness of each panel.
+    Parameters
+    ----------
+    gap_mm : float
+        Between the bends' extreme points along the left face.
+    flush_mm : float
+        By how much the right face stands nearer to the sensor.
+    radii_mm : tuple of float
+        Of the left and the right bend.
+    face_mm, depth_mm : float
+        Length and thickness of each panel.
     """
 
     gap_mm: float = 3.0
@@ -51,9 +59,20 @@ class PanelPair:
 
 
 def random_panels(rng: np.random.Generator) -> tuple[PanelPair, Pose]:
-    """Panels over the range of car bodies and their pose T_sensor_panels before a sensor with 300 mm stand-off.
+    """Panels over the range of car bodies before a sensor with 300 mm stand-off.
 
-    Gaps of 0.5 to 8 mm, flush of ±3 mm, radii of 0.5 to 4 mm, turned by up to ±15° in the sheet, up to 20 mm aside.
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+        Draws gaps of 0.5 to 8 mm, flush of ±3 mm, radii of 0.5 to 4 mm, a turn of up to ±15° in the sheet, up to 20 mm
+        aside.
+
+    Returns
+    -------
+    panels : PanelPair
+        The truth.
+    T_sensor_panels : Pose
+        Their place in {P}.
     """
     gap, flush, radii = rng.uniform(0.5, 8), rng.uniform(-3, 3), rng.uniform(0.5, 4, 2)
     turn, y, z = np.deg2rad(rng.uniform(-15, 15)), rng.uniform(-20, 20), rng.uniform(290, 320)

@@ -35,10 +35,23 @@ class Rows(NamedTuple):
 def rasterise(
     facets: Array, level: Float32, shape: tuple[int, int], intrinsics: tuple[float, float, float, float]
 ) -> Float32:
-    """The pinhole picture (H, W) of convex flat faces (F, 4, 3) [mm] of the camera frame, all before it; 0 where none
-    is. A triangle has its last corner twice.
+    """The pinhole picture of convex flat faces, all before the camera: the level of the nearest at each pixel's centre.
 
-    intrinsics: fx, fy, cx, cy [px]. 1/z is linear in the image.
+    Parameters
+    ----------
+    facets : Array
+        Corners (F, 4, 3) [mm] in the camera's axes; a triangle has its last one twice.
+    level : Float32
+        (F,).
+    shape : tuple of int
+        Rows and columns.
+    intrinsics : tuple of float
+        fx, fy, cx, cy [px].
+
+    Returns
+    -------
+    Float32
+        (H, W), 0 where no face is; 1/z is linear in the image.
     """
     drawn = DepthBuffer(*np.zeros((2, *shape), np.float32))
     _rasterise(drawn, facets, level, intrinsics)

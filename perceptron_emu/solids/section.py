@@ -20,8 +20,14 @@ BEHIND_RAD = 10.0  # the angle given to what no ray about +z reaches
 
 
 class Shades(NamedTuple):
-    """What only casts shadows in K planes of constant x: segments (K, S, 2, 2) as (y, z) [mm], and whether each is
-    there (K, S).
+    """What only casts shadows in K planes of constant x.
+
+    Parameters
+    ----------
+    ends : Array
+        Segments (K, S, 2, 2) as (y, z) [mm].
+    there : NDArray
+        Whether each is there (K, S).
     """
 
     ends: Array
@@ -29,7 +35,15 @@ class Shades(NamedTuple):
 
 
 class LaserRays(NamedTuple):
-    """The laser in a plane: its rays come from the emitter's (y, z) [mm] and fill the fan about +z."""
+    """The laser in a plane of constant x.
+
+    Parameters
+    ----------
+    origin : Array
+        The emitter's (y, z) (2,) [mm].
+    fan_rad : float
+        Full angle of the fan about +z.
+    """
 
     origin: Array
     fan_rad: float
@@ -38,7 +52,14 @@ class LaserRays(NamedTuple):
 class Pieces(NamedTuple):
     """Straight pieces of surface that the laser reaches first, each in one plane of the sheet.
 
-    ends: (n, 2, 3) [mm] in {P}. normals: shading normals at the ends (n, 2, 3). face: the triangle (n,).
+    Parameters
+    ----------
+    ends : Array
+        (n, 2, 3) [mm] in {P}.
+    normals : Array
+        Shading normals at the ends (n, 2, 3).
+    face : NDArray
+        The triangle (n,).
     """
 
     ends: Array
@@ -95,9 +116,25 @@ def cut_plane(triangles: Array, normals: Array, x: float) -> tuple[Array, Array,
 
 @kernel
 def lit_in_planes(triangles: Array, normals: Array, planes: Array, shades: Shades, rays: LaserRays) -> Pieces:
-    """The pieces of triangles (T, 3, 3) [mm] that the laser reaches first in the planes of constant x (K,).
+    """The pieces of triangles that the laser reaches first in planes of constant x. Compiled.
 
-    normals: at the triangles' corners (T, 3, 3).
+    Parameters
+    ----------
+    triangles : Array
+        Corners (T, 3, 3) [mm] in {P}.
+    normals : Array
+        For shading, at the corners (T, 3, 3).
+    planes : Array
+        x (K,) [mm].
+    shades : Shades
+        What else casts shadows in each plane.
+    rays : LaserRays
+        The emitter and its fan.
+
+    Returns
+    -------
+    Pieces
+        In the order of planes and angles.
     """
     grid = _grid(rays.fan_rad)
     ends, normal, face = np.empty((256, 2, 3)), np.empty((256, 2, 3)), np.empty(256, np.int64)

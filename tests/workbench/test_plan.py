@@ -15,7 +15,8 @@ from geometry.sensor import ProfileOutput
 from jig_cad import Jig
 from tests.workbench.helpers import Cli
 from workbench.files import read_cell, read_frames
-from workbench.plan.expected import SURFACE_SIGMA_MM, expected_points, view_information
+from workbench.plan import expected_points
+from workbench.plan.expected import SURFACE_SIGMA_MM, view_information
 
 
 @pytest.fixture(autouse=True)

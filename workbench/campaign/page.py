@@ -39,7 +39,23 @@ ERRORS = {
 
 
 def write_page(folder: Path, target: AskedAccuracy, out: Path | None = None) -> Path:
-    """Write the page of the run in ``folder`` (default report.html in it) and return its path."""
+    """Write the page of a finished run.
+
+    Parameters
+    ----------
+    folder
+        Of the run.
+    target
+        The accuracy that is asked for, by which the page advises.
+    out
+        The page; default: report.html in the folder.
+
+    Returns
+    -------
+    Path
+        The page.
+
+    """
     run = read_run(folder)
     path = out or folder / "report.html"
     write_text(path, render_page("workbench.campaign", "page.html.j2", _content(run, target)))

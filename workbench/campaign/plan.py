@@ -60,7 +60,24 @@ class Plan(FileSection):
 
 
 def read_plan(path: Path) -> Plan:
-    """Read and check a plan; InputError names file, line and key."""
+    """Read and check the plan of a campaign.
+
+    Parameters
+    ----------
+    path
+        The file.
+
+    Returns
+    -------
+    Plan
+        Every factor names a setting, every value is one that the setting takes.
+
+    Raises
+    ------
+    InputError
+        Naming file, line and key.
+
+    """
     source = read_toml(path)
     _check_factor_shapes(source)
     plan = validate(Plan, source)

@@ -28,11 +28,31 @@ class RunSummary:
 def run_campaign(
     plan: Plan, folder: Path, workers: int | None = None, dask: str | None = None, progress: Progress | None = None
 ) -> RunSummary:
-    """Run ``plan`` into ``folder``, going on where an earlier start stopped.
+    """Run a plan into a folder, going on where an earlier start stopped.
 
-    workers: processes of this machine, default all its cores. dask: address of a scheduler in their place. progress is
-    told the trials done and the trials in all. The tables are the same bytes whatever the workers, timings apart.
-    Raises KeyboardInterrupt with a sentence that says what is safe.
+    Parameters
+    ----------
+    plan
+        What is run.
+    folder
+        Made where it is not there; a folder of another plan is refused.
+    workers
+        Processes of this machine, default all its cores.
+    dask
+        Address of a scheduler in their place.
+    progress
+        Told the trials done and the trials in all.
+
+    Returns
+    -------
+    RunSummary
+        The tables in the folder are the same bytes whatever the workers, timings apart.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        With a sentence that says what is safe.
+
     """
     with opened_store(folder, plan) as store:
         try:

@@ -23,9 +23,25 @@ class BareImages:
 
 
 def read_inputs(inputs: Sequence[Path], sensor: Path | None, jig: Path | None) -> Cell | BareImages:
-    """The dataset of one folder with cell.toml, or of that file, else images; InputError says what is missing.
+    """What the paths name: the dataset of one folder with cell.toml, or of that file, else images.
 
-    sensor, jig: files that stand in place of the dataset's own.
+    Parameters
+    ----------
+    inputs
+        One dataset, or image files and folders of them.
+    sensor, jig
+        Files that stand in place of the dataset's own; bare images need a sensor.
+
+    Returns
+    -------
+    Cell or BareImages
+        Images are not opened.
+
+    Raises
+    ------
+    InputError
+        Saying what is missing.
+
     """
     first = inputs[0]
     if first.suffix == ".toml" or (first / "cell.toml").exists():

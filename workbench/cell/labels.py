@@ -27,7 +27,23 @@ def label_dataset(
 
 
 def label_image(frame: int, image: str, points: SurfacePoints, jig: Jig, sensor: Sensor) -> FrameTable:
-    """One image's spots with labels from the jig's geometry alone."""
+    """One image's spots with labels from the jig's geometry alone.
+
+    Parameters
+    ----------
+    frame, image
+        Its number and name, carried along.
+    points
+        Its spots.
+    jig, sensor
+        What the names follow from.
+
+    Returns
+    -------
+    FrameTable
+        With the reason where nothing could be labelled.
+
+    """
     return _table(frame, image, points, label_frame(points, jig, sensor, None, CalibConfig()), None)
 
 

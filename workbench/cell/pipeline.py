@@ -27,7 +27,23 @@ class Observed:
 
 
 def observe(cell: Cell, config: ExtractionConfig | None = None, progress: Progress | None = None) -> Observed:
-    """Measure every frame of ``cell``: its image's spots, or its rows of points.csv."""
+    """Measure every frame of ``cell``: its image's spots, or its rows of points.csv.
+
+    Parameters
+    ----------
+    cell
+        The dataset.
+    config
+        Of extraction; None: its defaults, the speckle learnt from the dataset.
+    progress
+        Told the frames done and the frames in all.
+
+    Returns
+    -------
+    Observed
+        All frames, those that can not be used with a reason, and a sentence for each bad image.
+
+    """
     frames: list[Frame] = []
     complaints: dict[int, str] = {}
     for frame, complaint in _measured(cell, config or ExtractionConfig()):
@@ -40,7 +56,23 @@ def observe(cell: Cell, config: ExtractionConfig | None = None, progress: Progre
 
 
 def solve(cell: Cell, observed: Observed, config: CalibConfig | None = None) -> CalibrationResult:
-    """Calibrate on what was observed; the notes say what looks wrong with the files."""
+    """Calibrate on what was observed; the notes say what looks wrong with the files.
+
+    Parameters
+    ----------
+    cell
+        The dataset.
+    observed
+        Its frames as `observe` measured them.
+    config
+        Of calibration; None: its defaults.
+
+    Returns
+    -------
+    CalibrationResult
+        With a verdict; without an SCP where none can be trusted.
+
+    """
     result = calibrate(
         observed.frames,
         cell.jig,

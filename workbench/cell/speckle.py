@@ -23,10 +23,26 @@ def with_known_grain(sensor: Sensor, config: ExtractionConfig) -> ExtractionConf
 def dataset_config(
     sensor: Sensor, config: ExtractionConfig, total: int, images: Callable[[list[int]], Iterable[object]]
 ) -> ExtractionConfig:
-    """The configuration for a dataset of ``total`` frames, the speckle learnt from a few that are spread over all.
+    """The configuration for a dataset, the speckle learnt from a few frames that are spread over all.
 
-    One frame's spots tell little of it; the σ of all points hang on it. What the configuration gives is kept.
-    images: the frames of the numbers that it is given.
+    One frame's spots tell little of it; the σ of all points hang on it.
+
+    Parameters
+    ----------
+    sensor
+        Of the images; where it states its optics, the grain is known.
+    config
+        What was asked for; what it gives is kept.
+    total
+        How many frames there are.
+    images
+        Gives the images (H, W) of the frame numbers it is asked for.
+
+    Returns
+    -------
+    ExtractionConfig
+        With the speckle's contrast and grain.
+
     """
     config = with_known_grain(sensor, config)
     if total < 2 or not _learns(config):

@@ -94,10 +94,24 @@ def around_jig(around: Surroundings, T_base_jig: Pose) -> tuple[Solid, ...]:
 
 
 def sees_all_strings(sensor: Sensor, jig: Jig, solids: tuple[Solid, ...], carried: tuple[Solid, ...] = ()) -> SeesAll:
-    """A test that nothing stands between the strings' points and the emitter or the camera at poses T_sensor_jig (N).
+    """A test that nothing stands between the strings' points and the emitter or the camera.
 
-    solids: in jig axes. carried: on the sensor, in {P}.
     Every string is tried on a piece REACH_MM to either side of the sheet, a little off its axis.
+
+    Parameters
+    ----------
+    sensor, jig
+        Which strings are seen by what.
+    solids
+        What stands around the strings, in {J}.
+    carried
+        What the sensor carries, in {P}.
+
+    Returns
+    -------
+    SeesAll
+        Of poses T_sensor_jig (N) tells which show every string (N,).
+
     """
     strings = replace(cylinders(jig, Pose.identity()), radius=SHADOW_RADIUS_MM)
 

@@ -16,7 +16,7 @@ from workbench.cli import exit_codes
 from workbench.cli.console import standard_error, standard_output
 from workbench.files import settings_toml, write_text
 from workbench.opened import ImageRequest, ImageSet, open_images
-from workbench.tune import Found, Judgement, Score, Task, judge, make_task, search
+from workbench.tune import Judgement, Score, SearchResult, Task, judge, make_task, search
 
 RESULT = "tuned.toml"
 JOURNAL = "tune.journal"
@@ -59,7 +59,7 @@ def _progress(trials: int) -> Iterator[Callable[[int, int, float], None]]:
         yield update
 
 
-def _print(task: Task, found: Found, judgement: Judgement, defaults: BaseModel, path: Path) -> None:
+def _print(task: Task, found: SearchResult, judgement: Judgement, defaults: BaseModel, path: Path) -> None:
     console = standard_output()
     kind = "errors against truth.json" if task.has_truth else "distances from the strings of each frame's own pose"
     resumed = f" ({found.resumed} of them from earlier runs)" if found.resumed else ""

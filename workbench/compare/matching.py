@@ -65,7 +65,19 @@ class TrueString:
 
 
 def true_strings(truth: Iterable[KnownString]) -> tuple[TrueString, ...]:
-    """The strings that have an image; the others, outside the image or the sheet, can not be found."""
+    """The strings that have an image; the others, outside the image or the sheet, can not be found.
+
+    Parameters
+    ----------
+    truth
+        Strings of a rendered frame or of a truth.json, with None or NaN where nothing is seen.
+
+    Returns
+    -------
+    tuple of TrueString
+        In the given order.
+
+    """
     found = []
     for s in truth:
         axis, surface, image = (_pair(v) for v in (s.axis_mm, s.surface_mm, s.image_px))
@@ -88,7 +100,21 @@ class NamedPoints:
 
 
 def named_points(points: SurfacePoints, axis: AxisPoints | None) -> NamedPoints:
-    """The spots in their order, with the names of ``axis``; behind them axis points that belong to no spot."""
+    """The spots in their order, with the names of ``axis``; behind them axis points that belong to no spot.
+
+    Parameters
+    ----------
+    points
+        Spots (N) with pixels and points of the lit surface.
+    axis
+        Labelled axis points (K), each with the number of its spot or -1; None where no jig is known.
+
+    Returns
+    -------
+    NamedPoints
+        N rows and one for every axis point without a spot, whose pixel is NaN.
+
+    """
     axis = AxisPoints.empty() if axis is None else axis
     label, yz_mm = [""] * len(points), points.yz_mm.copy()
     alone = np.flatnonzero(axis.spot < 0)

@@ -37,7 +37,19 @@ def errors_mm(comparisons: Iterable[Comparison]) -> Array:
 
 
 def summarise(comparisons: Iterable[Comparison]) -> Statistics:
-    """Figures over the frames."""
+    """Figures over frames.
+
+    Parameters
+    ----------
+    comparisons
+        One of each frame.
+
+    Returns
+    -------
+    Statistics
+        Counts over the visible strings, errors [mm] over those of them that were found.
+
+    """
     frames = list(comparisons)
     visible, found = sum(len(c.visible) for c in frames), sum(len(c.found) for c in frames)
     false, wrong = sum(len(c.false_points) for c in frames), sum(c.mislabelled for c in frames)

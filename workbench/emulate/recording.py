@@ -74,10 +74,34 @@ def record(
     renderer: Renderer = "own",
     extras: Extras = NONE,
 ) -> Cell:
-    """Render every configuration into ``folder`` as a dataset with truth.json and return the dataset.
+    """Render every configuration into ``folder`` as a dataset with truth.json.
 
-    ``cell`` gives what a user knows: nominal robot and jig, design SCP, sensor; its frames are replaced. Frames that
-    stand in the folder already, of the same recipe and with the same extras, are kept.
+    Frames that stand in the folder already, of the same recipe and with the same extras, are kept.
+
+    Parameters
+    ----------
+    folder
+        Made where it is not there.
+    cell
+        What a user knows: nominal robot and jig, design SCP, sensor; its frames are replaced.
+    true
+        What stands behind the images.
+    configurations
+        One a frame.
+    seed
+        The same seed gives the same bytes.
+    progress
+        Told the frames done and the frames in all.
+    renderer
+        "own" casts rays, "pyrender" uses OpenGL's depth.
+    extras
+        What is written beside images and truth.
+
+    Returns
+    -------
+    Cell
+        The dataset as it stands in the folder.
+
     """
     recipe = _recipe(cell, true, configurations, seed, renderer)
     rows = tuple(_row(c) for c in configurations)

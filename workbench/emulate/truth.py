@@ -34,7 +34,30 @@ class Errors:
 
 
 def draw_truth(cell: Cell, errors: Errors, rng: np.random.Generator, around: Surroundings = NOTHING) -> TrueCell:
-    """The true cell of one draw; its locations are those of the file, ``around`` is as its own file says."""
+    """The true cell of one draw.
+
+    Parameters
+    ----------
+    cell
+        What the files say, with T_base_jig of every place.
+    errors
+        How far the truth is from it.
+    rng
+        The same state gives the same cell.
+    around
+        What stands around the jig, as its own file says.
+
+    Returns
+    -------
+    TrueCell
+        Robot, jig and mounting off by their errors; the places are those of the file.
+
+    Raises
+    ------
+    InputError
+        Where no place is known.
+
+    """
     if not cell.T_base_jig:
         raise InputError(
             f"{cell.folder / 'cell.toml'}: [locations.NAME] T_base_jig is missing: where does the jig stand?"

@@ -82,9 +82,25 @@ class Cell:
 
 
 def read_cell(path: Path, *, recorded: bool = True) -> Cell:
-    """The dataset of a folder or of its cell.toml; InputError names file, line and key. Images are not opened here.
+    """The dataset of a folder or of its cell.toml; images are not opened here.
 
-    recorded: whether frames must be there; a cell that is yet to be recorded has none.
+    Parameters
+    ----------
+    path
+        The folder, or the cell.toml in it.
+    recorded
+        Whether frames must be there; a cell that is yet to be recorded has none.
+
+    Returns
+    -------
+    Cell
+        Sensor, jig, robot, design SCP, frames, and points and truth where the folder holds them.
+
+    Raises
+    ------
+    InputError
+        Naming file, line and key, and what is right there.
+
     """
     source = read_toml(_cell_path(path))
     file = validate(CellFile, source)

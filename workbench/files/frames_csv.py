@@ -37,7 +37,28 @@ class FrameRow:
 
 
 def read_frames(path: Path, n_joints: int, *, may_be_empty: bool = False) -> tuple[FrameRow, ...]:
-    """The rows of frames.csv for a robot of ``n_joints`` joints; InputError names line and column."""
+    """The rows of frames.csv, joint readings in radians.
+
+    Parameters
+    ----------
+    path
+        The file.
+    n_joints
+        How many columns j1_deg, j2_deg, … there must be, where no hand poses stand in their place.
+    may_be_empty
+        Whether a header alone will do.
+
+    Returns
+    -------
+    tuple of FrameRow
+        In the file's order.
+
+    Raises
+    ------
+    InputError
+        Naming line and column.
+
+    """
     joints = tuple(f"j{i}_deg" for i in range(1, MAX_JOINTS + 1))
     known = ("frame", "image", "location", "role", *joints, *POSE_COLUMNS)
     table = read_table(path, known, ("frame", "location", "role"))

@@ -22,7 +22,26 @@ SUFFIXES = (".png", ".tif", ".tiff")
 
 
 def read_image(path: Path, sensor: Sensor) -> Image:
-    """A grey image (H, W), uint8 or uint16, that fits ``sensor``; InputError where it can not be used."""
+    """A grey image (H, W), uint8 or uint16, that fits ``sensor``.
+
+    Parameters
+    ----------
+    path
+        A PNG or TIFF.
+    sensor
+        Whose size and bit depth the image must have; colour images pass where their channels are equal.
+
+    Returns
+    -------
+    Image
+        Grey levels, right-aligned.
+
+    Raises
+    ------
+    InputError
+        Where the file is missing, damaged, cut short or of another kind than the sensor's.
+
+    """
     camera = sensor.require_camera()
     data = _read_file(path)
     width, height = _size(path, data)

@@ -50,7 +50,26 @@ class _CsvPoint:
 
 
 def read_points(path: Path, strings: Sequence[str]) -> dict[int, GivenPoints]:
-    """Points by frame number; InputError names line and column. strings: the names that a label may be."""
+    """Points by frame number of a points.csv.
+
+    Parameters
+    ----------
+    path
+        The file.
+    strings
+        The names that a label may be.
+
+    Returns
+    -------
+    dict
+        By frame number its surface points, and its axis points where they are labelled.
+
+    Raises
+    ------
+    InputError
+        Naming line and column.
+
+    """
     table = read_table(path, COLUMNS, ("frame",))
     if not {"y_mm", "z_mm"} <= set(table.columns) and not {"y_surface_mm", "z_surface_mm"} <= set(table.columns):
         raise InputError(

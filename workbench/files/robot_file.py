@@ -64,7 +64,24 @@ class RobotFile(FileSection):
 
 
 def read_robot(path: Path) -> DhRobot:
-    """The robot of a robot.toml; InputError names file, line and key."""
+    """The robot of a robot.toml: a table of joints, or a chain of a URDF.
+
+    Parameters
+    ----------
+    path
+        The file.
+
+    Returns
+    -------
+    DhRobot
+        With the standard deviations of its [uncertainty].
+
+    Raises
+    ------
+    InputError
+        Naming file, line and key.
+
+    """
     source = read_toml(path)
     file = validate(RobotFile, source)
     try:

@@ -131,7 +131,24 @@ SHARED_TABLES = ("image", "camera", "profile", "uncertainty")  # of no concern t
 
 
 def read_sensor(path: Path) -> Sensor:
-    """The sensor of a sensor.toml; InputError names file, line and key."""
+    """The sensor of a sensor.toml; what only its emulation needs is `read_emulator`'s.
+
+    Parameters
+    ----------
+    path
+        The file.
+
+    Returns
+    -------
+    Sensor
+        Sheet and camera in {P}, and the optics where the file states them.
+
+    Raises
+    ------
+    InputError
+        Naming file, line and key.
+
+    """
     file, emulator = _read(path)
     try:
         return replace(_sensor(file), optics=stated_optics(emulator))

@@ -38,7 +38,26 @@ def _tables() -> list[tuple[str, Any]]:
 
 
 def read_settings(paths: Sequence[Path], **calib: Any) -> Settings:
-    """Settings of files, later ones over earlier, and of ``calib`` keys over all; None leaves a key alone."""
+    """What extraction and calibration are told.
+
+    Parameters
+    ----------
+    paths
+        Settings files; a later one's tables stand over an earlier one's.
+    **calib
+        Keys of [calib] over all files; None leaves a key alone.
+
+    Returns
+    -------
+    Settings
+        Defaults where nothing is said.
+
+    Raises
+    ------
+    InputError
+        Naming file, line and key.
+
+    """
     tables: dict[str, dict[str, Any]] = {}
     for path in paths:
         source = read_toml(path)

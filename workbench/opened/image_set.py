@@ -83,7 +83,24 @@ NO_CHAIN = "Bare images have no joint readings: open a cell dataset to calibrate
 
 
 def open_images(request: ImageRequest) -> ImageSet:
-    """The images of a dataset (folder with cell.toml, or that file) or bare ones; InputError says what is missing."""
+    """The images of a dataset or bare ones, with all that is known of them.
+
+    Parameters
+    ----------
+    request
+        What the command line was given.
+
+    Returns
+    -------
+    ImageSet
+        Pictures are read when they are asked for.
+
+    Raises
+    ------
+    InputError
+        Saying what is missing, or that there are no images to tune on.
+
+    """
     settings = read_settings(request.config)
     found = read_inputs(request.inputs, request.sensor, request.jig)
     found.sensor.require_camera()

@@ -106,7 +106,36 @@ def plan_limits(tilt_deg: float = 45.0, roll_deg: float = 180.0, mounting_deg: f
 def propose(
     cell: Cell, per_location: int, criterion: str, model: Model, limits: ViewLimits, seed: int, progress: Progress
 ) -> Proposal:
-    """Propose ``per_location`` configurations at every place of the cell."""
+    """Propose ``per_location`` configurations at every place of the cell, and predict what they tell.
+
+    Parameters
+    ----------
+    cell
+        With T_base_jig of its places; its frames count as taken.
+    per_location
+        How many are wanted at each place; places that verify get spread views.
+    criterion
+        What the plan makes small: "D" the error ellipsoid's volume, "E" its longest axis, "A" the rms error.
+    model
+        What calibration will estimate.
+    limits
+        Which views are allowed.
+    seed
+        The same seed gives the same plan.
+    progress
+        Told the steps done and the steps in all.
+
+    Returns
+    -------
+    Proposal
+        Rows of a frames.csv with the predicted σ of the SCP.
+
+    Raises
+    ------
+    InputError, NoAnswerError
+        Where no place is known, or a place gives too few views.
+
+    """
     rng = np.random.default_rng([seed, 2**30])
     total = len(cell.T_base_jig) + 1 + ROUNDS
     found = candidates(cell, per_location, model, limits, rng, lambda done, _: progress(done, total))

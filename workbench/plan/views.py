@@ -77,8 +77,25 @@ class ViewProblem:
 def plan_views(problem: ViewProblem, count: int, rng: np.random.Generator) -> Views:
     """``count`` configurations that see all strings, within the joints' limits, with well-spread tilts and rolls.
 
-    The same rng state gives the same configurations. Raises NoAnswerError, saying what stood in the way, where not
-    enough can be found.
+    Parameters
+    ----------
+    problem
+        Robot, sensor, jig, where they stand by what is known, and what a view must fulfil.
+    count
+        How many are wanted.
+    rng
+        The same state gives the same configurations.
+
+    Returns
+    -------
+    Views
+        ``count`` of them, the farthest from each other first.
+
+    Raises
+    ------
+    NoAnswerError
+        Where not enough can be found, saying what stood in the way.
+
     """
     tally = Tally()
     pool = feasible_views(problem, count * POOL_FACTOR, rng, tally)
@@ -164,7 +181,28 @@ def near_views(
 
 
 def free_views(sensor: Sensor, jig: Jig, limits: ViewLimits, count: int, rng: np.random.Generator) -> Pose:
-    """Poses T_sensor_jig (count) of views without a robot, in which every string crosses the field of view."""
+    """Views without a robot, in which every string crosses the field of view.
+
+    Parameters
+    ----------
+    sensor, jig, limits
+        What sees what, and which views are asked for.
+    count
+        How many are wanted.
+    rng
+        The same state gives the same views.
+
+    Returns
+    -------
+    Pose
+        T_sensor_jig (count).
+
+    Raises
+    ------
+    NoAnswerError
+        Where the sensor sees no jig of this size.
+
+    """
     tally = Tally()
     space = ViewSpace.of(sensor, jig, replace(limits, mounting_deg=0.0))
     poses: list[Pose] = []

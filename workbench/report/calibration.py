@@ -41,7 +41,16 @@ class ReportInput:
 
 
 def write_report(path: Path, given: ReportInput) -> None:
-    """Write the page atomically."""
+    """Write the page of a calibration, whole or not at all; it opens offline.
+
+    Parameters
+    ----------
+    path
+        The HTML file.
+    given
+        Cell, frames, result and settings, and a picture of the cell where there is one.
+
+    """
     write_text(path, render_page("workbench.report", "report.html.j2", _content(given)))
 
 

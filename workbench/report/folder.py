@@ -13,7 +13,16 @@ from workbench.report.robot import write_corrected_robot
 
 
 def write_results(out: Path, cell: Cell, observed: Observed, result: CalibrationResult, settings: Settings) -> None:
-    """Write result.json, points.csv, fig7.png, settings.toml and, where corrected, the robot into ``out``."""
+    """Write result.json, points.csv, fig7.png, settings.toml and, where corrected, the robot.
+
+    Parameters
+    ----------
+    out
+        The folder; made where it is not there.
+    cell, observed, result, settings
+        The dataset, its frames as measured, the answer, and what both stages were told.
+
+    """
     write_text(out / "result.json", json_text(calibration_object(result, observed.complaints)) + "\n")
     write_text(out / "points.csv", points_text(rows(label_dataset(cell, observed, settings.calib, result))))
     write_fig7(out / "fig7.png", result)

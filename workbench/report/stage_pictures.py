@@ -1,4 +1,4 @@
-"""One picture for every stage of extraction: raw, background, mask, candidates with reasons, spots, labels."""
+"""One picture for every stage of extraction: raw, background, mask, candidates with reasons, spots, labels; regions."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from extraction import ExtractionConfig, Stages, extract_stages
-from geometry import AxisPoints, Sensor
+from extraction import ExtractionConfig, Stages, extract_stages, region_shapes
+from geometry import AxisPoints, Sensor, write_text
 from workbench.cell import FrameTable
 from workbench.files import Image, write_png
 from workbench.report.overlays import LABELLED, Colour, brighten, mark, overlay, write
@@ -27,7 +27,7 @@ REASONS: tuple[Colour, ...] = (
 def save_stages(
     folder: Path, image: Image, sensor: Sensor, table: FrameTable, config: ExtractionConfig | None = None
 ) -> None:
-    """Write the six pictures of one frame into ``folder``/NNN."""
+    """Write the six pictures of one frame and the shapes of its candidates' regions into ``folder``/NNN."""
     stages = extract_stages(image, sensor, config)
     unlabelled = FrameTable(table.frame, table.image, stages.points, AxisPoints.empty(), stages.reason or None)
     pictures = {
@@ -40,6 +40,15 @@ def save_stages(
     }
     for name, picture in pictures.items():
         write_png(folder / f"{table.frame:03d}" / f"{name}.png", picture, compression=3)
+    write_text(folder / f"{table.frame:03d}" / "regions.csv", _regions(stages))
+
+
+def _regions(stages: Stages) -> str:
+    """A row for every candidate that grew a region: its reason, and its shape."""
+    columns = region_shapes(stages)
+    rows = zip(*columns.values(), strict=True)
+    lines = [",".join(f"{x:.6g}" if isinstance(x, np.floating) else str(x) for x in row) for row in rows]
+    return "\n".join([",".join(columns), *lines]) + "\n"
 
 
 def _candidates(image: Image, sensor: Sensor, stages: Stages) -> NDArray[Any]:

@@ -2,13 +2,13 @@
 
 from workbench.tune.cost import Score
 from workbench.tune.judgement import Judgement, judge
-from workbench.tune.study import Found, search
+from workbench.tune.study import SearchResult, search
 from workbench.tune.task import Task, make_task
 
 __all__ = [
-    "Found",
     "Judgement",
     "Score",
+    "SearchResult",
     "Task",
     "judge",
     "make_task",

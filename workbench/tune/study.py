@@ -24,7 +24,7 @@ RANDOM_TRIALS = 16  # two for each dimension before the estimator models them, a
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class SearchResult:
     """What the search ended with. ``trials``: finished ones in the file; ``resumed``: of those, from earlier runs."""
 
     config: ExtractionConfig
@@ -34,8 +34,37 @@ class Found:
     interrupted: bool
 
 
-def search(task: Task, start: ExtractionConfig, trials: int, seed: int, journal: Path, progress: Progress) -> Found:
-    """Minimise the loss on the training part, beginning at ``start``, until ``trials`` are in ``journal``."""
+def search(
+    task: Task, start: ExtractionConfig, trials: int, seed: int, journal: Path, progress: Progress
+) -> SearchResult:
+    """Minimise the loss on the training part, trial by trial.
+
+    Parameters
+    ----------
+    task
+        The images.
+    start
+        The first trial.
+    trials
+        How many must stand in the journal in the end.
+    seed
+        Of the sampler; another seed is another study.
+    journal
+        Kept after every trial; the same search goes on from it.
+    progress
+        Told the trials done, the trials in all and the best loss [mm].
+
+    Returns
+    -------
+    SearchResult
+        The best parameters; an interrupted search gives those it has.
+
+    Raises
+    ------
+    MissingDependencyError, InputError
+        Where the extra ``tune`` is missing, or the journal can not be written or is damaged.
+
+    """
     optuna = _optuna()
     dimensions = space(type(start))
     with warnings.catch_warnings():
@@ -48,7 +77,7 @@ def search(task: Task, start: ExtractionConfig, trials: int, seed: int, journal:
     if not any(t.value is not None and t.state.name == "COMPLETE" for t in study.trials):
         raise InputError("the search was interrupted before its first trial ended")
     best = with_values(start, {d.key: study.best_trial.params[d.key] for d in dimensions})
-    return Found(best, float(study.best_value), len(_finished(study)), resumed, interrupted)
+    return SearchResult(best, float(study.best_value), len(_finished(study)), resumed, interrupted)
 
 
 def _optuna() -> Any:

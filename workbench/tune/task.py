@@ -52,7 +52,26 @@ class Task:
 
 
 def make_task(source: ImageSet, seed: int) -> Task:
-    """Read the images and split them evenly, each location for itself, by ``seed``."""
+    """Read the images and split them evenly, each location for itself.
+
+    Parameters
+    ----------
+    source
+        Images with truth, or with a jig by whose geometry they are judged.
+    seed
+        Of the split.
+
+    Returns
+    -------
+    Task
+        Images in memory, half of them to train on, half held out.
+
+    Raises
+    ------
+    InputError
+        Where fewer than LEAST_IMAGES can be used, or neither truth nor jig is there.
+
+    """
     images, skipped = _read(source)
     if len(images) < LEAST_IMAGES:
         why = f" ({next(iter(skipped.values()))})" if skipped else ""

@@ -29,7 +29,27 @@ class Validation:
 
 
 def validate_drawn(sensor: str, jig: str, frames: int, seed: int, settings: Settings, progress: Progress) -> Validation:
-    """Validate on frames drawn for a sensor and a jig."""
+    """Hold extraction against the truth of frames that are rendered for it.
+
+    Parameters
+    ----------
+    sensor, jig
+        Files or presets.
+    frames
+        So many as the files say, and as many again under varied conditions.
+    seed
+        The same seed draws the same frames.
+    settings
+        Of extraction and calibration.
+    progress
+        Told the frames done and the frames in all.
+
+    Returns
+    -------
+    Validation
+        A row for every string, a row for every frame, pictures of the worst frames.
+
+    """
     seen_by = find_sensor(sensor)
     seen_by.require_camera()
     settings = replace(settings, extraction=with_known_grain(seen_by, settings.extraction))
@@ -40,7 +60,28 @@ def validate_drawn(sensor: str, jig: str, frames: int, seed: int, settings: Sett
 
 
 def validate_dataset(path: Path, settings: Settings, progress: Progress) -> Validation:
-    """Validate on a dataset with truth."""
+    """Hold extraction against the truth of a dataset.
+
+    Parameters
+    ----------
+    path
+        A dataset with truth.json.
+    settings
+        Of extraction and calibration, by whose chain the spots are labelled.
+    progress
+        Told the frames done and the frames in all.
+
+    Returns
+    -------
+    Validation
+        A row for every string, a row for every frame, pictures of the worst frames.
+
+    Raises
+    ------
+    InputError
+        Where there is no truth.
+
+    """
     measured = measure_dataset(path, settings, progress)
     cell = read_cell(path)
     chosen = dict(_worst(measured))
