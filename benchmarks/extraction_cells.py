@@ -26,7 +26,7 @@ import cv2
 import numpy as np
 from rendered_strings import random_thread
 
-from calib import Observed, calibrate
+from calib import calibrate
 from calib.config import SurfaceConfig
 from calib.label.surface_offset import surface_offset
 from extraction import ExtractionConfig, extract
@@ -91,38 +91,41 @@ def measured_cell(seed: int, hide: bool) -> Measured:
         config = dataset_config(seen_by, ExtractionConfig(), len(frames), lambda some: [frames[i].image for i in some])
         spots = [extract(f.image, seen_by, config) for f in frames]
         observed = tuple(
-            Frame(c.frame, c.location, c.role, p, joints_rad=c.reading_rad)
+            Frame(c.frame, c.location, c.role, c.reading_rad, points=p)
             for c, p in zip(emulated.configurations, spots, strict=True)
         )
         places = emulated.cell.T_base_jig if hide else {}
-        observations = Observed(observed, seen_by, emulated.cell.T_hand_sensor_design, places)
-        result = calibrate(observations, emulated.cell.jig, emulated.cell.robot)
+        cell = emulated.cell
+        result = calibrate(observed, cell.jig, cell.robot, seen_by, cell.T_hand_sensor_design, places)
     except PerceptronEmuError as error:
         return Measured(np.zeros(4, int), np.zeros((0, COLUMNS)), (), 0, time.process_time() - start, str(error))
     counts, rows, labels = np.zeros(4, int), [], []
     for frame, answer in zip(frames, result.frames, strict=True):
-        points = answer.points
-        named = NamedPoints(points.label, points.uv_px, points.yz_mm)
+        axis = answer.axis
+        named = NamedPoints(axis.label, answer.axis_uv_px, axis.yz_mm)
         compared = match(true_strings(frame.truth.strings), named, labelled=True)
-        counts += [len(compared.false_points), compared.mislabelled, len(points.label), sum(map(bool, points.flag))]
-        for row in string_rows(seed, frame.truth, points, emulated, thread):
+        counts += [len(compared.false_points), compared.mislabelled, len(axis), sum(map(bool, axis.flag))]
+        for row in string_rows(seed, frame.truth, answer, emulated, thread):
             rows.append(row[1])
             labels.append(row[0])
     table = np.array(rows).reshape(-1, COLUMNS)
     return Measured(counts, table, tuple(labels), len(frames), time.process_time() - start)
 
 
-def string_rows(seed: int, truth, points, emulated: EmulatedCell, thread: Material):
+def string_rows(seed: int, truth, frame: Frame, emulated: EmulatedCell, thread: Material):
     """Label and row of every string of a frame that leaves any light in it."""
     jig, sensor = emulated.cell.jig, emulated.cell.sensor
     own = SurfaceConfig(known=True, diffuse=thread.diffuse, specular=thread.specular, roughness=thread.roughness)
     for k, string in enumerate(truth.strings):
         row = np.full(COLUMNS, np.nan)
         row[SEED], row[SEEN], row[FOUND], row[FLAGGED] = seed, string.visible_fraction, 0, 0
-        if string.label in points.label:
-            i = points.label.index(string.label)
-            row[FOUND], row[FLAGGED] = np.linalg.norm(points.uv_px[i] - string.image_px) < 8.0, bool(points.flag[i])
-            row[ERROR], row[SIGMA] = points.yz_mm[i] - string.axis_mm, points.sigma_yz_mm[i]
+        if string.label in frame.axis.label:
+            i = frame.axis.label.index(string.label)
+            row[FOUND], row[FLAGGED] = (
+                np.linalg.norm(frame.axis_uv_px[i] - string.image_px) < 8.0,
+                bool(frame.axis.flag[i]),
+            )
+            row[ERROR], row[SIGMA] = frame.axis.yz_mm[i] - string.axis_mm, frame.axis.sigma_yz_mm[i]
             direction = truth.T_sensor_jig.R @ jig.directions[k]
             place = (np.array(string.axis_mm)[None], direction[None], jig.string_diameter_mm / 2, sensor)
             (guessed, spread), (true, _) = (surface_offset(*place, surface) for surface in (SurfaceConfig(), own))
