@@ -40,7 +40,7 @@ def run(runs: int, seed: int) -> dict[str, np.ndarray]:
                 (
                     error,
                     answer.chi2_per_dof,
-                    answer.outlier_share > 0,
+                    np.any(answer.outlier) or np.any(answer.frame_outlier),
                     len(answer.noise) and answer.noise["point_sigma_factor"] != 1.0,
                 )
             )
