@@ -87,9 +87,9 @@ def spoils() -> dict[str, Spoil]:
         ),
         "two locations under one name": each(lambda x: replace(x, location="A" if x.location == "B" else x.location)),
         "frames of another location": frames_only(lambda f, c, rng: _misplaced(f)),
-        "one frame of another location": each(lambda x: replace(x, location="C") if x.frame == 3 else x),
+        "one frame of another location": each(lambda x: replace(x, location="C") if x.number == 3 else x),
         "one frame with the joints of another": frames_only(
-            lambda f, c, rng: tuple(replace(x, joints_rad=f[15].joints_rad) if x.frame == 3 else x for x in f)
+            lambda f, c, rng: tuple(replace(x, joints_rad=f[15].joints_rad) if x.number == 3 else x for x in f)
         ),
         "DH row of another arm (d4)": robot_only(lambda r: r.with_changes(d=_at(3, -142.0))),
         "DH row of another arm (a2)": robot_only(lambda r: r.with_changes(a=_at(1, 60.0))),
@@ -131,7 +131,7 @@ def _alike(frames: Frames, cell: SyntheticCell, rng: np.random.Generator, degree
 
 def _swap(frames: Frames, to: Callable[[str], str], every: int) -> Frames:
     return tuple(
-        replace(f, axis=replace(f.axis, label=tuple(to(x) for x in f.axis.label))) if f.frame % every == 0 else f
+        replace(f, axis=replace(f.axis, label=tuple(to(x) for x in f.axis.label))) if f.number % every == 0 else f
         for f in frames
     )
 
@@ -147,7 +147,7 @@ def _outliers(frames: Frames, rng: np.random.Generator) -> Frames:
 def _misplaced(frames: Frames) -> Frames:
     """Every second frame of location B under the name C and the other way round."""
     other = {"B": "C", "C": "B"}
-    return tuple(replace(f, location=other.get(f.location, f.location)) if f.frame % 2 else f for f in frames)
+    return tuple(replace(f, location=other.get(f.location, f.location)) if f.number % 2 else f for f in frames)
 
 
 def main() -> None:

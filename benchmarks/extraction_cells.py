@@ -91,7 +91,7 @@ def measured_cell(seed: int, hide: bool) -> Measured:
         config = dataset_config(seen_by, ExtractionConfig(), len(frames), lambda some: [frames[i].image for i in some])
         spots = [extract(f.image, seen_by, config) for f in frames]
         observed = tuple(
-            Frame(c.frame, c.location, c.role, p, joints_rad=c.reading_rad)
+            Frame(c.frame, c.location, c.role, joints_rad=c.reading_rad, points=p)
             for c, p in zip(emulated.configurations, spots, strict=True)
         )
         places = emulated.cell.T_base_jig if hide else {}

@@ -12,7 +12,7 @@ from extraction import ExtractionConfig, extract
 from geometry import Frame, InputError, Sensor, SurfacePoints
 from workbench.cell.remarks import remarks
 from workbench.cell.speckle import dataset_config
-from workbench.files import Cell, FrameRow, read_image
+from workbench.files import Cell, read_image
 
 Progress = Callable[[int, int], None]
 WORKERS = 2  # decoding and OpenCV release the interpreter's lock; more threads than cores would only wait
@@ -103,7 +103,7 @@ def _measured(cell: Cell, config: ExtractionConfig) -> Iterator[tuple[Frame, str
         yield from jobs
 
 
-def _from_image(cell: Cell, row: FrameRow, config: ExtractionConfig) -> tuple[Frame, str]:
+def _from_image(cell: Cell, row: Frame, config: ExtractionConfig) -> tuple[Frame, str]:
     sensor: Sensor = cell.sensor
     try:
         image = read_image(cell.folder / row.image, sensor)
@@ -112,24 +112,15 @@ def _from_image(cell: Cell, row: FrameRow, config: ExtractionConfig) -> tuple[Fr
     return _frame(cell, row, extract(image, sensor, config)), ""
 
 
-def _from_points(cell: Cell, row: FrameRow) -> Frame:
-    given = (cell.points or {}).get(row.frame)
+def _from_points(cell: Cell, row: Frame) -> Frame:
+    given = (cell.points or {}).get(row.number)
     if given is None:
         return _frame(cell, row, reason="no_spots")
     frame = _frame(cell, row, given.points)
     return frame if given.axis is None else replace(frame, axis=given.axis, labels_given=True)
 
 
-def _frame(cell: Cell, row: FrameRow, points: SurfacePoints | None = None, reason: str | None = None) -> Frame:
+def _frame(cell: Cell, row: Frame, points: SurfacePoints | None = None, reason: str | None = None) -> Frame:
     if reason is None and row.joints_rad is not None and not cell.robot.within_limits(row.joints_rad):
         reason = "robot_out_of_range"
-    return Frame(
-        number=row.frame,
-        location=row.location,
-        role=row.role,  # type: ignore[arg-type]
-        points=points if points is not None else SurfacePoints.empty(),
-        joints_rad=row.joints_rad,
-        T_base_hand=row.T_base_hand,
-        image=row.image,
-        reason=reason,
-    )
+    return replace(row, points=SurfacePoints.empty() if points is None else points, reason=reason)

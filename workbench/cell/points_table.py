@@ -3,26 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from geometry import AxisPoints, Pose, SurfacePoints
+from geometry import Frame, SurfacePoints
 
 
-@dataclass(frozen=True, eq=False)
-class FrameTable:
-    """One frame's spots and labels. reason: why nothing was labelled, or None. T_sensor_jig: where the jig was seen."""
-
-    frame: int
-    image: str
-    points: SurfacePoints
-    axis: AxisPoints
-    reason: str | None = None
-    T_sensor_jig: Pose | None = None
-
-
-def rows(tables: Sequence[FrameTable]) -> list[dict[str, object]]:
+def rows(tables: Sequence[Frame]) -> list[dict[str, object]]:
     """Rows by column name, frame by frame: labelled points in the jig's order, then unlabelled spots by score."""
     out: list[dict[str, object]] = []
     for table in tables:
@@ -32,9 +19,9 @@ def rows(tables: Sequence[FrameTable]) -> list[dict[str, object]]:
     return out
 
 
-def _labelled(table: FrameTable, i: int) -> dict[str, object]:
+def _labelled(table: Frame, i: int) -> dict[str, object]:
     axis, spot = table.axis, int(table.axis.spot[i])
-    row: dict[str, object] = {"frame": table.frame, "label": axis.label[i]}
+    row: dict[str, object] = {"frame": table.number, "label": axis.label[i]}
     row |= {"y_mm": float(axis.yz_mm[i, 0]), "z_mm": float(axis.yz_mm[i, 1])} | _sigmas(axis.cov_yz_mm2[i])
     flag = axis.flag[i] if i < len(axis.flag) else ""
     if spot < 0:
@@ -42,8 +29,8 @@ def _labelled(table: FrameTable, i: int) -> dict[str, object]:
     return row | _seen(table.points, spot) | {"flag": flag or table.points.flag[spot]}
 
 
-def _unlabelled(table: FrameTable, i: int) -> dict[str, object]:
-    row: dict[str, object] = {"frame": table.frame, "label": "", "flag": table.points.flag[i]}
+def _unlabelled(table: Frame, i: int) -> dict[str, object]:
+    row: dict[str, object] = {"frame": table.number, "label": "", "flag": table.points.flag[i]}
     return row | _seen(table.points, i) | _sigmas(table.points.cov_yz_mm2[i])
 
 

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import InputError, Pose, draw_errors
+from geometry import Frame, InputError, Pose, draw_errors
 from jig_cad import sample_tolerance
 from perceptron_emu import Solid, Surroundings
 from workbench.cell import around_jig, jig_bodies, sees_all_strings
 from workbench.emulate.recording import Configuration, TrueCell, with_joint_noise
-from workbench.files import Cell, FrameRow
+from workbench.files import Cell
 from workbench.plan import ViewProblem, plan_views
 
 Array = NDArray[np.float64]
@@ -87,15 +87,16 @@ def planned_views(
     return views
 
 
-def given_views(cell: Cell, rows: Sequence[FrameRow]) -> list[tuple[str, str, Array]]:
-    """Views of the rows of a frames.csv."""
-    views = []
-    for row in rows:
-        if row.joints_rad is None:
-            raise InputError(f"frames.csv, line {row.line}: images are made from joint readings, not from hand poses")
-        if row.location not in cell.T_base_jig:
-            raise InputError(f"frames.csv, line {row.line}: cell.toml has no [locations.{row.location}] T_base_jig")
-        views.append((row.location, row.role, row.joints_rad))
+def given_views(cell: Cell, frames: Sequence[Frame]) -> list[tuple[str, str, Array]]:
+    """Views of the frames of a frames.csv."""
+    views: list[tuple[str, str, Array]] = []
+    for frame in frames:
+        where = f"frames.csv, frame {frame.number}"
+        if frame.joints_rad is None:
+            raise InputError(f"{where}: images are made from joint readings, not from hand poses")
+        if frame.location not in cell.T_base_jig:
+            raise InputError(f"{where}: cell.toml has no [locations.{frame.location}] T_base_jig")
+        views.append((frame.location, frame.role, frame.joints_rad))
     return views
 
 

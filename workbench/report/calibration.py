@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from calib import CalibrationResult
 from geometry import CONVENTIONS, Frame, express
-from workbench.cell import FrameTable, Observed, label_dataset
+from workbench.cell import Observed, label_dataset
 from workbench.files import Cell, Settings, read_image, settings_text, write_text
 from workbench.report.as_text import AXES
 from workbench.report.fig7 import draw_fig7
@@ -128,16 +128,16 @@ def _frame_row(frame: Frame) -> dict[str, Any]:
     return {"frame": frame, "rms": _rms(frame), "points": len(frame.axis), "flags": ", ".join(flags)}
 
 
-def _worst(cell: Cell, result: CalibrationResult, tables: Sequence[FrameTable]) -> list[dict[str, Any]]:
+def _worst(cell: Cell, result: CalibrationResult, tables: Sequence[Frame]) -> list[dict[str, Any]]:
     """The frames left out and those with the largest residuals, with their overlays."""
     if cell.points is not None:
         return []
     rms = {f.number: _rms(f) if f.used else np.inf for f in result.frames}
-    order = sorted(tables, key=lambda t: -rms[t.frame])[: WORST + sum(np.isinf(v) for v in rms.values())]
+    order = sorted(tables, key=lambda t: -rms[t.number])[: WORST + sum(np.isinf(v) for v in rms.values())]
     out = []
     for table in order[: 2 * WORST]:
         if table.reason != "image_unreadable":
             picture = overlay(read_image(cell.folder / table.image, cell.sensor), cell.sensor, table)
-            why = "not used" if np.isinf(rms[table.frame]) else f"rms {rms[table.frame]:.3f} mm"
-            out.append({"frame": table.frame, "why": why, "image": jpeg(picture)})
+            why = "not used" if np.isinf(rms[table.number]) else f"rms {rms[table.number]:.3f} mm"
+            out.append({"frame": table.number, "why": why, "image": jpeg(picture)})
     return out

@@ -9,8 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import Sensor
-from workbench.cell import FrameTable
+from geometry import Frame, Sensor
 from workbench.files import Image, write_png
 
 Colour = tuple[int, int, int]  # blue, green, red, as OpenCV draws
@@ -26,7 +25,7 @@ GAMMA = 0.5  # lifts spots of a twentieth of the range to a fifth
 SHIFT = 4  # OpenCV draws at 1 / 2^SHIFT px
 
 
-def overlay(image: Image, sensor: Sensor, table: FrameTable) -> Picture:
+def overlay(image: Image, sensor: Sensor, table: Frame) -> Picture:
     """The picture (H, W + tiles, 3) of one frame; tiles show the labelled spots magnified with their 95 % ellipses."""
     grey = brighten(image, sensor)
     picture = cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR)
@@ -37,9 +36,9 @@ def overlay(image: Image, sensor: Sensor, table: FrameTable) -> Picture:
     return np.hstack([picture, _tiles(grey, table, taken)])
 
 
-def save_overlays(folder: Path, image: Image, sensor: Sensor, table: FrameTable) -> Path:
+def save_overlays(folder: Path, image: Image, sensor: Sensor, table: Frame) -> Path:
     """Write one frame's overlay and return its path."""
-    path = folder / f"{table.frame:03d}.png"
+    path = folder / f"{table.number:03d}.png"
     write_png(path, overlay(image, sensor, table), compression=3)
     return path
 
@@ -51,12 +50,12 @@ def brighten(image: NDArray[Any], sensor: Sensor) -> Picture:
     return np.asarray(255 * np.clip(level, 0, 1) ** GAMMA).astype(np.uint8)
 
 
-def _title(table: FrameTable) -> str:
-    text = f"frame {table.frame}  {table.image}  {len(table.axis)} labelled of {len(table.points)} spots"
+def _title(table: Frame) -> str:
+    text = f"frame {table.number}  {table.image}  {len(table.axis)} labelled of {len(table.points)} spots"
     return text + (f"  ({table.reason})" if table.reason else "")
 
 
-def _draw_spot(picture: Picture, table: FrameTable, spot: int, axis: int | None) -> None:
+def _draw_spot(picture: Picture, table: Frame, spot: int, axis: int | None) -> None:
     points = table.points
     flag = points.flag[spot]
     if axis is not None and axis < len(table.axis.flag):
@@ -72,7 +71,7 @@ def _draw_spot(picture: Picture, table: FrameTable, spot: int, axis: int | None)
     write(picture, (int(u) + 12, int(v) - 10), name.strip(), colour, 0.6)
 
 
-def _tiles(grey: Picture, table: FrameTable, taken: dict[int, int]) -> Picture:
+def _tiles(grey: Picture, table: Frame, taken: dict[int, int]) -> Picture:
     """A column of magnified spots in the order of the labels."""
     column = np.full((grey.shape[0], TILE, 3), 24, np.uint8)
     for place, (spot, axis) in enumerate(sorted(taken.items(), key=lambda item: item[1])):
@@ -83,7 +82,7 @@ def _tiles(grey: Picture, table: FrameTable, taken: dict[int, int]) -> Picture:
     return column
 
 
-def _tile(grey: Picture, table: FrameTable, spot: int, axis: int) -> Picture:
+def _tile(grey: Picture, table: Frame, spot: int, axis: int) -> Picture:
     u, v = table.points.uv_px[spot]
     # pixel p of the picture lies at ZOOM · (p - centre) + (TILE - 1) / 2 of the tile
     offset = (TILE - 1) / 2

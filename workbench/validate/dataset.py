@@ -21,12 +21,12 @@ def measure_dataset(path: Path, settings: Settings, progress: Progress) -> Measu
     observed = observe(cell, settings.extraction, progress)
     out = Measured([], [])
     for table in label_dataset(cell, observed, settings.calib):
-        if table.frame not in truth or table.frame in observed.complaints:
+        if table.number not in truth or table.number in observed.complaints:
             continue
-        known = truth[table.frame]
+        known = truth[table.number]
         tilt = float(np.rad2deg(np.arccos(np.clip(known.T_sensor_jig[2][2], -1, 1))))
         rows, count = score(table, known.points)
-        common = {"frame": table.frame, "nominal": True, "tilt_deg": tilt}
+        common = {"frame": table.number, "nominal": True, "tilt_deg": tilt}
         out.strings.extend(common | row for row in rows)
         out.counts.append(common | count)
     return out

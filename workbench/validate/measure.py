@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from calib import CalibConfig
 from calib.label import label_frame
 from extraction import extract
+from geometry import Frame
 from perceptron_emu import render
-from workbench.cell import FrameTable
 from workbench.compare import VISIBLE, Comparison, KnownString, Match, match, named_points, true_strings
 from workbench.files import Settings
 from workbench.validate.bound import noise_free_electrons, position_bound_px
@@ -50,15 +50,22 @@ def measure_drawn(frames: Sequence[Drawn], settings: Settings, progress: Progres
     return Measured(strings, counts)
 
 
-def label_drawn(frame: Drawn, image: NDArray[Any], settings: Settings) -> FrameTable:
+def label_drawn(frame: Drawn, image: NDArray[Any], settings: Settings) -> Frame:
     """The labelled spots of one drawn frame."""
     points = extract(image, frame.scene.sensor, settings.extraction)
     labelled = label_frame(points, frame.jig, frame.scene.sensor, frame.guess, settings.calib or CalibConfig())
-    return FrameTable(frame.number, f"frame {frame.number}", points, labelled.axis, labelled.reason)
+    return Frame(
+        frame.number,
+        "",
+        image=f"frame {frame.number}",
+        points=points,
+        axis=labelled.axis,
+        reason=labelled.reason,
+    )
 
 
 def score(
-    table: FrameTable, truth: Sequence[KnownString], bounds: Sequence[float] | None = None
+    table: Frame, truth: Sequence[KnownString], bounds: Sequence[float] | None = None
 ) -> tuple[list[dict[str, Any]], dict[str, Any]]:
     """Rows of one frame's strings and its counts."""
     compared = match(true_strings(truth), named_points(table.points, table.axis), labelled=True)
@@ -87,7 +94,7 @@ def _counts(compared: Comparison) -> dict[str, int]:
     }
 
 
-def _errors(table: FrameTable, found: Match) -> dict[str, Any]:
+def _errors(table: Frame, found: Match) -> dict[str, Any]:
     k = table.axis.label.index(found.string.label)
     covariance = table.axis.cov_yz_mm2[k]
     error_px, error = np.array(found.error_px), np.array(found.error_mm)

@@ -90,9 +90,9 @@ def validate_dataset(path: Path, settings: Settings, progress: Progress) -> Vali
     observed = observe(cell, settings.extraction)
     worst = []
     for table in label_dataset(cell, observed, settings.calib):
-        if table.frame in chosen:
+        if table.number in chosen:
             picture = overlay(read_image(cell.folder / table.image, cell.sensor), cell.sensor, table)
-            worst.append({"frame": table.frame, "why": chosen[table.frame], "image": jpeg(picture)})
+            worst.append({"frame": table.number, "why": chosen[table.number], "image": jpeg(picture)})
     return Validation(measured, worst)
 
 
