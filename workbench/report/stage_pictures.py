@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from extraction import ExtractionConfig, Stages, extract_stages, region_shapes
-from geometry import AxisPoints, Sensor, write_text
-from workbench.cell import FrameTable
+from geometry import AxisPoints, Frame, Sensor, write_text
 from workbench.files import Image, write_png
 from workbench.report.overlays import LABELLED, Colour, brighten, mark, overlay, write
 
@@ -25,22 +25,22 @@ REASONS: tuple[Colour, ...] = (
 
 
 def save_stages(
-    folder: Path, image: Image, sensor: Sensor, table: FrameTable, config: ExtractionConfig | None = None
+    folder: Path, image: Image, sensor: Sensor, frame: Frame, config: ExtractionConfig | None = None
 ) -> None:
     """Write the six pictures of one frame and the shapes of its candidates' regions into ``folder``/NNN."""
     stages = extract_stages(image, sensor, config)
-    unlabelled = FrameTable(table.frame, table.image, stages.points, AxisPoints.empty(), stages.reason or None)
+    unlabelled = replace(frame, points=stages.points, axis=AxisPoints.empty(), reason=stages.reason or None)
     pictures = {
         "1_raw": brighten(image, sensor),
         "2_background": brighten(stages.background.clip(0, sensor.require_camera().saturation_dn), sensor),
         "3_mask": stages.mask.astype(np.uint8) * 255,
         "4_candidates": _candidates(image, sensor, stages),
         "5_spots": overlay(image, sensor, unlabelled),
-        "6_labels": overlay(image, sensor, table),
+        "6_labels": overlay(image, sensor, frame),
     }
     for name, picture in pictures.items():
-        write_png(folder / f"{table.frame:03d}" / f"{name}.png", picture, compression=3)
-    write_text(folder / f"{table.frame:03d}" / "regions.csv", _regions(stages))
+        write_png(folder / f"{frame.number:03d}" / f"{name}.png", picture, compression=3)
+    write_text(folder / f"{frame.number:03d}" / "regions.csv", _regions(stages))
 
 
 def _regions(stages: Stages) -> str:
