@@ -25,7 +25,7 @@ Mask = NDArray[np.bool_]
 _HAND_SIGMA_MM, _HAND_SIGMA_DEG = 0.3, 0.03  # of poses from an arm's nominal table, until the residuals tell it
 
 _RIVAL_ITERATIONS = 100  # mirrored starts may lie far from the answer that they lead to
-_OTHER_MM = 5.0  # poses of the target that are farther apart are different answers
+_OTHER_MM = 5.0  # poses of the target that are farther apart are different answers: mirrors stand 45 mm apart
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,8 +8,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from geometry import AxisPoints, SurfacePoints
-from workbench.cell import FrameTable
+from geometry import AxisPoints, Frame, SurfacePoints
 from workbench.compare import (
     GATE_MM,
     GATE_PX,
@@ -139,7 +138,7 @@ DISPUTED = [
 def test_validation_window_tuning_and_campaign_count_alike(us: list[float], of: dict[int, str]) -> None:
     """Frames on which a matcher of nearest strings and one of nearest pairs disagree."""
     points, axis = spots(us), names(of, us)
-    _, counts = score(FrameTable(0, "", points, axis), strings())
+    _, counts = score(Frame(0, "", points=points, axis=axis), strings())
     validation = {k: counts[k] for k in ("visible", "found", "false", "mislabelled")}
     page = comparison_json(match(strings(), named_points(points, axis), labelled=True))["statistics"]
     assert {k: page[k] for k in validation} == validation

@@ -159,7 +159,7 @@ def test_hand_poses_stand_in_place_of_joints(cli: Cli, dataset: Path) -> None:
     for row in cell.frames:
         pose = cell.robot.pose(row.joints_rad)
         numbers = ",".join(f"{v:.9g}" for v in [*pose.t, *quaternion_wxyz(pose.R)])
-        lines.append(f"{row.frame},{row.image},{row.location},{row.role},{numbers}")
+        lines.append(f"{row.number},{row.image},{row.location},{row.role},{numbers}")
     (dataset / "frames.csv").write_text("\n".join(lines) + "\n")
     result = cli("calibrate", dataset, "--json")
     assert result.code == 0, result.err

@@ -2,10 +2,10 @@
 
 from workbench.cell.extracting import Extracted, extract_inputs
 from workbench.cell.inputs import BareImages, read_inputs
-from workbench.cell.labels import label_dataset, label_image, poses_in_sensor
+from workbench.cell.labels import label_alone, label_dataset, poses_in_sensor
 from workbench.cell.locating import located
 from workbench.cell.pipeline import Observed, Progress, observe, solve
-from workbench.cell.points_table import FrameTable, rows
+from workbench.cell.points_table import rows
 from workbench.cell.posing import FramePose, frame_poses
 from workbench.cell.presets import DESIGN_SCP, find_emulator, find_jig, find_robot, find_sensor
 from workbench.cell.profiling import ProfileSource, read_profile, read_profile_settings
@@ -19,7 +19,6 @@ __all__ = [
     "BareImages",
     "Extracted",
     "FramePose",
-    "FrameTable",
     "Observed",
     "ProfileSource",
     "Progress",
@@ -33,8 +32,8 @@ __all__ = [
     "find_sensor",
     "frame_poses",
     "jig_bodies",
+    "label_alone",
     "label_dataset",
-    "label_image",
     "located",
     "observe",
     "place_of_jig",

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from extraction import ExtractionConfig, extract
-from geometry import AxisPoints, InputError, Sensor, SurfacePoints
+from geometry import Frame, InputError, Sensor
 from jig_cad import Jig
 from workbench.cell.inputs import BareImages, read_inputs
-from workbench.cell.labels import label_dataset, label_image
+from workbench.cell.labels import label_alone, label_dataset
 from workbench.cell.pipeline import observe
-from workbench.cell.points_table import FrameTable
 from workbench.cell.speckle import with_known_grain
 from workbench.files import Cell, Settings, read_image
 
@@ -23,7 +22,7 @@ Progress = Callable[[int, int], None]
 class Extracted:
     """Spots and labels by frame. paths: the images. complaints: a sentence for each image that could not be used."""
 
-    tables: list[FrameTable]
+    frames: tuple[Frame, ...]
     sensor: Sensor
     paths: dict[int, Path]
     complaints: dict[int, str]
@@ -42,25 +41,24 @@ def extract_inputs(
 
 def _dataset(cell: Cell, settings: Settings, progress: Progress) -> Extracted:
     observed = observe(cell, settings.extraction, progress)
-    paths = {} if cell.points is not None else {row.frame: cell.folder / row.image for row in cell.frames}
+    paths = {} if cell.points is not None else {f.number: cell.folder / f.image for f in cell.frames}
     return Extracted(label_dataset(cell, observed, settings.calib), cell.sensor, paths, observed.complaints)
 
 
 def _images(
     files: Sequence[Path], sensor: Sensor, jig: Jig | None, config: ExtractionConfig, progress: Progress
 ) -> Extracted:
-    tables, complaints = [], {}
-    for frame, path in enumerate(files):
-        points, reason = SurfacePoints.empty(), None
+    frames: list[Frame] = []
+    complaints = {}
+    for number, path in enumerate(files):
+        frame = Frame(number, "", image=path.name)
         try:
-            points = extract(read_image(path, sensor), sensor, config)
+            frame = replace(frame, points=extract(read_image(path, sensor), sensor, config))
+            frame = frame if jig is None else label_alone(frame, jig, sensor)
         except InputError as error:
-            complaints[frame], reason = str(error), "image_unreadable"
-        if jig is None or reason is not None:
-            tables.append(FrameTable(frame, path.name, points, AxisPoints.empty(), reason))
-        else:
-            tables.append(label_image(frame, path.name, points, jig, sensor))
-        progress(frame + 1, len(files))
+            complaints[number], frame = str(error), replace(frame, reason="image_unreadable")
+        frames.append(frame)
+        progress(number + 1, len(files))
     if len(complaints) == len(files):
         raise InputError(next(iter(complaints.values())))
-    return Extracted(tables, sensor, dict(enumerate(files)), complaints)
+    return Extracted(tuple(frames), sensor, dict(enumerate(files)), complaints)

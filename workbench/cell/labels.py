@@ -2,49 +2,45 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from calib import CalibConfig, CalibrationResult
 from calib.hands import hand_poses
-from calib.label import LabelledFrame, label_frame
-from geometry import AxisPoints, Pose, Sensor, SurfacePoints
+from calib.label import label_frame
+from geometry import Frame, Pose, Sensor
 from jig_cad import Jig
 from workbench.cell.pipeline import Observed, solve
-from workbench.cell.points_table import FrameTable
 from workbench.files import Cell
 
 
 def label_dataset(
     cell: Cell, observed: Observed, config: CalibConfig | None = None, result: CalibrationResult | None = None
-) -> list[FrameTable]:
-    """Every frame's spots with the labels that calibration gave them: one labelling for result and points alike.
+) -> tuple[Frame, ...]:
+    """Every frame with the labels that calibration gave it: one labelling for result and points alike.
 
     result: of the same frames, where it is known already.
     """
-    result = solve(cell, observed, config) if result is None else result
-    return [
-        FrameTable(f.number, f.image, f.points, f.axis, f.reason, f.candidates[0] if len(f.candidates) else None)
-        for f in result.frames
-    ]
+    return (solve(cell, observed, config) if result is None else result).frames
 
 
-def label_image(frame: int, image: str, points: SurfacePoints, jig: Jig, sensor: Sensor) -> FrameTable:
-    """One image's spots with labels from the jig's geometry alone.
+def label_alone(frame: Frame, jig: Jig, sensor: Sensor) -> Frame:
+    """A frame labelled from the jig's geometry alone.
 
     Parameters
     ----------
-    frame, image
-        Its number and name, carried along.
-    points
-        Its spots.
+    frame
+        With its spots.
     jig, sensor
         What the names follow from.
 
     Returns
     -------
-    FrameTable
+    Frame
         With the reason where nothing could be labelled.
 
     """
-    return _table(frame, image, points, label_frame(points, jig, sensor, None, CalibConfig()), None)
+    found = label_frame(frame.points, jig, sensor, None, CalibConfig())
+    return replace(frame, axis=found.axis, reason=found.reason, T_sensor_target=found.T_sensor_jig)
 
 
 def poses_in_sensor(result: CalibrationResult) -> dict[int, Pose]:
@@ -57,11 +53,3 @@ def poses_in_sensor(result: CalibrationResult) -> dict[int, Pose]:
         return {}
     hands = hand_poses(frames, result.robot)
     return {f.number: (hands[i] @ result.T_hand_sensor).inverse() @ places[f.location] for i, f in enumerate(frames)}
-
-
-def _table(
-    frame: int, image: str, points: SurfacePoints, label: LabelledFrame | None, reason: str | None
-) -> FrameTable:
-    if label is None:
-        return FrameTable(frame, image, points, AxisPoints.empty(), reason)
-    return FrameTable(frame, image, points, label.axis, reason or label.reason, label.T_sensor_jig)

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from calib import CalibrationResult
-from workbench.cell import FrameTable, Observed, label_dataset, observe, solve
+from geometry import Frame
+from workbench.cell import Observed, label_dataset, observe, solve
 from workbench.emulate import paper_experiment, record
 from workbench.files import Cell, Settings, read_cell, read_image, write_png
 from workbench.report import ReportInput, cell_image, save_overlays, write_report, write_results
@@ -56,8 +57,8 @@ def run_demo(out: Path, seed: int, settings: Settings, bar: Bar) -> DemoResult:
     return DemoResult(cell, observed, result, full, remark)
 
 
-def _overlays(folder: Path, cell: Cell, tables: list[FrameTable], progress: Callable[[int, int], None]) -> None:
-    def one(table: FrameTable) -> Path:
+def _overlays(folder: Path, cell: Cell, tables: tuple[Frame, ...], progress: Callable[[int, int], None]) -> None:
+    def one(table: Frame) -> Path:
         image = read_image(cell.folder / table.image, cell.sensor)
         return save_overlays(folder, image, cell.sensor, table)
 

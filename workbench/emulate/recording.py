@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import DH_ROWS, Arm, NoAnswerError, Pose
+from geometry import DH_ROWS, Arm, Frame, NoAnswerError, Pose, Role
 from jig_cad import Jig
 from perceptron_emu import Material, Scene, Solid
 from workbench.emulate.extras import NONE, Extras, Renderer, truth_points
 from workbench.emulate.recipe import recipe_name
-from workbench.files import Cell, FrameRow, Truth, TruthFrame, read_truth, write_cell, write_png, write_text
+from workbench.files import Cell, Truth, TruthFrame, read_truth, write_cell, write_png, write_text
 
 Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
@@ -47,13 +47,13 @@ class Configuration:
 
     frame: int
     location: str
-    role: str
+    role: Role
     reading_rad: Array
     true_rad: Array
 
 
 def with_joint_noise(
-    views: Sequence[tuple[str, str, Array]], robot: Arm, rng: np.random.Generator
+    views: Sequence[tuple[str, Role, Array]], robot: Arm, rng: np.random.Generator
 ) -> tuple[Configuration, ...]:
     """Configurations of (location, role, joints): readings rounded as in the file, true angles off by the joints' σ."""
     out, sigma = [], robot.dh_part().uncertainty.joint_sigma_rad
@@ -131,8 +131,8 @@ def frame_scene(cell: Cell, true: TrueCell, configuration: Configuration) -> Sce
     return Scene(cell.sensor, true.jig, T_sensor_jig, (*placed, *true.carried), true.string_material)
 
 
-def _row(c: Configuration) -> FrameRow:
-    return FrameRow(c.frame, f"images/{c.frame:03d}.png", c.location, c.role, c.reading_rad)
+def _row(c: Configuration) -> Frame:
+    return Frame(c.frame, c.location, c.role, c.reading_rad, image=f"images/{c.frame:03d}.png")
 
 
 def _frame(
@@ -170,10 +170,10 @@ def _truth(true: TrueCell, frames: list[TruthFrame], recipe: str) -> Truth:
     )
 
 
-def _finished(folder: Path, recipe: str, rows: Sequence[FrameRow], extras: Extras) -> Truth | None:
+def _finished(folder: Path, recipe: str, rows: Sequence[Frame], extras: Extras) -> Truth | None:
     """The truth of a recording that is complete already, else None."""
     path = folder / "truth.json"
-    wanted = [p for row in rows for p in (folder / row.image, *extras.files(folder, row.frame))]
+    wanted = [p for row in rows for p in (folder / row.image, *extras.files(folder, row.number))]
     if not path.exists() or not all(p.exists() for p in wanted):
         return None
     truth = read_truth(path)

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import InputError, Pose, draw_errors
+from geometry import Frame, InputError, Pose, Role, draw_errors
 from jig_cad import sample_tolerance
 from perceptron_emu import Solid, Surroundings
 from workbench.cell import around_jig, jig_bodies, sees_all_strings
 from workbench.emulate.recording import Configuration, TrueCell, with_joint_noise
-from workbench.files import Cell, FrameRow
+from workbench.files import Cell
 from workbench.plan import ViewProblem, plan_views
 
 Array = NDArray[np.float64]
@@ -75,7 +75,7 @@ def draw_truth(cell: Cell, errors: Errors, rng: np.random.Generator, around: Sur
 
 def planned_views(
     cell: Cell, per_location: int, rng: np.random.Generator, around: Surroundings = NOTHING
-) -> list[tuple[str, str, Array]]:
+) -> list[tuple[str, Role, Array]]:
     """Views (location, role, joints) planned at every location, with what the files say."""
     views = []
     for name, place in cell.T_base_jig.items():
@@ -87,7 +87,7 @@ def planned_views(
     return views
 
 
-def given_views(cell: Cell, rows: Sequence[FrameRow]) -> list[tuple[str, str, Array]]:
+def given_views(cell: Cell, rows: Sequence[Frame]) -> list[tuple[str, Role, Array]]:
     """Views of the rows of a frames.csv."""
     views = []
     for row in rows:
@@ -100,7 +100,7 @@ def given_views(cell: Cell, rows: Sequence[FrameRow]) -> list[tuple[str, str, Ar
 
 
 def configurations(
-    views: Sequence[tuple[str, str, Array]], true: TrueCell, errors: Errors, rng: np.random.Generator
+    views: Sequence[tuple[str, Role, Array]], true: TrueCell, errors: Errors, rng: np.random.Generator
 ) -> tuple[Configuration, ...]:
     """What is recorded: readings as the controller shows them, true angles off by the joints' σ."""
     drawn = with_joint_noise(views, true.robot, rng)

@@ -3,7 +3,7 @@
 from workbench.files.atomic import write_bytes, write_text
 from workbench.files.cell import Cell, read_cell, read_jig_file
 from workbench.files.cell_writer import cell_text, write_cell
-from workbench.files.frames_csv import FrameRow, frames_text, read_frames
+from workbench.files.frames_csv import frames_text, read_frames
 from workbench.files.images import SUFFIXES, Image, read_image, write_png
 from workbench.files.points_csv import GivenPoints, points_text, read_points
 from workbench.files.robot_file import read_robot, robot_text, urdf_of
@@ -27,7 +27,6 @@ __all__ = [
     "SUFFIXES",
     "Cell",
     "FileSection",
-    "FrameRow",
     "GivenPoints",
     "Image",
     "NotNegative",

@@ -10,11 +10,11 @@ import numpy as np
 from pydantic import Field, field_validator
 
 import assets
-from geometry import DhRobot, InputError, Pose, Sensor, did_you_mean
+from geometry import DhRobot, Frame, InputError, Pose, Role, Sensor, did_you_mean
 from jig_cad import Jig, jig_from_table
 from jig_cad.files import table_model, without_names
 from perceptron_emu import EmulatorConfig
-from workbench.files.frames_csv import FrameRow, read_frames
+from workbench.files.frames_csv import read_frames
 from workbench.files.points_csv import GivenPoints, read_points
 from workbench.files.robot_file import read_robot
 from workbench.files.sensor_file import ATOL_ROTATION, read_emulator, read_sensor
@@ -70,12 +70,12 @@ class Cell:
     sensor: Sensor
     jig: Jig
     robot: DhRobot
-    frames: tuple[FrameRow, ...]
+    frames: tuple[Frame, ...]
     T_hand_sensor_design: Pose
     T_base_jig: dict[str, Pose] = field(default_factory=dict)
     points: dict[int, GivenPoints] | None = None
     truth: Truth | None = None
-    roles: dict[str, str] = field(default_factory=dict)
+    roles: dict[str, Role] = field(default_factory=dict)
     name: str = ""
     robot_path: Path | None = None
     emulator: EmulatorConfig = field(default_factory=EmulatorConfig)
@@ -132,7 +132,7 @@ def read_cell(path: Path, *, recorded: bool = True) -> Cell:
 
 def _frames(
     folder: Path, file: CellFile, source: TomlSource, robot: DhRobot, *, recorded: bool
-) -> tuple[tuple[FrameRow, ...], Path]:
+) -> tuple[tuple[Frame, ...], Path]:
     if file.frames is None:
         if recorded:
             raise InputError(f"{source.path}: the key frames is missing, it names the frames.csv")
@@ -201,7 +201,7 @@ def _pose(source: TomlSource, name: str, given: LocationSection) -> Pose:
         ) from None
 
 
-def _check_location_names(file: CellFile, frames: tuple[FrameRow, ...], source: TomlSource) -> None:
+def _check_location_names(file: CellFile, frames: tuple[Frame, ...], source: TomlSource) -> None:
     """A place given but never seen is harmless, unless a place that was seen is not given: then one is misspelt."""
     seen = list(dict.fromkeys(row.location for row in frames))
     without_pose = [name for name in seen if name not in file.locations]
@@ -212,7 +212,7 @@ def _check_location_names(file: CellFile, frames: tuple[FrameRow, ...], source: 
 
 
 def _points(
-    folder: Path, file: CellFile, frames: tuple[FrameRow, ...], frames_path: Path, jig: Jig
+    folder: Path, file: CellFile, frames: tuple[Frame, ...], frames_path: Path, jig: Jig
 ) -> dict[int, GivenPoints] | None:
     """Points in place of images: named in cell.toml, or points.csv where not one of the images exists."""
     path = folder / (file.points or "points.csv")
@@ -223,7 +223,7 @@ def _points(
                 raise InputError(f"{frames_path}, line {row.line}, column image: is empty, and there is no points.csv")
         return None
     points = read_points(path, jig.strings)
-    known = {row.frame for row in frames}
+    known = {row.number for row in frames}
     strangers = sorted(set(points) - known)
     if strangers:
         raise InputError(f"{path}: frame {strangers[0]} stands in no row of {frames_path.name}")

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import InputError, Pose
+from geometry import Frame, InputError, Pose
 from workbench.files.table import CsvTable, Row, read_table
 
 Array = NDArray[np.float64]
@@ -20,23 +19,7 @@ MAX_JOINTS = 16  # columns that are known; arms have six or seven
 ATOL_QUATERNION = 1e-2  # length of a quaternion as written; digits cut in the file stay far below
 
 
-@dataclass(frozen=True, eq=False)
-class FrameRow:
-    """One configuration: image file (relative to the cell's folder, may be empty beside points.csv), location, role.
-
-    joints_rad: (n,) readings [rad], or None where the hand's pose T_base_hand was given.
-    """
-
-    frame: int
-    image: str
-    location: str
-    role: str
-    joints_rad: Array | None
-    T_base_hand: Pose | None = None
-    line: int = 0
-
-
-def read_frames(path: Path, n_joints: int, *, may_be_empty: bool = False) -> tuple[FrameRow, ...]:
+def read_frames(path: Path, n_joints: int, *, may_be_empty: bool = False) -> tuple[Frame, ...]:
     """The rows of frames.csv, joint readings in radians.
 
     Parameters
@@ -50,7 +33,7 @@ def read_frames(path: Path, n_joints: int, *, may_be_empty: bool = False) -> tup
 
     Returns
     -------
-    tuple of FrameRow
+    tuple of Frame
         In the file's order.
 
     Raises
@@ -97,9 +80,9 @@ def _check_motion_columns(table: CsvTable, n_joints: int) -> bool:
     return False
 
 
-def _row(row: Row, n_joints: int, *, poses: bool) -> FrameRow:
+def _row(row: Row, n_joints: int, *, poses: bool) -> Frame:
     common = {
-        "frame": row.whole("frame"),
+        "number": row.whole("frame"),
         "image": row.cells.get("image", ""),
         "location": row.text("location"),
         "role": row.choice("role", ROLES),
@@ -107,25 +90,25 @@ def _row(row: Row, n_joints: int, *, poses: bool) -> FrameRow:
     }
     if not poses:
         degrees = [row.number(f"j{i}_deg") for i in range(1, n_joints + 1)]
-        return FrameRow(**common, joints_rad=np.deg2rad(degrees))  # type: ignore[arg-type]
+        return Frame(**common, joints_rad=np.deg2rad(degrees))  # type: ignore[arg-type]
     q = np.array([row.number(c) for c in POSE_COLUMNS[3:]])
     if abs(np.linalg.norm(q) - 1) > ATOL_QUATERNION:
         raise row.fail("qw … qz", f"the quaternion has length {np.linalg.norm(q):.4g}, a rotation's is 1")
     pose = Pose.from_quaternion_wxyz(q, [row.number(c) for c in POSE_COLUMNS[:3]])
-    return FrameRow(**common, joints_rad=None, T_base_hand=pose)  # type: ignore[arg-type]
+    return Frame(**common, T_base_hand=pose)  # type: ignore[arg-type]
 
 
-def _check_numbers(path: Path, rows: tuple[FrameRow, ...]) -> None:
+def _check_numbers(path: Path, rows: tuple[Frame, ...]) -> None:
     seen: dict[int, int] = {}
     for row in rows:
-        if row.frame in seen:
-            raise InputError(f"{path}, line {row.line}: frame {row.frame} stands already on line {seen[row.frame]}")
-        seen[row.frame] = row.line
+        if row.number in seen:
+            raise InputError(f"{path}, line {row.line}: frame {row.number} stands already on line {seen[row.number]}")
+        seen[row.number] = row.line
 
 
-def _check_locations(path: Path, rows: tuple[FrameRow, ...]) -> None:
+def _check_locations(path: Path, rows: tuple[Frame, ...]) -> None:
     """One spelling and one role a location: a location that solves can not verify."""
-    first: dict[str, FrameRow] = {}
+    first: dict[str, Frame] = {}
     for row in rows:
         before = first.setdefault(row.location.casefold(), row)
         where = f'{path}, line {row.line}: location "{row.location}"'
@@ -135,7 +118,7 @@ def _check_locations(path: Path, rows: tuple[FrameRow, ...]) -> None:
             raise InputError(f"{where} has role {row.role}, on line {before.line} {before.role}; one role is right")
 
 
-def _check_degrees(path: Path, rows: tuple[FrameRow, ...]) -> None:
+def _check_degrees(path: Path, rows: tuple[Frame, ...]) -> None:
     readings = np.abs([row.joints_rad for row in rows if row.joints_rad is not None])
     if len(rows) >= 3 and 0.01 < np.max(np.rad2deg(readings)) <= 2 * np.pi:
         raise InputError(
@@ -144,7 +127,7 @@ def _check_degrees(path: Path, rows: tuple[FrameRow, ...]) -> None:
         )
 
 
-def frames_text(rows: tuple[FrameRow, ...], decimals: int = 6) -> str:
+def frames_text(rows: tuple[Frame, ...], decimals: int = 6) -> str:
     """The rows as the text of a frames.csv; joints in degrees with ``decimals`` digits."""
     joints = rows[0].joints_rad
     columns = POSE_COLUMNS if joints is None else [f"j{i}_deg" for i in range(1, len(joints) + 1)]
@@ -154,14 +137,14 @@ def frames_text(rows: tuple[FrameRow, ...], decimals: int = 6) -> str:
             numbers = [f"{v:.{decimals}f}" for v in np.rad2deg(row.joints_rad)]
         else:
             numbers = [f"{float(v):.12g}" for v in _pose_numbers(row)]
-        lines.append(",".join([str(row.frame), row.image, row.location, row.role, *numbers]))
+        lines.append(",".join([str(row.number), row.image, row.location, row.role, *numbers]))
     return "\n".join(lines) + "\n"
 
 
-def _pose_numbers(row: FrameRow) -> Array:
+def _pose_numbers(row: Frame) -> Array:
     from geometry import quaternion_wxyz
 
     pose = row.T_base_hand
     if pose is None:
-        raise InputError(f"frame {row.frame} has neither joints nor a pose")
+        raise InputError(f"frame {row.number} has neither joints nor a pose")
     return np.concatenate([pose.t, quaternion_wxyz(pose.R)])

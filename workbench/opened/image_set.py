@@ -111,13 +111,13 @@ def _of_cell(cell: Cell, request: ImageRequest, settings: Settings) -> ImageSet:
     if cell.points is not None:
         raise InputError(f"{cell.folder}: holds points.csv in place of images, there is nothing to tune detection on")
     sensor = cell.sensor
-    index = {row.frame: i for i, row in enumerate(cell.frames)}
+    index = {row.number: i for i, row in enumerate(cell.frames)}
     known = cell.truth.frames if cell.truth is not None else ()
     return ImageSet(
         title=cell.name or cell.folder.resolve().name,
         pictures=Pictures(cell.folder, [cell.folder / row.image for row in cell.frames], sensor),
         labeller=Labeller(sensor, cell.jig, settings.calib),
-        images=tuple(ImageInfo(row.frame, row.location, row.role) for row in cell.frames),
+        images=tuple(ImageInfo(row.number, row.location, row.role) for row in cell.frames),
         truth={index[frame.frame]: true_strings(frame.points) for frame in known if frame.frame in index},
         settings=settings,
         folder=request.out or cell.folder,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -11,10 +12,10 @@ from numpy.typing import NDArray
 
 from calib.bundle import FrameInformation, Model, observability, scaled, scp_covariance
 from calib.printed import printed_sigmas
-from geometry import InputError, NoAnswerError, stack_poses
+from geometry import Frame, InputError, NoAnswerError, Role, stack_poses
 from geometry.ties import ascending
 from workbench.cell import jig_bodies, sees_all_strings
-from workbench.files import Cell, FrameRow
+from workbench.files import Cell
 from workbench.plan.choose import LEVER_MM, RANDOM_PLANS, choose, random_plans, size_mm
 from workbench.plan.expected import view_information
 from workbench.plan.refine import ROUNDS, Planned, Refinement, refine
@@ -40,7 +41,7 @@ class ViewPools:
     """
 
     names: list[str]
-    roles: list[str]
+    roles: list[Role]
     problems: dict[int, ViewProblem]
     space: ViewSpace
     views: list[Views]
@@ -61,7 +62,7 @@ class Proposal:
     same without the robot's own errors.
     """
 
-    rows: tuple[FrameRow, ...]
+    rows: tuple[Frame, ...]
     joints_deg: Array
     tilt_deg: Array
     roll_deg: Array
@@ -75,7 +76,7 @@ class Proposal:
     def as_object(self) -> dict[str, Any]:
         """The proposal for JSON."""
         frames = [
-            {"frame": r.frame, "location": r.location, "role": r.role, "joints_deg": q, "tilt_deg": t, "roll_deg": w}
+            {"frame": r.number, "location": r.location, "role": r.role, "joints_deg": q, "tilt_deg": t, "roll_deg": w}
             for r, q, t, w in zip(self.rows, self.joints_deg, self.tilt_deg, self.roll_deg, strict=True)
         ]
         return {
@@ -223,7 +224,7 @@ def _random(found: ViewPools, per_location: int, rng: np.random.Generator) -> tu
     return np.array(with_robot), np.array(noise)
 
 
-def _role(cell: Cell, name: str) -> str:
+def _role(cell: Cell, name: str) -> Role:
     told = [row.role for row in cell.frames if row.location == name]
     return cell.roles.get(name, told[0] if told else "calibrate")
 
@@ -241,7 +242,7 @@ def _views_at(
     return views
 
 
-def _counting(row: FrameRow, names: list[str]) -> Array | None:
+def _counting(row: Frame, names: list[str]) -> Array | None:
     """The readings of a frame that is solved with, or None."""
     return row.joints_rad if row.role != VERIFY and row.location in names else None
 
@@ -254,10 +255,10 @@ def _proposal(cell: Cell, found: ViewPools, plan: Planned, criterion: str, rando
         float(size_mm(own, criterion) / np.median(size_mm(others, criterion)))
         for own, others in ((covariance, random[0]), (noise, random[1]))
     )
-    first = max((row.frame for row in cell.frames), default=-1) + 1
+    first = max((row.number for row in cell.frames), default=-1) + 1
     rows = tuple(
-        FrameRow(first + k, f"images/{first + k:03d}.png", found.names[i], found.roles[i], plan.views.joints_rad[k])
-        for k, i in enumerate(plan.location)
+        Frame(n, found.names[i], found.roles[i], plan.views.joints_rad[k], image=f"images/{n:03d}.png")
+        for k, (n, i) in enumerate(zip(count(first), plan.location, strict=False))
     )
     rotations = plan.views.T_sensor_jig.R
     sigma_deg, sigma_mm = printed_sigmas(cell.T_hand_sensor_design, covariance)

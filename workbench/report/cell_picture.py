@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib import CalibrationResult
-from geometry import MissingDependencyError, Pose, require_arm
+from geometry import Frame, MissingDependencyError, Pose, require_arm
 from perceptron_emu.gl import CellView, cell_picture
-from workbench.files import Cell, FrameRow
+from workbench.files import Cell
 
 Picture = NDArray[np.uint8]
 
@@ -27,7 +27,7 @@ def cell_image(cell: Cell, result: CalibrationResult) -> tuple[Picture | None, s
 def cell_view(cell: Cell, result: CalibrationResult) -> CellView | None:
     """The cell at its first used frame: solved arm, SCP and jigs, each by design or as given where it is not solved."""
     used = {f.number for f in result.frames if f.used}
-    row = next((r for r in cell.frames if r.frame in used), None)
+    row = next((r for r in cell.frames if r.number in used), None)
     if row is None:
         return None
     hand, links = _arm(cell, result, row)
@@ -39,7 +39,7 @@ def cell_view(cell: Cell, result: CalibrationResult) -> CellView | None:
     return CellView(cell.sensor, hand @ T_hand_sensor, tuple((cell.jig, p) for p in jigs.values()), links)
 
 
-def _arm(cell: Cell, result: CalibrationResult, row: FrameRow) -> tuple[Pose | None, Pose | None]:
+def _arm(cell: Cell, result: CalibrationResult, row: Frame) -> tuple[Pose | None, Pose | None]:
     """T_base_hand and the chain's frames, base first, hand last; no chain where only hand poses were recorded."""
     if row.joints_rad is None:
         return row.T_base_hand, None

@@ -36,7 +36,7 @@ def command(
         extracted = extract_inputs(inputs, sensor, jig, settings, progress)
     for line in _remarks(extracted):
         standard_error().print(line, soft_wrap=True, markup=False)
-    text = points_text(rows(extracted.tables))
+    text = points_text(rows(extracted.frames))
     if overlay is not None:
         _overlays(extracted, overlay, settings.extraction if stages else None)
     elif stages:
@@ -45,17 +45,18 @@ def command(
         say_on_stdout(text.rstrip("\n"))
     else:
         write_text(csv, text)
-        labelled = sum(len(t.axis) for t in extracted.tables)
-        spots = sum(len(t.points) for t in extracted.tables)
-        standard_error().print(f"{csv}: {labelled} labelled of {spots} spots in {len(extracted.tables)} frames")
+        labelled = sum(len(t.axis) for t in extracted.frames)
+        spots = sum(len(t.points) for t in extracted.frames)
+        standard_error().print(f"{csv}: {labelled} labelled of {spots} spots in {len(extracted.frames)} frames")
 
 
 def _remarks(extracted: Extracted) -> Iterator[str]:
-    for table in extracted.tables:
-        if table.frame in extracted.complaints:
-            yield f"warning: frame {table.frame}: {extracted.complaints[table.frame]}"
-        elif table.reason:
-            yield f"warning: frame {table.frame}: {table.reason}, {len(table.points)} spots ({table.image or 'points'})"
+    for frame in extracted.frames:
+        if frame.number in extracted.complaints:
+            yield f"warning: frame {frame.number}: {extracted.complaints[frame.number]}"
+        elif frame.reason:
+            what = f"{len(frame.points)} spots ({frame.image or 'points'})"
+            yield f"warning: frame {frame.number}: {frame.reason}, {what}"
 
 
 def _overlays(extracted: Extracted, folder: Path, stages: ExtractionConfig | None) -> None:
@@ -63,12 +64,12 @@ def _overlays(extracted: Extracted, folder: Path, stages: ExtractionConfig | Non
     from workbench.files import read_image
     from workbench.report import save_overlays, save_stages
 
-    with progress_bar("overlays", len(extracted.tables)) as progress:
-        for i, table in enumerate(extracted.tables, start=1):
-            path = extracted.paths.get(table.frame)
-            if path is not None and table.frame not in extracted.complaints:
+    with progress_bar("overlays", len(extracted.frames)) as progress:
+        for i, frame in enumerate(extracted.frames, start=1):
+            path = extracted.paths.get(frame.number)
+            if path is not None and frame.number not in extracted.complaints:
                 image = read_image(path, extracted.sensor)
-                save_overlays(folder, image, extracted.sensor, table)
+                save_overlays(folder, image, extracted.sensor, frame)
                 if stages is not None:
-                    save_stages(folder, image, extracted.sensor, table, stages)
-            progress(i, len(extracted.tables))
+                    save_stages(folder, image, extracted.sensor, frame, stages)
+            progress(i, len(extracted.frames))

@@ -83,7 +83,7 @@ def _show(proposal: Proposal) -> None:
         proposal.rows, proposal.joints_deg, proposal.tilt_deg, proposal.roll_deg, strict=True
     ):
         numbers = [f"{v:.2f}" for v in joints]
-        table.add_row(str(row.frame), escape(row.location), row.role, *numbers, f"{tilt:.0f}", f"{roll:.0f}")
+        table.add_row(str(row.number), escape(row.location), row.role, *numbers, f"{tilt:.0f}", f"{roll:.0f}")
     console.print(table)
     sigma_t, sigma_r = proposal.sigma_mm, proposal.sigma_deg
     console.print(
