@@ -10,10 +10,13 @@ from numpy.typing import NDArray
 
 from calib import engine
 from geometry import Block, Linearised, Pose, SheetPoints, State, Target, Unknowns, cross
+from geometry.ties import first_least
 
 Array = NDArray[np.float64]
 
 _STEP_MM = 1e-9
+_SAME_MM = 1e-6  # poses as near as this agree, be they ever so exact
+_EQUAL_SHARE = 1e-3  # of the distance at which poses agree: what differs by less is equally near
 _MEAN_ITERATIONS = 2
 _FIT_TOLERANCE = 1e-8  # of a place, in units of its points' unit weight [mm]
 
@@ -90,16 +93,19 @@ def agreeing_pose(candidates: Sequence[Pose], reach_mm: float = 100.0) -> tuple[
     first = np.concatenate([[0], np.cumsum(counts)[:-1]])  # of each frame's candidates
     distances = pose_distance(every[:, None], every[None], reach_mm)  # (K, K)
     nearest = np.minimum.reduceat(distances, first, axis=1)  # (K, F)
-    limit = np.median(np.sort(nearest, axis=None)[: max(1, nearest.size // 2)]) * 10 + 1e-9
-    best = int(np.argmin(np.sum(np.minimum(nearest, limit), axis=1)))
-    choice = [int(np.argmin(distances[best, f : f + n])) for f, n in zip(first, counts, strict=True)]
+    own = np.repeat(np.arange(len(counts)), counts)  # a candidate's distance from its own frame says nothing
+    others = np.sort(nearest[own[:, None] != np.arange(len(counts))])
+    limit = (np.median(others[: max(1, len(others) // 2)]) * 10 if len(others) else 0.0) + _SAME_MM
+    # two frames agree with each other equally well: neither is chosen by rounding
+    best = first_least(np.sum(np.minimum(nearest, limit), axis=1), _EQUAL_SHARE * limit)
+    choice = [first_least(distances[best, f : f + n], _EQUAL_SHARE * limit) for f, n in zip(first, counts, strict=True)]
     return mean_pose(every[(first + choice)[nearest[best] <= limit]]), choice
 
 
 def pose_distance(a: Pose, b: Pose, reach_mm: float = 100.0) -> Array:
     """Distance [mm] of poses: of their origins, and of a point ``reach_mm`` away by the angle between them."""
-    cosine = (np.einsum("...ij,...ij->...", a.R, b.R) - 1) / 2
-    angle = np.arccos(np.clip(cosine, -1, 1))
+    chord = np.linalg.norm(a.R - b.R, axis=(-1, -2)) / (2 * np.sqrt(2))  # an arc cosine is rounding near equal poses
+    angle = 2 * np.arcsin(np.minimum(chord, 1.0))
     return np.asarray(np.hypot(np.linalg.norm(a.t - b.t, axis=-1), reach_mm * angle))
 
 

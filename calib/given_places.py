@@ -8,7 +8,7 @@ import numpy as np
 
 from geometry import Pose, Target, log_so3
 
-_FAR_MM, _FAR_DEG = 30.0, 10.0
+_FAR_MM, _FAR_DEG = 30.0, 10.0  # ten σ of a place that was measured by hand: another unit or direction
 
 
 def given_place_notes(given: Mapping[str, Pose], found: Mapping[str, Pose], target: Target) -> tuple[str, ...]:

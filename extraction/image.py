@@ -12,9 +12,8 @@ Image = NDArray[np.uint8] | NDArray[np.uint16]
 MAX_PIXELS = 2**26  # 8192 × 8192, beyond any sensor's: a small file may claim to unpack to more
 
 
-def check_image(image: object, sensor: Sensor) -> Image:
-    """The image as a grey uint8 or uint16 array of the sensor's size; InputError says what does not fit."""
-    camera = sensor.require_camera()
+def grey_levels(image: object) -> Image:
+    """The image as an array (H, W) of uint8 or uint16; InputError says what it is instead."""
     if not isinstance(image, np.ndarray):
         raise InputError(f"the image is {type(image).__name__}, not an array of grey levels (rows, columns)")
     if image.ndim == 3 and image.shape[2] == 1:
@@ -25,6 +24,12 @@ def check_image(image: object, sensor: Sensor) -> Image:
         raise InputError(f"the image holds {image.dtype}: grey levels must be uint8 or uint16")
     if image.size > MAX_PIXELS:
         raise InputError(f"the image has {image.size} pixels: at most {MAX_PIXELS} can be handled")
+    return image
+
+
+def check_image(image: object, sensor: Sensor) -> Image:
+    """The image as grey levels of the sensor's size and depth; InputError says what does not fit."""
+    camera, image = sensor.require_camera(), grey_levels(image)
     height, width = image.shape
     if (width, height) != (camera.width_px, camera.height_px):
         hint = ", it is turned by 90°" if (height, width) == (camera.width_px, camera.height_px) else ""

@@ -35,6 +35,8 @@ class Frame:
         The hand's pose as given.
     image : str
         Its file.
+    line : int
+        Where it stands in frames.csv, 0 where it is in none.
     points : SurfacePoints
         Spots or stripe points as extraction gives them, not labelled.
     axis : AxisPoints
@@ -63,6 +65,7 @@ class Frame:
     joints_rad: Array | None = None
     T_base_hand: Pose | None = None
     image: str = ""
+    line: int = 0
     points: SurfacePoints = field(default_factory=SurfacePoints.empty)
     axis: AxisPoints = field(default_factory=AxisPoints.empty)
     labels_given: bool = False

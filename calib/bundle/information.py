@@ -18,7 +18,7 @@ Index = NDArray[np.intp]
 Model = Literal["scp", "full"]
 
 WEAK_SCP = np.array([100.0] * 3 + [1.0] * 3)  # σ [mm, rad] known before anything is measured, so that few frames count
-WEAK_PLACE = np.array([1000.0] * 3 + [3.0] * 3)
+WEAK_PLACE = np.array([1000.0] * 3 + [3.0] * 3)  # the same of the target's place
 
 
 @dataclass(frozen=True, eq=False)

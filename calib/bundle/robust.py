@@ -17,9 +17,9 @@ from geometry import State
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-_ROUNDS = 25
+_ROUNDS = 25  # one point a frame each; a set that needs more is beyond the share of outliers allowed
 _MIN_POINTS = 3  # a frame with fewer trusted points is left out whole
-_FRAME_TAIL = 1e-7
+_FRAME_TAIL = 1e-7  # of sound frames are left out by chance
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,7 +24,8 @@ Mask = NDArray[np.bool_]
 
 _HAND_SIGMA_MM, _HAND_SIGMA_DEG = 0.3, 0.03  # of poses from an arm's nominal table, until the residuals tell it
 
-_OTHER_MM = 5.0  # poses of the target that are farther apart are different answers
+_RIVAL_ITERATIONS = 100  # mirrored starts may lie far from the answer that they lead to
+_OTHER_MM = 5.0  # poses of the target that are farther apart are different answers: mirrors stand 45 mm apart
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,7 +149,9 @@ def _rival(kept: Bundle, candidates: Sequence[Pose], own: Pose, best: RobustResu
     state = best.result.state
     start, _ = chain_start(kept, state.pose("scp"), others)
     try:
-        rival = solve_bundle(kept.estimating(best.result.unknowns.block("robot").free), start, max_iterations=30)
+        rival = solve_bundle(
+            kept.estimating(best.result.unknowns.block("robot").free), start, max_iterations=_RIVAL_ITERATIONS
+        )
     except np.linalg.LinAlgError:
         return float("inf")
     apart = pose_distance(rival.state.pose("target"), state.pose("target"))

@@ -15,8 +15,8 @@ from geometry import InputError, Robot
 Array = NDArray[np.float64]
 
 PRIOR_SCALE = 3.0  # light arms are off by several times an industrial arm's default [uncertainty]
-SEAT_MM = 0.1
-_MIN_CONFIGURATIONS = 3
+SEAT_MM = 0.1  # play of a ball in its socket, per axis, as recorded arms show it
+_MIN_CONFIGURATIONS = 3  # fewer leave the socket's place and the tool's point open
 _CONFIDENCE = 0.95  # that the larger model's gain is not chance
 
 

@@ -21,11 +21,11 @@ Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 
-_DISTANCE_SIGMA_MM = 0.02
+_DISTANCE_SIGMA_MM = 0.02  # of a distance between two sockets that was measured or milled
 _MAX_ITERATIONS = 80
 _PLAIN_ITERATIONS = 6  # before the residuals say which configurations to trust
-_TOLERANCE = 1e-4
-_CAUCHY = 4.0
+_TOLERANCE = 1e-4  # of a step, in σ
+_CAUCHY = 4.0  # robust σ at which a configuration's weight is a half
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,7 @@ from geometry import Linearised, State, Step, Term, Unknowns
 Array = NDArray[np.float64]
 Loss = Callable[[Array], Array]  # weights (G,) of a term's groups by their whitened lengths (G,)
 
-_MAX_DAMPING = 1e10
+_MAX_DAMPING = 1e10  # a step so short that rounding decides
 _ROUNDING = 1e-16  # a decrement below this changes the cost by less than its last digits
 _CHI3_MEDIAN = 1.538  # median of the length of three standard normal numbers
 

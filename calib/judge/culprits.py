@@ -22,6 +22,7 @@ from jig_cad import Jig
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
+# benchmarks/calib_degenerate.py: how often the very cause is named, and that sound sets name none
 ANGLE_RAD, ADVANCE_MM = float(np.deg2rad(1.5)), 5.0  # a nominal arm's and a single jig pose's own errors
 LEAST_TURN_RAD = float(np.deg2rad(5.0))  # a smaller motion has no axis to speak of
 MOST_FRAMES, LEAST_PAIRS = 60, 6

@@ -16,6 +16,7 @@ from jig_cad import Jig
 
 Array = NDArray[np.float64]
 
+# benchmarks/calib_degenerate.py: how often a wrong size or exchanged labels are named
 FRAMES = 6  # looked at, spread over all
 LEAST_STRINGS = 5  # fewer leave no residual to speak of
 OFF_MM, FITS = 0.1, 0.3  # rms of points that do not fit the jig, and the share of it that a suspicion leaves

@@ -11,6 +11,7 @@ from calib.figures import fit_location
 from calib.judge.verdict import frames_motion, judge_motion
 from geometry import Frame
 
+# benchmarks/calib_model_choice.py: how often each rule keeps the model that predicts better
 _OVERFIT = 1.05  # a larger model must not predict worse than this times the smaller one
 _WORTH = 0.95  # where the smaller one fits, it must predict better than this
 _UNCHECKED = (

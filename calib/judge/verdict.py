@@ -15,13 +15,14 @@ from geometry import Frame, Pose, log_so3, stack_poses
 
 Array = NDArray[np.float64]
 
-_SAME_MM, _SAME_DEG = 1.0, 0.1
-_MISFIT_TAIL = 1e-4
-_LEVER_MM = 5.0
-_RIVAL_CHI2 = 12.0  # a likelihood ratio of 400
-_GROSS_CHI2 = 30.0  # with all robot errors free within their priors
-_UNOBSERVABLE_MM, _UNOBSERVABLE_DEG = 20.0, 5.0  # σ from noise alone
-_WEAK_MM, _WEAK_DEG = 1.0, 0.3
+# benchmarks/calib_degenerate.py: every spoilt set of its kinds is refused, none of the sound ones
+_SAME_MM, _SAME_DEG = 1.0, 0.1  # configurations nearer than this are one: some hundred times an arm's repeatability
+_MISFIT_TAIL = 1e-4  # of sound data are called a misfit by chance
+_LEVER_MM = 5.0  # over 300 mm of stand-off a degree: less turns positions by no more than their noise
+_RIVAL_CHI2 = 12.0  # a likelihood ratio of 400: what is nearer is called ambiguous
+_GROSS_CHI2 = 30.0  # with all robot errors free within their priors; sound cells stay below 2
+_UNOBSERVABLE_MM, _UNOBSERVABLE_DEG = 20.0, 5.0  # σ from noise alone: worse than any mounting drawing
+_WEAK_MM, _WEAK_DEG = 1.0, 0.3  # σ from noise alone: ten times that of seven ordinary views at three places
 
 
 @dataclass(frozen=True, eq=False)

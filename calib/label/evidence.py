@@ -19,7 +19,7 @@ IntArray = NDArray[np.intp]
 FREE_SIGMA_MM, FREE_SIGMA_RAD = 150.0, 1.0  # where the jig may be when nothing is known
 FACING_SIGMA_RAD = float(np.deg2rad(60.0))  # string A, the front of the pillar, mostly faces the sensor
 END_MARGIN = 0.03  # share of its length by which a string may be crossed beyond its anchors
-ITERATIONS = 15
+ITERATIONS = 15  # of the search among hypotheses, whose best is refined to the end afterwards
 SAME_CHI2, SAME_NATS = 1e-6, 1e-6  # minima and labellings nearer than this are equal, and the first is taken
 
 

@@ -19,6 +19,7 @@ from jig_cad import Jig
 
 IntArray = NDArray[np.intp]
 
+# benchmarks/calib_labelling.py counts the labels that these let through and the frames that they cost
 ANY_HYPOTHESES = 240  # of any lines: ranked by a coarse grid of planes, so that more have to be solved
 HYPOTHESES = 60  # solved in full; the true labelling is among the first few
 MIN_EVIDENCE = 9.0  # nats over "all clutter"
@@ -26,7 +27,7 @@ MARGIN = 7.0  # nats over any other labelling: 1 in 1,100
 FULL_MARGIN = 5.0  # nats over another pose's labelling where five strings or more agree with the true offsets
 RIVALS = 15.0  # nats within which another pose's labelling is refined too: its χ² was coarse
 STRING_NATS = 10.0  # about what one string's spot adds to the evidence
-SAME_POSE_MM = 3.0
+SAME_POSE_MM = 3.0  # rms of the anchors; a mirror pose is ten times farther
 TIGHT_MM = 4.0  # σ of a prior's position below which its gates alone find every labelling
 CUT_MM = 0.25  # σ of a spot cut short by an occluder, for a second, more doubtful round
 OFFSET_SPREAD = 0.5  # radii: how much the lit surface's offset differs between strings of unknown direction

@@ -14,9 +14,11 @@ Array = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
 GATE_CHI2 = 20.0  # 2 degrees of freedom: 4.5e-5 of true spots lie outside
-DETECTED = 0.9  # a string's share of being seen at all
+DETECTED = 0.9  # a string's share of being seen at all; cells find 0.999, frames with posts in the way some 0.9
 SAME_SCORE, SAME_GATE = 1e-6, 1e-6  # nats, and relative: nearer ones keep the order of spots and strings
-SECOND_ORDER = 0.12  # error of the linear prediction as a share of the first-order motion's σ
+SECOND_ORDER = (
+    0.12  # at the widest guess (4 mm, 1.5°): error of the linear prediction as a share of the first-order motion's σ
+)
 
 
 def gated_labels(

@@ -22,8 +22,8 @@ Array = NDArray[np.float64]
 
 LIKELY = 1e-6  # a candidate below this share is no rival to the chosen one
 CONSISTENT_CHI2 = 30.0  # 6 degrees of freedom: 4e-5 of true predictions lie farther
-GIVEN_JIG_SIGMA_MM, GIVEN_JIG_SIGMA_DEG = 3.0, 1.0  # how well a T_base_jig of cell.toml is taken to be known
-SOLVED_SHARE = 0.2  # of that, where it was solved for
+GIVEN_JIG_SIGMA_MM, GIVEN_JIG_SIGMA_DEG = 3.0, 1.0  # of a T_base_jig in cell.toml: measured with a pointer, say
+SOLVED_SHARE = 0.2  # of that, where it was solved for: an arm's nominal table leaves some 0.5 mm
 
 
 def label_location(

@@ -16,6 +16,7 @@ Array = NDArray[np.float64]
 
 MAX_TURN_RAD = 0.4  # a longer step leaves the region where the linear model means anything
 FLAT_CHI2 = 1e-3  # a last step that gained less has reached the floor of the cost
+ROUNDING_CHI2 = 1e-10  # of a cost about 1: points to 1e-13 mm over σ of some 0.01 mm leave it no better known
 PARALLEL = 1e-9  # |direction's x| below this: the string runs in the plane and crosses it nowhere
 
 
@@ -40,7 +41,8 @@ def minimise(  # type: ignore[no-untyped-def]
         for _ in range(max_iterations + 1):  # the first time round evaluates the start itself
             _move(here_R, here_t, step, trial_R, trial_t)
             trial = _linearise(problem, trial_R, trial_t, work, new_residual, new_jacobian)
-            better = trial <= value  # False for NaN
+            # False for NaN; near the minimum the cost is rounding noise and the step says more than it does
+            better = trial <= value + ROUNDING_CHI2 * (1.0 + value)
             if better:
                 gain = value - trial
                 value = trial

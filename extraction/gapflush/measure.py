@@ -70,11 +70,32 @@ def measure_gap_flush(profile: Profile, config: GapFlushConfig | None = None) ->
       right one's smallest x; a sharp edge's end). It is that of a feeler gauge held along the reference face.
     - **flush**: distance along n from the reference face, extended, to the other panel's tangent point, where its face
       ends and its bend begins; positive where the other panel stands proud, towards the sensor.
-    - **radius** of each bend, fitted over at most `max_arc_deg` of arc.
+    - **radius** of each bend, fitted over at most `max_arc_deg` of arc where the profile holds points alone.
 
-    Covariances follow from those of the points and an allowance of 0.3 of their spacing across (light from beside a
-    section moves it on a steep bend), scaled by χ² where the points scatter more than they claim. Raises
-    NoAnswerError where there are no two panels with a gap between, InputError for points that are not finite.
+    Parameters
+    ----------
+    profile
+        Points (y, z) in {P} [mm] with covariance; with peaks, what the blur does to a bend is taken out.
+    config
+        Settings; the defaults where None.
+
+    Returns
+    -------
+    answer
+        Gap and flush with their covariance, radii, the fitted panels, reasons for doubt. Covariances follow from those
+        of the points and an allowance of 0.3 of their spacing across (light from beside a section moves it on a steep
+        bend), scaled by χ² where the points scatter more than they claim.
+
+    Raises
+    ------
+    NoAnswerError
+        Where there are no two panels with a gap between.
+    InputError
+        For points that are not finite.
+
+    References
+    ----------
+    docs/gapflush.md has the definition's picture, and what it reaches.
     """
     config = config or GapFlushConfig()
     profile = _ordered(profile, config)

@@ -29,7 +29,26 @@ class Rays:
 
 
 def undistort(sensor: Sensor, uv_px: Array) -> Rays:
-    """Rays of the pixels ``uv_px`` (N, 2), exact to rounding: what `cv2.projectPoints` does, inverted."""
+    """Ideal rays of distorted pixels: what `cv2.projectPoints` does, inverted.
+
+    Parameters
+    ----------
+    sensor
+        A sensor with a camera.
+    uv_px
+        Pixels (N, 2).
+
+    Returns
+    -------
+    rays
+        Directions (x, y, 1) in the camera's frame with their Jacobian, exact to rounding; NaN outside the branch of the
+        model that holds the image's centre.
+
+    Raises
+    ------
+    InputError
+        Where the sensor has no camera.
+    """
     camera = sensor.require_camera()
     focal = np.array([camera.fx_px, camera.fy_px])
     seen = (np.asarray(uv_px, dtype=float) - [camera.cx_px, camera.cy_px]) / focal

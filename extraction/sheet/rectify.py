@@ -12,10 +12,31 @@ Array = NDArray[np.float64]
 
 
 def image_to_sheet(sensor: Sensor, uv_px: ArrayLike) -> tuple[Array, Array]:
-    """Points of the laser sheet seen at the pixels ``uv_px`` (N, 2), with the Jacobian of that map.
+    """Points of the laser sheet seen at pixels, with the Jacobian of that map.
 
-    Returns yz_mm (N, 2) in {P} and d(yz)/d(uv) (N, 2, 2) [mm/px]; both are NaN where the ray runs away from the
-    sheet or the lens model has no inverse. Exact inversion of OpenCV's model, tilt included.
+    Parameters
+    ----------
+    sensor
+        A sensor with a camera.
+    uv_px
+        Pixels (N, 2), column first; pixel (0, 0) is the centre of the top-left one.
+
+    Returns
+    -------
+    yz_mm
+        Points (N, 2) in the laser plane x = 0 of {P}.
+    jacobian
+        d(yz)/d(uv) (N, 2, 2) [mm/px]. Both are NaN where the ray runs away from the sheet or the lens model has no
+        inverse.
+
+    Raises
+    ------
+    InputError
+        Where the pixels have another shape, or the sensor no camera.
+
+    References
+    ----------
+    OpenCV's camera model with fourteen coefficients, tilt included, inverted exactly (`undistort`).
     """
     uv = np.asarray(uv_px, dtype=float)
     if uv.ndim != 2 or uv.shape[1] != 2:
@@ -26,7 +47,20 @@ def image_to_sheet(sensor: Sensor, uv_px: ArrayLike) -> tuple[Array, Array]:
 
 
 def propagate(jacobian: Array, covariance: Array) -> Array:
-    """Covariance J Σ Jᵀ (N, 2, 2) of mapped points, from that of the originals (N, 2, 2) or (2, 2)."""
+    """Covariance J Σ Jᵀ of mapped points.
+
+    Parameters
+    ----------
+    jacobian
+        Of the map (N, 2, 2), as `image_to_sheet` gives it [mm/px].
+    covariance
+        Of the originals (N, 2, 2) or one for all (2, 2) [px²].
+
+    Returns
+    -------
+    covariance
+        Of the mapped points (N, 2, 2) [mm²].
+    """
     return np.asarray(jacobian @ covariance @ np.swapaxes(jacobian, -1, -2))
 
 

@@ -62,7 +62,18 @@ _TABLES: WeakKeyDictionary[Sensor, SheetTable] = WeakKeyDictionary()
 
 
 def sheet_table(sensor: Sensor) -> SheetTable:
-    """The look-up table of ``sensor``, built on first use and kept as long as that sensor object lives."""
+    """The look-up table of `image_to_sheet` for a sensor, built on first use and kept as long as that object lives.
+
+    Parameters
+    ----------
+    sensor
+        A sensor with a camera.
+
+    Returns
+    -------
+    table
+        Right to 2e-5 mm between its nodes, 8 px apart; cells that are not are answered by the exact inversion.
+    """
     table = _TABLES.get(sensor)
     if table is None:
         table = _TABLES[sensor] = SheetTable.build(sensor)

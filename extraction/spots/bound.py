@@ -34,7 +34,20 @@ class TrueSpot:
 
 
 def mean_image(spot: TrueSpot, shape: tuple[int, int]) -> Array:
-    """The spot's mean image (rows, columns) [e⁻], integrated over every pixel."""
+    """The mean image of a true spot, integrated over every pixel by quadrature.
+
+    Parameters
+    ----------
+    spot
+        The truth.
+    shape
+        Rows and columns of the image.
+
+    Returns
+    -------
+    mean
+        Electrons (rows, columns).
+    """
     return _moments(spot, shape)[0] * spot.electrons + spot.background_e
 
 
@@ -42,9 +55,31 @@ def position_bound(
     spot: TrueSpot, shape: tuple[int, int], read_noise_e: float, e_per_dn: float = 0.0, round_spot: bool = False,
     clip_e: float = np.inf,
 ) -> Array:  # fmt: skip
-    """Cramér-Rao bound (2, 2) [px²] of (u, v), with height, background and shape unknown.
+    """Cramér-Rao bound of a spot's position, with height, background and shape unknown.
 
-    round_spot: one width is unknown instead of an ellipse's three. clip_e: pixels whose mean is above it are left out.
+    Parameters
+    ----------
+    spot
+        The truth.
+    shape
+        Rows and columns of the image.
+    read_noise_e
+        Standard deviation of a pixel in the dark [e⁻].
+    e_per_dn
+        Electrons per grey level, for the noise of rounding; 0 for none.
+    round_spot
+        One width is unknown instead of an ellipse's three.
+    clip_e
+        Pixels whose mean is above it are left out [e⁻].
+
+    Returns
+    -------
+    bound
+        Covariance (2, 2) of (u, v) [px²] that no unbiased method can beat.
+
+    References
+    ----------
+    Rieger & Stallinga, ChemPhysChem 15 (2014) 664.
     """
     g, by = _moments(spot, shape)
     mean = g * spot.electrons + spot.background_e

@@ -29,11 +29,28 @@ class PeakFits:
 def fit_peaks(
     smooth: NDArray[np.float32], peaks: NDArray[np.intp], background: Array, variance: Array, kernel: Array
 ) -> PeakFits:
-    """Sub-pixel position of the peaks (N, 2) of a blurred image.
+    """Sub-pixel position of the peaks of a blurred image: the parabola through the logarithm of 3 × 3 pixels.
 
-    background (N,) [DN]. variance (N,): of a raw pixel at the peak [DN²]. kernel (K,): the separable blur. A Gaussian's
-    logarithm is a parabola, so that for a Gaussian spot only the pixel's integration and noise are left; the covariance
-    carries the pixel noise through the blur and the parabola. shape_px2 is that of the raw spot.
+    A Gaussian's logarithm is a parabola, so that for a Gaussian spot only the pixel's integration and noise are left;
+    the covariance carries the pixel noise through the blur and the parabola.
+
+    Parameters
+    ----------
+    smooth
+        The blurred image (H, W) [DN].
+    peaks
+        Brightest pixels (N, 2), column first.
+    background
+        Level around each (N,) [DN].
+    variance
+        Of a raw pixel at each peak (N,) [DN²].
+    kernel
+        The separable blur's row (K,), of sum 1.
+
+    Returns
+    -------
+    fits
+        Position and covariance [px], height and shape of the raw spots; converged where the parabola has a top nearby.
     """
     rows, columns = smooth.shape
     u, v = np.clip(peaks[:, 0], 1, columns - 2), np.clip(peaks[:, 1], 1, rows - 2)

@@ -39,16 +39,53 @@ class _Extraction:
 
 
 def extract(image: object, sensor: Sensor, config: ExtractionConfig | None = None) -> SurfacePoints:
-    """The lit string spots of an image as unlabelled points of the laser sheet, best score first.
+    """The lit string spots of an image as unlabelled points of the laser sheet.
 
-    image: grey levels (H, W), uint8 or uint16. Raises InputError where image and sensor do not fit each other. No spot
-    is an empty answer; `extract_stages` says why.
+    Parameters
+    ----------
+    image
+        Grey levels (H, W), uint8 or uint16, of the sensor's size.
+    sensor
+        A sensor with a camera.
+    config
+        Settings; the defaults where None.
+
+    Returns
+    -------
+    points
+        Best score first: pixels (u, v) and (y, z) in {P} [mm], each with its covariance, score and flag. No spot is an
+        empty answer; `extract_stages` says why.
+
+    Raises
+    ------
+    InputError
+        Where image and sensor do not fit each other, or the sensor has no camera.
+
+    References
+    ----------
+    docs/spots.md tells the stages and what they reach.
     """
     return _extract(image, sensor, config or ExtractionConfig()).points
 
 
 def extract_stages(image: object, sensor: Sensor, config: ExtractionConfig | None = None) -> Stages:
-    """As `extract`, with all that it saw on the way."""
+    """As `extract`, with all that it saw on the way.
+
+    Parameters
+    ----------
+    image, sensor, config
+        As of `extract`.
+
+    Returns
+    -------
+    stages
+        Background, mask, every candidate with the reason of its refusal, the points, and why there are none.
+
+    Raises
+    ------
+    InputError
+        As `extract`.
+    """
     config = config or ExtractionConfig()
     result = _extract(image, sensor, config)
     smooth = result.prepared.smooth
@@ -82,9 +119,28 @@ def _extract(image: object, sensor: Sensor, config: ExtractionConfig) -> _Extrac
 
 
 def learn_speckle(images: Iterable[object], sensor: Sensor, config: ExtractionConfig | None = None) -> ExtractionConfig:
-    """The configuration with the speckle's contrast and grain as the trusted spots of all ``images`` show them.
+    """The configuration with the speckle's contrast and grain as the trusted spots of all images show them.
 
-    One image's few spots tell little of them; those of a dataset make the reported σ true.
+    One image's few spots tell little of it; those of a dataset make the reported σ true.
+
+    Parameters
+    ----------
+    images
+        Grey levels (H, W) each, some of a dataset: thirty spots give the contrast to 6 %.
+    sensor
+        The sensor that took them.
+    config
+        Settings; what they state of contrast or grain is kept. The defaults where None.
+
+    Returns
+    -------
+    config
+        The same with `noise.speckle_contrast` and `noise.speckle_grain_px`; unchanged where no spot can be trusted.
+
+    Raises
+    ------
+    InputError
+        As `extract`.
     """
     config = config or ExtractionConfig()
     known: list[ErrorBudget] = []

@@ -101,7 +101,22 @@ GRAIN_CORRELATIONS = _pupil_correlations()
 
 
 def correlation(grain_px: float) -> Array:
-    """ρ for the classes of distance (CLASSES,); grains outside GRAINS_PX are taken as its ends."""
+    """Correlation of the speckle of two pixels by the classes of their distance.
+
+    Parameters
+    ----------
+    grain_px
+        λF#(1 + m) on the chip; grains outside 0.2 to 1.7 px are taken as these ends.
+
+    Returns
+    -------
+    rho
+        (CLASSES,), 1 for a pixel with itself.
+
+    References
+    ----------
+    Goodman, Speckle Phenomena in Optics (2007), sections 4.4 and 4.6: a round pupil's, integrated over both pixels.
+    """
     place = float(np.interp(grain_px, GRAINS_PX, np.arange(len(GRAINS_PX))))
     low = min(int(place), len(GRAINS_PX) - 2)
     return np.asarray(GRAIN_CORRELATIONS[low] + (place - low) * (GRAIN_CORRELATIONS[low + 1] - GRAIN_CORRELATIONS[low]))

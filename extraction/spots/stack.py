@@ -37,10 +37,39 @@ def fit_stack(
     saturation: float = np.inf,
     max_iterations: int = 30,
 ) -> StackFits:
-    """Maximum-likelihood position of the one spot in each image of a stack (N, H, W), H and W at least 5.
+    """Maximum-likelihood position of the one spot in each image of a stack.
 
-    The noise of a pixel of mean μ is read_variance + gain · μ + (speckle_contrast · signal)², in the images' unit; with
-    electrons gain is 1. Pixels at or above ``saturation`` are left out.
+    Parameters
+    ----------
+    images
+        (N, H, W), H and W at least 5, in any unit in which the noise below holds.
+    read_variance
+        Variance of a pixel without light, in that unit squared.
+    gain
+        The noise of a pixel of mean μ is read_variance + gain · μ + (speckle_contrast · signal)²; 1 for electrons.
+    speckle_contrast
+        See there.
+    saturation
+        Pixels at or above it are left out.
+    max_iterations
+        Steps of a fit before it is given up.
+
+    Returns
+    -------
+    fits
+        Position, covariance [px²], height, background and shape of each.
+
+    Raises
+    ------
+    InputError
+        For another shape, values that are not finite, or no noise at all.
+
+    Examples
+    --------
+    >>> from extraction.spots import TrueSpot, mean_image
+    >>> spot = mean_image(TrueSpot(5.2, 4.9, 3000.0, 1.3, 1.3), (11, 11))
+    >>> fit_stack(spot[None], 25.0).uv_px.round(2)
+    array([[5.2, 4.9]])
     """
     data = np.ascontiguousarray(images, dtype=np.float64)
     if data.ndim != 3 or min(data.shape[1:]) < 5:

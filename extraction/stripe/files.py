@@ -22,7 +22,20 @@ _LEAST_SCATTER_MM = 1e-4
 
 
 def write_profile_csv(profile: Profile, path: str | Path) -> None:
-    """One row a point; (y, z) in {P}, σ and covariance in mm."""
+    """Write a profile as CSV, one row a point.
+
+    Parameters
+    ----------
+    profile
+        Points (y, z) in {P}.
+    path
+        Where to; the file appears whole or not at all. Columns: COLUMNS; σ and covariance in mm and mm².
+
+    Raises
+    ------
+    InputError
+        Where it can not be written.
+    """
     p, cov = profile.peaks, profile.cov_yz_mm2
     sigma = np.sqrt(np.maximum(np.diagonal(cov, axis1=1, axis2=2), 0))
     more = (profile.yz_mm, sigma, cov[:, 0, 1])
@@ -36,7 +49,20 @@ def write_profile_csv(profile: Profile, path: str | Path) -> None:
 
 
 def write_profile_ply(profile: Profile, path: str | Path) -> None:
-    """The points as an ASCII PLY cloud (x = 0, y, z) in {P} [mm] with grey level as intensity, and their σ [mm]."""
+    """Write a profile as an ASCII PLY cloud.
+
+    Parameters
+    ----------
+    profile
+        Points (y, z) in {P}; written as (0, y, z) [mm] with the grey level as intensity, and their σ [mm].
+    path
+        Where to; the file appears whole or not at all.
+
+    Raises
+    ------
+    InputError
+        Where it can not be written.
+    """
     header = [
         "ply",
         "format ascii 1.0",
@@ -55,10 +81,23 @@ def write_profile_ply(profile: Profile, path: str | Path) -> None:
 
 
 def read_profile_csv(path: str | Path) -> Profile:
-    """The profile that `write_profile_csv` wrote, or points of any other make in columns y_mm and z_mm.
+    """Read what `write_profile_csv` wrote, or points of any other make.
 
-    Of COLUMNS all others may be missing; σ is then what neighbouring points scatter by, and there are no peaks (zero
-    σ and width in px). InputError names the file and line that can not be used.
+    Parameters
+    ----------
+    path
+        A CSV with the columns y_mm and z_mm; of COLUMNS all others may be missing.
+
+    Returns
+    -------
+    profile
+        Without columns of σ, it is what neighbouring points scatter by; without those of peaks they have zero σ and
+        width.
+
+    Raises
+    ------
+    InputError
+        With file, line and column of what can not be used.
     """
     try:
         text = Path(path).read_text(encoding="utf-8-sig")

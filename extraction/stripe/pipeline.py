@@ -38,14 +38,39 @@ def extract_profile(
     laser_off: NDArray[np.generic] | None = None,
     mask: Mask | None = None,
 ) -> Profile:
-    """The stripe of ``image`` (H, W) as points (y, z) of the laser plane with covariance, section by section.
+    """The stripe of an image as points of the laser plane, section by section.
 
-    laser_off: the same view without laser, subtracted. mask: True where pixels may be used (H, W).
-    Points whose rays miss the sheet are left out. InputError where the image does not fit the sensor.
+    Parameters
+    ----------
+    image
+        Grey levels (H, W), uint8 or uint16, of the sensor's size.
+    sensor
+        A sensor with a camera.
+    config
+        Settings; the defaults where None.
+    laser_off
+        The same view without laser, of the same shape and type; subtracted.
+    mask
+        True where pixels may be used (H, W).
+
+    Returns
+    -------
+    profile
+        Peaks in the image, their points (y, z) in {P} [mm] and covariance of rank one. Points whose rays miss the sheet
+        are left out.
+
+    Raises
+    ------
+    InputError
+        Where image, laser-off image, mask or region do not fit the sensor or each other.
+
+    References
+    ----------
+    docs/stripes.md tells the stages and what they reach.
     """
     camera = sensor.require_camera()
     config = config or StripeConfig()
-    check_image(image, sensor)
+    image = check_image(image, sensor)
     if config.direction == "auto":
         config = config.model_copy(update={"direction": depth_direction(sensor)})
     peaks = detect_stripe(image, config, laser_off, mask, camera.saturation_dn, camera.black_level)
@@ -55,7 +80,18 @@ def extract_profile(
 
 
 def depth_direction(sensor: Sensor) -> str:
-    """The image axis along which depth moves a point more, at the image's middle: "columns" for v, "rows" for u."""
+    """The image axis along which depth moves a point more, at the image's middle.
+
+    Parameters
+    ----------
+    sensor
+        A sensor with a camera.
+
+    Returns
+    -------
+    direction
+        "columns" where it is v, "rows" where it is u: what ``direction = "auto"`` means.
+    """
     camera = sensor.require_camera()
     middle = np.array([[(camera.width_px - 1) / 2, (camera.height_px - 1) / 2]])
     jacobian = image_to_sheet(sensor, middle)[1][0]
@@ -73,9 +109,30 @@ def detect_stripe(
     clip_dn: float | None = None,
     black_dn: float = 0.0,
 ) -> StripePeaks:
-    """The stripe's peaks in the image, one a section unless ``select = "all"``; direction "auto" means columns here.
+    """The stripe's peaks in an image, without a sensor.
 
-    image: uint8 or uint16 (H, W). clip_dn: grey level from which a pixel is clipped, the type's largest if absent.
+    Parameters
+    ----------
+    image
+        Grey levels (H, W), uint8 or uint16.
+    config
+        Settings; the defaults where None. Direction "auto" means columns here.
+    laser_off, mask
+        As of `extract_profile`.
+    clip_dn
+        Grey level from which a pixel is clipped; the type's largest where None.
+    black_dn
+        Grey level without light.
+
+    Returns
+    -------
+    peaks
+        One a section, unless ``select = "all"``, ordered along the stripe [px].
+
+    Raises
+    ------
+    InputError
+        Where the arrays or the region do not fit each other.
     """
     config = config or StripeConfig()
     view = stripe_view(image, config, laser_off, mask, clip_dn, black_dn)

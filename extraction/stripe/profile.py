@@ -67,12 +67,39 @@ class Profile:
 
 
 def flag_names(flag: int) -> str:
-    """The reasons for doubt of one point, "" for none, joined by "+"."""
+    """The reasons for doubt of one point of a stripe.
+
+    Parameters
+    ----------
+    flag
+        Bits SATURATED (clipped pixels), SHAPE (not one Gaussian peak), EDGE (cut by the border or a neighbour).
+
+    Returns
+    -------
+    names
+        Joined by "+", "" for none.
+    """
     return "+".join(name for bit, name in _FLAG_NAMES.items() if flag & bit)
 
 
 def flag_bits(names: str) -> int:
-    """The inverse of `flag_names`; ValueError for a name that is none."""
+    """The inverse of `flag_names`.
+
+    Parameters
+    ----------
+    names
+        Joined by "+", "" for none.
+
+    Returns
+    -------
+    flag
+        The bits.
+
+    Raises
+    ------
+    ValueError
+        For a name that is none.
+    """
     known = {name: bit for bit, name in _FLAG_NAMES.items()}
     unknown = [name for name in names.split("+") if name and name not in known]
     if unknown:

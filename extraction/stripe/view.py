@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from extraction.config import StripeConfig
+from extraction.image import grey_levels
 from extraction.stripe.fit import Pixels
 from geometry import InputError
 
@@ -64,11 +65,13 @@ def stripe_view(
     black_dn: float,
 ) -> StripeView:
     """The view of ``image`` (H, W) uint8 or uint16 that the config asks for; InputError where the arrays do not fit."""
-    _check(image, laser_off, mask)
-    clip = float(np.iinfo(np.asarray(image).dtype).max if clip_dn is None else clip_dn)
-    u0, v0, u1, v1 = _region(config, image.shape)
+    whole = grey_levels(image)
+    _check(whole, laser_off, mask)
+    clip = float(np.iinfo(whole.dtype).max if clip_dn is None else clip_dn)
+    u0, v0, u1, v1 = _region(config, whole.shape)
     part = (slice(v0, v1), slice(u0, u1))
-    grey, left_out = image[part], _NO_MASK if mask is None else ~mask[part]
+    grey: NDArray[Any] = whole[part]
+    left_out = _NO_MASK if mask is None else ~mask[part]
     if laser_off is not None:
         bright = np.greater_equal(grey, clip)
         left_out = bright if mask is None else left_out | bright
@@ -86,9 +89,6 @@ def _oriented(a: NDArray[Any], turned: bool) -> NDArray[Any]:
 
 
 def _check(image: NDArray[np.generic], laser_off: NDArray[np.generic] | None, mask: Mask | None) -> None:
-    if not isinstance(image, np.ndarray) or image.ndim != 2 or image.dtype not in (np.uint8, np.uint16):
-        what = f"{image.dtype} of shape {image.shape}" if isinstance(image, np.ndarray) else type(image).__name__
-        raise InputError(f"the image is {what}: grey levels (rows, columns) in uint8 or uint16 are needed")
     if laser_off is not None and (laser_off.shape != image.shape or laser_off.dtype != image.dtype):
         raise InputError(
             f"the laser-off image is {laser_off.dtype} {laser_off.shape}: it must be like the image, "

@@ -22,6 +22,7 @@ from perceptron_emu.solids import body_of, rasterise
 Array = NDArray[np.float64]
 Float32 = NDArray[np.float32]
 
+LEVEL_DECIMALS = 6  # of a face's radiance: faces of one plane stay alike whatever rounding made of their normals
 NEAR_MM = 5.0  # what is nearer to the camera than this is not drawn
 BLUR_REACH = 3.0  # σ of the blur that its kernel takes in
 # room light is coarse on purpose: it is there to be told from the laser's, not to be measured
@@ -61,7 +62,7 @@ def ambient_electrons(scene: Scene, strings: Cylinders | None, material: Materia
     view = _view(sensor, math.ceil(BLUR_REACH * sigma))
     camera = sensor.require_camera()
     intrinsics = (camera.fx_px, camera.fy_px, camera.cx_px - view.left, camera.cy_px - view.top)
-    picture = rasterise(seen, level.astype(np.float32), view.shape, intrinsics)
+    picture = rasterise(seen, np.round(level, LEVEL_DECIMALS).astype(np.float32), view.shape, intrinsics)
     shown, several = levels(picture, view.boxes)
     of_white = _electrons_of_white(config, sensor)
     electrons = np.empty(camera.shape, np.float32)
@@ -109,7 +110,8 @@ def _vignette(sensor: Sensor, on: bool) -> Float32:
     camera = sensor.require_camera()
     x = (np.arange(camera.width_px, dtype=np.float32) - camera.cx_px) / camera.fx_px
     y = (np.arange(camera.height_px, dtype=np.float32)[:, None] - camera.cy_px) / camera.fy_px
-    return np.asarray((1 + x * x + y * y) ** -2 if on else np.ones_like(x + y), np.float32)
+    cosine2 = 1 / (1 + x * x + y * y)  # cos⁴α by products: a power's last bits are another processor's others
+    return np.asarray(cosine2 * cosine2 if on else np.ones_like(cosine2), np.float32)
 
 
 @dataclass(frozen=True, eq=False)

@@ -40,8 +40,11 @@ def test_every_stage_can_be_looked_at(cli: Cli, recording: Path, tmp_path: Path)
     call = ("extract", image, "--sensor", sensor, "--jig", jig, "--csv", tmp_path / "p.csv", "--stages")
     assert cli(*call).code == 2
     assert cli(*call, "--overlay", tmp_path / "pictures").code == 0
-    names = ["1_raw", "2_background", "3_mask", "4_candidates", "5_spots", "6_labels"]
+    names = ["1_raw", "2_background", "3_mask", "4_candidates", "5_spots", "6_labels", "regions"]
     assert [p.stem for p in sorted((tmp_path / "pictures" / "000").iterdir())] == names
+    regions = list(csv.DictReader((tmp_path / "pictures" / "000" / "regions.csv").read_text().splitlines()))
+    assert sum(r["reason"] == "" for r in regions) == len(_rows((tmp_path / "p.csv").read_text()))
+    assert all(0 < float(r["solidity"]) <= 1 and float(r["area_px"]) >= 1 for r in regions)
 
 
 def test_bare_images(cli: Cli, recording: Path) -> None:

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import TYPICAL_SIGMA, Arm, DhRobot, NoAnswerError, Pose, RobotUncertainty, Sensor
+from geometry import TYPICAL_SIGMA, Arm, DhRobot, NoAnswerError, Pose, RobotUncertainty, Role, Sensor
 from geometry.ties import first_most
 from jig_cad import DEFAULT_STRINGS, STRINGS, Jig
 from perceptron_emu import EmulatorConfig, Surroundings
@@ -64,7 +64,7 @@ class Place:
     """One location of the jig with its planned views."""
 
     location: str
-    role: str
+    role: Role
     T_base_jig: Pose
     views: Views
 
@@ -102,7 +102,7 @@ def _planned(
     limits = ViewLimits(tilt_deg=poses.tilt_max_deg, roll_deg=poses.roll_max_deg)
     sees_all = sees_all_strings(model, jig, solids)
     problem = ViewProblem(_robot_preset(robot), model, jig, Pose.identity(), DESIGN_SCP, limits, sees_all)
-    wanted = [(_name(i), "calibrate", poses.per_location) for i in range(poses.locations)]
+    wanted: list[tuple[str, Role, int]] = [(_name(i), "calibrate", poses.per_location) for i in range(poses.locations)]
     wanted += [(VERIFY, "verify", poses.verify)] if poses.verify else []
     try:
         return tuple(Place(name, role, *_place(problem, count, rng)) for name, role, count in wanted)

@@ -11,12 +11,14 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from workbench.campaign.design import Point, design_points
+from workbench.campaign.environment import numeric_environment
 from workbench.campaign.plan import Plan
 from workbench.campaign.rows import FRAME_SCHEMA, PARQUET, TIMING_SCHEMA, trial_schema
 from workbench.campaign.settings import TrialSettings, with_values
 from workbench.campaign.store import ShardResult
 from workbench.campaign.trial import Trial, run_trial
 from workbench.campaign.worker import one_thread
+from workbench.files import rounded
 
 _KEEP, _TRIAL = 1, 2  # which stream of the plan's seed
 
@@ -67,12 +69,12 @@ def run_shard(plan: Plan, shard: int) -> ShardResult:
         "frames": _parquet(frames, FRAME_SCHEMA),
         "timings": _parquet(timings, TIMING_SCHEMA),
     }
-    return ShardResult(shard, tables, images)
+    return ShardResult(shard, tables, images, numeric_environment())
 
 
 def _parquet(rows: Sequence[Mapping[str, Any]], schema: pa.Schema) -> bytes:
     sink = io.BytesIO()
-    pq.write_table(pa.Table.from_pylist(list(rows), schema), sink, **PARQUET)
+    pq.write_table(pa.Table.from_pylist([rounded(dict(row)) for row in rows], schema), sink, **PARQUET)
     return sink.getvalue()
 
 

@@ -6,13 +6,14 @@ import shutil
 import tempfile
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import pyarrow.parquet as pq
 
 from geometry import InputError
 from workbench.campaign.design import n_trials
+from workbench.campaign.environment import note_environment
 from workbench.campaign.files import locked, sync_folder, write_synced
 from workbench.campaign.manifest import LOCK, check_manifest, is_ours, write_manifest
 from workbench.campaign.merge import DAMAGED, TABLES, damaged, merge_tables
@@ -21,11 +22,15 @@ from workbench.campaign.plan import Plan
 
 @dataclass(frozen=True, eq=False)
 class ShardResult:
-    """What a worker gives back: Parquet bytes a table, and kept images by their path inside the run's folder."""
+    """What a worker gives back: Parquet bytes a table, and kept images by their path inside the run's folder.
+
+    environment: the numeric one in which they were computed.
+    """
 
     shard: int
     tables: dict[str, bytes]
     images: dict[str, bytes]
+    environment: dict[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +78,7 @@ class Store:
                 target.parent.mkdir(parents=True, exist_ok=True)
                 write_synced(part, data)
                 part.replace(target)
+            note_environment(self.folder, result.environment)
             temporary = Path(tempfile.mkdtemp(dir=self.folder / "parts"))
             for table, data in result.tables.items():
                 write_synced(temporary / f"{table}.parquet", data)

@@ -118,7 +118,7 @@ def _measure(
 
 def _records(emulated: EmulatedCell, points: list[SurfacePoints]) -> tuple[Frame, ...]:
     return tuple(
-        Frame(c.frame, c.location, c.role, points=p, joints_rad=c.reading_rad)  # type: ignore[arg-type]
+        Frame(c.frame, c.location, c.role, points=p, joints_rad=c.reading_rad)
         for c, p in zip(emulated.configurations, points, strict=True)
     )
 

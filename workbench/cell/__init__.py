@@ -2,7 +2,7 @@
 
 from workbench.cell.extracting import Extracted, extract_inputs
 from workbench.cell.inputs import BareImages, read_inputs
-from workbench.cell.labels import label_dataset, label_image, poses_in_sensor
+from workbench.cell.labels import label_alone, label_dataset, poses_in_sensor
 from workbench.cell.locating import located
 from workbench.cell.pipeline import Observed, Progress, observe, solve
 from workbench.cell.points_table import rows
@@ -32,8 +32,8 @@ __all__ = [
     "find_sensor",
     "frame_poses",
     "jig_bodies",
+    "label_alone",
     "label_dataset",
-    "label_image",
     "located",
     "observe",
     "place_of_jig",

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from extraction import ExtractionConfig, extract
-from geometry import Frame, InputError, Sensor, SurfacePoints
+from geometry import Frame, InputError, Sensor
 from jig_cad import Jig
 from workbench.cell.inputs import BareImages, read_inputs
-from workbench.cell.labels import label_dataset, label_image
+from workbench.cell.labels import label_alone, label_dataset
 from workbench.cell.pipeline import observe
 from workbench.cell.speckle import with_known_grain
 from workbench.files import Cell, Settings, read_image
@@ -41,7 +41,7 @@ def extract_inputs(
 
 def _dataset(cell: Cell, settings: Settings, progress: Progress) -> Extracted:
     observed = observe(cell, settings.extraction, progress)
-    paths = {} if cell.points is not None else {row.number: cell.folder / row.image for row in cell.frames}
+    paths = {} if cell.points is not None else {f.number: cell.folder / f.image for f in cell.frames}
     return Extracted(label_dataset(cell, observed, settings.calib), cell.sensor, paths, observed.complaints)
 
 
@@ -49,17 +49,15 @@ def _images(
     files: Sequence[Path], sensor: Sensor, jig: Jig | None, config: ExtractionConfig, progress: Progress
 ) -> Extracted:
     frames: list[Frame] = []
-    complaints: dict[int, str] = {}
+    complaints = {}
     for number, path in enumerate(files):
-        points, reason = SurfacePoints.empty(), None
+        frame = Frame(number, "", image=path.name)
         try:
-            points = extract(read_image(path, sensor), sensor, config)
+            frame = replace(frame, points=extract(read_image(path, sensor), sensor, config))
+            frame = frame if jig is None else label_alone(frame, jig, sensor)
         except InputError as error:
-            complaints[number], reason = str(error), "image_unreadable"
-        if jig is None or reason is not None:
-            frames.append(Frame(number, "", image=path.name, points=points, reason=reason))
-        else:
-            frames.append(label_image(number, path.name, points, jig, sensor))
+            complaints[number], frame = str(error), replace(frame, reason="image_unreadable")
+        frames.append(frame)
         progress(number + 1, len(files))
     if len(complaints) == len(files):
         raise InputError(next(iter(complaints.values())))

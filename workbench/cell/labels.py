@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from calib import CalibConfig, CalibrationResult
 from calib.hands import hand_poses
 from calib.label import label_frame
-from geometry import Frame, Pose, Sensor, SurfacePoints
+from geometry import Frame, Pose, Sensor
 from jig_cad import Jig
 from workbench.cell.pipeline import Observed, solve
 from workbench.files import Cell
@@ -14,22 +16,20 @@ from workbench.files import Cell
 def label_dataset(
     cell: Cell, observed: Observed, config: CalibConfig | None = None, result: CalibrationResult | None = None
 ) -> tuple[Frame, ...]:
-    """Every frame's spots with the labels that calibration gave them: one labelling for result and points alike.
+    """Every frame with the labels that calibration gave it: one labelling for result and points alike.
 
     result: of the same frames, where it is known already.
     """
     return (solve(cell, observed, config) if result is None else result).frames
 
 
-def label_image(frame: int, image: str, points: SurfacePoints, jig: Jig, sensor: Sensor) -> Frame:
-    """One image's spots with labels from the jig's geometry alone.
+def label_alone(frame: Frame, jig: Jig, sensor: Sensor) -> Frame:
+    """A frame labelled from the jig's geometry alone.
 
     Parameters
     ----------
-    frame, image
-        Its number and name, carried along.
-    points
-        Its spots.
+    frame
+        With its spots.
     jig, sensor
         What the names follow from.
 
@@ -39,8 +39,8 @@ def label_image(frame: int, image: str, points: SurfacePoints, jig: Jig, sensor:
         With the reason where nothing could be labelled.
 
     """
-    label = label_frame(points, jig, sensor, None, CalibConfig())
-    return Frame(frame, "", image=image, points=points, axis=label.axis, reason=label.reason)
+    found = label_frame(frame.points, jig, sensor, None, CalibConfig())
+    return replace(frame, axis=found.axis, reason=found.reason, T_sensor_target=found.T_sensor_jig)
 
 
 def poses_in_sensor(result: CalibrationResult) -> dict[int, Pose]:

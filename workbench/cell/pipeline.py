@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 from calib import CalibConfig, CalibrationResult, calibrate
 from extraction import ExtractionConfig, extract
-from geometry import Frame, InputError, Sensor, SurfacePoints
+from geometry import Frame, InputError, Sensor
 from workbench.cell.remarks import remarks
 from workbench.cell.speckle import dataset_config
 from workbench.files import Cell, read_image
@@ -93,34 +93,28 @@ def _readable(cell: Cell, frames: list[int]) -> Iterator[object]:
 
 def _measured(cell: Cell, config: ExtractionConfig) -> Iterator[tuple[Frame, str]]:
     if cell.points is not None:
-        for row in cell.frames:
-            yield _from_points(cell, row), ""
+        for frame in cell.frames:
+            yield _from_points(cell, frame), ""
         return
     cell.sensor.require_camera()  # said once, not as every frame's complaint
     config = dataset_config(cell.sensor, config, len(cell.frames), lambda frames: _readable(cell, frames))
     with ThreadPoolExecutor(WORKERS) as pool:
-        jobs = pool.map(lambda row: _from_image(cell, row, config), cell.frames)
+        jobs = pool.map(lambda frame: _from_image(cell, frame, config), cell.frames)
         yield from jobs
 
 
-def _from_image(cell: Cell, row: Frame, config: ExtractionConfig) -> tuple[Frame, str]:
+def _from_image(cell: Cell, frame: Frame, config: ExtractionConfig) -> tuple[Frame, str]:
     sensor: Sensor = cell.sensor
     try:
-        image = read_image(cell.folder / row.image, sensor)
+        image = read_image(cell.folder / frame.image, sensor)
     except InputError as error:
-        return _frame(cell, row, reason="image_unreadable"), str(error)
-    return _frame(cell, row, extract(image, sensor, config)), ""
+        return replace(frame, reason="image_unreadable"), str(error)
+    return replace(frame, points=extract(image, sensor, config)), ""
 
 
-def _from_points(cell: Cell, row: Frame) -> Frame:
-    given = (cell.points or {}).get(row.number)
+def _from_points(cell: Cell, frame: Frame) -> Frame:
+    given = (cell.points or {}).get(frame.number)
     if given is None:
-        return _frame(cell, row, reason="no_spots")
-    frame = _frame(cell, row, given.points)
-    return frame if given.axis is None else replace(frame, axis=given.axis, labels_given=True)
-
-
-def _frame(cell: Cell, row: Frame, points: SurfacePoints | None = None, reason: str | None = None) -> Frame:
-    if reason is None and row.joints_rad is not None and not cell.robot.within_limits(row.joints_rad):
-        reason = "robot_out_of_range"
-    return replace(row, points=SurfacePoints.empty() if points is None else points, reason=reason)
+        return replace(frame, reason="no_spots")
+    measured = replace(frame, points=given.points)
+    return measured if given.axis is None else replace(measured, axis=given.axis, labels_given=True)

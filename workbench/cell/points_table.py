@@ -12,26 +12,26 @@ from geometry import Frame, SurfacePoints
 def rows(tables: Sequence[Frame]) -> list[dict[str, object]]:
     """Rows by column name, frame by frame: labelled points in the jig's order, then unlabelled spots by score."""
     out: list[dict[str, object]] = []
-    for table in tables:
-        taken = {int(i) for i in table.axis.spot}
-        out += [_labelled(table, i) for i in range(len(table.axis))]
-        out += [_unlabelled(table, i) for i in range(len(table.points)) if i not in taken]
+    for frame in tables:
+        taken = {int(i) for i in frame.axis.spot}
+        out += [_labelled(frame, i) for i in range(len(frame.axis))]
+        out += [_unlabelled(frame, i) for i in range(len(frame.points)) if i not in taken]
     return out
 
 
-def _labelled(table: Frame, i: int) -> dict[str, object]:
-    axis, spot = table.axis, int(table.axis.spot[i])
-    row: dict[str, object] = {"frame": table.number, "label": axis.label[i]}
+def _labelled(frame: Frame, i: int) -> dict[str, object]:
+    axis, spot = frame.axis, int(frame.axis.spot[i])
+    row: dict[str, object] = {"frame": frame.number, "label": axis.label[i]}
     row |= {"y_mm": float(axis.yz_mm[i, 0]), "z_mm": float(axis.yz_mm[i, 1])} | _sigmas(axis.cov_yz_mm2[i])
     flag = axis.flag[i] if i < len(axis.flag) else ""
     if spot < 0:
         return row | {"flag": flag}
-    return row | _seen(table.points, spot) | {"flag": flag or table.points.flag[spot]}
+    return row | _seen(frame.points, spot) | {"flag": flag or frame.points.flag[spot]}
 
 
-def _unlabelled(table: Frame, i: int) -> dict[str, object]:
-    row: dict[str, object] = {"frame": table.number, "label": "", "flag": table.points.flag[i]}
-    return row | _seen(table.points, i) | _sigmas(table.points.cov_yz_mm2[i])
+def _unlabelled(frame: Frame, i: int) -> dict[str, object]:
+    row: dict[str, object] = {"frame": frame.number, "label": "", "flag": frame.points.flag[i]}
+    return row | _seen(frame.points, i) | _sigmas(frame.points.cov_yz_mm2[i])
 
 
 def _seen(points: SurfacePoints, i: int) -> dict[str, object]:

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
-from geometry import DhRobot, InputError, Pose, Sensor, toml_value
+from geometry import DhRobot, InputError, Pose, Role, Sensor, toml_value
 from workbench.cell.presets import DESIGN_SCP, preset_path
 from workbench.files import read_robot, read_sensor, write_text
 
 REACH_OF_PLACES_MM = 2550.0  # the places below suit an arm of this reach; others get them in proportion
-PLACES = {
+PLACES: dict[str, tuple[Role, tuple[float, float, float], float]] = {
     "A": ("calibrate", (1560.0, -780.0, 830.0), -28.0),
     "B": ("calibrate", (1850.0, 110.0, 700.0), 4.0),
     "C": ("calibrate", (1450.0, 830.0, 980.0), 32.0),

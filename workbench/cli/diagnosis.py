@@ -119,9 +119,9 @@ def _one_frame() -> tuple[int, int]:
     import numpy as np
 
     from extraction import extract
-    from geometry import Pose
+    from geometry import Frame, Pose
     from perceptron_emu import Scene, render
-    from workbench.cell import find_emulator, find_jig, find_sensor, label_image
+    from workbench.cell import find_emulator, find_jig, find_sensor, label_alone
     from workbench.files import read_image, write_png
 
     sensor, jig = find_sensor(defaults.SENSOR), find_jig(defaults.JIG)
@@ -131,5 +131,5 @@ def _one_frame() -> tuple[int, int]:
         path = Path(folder) / "frame.png"
         write_png(path, frame.image)
         image = read_image(path, sensor)
-    table = label_image(0, path.name, extract(image, sensor), jig, sensor)
-    return len(table.axis), len(jig.strings)
+    found = label_alone(Frame(0, "", points=extract(image, sensor)), jig, sensor)
+    return len(found.axis), len(jig.strings)

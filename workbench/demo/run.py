@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
@@ -57,7 +57,7 @@ def run_demo(out: Path, seed: int, settings: Settings, bar: Bar) -> DemoResult:
     return DemoResult(cell, observed, result, full, remark)
 
 
-def _overlays(folder: Path, cell: Cell, tables: Sequence[Frame], progress: Callable[[int, int], None]) -> None:
+def _overlays(folder: Path, cell: Cell, tables: tuple[Frame, ...], progress: Callable[[int, int], None]) -> None:
     def one(table: Frame) -> Path:
         image = read_image(cell.folder / table.image, cell.sensor)
         return save_overlays(folder, image, cell.sensor, table)

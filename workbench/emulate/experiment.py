@@ -6,9 +6,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from calib.synthetic import TRUTH
-from geometry import draw_errors
+from geometry import Role, draw_errors
 from jig_cad import Jig, sample_tolerance
 from perceptron_emu import Solid
 from workbench import defaults
@@ -58,7 +59,7 @@ def paper_experiment(seed: int) -> Experiment:
         T_base_jig=places,
         solids=solids,
     )
-    views = []
+    views: list[tuple[str, Role, NDArray[np.float64]]] = []
     for name, place in PLACES.items():
         # planned with what the user knows: the design SCP is a little wrong, the views' margins hold for the true one
         sees_all = sees_all_strings(sensor, jig, solids[name])

@@ -47,13 +47,13 @@ class Configuration:
 
     frame: int
     location: str
-    role: str
+    role: Role
     reading_rad: Array
     true_rad: Array
 
 
 def with_joint_noise(
-    views: Sequence[tuple[str, str, Array]], robot: Arm, rng: np.random.Generator
+    views: Sequence[tuple[str, Role, Array]], robot: Arm, rng: np.random.Generator
 ) -> tuple[Configuration, ...]:
     """Configurations of (location, role, joints): readings rounded as in the file, true angles off by the joints' σ."""
     out, sigma = [], robot.dh_part().uncertainty.joint_sigma_rad
@@ -132,8 +132,7 @@ def frame_scene(cell: Cell, true: TrueCell, configuration: Configuration) -> Sce
 
 
 def _row(c: Configuration) -> Frame:
-    role: Role = "verify" if c.role == "verify" else "calibrate"
-    return Frame(c.frame, c.location, role, joints_rad=c.reading_rad, image=f"images/{c.frame:03d}.png")
+    return Frame(c.frame, c.location, c.role, c.reading_rad, image=f"images/{c.frame:03d}.png")
 
 
 def _frame(

@@ -10,7 +10,7 @@ import numpy as np
 from geometry import InputError, Sensor
 from perceptron_emu import EmulatorConfig, Scene, mean_electrons, read_scene
 from workbench.emulate.extras import Extras, Renderer, truth_points
-from workbench.files import write_png, write_text
+from workbench.files import rounded, write_png, write_text
 
 DARKEST_E = 5.0  # mean electrons of the brightest pixel below which an image shows nothing
 
@@ -33,7 +33,7 @@ def render_scene_file(
         "T_sensor_jig": None if pose is None else pose.matrix.tolist(),
         "points": [p.model_dump(exclude={"name"}) for p in truth_points(frame)],
     }
-    write_text(out / "truth" / "000.json", json.dumps(truth, indent=1, allow_nan=False) + "\n")
+    write_text(out / "truth" / "000.json", json.dumps(rounded(truth), indent=1, allow_nan=False) + "\n")
     image = out / "images" / "000.png"
     write_png(image, frame.image)
     return image

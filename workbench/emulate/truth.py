@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import Frame, InputError, Pose, draw_errors
+from geometry import Frame, InputError, Pose, Role, draw_errors
 from jig_cad import sample_tolerance
 from perceptron_emu import Solid, Surroundings
 from workbench.cell import around_jig, jig_bodies, sees_all_strings
@@ -75,7 +75,7 @@ def draw_truth(cell: Cell, errors: Errors, rng: np.random.Generator, around: Sur
 
 def planned_views(
     cell: Cell, per_location: int, rng: np.random.Generator, around: Surroundings = NOTHING
-) -> list[tuple[str, str, Array]]:
+) -> list[tuple[str, Role, Array]]:
     """Views (location, role, joints) planned at every location, with what the files say."""
     views = []
     for name, place in cell.T_base_jig.items():
@@ -87,21 +87,20 @@ def planned_views(
     return views
 
 
-def given_views(cell: Cell, frames: Sequence[Frame]) -> list[tuple[str, str, Array]]:
-    """Views of the frames of a frames.csv."""
-    views: list[tuple[str, str, Array]] = []
-    for frame in frames:
-        where = f"frames.csv, frame {frame.number}"
-        if frame.joints_rad is None:
-            raise InputError(f"{where}: images are made from joint readings, not from hand poses")
-        if frame.location not in cell.T_base_jig:
-            raise InputError(f"{where}: cell.toml has no [locations.{frame.location}] T_base_jig")
-        views.append((frame.location, frame.role, frame.joints_rad))
+def given_views(cell: Cell, rows: Sequence[Frame]) -> list[tuple[str, Role, Array]]:
+    """Views of the rows of a frames.csv."""
+    views = []
+    for row in rows:
+        if row.joints_rad is None:
+            raise InputError(f"frames.csv, line {row.line}: images are made from joint readings, not from hand poses")
+        if row.location not in cell.T_base_jig:
+            raise InputError(f"frames.csv, line {row.line}: cell.toml has no [locations.{row.location}] T_base_jig")
+        views.append((row.location, row.role, row.joints_rad))
     return views
 
 
 def configurations(
-    views: Sequence[tuple[str, str, Array]], true: TrueCell, errors: Errors, rng: np.random.Generator
+    views: Sequence[tuple[str, Role, Array]], true: TrueCell, errors: Errors, rng: np.random.Generator
 ) -> tuple[Configuration, ...]:
     """What is recorded: readings as the controller shows them, true angles off by the joints' σ."""
     drawn = with_joint_noise(views, true.robot, rng)

@@ -7,6 +7,7 @@ from workbench.files.frames_csv import frames_text, read_frames
 from workbench.files.images import SUFFIXES, Image, read_image, write_png
 from workbench.files.points_csv import GivenPoints, points_text, read_points
 from workbench.files.robot_file import read_robot, robot_text, urdf_of
+from workbench.files.rounding import rounded, rounded_number
 from workbench.files.sensor_file import read_emulator, read_sensor, sensor_text, stated_optics
 from workbench.files.settings_file import (
     Settings,
@@ -54,6 +55,8 @@ __all__ = [
     "read_toml",
     "read_truth",
     "robot_text",
+    "rounded",
+    "rounded_number",
     "sensor_text",
     "sentence",
     "settings_text",

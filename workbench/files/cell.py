@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field, field_validator
 
 import assets
-from geometry import DhRobot, Frame, InputError, Pose, Sensor, did_you_mean
+from geometry import DhRobot, Frame, InputError, Pose, Role, Sensor, did_you_mean
 from jig_cad import Jig, jig_from_table
 from jig_cad.files import table_model, without_names
 from perceptron_emu import EmulatorConfig
@@ -75,7 +75,7 @@ class Cell:
     T_base_jig: dict[str, Pose] = field(default_factory=dict)
     points: dict[int, GivenPoints] | None = None
     truth: Truth | None = None
-    roles: dict[str, str] = field(default_factory=dict)
+    roles: dict[str, Role] = field(default_factory=dict)
     name: str = ""
     robot_path: Path | None = None
     emulator: EmulatorConfig = field(default_factory=EmulatorConfig)
@@ -220,8 +220,7 @@ def _points(
     if file.points is None and (has_images or not path.exists()):
         for row in frames:
             if not row.image:
-                where = f"{frames_path}, frame {row.number}, column image"
-                raise InputError(f"{where}: is empty, and there is no points.csv")
+                raise InputError(f"{frames_path}, line {row.line}, column image: is empty, and there is no points.csv")
         return None
     points = read_points(path, jig.strings)
     known = {row.number for row in frames}

@@ -10,6 +10,7 @@ from workbench.files.atomic import write_text
 from workbench.files.cell import Cell
 from workbench.files.frames_csv import frames_text
 from workbench.files.robot_file import robot_text
+from workbench.files.rounding import rounded, rounded_number
 from workbench.files.sensor_file import sensor_text
 from workbench.files.truth_file import write_truth
 
@@ -42,8 +43,8 @@ def cell_text(cell: Cell) -> str:
 
 
 def _numbers(values: object) -> str:
-    return "[" + ", ".join(repr(round(float(v), 12)) for v in values) + "]"  # type: ignore[attr-defined]
+    return "[" + ", ".join(repr(rounded_number(float(v))) for v in values) + "]"  # type: ignore[attr-defined]
 
 
 def _matrix(pose: Pose) -> str:
-    return toml_value(pose.matrix.tolist())
+    return toml_value(rounded(pose.matrix, "T_base_jig"))

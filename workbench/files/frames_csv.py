@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import Frame, InputError, Pose, Role, quaternion_wxyz
+from geometry import Frame, InputError, Pose
 from workbench.files.table import CsvTable, Row, read_table
 
 Array = NDArray[np.float64]
@@ -20,7 +20,7 @@ ATOL_QUATERNION = 1e-2  # length of a quaternion as written; digits cut in the f
 
 
 def read_frames(path: Path, n_joints: int, *, may_be_empty: bool = False) -> tuple[Frame, ...]:
-    """The frames of a frames.csv, joint readings in radians.
+    """The rows of frames.csv, joint readings in radians.
 
     Parameters
     ----------
@@ -46,15 +46,14 @@ def read_frames(path: Path, n_joints: int, *, may_be_empty: bool = False) -> tup
     known = ("frame", "image", "location", "role", *joints, *POSE_COLUMNS)
     table = read_table(path, known, ("frame", "location", "role"))
     poses = _check_motion_columns(table, n_joints)
-    frames = tuple(_frame(row, n_joints, poses=poses) for row in table.rows)
-    if not frames and not may_be_empty:
+    rows = tuple(_row(row, n_joints, poses=poses) for row in table.rows)
+    if not rows and not may_be_empty:
         raise InputError(f"{path}: holds a header but no frames")
-    lines = {frame.number: row.line for frame, row in zip(reversed(frames), reversed(table.rows), strict=True)}
-    _check_numbers(table, frames, lines)
-    _check_locations(path, frames, lines)
-    if frames and not poses:
-        _check_degrees(path, frames)
-    return frames
+    _check_numbers(path, rows)
+    _check_locations(path, rows)
+    if rows and not poses:
+        _check_degrees(path, rows)
+    return rows
 
 
 def _check_motion_columns(table: CsvTable, n_joints: int) -> bool:
@@ -81,65 +80,71 @@ def _check_motion_columns(table: CsvTable, n_joints: int) -> bool:
     return False
 
 
-def _frame(row: Row, n_joints: int, *, poses: bool) -> Frame:
-    number, image, location = row.whole("frame"), row.cells.get("image", ""), row.text("location")
-    role: Role = "calibrate" if row.choice("role", ROLES) == "calibrate" else "verify"
+def _row(row: Row, n_joints: int, *, poses: bool) -> Frame:
+    common = {
+        "number": row.whole("frame"),
+        "image": row.cells.get("image", ""),
+        "location": row.text("location"),
+        "role": row.choice("role", ROLES),
+        "line": row.line,
+    }
     if not poses:
         degrees = [row.number(f"j{i}_deg") for i in range(1, n_joints + 1)]
-        return Frame(number, location, role, joints_rad=np.deg2rad(degrees), image=image)
+        return Frame(**common, joints_rad=np.deg2rad(degrees))  # type: ignore[arg-type]
     q = np.array([row.number(c) for c in POSE_COLUMNS[3:]])
     if abs(np.linalg.norm(q) - 1) > ATOL_QUATERNION:
         raise row.fail("qw … qz", f"the quaternion has length {np.linalg.norm(q):.4g}, a rotation's is 1")
     pose = Pose.from_quaternion_wxyz(q, [row.number(c) for c in POSE_COLUMNS[:3]])
-    return Frame(number, location, role, T_base_hand=pose, image=image)
+    return Frame(**common, T_base_hand=pose)  # type: ignore[arg-type]
 
 
-def _check_numbers(table: CsvTable, frames: tuple[Frame, ...], lines: dict[int, int]) -> None:
-    for frame, row in zip(frames, table.rows, strict=True):
-        if lines[frame.number] != row.line:
-            raise InputError(
-                f"{table.path}, line {row.line}: frame {frame.number} stands already on line {lines[frame.number]}"
-            )
+def _check_numbers(path: Path, rows: tuple[Frame, ...]) -> None:
+    seen: dict[int, int] = {}
+    for row in rows:
+        if row.number in seen:
+            raise InputError(f"{path}, line {row.line}: frame {row.number} stands already on line {seen[row.number]}")
+        seen[row.number] = row.line
 
 
-def _check_locations(path: Path, frames: tuple[Frame, ...], lines: dict[int, int]) -> None:
+def _check_locations(path: Path, rows: tuple[Frame, ...]) -> None:
     """One spelling and one role a location: a location that solves can not verify."""
     first: dict[str, Frame] = {}
-    for frame in frames:
-        before = first.setdefault(frame.location.casefold(), frame)
-        line, old = lines[frame.number], lines[before.number]
-        where = f'{path}, line {line}: location "{frame.location}"'
-        if before.location != frame.location:
-            raise InputError(f'{where} is "{before.location}" on line {old}; one spelling is right')
-        if before.role != frame.role:
-            raise InputError(f"{where} has role {frame.role}, on line {old} {before.role}; one role is right")
+    for row in rows:
+        before = first.setdefault(row.location.casefold(), row)
+        where = f'{path}, line {row.line}: location "{row.location}"'
+        if before.location != row.location:
+            raise InputError(f'{where} is "{before.location}" on line {before.line}; one spelling is right')
+        if before.role != row.role:
+            raise InputError(f"{where} has role {row.role}, on line {before.line} {before.role}; one role is right")
 
 
-def _check_degrees(path: Path, frames: tuple[Frame, ...]) -> None:
-    readings = np.abs([frame.joints_rad for frame in frames if frame.joints_rad is not None])
-    if len(frames) >= 3 and 0.01 < np.max(np.rad2deg(readings)) <= 2 * np.pi:
+def _check_degrees(path: Path, rows: tuple[Frame, ...]) -> None:
+    readings = np.abs([row.joints_rad for row in rows if row.joints_rad is not None])
+    if len(rows) >= 3 and 0.01 < np.max(np.rad2deg(readings)) <= 2 * np.pi:
         raise InputError(
             f"{path}: no joint reads more than {np.max(np.rad2deg(readings)):.3g}°, as if in radians; "
             "the columns j1_deg … are in degrees"
         )
 
 
-def frames_text(frames: tuple[Frame, ...], decimals: int = 6) -> str:
-    """The frames as the text of a frames.csv; joints in degrees with ``decimals`` digits."""
-    joints = frames[0].joints_rad
+def frames_text(rows: tuple[Frame, ...], decimals: int = 6) -> str:
+    """The rows as the text of a frames.csv; joints in degrees with ``decimals`` digits."""
+    joints = rows[0].joints_rad
     columns = POSE_COLUMNS if joints is None else [f"j{i}_deg" for i in range(1, len(joints) + 1)]
     lines = [",".join(["frame", "image", "location", "role", *columns])]
-    for frame in frames:
-        if frame.joints_rad is not None:
-            numbers = [f"{v:.{decimals}f}" for v in np.rad2deg(frame.joints_rad)]
+    for row in rows:
+        if row.joints_rad is not None:
+            numbers = [f"{v:.{decimals}f}" for v in np.rad2deg(row.joints_rad)]
         else:
-            numbers = [f"{float(v):.12g}" for v in _pose_numbers(frame)]
-        lines.append(",".join([str(frame.number), frame.image, frame.location, frame.role, *numbers]))
+            numbers = [f"{float(v):.12g}" for v in _pose_numbers(row)]
+        lines.append(",".join([str(row.number), row.image, row.location, row.role, *numbers]))
     return "\n".join(lines) + "\n"
 
 
-def _pose_numbers(frame: Frame) -> Array:
-    pose = frame.T_base_hand
+def _pose_numbers(row: Frame) -> Array:
+    from geometry import quaternion_wxyz
+
+    pose = row.T_base_hand
     if pose is None:
-        raise InputError(f"frame {frame.number} has neither joints nor a pose")
+        raise InputError(f"frame {row.number} has neither joints nor a pose")
     return np.concatenate([pose.t, quaternion_wxyz(pose.R)])

@@ -10,6 +10,7 @@ from pydantic import Field, ValidationError
 
 from geometry import InputError
 from workbench.files.atomic import write_text
+from workbench.files.rounding import rounded
 from workbench.files.strict import FileSection, Matrix4, Real, Text, Vector3, Whole
 from workbench.files.toml_text import read_text
 
@@ -61,9 +62,10 @@ def read_truth(path: Path) -> Truth:
 
 
 def write_truth(path: Path, truth: Truth) -> None:
-    """Write a truth.json atomically."""
+    """Write a truth.json atomically, its numbers rounded so that every processor writes the same."""
     data = truth.model_dump(exclude={"frames": {"__all__": {"name": True, "points": {"__all__": {"name"}}}}})
-    write_text(path, json.dumps(data, indent=1, allow_nan=False) + "\n")
+    data["locations"] = {name: rounded(pose, "T_base_jig") for name, pose in data["locations"].items()}
+    write_text(path, json.dumps(rounded(data), indent=1, allow_nan=False) + "\n")
 
 
 def _no_constant(name: str) -> float:

@@ -12,6 +12,8 @@ from geometry import DhRobot, InputError, Pose, corrected_origins
 from workbench.files.atomic import write_text
 from workbench.files.urdf import UrdfJoint, parse_urdf, read_chain, read_urdf
 
+_DECIMALS = 13  # of metres and radians: more than the chain needs, fewer than hang on the processor
+
 
 def write_urdf(source: Path, base: str, tip: str, corrected: DhRobot, target: Path) -> None:
     """Write ``source`` to ``target`` with the chain from ``base`` to ``tip`` as ``corrected`` has it.
@@ -52,8 +54,8 @@ def _set_origin(element: Any, origin: Pose) -> None:
     if place is None:
         place = element.makeelement("origin", {})
         element.insert(0, place)
-    place.set("xyz", " ".join(repr(float(v)) for v in origin.t / 1000))
-    place.set("rpy", " ".join(repr(float(v)) for v in np.deg2rad(origin.fixed_xyz_deg)))
+    place.set("xyz", " ".join(repr(round(float(v), _DECIMALS)) for v in origin.t / 1000))
+    place.set("rpy", " ".join(repr(round(float(v), _DECIMALS)) for v in np.deg2rad(origin.fixed_xyz_deg)))
 
 
 def _check_same_arm(nominal: DhRobot, corrected: DhRobot) -> None:

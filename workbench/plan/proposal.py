@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 from calib.bundle import FrameInformation, Model, observability, scaled, scp_covariance
 from calib.printed import printed_sigmas
-from geometry import Frame, InputError, NoAnswerError, stack_poses
+from geometry import Frame, InputError, NoAnswerError, Role, stack_poses
 from geometry.ties import ascending
 from workbench.cell import jig_bodies, sees_all_strings
 from workbench.files import Cell
@@ -40,7 +41,7 @@ class ViewPools:
     """
 
     names: list[str]
-    roles: list[str]
+    roles: list[Role]
     problems: dict[int, ViewProblem]
     space: ViewSpace
     views: list[Views]
@@ -223,7 +224,7 @@ def _random(found: ViewPools, per_location: int, rng: np.random.Generator) -> tu
     return np.array(with_robot), np.array(noise)
 
 
-def _role(cell: Cell, name: str) -> str:
+def _role(cell: Cell, name: str) -> Role:
     told = [row.role for row in cell.frames if row.location == name]
     return cell.roles.get(name, told[0] if told else "calibrate")
 
@@ -256,14 +257,8 @@ def _proposal(cell: Cell, found: ViewPools, plan: Planned, criterion: str, rando
     )
     first = max((row.number for row in cell.frames), default=-1) + 1
     rows = tuple(
-        Frame(
-            first + k,
-            found.names[i],
-            "verify" if found.roles[i] == VERIFY else "calibrate",
-            joints_rad=plan.views.joints_rad[k],
-            image=f"images/{first + k:03d}.png",
-        )
-        for k, i in enumerate(plan.location)
+        Frame(n, found.names[i], found.roles[i], plan.views.joints_rad[k], image=f"images/{n:03d}.png")
+        for k, (n, i) in enumerate(zip(count(first), plan.location, strict=False))
     )
     rotations = plan.views.T_sensor_jig.R
     sigma_deg, sigma_mm = printed_sigmas(cell.T_hand_sensor_design, covariance)

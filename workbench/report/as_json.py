@@ -10,6 +10,7 @@ import numpy as np
 
 from calib import CalibrationResult, DesignSolved, LocationResult
 from geometry import CONVENTIONS, Frame, express
+from workbench.files import rounded
 
 
 def calibration_object(result: CalibrationResult, complaints: dict[int, str] | None = None) -> dict[str, Any]:
@@ -133,5 +134,5 @@ def clean(value: Any) -> Any:
 
 
 def json_text(value: Any, indent: int | None = 1) -> str:
-    """One JSON object as ASCII text without NaN."""
-    return json.dumps(clean(value), indent=indent, allow_nan=False)
+    """One JSON object as ASCII text without NaN, its numbers rounded so that every processor writes the same."""
+    return json.dumps(rounded(clean(value)), indent=indent, allow_nan=False)

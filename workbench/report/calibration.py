@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,7 @@ from numpy.typing import NDArray
 
 from calib import CalibrationResult
 from geometry import CONVENTIONS, Frame, express
-from workbench.cell import Observed, label_dataset
+from workbench.cell import Observed
 from workbench.files import Cell, Settings, read_image, settings_text, write_text
 from workbench.report.as_text import AXES
 from workbench.report.fig7 import draw_fig7
@@ -56,7 +55,6 @@ def write_report(path: Path, given: ReportInput) -> None:
 
 def _content(given: ReportInput) -> dict[str, Any]:
     result, cell = given.result, given.cell
-    tables = label_dataset(cell, given.observed, given.settings.calib, result)
     left_out = leave_one_location_out(cell, result, given.settings.calib)
     return {
         "title": cell.name or cell.folder.resolve().name,
@@ -73,7 +71,7 @@ def _content(given: ReportInput) -> dict[str, Any]:
         "tangent": TANGENT,
         "frames": [_frame_row(f) for f in result.frames],
         "complaints": given.observed.complaints,
-        "worst": _worst(cell, result, tables),
+        "worst": _worst(cell, result),
         "settings": settings_text(given.settings),
         "points": sum(len(f.axis) for f in result.frames if f.used),
     }
@@ -128,16 +126,16 @@ def _frame_row(frame: Frame) -> dict[str, Any]:
     return {"frame": frame, "rms": _rms(frame), "points": len(frame.axis), "flags": ", ".join(flags)}
 
 
-def _worst(cell: Cell, result: CalibrationResult, tables: Sequence[Frame]) -> list[dict[str, Any]]:
+def _worst(cell: Cell, result: CalibrationResult) -> list[dict[str, Any]]:
     """The frames left out and those with the largest residuals, with their overlays."""
     if cell.points is not None:
         return []
     rms = {f.number: _rms(f) if f.used else np.inf for f in result.frames}
-    order = sorted(tables, key=lambda t: -rms[t.number])[: WORST + sum(np.isinf(v) for v in rms.values())]
+    order = sorted(result.frames, key=lambda f: -rms[f.number])[: WORST + sum(np.isinf(v) for v in rms.values())]
     out = []
-    for table in order[: 2 * WORST]:
-        if table.reason != "image_unreadable":
-            picture = overlay(read_image(cell.folder / table.image, cell.sensor), cell.sensor, table)
-            why = "not used" if np.isinf(rms[table.number]) else f"rms {rms[table.number]:.3f} mm"
-            out.append({"frame": table.number, "why": why, "image": jpeg(picture)})
+    for frame in order[: 2 * WORST]:
+        if frame.reason != "image_unreadable":
+            picture = overlay(read_image(cell.folder / frame.image, cell.sensor), cell.sensor, frame)
+            why = "not used" if np.isinf(rms[frame.number]) else f"rms {rms[frame.number]:.3f} mm"
+            out.append({"frame": frame.number, "why": why, "image": jpeg(picture)})
     return out

@@ -25,21 +25,21 @@ GAMMA = 0.5  # lifts spots of a twentieth of the range to a fifth
 SHIFT = 4  # OpenCV draws at 1 / 2^SHIFT px
 
 
-def overlay(image: Image, sensor: Sensor, table: Frame) -> Picture:
+def overlay(image: Image, sensor: Sensor, frame: Frame) -> Picture:
     """The picture (H, W + tiles, 3) of one frame; tiles show the labelled spots magnified with their 95 % ellipses."""
     grey = brighten(image, sensor)
     picture = cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR)
-    taken = {int(spot): i for i, spot in enumerate(table.axis.spot) if spot >= 0}
-    for spot in range(len(table.points)):
-        _draw_spot(picture, table, spot, taken.get(spot))
-    write(picture, (12, 30), _title(table), (240, 240, 240), 0.7)
-    return np.hstack([picture, _tiles(grey, table, taken)])
+    taken = {int(spot): i for i, spot in enumerate(frame.axis.spot) if spot >= 0}
+    for spot in range(len(frame.points)):
+        _draw_spot(picture, frame, spot, taken.get(spot))
+    write(picture, (12, 30), _title(frame), (240, 240, 240), 0.7)
+    return np.hstack([picture, _tiles(grey, frame, taken)])
 
 
-def save_overlays(folder: Path, image: Image, sensor: Sensor, table: Frame) -> Path:
+def save_overlays(folder: Path, image: Image, sensor: Sensor, frame: Frame) -> Path:
     """Write one frame's overlay and return its path."""
-    path = folder / f"{table.number:03d}.png"
-    write_png(path, overlay(image, sensor, table), compression=3)
+    path = folder / f"{frame.number:03d}.png"
+    write_png(path, overlay(image, sensor, frame), compression=3)
     return path
 
 
@@ -50,16 +50,16 @@ def brighten(image: NDArray[Any], sensor: Sensor) -> Picture:
     return np.asarray(255 * np.clip(level, 0, 1) ** GAMMA).astype(np.uint8)
 
 
-def _title(table: Frame) -> str:
-    text = f"frame {table.number}  {table.image}  {len(table.axis)} labelled of {len(table.points)} spots"
-    return text + (f"  ({table.reason})" if table.reason else "")
+def _title(frame: Frame) -> str:
+    text = f"frame {frame.number}  {frame.image}  {len(frame.axis)} labelled of {len(frame.points)} spots"
+    return text + (f"  ({frame.reason})" if frame.reason else "")
 
 
-def _draw_spot(picture: Picture, table: Frame, spot: int, axis: int | None) -> None:
-    points = table.points
+def _draw_spot(picture: Picture, frame: Frame, spot: int, axis: int | None) -> None:
+    points = frame.points
     flag = points.flag[spot]
-    if axis is not None and axis < len(table.axis.flag):
-        flag = table.axis.flag[axis] or flag
+    if axis is not None and axis < len(frame.axis.flag):
+        flag = frame.axis.flag[axis] or flag
     colour = UNLABELLED if axis is None else FLAGGED if flag else LABELLED
     u, v = points.uv_px[spot]
     if not np.isfinite([u, v]).all():
@@ -67,33 +67,33 @@ def _draw_spot(picture: Picture, table: Frame, spot: int, axis: int | None) -> N
     size = np.maximum(3 * points.sigma_px[spot], 5) if np.isfinite(points.sigma_px[spot]).all() else np.array([8, 8])
     angle = float(np.rad2deg(points.axis_rad[spot])) if np.isfinite(points.axis_rad[spot]) else 0.0
     _ellipse(picture, (u, v), size + 4, angle, colour)
-    name = (table.axis.label[axis] if axis is not None else "") + (f" {flag}" if flag else "")
+    name = (frame.axis.label[axis] if axis is not None else "") + (f" {flag}" if flag else "")
     write(picture, (int(u) + 12, int(v) - 10), name.strip(), colour, 0.6)
 
 
-def _tiles(grey: Picture, table: Frame, taken: dict[int, int]) -> Picture:
+def _tiles(grey: Picture, frame: Frame, taken: dict[int, int]) -> Picture:
     """A column of magnified spots in the order of the labels."""
     column = np.full((grey.shape[0], TILE, 3), 24, np.uint8)
     for place, (spot, axis) in enumerate(sorted(taken.items(), key=lambda item: item[1])):
         top = place * (TILE + 4)
         if top + TILE > grey.shape[0]:
             break
-        column[top : top + TILE] = _tile(grey, table, spot, axis)
+        column[top : top + TILE] = _tile(grey, frame, spot, axis)
     return column
 
 
-def _tile(grey: Picture, table: Frame, spot: int, axis: int) -> Picture:
-    u, v = table.points.uv_px[spot]
+def _tile(grey: Picture, frame: Frame, spot: int, axis: int) -> Picture:
+    u, v = frame.points.uv_px[spot]
     # pixel p of the picture lies at ZOOM · (p - centre) + (TILE - 1) / 2 of the tile
     offset = (TILE - 1) / 2
     matrix = np.array([[ZOOM, 0, offset - ZOOM * u], [0, ZOOM, offset - ZOOM * v]])
     tile = cv2.warpAffine(grey, matrix, (TILE, TILE), flags=cv2.INTER_NEAREST)
     picture = cv2.cvtColor(tile, cv2.COLOR_GRAY2BGR)
-    values, vectors = np.linalg.eigh(table.points.cov_uv_px2[spot])
+    values, vectors = np.linalg.eigh(frame.points.cov_uv_px2[spot])
     radii = ELLIPSE_95 * np.sqrt(np.maximum(values, 0)) * ZOOM
     angle = float(np.rad2deg(np.arctan2(vectors[1, 1], vectors[0, 1])))
     _ellipse(picture, (offset, offset), np.maximum(radii[::-1], 0.5), angle, ELLIPSE)
-    write(picture, (6, 20), table.axis.label[axis], LABELLED, 0.6)
+    write(picture, (6, 20), frame.axis.label[axis], LABELLED, 0.6)
     return np.asarray(picture, dtype=np.uint8)
 
 

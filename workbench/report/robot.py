@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from calib import CalibrationResult
-from geometry import require_arm
+from geometry import DH_ROWS, DhRobot, require_arm
 from workbench.files import Cell, robot_text, urdf_of, write_text
+
+_DECIMALS = 9  # of degrees and mm: some 1e-8 mm at the hand of a large arm
 
 
 def write_corrected_robot(out: Path, cell: Cell, result: CalibrationResult) -> None:
     """Write robot_corrected.toml, or robot_corrected.urdf for a robot from a URDF; nothing where nothing changed."""
     if result.robot is None or not result.verdict.trustworthy or not np.any(result.robot_delta):
         return
-    table = require_arm(result.robot).dh_part()
+    table = _rounded(require_arm(result.robot).dh_part())
     urdf = None if cell.robot_path is None else urdf_of(cell.robot_path)
     if urdf is None:
         write_text(out / "robot_corrected.toml", robot_text(table))
@@ -23,3 +27,12 @@ def write_corrected_robot(out: Path, cell: Cell, result: CalibrationResult) -> N
     from workbench.files import write_urdf
 
     write_urdf(urdf.path, urdf.base, urdf.tip, table, out / "robot_corrected.urdf")
+
+
+def _rounded(robot: DhRobot) -> DhRobot:
+    """The table rounded in its file's units, so that every processor writes the same."""
+    shown: dict[str, Any] = {
+        row.column: np.round(row.to_file(getattr(robot, row.column)), _DECIMALS) + 0.0 for row in DH_ROWS
+    }
+    columns: dict[str, Any] = {row.column: row.from_file(shown[row.column]) for row in DH_ROWS}
+    return replace(robot, **columns)

@@ -1,4 +1,4 @@
-"""One picture for every stage of extraction: raw, background, mask, candidates with reasons, spots, labels."""
+"""One picture for every stage of extraction: raw, background, mask, candidates with reasons, spots, labels; regions."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from extraction import ExtractionConfig, Stages, extract_stages
-from geometry import AxisPoints, Frame, Sensor
+from extraction import ExtractionConfig, Stages, extract_stages, region_shapes
+from geometry import AxisPoints, Frame, Sensor, write_text
 from workbench.files import Image, write_png
 from workbench.report.overlays import LABELLED, Colour, brighten, mark, overlay, write
 
@@ -25,21 +25,30 @@ REASONS: tuple[Colour, ...] = (
 
 
 def save_stages(
-    folder: Path, image: Image, sensor: Sensor, table: Frame, config: ExtractionConfig | None = None
+    folder: Path, image: Image, sensor: Sensor, frame: Frame, config: ExtractionConfig | None = None
 ) -> None:
-    """Write the six pictures of one frame into ``folder``/NNN."""
+    """Write the six pictures of one frame and the shapes of its candidates' regions into ``folder``/NNN."""
     stages = extract_stages(image, sensor, config)
-    unlabelled = replace(table, points=stages.points, axis=AxisPoints.empty(), reason=stages.reason or None)
+    unlabelled = replace(frame, points=stages.points, axis=AxisPoints.empty(), reason=stages.reason or None)
     pictures = {
         "1_raw": brighten(image, sensor),
         "2_background": brighten(stages.background.clip(0, sensor.require_camera().saturation_dn), sensor),
         "3_mask": stages.mask.astype(np.uint8) * 255,
         "4_candidates": _candidates(image, sensor, stages),
         "5_spots": overlay(image, sensor, unlabelled),
-        "6_labels": overlay(image, sensor, table),
+        "6_labels": overlay(image, sensor, frame),
     }
     for name, picture in pictures.items():
-        write_png(folder / f"{table.number:03d}" / f"{name}.png", picture, compression=3)
+        write_png(folder / f"{frame.number:03d}" / f"{name}.png", picture, compression=3)
+    write_text(folder / f"{frame.number:03d}" / "regions.csv", _regions(stages))
+
+
+def _regions(stages: Stages) -> str:
+    """A row for every candidate that grew a region: its reason, and its shape."""
+    columns = region_shapes(stages)
+    rows = zip(*columns.values(), strict=True)
+    lines = [",".join(f"{x:.6g}" if isinstance(x, np.floating) else str(x) for x in row) for row in rows]
+    return "\n".join([",".join(columns), *lines]) + "\n"
 
 
 def _candidates(image: Image, sensor: Sensor, stages: Stages) -> NDArray[Any]:

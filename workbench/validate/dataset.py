@@ -20,13 +20,13 @@ def measure_dataset(path: Path, settings: Settings, progress: Progress) -> Measu
     truth = {frame.frame: frame for frame in cell.truth.frames}
     observed = observe(cell, settings.extraction, progress)
     out = Measured([], [])
-    for table in label_dataset(cell, observed, settings.calib):
-        if table.number not in truth or table.number in observed.complaints:
+    for frame in label_dataset(cell, observed, settings.calib):
+        if frame.number not in truth or frame.number in observed.complaints:
             continue
-        known = truth[table.number]
+        known = truth[frame.number]
         tilt = float(np.rad2deg(np.arccos(np.clip(known.T_sensor_jig[2][2], -1, 1))))
-        rows, count = score(table, known.points)
-        common = {"frame": table.number, "nominal": True, "tilt_deg": tilt}
+        rows, count = score(frame, known.points)
+        common = {"frame": frame.number, "nominal": True, "tilt_deg": tilt}
         out.strings.extend(common | row for row in rows)
         out.counts.append(common | count)
     return out

@@ -54,21 +54,14 @@ def label_drawn(frame: Drawn, image: NDArray[Any], settings: Settings) -> Frame:
     """The labelled spots of one drawn frame."""
     points = extract(image, frame.scene.sensor, settings.extraction)
     labelled = label_frame(points, frame.jig, frame.scene.sensor, frame.guess, settings.calib or CalibConfig())
-    return Frame(
-        frame.number,
-        "",
-        image=f"frame {frame.number}",
-        points=points,
-        axis=labelled.axis,
-        reason=labelled.reason,
-    )
+    return Frame(frame.number, "", points=points, axis=labelled.axis, reason=labelled.reason)
 
 
 def score(
-    table: Frame, truth: Sequence[KnownString], bounds: Sequence[float] | None = None
+    frame: Frame, truth: Sequence[KnownString], bounds: Sequence[float] | None = None
 ) -> tuple[list[dict[str, Any]], dict[str, Any]]:
     """Rows of one frame's strings and its counts."""
-    compared = match(true_strings(truth), named_points(table.points, table.axis), labelled=True)
+    compared = match(true_strings(truth), named_points(frame.points, frame.axis), labelled=True)
     found = {m.string.label: m for m in compared.found}
     rows = []
     for i, string in enumerate(truth):
@@ -81,8 +74,8 @@ def score(
         if string.axis_mm is not None:
             y, z = np.asarray(string.axis_mm, dtype=float)
             row |= {"y_mm": float(y), "z_mm": float(z)}
-        rows.append(row | (_errors(table, found[string.label]) if string.label in found else {}))
-    return rows, _counts(compared) | {"labelled": len(table.axis), "spots": len(table.points)}
+        rows.append(row | (_errors(frame, found[string.label]) if string.label in found else {}))
+    return rows, _counts(compared) | {"labelled": len(frame.axis), "spots": len(frame.points)}
 
 
 def _counts(compared: Comparison) -> dict[str, int]:
@@ -94,9 +87,9 @@ def _counts(compared: Comparison) -> dict[str, int]:
     }
 
 
-def _errors(table: Frame, found: Match) -> dict[str, Any]:
-    k = table.axis.label.index(found.string.label)
-    covariance = table.axis.cov_yz_mm2[k]
+def _errors(frame: Frame, found: Match) -> dict[str, Any]:
+    k = frame.axis.label.index(found.string.label)
+    covariance = frame.axis.cov_yz_mm2[k]
     error_px, error = np.array(found.error_px), np.array(found.error_mm)
     return {
         "error_u_px": float(error_px[0]),
@@ -106,7 +99,7 @@ def _errors(table: Frame, found: Match) -> dict[str, Any]:
         "sigma_y_mm": float(np.sqrt(covariance[0, 0])),
         "sigma_z_mm": float(np.sqrt(covariance[1, 1])),
         "chi2": float(error @ np.linalg.solve(covariance, error)),
-        "flag": table.axis.flag[k] if k < len(table.axis.flag) else "",
+        "flag": frame.axis.flag[k] if k < len(frame.axis.flag) else "",
     }
 
 

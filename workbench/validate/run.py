@@ -89,10 +89,10 @@ def validate_dataset(path: Path, settings: Settings, progress: Progress) -> Vali
         return Validation(measured, [])
     observed = observe(cell, settings.extraction)
     worst = []
-    for table in label_dataset(cell, observed, settings.calib):
-        if table.number in chosen:
-            picture = overlay(read_image(cell.folder / table.image, cell.sensor), cell.sensor, table)
-            worst.append({"frame": table.number, "why": chosen[table.number], "image": jpeg(picture)})
+    for frame in label_dataset(cell, observed, settings.calib):
+        if frame.number in chosen:
+            picture = overlay(read_image(cell.folder / frame.image, cell.sensor), cell.sensor, frame)
+            worst.append({"frame": frame.number, "why": chosen[frame.number], "image": jpeg(picture)})
     return Validation(measured, worst)
 
 

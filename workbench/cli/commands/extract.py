@@ -55,8 +55,8 @@ def _remarks(extracted: Extracted) -> Iterator[str]:
         if frame.number in extracted.complaints:
             yield f"warning: frame {frame.number}: {extracted.complaints[frame.number]}"
         elif frame.reason:
-            spots = f"{len(frame.points)} spots ({frame.image or 'points'})"
-            yield f"warning: frame {frame.number}: {frame.reason}, {spots}"
+            what = f"{len(frame.points)} spots ({frame.image or 'points'})"
+            yield f"warning: frame {frame.number}: {frame.reason}, {what}"
 
 
 def _overlays(extracted: Extracted, folder: Path, stages: ExtractionConfig | None) -> None:

@@ -1,0 +1,76 @@
+"""Results as files hold them: rounded well above their last bits, which hang on the processor, far below their σ.
+
+A sum's order, a fused product or a library's sine leaves some 1e-16 of a number to the processor, solving a system
+some 1e-10 of a millimetre. Files that are to be the same everywhere hold less than that.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+DIGITS = 9  # significant, of any number
+DECIMALS = 7  # at most: of mm, px, degrees, and of what has no unit
+ROTATION_DECIMALS = 9  # of the entries of a rotation: a micrometre at a kilometre
+COVARIANCE_DIGITS = 6  # of a σ, and places of a correlation
+
+
+def rounded(value: Any, name: str = "") -> Any:
+    """A value of plain data (dicts, lists, numbers, text) or arrays, as plain data with its floats rounded.
+
+    name: the key under which it stands. ``T_…`` are transforms, ``covariance`` those of σ in mixed units; both as rows
+    or flat.
+    """
+    if isinstance(value, dict):
+        return {str(k): rounded(v, str(k)) for k, v in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return rounded(value.tolist(), name)
+    if isinstance(value, list | tuple):
+        if name.startswith("T_") and _is_full(value, (4, 4)):
+            return _like(_transform(value), value)
+        if name == "covariance" and (_is_full(value, (6, 6)) or _is_full(value, (2, 2))):
+            return _like(_covariance(value), value)
+        return [rounded(v, name) for v in value]
+    return rounded_number(value) if isinstance(value, float) else value
+
+
+def rounded_number(value: float, decimals: int = DECIMALS) -> float:
+    """A number to DIGITS significant digits and no more than ``decimals`` places, never a negative zero."""
+    return round(float(f"{value:.{DIGITS}g}"), decimals) + 0.0 if math.isfinite(value) else value
+
+
+def _is_full(value: Any, shape: tuple[int, int]) -> bool:
+    """Whether the rows, or the flat list, are a matrix of numbers of that shape."""
+    try:
+        m = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        return False
+    return m.shape in (shape, (shape[0] * shape[1],)) and bool(np.all(np.isfinite(m)))
+
+
+def _transform(value: ArrayLike) -> NDArray[np.float64]:
+    m = np.array(value, dtype=float).reshape(4, 4)
+    rotation = np.round(m[:3, :3], ROTATION_DECIMALS)
+    m[:3, :3] = rotation
+    m[:3, 3] = [rounded_number(float(t)) for t in m[:3, 3]]
+    return m + 0.0
+
+
+def _covariance(value: ArrayLike) -> NDArray[np.float64]:
+    """σ and correlations rounded: an entry near zero is rounding noise of the diagonal's size."""
+    m = np.array(value, dtype=float)
+    m = m.reshape((math.isqrt(m.size),) * 2)
+    variance = np.diag(m)
+    if not np.all(variance > 0):
+        return np.array([float(f"{v:.{COVARIANCE_DIGITS}g}") for v in m.ravel()]).reshape(m.shape)
+    sigma = np.array([float(f"{s:.{COVARIANCE_DIGITS}g}") for s in np.sqrt(variance)])
+    correlation = np.round(m / np.sqrt(np.outer(variance, variance)), COVARIANCE_DIGITS)
+    return np.asarray(correlation * np.outer(sigma, sigma)) + 0.0
+
+
+def _like(matrix: NDArray[np.float64], value: Any) -> Any:
+    """The matrix as rows, or flat where ``value`` is."""
+    return matrix.tolist() if isinstance(value[0], list | tuple) else matrix.ravel().tolist()
