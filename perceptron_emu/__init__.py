@@ -1,4 +1,9 @@
-"""The emulator: scenes of strings and solids under a laser sheet, rendered to images with exact truth."""
+"""The emulator: scenes of strings and solids under a laser sheet, rendered to images with exact truth.
+
+The main road is `pipeline.render`: moments of the exposure → what the laser lights and the camera sees (`light`) → mean
+electrons on the chip (`image`) → grey levels (`chip`), with the truth of all of it. Below stand `lens` and `solids`;
+beside it `gl`, a second renderer by OpenGL and pictures of the cell, and `scene_file`, which reads scene.toml.
+"""
 
 from perceptron_emu.check import check_optics, check_scene
 from perceptron_emu.chip import gain_dn_per_e
