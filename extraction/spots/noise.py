@@ -14,6 +14,7 @@ from extraction.spots.blur import BLOCK_PX, ROW_STEP, Image32
 from extraction.spots.prepare import Prepared
 from geometry import Sensor
 
+PRIOR_CONTRAST = 0.33  # of the speckle, where nothing is known of it; see `errors.speckle`
 # noise σ about grey level 0, cut off there and rounded: the mean and variance that are left
 CUT_SIGMA = np.geomspace(0.1, 60.0, 120)
 _STEPS = np.arange(300) + 0.5
