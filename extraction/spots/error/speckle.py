@@ -10,16 +10,16 @@ from numpy.typing import NDArray
 from scipy.special import j1
 
 from extraction.config import MAX_GRAIN_PX
-from extraction.spots.budget import ErrorBudget
-from extraction.spots.influence import CLASSES, LAGS
+from extraction.spots.error.budget import ErrorBudget
+from extraction.spots.error.influence import CLASSES, LAGS
 from extraction.spots.noise import PRIOR_CONTRAST
 from geometry import Camera, Sensor
 
 Array = NDArray[np.float64]
 
-# what is expected where an image does not tell, with its spread (ln). Contrast: unpolarised light's, over a pixel, of the
-# grain of F/4 and pixels of 5.5 µm (Goodman 2007, section 4.6); grain: λF#(1 + m) of red light by F/3 to F/8 and pixels
-# of 5 µm. 30 spots outweigh the contrast's, six frames of five just the grain's (docs/spots.md)
+# what is expected where an image does not tell, with its spread (ln). Contrast: unpolarised light's, over a pixel, of
+# the grain of F/4 and pixels of 5.5 µm (Goodman 2007, section 4.6); grain: λF#(1 + m) of red light by F/3 to F/8 and
+# pixels of 5 µm. 30 spots outweigh the contrast's, six frames of five just the grain's (docs/spots.md)
 PRIOR_CONTRAST_LN = 0.3
 PRIOR_GRAIN_PX, PRIOR_GRAIN_LN = 0.7, 0.5
 NO_SPECKLE = 0.01  # probability before looking that an image has none, or any other contrast

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from extraction.spots.blur import Image32
-from extraction.spots.peaks import PLACE_BITS, Indices
+from extraction.spots.detect.blur import Image32
+from extraction.spots.detect.peaks import PLACE_BITS, Indices
 from geometry.compiled import kernel
 
 Array = NDArray[np.float64]
