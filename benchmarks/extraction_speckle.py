@@ -19,7 +19,7 @@ from rendered_strings import along_across, budgets
 
 from extraction import ExtractionConfig, LocaliseConfig, extract, learn_speckle
 from extraction.spots import correlation
-from extraction.spots.influence import CLASSES, DISTANCES2, REACH
+from extraction.spots.error.influence import CLASSES, DISTANCES2, REACH
 from geometry import Camera, Pose, Sensor, Sheet
 
 Array = NDArray[np.float64]

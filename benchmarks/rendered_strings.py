@@ -9,13 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from extraction import ExtractionConfig, extract, image_to_sheet
-from extraction.spots.budget import ErrorBudget
-from extraction.spots.candidates import find_candidates
-from extraction.spots.errors import spot_errors as all_errors
+from extraction.spots.detect import find_candidates, prepare
+from extraction.spots.error import ErrorBudget
+from extraction.spots.error import spot_errors as all_errors
 from extraction.spots.localise import localise
 from extraction.spots.noise import noise_model
 from extraction.spots.pipeline import sheet_scale
-from extraction.spots.prepare import prepare
 from geometry import Pose, Sensor, SurfacePoints, exp_so3
 from jig_cad import Jig
 from perceptron_emu import EmulatorConfig, Material, RenderedFrame, Scene, render

@@ -34,7 +34,7 @@ class SpotNoiseConfig(_Section):
     model_error: float = Field(
         default=0.01, ge=0, le=0.5, description="a spot's wings depart from the Gaussian by this share of its height"
     )
-    # 4/3 of a contrast of 0.3, as where the contrast is given
+    # of unpolarised light's speckle of the usual grain, 0.7 px, over a pixel (Goodman 2007, section 4.6)
     speckle_weight: float = Field(default=0.4, ge=0, le=1, description="contrast by which the fit weighs bright pixels")
     speckle_grain_px: float | None = Field(
         default=None, ge=0, le=MAX_GRAIN_PX, description="the speckle's grain on the chip, λF#(1 + m)"

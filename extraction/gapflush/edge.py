@@ -14,8 +14,8 @@ from extraction.gapflush.faces import PanelFace, fit_line
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-_FEWEST_BEND_POINTS = 3
-_SCALE = (0.01, 0.05, 0.5, 0.5)
+_FEWEST_BEND_POINTS = 3  # a circle tangent to the face has two unknowns, and one to spare
+_SCALE = (0.01, 0.05, 0.5, 0.5)  # of angle [rad], offset, tangent, radius [mm]: the size of their steps
 _MOST_SKIPPED = 3  # stray points in a row that do not end a bend
 _GRID = 16  # start values of radius, and of where the bend begins
 

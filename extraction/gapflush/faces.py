@@ -13,8 +13,8 @@ from geometry import NoAnswerError
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-_MOST_FACES = 12
-_FEWEST_POINTS = 10
+_MOST_FACES = 12  # looked for in a profile, longest first: two panels, and what stands around them
+_FEWEST_POINTS = 10  # of a straight run: its direction to a third of the points' scatter over its length
 
 
 @dataclass(frozen=True, eq=False)

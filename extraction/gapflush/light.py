@@ -13,7 +13,7 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 _FAR_PX, _NEAR_PX = 3.0, 0.2  # neighbours whose difference gives the scale across sections
-_FLAT = 1e-12
+_FLAT = 1e-12  # mm: a covariance without extent
 
 
 @dataclass(frozen=True, eq=False)

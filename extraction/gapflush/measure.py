@@ -17,7 +17,7 @@ from geometry import InputError, NoAnswerError
 
 Array = NDArray[np.float64]
 
-_FEWEST_POINTS = 30
+_FEWEST_POINTS = 30  # two faces of ten points and a gap between
 _NEIGHBOURS = 4  # on each side; a point far from all of them stands alone
 _LATERAL = 0.3  # of the point spacing: a section sees light from beside it, which matters where a bend is steep
 _STEP = 1e-6  # of the numeric derivative, mm or rad

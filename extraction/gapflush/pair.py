@@ -25,9 +25,9 @@ _GLOSS_ERROR, _GLOSS_RAD = 0.5, 0.35  # how much brighter or darker than matte a
 _NEAR = 4.0  # of the blur before the bend, from where on the bend is seen
 _FAINTEST = 0.02  # of the face's light: fainter sections are left out
 _MOST_BEYOND = 0.03  # of a section's light from a flank that nobody knows of
-_START_RADIUS_MM, _LEAST_RADIUS_MM = 0.3, 0.02
+_START_RADIUS_MM, _LEAST_RADIUS_MM = 0.3, 0.02  # of an edge that points alone call sharp; 0.02 is a seventh of a pixel
 _ROUNDS = 3  # of weights by the fit before
-_SCALE = (0.01, 0.05, 0.5, 0.5)
+_SCALE = (0.01, 0.05, 0.5, 0.5)  # of angle [rad], offset, tangent, radius [mm]: the size of their steps
 _STEPS = (1e-5, 1e-4, 3e-3, 3e-3, 0.01)  # of the derivatives: wide, for a node at the bend's end comes and goes
 BLUR, GLOSS = 8, 9  # places in the parameters: left edge (4), right edge (4), blur, gloss of each (2)
 

@@ -13,7 +13,7 @@ Array = NDArray[np.float64]
 
 CONVERGED = 1e-13  # largest last step on the normalised image plane
 ATOL_NORMALISED = 1e-12  # largest residual of the forward model there: about 2e-9 px at f = 2000 px
-MAX_STEPS = 40
+MAX_STEPS = 40  # Newton doubles its digits a step: beyond ten there is no root
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,11 +1,11 @@
 """Lit string spots: image → peaks → regions → maximum-likelihood fits → points of the sheet with covariance."""
 
 from extraction.spots.bound import TrueSpot, mean_image, position_bound
-from extraction.spots.candidates import Candidates
+from extraction.spots.detect import Candidates
+from extraction.spots.error import correlation, optical_grain_px
 from extraction.spots.fast import PeakFits, fit_peaks
 from extraction.spots.pipeline import extract, extract_stages, learn_speckle
 from extraction.spots.shapes import region_shapes
-from extraction.spots.speckle import correlation, optical_grain_px
 from extraction.spots.stack import StackFits, fit_stack
 from extraction.spots.stages import FLOODED_SHARE, Stages
 

@@ -11,14 +11,12 @@ from numpy.typing import NDArray
 
 from extraction.config import ExtractionConfig
 from extraction.noise import NOISE
-from extraction.spots.candidates import Candidates
+from extraction.spots.detect import Candidates, Prepared
 from extraction.spots.fast import fit_peaks
 from extraction.spots.fit import FIT, PLACE, Found, Windows
 from extraction.spots.frame import Fits, Tasks, View, fit_frame
 from extraction.spots.model import FLAT, SLOPED, SPOT, shapes_px2
-from extraction.spots.noise import FrameNoise
-from extraction.spots.prepare import Prepared
-from extraction.spots.speckle import PRIOR_CONTRAST
+from extraction.spots.noise import PRIOR_CONTRAST, FrameNoise
 from extraction.spots.start import Regions, StartRule, start_fits
 
 Array = NDArray[np.float64]

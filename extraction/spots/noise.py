@@ -10,10 +10,10 @@ from scipy.special import ndtr
 
 from extraction.config import SpotNoiseConfig
 from extraction.noise import QUANTISATION_VARIANCE
-from extraction.spots.blur import BLOCK_PX, ROW_STEP, Image32
-from extraction.spots.prepare import Prepared
+from extraction.spots.detect import BLOCK_PX, ROW_STEP, Image32, Prepared
 from geometry import Sensor
 
+PRIOR_CONTRAST = 0.33  # of the speckle, where nothing is known of it; see `error.speckle`
 # noise σ about grey level 0, cut off there and rounded: the mean and variance that are left
 CUT_SIGMA = np.geomspace(0.1, 60.0, 120)
 _STEPS = np.arange(300) + 0.5

@@ -14,15 +14,11 @@ from extraction.config import ExtractionConfig
 from extraction.image import check_image
 from extraction.reasons import Reason
 from extraction.sheet import image_to_sheet, propagate
-from extraction.spots.blur import Image32
-from extraction.spots.budget import ErrorBudget, concatenate
-from extraction.spots.candidates import Candidates, find_candidates
-from extraction.spots.errors import SpotErrors, spot_errors
+from extraction.spots.detect import Candidates, Image32, Prepared, find_candidates, prepare
+from extraction.spots.error import ErrorBudget, SpotErrors, concatenate, estimate_speckle, spot_errors
 from extraction.spots.localise import LocalisedSpots, localise
 from extraction.spots.noise import noise_model
-from extraction.spots.prepare import Prepared, prepare
 from extraction.spots.score import flag_spots, refuse_spots, score_spots
-from extraction.spots.speckle import estimate_speckle
 from extraction.spots.stages import Stages, why_empty
 from geometry import Sensor, SurfacePoints
 

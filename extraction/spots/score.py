@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from extraction.config import DoubtConfig, ExtractionConfig, ScoreConfig
 from extraction.reasons import Reason
-from extraction.spots.candidates import Candidates
-from extraction.spots.errors import SpotErrors
+from extraction.spots.detect import Candidates
+from extraction.spots.error import SpotErrors
 from extraction.spots.localise import LocalisedSpots
 
 Array = NDArray[np.float64]

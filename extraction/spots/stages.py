@@ -8,9 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from extraction.image import Image
-from extraction.spots.blur import Image32
-from extraction.spots.candidates import Candidates
-from extraction.spots.prepare import Prepared
+from extraction.spots.detect import Candidates, Image32, Prepared
 from geometry import Sensor, SurfacePoints
 
 FLOODED_SHARE = 0.5  # of clipped pixels, above which the image is said to be saturated

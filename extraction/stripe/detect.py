@@ -17,7 +17,7 @@ _PIXELS_SUMMED = 12  # pixels in a response's centre: 4 rows × 3 columns
 
 @dataclass(frozen=True, eq=False)
 class SectionPeaks:
-    """Places to fit, grouped by section and ordered along it.
+    """SectionPlaces to fit, grouped by section and ordered along it.
 
     section: index of the image column (N,). centre_px: middle of the detection window along it (N,).
     low, high: the half-open range of rows that is this peak's own (N,): it ends midway to its neighbours.

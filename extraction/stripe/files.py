@@ -18,7 +18,7 @@ COLUMNS = (
     "section,u_px,v_px,sigma_px,normal_u,normal_v,amplitude_dn,width_px,background_dn,chi2_per_dof,"
     "y_mm,z_mm,sigma_y_mm,sigma_z_mm,cov_yz_mm2,flag"
 )
-_LEAST_SCATTER_MM = 1e-4
+_LEAST_SCATTER_MM = 1e-4  # of points that lie on a line exactly: no sensor is better
 
 
 def write_profile_csv(profile: Profile, path: str | Path) -> None:

@@ -17,7 +17,7 @@ from extraction.stripe.model import (
     Mask,
     Peak,
     Records,
-    Samples,
+    SectionPixels,
     WidthPrior,
     centre_variance,
     climb,
@@ -50,7 +50,7 @@ class Pixels(NamedTuple):
     left_out: Mask
 
 
-class Places(NamedTuple):
+class SectionPlaces(NamedTuple):
     """What is to be fitted (N,): section, middle of the search, rows low … high - 1 that are its own; expected σ."""
 
     section: IntArray
@@ -68,7 +68,7 @@ def peak_of(record: Any) -> Peak:
 
 @kernel
 def fit_sections(
-    pixels: Pixels, places: Places, width_error: float, limits: Limits, noise: PixelNoise, table: Records
+    pixels: Pixels, places: SectionPlaces, width_error: float, limits: Limits, noise: PixelNoise, table: Records
 ) -> None:
     """Fit every section; fill the table (N,) of SECTION, all zero before.
 
@@ -122,7 +122,7 @@ def _half(width: float) -> int:
 
 
 @kernel
-def _read(pixels: Pixels, column: int, low: int, high: int, clip: float, samples: Samples) -> int:
+def _read(pixels: Pixels, column: int, low: int, high: int, clip: float, samples: SectionPixels) -> int:
     """Copy a section's rows and mark its usable pixels; returns their number."""
     grey, left_out = pixels.grey, pixels.left_out
     n = 0

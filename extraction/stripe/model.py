@@ -49,7 +49,7 @@ class WidthPrior(NamedTuple):
     weight: float
 
 
-class Samples(NamedTuple):
+class SectionPixels(NamedTuple):
     """Room for the pixels of one section: places along it, grey levels, whether used, and the bell there."""
 
     x: Array
@@ -58,7 +58,7 @@ class Samples(NamedTuple):
     bell: Array
 
 
-class Normal(NamedTuple):
+class NormalEquations(NamedTuple):
     """Normal equations by centre, amplitude, σ and background: Fisher information and score; χ²."""
 
     fisher: Symmetric4
@@ -76,17 +76,17 @@ class Climb(NamedTuple):
 
 
 @kernel
-def room(n: int) -> Samples:
+def room(n: int) -> SectionPixels:
     """Room for sections of at most n pixels."""
-    return Samples(np.empty(n), np.empty(n), np.ones(n, np.bool_), np.empty(n))
+    return SectionPixels(np.empty(n), np.empty(n), np.ones(n, np.bool_), np.empty(n))
 
 
 @kernel
-def climb(samples: Samples, n: int, start: Peak, limits: Limits, noise: PixelNoise, prior: WidthPrior) -> Climb:
+def climb(samples: SectionPixels, n: int, start: Peak, limits: Limits, noise: PixelNoise, prior: WidthPrior) -> Climb:
     """Fit the first n samples from ``start``.
 
     The weights are those of the fitted mean, not of the data (quasi-likelihood): efficient and without their bias.
-    Places are 0, 1, 2 … or any others within 0 … the last.
+    SectionPlaces are 0, 1, 2 … or any others within 0 … the last.
     """
     x, bell = samples.x, samples.bell[:n]
     even = x[n - 1] == n - 1 and x[0] == 0
@@ -125,7 +125,9 @@ def climb(samples: Samples, n: int, start: Peak, limits: Limits, noise: PixelNoi
 
 
 @kernel(fastmath=True)
-def _normal_equations(samples: Samples, n: int, peak: Peak, noise: PixelNoise, prior: WidthPrior) -> Normal:
+def _normal_equations(
+    samples: SectionPixels, n: int, peak: Peak, noise: PixelNoise, prior: WidthPrior
+) -> NormalEquations:
     """F = Σ w ∂μ ∂μᵀ, score Σ w r ∂μ and χ² = Σ w r² with w = 1 / variance at the fitted mean; the prior with them."""
     x, y, use, bell = samples.x, samples.y, samples.use, samples.bell
     f00 = f01 = f02 = f03 = f11 = f12 = f13 = f22 = f23 = f33 = 0.0
@@ -147,7 +149,7 @@ def _normal_equations(samples: Samples, n: int, peak: Peak, noise: PixelNoise, p
         chi2 += w * r * r
     f22 += prior.weight
     g2 += prior.weight * (prior.width - peak.width)
-    return Normal(Symmetric4(f00, f01, f02, f03, f11, f12, f13, f22, f23, f33), Vector4(g0, g1, g2, g3), chi2)
+    return NormalEquations(Symmetric4(f00, f01, f02, f03, f11, f12, f13, f22, f23, f33), Vector4(g0, g1, g2, g3), chi2)
 
 
 @kernel

@@ -16,7 +16,7 @@ from extraction.stripe.model import (
     Limits,
     Peak,
     Records,
-    Samples,
+    SectionPixels,
     WidthPrior,
     centre_variance,
     climb,
@@ -120,7 +120,7 @@ def _fit_normals(pixels: Pixels, places: NormalPlaces, limits: Limits, noise: Pi
 
 @kernel
 def _collect(
-    pixels: Pixels, across: float, along: float, slope: float, reach: float, clip: float, samples: Samples
+    pixels: Pixels, across: float, along: float, slope: float, reach: float, clip: float, samples: SectionPixels
 ) -> int:
     """Distances along the normal (signed) and grey levels of the pixels of the band."""
     length, grey, left_out = np.hypot(1.0, slope), pixels.grey, pixels.left_out

@@ -13,7 +13,7 @@ from extraction.image import check_image
 from extraction.noise import QUANTISATION_VARIANCE, PixelNoise
 from extraction.sheet import image_to_sheet, propagate, sheet_table
 from extraction.stripe.detect import SectionPeaks, detect
-from extraction.stripe.fit import SECTION, Places, fit_sections
+from extraction.stripe.fit import SECTION, SectionPlaces, fit_sections
 from extraction.stripe.model import Limits, Records
 from extraction.stripe.noise import estimate_noise
 from extraction.stripe.normal import localise_along_normal
@@ -194,7 +194,7 @@ def _fit(
 ) -> Records:
     """The fits of all candidates (N,), records of SECTION; widths (N,): expected, with that relative error."""
     table = np.zeros(len(found), SECTION)
-    places = Places(found.section, found.centre_px, found.low, found.high, widths)
+    places = SectionPlaces(found.section, found.centre_px, found.low, found.high, widths)
     limits = Limits(view.clip_dn, config.min_width_px, config.max_width_px)
     fit_sections(view.pixels, places, width_error, limits, noise, table)
     return table

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from extraction.spots.blur import BLOCK_PX, blur
+from extraction.spots.detect.blur import BLOCK_PX, blur
 
 RTOL = 1e-6  # of the largest grey level: single precision
 

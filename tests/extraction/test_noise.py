@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from extraction import DetectConfig, SpotNoiseConfig
+from extraction.spots.detect import prepare
 from extraction.spots.noise import noise_model
-from extraction.spots.prepare import prepare
 from tests.extraction.spots import make_sensor
 
 ROUNDING = 1 / 12

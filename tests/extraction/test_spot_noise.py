@@ -8,10 +8,10 @@ import pytest
 
 from extraction.noise import NOISE as LAW
 from extraction.spots import correlation
-from extraction.spots.budget import error_budget
+from extraction.spots.error import error_budget
+from extraction.spots.error.influence import BRIGHT, CORE, DISTANCES2, WITHIN_PIXEL
 from extraction.spots.fit import PLACE, Windows
 from extraction.spots.frame import Fits
-from extraction.spots.influence import BRIGHT, CORE, DISTANCES2, WITHIN_PIXEL
 from extraction.spots.model import SPOT
 
 ROWS, COLUMNS = 13, 15

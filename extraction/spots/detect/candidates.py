@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from extraction.config import DetectConfig
 from extraction.reasons import Reason
-from extraction.spots.peaks import find_peaks
-from extraction.spots.prepare import Prepared
-from extraction.spots.regions import ESCAPED, JOINED, REGION, RegionRule, grow_regions
+from extraction.spots.detect.peaks import find_peaks
+from extraction.spots.detect.prepare import Prepared
+from extraction.spots.detect.regions import ESCAPED, JOINED, REGION, RegionRule, grow_regions
 
 Array = NDArray[np.float64]
 

@@ -10,18 +10,21 @@ from numpy.typing import NDArray
 from scipy.special import j1
 
 from extraction.config import MAX_GRAIN_PX
-from extraction.spots.budget import ErrorBudget
-from extraction.spots.influence import CLASSES, LAGS
+from extraction.spots.error.budget import ErrorBudget
+from extraction.spots.error.influence import CLASSES, LAGS
+from extraction.spots.noise import PRIOR_CONTRAST
 from geometry import Camera, Sensor
 
 Array = NDArray[np.float64]
 
-# what is expected where an image does not tell, with its spread (ln)
-PRIOR_CONTRAST, PRIOR_CONTRAST_LN = 0.33, 0.3
+# what is expected where an image does not tell, with its spread (ln). Contrast: unpolarised light's, over a pixel, of
+# the grain of F/4 and pixels of 5.5 µm (Goodman 2007, section 4.6); grain: λF#(1 + m) of red light by F/3 to F/8 and
+# pixels of 5 µm. 30 spots outweigh the contrast's, six frames of five just the grain's (docs/spots.md)
+PRIOR_CONTRAST_LN = 0.3
 PRIOR_GRAIN_PX, PRIOR_GRAIN_LN = 0.7, 0.5
 NO_SPECKLE = 0.01  # probability before looking that an image has none, or any other contrast
-CONTRASTS = np.geomspace(0.003, 1.0, 300)
-GRAINS_PX = np.geomspace(0.2, MAX_GRAIN_PX, 40)
+CONTRASTS = np.geomspace(0.003, 1.0, 300)  # nodes of the posterior, 2 % apart
+GRAINS_PX = np.geomspace(0.2, MAX_GRAIN_PX, 40)  # nodes, 6 % apart; finer ones are averaged out within a pixel
 VARIANCES = CONTRASTS**2
 USUAL_CONTRAST = np.exp(-0.5 * (np.log(CONTRASTS / PRIOR_CONTRAST) / PRIOR_CONTRAST_LN) ** 2) + NO_SPECKLE
 UNUSUAL_GRAIN = (np.log(GRAINS_PX / PRIOR_GRAIN_PX) / PRIOR_GRAIN_LN) ** 2

@@ -17,7 +17,7 @@ Image32 = NDArray[np.float32]
 
 BLOCK_PX = 16  # background and noise are constant over such a block and interpolated between
 ROW_STEP = 4  # rows of a block that its moments are taken from
-RADIUS_IN_SIGMA = 2.4
+RADIUS_IN_SIGMA = 2.4  # of the kernel: 98 % of the weight of a Gaussian
 RADIUS_PX = 4  # of the kernel that is compiled; others are OpenCV's
 UNIT = 256  # the compiled kernel's weights are whole numbers of this sum: exact in 16 bits for an image of 8
 

@@ -8,15 +8,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from extraction.spots.blur import Image32
-from extraction.spots.peaks import PLACE_BITS, Indices
+from extraction.spots.detect.blur import Image32
+from extraction.spots.detect.peaks import PLACE_BITS, Indices
 from geometry.compiled import kernel
 
 Array = NDArray[np.float64]
 Owner = NDArray[np.int16]
 
 RING_PX = 13  # half side of the square ring around a peak: beyond a blurred spot's 3 σ along, within the next string's
-SECTORS = 8
+SECTORS = 8  # of a ring: an edge fills three of them
 FEWEST_IN_SECTOR = 4  # pixels of a sector that the image's border cuts
 MAX_REGION_PX = 6000  # more is a wall or a flood of light: twenty of the largest spots
 WHOLE, ESCAPED, JOINED = 0, 1, 2  # states of a region: as it is; too large to follow; runs into a brighter one

@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from extraction.spots.blur import BLOCK_PX, Image32
-from extraction.spots.prepare import Prepared
+from extraction.spots.detect.blur import BLOCK_PX, Image32
+from extraction.spots.detect.prepare import Prepared
 from geometry.compiled import kernel
 
 Indices = NDArray[np.int64]

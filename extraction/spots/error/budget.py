@@ -17,8 +17,8 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
+from extraction.spots.error.influence import CAMERA, CLASSES, NEIGHBOUR, OWN, PRODUCT, SPECKLE, Budgets, budgets
 from extraction.spots.frame import Fits
-from extraction.spots.influence import CAMERA, CLASSES, NEIGHBOUR, OWN, PRODUCT, SPECKLE, Budgets, budgets
 
 Array = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from extraction.config import DetectConfig
 from extraction.image import Image
 from extraction.noise import QUANTISATION_VARIANCE
-from extraction.spots.blur import Image32, blur
+from extraction.spots.detect.blur import Image32, blur
 
 Array = NDArray[np.float64]
 

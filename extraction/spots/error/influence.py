@@ -33,7 +33,7 @@ from geometry.compiled import kernel
 # squared distances of two pixels that are told apart; farther ones are taken as uncorrelated
 DISTANCES2 = np.array([0, 1, 2, 4, 5, 8, 9])
 CLASSES = len(DISTANCES2)
-REACH = 3
+REACH = 3  # largest lag of DISTANCES2 along an axis [px]
 # class of distance, rows down, columns right (LAGS, 3)
 LAGS = np.array(
     [

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from extraction.spots.budget import ErrorBudget, error_budget
+from extraction.spots.error.budget import ErrorBudget, error_budget
+from extraction.spots.error.speckle import SHAPE_CONTRAST, estimate_speckle
 from extraction.spots.localise import LocalisedSpots
 from extraction.spots.noise import FrameNoise
-from extraction.spots.speckle import SHAPE_CONTRAST, estimate_speckle
 
 Array = NDArray[np.float64]
 

@@ -1,0 +1,7 @@
+"""Where spots may be: the matched blur, the frame's background and noise, peaks, and the lit region around each."""
+
+from extraction.spots.detect.blur import BLOCK_PX, ROW_STEP, Image32
+from extraction.spots.detect.candidates import Candidates, find_candidates
+from extraction.spots.detect.prepare import Prepared, prepare
+
+__all__ = ["BLOCK_PX", "ROW_STEP", "Candidates", "Image32", "Prepared", "find_candidates", "prepare"]
