@@ -16,10 +16,12 @@ from calib.paper.spread import PaperSpread, closed_form_derivative, paper_spread
 from calib.pose import closed_form_strings, closed_forms
 from calib.result import Estimate
 from geometry import AxisPoints, Frame, Pose, Robot
+from geometry.ties import first_least
 from jig_cad import Jig
 
 Array = NDArray[np.float64]
 
+_SAME_MM = 1e-6  # candidates as near as this to a pose are equally near
 _H1_SLACK_MM = 2.0  # sign candidates that disagree in h₁ by this much more than the best are none
 
 
@@ -158,7 +160,7 @@ def _signs(bundle: Bundle, T_hand_sensor: Pose, poses: Pose, h1_mm: Array) -> tu
         candidates.append(poses[i][likely])
         indices.append(likely)
     _, own = chain_start(bundle, T_hand_sensor, candidates)
-    nearest = [int(np.argmin(np.linalg.norm(c.t - own.t[i], axis=-1))) for i, c in enumerate(candidates)]
+    nearest = [first_least(np.linalg.norm(c.t - own.t[i], axis=-1), _SAME_MM) for i, c in enumerate(candidates)]
     return np.array([indices[i][k] for i, k in enumerate(nearest)], dtype=np.intp), own
 
 

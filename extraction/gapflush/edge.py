@@ -10,6 +10,7 @@ from scipy.optimize import OptimizeResult, least_squares
 
 from extraction.config import GapFlushConfig
 from extraction.gapflush.faces import PanelFace, fit_line
+from geometry.ties import first_least
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -17,6 +18,7 @@ Indices = NDArray[np.intp]
 _FEWEST_BEND_POINTS = 3  # a circle tangent to the face has two unknowns, and one to spare
 _SCALE = (0.01, 0.05, 0.5, 0.5)  # of angle [rad], offset, tangent, radius [mm]: the size of their steps
 _MOST_SKIPPED = 3  # stray points in a row that do not end a bend
+_SAME_COST = 1e-6  # in σ: of start values as good as each other the first is taken
 _GRID = 16  # start values of radius, and of where the bend begins
 
 
@@ -121,7 +123,7 @@ def _best_of_grid(sd: Array, sigma: Array, end: float, config: GapFlushConfig) -
         for back in np.linspace(-0.2, 1.0, _GRID)
     ]
     costs = [float(np.sum(np.minimum(np.abs(_off(p, sd, sigma)), 20.0))) for p in trials]
-    return trials[int(np.argmin(costs))]
+    return trials[first_least(costs, _SAME_COST)]
 
 
 def _solve(start: Array, sd: Array, sigma: Array, end: float, config: GapFlushConfig) -> OptimizeResult:

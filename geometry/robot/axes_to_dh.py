@@ -10,11 +10,13 @@ from numpy.typing import ArrayLike, NDArray
 from geometry.errors import InputError
 from geometry.pose import Pose
 from geometry.robot.dh import DhRobot
+from geometry.ties import first_least
 
 Array = NDArray[np.float64]
 
 COMMON_NORMAL_RAD = 0.02  # below this the common normal runs away and Hayati's β takes the place of d
 ATOL_MM = 1e-7
+_SAME_PART = 1e-9  # of a unit vector
 _TOUCHING_MM = 1e-9
 
 
@@ -53,7 +55,7 @@ def _base_frame(point: Array, axis: Array) -> Pose:
     if np.hypot(axis[0], axis[1]) < 1e-12 and axis[2] > 0 and np.hypot(point[0], point[1]) < _TOUCHING_MM:
         return Pose.identity()
     origin = point - (point @ axis) * axis
-    x = np.eye(3)[int(np.argmin(np.abs(axis)))]
+    x = np.eye(3)[first_least(np.abs(axis), _SAME_PART)]
     x = x - (x @ axis) * axis
     x = x / np.linalg.norm(x)
     return Pose(np.column_stack([x, np.cross(axis, x), axis]), origin)

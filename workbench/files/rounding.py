@@ -53,9 +53,9 @@ def _is_full(value: Any, shape: tuple[int, int]) -> bool:
 
 def _transform(value: ArrayLike) -> NDArray[np.float64]:
     m = np.array(value, dtype=float).reshape(4, 4)
-    rotation = np.round(m[:3, :3], ROTATION_DECIMALS)
-    m[:3, :3] = rotation
-    m[:3, 3] = [rounded_number(float(t)) for t in m[:3, 3]]
+    translation = [rounded_number(float(t)) for t in m[:3, 3]]
+    m = np.round(m, ROTATION_DECIMALS)
+    m[:3, 3] = translation
     return m + 0.0
 
 

@@ -13,6 +13,7 @@ from jig_cad import Jig
 from workbench.compare import Comparison, errors_mm
 
 # what a missed or false point costs, and the most that a found one can: some ten times a good point's error
+LOSS_DECIMALS = 9  # of mm: the search compares losses, and rounding must not be what differs
 MISS_MM = 0.5
 
 
@@ -73,6 +74,6 @@ def total(scores: Iterable[FrameCost]) -> Score:
     frames = list(scores)
     wanted, measured = sum(f.wanted for f in frames), sum(f.measured for f in frames)
     cost, square = sum(f.cost_mm2 for f in frames), sum(f.square_mm2 for f in frames)
-    loss = float(np.sqrt(cost / wanted)) if wanted else float("nan")
+    loss = round(float(np.sqrt(cost / wanted)), LOSS_DECIMALS) if wanted else float("nan")
     rms = float(np.sqrt(square / measured)) if measured else float("nan")
     return Score(loss, rms, wanted, sum(f.missed for f in frames), sum(f.false for f in frames))

@@ -54,7 +54,12 @@ def suggest(trial: Suggests, dimensions: tuple[Dimension, ...], base: M) -> M:
             values[d.key] = trial.suggest_int(d.key, int(d.low), int(d.high), log=d.log)
         else:
             values[d.key] = trial.suggest_float(d.key, d.low, d.high, log=d.log)
-    return with_values(base, values)
+    return with_values(base, steady(values))
+
+
+def steady(values: dict[str, float]) -> dict[str, float]:
+    """The values to nine digits: what a sampler draws hangs on the processor beyond them."""
+    return {key: float(f"{v:.9g}") if isinstance(v, float) else v for key, v in values.items()}
 
 
 def values_of(config: BaseModel, dimensions: tuple[Dimension, ...]) -> dict[str, float]:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, cast
 from extraction import ExtractionConfig
 from geometry import InputError, MissingDependencyError
 from workbench.tune.cost import total
-from workbench.tune.space import Dimension, space, suggest, values_of, with_values
+from workbench.tune.space import Dimension, space, steady, suggest, values_of, with_values
 from workbench.tune.task import Task
 
 if TYPE_CHECKING:
@@ -76,7 +76,7 @@ def search(
         interrupted = _run(optuna, study, task, start, dimensions, trials, progress)
     if not any(t.value is not None and t.state.name == "COMPLETE" for t in study.trials):
         raise InputError("the search was interrupted before its first trial ended")
-    best = with_values(start, {d.key: study.best_trial.params[d.key] for d in dimensions})
+    best = with_values(start, steady({d.key: study.best_trial.params[d.key] for d in dimensions}))
     return SearchResult(best, float(study.best_value), len(_finished(study)), resumed, interrupted)
 
 
