@@ -13,7 +13,7 @@ from jig_cad import Jig
 from workbench.compare import Comparison, errors_mm
 
 # what a missed or false point costs, and the most that a found one can: some ten times a good point's error
-LOSS_DECIMALS = 9  # of mm: the search compares losses, and rounding must not be what differs
+LOSS_DECIMALS = 13  # of mm: the search compares losses, and rounding must not be what differs
 MISS_MM = 0.5
 
 
