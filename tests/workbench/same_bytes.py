@@ -114,7 +114,7 @@ def _commands(work: str, folder: Path, workers: str) -> list[list[str]]:
         return [init, render, ["calibrate", "cell", "--out", "solved", "--json"]]
     if work == "short":
         render = ["render", "known/cell.toml", "--out", "cell", "--seed", "3", "--per-location", "1"]
-        return [init, render, ["extract", "cell", "--out", "points.csv"]]
+        return [init, render, ["extract", "cell", "--csv", "points.csv"]]
     raise ValueError(work)
 
 
