@@ -13,7 +13,7 @@ from geometry.compiled import kernel
 from perceptron_emu.config import EmulatorConfig
 from perceptron_emu.image import draw
 from perceptron_emu.lens import project
-from perceptron_emu.light import OFF_SURFACE_MM, LitScene, Samples, faces_in_sheet, hidden_by_strings, lit_pieces
+from perceptron_emu.light import OFF_SURFACE_MM, LightNodes, LitScene, faces_in_sheet, hidden_by_strings, lit_pieces
 from perceptron_emu.scene import Scene
 from perceptron_emu.solids import hidden_by_solid
 
@@ -189,7 +189,7 @@ def pixel_labels(scene: Scene, lit: LitScene, config: EmulatorConfig) -> NDArray
     labels, most = np.zeros(shape, np.uint8), np.full(shape, MIN_ELECTRONS, np.float32)
     for label in np.unique(owner):
         mine, own = owner == label, np.zeros(shape, np.float32)
-        part = Samples(samples.xyz_mm[mine], samples.electrons[mine], samples.group[mine])
+        part = LightNodes(samples.xyz_mm[mine], samples.electrons[mine], samples.group[mine])
         draw(own, part, scene.sensor, plain, 0)
         larger = own > most
         labels[larger], most[larger] = label, own[larger]

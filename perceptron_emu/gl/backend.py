@@ -16,8 +16,8 @@ from perceptron_emu.light import (
     SHEET_REACH,
     TILE_PX,
     Light,
+    LightNodes,
     LitScene,
-    Samples,
     axis_meets_sheet_mm,
     cylinders,
     half_width_mm,
@@ -75,7 +75,7 @@ def light_scene_gl(scene: Scene, config: EmulatorConfig) -> LitScene:
     world, light = gl_world(scene, strings), Light(scene.sensor, config)
     shadow, reach = _laser_depth(world, scene.sensor), _reach_mm(scene.sensor, config)
     n = len(strings.labels) if strings else 0
-    parts: list[list[Samples]] = [[] for _ in range(n + 1 + len(scene.solids))]
+    parts: list[list[LightNodes]] = [[] for _ in range(n + 1 + len(scene.solids))]
     for tile, view in _lit_tiles(world, scene.sensor, reach):
         depth, number = depth_and_identity(world, view)
         xyz, normal = back_project(view, depth), _normals(back_project(view, depth), number)
@@ -87,7 +87,7 @@ def light_scene_gl(scene: Scene, config: EmulatorConfig) -> LitScene:
             material = thread_of(scene, config) if k <= n else scene.solids[k - 1 - n].material
             electrons = light.electrons(xyz[mine], normal[mine], material)
             electrons *= _footprint_mm2(view, scene.sensor, xyz[mine], normal[mine])
-            parts[k].append(Samples(xyz[mine], electrons, np.full(len(electrons), group)))
+            parts[k].append(LightNodes(xyz[mine], electrons, np.full(len(electrons), group)))
     unhidden = np.zeros(0)
     if strings is not None:
         unhidden = light_strings(strings, thread_of(scene, config), scene.sensor, config, light).electrons.sum((1, 2))
@@ -95,10 +95,10 @@ def light_scene_gl(scene: Scene, config: EmulatorConfig) -> LitScene:
     return LitScene(strings, of_strings, unhidden, _seen([s for p in parts[1 + n :] for s in p]))
 
 
-def _seen(parts: list[Samples]) -> Samples:
+def _seen(parts: list[LightNodes]) -> LightNodes:
     whole = join(parts)
     keep = whole.electrons > 0
-    return Samples(whole.xyz_mm[keep], whole.electrons[keep], whole.group[keep])
+    return LightNodes(whole.xyz_mm[keep], whole.electrons[keep], whole.group[keep])
 
 
 def _reach_mm(sensor: Sensor, config: EmulatorConfig) -> float:

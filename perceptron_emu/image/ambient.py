@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from geometry import Sensor
 from perceptron_emu.config import EmulatorConfig
-from perceptron_emu.image.blurred import Places, draw_blurred, gaussian_taps
+from perceptron_emu.image.blurred import PixelPlaces, draw_blurred, gaussian_taps
 from perceptron_emu.image.level_cells import Boxes, fill, levels, sources
 from perceptron_emu.lens import sharp_sigma_px, to_camera, working_f_number
 from perceptron_emu.light import Cylinders, Light
@@ -125,7 +125,7 @@ class _LensView:
     left: int
     top: int
     shape: tuple[int, int]
-    places: Places
+    places: PixelPlaces
     boxes: Boxes
     reach_px: int
 
@@ -146,7 +146,7 @@ def _view(sensor: Sensor, reach_px: int) -> _LensView:
     maps = (pixels - [left, top]).astype(np.float32).reshape(camera.height_px, camera.width_px, 2)
     along_u, along_v = np.ascontiguousarray(maps[..., 0]), np.ascontiguousarray(maps[..., 1])
     boxes = sources(along_u, along_v, reach_px, shape)
-    return _LensView(left, top, shape, Places.of(along_u, along_v, shape[1]), boxes, reach_px)
+    return _LensView(left, top, shape, PixelPlaces.of(along_u, along_v, shape[1]), boxes, reach_px)
 
 
 def _clip_near(camera: Array, level: Array) -> tuple[Array, Array]:

@@ -20,7 +20,7 @@ def gaussian_taps(sigma_px: float, reach_px: int) -> Float32:
     return np.asarray(taps / taps.sum(), np.float32)
 
 
-class Places(NamedTuple):
+class PixelPlaces(NamedTuple):
     """Where in a picture an image's pixels (H, W) are taken from: number of the picture's pixel up and left of it, and
     how far it is to the right of and below that one, in [0, 1].
     """
@@ -30,11 +30,11 @@ class Places(NamedTuple):
     below: Float32
 
     @staticmethod
-    def of(u: Float32, v: Float32, columns: int) -> Places:
+    def of(u: Float32, v: Float32, columns: int) -> PixelPlaces:
         """The places (u, v), each (H, W), in a picture of so many columns."""
         left, top = np.floor(u), np.floor(v)
         pixel = top.astype(np.uint32) * np.uint32(columns) + left.astype(np.uint32)
-        return Places(pixel, u - left, v - top)
+        return PixelPlaces(pixel, u - left, v - top)
 
 
 class SourcePicture(NamedTuple):
@@ -42,7 +42,7 @@ class SourcePicture(NamedTuple):
 
     picture: Float32
     columns: np.uint32
-    places: Places
+    places: PixelPlaces
 
 
 class Box(NamedTuple):
@@ -55,7 +55,7 @@ class Box(NamedTuple):
 
 
 def draw_blurred(
-    target: Float32, picture: Float32, places: Places, cells: Flags, taps: Float32, scale: Float32
+    target: Float32, picture: Float32, places: PixelPlaces, cells: Flags, taps: Float32, scale: Float32
 ) -> None:
     """Set target (H, W) to scale times the picture, taken between its pixels linearly and blurred, in the cells.
 

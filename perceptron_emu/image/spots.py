@@ -15,7 +15,7 @@ from perceptron_emu.config import EmulatorConfig
 from perceptron_emu.image.deposit import REACH, GaussianSpots, deposit, deposit_fine
 from perceptron_emu.image.speckle import contrast, grain_px, oversampling, speckle_field
 from perceptron_emu.lens import defocus_radius_px, project, sharp_sigma_px, to_camera
-from perceptron_emu.light import Samples
+from perceptron_emu.light import LightNodes
 
 Array = NDArray[np.float64]
 Float32 = NDArray[np.float32]
@@ -28,7 +28,7 @@ SPLINE_SIGMA = 2.5  # sub-pixels: sharper spots would alias on the splines that 
 
 def draw(
     electrons: Float32,
-    samples: Samples,
+    samples: LightNodes,
     sensor: Sensor,
     config: EmulatorConfig,
     key: int,
@@ -40,7 +40,7 @@ def draw(
     ----------
     electrons : Float32
         The image (H, W) [e⁻], added to in place.
-    samples : Samples
+    samples : LightNodes
         The nodes.
     sensor : Sensor
         With a camera.
@@ -71,7 +71,7 @@ def _speckle_shift(xyz_mm: Array, sensor: Sensor, drift: Pose) -> Array:
     return np.asarray(np.nan_to_num(shift))
 
 
-def _defocused(samples: Samples, sensor: Sensor, config: EmulatorConfig) -> tuple[GaussianSpots, NDArray[np.int64]]:
+def _defocused(samples: LightNodes, sensor: Sensor, config: EmulatorConfig) -> tuple[GaussianSpots, NDArray[np.int64]]:
     """The nodes' spots and groups, spread over the disc of defocus; a disc much smaller than the blur is folded into σ
     (σ² + R²/4).
     """

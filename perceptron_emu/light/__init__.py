@@ -2,7 +2,7 @@
 
 from perceptron_emu.light.lighting import LitScene, light_scene, thread_of
 from perceptron_emu.light.motion import Moment, moments, moved
-from perceptron_emu.light.samples import TILE_PX, Samples, join, string_group, stripe_group
+from perceptron_emu.light.nodes import TILE_PX, LightNodes, join, string_group, stripe_group
 from perceptron_emu.light.sheet import SHEET_REACH, across, along, axis_meets_sheet_mm, half_width_mm
 from perceptron_emu.light.sheet_faces import Faces, faces_in_sheet
 from perceptron_emu.light.strings import Cylinders, cylinders, hidden_by_strings, light_strings
@@ -16,9 +16,9 @@ __all__ = [
     "Cylinders",
     "Faces",
     "Light",
+    "LightNodes",
     "LitScene",
     "Moment",
-    "Samples",
     "across",
     "along",
     "axis_meets_sheet_mm",

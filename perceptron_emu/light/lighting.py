@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perceptron_emu.config import EmulatorConfig
-from perceptron_emu.light.samples import Samples, join, string_group
+from perceptron_emu.light.nodes import LightNodes, join, string_group
 from perceptron_emu.light.strings import Cylinders, LitStrings, cylinders, hidden_by_strings, light_strings
 from perceptron_emu.light.stripes import light_solids
 from perceptron_emu.light.transport import Light
@@ -26,21 +26,21 @@ class LitScene:
     ----------
     strings : Cylinders or None
         The strings; None without a jig.
-    string_samples : tuple of Samples
+    string_samples : tuple of LightNodes
         The seen nodes of each string.
     unhidden : Array
         (S,) electrons that each string would bring were nothing in the way.
-    stripes : Samples
+    stripes : LightNodes
         The seen nodes of the solids.
     """
 
     strings: Cylinders | None
-    string_samples: tuple[Samples, ...]
+    string_samples: tuple[LightNodes, ...]
     unhidden: Array
-    stripes: Samples
+    stripes: LightNodes
 
     @property
-    def samples(self) -> Samples:
+    def samples(self) -> LightNodes:
         """All nodes."""
         return join([*self.string_samples, self.stripes])
 
@@ -88,7 +88,7 @@ def light_scene(scene: Scene, config: EmulatorConfig) -> LitScene:
     parts = []
     for i in range(len(strings.labels)):
         keep = seen[i] > 0
-        parts.append(Samples(lit.xyz_mm[i][keep], seen[i][keep], np.full(int(keep.sum()), string_group(i))))
+        parts.append(LightNodes(lit.xyz_mm[i][keep], seen[i][keep], np.full(int(keep.sum()), string_group(i))))
     return LitScene(strings, tuple(parts), lit.electrons.sum((1, 2)), light_solids(scene, strings, config, light))
 
 

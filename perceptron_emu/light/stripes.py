@@ -12,7 +12,7 @@ from geometry import Sensor
 from geometry.compiled import kernel
 from perceptron_emu.config import EmulatorConfig
 from perceptron_emu.lens import project, sharp_sigma_px
-from perceptron_emu.light.samples import TILE_PX, Samples, stripe_group
+from perceptron_emu.light.nodes import TILE_PX, LightNodes, stripe_group
 from perceptron_emu.light.sheet_faces import Faces, faces_in_sheet, sheet_planes
 from perceptron_emu.light.strings import Cylinders, hidden_by_strings
 from perceptron_emu.light.transport import Light
@@ -40,7 +40,7 @@ class SurfaceNodes(NamedTuple):
     solid: Index
 
 
-def light_solids(scene: Scene, strings: Cylinders | None, config: EmulatorConfig, light: Light) -> Samples:
+def light_solids(scene: Scene, strings: Cylinders | None, config: EmulatorConfig, light: Light) -> LightNodes:
     """Nodes on all solids where laser and camera both reach, with the light that each sends to the chip.
 
     The sheet is cut into planes of constant x. In each the solids are segments and the laser a fan of rays from a
@@ -49,7 +49,7 @@ def light_solids(scene: Scene, strings: Cylinders | None, config: EmulatorConfig
     """
     faces = faces_in_sheet(scene, config)
     if len(faces.triangles) == 0:
-        return Samples.none()
+        return LightNodes.none()
     planes, step = sheet_planes(faces, scene.sensor, config)
     pieces, length_px = _in_view(faces, lit_pieces(faces, strings, planes, scene.sensor), scene.sensor)
     nodes = _nodes(faces, pieces, length_px, step, scene.sensor, config)
@@ -124,7 +124,7 @@ def _in_view(faces: Faces, pieces: Pieces, sensor: Sensor) -> tuple[Pieces, Arra
     return Pieces(ends[~outside], pieces.normals[kept], pieces.face[kept]), length[~outside]
 
 
-def _seen(nodes: SurfaceNodes, scene: Scene, strings: Cylinders | None, light: Light) -> Samples:
+def _seen(nodes: SurfaceNodes, scene: Scene, strings: Cylinders | None, light: Light) -> LightNodes:
     """The nodes that the camera sees, inside the image and past all that stands before it."""
     xyz, normal, area, number = nodes
     camera = scene.camera
@@ -145,7 +145,7 @@ def _seen(nodes: SurfaceNodes, scene: Scene, strings: Cylinders | None, light: L
     tile = np.floor(uv / TILE_PX).astype(np.int64)
     group = stripe_group(number, tile[:, 0], tile[:, 1])
     seen = slice(None) if not np.any(hidden) else ~hidden
-    return Samples(xyz[seen], electrons[seen], group[seen])
+    return LightNodes(xyz[seen], electrons[seen], group[seen])
 
 
 @kernel

@@ -20,7 +20,7 @@ _GROUPS_A_SOLID = _TILES_A_ROW**2
 
 
 @dataclass(frozen=True, eq=False)
-class Samples:
+class LightNodes:
     """Quadrature nodes of the lit and seen surface: what light transport hands to the image.
 
     Parameters
@@ -39,9 +39,9 @@ class Samples:
     group: Index
 
     @staticmethod
-    def none() -> Samples:
+    def none() -> LightNodes:
         """No light at all."""
-        return Samples(np.zeros((0, 3)), np.zeros(0), np.zeros(0, dtype=np.int64))
+        return LightNodes(np.zeros((0, 3)), np.zeros(0), np.zeros(0, dtype=np.int64))
 
     def surface(self, n_strings: int) -> Index:
         """Which surface each node (N,) lies on: the strings are counted first, then the solids."""
@@ -49,22 +49,22 @@ class Samples:
         return np.where(self.group < _FIRST_STRIPE, self.group, solid + n_strings)
 
 
-def join(parts: list[Samples]) -> Samples:
+def join(parts: list[LightNodes]) -> LightNodes:
     """All nodes of the parts.
 
     Parameters
     ----------
-    parts : list of Samples
+    parts : list of LightNodes
         Any number.
 
     Returns
     -------
-    Samples
+    LightNodes
         In the order of the parts.
     """
     if not parts:
-        return Samples.none()
-    return Samples(*(np.concatenate([getattr(p, f) for p in parts]) for f in ("xyz_mm", "electrons", "group")))
+        return LightNodes.none()
+    return LightNodes(*(np.concatenate([getattr(p, f) for p in parts]) for f in ("xyz_mm", "electrons", "group")))
 
 
 def string_group(string: int) -> int:
