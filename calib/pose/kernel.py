@@ -6,6 +6,7 @@ Plain loops over scalars throughout: numba compiles them several times faster th
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 from geometry.compiled import kernel
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 MAX_TURN_RAD = 0.4  # a longer step leaves the region where the linear model means anything
 FLAT_CHI2 = 1e-3  # a last step that gained less has reached the floor of the cost
@@ -20,53 +22,85 @@ ROUNDING_CHI2 = 1e-10  # of a cost about 1: points to 1e-13 mm over σ of some 0
 PARALLEL = 1e-9  # |direction's x| below this: the string runs in the plane and crosses it nowhere
 
 
-@kernel
-def minimise(  # type: ignore[no-untyped-def]
-    starts, directions, yz, white, prior_R, prior_t, root, R, t, max_iterations, tolerance, cost, jacobian, converged
-) -> None:
-    """Move the poses R (N, 3, 3), t (N, 3) to local minima in place; fill cost, jacobian (N, rows, 6), converged (N,).
+class PoseProblems(NamedTuple):
+    """N problems of S strings: lines starts, directions (N, S, 3), points yz (N, 2S), white (N, 2S, 2S), and a prior.
 
-    starts, directions (N, S, 3), yz (N, 2S), white (N, 2S, 2S); rows is 2S, or 2S + 6 with a prior of square-root
-    information ``root`` (N, 6, 6).
+    prior_R (N, 3, 3), prior_t (N, 3): its mean; root (N, 6, 6): its square-root information.
     """
-    rows = jacobian.shape[1]
-    residual, new_residual, new_jacobian = np.empty(rows), np.empty(rows), np.empty((rows, 6))
-    work, step, normal = np.empty((yz.shape[1], 7)), np.empty(6), np.empty((6, 6))
-    trial_R, trial_t = np.empty((3, 3)), np.empty(3)
-    for k in range(R.shape[0]):
-        problem = (starts[k], directions[k], yz[k], white[k], prior_R[k], prior_t[k], root[k])
-        here_R, here_t, here_jacobian = R[k], t[k], jacobian[k]
+
+    starts: Array
+    directions: Array
+    yz: Array
+    white: Array
+    prior_R: Array
+    prior_t: Array
+    root: Array
+
+
+class PoseMinima(NamedTuple):
+    """Poses R (N, 3, 3), t (N, 3), moved to their minima in place, with what stands there.
+
+    cost (N,), jacobian (N, rows, 6), converged (N,); rows is 2S, or 2S + 6 where the prior counts.
+    """
+
+    R: Array
+    t: Array
+    cost: Array
+    jacobian: Array
+    converged: Mask
+
+
+class AtPose(NamedTuple):
+    """One problem at one pose: R (3, 3), t (3,), whitened residual (rows,) and Jacobian (rows, 6)."""
+
+    R: Array
+    t: Array
+    residual: Array
+    jacobian: Array
+
+
+@kernel
+def minimise(problems: PoseProblems, found: PoseMinima, max_iterations: int, tolerance: float) -> None:
+    """Move the poses to local minima in place and say what stands there."""
+    p, rows = problems, found.jacobian.shape[1]
+    residual = np.empty(rows)
+    tried = AtPose(np.empty((3, 3)), np.empty(3), np.empty(rows), np.empty((rows, 6)))
+    work, step, normal = np.empty((p.yz.shape[1], 7)), np.empty(6), np.empty((6, 6))
+    for k in range(found.R.shape[0]):
+        one = PoseProblems(p.starts[k], p.directions[k], p.yz[k], p.white[k], p.prior_R[k], p.prior_t[k], p.root[k])
+        here = AtPose(found.R[k], found.t[k], residual, found.jacobian[k])
         value, gain, damping, largest = np.inf, np.inf, 2e-3, 1.0
         step[:] = 0.0
         for _ in range(max_iterations + 1):  # the first time round evaluates the start itself
-            _move(here_R, here_t, step, trial_R, trial_t)
-            trial = _linearise(problem, trial_R, trial_t, work, new_residual, new_jacobian)
+            _move(here, step, tried)
+            trial = _linearise(one, tried, work)
             # False for NaN; near the minimum the cost is rounding noise and the step says more than it does
             better = trial <= value + ROUNDING_CHI2 * (1.0 + value)
             if better:
                 gain = value - trial
                 value = trial
-                _copy(trial_R, trial_t, new_residual, new_jacobian, here_R, here_t, residual, here_jacobian)
+                _copy(tried, here)
                 damping = damping * 0.05 + 1e-14
             else:
                 damping *= 8.0
             # a tiny step that no longer helps is rounding at the minimum
             if largest < tolerance or (not better and (largest < 1e3 * tolerance or damping > 1e8)):
-                converged[k] = True
+                found.converged[k] = True
                 break
-            largest = _step(here_jacobian, residual, damping, normal, step)
-        cost[k] = value
+            largest = _step(here, damping, normal, step)
+        found.cost[k] = value
         if gain < FLAT_CHI2:  # where two minima merge (a perpendicular view) steps shrink slowly on the flat floor
-            converged[k] = True
+            found.converged[k] = True
 
 
 @kernel
-def _linearise(problem, R, t, work, residual, jacobian):  # type: ignore[no-untyped-def]
-    """Whitened residual and Jacobian (rows, 6) at a pose, as in calib.pose.crossings; returns the cost.
+def _linearise(problem: PoseProblems, at: AtPose, work: Array) -> float:
+    """Fill in the whitened residual and Jacobian of one problem at a pose; returns the cost.
 
     work (2S, 7): the unwhitened Jacobian and difference.
     """
-    starts, directions, yz, white, mean_R, mean_t, root = problem
+    starts, directions, yz, white = problem.starts, problem.directions, problem.yz, problem.white
+    R, t, residual, jacobian = at.R, at.t, at.residual, at.jacobian
     n = yz.shape[0]
     for s in range(starts.shape[0]):
         px = R[0, 0] * starts[s, 0] + R[0, 1] * starts[s, 1] + R[0, 2] * starts[s, 2] + t[0]
@@ -97,13 +131,15 @@ def _linearise(problem, R, t, work, residual, jacobian):  # type: ignore[no-unty
                 residual[i] = x
                 total += x * x
     if residual.shape[0] > n:
-        total += _add_prior(mean_R, mean_t, root, R, t, n, residual, jacobian)
+        total += _add_prior(problem, at, n)
     return total
 
 
 @kernel
-def _add_prior(mean_R, mean_t, root, R, t, first, residual, jacobian):  # type: ignore[no-untyped-def]
+def _add_prior(problem: PoseProblems, at: AtPose, first: int) -> float:
     """Departure from the prior's mean in its own axes; the rotation's curvature is left out, the prior being wide."""
+    mean_R, mean_t, root = problem.prior_R, problem.prior_t, problem.root
+    R, t, residual, jacobian = at.R, at.t, at.residual, at.jacobian
     turn, departure = np.empty((3, 3)), np.empty(6)
     for i in range(3):
         departure[i] = 0.0
@@ -131,8 +167,9 @@ def _add_prior(mean_R, mean_t, root, R, t, first, residual, jacobian):  # type: 
 
 
 @kernel
-def _step(jacobian, residual, damping, normal, step):  # type: ignore[no-untyped-def]
+def _step(at: AtPose, damping: float, normal: Array, step: Array) -> float:
     """Damped Gauss-Newton step in unit columns, no turn longer than MAX_TURN_RAD; returns its largest component."""
+    jacobian, residual = at.jacobian, at.residual
     rows = residual.shape[0]
     for i in range(6):
         gradient = 0.0
@@ -175,8 +212,9 @@ def _step(jacobian, residual, damping, normal, step):  # type: ignore[no-untyped
 
 
 @kernel
-def _move(R, t, step, new_R, new_t):  # type: ignore[no-untyped-def]
+def _move(at: AtPose, step: Array, to: AtPose) -> None:
     """The pose moved by ``step``: translation in its own axes, rotation by the unit quaternion of the vector."""
+    R, t, new_R, new_t = at.R, at.t, to.R, to.t
     angle = math.sqrt(step[3] * step[3] + step[4] * step[4] + step[5] * step[5])
     scale = math.sin(0.5 * angle) / angle if angle > 1e-12 else 0.5
     w, x, y, z = math.cos(0.5 * angle), scale * step[3], scale * step[4], scale * step[5]
@@ -189,12 +227,12 @@ def _move(R, t, step, new_R, new_t):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _copy(from_R, from_t, from_residual, from_jacobian, R, t, residual, jacobian) -> None:  # type: ignore[no-untyped-def]
+def _copy(at: AtPose, to: AtPose) -> None:
     for i in range(3):
-        t[i] = from_t[i]
+        to.t[i] = at.t[i]
         for j in range(3):
-            R[i, j] = from_R[i, j]
-    for i in range(residual.shape[0]):
-        residual[i] = from_residual[i]
+            to.R[i, j] = at.R[i, j]
+    for i in range(at.residual.shape[0]):
+        to.residual[i] = at.residual[i]
         for j in range(6):
-            jacobian[i, j] = from_jacobian[i, j]
+            to.jacobian[i, j] = at.jacobian[i, j]

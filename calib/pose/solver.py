@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.pose.crossing import crossings
-from calib.pose.kernel import minimise
+from calib.pose.kernel import PoseMinima, PoseProblems, minimise
 from geometry import Pose, nearest_rotation
 
 Array = NDArray[np.float64]
@@ -52,13 +52,19 @@ def solve_poses(problem: PoseProblem, start: Pose, max_iterations: int = 30, tol
     rows = 2 * strings + (0 if problem.prior is None else 6)
     mean, root = (Pose.identity(), np.zeros((6, 6))) if problem.prior is None else problem.prior
     yz = problem.yz_mm.reshape(*problem.yz_mm.shape[:-2], 2 * strings)
+    problems = PoseProblems(
+        _flat(problem.starts, shape, 2),
+        _flat(problem.directions, shape, 2),
+        _flat(yz, shape, 1),
+        _flat(problem.whitening, shape, 2),
+        _flat(mean.R, shape, 2),
+        _flat(mean.t, shape, 1),
+        _flat(root, shape, 2),
+    )
     R, t = _flat(start.R, shape, 2), _flat(start.t, shape, 1)
     n = len(t)
     cost, jacobian, converged = np.zeros(n), np.zeros((n, rows, 6)), np.zeros(n, dtype=bool)
-    lines = _flat(problem.starts, shape, 2), _flat(problem.directions, shape, 2)
-    given = _flat(yz, shape, 1), _flat(problem.whitening, shape, 2)
-    prior = _flat(mean.R, shape, 2), _flat(mean.t, shape, 1), _flat(root, shape, 2)
-    minimise(*lines, *given, *prior, R, t, max_iterations, tolerance, cost, jacobian, converged)
+    minimise(problems, PoseMinima(R, t, cost, jacobian, converged), max_iterations, tolerance)
     T = Pose(nearest_rotation(R).reshape(*shape, 3, 3), t.reshape(*shape, 3))
     crossed, along = crossings(T, problem.starts, problem.directions)
     ok = converged & np.isfinite(cost)
