@@ -38,13 +38,14 @@ class Symmetry:
 class Prediction:
     """What a target makes of measured points: k residuals [mm] a point, zero where a point is absent.
 
-    residual (F, M, k). by_pose (F, M, k, 6): by ξ of T_sensor_target·Exp(ξ). by_shape (F, M, k, S). by_point
+    residual (F, M, k). by_motion (F, M, k, 6): by a small motion ξ = (v, ω) of the target in sensor axes,
+    Exp(ξ)·T_sensor_target. by_shape (F, M, k, S). by_point
     (F, M, k, 2): by the measured (y, z), through which the point's covariance acts; None where the residual is
     predicted less measured.
     """
 
     residual: Array
-    by_pose: Array
+    by_motion: Array
     by_shape: Array
     by_point: Array | None = None
 
@@ -109,14 +110,13 @@ class Surface:
     def predict(self, T_sensor_target: Pose, shape: Array, points: SheetPoints) -> Prediction:
         """Distances of the points from the surface.
 
-        A point q, target axes, moves by -(ρ + ω × q) with T·Exp((ρ, ω)).
+        Where the target moves by v + ω × p at a point p, the point moves by as much less against it.
         """
         q = T_sensor_target.inverse() @ points.xyz_mm  # (F, M, 3)
         distance, gradient = (
             x.reshape(*q.shape[:2], *x.shape[1:]) for x in self.offset(q.reshape(-1, 3), points.feature.ravel())
         )
         seen = points.present[..., None]
-        n = gradient * seen[..., None]
-        by_pose = np.concatenate([-n, -cross(q[..., None, :], n)], -1)
-        by_point = n @ np.swapaxes(T_sensor_target.R, -1, -2)[:, None]  # (F, M, 1, 3) in {P}
-        return Prediction(distance * seen, by_pose, np.zeros((*seen.shape, 0)), by_point[..., 1:])
+        n = gradient * seen[..., None] @ np.swapaxes(T_sensor_target.R, -1, -2)[:, None]  # (F, M, 1, 3) in {P}
+        by_motion = np.concatenate([-n, -cross(points.xyz_mm[..., None, :], n)], -1)
+        return Prediction(distance * seen, by_motion, np.zeros((*seen.shape, 0)), n[..., 1:])

@@ -40,7 +40,7 @@ def predict_crossings(
     across = g @ T_sensor_target.R[:, None, :, 1:]  # (F, M, 2, 2): by y and z of a shift, target axes
     by_shape = (weight[..., None, :, None] * across[..., :, None, :]).reshape(*twist.shape[:3], 2 * len(anchor))
     residual = (crossing[..., 1:] - points.yz_mm) * seen
-    return Prediction(residual, twist @ T_sensor_target.adjoint[:, None], by_shape)
+    return Prediction(residual, twist, by_shape)
 
 
 def offset_from_lines(points_mm: Array, starts: Array, directions: Array) -> tuple[Array, Array]:

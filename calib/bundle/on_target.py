@@ -97,14 +97,13 @@ class OnTarget:
         T = self.T_sensor_target(state)
         found = self.target.predict(T, state.vector(self.shape_block), self.points)
         f, m, k = found.residual.shape
-        place = found.by_pose.reshape(f, m * k, 6)
-        twist = place @ T.inverse().adjoint  # by motions of the target in sensor axes
+        twist = found.by_motion.reshape(f, m * k, 6)
         hand = -twist @ state.pose("scp").inverse().adjoint
         twists = self.hands.jacobian(state.vector("robot"))
         jacobian = {
             "scp": -twist,
             "robot": hand @ twists,
-            self.place_block: place,
+            self.place_block: twist @ T.adjoint,
             self.shape_block: found.by_shape.reshape(f, m * k, found.by_shape.shape[-1]),
         }
         member = {self.place_block: self.member}

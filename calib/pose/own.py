@@ -39,7 +39,8 @@ class SeenAlone:
 
     def linearise(self, state: State) -> Linearised:
         """With the points' own covariance; a point that is absent has no weight and no residual."""
-        found = self.target.predict(state.pose("pose"), np.zeros(len(self.target.shape.sigma)), self.points)
+        T = state.pose("pose")
+        found = self.target.predict(T, np.zeros(len(self.target.shape.sigma)), self.points)
         f, m, k = found.residual.shape
         cov = self.points.cov_mm2
         own = cov if found.by_point is None else found.by_point @ cov @ np.swapaxes(found.by_point, -1, -2)
@@ -47,7 +48,7 @@ class SeenAlone:
         covariance = np.zeros((f, m, k, m, k))
         i = np.arange(m)
         covariance[:, i, :, i, :] = np.swapaxes(own, 0, 1)
-        jacobian = {"pose": found.by_pose.reshape(f, m * k, 6)}
+        jacobian = {"pose": found.by_motion.reshape(f, m * k, 6) @ T.adjoint}
         member = {"pose": np.arange(f)}
         return Linearised(found.residual.reshape(f, -1), jacobian, covariance.reshape(f, m * k, m * k), member)
 
