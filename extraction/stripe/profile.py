@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,8 +45,9 @@ class StripePeaks:
 
     def __getitem__(self, chosen: NDArray[np.intp] | Mask) -> StripePeaks:
         """The chosen points, in that order."""
-        values = {f.name: getattr(self, f.name) for f in fields(self)}
-        return StripePeaks(**{name: v[chosen] if isinstance(v, np.ndarray) else v for name, v in values.items()})
+        columns = {f.name: getattr(self, f.name) for f in fields(self)}
+        changed: dict[str, Any] = {name: v[chosen] for name, v in columns.items() if isinstance(v, np.ndarray)}
+        return replace(self, **changed)
 
     @property
     def sections_per_independent(self) -> float:
