@@ -108,7 +108,7 @@ def _most_agreed(
     rng: np.random.Generator,
     config: FeatureConfig,
 ) -> Curve | None:
-    from skimage.measure import ransac
+    from skimage import measure
 
     fewest = _FEWEST_BY_SHAPE[shape]
 
@@ -128,7 +128,7 @@ def _most_agreed(
                 return np.where(np.arange(len(data)) == 0, 0.0, 2 * tolerance)
             return self.curve.residuals(data)
 
-    model: Any
+    ransac: Any = measure.ransac  # it has no types
     model, inliers = ransac(
         yz,
         Model,
