@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from calib.bundle.hands import Hands
 from calib.bundle.on_target import OnTarget
-from calib.bundle.sensor_errors import SensorErrors
+from calib.sensor_errors import SensorErrors
 from geometry import AxisPoints, Block, InputError, Pose, SheetPoints, State, Target, Unknowns
 
 Array = NDArray[np.float64]

@@ -12,7 +12,7 @@ from calib.bundle.hands import Hands
 from calib.bundle.noise import stated_cost, weigh
 from calib.bundle.problem import Bundle, estimated_parameters, estimates_sensor
 from calib.bundle.robust import RobustResult, solve_robust
-from calib.bundle.sensor_errors import SensorErrors
+from calib.sensor_errors import SensorErrors
 from calib.bundle.solve import solve_bundle
 from calib.bundle.starts import chain_start, hand_eye_start
 from calib.config import CalibConfig
@@ -38,13 +38,14 @@ class Solution:
     (P,) that its robot takes over. outlier (F, M), frame_outlier (F,): what was left out. Ts_sensor_target: each
     frame's own pose, of its candidates the one that agrees with the others. chi2_per_dof: of the model's own fit, by
     the noise of points and joints and the tolerance of the target's shape. explained, nominal: the same with all robot
-    errors free within their priors, and with none. noise: the σ that made the weights.
+    errors free within their priors, and with none; alone: the solve with none. noise: the σ that made the weights.
     rival: how much larger the χ² of the next best answer is (other poses from the same points); infinite where none.
     """
 
     bundle: Bundle
     every: Result
     result: Result
+    alone: Result
     applied: Mask
     outlier: Mask
     frame_outlier: Mask
@@ -123,16 +124,17 @@ def solve_problem(bundle: Bundle, candidates: Sequence[Pose], T_hand_sensor: Pos
     weighed = weigh(kept, every, config)
     if weighed.changed:
         every = solve_bundle(weighed.bundle.estimating(every.unknowns.block("robot").free, sensor=True), every.state)
-    sensor = estimates_sensor(config.model) or bundle.term.errors is None
+    sensor = estimates_sensor(config.model) or not np.any(bundle.unknowns.block("sensor").sigma > 0)
     model = every if np.all(applied) and sensor else _fit_model(weighed.bundle, every, applied, sensor=sensor)
     none = np.zeros_like(applied)
     nominal = _fit_model(weighed.bundle, every, none) if np.any(applied) or estimates_sensor(config.model) else model
     dof = kept.degrees_of_freedom
-    chi2, explained, alone = (stated_cost(weighed.stated, fit) / max(dof, 1) for fit in (model, every, nominal))
+    chi2, explained, nominal_chi2 = (stated_cost(weighed.stated, fit) / max(dof, 1) for fit in (model, every, nominal))
     return Solution(
         bundle=weighed.bundle,
         every=every,
         result=model,
+        alone=nominal,
         applied=applied,
         outlier=robust.outlier,
         frame_outlier=robust.frame_outlier,
@@ -142,7 +144,7 @@ def solve_problem(bundle: Bundle, candidates: Sequence[Pose], T_hand_sensor: Pos
         dof=dof,
         chi2_per_dof=chi2,
         explained=explained,
-        nominal=alone,
+        nominal=nominal_chi2,
         noise=weighed.noise,
         rival=_rival(kept, candidates, own, robust),
     )

@@ -20,8 +20,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.bundle import Bundle, SensorErrors, Solution
+from calib.bundle import Bundle, Solution
 from calib.engine import departure, reduced, reduced_gradient, total_normal
+from calib.sensor_errors import SensorErrors
 from geometry import Sensor, State
 from geometry.sensor import AGAINST
 from jig_cad import SIZES, Jig, SizedJig
@@ -35,6 +36,7 @@ GROSS_TIMES = 10.0  # a prior's σ, for kinds of parameters that are not listed
 GROSS_ANCHOR_MM, GROSS_SIZE_MM = 0.5, 1.0
 SEEN = 1.0  # pull that an error of gross size makes at least, if its number can be suspected from the data at all
 SAME_CHI2 = 9.0  # suspects whose gains are this near are told apart by nothing: a likelihood ratio of 90
+FILE_BLOCK = {"robot": "robot", "shape": "jig", "sensor": "sensor"}  # blocks by the file that states them
 FOCAL = "focal scale (fx_px, fy_px)"
 # what a sensor's number is off by where it is wrong, whatever its file states
 SOURCE_GROSS = {"cx_px": 5.0, "cy_px": 5.0, "fx_px": 15.0, "k1": 0.1, "plane_shift_mm": 0.5, "scale_y": 0.01}
@@ -125,6 +127,22 @@ class Evidence:
         out[trial.where] = np.maximum(trial.suspect.gross, float(np.linalg.norm(trial.size))) ** 2
         return out
 
+    def gain(self, variance: Array) -> float:
+        """Twice the logarithm of how much likelier priors of ``variance`` (C,) make the data than those stated."""
+        return self._log(variance) - self._log(self.variance)
+
+    def unscaled(self) -> Array:
+        """S (C, C) in the blocks' own units."""
+        return self.S / np.outer(self.scale, self.scale)
+
+    def _log(self, variance: Array) -> float:
+        V = variance / self.scale**2
+        active = np.flatnonzero(V > 0)
+        H = self.S[np.ix_(active, active)] + np.diag(1 / V[active])
+        known = V[active][np.isfinite(V[active])]
+        occam = float(np.linalg.slogdet(H)[1]) + float(np.sum(np.log(known)))
+        return float(self.b[active] @ np.linalg.solve(H, self.b[active])) - occam
+
     def _scaled(self, variance: Array) -> tuple[Array, Array]:
         V = variance / self.scale**2
         active = np.flatnonzero(V > 0)
@@ -171,7 +189,7 @@ def evidence_of(solution: Solution, sensor: Sensor | None) -> Evidence:
 def suspected_bundle(bundle: Bundle, sensor: Sensor | None) -> Bundle:
     """The bundle with unknowns for what its files take for exact: sizes of a jig, parameters of the sensor."""
     out = bundle.of_target(SizedJig(bundle.target)) if isinstance(bundle.target, Jig) else bundle
-    if sensor is not None:
+    if sensor is not None and (out.term.errors is None or not out.term.errors.complete):
         out = out.of_sensor(SensorErrors.suspected(sensor, bundle.term.errors))
     return out.estimating(np.ones(len(out.estimated), dtype=bool), sensor=True)
 

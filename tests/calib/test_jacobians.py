@@ -9,7 +9,7 @@ import pytest
 
 from calib.bundle.hands import Hands
 from calib.bundle.problem import Bundle
-from calib.bundle.sensor_errors import SensorErrors
+from calib.sensor_errors import SensorErrors
 from calib.closure.terms import KnownDistance, Seated
 from calib.figures import OffsetsFromTarget
 from calib.pose.own import SeenAlone
