@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from calib.bundle.hands import Hands
 from calib.bundle.on_target import OnTarget
+from calib.bundle.sensor_errors import SensorErrors
 from geometry import AxisPoints, Block, InputError, Pose, SheetPoints, State, Target, Unknowns, stack_poses, target_at
 
 Array = NDArray[np.float64]
@@ -18,14 +19,16 @@ Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 _Number = TypeVar("_Number", bound=np.generic)
 
+WITH_SENSOR = "+sensor"  # ends the name of a model that estimates the sensor's own errors, too
+
 
 @dataclass(frozen=True, eq=False)
 class Bundle:
     """Frames of one hand and sensor on the targets of their locations, with all unknowns.
 
-    terms: the evidence, one for every target. unknowns: "scp", "robot", and for every target the block of its shape and
-    that of its place at every location where it stood ("shape" and "target" of the first). hands: of all F frames.
-    location (F,): which location each frame belongs to. locations: their names.
+    terms: the evidence, one for every target. unknowns: "scp", "robot", "sensor", and for every target the block of its
+    shape and that of its place at every location where it stood ("shape" and "target" of the first). hands: of all F
+    frames. location (F,): which location each frame belongs to. locations: their names.
     """
 
     terms: tuple[OnTarget, ...]
@@ -41,18 +44,24 @@ class Bundle:
         target: Target | Mapping[str, Target],
         hands: Hands,
         names: Sequence[str] | None = None,
+        errors: SensorErrors | None = None,
     ) -> Bundle:
-        """The problem of labelled frames, nothing of the robot estimated.
+        """The problem of labelled frames, nothing of robot and sensor estimated.
 
         target: of all locations, or by location. names: of the locations in their order; by default that of their first
-        frames.
+        frames. errors: of the sensor.
         """
         names = tuple(names or dict.fromkeys(locations))
         location = np.array([names.index(n) for n in locations], dtype=np.intp)
         stands = {name: target_at(target, name) for name in names}
         kinds = list({id(t): t for t in stands.values()}.values())
         terms: list[OnTarget] = []
-        blocks = [Block.pose("scp"), Block.vector("robot", hands.sigma, free=False, labels=hands.labels)]
+        labels = () if errors is None else errors.labels
+        blocks = [
+            Block.pose("scp"),
+            Block.vector("robot", hands.sigma, free=False, labels=hands.labels),
+            Block.vector("sensor", np.ones(len(labels)), free=False, labels=labels),
+        ]
         for k, kind in enumerate(kinds):
             here = [n for n in names if stands[n] is kind]
             frame = np.array([i for i, n in enumerate(locations) if n in here], dtype=np.intp)
@@ -60,7 +69,7 @@ class Bundle:
             member = np.array([here.index(locations[i]) for i in frame], dtype=np.intp)
             own = hands if len(frame) == len(locations) else hands[frame]
             place, shape = ("target", "shape") if k == 0 else (f"target {k + 1}", f"shape {k + 1}")
-            terms.append(OnTarget(points, kind, own, member, own.noise, ~points.present, place, shape, frame))
+            terms.append(OnTarget(points, kind, own, member, own.noise, ~points.present, place, shape, frame, errors))
             blocks.append(Block.vector(shape, kind.shape.sigma, labels=kind.shape.labels))
             blocks.append(Block.pose(place, tuple(here), free=kind.freedom))
         return Bundle(tuple(terms), Unknowns(tuple(blocks)), hands, location, names)
@@ -80,6 +89,11 @@ class Bundle:
     def target_at(self, location: str) -> Target:
         """What stood at a location."""
         return next(t.target for t in self.terms if location in self.unknowns.block(t.place_block).members)
+
+    @property
+    def errors(self) -> SensorErrors | None:
+        """The sensor's own errors, the same for all targets."""
+        return self.terms[0].errors
 
     @property
     def present(self) -> Mask:
@@ -117,9 +131,9 @@ class Bundle:
             out[place] = value
         return out
 
-    def estimating(self, robot: Mask) -> Bundle:
-        """The problem with the robot's parameters ``robot`` (P,) estimated and the others considered."""
-        return replace(self, unknowns=self.unknowns.with_free(robot=robot))
+    def estimating(self, robot: Mask, sensor: bool = False) -> Bundle:
+        """The problem with the robot's parameters ``robot`` (P,) estimated, and the sensor's; the rest considered."""
+        return replace(self, unknowns=self.unknowns.with_free(robot=robot, sensor=sensor))
 
     def with_noise(self, point_scale: float, hand_noise: Array) -> Bundle:
         """The problem with the points' covariances times ``point_scale`` and hand poses of covariance (F, 6, 6)."""
@@ -148,8 +162,8 @@ class Bundle:
         return Bundle(tuple(terms), unknowns, self.hands[index], location.astype(np.intp), names)
 
     def start(self, T_hand_sensor: Pose, Ts_base_target: Pose) -> State:
-        """The state with robot and shapes as stated; Ts_base_target (L): the places in the order of ``locations``."""
-        rest = {name: self.unknowns.block(name).at_rest() for name in ("robot", *self.shape_blocks)}
+        """The state with robot, shapes and sensor as stated; Ts_base_target (L): places in ``locations``' order."""
+        rest = {name: self.unknowns.block(name).at_rest() for name in ("robot", "sensor", *self.shape_blocks)}
         return self.with_places(State({"scp": T_hand_sensor, **rest}), Ts_base_target)
 
     def with_places(self, state: State, Ts_base_target: Pose) -> State:
@@ -193,7 +207,17 @@ class Bundle:
 
 def estimated_groups(model: str) -> Collection[str] | None:
     """Groups of the robot's parameters that a model estimates; None for all of them."""
-    return {"scp": (), "scp+offsets": ("theta",), "full": None}[model]
+    return {"scp": (), "scp+offsets": ("theta",), "full": None}[robot_part(model)]
+
+
+def robot_part(model: str) -> str:
+    """The model without what it estimates of the sensor."""
+    return model.removesuffix(WITH_SENSOR)
+
+
+def estimates_sensor(model: str) -> bool:
+    """Whether a model estimates the sensor's own errors."""
+    return model.endswith(WITH_SENSOR)
 
 
 def estimated_parameters(hands: Hands, model: str) -> Mask:
