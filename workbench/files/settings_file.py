@@ -117,7 +117,7 @@ def carried_calib(text: str, name: str) -> dict[str, Any]:
 def _data(text: str, name: str) -> dict[str, Any]:
     try:
         return tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:  # ValueError: also an integer of thousands of digits
         raise InputError(f"{name}: not valid TOML, {error}") from None
 
 
