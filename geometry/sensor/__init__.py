@@ -1,6 +1,7 @@
 """The sensor: laser sheet, camera or profile output, stated optics, uncertainty, and what of the sheet is measured."""
 
 from geometry.sensor.camera import CHANNELS, Camera, project
+from geometry.sensor.deviation import SensorDeviation, SheetSeen
 from geometry.sensor.field_of_view import field_of_view, inside_polygon
 from geometry.sensor.optics import Optics
 from geometry.sensor.profile import AUTO, PROFILE_FORMATS, ProfileOutput
@@ -18,8 +19,10 @@ __all__ = [
     "Optics",
     "ProfileOutput",
     "Sensor",
+    "SensorDeviation",
     "SensorUncertainty",
     "Sheet",
+    "SheetSeen",
     "field_of_view",
     "inside_polygon",
     "project",

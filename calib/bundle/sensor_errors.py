@@ -1,0 +1,68 @@
+"""The sensor's own errors as unknowns of the bundle: independent parts of unit σ, by what its file says of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geometry import Sensor
+from geometry.sensor import SensorDeviation, SensorUncertainty, SheetSeen
+
+Array = NDArray[np.float64]
+
+UNSTATED = "drawing"  # how little is known of a sensor whose file is silent, where its errors are to be estimated
+
+
+@dataclass(frozen=True, eq=False)
+class SensorErrors:
+    """Independent errors (K,) of unit σ, by name, and the parameters (P, K) of the deviation that each moves."""
+
+    deviation: SensorDeviation
+    labels: tuple[str, ...]
+    basis: Array
+    _last: dict[str, tuple[tuple[bytes, int], object]] = field(default_factory=dict, repr=False)
+
+    @staticmethod
+    def of(sensor: Sensor | None, estimated: bool) -> SensorErrors | None:
+        """What is not known of a sensor; None where its file takes itself for exact and nothing is to be estimated."""
+        if sensor is None:
+            return None
+        camera = sensor.camera
+        focal = None if camera is None else (camera.fx_px, camera.fy_px)
+        known = sensor.uncertainty
+        if known is None:
+            known = SensorUncertainty.by_source(UNSTATED, focal) if estimated else None
+        if known is None or not np.any(known.completed(focal).covariance):
+            return None
+        known = known.completed(focal)
+        labels, basis = known.independent()
+        return SensorErrors(SensorDeviation(sensor, known.parameters), labels, basis)
+
+    def parameters(self, values: Array) -> dict[str, float]:
+        """Corrections of the sensor's parameters by name, of errors (K,)."""
+        return dict(zip(self.deviation.names, (self.basis @ values).tolist(), strict=True))
+
+    def seen(self, yz_mm: Array, values: Array) -> SheetSeen:
+        """The corrected plane and points."""
+        return self._of("seen", yz_mm, values)  # type: ignore[return-value] # a SheetSeen is kept under "seen"
+
+    def derivatives(self, yz_mm: Array, values: Array) -> tuple[Array, Array]:
+        """By the errors: twists (6, K) of the plane's frame, and motions (..., 2, K) of the points in it."""
+        return self._of("derivatives", yz_mm, values)  # type: ignore[return-value] # and two arrays there
+
+    def _of(self, what: str, yz_mm: Array, values: Array) -> object:
+        # most steps leave the sensor where it is, and its rays are dear
+        key = (values.tobytes(), id(yz_mm))
+        known = self._last.get(what)
+        if known is None or known[0] != key:
+            changes = self.basis @ values
+            if what == "seen":
+                found: object = self.deviation.seen(yz_mm, changes)
+            else:
+                twists, motions = self.deviation.derivatives(yz_mm, changes)
+                found = twists @ self.basis, motions @ self.basis
+            known = key, found
+            self._last[what] = known
+        return known[1]
