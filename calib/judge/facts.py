@@ -37,8 +37,8 @@ def bundle_estimate(
         robot=solution.robot,
         robot_delta=solution.parameters,
         robot_sigma=found.sigma("robot"),
-        shape_delta=result.state.vector("shape"),
-        shape_sigma=found.sigma("shape"),
+        shape_delta=np.concatenate([result.state.vector(b) for b in solution.bundle.shape_blocks]),
+        shape_sigma=np.concatenate([found.sigma(b) for b in solution.bundle.shape_blocks]),
         chi2_per_dof=solution.chi2_per_dof,
         degrees_of_freedom=solution.dof,
         converged=result.converged,
@@ -59,11 +59,11 @@ def _with_finding(estimate: Estimate, finding: Finding, config: CalibConfig) -> 
     solution, floor = finding.solution, _floor(finding.solution, config)
     joint = _joint(finding, solution.covariance.total, solution.result, config)
     alone = _joint(finding, covariance(solution.alone).total, solution.alone, config)
-    errors = finding.evidence.bundle.term.errors
+    errors = finding.evidence.bundle.errors
     pulls = sorted((t for t in finding.trials if t.seen), key=lambda t: -t.gain)[:LARGEST_PULLS]
     named = () if finding.culprit is None else (_culprit(finding),)
     sensor = solution.result.unknowns.block("sensor")
-    known = solution.bundle.term.errors
+    known = solution.bundle.errors
     estimated = known is not None and bool(np.any(sensor.free))
     return replace(
         estimate,
@@ -126,7 +126,7 @@ def bundle_facts(
     contradiction = None
     if finding is not None and finding.culprit is not None:
         contradiction = Contradiction(_culprit(finding), finding.rest)
-    out = (solution.outlier | solution.frame_outlier[:, None])[solution.bundle.term.points.present]
+    out = (solution.outlier | solution.frame_outlier[:, None])[solution.bundle.present]
     lost = sum(len(f.axis) for f in refused)
     return Facts(
         converged=solution.result.converged,

@@ -137,7 +137,7 @@ def _solved_without(
 def _relaxed(bundle: Bundle, evidence: Evidence, trial: Trial, config: CalibConfig) -> Bundle:
     """The problem of all suspects, one of them with a prior of its size."""
     suspect, u = trial.suspect, bundle.unknowns
-    sigma = {b: u.block(b).sigma.copy() for b in ("robot", "shape", "sensor")}
+    sigma = {b: u.block(b).sigma.copy() for b in ("robot", *bundle.shape_blocks, "sensor")}
     wide = np.sqrt(evidence.relaxed(trial)[trial.where])
     if not _estimated(suspect, bundle, config) and suspect.parameter != UNCERTAINTY:
         wide = np.maximum(np.abs(trial.size), sigma[suspect.block][suspect.index])
@@ -149,7 +149,7 @@ def _estimated(suspect: Suspect, bundle: Bundle, config: CalibConfig) -> bool:
     """Whether the model estimates the suspect: else its σ is all that is carried."""
     if suspect.block == "robot":
         return bool(np.all(estimated_parameters(bundle.hands, config.model)[suspect.index]))
-    return suspect.block == "shape" or estimates_sensor(config.model)
+    return suspect.block in bundle.shape_blocks or estimates_sensor(config.model)
 
 
 def _gain(before: Solution, after: Solution) -> float:
@@ -159,7 +159,7 @@ def _gain(before: Solution, after: Solution) -> float:
 
 def _score(solution: Solution) -> float:
     gone = solution.outlier | solution.frame_outlier[:, None]
-    gone = gone & solution.bundle.term.points.present
+    gone = gone & solution.bundle.present
     return solution.explained * solution.dof + LEFT_OUT * float(gone.sum())
 
 
