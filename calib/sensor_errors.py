@@ -53,7 +53,9 @@ class SensorErrors:
         usual = SensorUncertainty.by_source(UNSTATED, None if camera is None else (camera.fx_px, camera.fy_px))
         if stated is None:
             labels, basis = usual.independent()
-            return SensorErrors(SensorDeviation(sensor, usual.parameters), labels, basis, np.zeros(len(labels)), complete=True)
+            return SensorErrors(
+                SensorDeviation(sensor, usual.parameters), labels, basis, np.zeros(len(labels)), complete=True
+            )
         known = stated.deviation.names
         rest = [i for i, name in enumerate(usual.parameters) if name not in known]
         names = (*known, *(usual.parameters[i] for i in rest))

@@ -231,7 +231,7 @@ class Bundle:
 
 def estimated_groups(model: str) -> Collection[str] | None:
     """Groups of the robot's parameters that a model estimates; None for all of them."""
-    return {"scp": (), "scp+offsets": ("theta",), "full": None}[robot_part(model)]
+    return {"scp": (), "scp+offsets": ("theta",), "full": None, "auto": None}[robot_part(model)]
 
 
 def robot_part(model: str) -> str:

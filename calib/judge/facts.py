@@ -102,7 +102,8 @@ def _pull(trial: Trial) -> Pull:
     if s.parameter == UNCERTAINTY:
         size = s.per_unit
     else:
-        size = s.per_unit * (float(trial.size[0]) if len(trial.size) == 1 else float(np.linalg.norm(trial.size)))
+        length = s.block != "sensor" and len(trial.size) > 1
+        size = s.per_unit * float(np.linalg.norm(trial.size) if length else trial.size[0])
     return Pull(FILE_BLOCK[s.block], s.parameter, s.row, size, s.unit, trial.pull)
 
 

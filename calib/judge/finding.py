@@ -13,16 +13,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.bundle import Bundle, Solution, estimated_parameters, estimates_sensor, solve_problem
+from calib.bundle import Bundle, Explained, Solution, answered, estimated_parameters, estimates_sensor, explain
 from calib.config import CalibConfig
-from calib.judge.suspects import Evidence, Suspect, Trial, evidence_of, suspected_bundle
+from calib.judge.suspects import Evidence, Suspect, Trial, evidence_of, grown, suspected_bundle
 from geometry import Pose, Sensor
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-TRIED = 4  # suspects that are solved for anew, those of the largest pulls
-LOOK = 2.5  # a pull from which that is worth while: half of all sound cells have none
+TRIED = 3  # suspects that are solved for anew, those of the largest pulls
+LOOK = 3.2  # a pull from which that is worth while: one sound cell in ten or so has it
 LOOK_CHI2 = 1.3  # and the χ² per degree of freedom from which it is, whatever the pulls
 TIMES = (3.0, 10.0, 30.0)  # by which [uncertainty] of a robot is tried
 EVIDENCE = 4.0  # by which that must be better than one number alone: a likelihood ratio of 7
@@ -71,16 +71,18 @@ def find(
     """Try what could be wrong and keep what explains the data, or nothing."""
     first = evidence_of(solution, sensor)
     trials = first.trials()
-    best: tuple[float, Trial | None, Solution] = (config.pull_limit**2, None, solution)
-    if _worth_while(solution, trials):
-        for trial in _tried(first, trials):
-            found = _solved_without(bundle, candidates, solution, sensor, config, first, trial)
-            if found is None:
-                continue
-            gain = _gain(solution, found) if trial.suspect.parameter != UNCERTAINTY else trial.gain
-            if gain > best[0]:
-                best = gain, trial, found
-    return _finding(best[1], best[2], first, sensor)
+    gain, culprit, found = config.pull_limit**2, None, None
+    every = suspected_bundle(bundle, sensor)
+    for trial in _tried(first, trials) if _worth_while(solution, trials) else ():
+        relaxed = _relaxed(every, first, trial, config)
+        explained = _explained(relaxed, candidates, solution, config)
+        if explained is None:
+            continue
+        saved = trial.gain if trial.suspect.parameter == UNCERTAINTY else _gain(solution, explained)
+        if saved > gain:
+            gain, culprit, found = saved, trial, (relaxed, explained)
+    chosen = solution if found is None else answered(*found, solution.rival, config)
+    return _finding(culprit, chosen, first, sensor)
 
 
 def _worth_while(solution: Solution, trials: tuple[Trial, ...]) -> bool:
@@ -116,19 +118,13 @@ def _uncertainty(evidence: Evidence) -> Trial | None:
     return Trial(suspect, where, np.zeros(len(where)), times * robot.sigma, pull, seen=True)
 
 
-def _solved_without(
-    bundle: Bundle,
-    candidates: Sequence[Pose],
-    solution: Solution,
-    sensor: Sensor | None,
-    config: CalibConfig,
-    evidence: Evidence,
-    trial: Trial,
-) -> Solution | None:
-    """The solution with a suspect's prior as wide as its size; None where that has none."""
-    relaxed = _relaxed(suspected_bundle(bundle, sensor), evidence, trial, config)
+def _explained(
+    relaxed: Bundle, candidates: Sequence[Pose], solution: Solution, config: CalibConfig
+) -> Explained | None:
+    """The frames explained with a suspect's prior as wide as its size; None where that settles nowhere."""
+    start = grown(relaxed, solution.every.state) if solution.every.converged else None
     try:
-        found = solve_problem(relaxed, candidates, solution.T_hand_sensor, config)
+        found = explain(relaxed, candidates, solution.T_hand_sensor, config, start)
     except np.linalg.LinAlgError:
         return None
     return found if found.every.converged else None
@@ -152,15 +148,15 @@ def _estimated(suspect: Suspect, bundle: Bundle, config: CalibConfig) -> bool:
     return suspect.block in bundle.shape_blocks or estimates_sensor(config.model)
 
 
-def _gain(before: Solution, after: Solution) -> float:
+def _gain(before: Solution, after: Explained) -> float:
     """Cost saved, points brought back included, in units of the noise that is left."""
-    return (_score(before) - _score(after)) / max(1.0, after.explained)
+    left = after.cost / max(after.kept.degrees_of_freedom, 1)
+    gone = LEFT_OUT * (float(_gone(before.outlier, before) - after.robust.left_out[before.bundle.present].sum()))
+    return (before.explained * before.dof - after.cost + gone) / max(1.0, left)
 
 
-def _score(solution: Solution) -> float:
-    gone = solution.outlier | solution.frame_outlier[:, None]
-    gone = gone & solution.bundle.present
-    return solution.explained * solution.dof + LEFT_OUT * float(gone.sum())
+def _gone(outlier: Mask, solution: Solution) -> float:
+    return float((outlier | solution.frame_outlier[:, None])[solution.bundle.present].sum())
 
 
 def _finding(culprit: Trial | None, solution: Solution, first: Evidence, sensor: Sensor | None) -> Finding:
@@ -218,7 +214,7 @@ def widened(finding: Finding, estimated: Mask, total: Array, limit: float) -> Ar
             continue
         other = ev.solve(np.where(estimated, variance, 0.0))
         shift = other.z - base.z
-        out += probability * _positive(other.covariance - base.covariance + np.outer(shift, shift))
+        out += probability * _positive(other.covariance - base.covariance + np.outer(shift, shift), base.covariance)
     if np.any(considered):
         bias = -base.covariance @ (ev.unscaled()[:, considered > 0])
         bias[considered > 0] += np.eye(int(np.sum(considered > 0)))
@@ -226,9 +222,8 @@ def widened(finding: Finding, estimated: Mask, total: Array, limit: float) -> Ar
     return out
 
 
-def _positive(matrix: Array) -> Array:
-    """The part of a symmetric matrix that widens."""
-    scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-    scale = np.where(scale > 0, scale, 1.0)
+def _positive(matrix: Array, base: Array) -> Array:
+    """The part of a symmetric matrix that widens; ``base`` gives the scale of its components."""
+    scale = np.sqrt(np.where(np.diag(base) > 0, np.diag(base), 1.0))
     values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
     return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T * np.outer(scale, scale))

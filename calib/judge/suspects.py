@@ -35,11 +35,13 @@ GROSS = {"theta": np.deg2rad(0.5), "d": 2.0, "a": 2.0, "alpha": np.deg2rad(0.5),
 GROSS_TIMES = 10.0  # a prior's σ, for kinds of parameters that are not listed
 GROSS_ANCHOR_MM, GROSS_SIZE_MM = 0.5, 1.0
 SEEN = 1.0  # pull that an error of gross size makes at least, if its number can be suspected from the data at all
+MORE_COMPONENTS = 4.0  # gain that chance gives for each component beyond the first, at the tail that matters
 SAME_CHI2 = 9.0  # suspects whose gains are this near are told apart by nothing: a likelihood ratio of 90
 FILE_BLOCK = {"robot": "robot", "shape": "jig", "sensor": "sensor"}  # blocks by the file that states them
 FOCAL = "focal scale (fx_px, fy_px)"
 # what a sensor's number is off by where it is wrong, whatever its file states
 SOURCE_GROSS = {"cx_px": 5.0, "cy_px": 5.0, "fx_px": 15.0, "k1": 0.1, "plane_shift_mm": 0.5, "scale_y": 0.01}
+SHIFT, SHIFTED, SHIFTED_TIMES = "plane_shift_mm", ("plane_tilt_y_rad",), 3.0
 SOURCE_GROSS |= {"plane_tilt_y_rad": 3e-3, "plane_tilt_z_rad": 3e-3, "scale_z": 0.01}
 
 
@@ -124,7 +126,7 @@ class Evidence:
     def relaxed(self, trial: Trial) -> Array:
         """Variances (C,) with the prior of a suspect as wide as an error of its size."""
         out = self.variance.copy()
-        out[trial.where] = np.maximum(trial.suspect.gross, float(np.linalg.norm(trial.size))) ** 2
+        out[trial.where] = np.maximum(trial.suspect.gross, np.abs(trial.size)) ** 2
         return out
 
     def gain(self, variance: Array) -> float:
@@ -159,7 +161,7 @@ class Evidence:
             return Trial(suspect, where, np.zeros(len(where)), np.full(len(where), np.inf), 0.0, seen)
         inverse = np.linalg.inv(information)
         size = inverse @ c[where]
-        pull = float(np.sqrt(max(float(c[where] @ size), 0.0)))
+        pull = float(np.sqrt(max(float(c[where] @ size) - MORE_COMPONENTS * (len(where) - 1), 0.0)))
         sign = -1.0 if len(where) == 1 and size[0] < 0 else 1.0
         gross = self.scale[where]
         return Trial(suspect, where, size * gross, np.sqrt(np.diag(inverse)) * gross, sign * pull, seen)
@@ -169,11 +171,7 @@ def evidence_of(solution: Solution, sensor: Sensor | None) -> Evidence:
     """All that could be wrong, linearised where everything was free within its prior."""
     bundle = suspected_bundle(solution.bundle, sensor)
     every, u = solution.every, bundle.unknowns
-    grown = {n: np.zeros(u.block(n).size) for n in (*bundle.shape_blocks, "sensor")}
-    for name, value in grown.items():
-        old = every.state.vector(name)
-        value[: len(old)] = old
-    state = State({**every.state.values, **grown})
+    state = grown(bundle, every.state)
     normal = total_normal(
         u, state, [t.linearise(state) for t in bundle.terms], every.whites, np.ones(u.size, dtype=bool)
     )
@@ -186,6 +184,15 @@ def evidence_of(solution: Solution, sensor: Sensor | None) -> Evidence:
     for suspect in suspects_of(bundle):
         scale[u.indices(suspect.block)[suspect.index]] = suspect.gross
     return Evidence(bundle, data * np.outer(scale, scale), b * scale, scale, u.sigma**2)
+
+
+def grown(bundle: Bundle, state: State) -> State:
+    """The state with what the problem of suspects knows more of shapes and sensor at rest."""
+    more = {n: np.zeros(bundle.unknowns.block(n).size) for n in (*bundle.shape_blocks, "sensor")}
+    for name, value in more.items():
+        old = state.vector(name)
+        value[: len(old)] = old
+    return State({**state.values, **more})
 
 
 def suspected_bundle(bundle: Bundle, sensor: Sensor | None) -> Bundle:
@@ -237,7 +244,11 @@ def _of_sensor(bundle: Bundle) -> Iterator[Suspect]:
         moved = abs(errors.basis[main, k])
         parameter = FOCAL if label == "fx_px, fy_px" else label.replace("_rad", "_deg")
         gross = max(usual / moved if errors.sigma[k] else 1.0, 3 * errors.sigma[k])
-        yield Suspect("sensor", parameter, None, unit, per * errors.basis[main, k], np.array([k]), np.array([gross]))
+        where, sizes = [k], [gross]
+        if names[main] in SHIFTED and SHIFT in errors.labels:  # a plane turns about wherever it is held
+            where.append(errors.labels.index(SHIFT))
+            sizes.append(max(SHIFTED_TIMES, gross))
+        yield Suspect("sensor", parameter, None, unit, per * errors.basis[main, k], np.array(where), np.array(sizes))
 
 
 def _unit_of(name: str) -> str:
