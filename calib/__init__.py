@@ -2,15 +2,30 @@
 
 from calib.calibrate import calibrate
 from calib.config import CalibConfig
-from calib.result import CalibrationResult, DesignSolved, Distances, Estimate, LocationResult, Verdict
+from calib.printed import printed_sigmas
+from calib.result import (
+    CalibrationResult,
+    Culprit,
+    DesignSolved,
+    Distances,
+    Estimate,
+    LocationResult,
+    Nominal,
+    Pull,
+    Verdict,
+)
 
 __all__ = [
     "CalibConfig",
     "CalibrationResult",
+    "Culprit",
     "DesignSolved",
     "Distances",
     "Estimate",
     "LocationResult",
+    "Nominal",
+    "Pull",
     "Verdict",
     "calibrate",
+    "printed_sigmas",
 ]

@@ -45,7 +45,11 @@ def answer(
     holds = CalibrationResult("", "", verdict, design, {}, (), robot, estimate).trusted is not None
     for name, group in locations_of(frames).items():
         figures = location_figures(group, target_at(target, name), (design, robot), solved)
-        locations[name] = figures.result if holds else replace(figures.result, T_base_target=None)
+        result = figures.result if holds else replace(figures.result, T_base_target=None)
+        if estimate is not None and estimate.nominal is not None:
+            nominal = (estimate.nominal.T_hand_sensor, robot)
+            result = _with_nominal(result, location_figures(group, target_at(target, name), nominal, None).result)
+        locations[name] = result
         done |= {f.number: f for f in _answered(group, figures, estimate)}
     ordered = tuple(done[f.number] for f in frames)
     return CalibrationResult(config.method, config.model, verdict, design, locations, ordered, robot, estimate)
@@ -79,6 +83,13 @@ def location_figures(group: Sequence[Frame], target: Target, design: Chain, solv
         Distances(tuple(usable[i].number for i in complete), length, solved_length),
     )
     return Figures(result, fit, own)
+
+
+def _with_nominal(result: LocationResult, by_nominal: LocationResult) -> LocationResult:
+    """The figures with those of the nominal chain, which stand as design in ``by_nominal``."""
+    names = ("max_deviation_mm", "spread_3d_mm", "point_rms_mm")
+    both = {n: replace(getattr(result, n), nominal=getattr(by_nominal, n).design) for n in names}
+    return replace(result, **both)
 
 
 def location_pose(group: Sequence[Frame], target: Target, chain: Chain) -> Pose | None:

@@ -34,7 +34,7 @@ def prediction_jacobian(
 
 
 def _carried(R: Array, points: Array, twists: Array) -> Array:
-    """Motions (F, M, 3, n) in the base of points (F, M, 3) of a body that is turned by R and moved by twists (F, 6, n)."""
+    """Motions (F, M, 3, n) in the base of points (F, M, 3) of a body turned by R and moved by twists (F, 6, n)."""
     t = np.moveaxis(twists, -1, -2)[:, None]  # (F, 1, n, 6)
     moved = t[..., :3] + cross(np.broadcast_to(t[..., 3:], (*points.shape[:2], *t.shape[2:3], 3)), points[..., None, :])
     return np.asarray(R[:, None] @ np.moveaxis(moved, -1, -2))

@@ -192,7 +192,8 @@ class Estimate:
     def predicted_covariance(self, joints_rad: Array, yz_mm: Array) -> Array:
         """Covariance (F, M, 3, 3) [mm²] of where points (F, M, 2), measured at readings (F, n), are in the base."""
         J = self.prediction_jacobian(joints_rad, yz_mm)
-        return np.asarray(J @ self.joint_covariance @ np.swapaxes(J, -1, -2))
+        joint = np.zeros((0, 0)) if self.joint_covariance is None else self.joint_covariance
+        return np.asarray(J @ joint @ np.swapaxes(J, -1, -2))
 
     def prediction_jacobian(self, joints_rad: Array, yz_mm: Array) -> Array:
         """Motions (F, M, 3, 6 + P + K) [mm] of these by SCP, robot and sensor, as ``joint_covariance`` has them."""

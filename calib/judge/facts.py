@@ -89,7 +89,7 @@ def _joint(finding: Finding, total: Array, result: Result, config: CalibConfig) 
     free[place] = mine.free
     every = widened(finding, free, embedded, config.pull_limit)
     kept = np.concatenate([all_of.indices(name) for name in ("scp", "robot", "sensor")])
-    return every[np.ix_(kept, kept)]
+    return np.asarray(every[np.ix_(kept, kept)])
 
 
 def _floor(solution: Solution, config: CalibConfig) -> Array:
@@ -126,7 +126,7 @@ def bundle_facts(
     """What the bundle is judged by; ``refused`` are calibrate frames whose given labels no pose explains."""
     contradiction = None
     if finding is not None and finding.culprit is not None:
-        contradiction = Contradiction(_culprit(finding), finding.rest)
+        contradiction = Contradiction(_culprit(finding), finding.rest, finding.culprit.gross)
     out = (solution.outlier | solution.frame_outlier[:, None])[solution.bundle.present]
     lost = sum(len(f.axis) for f in refused)
     return Facts(
@@ -143,6 +143,7 @@ def bundle_facts(
         locations=len(solution.bundle.locations),
         contradiction=contradiction,
         largest_pull=0.0 if finding is None else finding.rest,
+        inferred=bool(solution.bundle.hands.inferred),
     )
 
 

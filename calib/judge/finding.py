@@ -37,7 +37,8 @@ class Finding:
 
     solution: with the culprit's prior widened, where there is one. evidence: about it, its variances those stated.
     trials: of every suspect. culprit, alike: what is wrong, and what the data can not tell from it. rest: the largest
-    pull that is left once it is allowed for. allowed (C,): variances with that. prior_cost, prior_expected: squared departures from the stated priors, and what they are expected to be.
+    pull that is left once it is allowed for. allowed (C,): variances with that. prior_cost, prior_expected: squared
+    departures from the stated priors, and what they are expected to be.
     """
 
     solution: Solution
@@ -81,8 +82,11 @@ def find(
         saved = trial.gain if trial.suspect.parameter == UNCERTAINTY else _gain(solution, explained)
         if saved > gain:
             gain, culprit, found = saved, trial, (relaxed, explained)
-    chosen = solution if found is None else answered(*found, solution.rival, config)
-    return _finding(culprit, chosen, first, sensor)
+    plain = _finding(None, solution, first, sensor)
+    if culprit is None or found is None:
+        return plain
+    accused = _finding(culprit, answered(*found, solution.rival, config), first, sensor)
+    return accused if accused.culprit is not None and abs(accused.culprit.pull) > config.pull_limit else plain
 
 
 def _worth_while(solution: Solution, trials: tuple[Trial, ...]) -> bool:
@@ -104,7 +108,7 @@ def _tried(evidence: Evidence, trials: tuple[Trial, ...]) -> list[Trial]:
 def _uncertainty(evidence: Evidence) -> Trial | None:
     """All priors of the robot wider by a factor, as one suspect whose size is the factor."""
     robot = evidence.bundle.unknowns.block("robot")
-    if not np.any(robot.sigma > 0):
+    if bool(evidence.bundle.hands.inferred) or not np.any(robot.sigma > 0):
         return None
     where = evidence.bundle.unknowns.indices("robot")
     gains = {}

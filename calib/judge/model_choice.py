@@ -54,9 +54,7 @@ def table_advice(scores: Mapping[Model, float | None], asked: Model, *, nominal_
         f"{large:.3f} mm with the estimated one"
     )
     if large > _OVERFIT * small or (nominal_fits and large > _WORTH * small):
-        return (
-            f"{words}: the nominal table is as good; enter T_hand_sensor_nominal and leave the robot's table as it is"
-        )
+        return f"{words}: the nominal table is as good; enter T_hand_sensor_nominal and leave the table as it is"
     return f"{words}: {ENTER}"
 
 

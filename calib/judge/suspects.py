@@ -34,6 +34,7 @@ Index = NDArray[np.intp]
 GROSS = {"theta": np.deg2rad(0.5), "d": 2.0, "a": 2.0, "alpha": np.deg2rad(0.5), "beta": np.deg2rad(0.5)}
 GROSS_TIMES = 10.0  # a prior's σ, for kinds of parameters that are not listed
 GROSS_ANCHOR_MM, GROSS_SIZE_MM = 0.5, 1.0
+GROSSER = 6.0  # times these: 12 mm, 3°, 6 mm of a jig; what was linearised and labelled is not what is there
 SEEN = 1.0  # pull that an error of gross size makes at least, if its number can be suspected from the data at all
 MORE_COMPONENTS = 4.0  # gain that chance gives for each component beyond the first, at the tail that matters
 SAME_CHI2 = 9.0  # suspects whose gains are this near are told apart by nothing: a likelihood ratio of 90
@@ -77,6 +78,11 @@ class Trial:
     sigma: Array
     pull: float
     seen: bool
+
+    @property
+    def gross(self) -> bool:
+        """Whether it is off by much more than a number that is wrong usually is."""
+        return bool(np.any(np.abs(self.size) > GROSSER * self.suspect.gross))
 
     @property
     def gain(self) -> float:
@@ -210,6 +216,8 @@ def suspects_of(bundle: Bundle) -> tuple[Suspect, ...]:
 
 
 def _of_robot(bundle: Bundle) -> Iterator[Suspect]:
+    if bundle.hands.inferred:  # of a pose's several joint solutions the wrong one may be taken: no number's fault
+        return
     for i, p in enumerate(bundle.hands.robot.parameters):
         if p.sigma > 0:
             gross = max(float(GROSS.get(p.group, GROSS_TIMES * p.sigma)), 3 * p.sigma)

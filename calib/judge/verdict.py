@@ -119,10 +119,14 @@ def misfit_limit(dof: int, least: float) -> float:
 
 @dataclass(frozen=True)
 class Contradiction:
-    """A number of the files that does not go with the data; rest: the largest pull once it is allowed for."""
+    """A number of the files that does not go with the data.
+
+    rest: the largest pull once it is allowed for. gross: it is off by more than typing errors and mounts account for.
+    """
 
     culprit: Culprit
     rest: float
+    gross: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,7 +136,7 @@ class Facts:
     explained: χ² per degree of freedom with all robot errors free within their priors.
     noise_covariance (6, 6): of the SCP from noise alone. outlier_share: of the points. outlying_strings: whose points
     are mostly outliers. rival: how much larger the χ² of another answer is. contradiction: what of the files does not
-    go with the data; largest_pull: of all other numbers.
+    go with the data; largest_pull: of all other numbers. inferred: the joints follow from hand poses.
     """
 
     converged: bool
@@ -148,6 +152,7 @@ class Facts:
     locations: int
     contradiction: Contradiction | None = None
     largest_pull: float = 0.0
+    inferred: bool = False
 
 
 def judge(f: Facts, moved: Motion, config: CalibConfig) -> Verdict:
@@ -239,11 +244,17 @@ def _contradiction(f: Facts, config: CalibConfig) -> Verdict | None:
     c, rest = f.contradiction.culprit, f.contradiction.rest
     code: Code = "sensor_suspect" if c.block == "sensor" else "priors_contradict"
     words = accusation(c)
+    if f.contradiction.gross:
+        return Verdict(
+            code,
+            f"{words}. An error of that size is none that σ can be given for: correct it and calibrate again",
+            withheld=True,
+        )
     if f.explained > misfit_limit(f.dof, config.misfit_chi2) or rest > config.pull_limit + REST_SLACK:
         return Verdict(
             code,
-            f"{words}. Even so the data do not fit together (χ² {f.explained:.3g} per degree of freedom, another number "
-            f"is pulled by {rest:.1f} σ): more than one number is wrong, so no σ can be given, and none is",
+            f"{words}. Even so the data do not fit together (χ² {f.explained:.3g} per degree of freedom, another "
+            f"number is pulled by {rest:.1f} σ): more than one number is wrong, so no σ can be given, and none is",
             withheld=True,
         )
     return Verdict(code, f"{words}. The σ given allow for it; correct the number and calibrate again for smaller ones")
@@ -252,13 +263,14 @@ def _contradiction(f: Facts, config: CalibConfig) -> Verdict | None:
 def _misfit(f: Facts, config: CalibConfig) -> Verdict | None:
     limit = misfit_limit(f.dof, config.misfit_chi2)
     paper = config.method == "paper"
-    if paper and f.chi2_per_dof > limit:
+    if (paper or f.inferred) and f.chi2_per_dof > limit:
+        advice = "give joint readings" if f.inferred else "--method bundle"
         return Verdict(
             "model_misfit",
-            f"χ² per degree of freedom is {f.chi2_per_dof:.3g}, far from 1: the residuals exceed the noise of points and "
-            "joints; --method bundle can tell robot errors from noise. The σ given carry the robot's uncertainty",
+            f"χ² per degree of freedom is {f.chi2_per_dof:.3g}, far from 1: the residuals exceed the noise of points "
+            f"and joints; with {advice} robot errors can be told from noise. The σ given carry the robot's uncertainty",
         )
-    if paper or (f.explained <= limit and f.largest_pull <= config.pull_limit + REST_SLACK):
+    if paper or f.inferred or (f.explained <= limit and f.largest_pull <= config.pull_limit + REST_SLACK):
         return None
     return Verdict(
         "model_misfit",
