@@ -157,7 +157,7 @@ def test_faults_of_lines_name_the_file_and_the_key(tmp_path: Path, text: str, me
         (PAPER + 'strings = ["A", "Q"]\n', 'name "Q"'),
         (PAPER + "strings = 5\n", "strings"),
         ("side_mm = \n", "not valid TOML"),
-        ("", 'the key "side_mm" is missing'),
+        ("", "the file is empty"),
     ],
 )
 def test_faults_name_the_file_and_the_key(tmp_path: Path, text: str, message: str) -> None:
