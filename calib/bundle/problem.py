@@ -47,13 +47,13 @@ class Bundle:
         points = SheetPoints.of(axes, target.features)
         member = np.array([names.index(n) for n in locations], dtype=np.intp)
         term = OnTarget(points, target, hands, member, hands.noise, ~points.present, errors=errors)
-        labels = () if errors is None else errors.labels
+        labels, sigma = ((), np.zeros(0)) if errors is None else (errors.labels, errors.sigma)
         unknowns = Unknowns(
             (
                 Block.pose("scp"),
                 Block.vector("robot", hands.sigma, free=False, labels=hands.labels),
                 Block.vector("shape", target.shape.sigma, labels=target.shape.labels),
-                Block.vector("sensor", np.ones(len(labels)), free=False, labels=labels),
+                Block.vector("sensor", sigma, free=False, labels=labels),
                 Block.pose("target", names, free=target.freedom),
             )
         )
@@ -87,6 +87,29 @@ class Bundle:
     def estimating(self, robot: Mask, sensor: bool = False) -> Bundle:
         """The problem with the robot's parameters ``robot`` (P,) estimated, and the sensor's; the rest considered."""
         return replace(self, unknowns=self.unknowns.with_free(robot=robot, sensor=sensor))
+
+    def knowing(self, **sigma: Array) -> Bundle:
+        """The problem with other prior σ of some blocks' components; what becomes exact is fixed."""
+        always = {"shape"}  # of the target, estimated in every model
+        blocks = tuple(
+            replace(b, sigma=s, free=(s > 0) & (b.free | (b.name in always)))
+            if (s := sigma.get(b.name)) is not None
+            else b
+            for b in self.unknowns.blocks
+        )
+        return replace(self, unknowns=Unknowns(blocks))
+
+    def of_target(self, target: Target) -> Bundle:
+        """The problem with another description of the same target, its shape's priors included."""
+        shape = Block.vector("shape", target.shape.sigma, labels=target.shape.labels)
+        blocks = tuple(shape if b.name == "shape" else b for b in self.unknowns.blocks)
+        return Bundle(replace(self.term, target=target), Unknowns(blocks))
+
+    def of_sensor(self, errors: SensorErrors) -> Bundle:
+        """The problem with other errors of the sensor, none of them estimated."""
+        sensor = Block.vector("sensor", errors.sigma, free=False, labels=errors.labels)
+        blocks = tuple(sensor if b.name == "sensor" else b for b in self.unknowns.blocks)
+        return Bundle(replace(self.term, errors=errors), Unknowns(blocks))
 
     def with_noise(self, point_scale: float, hand_noise: Array) -> Bundle:
         """The problem with the points' covariances times ``point_scale`` and hand poses of covariance (F, 6, 6)."""

@@ -33,7 +33,8 @@ _OTHER_MM = 5.0  # poses of the target that are farther apart are different answ
 class Solution:
     """The answer to the used calibrate frames.
 
-    bundle: the problem with the noise that made the weights. result: the solve that answers. applied: robot parameters
+    bundle: the problem with the noise that made the weights. every: its solve with robot and sensor free within their
+    priors. result: the solve that answers. applied: robot parameters
     (P,) that its robot takes over. outlier (F, M), frame_outlier (F,): what was left out. Ts_sensor_target: each
     frame's own pose, of its candidates the one that agrees with the others. chi2_per_dof: of the model's own fit, by
     the noise of points and joints and the tolerance of the target's shape. explained, nominal: the same with all robot
@@ -42,6 +43,7 @@ class Solution:
     """
 
     bundle: Bundle
+    every: Result
     result: Result
     applied: Mask
     outlier: Mask
@@ -129,6 +131,7 @@ def solve_problem(bundle: Bundle, candidates: Sequence[Pose], T_hand_sensor: Pos
     chi2, explained, alone = (stated_cost(weighed.stated, fit) / max(dof, 1) for fit in (model, every, nominal))
     return Solution(
         bundle=weighed.bundle,
+        every=every,
         result=model,
         applied=applied,
         outlier=robust.outlier,
