@@ -174,7 +174,8 @@ def _inverted(path: Path, levels: Image, header: ImageHeader, camera: Camera) ->
     top = 2**header.bits - 1
     if int(levels.max()) <= camera.full_scale_dn < top:
         top = camera.full_scale_dn
-    inverted: Image = np.asarray(top - levels.astype(np.int32)).astype(levels.dtype)
+    wide = top - levels.astype(np.int32)
+    inverted: Image = wide.astype(np.uint8) if levels.dtype == np.uint8 else wide.astype(np.uint16)
     if int(inverted.max()) > camera.full_scale_dn:
         raise InputError(
             f"{path}: is WhiteIsZero, and its levels lie neither within bit_depth = {camera.bit_depth} nor at the end "
@@ -193,7 +194,7 @@ def _right_aligned(path: Path, levels: Image, header: ImageHeader, camera: Camer
     empty = not int(np.bitwise_or.reduce(levels, axis=None)) & low
     told = header.significant_bits is not None and np.array_equal(levels & low, levels >> significant & low)
     if empty or told:
-        shifted = levels >> shift
+        shifted = (levels >> shift).astype(np.uint16)
         if header.significant_bits is not None or int(levels.max()) > camera.full_scale_dn:
             remark(f"{path}: {significant} bits lie in the high bits of 16; they are shifted to the right by {shift}")
             return shifted
