@@ -17,11 +17,15 @@ UNSTATED = "drawing"  # how little is known of a sensor whose file is silent, wh
 
 @dataclass(frozen=True, eq=False)
 class SensorErrors:
-    """Independent errors (K,) of unit σ, by name, and the parameters (P, K) of the deviation that each moves."""
+    """Independent errors (K,), by name, and the parameters (P, K) of the deviation that a unit of each moves.
+
+    sigma (K,): 1 for what the file states, 0 for what it takes for exact.
+    """
 
     deviation: SensorDeviation
     labels: tuple[str, ...]
     basis: Array
+    sigma: Array
     _last: dict[str, tuple[tuple[bytes, int], object]] = field(default_factory=dict, repr=False)
 
     @staticmethod
@@ -38,7 +42,25 @@ class SensorErrors:
             return None
         known = known.completed(focal)
         labels, basis = known.independent()
-        return SensorErrors(SensorDeviation(sensor, known.parameters), labels, basis)
+        return SensorErrors(SensorDeviation(sensor, known.parameters), labels, basis, np.ones(len(labels)))
+
+    @staticmethod
+    def suspected(sensor: Sensor, stated: SensorErrors | None) -> SensorErrors:
+        """The errors ``stated``, and those that the file takes for exact with σ 0; a unit of these is a drawing's σ."""
+        camera = sensor.camera
+        usual = SensorUncertainty.by_source(UNSTATED, None if camera is None else (camera.fx_px, camera.fy_px))
+        if stated is None:
+            labels, basis = usual.independent()
+            return SensorErrors(SensorDeviation(sensor, usual.parameters), labels, basis, np.zeros(len(labels)))
+        known = stated.deviation.names
+        rest = [i for i, name in enumerate(usual.parameters) if name not in known]
+        names = (*known, *(usual.parameters[i] for i in rest))
+        more = SensorUncertainty(names[len(known) :], usual.covariance[np.ix_(rest, rest)]).independent()
+        basis = np.zeros((len(names), len(stated.labels) + len(more[0])))
+        basis[: len(known), : len(stated.labels)] = stated.basis
+        basis[len(known) :, len(stated.labels) :] = more[1]
+        sigma = np.concatenate([stated.sigma, np.zeros(len(more[0]))])
+        return SensorErrors(SensorDeviation(sensor, names), (*stated.labels, *more[0]), basis, sigma)
 
     def parameters(self, values: Array) -> dict[str, float]:
         """Corrections of the sensor's parameters by name, of errors (K,)."""

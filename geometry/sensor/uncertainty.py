@@ -30,6 +30,7 @@ SOURCE_SIGMA = {
     "data sheet": {"focal": 3e-3, "centre_px": 5.0, "k1": 2e-2, "tilt_deg": 0.05, "shift_mm": 0.2, "scale": 1e-3},
     "drawing": {"focal": 1e-2, "centre_px": 10.0, "k1": 1e-1, "tilt_deg": 0.2, "shift_mm": 0.5, "scale": 1e-2},
 }
+AGAINST = " against one another"  # ends the name of what a correlation leaves beside the common part
 SAME_FOCAL = 0.99  # correlation of fx and fy: one lens, square pixels
 
 RTOL_SYMMETRY = 1e-6  # files are written with as few as six digits
@@ -123,7 +124,7 @@ class SensorUncertainty:
                 column = np.zeros(len(self.parameters))
                 column[index] = np.sqrt(value) * vector * np.sign(strongest) * scale
                 part = [self.parameters[i] for i, v in zip(index, vector, strict=True) if abs(v) > _PART]
-                names.append(", ".join(part) if len(index) == 1 or value >= 1 else f"{', '.join(part)} against another")
+                names.append(", ".join(part) if len(index) == 1 or value >= 1 else ", ".join(part) + AGAINST)
                 columns.append(column)
         return tuple(names), np.array(columns).reshape(len(columns), len(self.parameters)).T
 
