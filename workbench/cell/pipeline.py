@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from calib import CalibConfig, CalibrationResult, calibrate
 from extraction import ExtractionConfig, extract
 from geometry import Frame, InputError, Sensor
-from workbench.cell.remarks import remarks
+from workbench.cell.remarks import remarks, with_complaints
 from workbench.cell.speckle import dataset_config
 from workbench.files import Cell, read_image
 
@@ -82,7 +82,8 @@ def solve(cell: Cell, observed: Observed, config: CalibConfig | None = None) -> 
         cell.T_base_jig,
         config,
     )
-    return replace(result, remarks=(*remarks(result), *result.remarks))
+    verdict = with_complaints(result.verdict, observed.complaints, cell.folder)
+    return replace(result, verdict=verdict, remarks=(*remarks(result), *result.remarks))
 
 
 def _readable(cell: Cell, frames: list[int]) -> Iterator[object]:

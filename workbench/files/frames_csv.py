@@ -34,7 +34,7 @@ def read_frames(path: Path, n_joints: int, *, may_be_empty: bool = False) -> tup
     Returns
     -------
     tuple of Frame
-        In the file's order.
+        By their numbers, whatever the file's order.
 
     Raises
     ------
@@ -53,7 +53,7 @@ def read_frames(path: Path, n_joints: int, *, may_be_empty: bool = False) -> tup
     _check_locations(path, rows)
     if rows and not poses:
         _check_degrees(path, rows)
-    return rows
+    return tuple(sorted(rows, key=lambda row: row.number))
 
 
 def _check_motion_columns(table: CsvTable, n_joints: int) -> bool:

@@ -83,7 +83,13 @@ def read_points(path: Path, strings: Sequence[str]) -> dict[int, GivenPoints]:
         if point.label and any(point.label == other.label for other in points):
             raise row.fail("label", f'frame {row.cells["frame"]} has a second point "{point.label}"')
         points.append(point)
-    return {frame: _collect(points) for frame, points in frames.items()}
+    return {frame: _collect(sorted(points, key=lambda p: _place(p, strings))) for frame, points in frames.items()}
+
+
+def _place(point: _CsvPoint, strings: Sequence[str]) -> tuple[int, float, tuple[float, ...]]:
+    """Where a point stands among its frame's, whatever the file's order: by label, then the best score first."""
+    known = point.surface or point.axis or (0.0, 0.0)
+    return (strings.index(point.label) if point.label else len(strings), -point.score, known)
 
 
 def _point(row: Row, strings: Sequence[str]) -> _CsvPoint:
