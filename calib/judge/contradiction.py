@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -15,6 +15,8 @@ from calib.label import label_frame
 from calib.result import Verdict
 from geometry import Frame, Sensor, Target, stack_poses
 from jig_cad import Jig
+
+Targets = Target | Mapping[str, Target]
 
 # benchmarks/calib_degenerate.py: rows shifted from any frame on are named, sound cells never
 _FITS = 0.9  # share of the pairs of frames that move alike once the rows are shifted back
@@ -39,7 +41,7 @@ _WORDS = {
 
 
 def frames_contradict(
-    frames: Sequence[Frame], target: Target, sensor: Sensor, verdict: Verdict, config: CalibConfig
+    frames: Sequence[Frame], target: Targets, sensor: Sensor, verdict: Verdict, config: CalibConfig
 ) -> Verdict | None:
     """The verdict frames_contradict where more than ``max_lost_share`` of the frames had to be left out, else None.
 
@@ -99,7 +101,7 @@ def _in_common(asked: Sequence[Frame]) -> Iterator[str]:
         yield f"all from frame {first} on" if last == numbers[-1] else f"all from frame {first} to frame {last}"
 
 
-def _cause(frames: tuple[Frame, ...], target: Target, sensor: Sensor, config: CalibConfig) -> str:
+def _cause(frames: tuple[Frame, ...], target: Targets, sensor: Sensor, config: CalibConfig) -> str:
     """Rows that are shifted, or locations that bear one name; "" where the frames' own poses show neither.
 
     The poses are found anew, each frame alone: the chain that refused a frame is what is in doubt.

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 import signal
 import threading
 import time
-from functools import cache
-from pathlib import Path
+
+from workbench.campaign.store.environment import code_version
 
 ONE_THREAD = dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS", "NUMBA_NUM_THREADS"), "1"
 )
-ROOMS = ("geometry", "jig_cad", "perceptron_emu", "extraction", "calib", "workbench", "assets")
 WATCH_S = 0.5  # between two looks at whether the parent still lives
 
 
@@ -35,20 +33,6 @@ def worker_state() -> dict[str, str]:
     """What a campaign must know of the process that runs its shards: the code, and the threads that BLAS may take."""
     blas = [os.environ[name] for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS") if name in os.environ]
     return {"code": code_version(), "blas": blas[0] if blas else ""}
-
-
-@cache
-def code_version() -> str:
-    """Short hash of this package's sources: the same code gives the same tables."""
-    from importlib.util import find_spec
-
-    digest = hashlib.sha256()
-    for room in ROOMS:
-        spec = find_spec(room)
-        for folder in (spec.submodule_search_locations or ()) if spec else ():
-            for path in sorted(p for p in Path(folder).rglob("*") if p.suffix in (".py", ".toml")):
-                digest.update(path.relative_to(folder).as_posix().encode() + path.read_bytes())
-    return digest.hexdigest()[:12]
 
 
 def _watch(parent: int) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.campaign.summary import Array, AskedAccuracy, Mask, Run, groups_of, proportion_band
+from workbench.campaign.results.summary import Array, AskedAccuracy, Mask, Run, groups_of, proportion_band
 
 FEWEST = 20  # trials of one setting below which its share says nothing
 FEW_VALUES = 4  # other factors with at most so many values may be part of the advice

@@ -10,8 +10,8 @@ from typing import Any
 from uuid import uuid4
 
 from geometry import InputError, MissingDependencyError
-from workbench.campaign.store import ShardResult
-from workbench.campaign.worker import ONE_THREAD, begin_worker, worker_state
+from workbench.campaign.store.store import ShardResult
+from workbench.campaign.work.worker import ONE_THREAD, begin_worker, worker_state
 
 Work = Callable[[int], ShardResult]
 MAX_DEATHS_WITHOUT_PROGRESS = 5  # of workers: more is no accident but the machine or the plan

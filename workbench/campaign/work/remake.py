@@ -5,11 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from geometry import InputError, NoAnswerError
-from workbench.campaign.design import n_trials
-from workbench.campaign.manifest import plan_of_run
-from workbench.campaign.plan import Plan, read_plan
-from workbench.campaign.shard import trial_seed, trial_settings
-from workbench.campaign.trial import image_name, png, trial_frames
+from workbench.campaign.asked.plan import Plan, read_plan
+from workbench.campaign.asked.trials import n_trials, trial_seed, trial_settings
+from workbench.campaign.store.manifest import plan_of_run
+from workbench.campaign.trial.trial import image_name, png, trial_frames
 from workbench.files import write_bytes
 
 

@@ -14,7 +14,7 @@ from calib.label import label_frame
 from geometry import Frame, Pose, Sensor
 from jig_cad import Jig
 from perceptron_emu import RenderedFrame
-from workbench.campaign.emulated import VERIFY, EmulatedCell
+from workbench.campaign.trial.emulated import VERIFY, EmulatedCell
 from workbench.compare import Comparison, NamedPoints, Statistics, match, summarise, true_strings
 
 Array = NDArray[np.float64]

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pyarrow as pa
 
-from workbench.campaign.plan import Plan, Range
-from workbench.campaign.settings import TrialSettings, is_whole
+from workbench.campaign.asked.plan import Plan, Range
+from workbench.campaign.asked.settings import TrialSettings, is_whole
 
 PARQUET = {"compression": "zstd", "write_page_checksum": True}  # how all tables are written
 _REAL, _WHOLE, _TEXT, _LIST = pa.float64(), pa.int64(), pa.string(), pa.list_(pa.float64())

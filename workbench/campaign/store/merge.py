@@ -10,7 +10,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from geometry import InputError
-from workbench.campaign.rows import PARQUET
+from workbench.campaign.store.rows import PARQUET
 
 TABLES = ("trials", "frames", "timings")
 GROUP_ROWS = 20_000  # rows of a Parquet group: some megabytes in memory, as benchmarks/campaign_memory.py shows

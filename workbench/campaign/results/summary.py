@@ -14,9 +14,9 @@ from scipy.stats import beta, binom, chi2
 
 from calib.result import TRUSTWORTHY
 from geometry import InputError
-from workbench.campaign.manifest import plan_of_run
-from workbench.campaign.merge import DAMAGED
-from workbench.campaign.plan import Plan
+from workbench.campaign.asked.plan import Plan
+from workbench.campaign.store.manifest import plan_of_run
+from workbench.campaign.store.merge import DAMAGED
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -12,12 +12,12 @@ from pathlib import Path
 import pyarrow.parquet as pq
 
 from geometry import InputError
-from workbench.campaign.design import n_trials
-from workbench.campaign.environment import note_environment
-from workbench.campaign.files import locked, sync_folder, write_synced
-from workbench.campaign.manifest import LOCK, check_manifest, is_ours, write_manifest
-from workbench.campaign.merge import DAMAGED, TABLES, damaged, merge_tables
-from workbench.campaign.plan import Plan
+from workbench.campaign.asked.plan import Plan
+from workbench.campaign.asked.trials import n_trials
+from workbench.campaign.store.environment import note_environment
+from workbench.campaign.store.files import locked, sync_folder, write_synced
+from workbench.campaign.store.manifest import LOCK, check_manifest, is_ours, write_manifest
+from workbench.campaign.store.merge import DAMAGED, TABLES, damaged, merge_tables
 
 
 @dataclass(frozen=True, eq=False)

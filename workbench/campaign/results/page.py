@@ -8,10 +8,10 @@ from typing import Any
 import cv2
 import numpy as np
 
-from workbench.campaign.advice import FEWEST, PoseBudget, advice, cells, reached
-from workbench.campaign.plots import factor_plot, nees_plot
-from workbench.campaign.shard import trial_seed, trial_settings
-from workbench.campaign.summary import (
+from workbench.campaign.asked.trials import trial_seed, trial_settings
+from workbench.campaign.results.advice import FEWEST, PoseBudget, advice, cells, reached
+from workbench.campaign.results.plots import factor_plot, nees_plot
+from workbench.campaign.results.summary import (
     AskedAccuracy,
     Group,
     Run,
@@ -24,7 +24,7 @@ from workbench.campaign.summary import (
     worst_frame,
     worst_trials,
 )
-from workbench.campaign.trial import one_trial_frame
+from workbench.campaign.trial.trial import one_trial_frame
 from workbench.files import write_text
 from workbench.report import png, render_page
 
@@ -58,7 +58,7 @@ def write_page(folder: Path, target: AskedAccuracy, out: Path | None = None) -> 
     """
     run = read_run(folder)
     path = out or folder / "report.html"
-    write_text(path, render_page("workbench.campaign", "page.html.j2", _content(run, target)))
+    write_text(path, render_page("workbench.campaign.results", "page.html.j2", _content(run, target)))
     return path
 
 

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from workbench.campaign.engines import default_workers, run_dask, run_local
-from workbench.campaign.plan import Plan
-from workbench.campaign.shard import run_shard
-from workbench.campaign.store import Store, opened_store
+from workbench.campaign.asked.plan import Plan
+from workbench.campaign.store.store import Store, opened_store
+from workbench.campaign.work.engines import default_workers, run_dask, run_local
+from workbench.campaign.work.shard import run_shard
 
 Progress = Callable[[int, int], None]
 

@@ -15,9 +15,9 @@ from calib import calibrate
 from extraction import extract
 from geometry import Frame, PerceptronEmuError, SurfacePoints
 from perceptron_emu import RenderedFrame, render
-from workbench.campaign.emulated import EmulatedCell, emulated_cell
-from workbench.campaign.outcome import Outcome, calibrated, labelled_only, score_frames, trial_row
-from workbench.campaign.settings import TrialSettings
+from workbench.campaign.asked.settings import TrialSettings
+from workbench.campaign.trial.emulated import EmulatedCell, emulated_cell
+from workbench.campaign.trial.outcome import Outcome, calibrated, labelled_only, score_frames, trial_row
 from workbench.cell import dataset_config
 from workbench.emulate import Configuration, frame_scene
 

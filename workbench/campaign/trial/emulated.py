@@ -16,7 +16,7 @@ from geometry import TYPICAL_SIGMA, Arm, DhRobot, NoAnswerError, Pose, RobotUnce
 from geometry.ties import first_most
 from jig_cad import DEFAULT_STRINGS, STRINGS, Jig
 from perceptron_emu import EmulatorConfig, Surroundings
-from workbench.campaign.settings import JigPart, PosesPart, RobotPart, TrialSettings
+from workbench.campaign.asked.settings import JigPart, PosesPart, RobotPart, TrialSettings
 from workbench.cell import DESIGN_SCP, find_emulator, find_robot, find_sensor, jig_bodies, sees_all_strings, wall_behind
 from workbench.emulate import NOTHING, Configuration, Errors, TrueCell, draw_truth, with_joint_noise
 from workbench.files import Cell, stated_optics

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from geometry import InputError
-from workbench.campaign.plan import MAX_TRIALS, Plan, Range
-from workbench.campaign.settings import TrialSettings, is_whole
+from workbench.campaign.asked.plan import MAX_TRIALS, Plan, Range
+from workbench.campaign.asked.settings import TrialSettings, is_whole
 
 Point = dict[str, Any]
 
@@ -27,11 +27,6 @@ def design_points(plan: Plan) -> list[Point]:
     _check_size(samples * plan.repeats)
     unit = _unit_cube(plan, samples)
     return [{name: _at(name, f, u) for (name, f), u in zip(plan.factors.items(), row, strict=True)} for row in unit]
-
-
-def n_trials(plan: Plan) -> int:
-    """The number of trials: design points × repeats."""
-    return len(design_points(plan)) * plan.repeats
 
 
 def _check_size(trials: int) -> None:

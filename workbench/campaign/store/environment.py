@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import hashlib
 import json
 import os
 import platform
@@ -12,11 +13,25 @@ from pathlib import Path
 
 import numpy as np
 
-from workbench.campaign.worker import code_version
 from workbench.files import write_text
 
 NAME = "environment.json"
+ROOMS = ("geometry", "jig_cad", "perceptron_emu", "extraction", "calib", "workbench", "assets")
 PACKAGES = ("numpy", "scipy", "numba", "opencv-python-headless", "pyarrow")
+
+
+@cache
+def code_version() -> str:
+    """Short hash of this package's sources: the same code gives the same tables."""
+    from importlib.util import find_spec
+
+    digest = hashlib.sha256()
+    for room in ROOMS:
+        spec = find_spec(room)
+        for folder in (spec.submodule_search_locations or ()) if spec else ():
+            for path in sorted(p for p in Path(folder).rglob("*") if p.suffix in (".py", ".toml")):
+                digest.update(path.relative_to(folder).as_posix().encode() + path.read_bytes())
+    return digest.hexdigest()[:12]
 
 
 @cache

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.campaign.summary import Group
+from workbench.campaign.results.summary import Group
 from workbench.report import new_figure, svg
 
 if TYPE_CHECKING:

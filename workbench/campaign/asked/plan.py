@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from geometry import InputError
-from workbench.campaign.settings import TrialSettings, leaf_paths, with_values
+from workbench.campaign.asked.settings import TrialSettings, leaf_paths, with_values
 from workbench.files import FileSection, Real, Text, TomlSource, read_toml, sentence, suggestion, validate
 
 RESULTS_VERSION = 5  # raised when rows or trials change, so that a half-done run of another version is not continued

@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 from geometry import InputError
-from workbench.campaign.plan import Plan, plan_of
+from workbench.campaign.asked.plan import Plan, plan_of
 from workbench.files import write_text
 
 NAME, LOCK = "run.json", "run.lock"
