@@ -145,7 +145,7 @@ def _solve(setup: Setup, labelled: tuple[Frame, ...], T_hand_sensor: Pose) -> So
     verdict = judge_motion(moved, setup.config)
     if verdict is not None:
         return Solved(verdict)
-    bundle = make_bundle(used, setup.target, setup.robot, setup.config)
+    bundle = make_bundle(used, setup.target, setup.robot, setup.config, setup.sensor)
     solution = solve_problem(bundle, [f.candidates for f in used], T_hand_sensor, setup.config)
     refused = tuple(f for f in labelled if f.role == "calibrate" and f.reason == "not_labelled" and len(f.axis))
     facts = bundle_facts(solution, used, refused)

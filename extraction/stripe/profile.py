@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,8 @@ class StripePeaks:
     definition: it lies on its section.
     amplitude_dn: peak above the background (N,). width_px: Gaussian σ of the stripe (N,). background_dn (N,).
     chi2_per_dof: of the section's fit (N,). flag: bits, see `flag_names` (N,).
+    correlation_sections: length L of the neighbours' correlation. Errors of two points k sections apart on one stripe
+    correlate as exp(-k / L); 0 where they are independent. It comes from speckle and texture that neighbours share.
     """
 
     section: NDArray[np.int32]
@@ -34,6 +37,7 @@ class StripePeaks:
     background_dn: Array
     chi2_per_dof: Array
     flag: NDArray[np.uint8]
+    correlation_sections: float = 0.0
 
     def __len__(self) -> int:
         """The number of points."""
@@ -41,7 +45,19 @@ class StripePeaks:
 
     def __getitem__(self, chosen: NDArray[np.intp] | Mask) -> StripePeaks:
         """The chosen points, in that order."""
-        return StripePeaks(**{name: getattr(self, name)[chosen] for name in self.__dataclass_fields__})
+        columns = {f.name: getattr(self, f.name) for f in fields(self)}
+        changed: dict[str, Any] = {name: v[chosen] for name, v in columns.items() if isinstance(v, np.ndarray)}
+        return replace(self, **changed)
+
+    @property
+    def sections_per_independent(self) -> float:
+        """How many neighbouring sections count as one: the variance of a mean of many is that much larger.
+
+        Σ exp(-|k| / L) over all k; 1 where the points are independent.
+        """
+        if self.correlation_sections <= 0:
+            return 1.0
+        return float(1 / np.tanh(0.5 / self.correlation_sections))
 
     @property
     def cov_uv_px2(self) -> Array:

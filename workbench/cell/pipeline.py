@@ -82,7 +82,7 @@ def solve(cell: Cell, observed: Observed, config: CalibConfig | None = None) -> 
         cell.T_base_jig,
         config,
     )
-    return replace(result, remarks=(*remarks(result), *result.remarks))
+    return replace(result, remarks=(*remarks(result), *cell.remarks, *result.remarks))
 
 
 def _readable(cell: Cell, frames: list[int]) -> Iterator[object]:

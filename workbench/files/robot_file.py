@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from geometry import DH_ROWS, TYPICAL_SIGMA, DhRobot, InputError, RobotUncertainty, toml_value
+from geometry import DH_ROWS, TYPICAL_SIGMA, DhRobot, InputError, Remark, RobotUncertainty, no_remark, toml_value
 from workbench.files.strict import FileSection, NotNegative, Real, Text, Whole, validate
 from workbench.files.toml_text import read_toml
 
@@ -63,13 +63,15 @@ class RobotFile(FileSection):
     uncertainty: UncertaintySection = Field(default_factory=UncertaintySection)
 
 
-def read_robot(path: Path) -> DhRobot:
+def read_robot(path: Path, remark: Remark = no_remark) -> DhRobot:
     """The robot of a robot.toml: a table of joints, or a chain of a URDF.
 
     Parameters
     ----------
     path
         The file.
+    remark
+        Told of what is doubtful in a URDF.
 
     Returns
     -------
@@ -86,7 +88,7 @@ def read_robot(path: Path) -> DhRobot:
     file = validate(RobotFile, source)
     try:
         if file.urdf is not None:
-            return _from_urdf(file, path)
+            return _from_urdf(file, path, remark)
         if not file.joint:
             raise InputError("no [[joint]] tables: one for each joint is needed, or urdf, base and tip")
         return _from_table(file)
@@ -144,14 +146,14 @@ def _coupling(file: RobotFile) -> NDArray[np.float64] | None:
     return matrix
 
 
-def _from_urdf(file: RobotFile, path: Path) -> DhRobot:
+def _from_urdf(file: RobotFile, path: Path, remark: Remark) -> DhRobot:
     if file.joint or file.coupling:
         raise InputError("gives both urdf and [[joint]] or [coupling]: only one of the two can be the robot")
     if file.base is None or file.tip is None:
         raise InputError("a urdf needs base and tip, the names of the chain's first and last link")
     from workbench.files.urdf import read_urdf
 
-    model = read_urdf(path.parent / str(file.urdf), file.base, file.tip)
+    model = read_urdf(path.parent / str(file.urdf), file.base, file.tip, remark)
     return replace(model, uncertainty=_uncertainty(file.uncertainty), name=file.name or model.name)
 
 

@@ -11,9 +11,8 @@ import numpy as np
 from defusedxml import DefusedXmlException, ElementTree
 from numpy.typing import NDArray
 
-from geometry import ChainJoint, DhRobot, InputError, Pose, robot_from_chain
+from geometry import ChainJoint, DhRobot, InputError, Pose, Remark, no_remark, read_text, robot_from_chain
 from workbench.files.strict import suggestion
-from workbench.files.toml_text import read_text
 
 Array = NDArray[np.float64]
 
@@ -30,7 +29,7 @@ class UrdfJoint(ChainJoint):
     element: Any
 
 
-def read_urdf(path: Path, base: str, tip: str) -> DhRobot:
+def read_urdf(path: Path, base: str, tip: str, remark: Remark = no_remark) -> DhRobot:
     """The revolute chain from link ``base`` to link ``tip`` of a URDF file, in mm; fixed joints are taken in.
 
     InputError names what can not be: links that are missing, loops, joints that slide, entities, broken numbers.

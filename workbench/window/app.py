@@ -120,10 +120,10 @@ class _Api:
     def image(self, request: Request) -> Response:
         """The raw grey levels of one image."""
         try:
-            image = self.opened.pictures.read(self._known(request.path_params["index"]))
+            stamp, image = self.opened.pictures.stamped(self._known(request.path_params["index"]))
         except PerceptronEmuError as error:
             return JSONResponse({"error": str(error)}, 410)
-        return _pixels(image, "")
+        return _pixels(image, "", str(stamp))
 
     def thumbnail(self, request: Request) -> Response:
         """A small PNG of one image, spots made visible."""
@@ -131,7 +131,8 @@ class _Api:
             image = self.opened.pictures.read(self._known(request.path_params["index"]))
         except PerceptronEmuError as error:
             return JSONResponse({"error": str(error)}, 410)
-        return Response(thumbnail(image), media_type="image/png")
+        full_scale = self.opened.engine.sensor.require_camera().full_scale_dn
+        return Response(thumbnail(image, full_scale), media_type="image/png")
 
     def process(self, body: Body) -> Response:
         """Detection on one image."""
@@ -148,12 +149,12 @@ class _Api:
             if outcome.view is None:
                 raise InputError(outcome.error)
             if _text(body, "stage") == "mask":
-                return _pixels((outcome.view.mask != 0).astype(np.uint8), outcome.hash)
+                return _pixels((outcome.view.mask != 0).astype(np.uint8), outcome.hash, outcome.stamp)
             if self.opened.engine.sensor.require_camera().full_scale_dn > 255:
                 levels = np.clip(np.rint(outcome.view.background), 0, 65535).astype(np.uint16)
             else:
                 levels = cv2.convertScaleAbs(outcome.view.background)  # rounded, at most 255
-            return _pixels(levels, outcome.hash)
+            return _pixels(levels, outcome.hash, outcome.stamp)
 
     def survey_state(self, body: Body) -> Response:
         """Ask for the survey of the current and the saved parameters, and look at one of them."""
@@ -239,9 +240,10 @@ def _whole(body: Body, key: str) -> int:
     return value
 
 
-def _pixels(image: Any, hash_: str) -> Response:
-    """Grey levels row by row, little-endian, with their size in the headers."""
+def _pixels(image: Any, hash_: str, stamp: str) -> Response:
+    """Grey levels row by row, little-endian; in the headers their size, and of which file and parameters they are."""
     height, width = image.shape
     little = np.ascontiguousarray(image, dtype=image.dtype.newbyteorder("<"))
-    headers = {"x-width": str(width), "x-height": str(height), "x-bytes": str(image.dtype.itemsize), "x-hash": hash_}
+    headers = {"x-width": str(width), "x-height": str(height), "x-bytes": str(image.dtype.itemsize)}
+    headers |= {"x-hash": hash_, "x-stamp": stamp}
     return Response(little.tobytes(), media_type="application/octet-stream", headers=headers)

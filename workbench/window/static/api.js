@@ -54,7 +54,7 @@ export async function pixels(path, body, signal) {
   const head = (name) => Number(response.headers.get(name));
   const buffer = await response.arrayBuffer();
   const values = head("x-bytes") === 2 ? new Uint16Array(buffer) : new Uint8Array(buffer);
-  return { width: head("x-width"), height: head("x-height"), values, hash: response.headers.get("x-hash") };
+  return { width: head("x-width"), height: head("x-height"), values, hash: response.headers.get("x-hash"), stamp: response.headers.get("x-stamp") };
 }
 
 const hashes = new Map();

@@ -1,7 +1,7 @@
 // The picture: asks for the answer to the newest parameters, keeps the old picture until it is there, drops stale ones.
 
 import { Refused, hashOf, pixels, post } from "./api.js";
-import { $, clear, el, fitCanvas } from "./dom.js";
+import { $, clear, el, fitCanvas, words } from "./dom.js";
 import { drawProfile, showCandidate, showNothing, showSpot } from "./inspector.js";
 import { drawOverlay, hit, legend } from "./overlay.js";
 import { problems } from "./params.js";
@@ -34,7 +34,7 @@ export function buildStage() {
   stage.next = next;
   stage.redraw = redraw;
   controls();
-  listen((what) => { if (what === "parameters") { tick = performance.now(); refresh(); } });
+  listen((what) => { if (what === "parameters") refresh(); });
   onTab(tabChanged);
 }
 
@@ -66,7 +66,6 @@ function tabChanged(id) {
   const needsLayer = id === "background" || id === "mask";
   if (id === "plot") views.plot.box = plotBox(state.session, stage.answer);
   if (current().fitted && !$("stage").hidden) current().fit();
-  tick = performance.now();
   if (needsLayer) refresh();
   else redraw();
 }
@@ -76,11 +75,12 @@ export function show() {
   mark();
   running?.abort();
   running = null;
-  tick = performance.now();
   refresh();
 }
 
+// Ask anew; the time to the picture counts from here, whoever asked.
 export async function refresh() {
+  tick = performance.now();
   if (running) { again = true; return; }
   const own = running = new AbortController();
   do {
@@ -101,15 +101,23 @@ async function once(signal) {
     ]);
     const wanted = await hashOf(config);
     if (answer.hash !== wanted || index !== state.index || (layer && layer.hash !== wanted)) return; // stale: dropped
+    const picture = answer.error ? null : await ofSameFile(raw, answer, signal);
     if (answer.error) forget(index);
-    else if (raw) keep(index, raw);
-    accept(answer, answer.error ? null : raw, layer ? { ...layer, stage: stageName } : null, asked);
+    else if (picture) keep(index, picture);
+    if (picture && picture.stamp !== answer.stamp) { again = true; return; } // overwritten once more
+    accept(answer, picture, layer ? { ...layer, stage: stageName } : null, asked);
   } catch (error) {
     if (error.name === "AbortError") return;
     problems(error instanceof Refused ? error.problems ?? {} : {});
     say(error.message, true);
     if (!stage.answer) $("notice").textContent = error.message;
   }
+}
+
+// The pixels that the answer was computed on: a file may have been overwritten since they were fetched.
+async function ofSameFile(raw, answer, signal) {
+  if (!raw || raw.stamp === answer.stamp) return raw;
+  return pixels(`image/${answer.index}`, null, signal).catch((e) => { if (e.name === "AbortError") throw e; return null; });
 }
 
 function accept(answer, raw, layer, asked) {
@@ -123,7 +131,7 @@ function accept(answer, raw, layer, asked) {
   $("notice").className = "notice";
   $("notice").hidden = !answer.error;
   $("notice").textContent = answer.error;
-  say(answer.reason ? answer.reason.replaceAll("_", " ") : "");
+  say(words(answer.reason));
   paintNow();
   requestAnimationFrame(() => {
     const ms = performance.now() - asked;

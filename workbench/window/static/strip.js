@@ -4,7 +4,7 @@ import { $, clear, el } from "./dom.js";
 import { state } from "./state.js";
 import { show } from "./stage.js";
 
-export const WORDS = { all: "all found", some: "some found", none: "none found", error: "error" };
+export const WORDS = { all: "all found", some: "some found", none: "none found", count: "spots, of no known jig", error: "error" };
 const SIGNS = { all: "✓", none: "0", error: "!" };
 
 export function buildStrip() {
@@ -33,6 +33,7 @@ export function mark() {
 }
 
 export function badgeText(row) {
+  if (row.badge === "count") return String(row.spots.length);
   return row.badge === "some" ? String(row.labelled) : SIGNS[row.badge];
 }
 
