@@ -279,4 +279,5 @@ def _reach(segment: Array, origin: Array, angle: float) -> float:
     ey, ez = segment[1, 0] - segment[0, 0], segment[1, 1] - segment[0, 1]
     py, pz = segment[0, 0] - origin[0], segment[0, 1] - origin[1]
     det = ry * ez - rz * ey
-    return 0.0 if det == 0 else float((py * rz - pz * ry) / det)
+    place: float = 0.0 if det == 0 else (py * rz - pz * ry) / det
+    return place
