@@ -13,7 +13,7 @@ from calib.figures import Fit, agreeing_pose, fit_location, max_deviation, sprea
 from calib.hands import chain_poses
 from calib.pose import own_poses
 from calib.result import CalibrationResult, DesignSolved, Distances, Estimate, LocationResult, Verdict
-from geometry import Frame, Pose, Robot, SheetPoints, Target, locations_of, stack_poses
+from geometry import Frame, Pose, Robot, SheetPoints, Target, locations_of, stack_poses, target_at
 
 Array = NDArray[np.float64]
 Chain = tuple[Pose, Robot | None]  # an SCP and the robot that carries it
@@ -32,7 +32,7 @@ class Figures:
 
 def answer(
     frames: tuple[Frame, ...],
-    target: Target,
+    target: Target | Mapping[str, Target],
     robot: Robot | None,
     design: Pose,
     config: CalibConfig,
@@ -44,7 +44,7 @@ def answer(
     locations, done = dict[str, LocationResult](), dict[int, Frame]()
     holds = CalibrationResult("", "", verdict, design, {}, (), robot, estimate).trusted is not None
     for name, group in locations_of(frames).items():
-        figures = location_figures(group, target, (design, robot), solved)
+        figures = location_figures(group, target_at(target, name), (design, robot), solved)
         locations[name] = figures.result if holds else replace(figures.result, T_base_target=None)
         done |= {f.number: f for f in _answered(group, figures, estimate)}
     ordered = tuple(done[f.number] for f in frames)
