@@ -269,7 +269,8 @@ def _distance(segment: Array, origin: Array, ry: float, rz: float) -> float:
     det = ry * ez - rz * ey
     if det == 0:
         return -1.0
-    return ((segment[0, 0] - origin[0]) * ez - (segment[0, 1] - origin[1]) * ey) / det
+    distance: float = ((segment[0, 0] - origin[0]) * ez - (segment[0, 1] - origin[1]) * ey) / det
+    return distance
 
 
 @kernel
