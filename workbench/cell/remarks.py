@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from calib import CalibrationResult
 
@@ -20,6 +20,20 @@ _SUSPECTS = {
 def remarks(result: CalibrationResult) -> tuple[str, ...]:
     """Sentences for the user: why most frames could not be used."""
     return tuple(_left_out(result))
+
+
+def merged(sentences: Iterable[str]) -> tuple[str, ...]:
+    """Sentences of the form ``file: what``, those of like words told once with their number."""
+    first: dict[str, str] = {}
+    count: Counter[str] = Counter()
+    for sentence in sentences:
+        words = sentence.partition(": ")[2] or sentence
+        first.setdefault(words, sentence)
+        count[words] += 1
+    return tuple(
+        f"{sentence}; the same of {count[words] - 1} further files" if count[words] > 1 else sentence
+        for words, sentence in first.items()
+    )
 
 
 def _left_out(result: CalibrationResult) -> Iterator[str]:

@@ -4,7 +4,7 @@ from workbench.files.atomic import write_bytes, write_text
 from workbench.files.cell import Cell, read_cell, read_jig_file
 from workbench.files.cell_writer import cell_text, write_cell
 from workbench.files.frames_csv import frames_text, read_frames
-from workbench.files.images import SUFFIXES, Image, read_image, write_png
+from workbench.files.images import LOSSY_SUFFIXES, SUFFIXES, Image, read_image, write_png
 from workbench.files.points_csv import GivenPoints, points_text, read_points
 from workbench.files.robot_file import read_robot, robot_text, urdf_of
 from workbench.files.rounding import rounded, rounded_number
@@ -24,6 +24,7 @@ from workbench.files.truth_file import Truth, TruthFrame, TruthPoint, read_truth
 from workbench.files.urdf_write import write_urdf
 
 __all__ = [
+    "LOSSY_SUFFIXES",
     "SUFFIXES",
     "Cell",
     "FileSection",
