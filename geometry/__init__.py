@@ -44,7 +44,7 @@ from geometry.robot import (
     with_beta_prior,
 )
 from geometry.sensor import Camera, Sensor, Sheet, field_of_view, inside_polygon
-from geometry.target import Prediction, Shape, Surface, Symmetry, Target
+from geometry.target import Prediction, Shape, Surface, Symmetry, Target, target_at
 from geometry.unknowns import Block, Linearised, State, Step, Term, Unknowns
 from geometry.writing import toml_value, write_bytes, write_text
 
@@ -120,6 +120,7 @@ __all__ = [
     "skew",
     "stack_poses",
     "table",
+    "target_at",
     "toml_value",
     "with_beta_prior",
     "write_bytes",

@@ -51,6 +51,10 @@ class OnTarget:
         is the same as a hand pose per frame as an unknown with that prior.
     removed : ndarray (F, M) of bool
         Points that do not count.
+    place_block, shape_block : str
+        Names of its unknowns.
+    frame : ndarray (F,) of int
+        Which of all the bundle's frames these are.
     errors : SensorErrors or None
         What moves the points and their plane where the sensor is not what its file says.
     """
@@ -63,16 +67,18 @@ class OnTarget:
     removed: Mask
     place_block: str = "target"
     shape_block: str = "shape"
+    frame: Index = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
     errors: SensorErrors | None = None
 
     def without(self, removed: Mask) -> OnTarget:
         """The term with other points (F, M) not counting."""
         return replace(self, removed=removed)
 
-    def at_frames(self, index: Index, member: Index) -> OnTarget:
-        """The term of the frames of ``index`` alone, whose members are numbered anew."""
+    def at_frames(self, index: Index, member: Index, frame: Index | None = None) -> OnTarget:
+        """The term of the frames of ``index`` alone, whose members, and places among all frames, are numbered anew."""
         return replace(
             self,
+            frame=np.arange(len(index), dtype=np.intp) if frame is None else frame,
             points=self.points[index],
             hands=self.hands[index],
             member=member,

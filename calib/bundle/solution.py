@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -66,7 +66,7 @@ class Solution:
     @property
     def places(self) -> dict[str, Pose]:
         """T_base_target of every location."""
-        poses = self.result.state.pose("target")
+        poses = self.bundle.places(self.result.state)
         return {name: poses[k] for k, name in enumerate(self.bundle.locations)}
 
     @property
@@ -84,9 +84,13 @@ class Solution:
 
 
 def make_bundle(
-    used: tuple[Frame, ...], target: Target, robot: Robot | None, config: CalibConfig, sensor: Sensor | None = None
+    used: tuple[Frame, ...],
+    target: Target | Mapping[str, Target],
+    robot: Robot | None,
+    config: CalibConfig,
+    sensor: Sensor | None = None,
 ) -> Bundle:
-    """The bundle's problem of labelled frames; without a ``sensor`` its file is taken for exact."""
+    """The problem of labelled frames on a target, or on one by location; without a ``sensor`` its file is exact."""
     errors = SensorErrors.of(sensor, estimates_sensor(config.model))
     joints = [f.joints_rad for f in used]
     locations = [f.location for f in used]
@@ -123,7 +127,7 @@ def solve_problem(bundle: Bundle, candidates: Sequence[Pose], T_hand_sensor: Pos
     weighed = weigh(kept, every, config)
     if weighed.changed:
         every = solve_bundle(weighed.bundle.estimating(every.unknowns.block("robot").free, sensor=True), every.state)
-    sensor = estimates_sensor(config.model) or bundle.term.errors is None
+    sensor = estimates_sensor(config.model) or bundle.errors is None
     model = every if np.all(applied) and sensor else _fit_model(weighed.bundle, every, applied, sensor=sensor)
     none = np.zeros_like(applied)
     nominal = _fit_model(weighed.bundle, every, none) if np.any(applied) or estimates_sensor(config.model) else model
@@ -165,7 +169,7 @@ def _rival(kept: Bundle, candidates: Sequence[Pose], own: Pose, best: RobustResu
         )
     except np.linalg.LinAlgError:
         return float("inf")
-    apart = pose_distance(rival.state.pose("target"), state.pose("target"))
+    apart = pose_distance(kept.places(rival.state), kept.places(state))
     different = rival.converged and float(np.max(apart)) > _OTHER_MM
     return max(0.0, rival.cost - best.result.cost) if different else float("inf")
 

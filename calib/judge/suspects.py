@@ -151,12 +151,14 @@ def evidence_of(solution: Solution, sensor: Sensor | None) -> Evidence:
     """All that could be wrong, linearised where everything was free within its prior."""
     bundle = suspected_bundle(solution.bundle, sensor)
     every, u = solution.every, bundle.unknowns
-    grown = {n: np.zeros(u.block(n).size) for n in ("shape", "sensor")}
+    grown = {n: np.zeros(u.block(n).size) for n in (*bundle.shape_blocks, "sensor")}
     for name, value in grown.items():
         old = every.state.vector(name)
         value[: len(old)] = old
     state = State({**every.state.values, **grown})
-    normal = total_normal(u, state, [bundle.term.linearise(state)], every.whites, np.ones(u.size, dtype=bool))
+    normal = total_normal(
+        u, state, [t.linearise(state) for t in bundle.terms], every.whites, np.ones(u.size, dtype=bool)
+    )
     schur, gains = reduced(normal)
     x, weight = departure(u, state), u.prior_weight
     data = schur - np.diag(weight)
@@ -170,9 +172,10 @@ def evidence_of(solution: Solution, sensor: Sensor | None) -> Evidence:
 
 def suspected_bundle(bundle: Bundle, sensor: Sensor | None) -> Bundle:
     """The bundle with unknowns for what its files take for exact: sizes of a jig, parameters of the sensor."""
-    out = bundle.of_target(SizedJig(bundle.target)) if isinstance(bundle.target, Jig) else bundle
+    jig = bundle.target if len(bundle.terms) == 1 else None
+    out = bundle.of_target(SizedJig(jig)) if isinstance(jig, Jig) else bundle
     if sensor is not None:
-        out = out.of_sensor(SensorErrors.suspected(sensor, bundle.term.errors))
+        out = out.of_sensor(SensorErrors.suspected(sensor, bundle.errors))
     return out.estimating(np.ones(len(out.estimated), dtype=bool), sensor=True)
 
 
@@ -190,7 +193,7 @@ def _of_robot(bundle: Bundle) -> Iterator[Suspect]:
 
 
 def _of_shape(bundle: Bundle) -> Iterator[Suspect]:
-    jig = bundle.target
+    jig = bundle.target if len(bundle.terms) == 1 else None
     if not isinstance(jig, SizedJig):
         return
     for k in jig.jig.used_anchors:
@@ -203,7 +206,7 @@ def _of_shape(bundle: Bundle) -> Iterator[Suspect]:
 
 
 def _of_sensor(bundle: Bundle) -> Iterator[Suspect]:
-    errors = bundle.term.errors
+    errors = bundle.errors
     if errors is None:
         return
     names = errors.deviation.names
