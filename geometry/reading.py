@@ -25,7 +25,7 @@ def no_remark(sentence: str) -> None:
     """Where nobody listens."""
 
 
-def read_bytes(path: str | os.PathLike[str], limit: int, what: str = "file") -> bytes:
+def read_bytes(path: str | os.PathLike[str], limit: int = MAX_TEXT_BYTES, what: str = "file") -> bytes:
     """The bytes of a regular file.
 
     Parameters
