@@ -10,11 +10,7 @@ from dataclasses import dataclass, replace
 from calib import CalibConfig, CalibrationResult, calibrate
 from extraction import ExtractionConfig, extract
 from geometry import Frame, InputError, Sensor
-<<<<<<< HEAD
-from workbench.cell.remarks import merged, out_of_limits, remarks
-=======
-from workbench.cell.remarks import merged, remarks, with_complaints
->>>>>>> main
+from workbench.cell.remarks import merged, out_of_limits, remarks, with_complaints
 from workbench.cell.speckle import dataset_config
 from workbench.files import Cell, read_image
 
@@ -92,15 +88,9 @@ def solve(cell: Cell, observed: Observed, config: CalibConfig | None = None) -> 
         cell.T_base_jig,
         config,
     )
-<<<<<<< HEAD
-    return replace(
-        result, remarks=(*remarks(result), *out_of_limits(cell), *cell.remarks, *observed.remarks, *result.remarks)
-    )
-=======
     verdict = with_complaints(result.verdict, observed.complaints, cell.folder)
-    notes = (*remarks(result), *cell.remarks, *observed.remarks, *result.remarks)
+    notes = (*remarks(result), *out_of_limits(cell), *cell.remarks, *observed.remarks, *result.remarks)
     return replace(result, verdict=verdict, remarks=notes)
->>>>>>> main
 
 
 def _readable(cell: Cell, frames: list[int]) -> Iterator[object]:
