@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -53,7 +55,7 @@ _FEWEST_CLIPPED = 24  # pixels that make a plateau
 _NEIGHBOURS = 0.5  # of them, that have another of the same level beside them: noise has no plateaus
 
 
-def clipping_level(image: NDArray[np.generic], stated: float | None = None) -> float:
+def clipping_level(image: NDArray[Any], stated: float | None = None) -> float:
     """The grey level from which pixels are clipped.
 
     Parameters
@@ -109,7 +111,8 @@ def _count_below(image: NDArray[np.generic], top: int, step: int, counts: NDArra
 
 @kernel
 def _touching(image: NDArray[np.generic], level: int) -> float:
-    """Of the pixels from that level up, the share with neighbours that are too: two along one axis, one along the other.
+    """Of the pixels from that level up, the share with neighbours that are too: two along one axis, one along the
+    other.
 
     A peak's top is a line of equal pixels at most; a plateau is broad.
     """

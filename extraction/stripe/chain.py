@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +16,7 @@ GATE = 2.6  # level pixels per section that a link may climb: an arc's end at 70
 _SKIP = 2  # sections that a link may span
 _FALLS = 0.22  # of a chain's larger mean fall: both flanks must fall; a step's bright side does not
 _LEAST_SIGNIFICANCE = 16.0  # Σ response / σ over √n: what no tail of few chains is trusted to tell from noise
+_TAIL = 0.2  # of a chain's brighter half, below which nodes at its ends are none of it
 _NOISE_CONTRAST = 4.0  # mean response over σ of a chain that may be noise; maxima of noise above 1.5 σ have 2.2
 _FALSE = 1e-3  # chains of noise that may pass, per image and level
 
@@ -25,9 +25,9 @@ _FALSE = 1e-3  # chains of noise that may pass, per image and level
 class Chain:
     """A ridge followed from section to section.
 
-    section, place: of its nodes in pixels of the image, at their level's steps (n,). response: of each (n,) [DN]. scale: rows of the image to a level's row.
-    step: sections to a level's section. significance: Σ response / σ over √n, of independent sections. light: mean response [DN]. contrast: its median
-    over σ. falls: mean fall to the lower-index and the higher-index flank [DN].
+    section, place: of its nodes in pixels of the image, at their level's steps (n,). response: of each (n,) [DN].
+    scale: rows of the image to a level's row. step: sections to a level's section. significance: Σ response / σ over
+    √n, of independent sections. light: mean response [DN]. contrast: its median over σ.
     """
 
     section: Array
@@ -38,7 +38,6 @@ class Chain:
     score: float
     light: float
     contrast: float
-    falls: tuple[float, float]
 
     @property
     def length(self) -> float:
@@ -55,18 +54,7 @@ class Chain:
     @property
     def significance(self) -> float:
         """Root of the sum of squared signal to noise ratios: comparable between scales."""
-        return self.score / np.sqrt(len(self.section))
-
-
-class ChainSums(NamedTuple):
-    """Of each chain (C,): its first node's position in ``order``, nodes, Σ response / σ, sums of response and falls."""
-
-    start: IntArray
-    count: IntArray
-    score: Array
-    response: Array
-    near: Array
-    far: Array
+        return float(self.score / np.sqrt(len(self.section)))
 
 
 def follow(nodes: Nodes, scale: int, step: int) -> list[Chain]:
@@ -83,7 +71,6 @@ def follow(nodes: Nodes, scale: int, step: int) -> list[Chain]:
     ratio = (nodes.response / nodes.noise)[order].astype(np.float64)
     score = np.add.reduceat(ratio, start)
     near, far = (np.add.reduceat(v[order].astype(np.float64), start) for v in (nodes.near, nodes.far))
-    response = np.add.reduceat(nodes.response[order].astype(np.float64), start)
     faint = score < _NOISE_CONTRAST * 1.5 * count  # maxima of noise fall by themselves, to either side
     falls = np.minimum(near, far) >= np.where(faint, 2 * _FALLS, _FALLS) * np.maximum(near, far)
     threshold = tail_threshold(score, count)
@@ -91,21 +78,27 @@ def follow(nodes: Nodes, scale: int, step: int) -> list[Chain]:
     significant = (score > threshold) & (score > _LEAST_SIGNIFICANCE * np.sqrt(count))
     for k in np.flatnonzero(significant & falls):
         own = order[start[k] : start[k] + count[k]]
-        m = count[k]
+        own = own[_lit(nodes.response[own])]
+        own_ratio = nodes.response[own].astype(np.float64) / nodes.noise[own]
         out.append(
             Chain(
-                section=(nodes.section[own] + 0.5) * step - 0.5,
+                section=(nodes.section[own].astype(np.float64) + 0.5) * step - 0.5,
                 place=(nodes.place[own].astype(np.float64) + 0.5) * scale - 0.5,
                 response=nodes.response[own].astype(np.float64),
                 scale=scale,
                 step=step,
-                score=float(score[k]),
-                light=float(response[k] / m),
-                contrast=float(np.median(ratio[start[k] : start[k] + m])),
-                falls=(float(near[k] / m), float(far[k] / m)),
+                score=float(own_ratio.sum()),
+                light=float(nodes.response[own].mean()),
+                contrast=float(np.median(own_ratio)),
             )
         )
     return out
+
+
+def _lit(response: NDArray[np.float32]) -> slice:
+    """The nodes without those at either end that are noise which the ridge was linked to."""
+    bright = np.flatnonzero(response >= _TAIL * np.median(np.sort(response)[len(response) // 2 :]))
+    return slice(int(bright[0]), int(bright[-1]) + 1)
 
 
 def tail_threshold(score: Array, count: IntArray) -> float:

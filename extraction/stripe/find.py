@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +30,8 @@ class Places:
 
     section. centre_px: about where. low, high: the half-open range of rows that is this one's own: it ends midway to
     its neighbours. width_px: Gaussian σ expected. stripe: which of the stripes. partner: of a pair fitted jointly, the
-    index of the other; -1 for none. faint: whether sections are too faint to be measured alone. ghost: whether their stripe is one. doubt: whether another ridge has as good a claim.
+    index of the other; -1 for none. faint: whether sections are too faint to be measured alone. ghost: whether their
+    stripe is one. doubt: whether another ridge has as good a claim.
     """
 
     section: IntArray
@@ -104,12 +106,12 @@ def _claim(s: Search) -> float:
     return round(s.evidence * (1.0 if s.turned else COLUMNS_FIRST), 3)
 
 
-def _without(view: StripeView) -> NDArray[np.generic]:
+def _without(view: StripeView) -> NDArray[Any]:
     """The grey levels with left-out pixels at the level of the rest."""
     if view.left_out.size == 0 or not view.left_out.any():
         return view.grey
-    grey = view.grey.copy()
-    masked = view.left_out & (view.grey < view.clip_dn) if np.isfinite(view.clip_dn) else view.left_out
+    grey: NDArray[Any] = view.grey.copy()
+    masked = view.left_out & (grey < view.clip_dn) if np.isfinite(view.clip_dn) else view.left_out
     rest = grey[~view.left_out]
     grey[masked] = np.median(rest) if rest.size else 0
     return grey
@@ -117,11 +119,11 @@ def _without(view: StripeView) -> NDArray[np.generic]:
 
 def _places(verdict: Verdict, rows: int, sections: int) -> tuple[Places, list[StripeFacts]]:
     facts: list[StripeFacts] = []
-    parts: list[tuple[Array, ...]] = []
+    parts: list[tuple[NDArray[Any], ...]] = []
     for s in verdict.stripes:
         n = len(s.track.place)
         section = np.arange(s.track.first, s.track.stop)
-        pair = s.bumps.count == 2
+        pair = s.bumps.peaks == 2
         doubt, number = _doubt(s, verdict) | pair, len(facts)
         for k, offset in enumerate((s.bumps.first, s.bumps.second) if pair else (0.0,)):
             facts.append(StripeFacts(s.light, n, s.ghost))
@@ -134,15 +136,15 @@ def _places(verdict: Verdict, rows: int, sections: int) -> tuple[Places, list[St
     )
     order = np.lexsort((centre, section))
     order = order[(centre[order] >= 0) & (centre[order] <= rows - 1)]
-    section, stripe, other = (v[order].astype(np.int32) for v in (section, stripe, other))
+    own_section, own_stripe, own_other = (v[order].astype(np.int32) for v in (section, stripe, other))
     centre = centre[order]
     low, high = np.zeros(len(order), np.int32), np.full(len(order), rows, np.int32)
-    same = section[1:] == section[:-1]
+    same = own_section[1:] == own_section[:-1]
     middle = np.ceil((centre[1:] + centre[:-1]) / 2).astype(np.int32)
     low[1:][same], high[:-1][same] = middle[same], middle[same]
-    partner = _partners(section, stripe, other, sections)
+    partner = _partners(own_section, own_stripe, own_other, sections)
     flags = (faint[order].astype(bool), ghost[order].astype(bool), doubt[order].astype(bool))
-    return Places(section, centre, low, high, width[order], stripe, partner, *flags), facts
+    return Places(own_section, centre, low, high, width[order], own_stripe, partner, *flags), facts
 
 
 def _partners(section: IntArray, stripe: IntArray, other: IntArray, sections: int) -> IntArray:

@@ -53,7 +53,8 @@ class Stripe:
 
     track: at every section from its first to its last. chain: the ridge it came from. bumps: of its mean profile; with
     two, the track runs between or on one of them. height: of the mean profile [DN]. light: height times sections.
-    least: sections from which it may stand alone. rivals: whether another of like light shares its sections. ghost: whether a longer one does.
+    least: sections from which it may stand alone. rivals: whether another of like light shares its sections. ghost:
+    whether a longer one does.
     """
 
     track: Track
@@ -162,10 +163,10 @@ def _measure(grey: NDArray[Any], chain: Chain, clip: float, least: int) -> list[
     out = np.empty(2 * int(2.2 * reach / PROFILE_STEP_PX) + 1)
     inside = slice(max(int(chain.section[0]) - track.first, 0), int(chain.section[-1]) - track.first + 1)
     found = _profile_of(grey, track, _brightest(chain, track, inside), out, reach, clip)
-    if found.count == 0:
+    if found.peaks == 0:
         return []
-    place = track.place + (found.first if found.count == 1 else 0.0)
-    if found.count == 1 and chain.contrast > CLEAR:
+    place = track.place + (found.first if found.peaks == 1 else 0.0)
+    if found.peaks == 1 and chain.contrast > CLEAR:
         sigma = found.width / float(np.mean(track.width[_brightest(chain, track, inside)]))
         skip = min(WALK_NODES * chain.step, (inside.stop - inside.start) // 2)
         walk_out(grey, track.first, place, inside.start + skip, -1, sigma, found.height)
@@ -174,7 +175,7 @@ def _measure(grey: NDArray[Any], chain: Chain, clip: float, least: int) -> list[
     light = np.empty(len(place))
     brightest = _brightest(chain, track, inside)
     along_normal = found.width / float(np.mean(track.width[brightest]))
-    half = along_normal if found.count == 1 else 0.5 * (found.second - found.first) + found.width
+    half = along_normal if found.peaks == 1 else 0.5 * (found.second - found.first) + found.width
     light_along(grey, track.first, place, np.maximum(0.5, half * track.width), light)
     pieces = []
     rough = chain.step > chain.scale
@@ -191,7 +192,7 @@ def _measure(grey: NDArray[Any], chain: Chain, clip: float, least: int) -> list[
             shape = found
             if lit != inside:
                 shape = _profile_of(grey, own, _part(0, stop - start), out, reach, clip)
-            if shape.count:
+            if shape.peaks:
                 middle = _part(0, stop - start)
                 width = own.width * (shape.width / float(np.mean(own.width[middle])))
                 pieces.append(Stripe(own._replace(width=width), chain, shape, shape.height, least=least))
@@ -262,14 +263,14 @@ def _continues(s: Stripe, k: Stripe) -> bool:
 
 def _rivalry(kept: list[Stripe]) -> list[Stripe]:
     """Stripes of like light beside each other, marked."""
-    return [replace(s, rivals=s.bumps.count == 2 or _neighbours(s, kept) > 0) for s in kept]
+    return [replace(s, rivals=s.bumps.peaks == 2 or _neighbours(s, kept) > 0) for s in kept]
 
 
 def _neighbours(s: Stripe, kept: list[Stripe]) -> int:
     """How many others of like light lie beside it, over half of it or of themselves."""
     n = 0
     for k in kept:
-        if k is s or k.ghost or k.track.first == s.track.first and k.track.place is s.track.place:
+        if k is s or k.ghost or (k.track.first == s.track.first and k.track.place is s.track.place):
             continue
         shared = _overlap(s, k)
         alike = k.height >= LIKE * s.height and k.light >= LIKE * s.light

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from extraction.config import StripeConfig
 from extraction.linalg import cholesky, solve
@@ -28,7 +26,8 @@ def fit_pairs(view: StripeView, places: Places, fits: Records, noise: PixelNoise
     if len(first):
         second = places.partner[first]
         limits = (config.min_width_px, config.max_width_px)
-        _fit_pairs(view.pixels, places.section[first], places.centre_px, places.width_px, first.astype(np.int32), second,
+        _fit_pairs(view.pixels, places.section[first], places.centre_px, places.width_px, first.astype(np.int32),
+        second,
                    view.clip_dn, limits, noise, fits)  # fmt: skip
     return fits
 

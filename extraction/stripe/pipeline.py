@@ -10,7 +10,7 @@ from scipy.ndimage import median_filter
 
 from extraction.config import StripeConfig
 from extraction.image import check_image
-from extraction.noise import QUANTISATION_VARIANCE, PixelNoise
+from extraction.noise import PixelNoise
 from extraction.sheet import image_to_sheet, propagate, sheet_table
 from extraction.stripe.faint import NEIGHBOURS, fit_faint
 from extraction.stripe.find import Found, Places, find
@@ -75,9 +75,11 @@ def extract_profile(
     camera = sensor.require_camera()
     config = config or StripeConfig()
     image = check_image(image, sensor)
-    if config.direction == "auto":
-        config = config.model_copy(update={"direction": depth_direction(sensor)})
-    peaks = detect_stripe(image, config, laser_off, mask, camera.saturation_dn, camera.black_level)
+    light = (laser_off, mask, camera.saturation_dn, camera.black_level)
+    first = depth_direction(sensor) if config.direction == "auto" else config.direction
+    peaks = detect_stripe(image, config.model_copy(update={"direction": first}), *light)
+    if len(peaks) == 0 and config.direction == "auto":
+        peaks = detect_stripe(image, config, *light)
     yz, jacobian = sheet_table(sensor).lookup(peaks.uv_px)
     seen: Mask = np.asarray(np.isfinite(yz).all(axis=1))
     return Profile(peaks, yz, propagate(jacobian, peaks.cov_uv_px2))[seen]
@@ -94,7 +96,7 @@ def depth_direction(sensor: Sensor) -> str:
     Returns
     -------
     direction
-        "columns" where it is v, "rows" where it is u: what ``direction = "auto"`` means.
+        "columns" where it is v, "rows" where it is u: the direction that ``direction = "auto"`` tries first.
     """
     camera = sensor.require_camera()
     middle = np.array([[(camera.width_px - 1) / 2, (camera.height_px - 1) / 2]])
@@ -120,7 +122,7 @@ def detect_stripe(
     image
         Grey levels (H, W), uint8 or uint16.
     config
-        Settings; the defaults where None. Direction "auto" means columns here.
+        Settings; the defaults where None. Direction "auto" means the one along which the image shows more stripe.
     laser_off, mask
         As of `extract_profile`.
     clip_dn

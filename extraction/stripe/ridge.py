@@ -1,8 +1,8 @@
 """Ridges of an image at several scales: where a section is brighter than both its flanks, in units of the noise there.
 
-A level of the pyramid holds the means of 2 × 2, 4 × 4, 8 × 8 … pixels. At each the response is a second difference along
-the section: the mean of two rows minus that of the two at three rows' distance on either side. A plateau answers once, at
-the level where it is two rows wide.
+A level of the pyramid holds the means of 2 × 2, 4 × 4, 8 × 8 … pixels. At each the response is a second difference
+along the section: the mean of two rows minus that of the two at three rows' distance on either side. A plateau
+answers once, at the level where it is two rows wide.
 """
 
 from __future__ import annotations
@@ -108,7 +108,7 @@ def _noise(response: Level, background: Level, least: float) -> NoiseTable:
     The least of the robust spread and of that of differences along the sections: in a region that is mostly stripe the
     first is the stripe's own.
     """
-    rows, columns = response.shape
+    columns = response.shape[1]
     lag = min(_LAG, max(columns // 4, 1))
     step = max(1, int(np.sqrt(response.size / _SAMPLES)))
     wide = max(columns - lag, 1)

@@ -11,6 +11,8 @@ from extraction.stripe.find import Places, StripeFacts
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
+_ALIKE = 0.05  # of the longest stripe, that two lengths may differ
+
 
 def select(config: StripeConfig, stripes: list[StripeFacts], places: Places, place: Array, height: Array) -> Indices:
     """Indices of the chosen points, at most one a section unless the rule is "all".
@@ -33,7 +35,13 @@ def select(config: StripeConfig, stripes: list[StripeFacts], places: Places, pla
 
 
 def _order(stripes: list[StripeFacts], places: Places, height: Array, longest: bool) -> Array:
-    """A number for each stripe, smaller for the one that is preferred: the brighter, or the longer."""
+    """A number for each stripe, smaller for the one that is preferred: the brighter, or the longer.
+
+    Lengths within a twentieth of the longest count as alike; then the brighter is preferred.
+    """
     sections = np.bincount(places.stripe, minlength=len(stripes)).astype(float)
     light = np.bincount(places.stripe, weights=height, minlength=len(stripes))
-    return np.round(-sections if longest else -light, 6)
+    if not longest:
+        return np.round(-light, 6)
+    steps = np.floor(sections / max(float(sections.max()), 1.0) / _ALIKE)
+    return np.asarray(-steps - light / (2 * max(float(light.max()), 1.0)))

@@ -51,7 +51,7 @@ def dense(chain: Chain, sections: int) -> Track:
     for end, index in ((0, slice(None, reach)), (-1, slice(-reach, None))):
         beyond = s < chain.section[0] if end == 0 else s > chain.section[-1]
         if beyond.any() and len(chain.section) > 2:
-            slope, level = _line(chain.section[index], place[index])
+            slope = _slope(chain.section[index], place[index])
             at_end = place[end]
             inside[beyond] = at_end + slope * (s[beyond] - chain.section[end])
     return Track(int(s[0]), inside, secant(inside))
@@ -67,11 +67,11 @@ def secant(place: Array) -> Array:
     return np.asarray(np.hypot(1.0, (place[b] - place[a]) / (b - a)))
 
 
-def _line(x: Array, y: Array) -> tuple[float, float]:
+def _slope(x: Array, y: Array) -> float:
     middle = x.mean()
     d = x - middle
     total = float(d @ d)
-    return (float(d @ (y - y.mean())) / total if total > 0 else 0.0), float(y.mean())
+    return float(d @ (y - y.mean())) / total if total > 0 else 0.0
 
 
 def _smooth(x: Array, y: Array, half: int) -> Array:
@@ -98,7 +98,7 @@ def walk_out(grey: NDArray[Any], first: int, place: Array, start: int, step: int
         slope = min(max(slope, -_STEEPEST), _STEEPEST)
         c, wide = place[near] + slope, sigma * math.sqrt(1 + slope * slope)
         half = 2.0 * wide + 0.5
-        low, high = max(int(math.ceil(c - half)), 0), min(int(c + half), rows - 1)
+        low, high = max(math.ceil(c - half), 0), min(int(c + half), rows - 1)
         if high - low < 2:
             place[i] = c
             i += step
@@ -117,8 +117,8 @@ def walk_out(grey: NDArray[Any], first: int, place: Array, start: int, step: int
 def light_along(grey: NDArray[Any], first: int, place: Array, halves: Array, out: Array) -> None:
     """Centre less flanks of each section [DN]: mean within half its width of the track less the mean of the flanks.
 
-    halves: of the centre (n,) [px]. Each flank is about as wide and begins at twice that from the track; of what the border cuts off,
-    nothing is taken.
+    halves: of the centre (n,) [px]. Each flank is about as wide and begins at twice that from the track; of what the
+    border cuts off, nothing is taken.
     """
     rows = grey.shape[0]
     for i in range(len(place)):
@@ -188,7 +188,7 @@ def mean_profile(grey: NDArray[Any], first: int, place: Array, step: float, out:
 class Bumps(NamedTuple):
     """Peaks of a mean profile: how many (0, 1, 2), offsets [px], Gaussian σ by the flanks [px], flatness."""
 
-    count: int
+    peaks: int
     first: float
     second: float
     width: float
@@ -218,15 +218,15 @@ def bumps(profile: Array, step: float, reach: float, clip: float) -> Bumps:
     height = profile[top] - base
     if not height > 0:
         return Bumps(0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    best, valley_of = -1, 0.0
+    best = -1
     for side in (-1, 1):
         valley, k = profile[top], top + side
         while low <= k <= high:
             valley = min(valley, profile[k])
             peak = profile[k] >= profile[k - 1] and profile[k] >= profile[k + 1]
-            if peak and profile[k] - base > 0.35 * height and profile[k] - valley > 0.1 * (profile[k] - base):
-                if best < 0 or profile[k] > profile[best]:
-                    best, valley_of = k, valley
+            apart = profile[k] - base > 0.35 * height and profile[k] - valley > 0.1 * (profile[k] - base)
+            if peak and apart and (best < 0 or profile[k] > profile[best]):
+                best = k
             k += side
     a = _crossing(profile, top, -1, base + 0.5 * height)
     b = _crossing(profile, top, 1, base + 0.5 * height)
