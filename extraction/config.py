@@ -201,3 +201,49 @@ class GapFlushConfig(_Section):
     max_chi2_per_dof: float = Field(
         default=4.0, gt=1, description="above it an edge is no line with an arc: flagged misfit"
     )
+
+
+class FeatureConfig(_Section):
+    """How a target is found in a profile: arcs, straight stretches, corners and wedges; lengths in mm."""
+
+    # a recording on a real ball scatters by twice what neighbours do, path-traced ones by 1.0 to 1.6
+    tolerance_sigma: float = Field(
+        default=4.0,
+        gt=0,
+        description="how far a point may lie off the curve while it is searched, over what neighbours scatter by",
+    )
+    min_tolerance_mm: float = Field(default=0.02, gt=0, description="the least such distance: finer profiles bend")
+    # keeps 98 % and more of the arcs' points of a real set whose flanks have tails
+    inlier_sigma: float = Field(
+        default=5.0, gt=1, description="points farther off than so many σ of their own scatter are left out"
+    )
+    min_points: int = Field(default=12, ge=4, description="fewest points of an arc or straight stretch")
+    min_run: int = Field(default=5, ge=1, description="fewest neighbours on the curve; fewer cross it by chance")
+    # all but one in 10^6 of the curves with a seventh of the points are found by so many samples of three
+    ransac_trials: int = Field(default=4000, ge=10, description="samples at most")
+    ransac_certainty: float = Field(default=1 - 1e-6, gt=0, lt=1, description="no more samples once this sure")
+    ransac_points: int = Field(default=400, ge=20, description="points that the samples are drawn from")
+    # the path-traced and real sets have 0.5 to 0.99
+    min_section: float = Field(
+        default=0.2, gt=0, lt=1, description="smallest radius of a ball's section, over the ball's"
+    )
+    # a stated diameter that is wrong must be seen as such, not as an empty profile
+    max_section: float = Field(default=1.3, gt=1, description="largest radius of a ball's section, over the stated one")
+    min_arc_deg: float = Field(default=30.0, gt=0, lt=180, description="shortest arc of a ball")
+    max_radius_mm: float = Field(default=500.0, gt=0, description="largest ball where no diameter is stated")
+    rival_share: float = Field(
+        default=0.4,
+        gt=0,
+        lt=1,
+        description="a second thing of the kind with this share of the first's points is a rival",
+    )
+    # a stem is a quarter as wide as its ball, or less
+    rival_section: float = Field(default=0.3, gt=0, lt=1, description="smallest section, over the ball's, of a rival")
+    min_line_mm: float = Field(default=8.0, gt=0, description="shortest straight stretch")
+    max_bend: float = Field(default=0.015, gt=0, description="largest bend of a straight stretch, over its length")
+    min_wedge_deg: float = Field(
+        default=10.0, gt=0, lt=90, description="least turn from one face of a wedge to the other"
+    )
+    max_ridge_gap_mm: float = Field(
+        default=3.0, gt=0, description="how far the faces of a wedge may end before they meet"
+    )

@@ -1,10 +1,18 @@
 """Ground floor: poses, lines, the sensor, the robot, measured points and errors (numpy and scipy only)."""
 
-from geometry.errors import InputError, MissingDependencyError, NoAnswerError, PerceptronEmuError, did_you_mean
+from geometry.errors import (
+    LONGEST_WORD,
+    InputError,
+    MissingDependencyError,
+    NoAnswerError,
+    PerceptronEmuError,
+    did_you_mean,
+)
 from geometry.frame import NO_POSES, Frame, Role, locations_of
 from geometry.lines import cross_plane_x0, distance_to_line
 from geometry.points import AxisPoints, SheetPoints, SurfacePoints
 from geometry.pose import Pose, cross, exp_so3, log_so3, nearest_rotation, quaternion_wxyz, skew, stack_poses
+from geometry.reading import Remark, no_remark, parse_toml, read_bytes, read_text
 from geometry.robot import (
     CONVENTIONS,
     DH_ROWS,
@@ -36,13 +44,14 @@ from geometry.robot import (
     with_beta_prior,
 )
 from geometry.sensor import Camera, Sensor, Sheet, field_of_view, inside_polygon
-from geometry.target import Prediction, Shape, Surface, Symmetry, Target
+from geometry.target import Prediction, Shape, Surface, Symmetry, Target, target_at
 from geometry.unknowns import Block, Linearised, State, Step, Term, Unknowns
 from geometry.writing import toml_value, write_bytes, write_text
 
 __all__ = [
     "CONVENTIONS",
     "DH_ROWS",
+    "LONGEST_WORD",
     "NO_POSES",
     "TYPICAL_SIGMA",
     "Arm",
@@ -67,6 +76,7 @@ __all__ = [
     "PerceptronEmuError",
     "Pose",
     "Prediction",
+    "Remark",
     "Robot",
     "RobotUncertainty",
     "Role",
@@ -99,13 +109,18 @@ __all__ = [
     "locations_of",
     "log_so3",
     "nearest_rotation",
+    "no_remark",
+    "parse_toml",
     "quaternion_wxyz",
+    "read_bytes",
+    "read_text",
     "require_arm",
     "robot_from_axes",
     "robot_from_chain",
     "skew",
     "stack_poses",
     "table",
+    "target_at",
     "toml_value",
     "with_beta_prior",
     "write_bytes",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import difflib
-import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,7 +12,7 @@ import numpy as np
 import trimesh
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from geometry import InputError, Pose, Sensor
+from geometry import InputError, Pose, Sensor, parse_toml, read_text
 from jig_cad import read_jig
 from jig_cad.solids import jig_solids
 from perceptron_emu.check import check_scene
@@ -246,12 +245,7 @@ def read_mesh(path: Path, unit: Unit | None = None, *, allow_open: bool = False)
 
 
 def _parse(path: Path) -> SceneFile:
-    try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise InputError(f"{path}: there is no such file") from None
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise InputError(f"{path}: {error}") from error
+    data = parse_toml(read_text(path), str(path))
     try:
         return SceneFile.model_validate(data)
     except ValidationError as error:

@@ -137,6 +137,21 @@ def distort(xy: Array, k: Array) -> Array:
     return np.asarray(tilted[:, :2] / tilted[:, 2:])
 
 
+def undistort_near(start: Array, goal: Array, k: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Solve distort(xy) = goal (N, 2) near ``start``; True where it was reached without crossing a fold."""
+    xy, h = start.copy(), 1e-6
+    for _ in range(8):
+        f = distort(xy, k) - goal
+        j = np.stack([(distort(xy + h * e, k) - distort(xy - h * e, k)) / (2 * h) for e in np.eye(2)], -1)
+        det = np.linalg.det(j)
+        unfolded = det > 1e-3
+        j[~unfolded] = np.eye(2)
+        xy = xy - np.where(unfolded[:, None], np.linalg.solve(j, f[..., None])[..., 0], 0.0)
+        xy = np.clip(xy, -20.0, 20.0)  # no lens sees 87° off its axis; keeps a lost iterate finite
+    left = np.max(np.abs(distort(xy, k) - goal), axis=-1)
+    return xy, unfolded & (left < 1e-12)
+
+
 def _check_image(c: Camera) -> None:
     if not (1 <= c.width_px <= 65535 and 1 <= c.height_px <= 65535):
         raise InputError(f"image size {c.width_px} × {c.height_px} px: width and height must lie in 1 … 65535")

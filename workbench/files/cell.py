@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field, field_validator
 
 import assets
-from geometry import DhRobot, Frame, InputError, Pose, Role, Sensor, did_you_mean
+from geometry import DhRobot, Frame, InputError, Pose, Remark, Role, Sensor, did_you_mean
 from jig_cad import Jig, jig_from_table
 from jig_cad.files import table_model, without_names
 from perceptron_emu import EmulatorConfig
@@ -63,7 +63,8 @@ class Cell:
 
     points: by frame number, where a points.csv stands in place of images. T_base_jig: by location, where given.
     roles: of the locations in cell.toml that say one. robot_path: the robot.toml.
-    emulator: how images of the cell are made, no knowledge of a recorded one.
+    emulator: how images of the cell are made, no knowledge of a recorded one. remarks: a sentence for all that is
+    doubtful in the files and was read nevertheless.
     """
 
     folder: Path
@@ -79,6 +80,7 @@ class Cell:
     name: str = ""
     robot_path: Path | None = None
     emulator: EmulatorConfig = field(default_factory=EmulatorConfig)
+    remarks: tuple[str, ...] = ()
 
 
 def read_cell(path: Path, *, recorded: bool = True) -> Cell:
@@ -107,8 +109,9 @@ def read_cell(path: Path, *, recorded: bool = True) -> Cell:
     folder = source.path.parent
     sensor_path = _named(folder, file.sensor, source, "sensor")
     robot_path = _named(folder, file.robot, source, "robot")
-    robot = read_robot(robot_path)
-    frames, frames_path = _frames(folder, file, source, robot, recorded=recorded)
+    remarks: list[str] = []
+    robot = read_robot(robot_path, remarks.append)
+    frames, frames_path = _frames(folder, file, source, robot, remarks.append, recorded=recorded)
     if frames:
         _check_location_names(file, frames, source)
     truth = folder / "truth.json"
@@ -121,17 +124,18 @@ def read_cell(path: Path, *, recorded: bool = True) -> Cell:
         frames=frames,
         T_hand_sensor_design=Pose.from_fixed_xyz_deg(file.scp_initial.rotation_deg, file.scp_initial.translation_mm),
         T_base_jig={name: _pose(source, name, given) for name, given in file.locations.items()},
-        points=_points(folder, file, frames, frames_path, jig) if recorded else None,
+        points=_points(folder, file, frames, frames_path, jig, remarks.append) if recorded else None,
         truth=read_truth(truth) if truth.exists() else None,
         roles={name: given.role for name, given in file.locations.items() if given.role},
         name=file.name,
         robot_path=robot_path,
         emulator=read_emulator(sensor_path),
+        remarks=tuple(remarks),
     )
 
 
 def _frames(
-    folder: Path, file: CellFile, source: TomlSource, robot: DhRobot, *, recorded: bool
+    folder: Path, file: CellFile, source: TomlSource, robot: DhRobot, remark: Remark, *, recorded: bool
 ) -> tuple[tuple[Frame, ...], Path]:
     if file.frames is None:
         if recorded:
@@ -141,7 +145,7 @@ def _frames(
     if not recorded and not path.exists():
         return (), path
     path = _named(folder, file.frames, source, "frames")
-    return read_frames(path, robot.n_joints, may_be_empty=not recorded), path
+    return read_frames(path, robot.n_joints, may_be_empty=not recorded, remark=remark), path
 
 
 def read_jig_file(path: Path) -> Jig:
@@ -212,17 +216,16 @@ def _check_location_names(file: CellFile, frames: tuple[Frame, ...], source: Tom
 
 
 def _points(
-    folder: Path, file: CellFile, frames: tuple[Frame, ...], frames_path: Path, jig: Jig
+    folder: Path, file: CellFile, frames: tuple[Frame, ...], frames_path: Path, jig: Jig, remark: Remark
 ) -> dict[int, GivenPoints] | None:
     """Points in place of images: named in cell.toml, or points.csv where not one of the images exists."""
     path = folder / (file.points or "points.csv")
     has_images = any(row.image and (folder / row.image).exists() for row in frames)
     if file.points is None and (has_images or not path.exists()):
-        for row in frames:
-            if not row.image:
-                raise InputError(f"{frames_path}, line {row.line}, column image: is empty, and there is no points.csv")
+        if frames and not any(row.image for row in frames):
+            raise InputError(f"{frames_path}: the column image is empty, and there is no points.csv")
         return None
-    points = read_points(path, jig.strings)
+    points = read_points(path, jig.strings, remark)
     known = {row.number for row in frames}
     strangers = sorted(set(points) - known)
     if strangers:

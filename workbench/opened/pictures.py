@@ -25,6 +25,10 @@ class Stamp:
     mtime_ns: int
     size: int
 
+    def __str__(self) -> str:
+        """A word for it, to be compared and no more."""
+        return f"{self.mtime_ns:x}.{self.size:x}"
+
 
 class Pictures:
     """Decoded images by index, the most recently used ones kept in memory."""
@@ -61,15 +65,19 @@ class Pictures:
 
     def read(self, index: int) -> Image:
         """The image (H, W), grey, 8 or 16 bits; InputError that says why not."""
+        return self.stamped(index)[1]
+
+    def stamped(self, index: int) -> tuple[Stamp, Image]:
+        """The image and the state of the file that it was read from; InputError that says why not."""
         stamp = self.stamp(index)
         with self._lock:
             kept = self._kept.get(index)
             if kept is not None and kept[0] == stamp:
                 self._kept.move_to_end(index)
-                return kept[1]
-        image = read_image(self.paths[index], self._sensor)
+                return kept
+        image = read_image(self.paths[index], self._sensor, lossy=True)
         self._keep(index, stamp, image)
-        return image
+        return stamp, image
 
     def _keep(self, index: int, stamp: Stamp, image: Image) -> None:
         with self._lock:
