@@ -4,7 +4,7 @@ from workbench.files.atomic import write_bytes, write_text
 from workbench.files.cell import Cell, read_cell, read_jig_file
 from workbench.files.cell_writer import cell_text, write_cell
 from workbench.files.frames_csv import frames_text, read_frames
-from workbench.files.images import LOSSY_SUFFIXES, SUFFIXES, Image, read_image, write_png
+from workbench.files.images import LOSSY_SUFFIXES, SUFFIXES, Image, is_whole, read_image, write_png
 from workbench.files.points_csv import GivenPoints, points_text, read_points
 from workbench.files.robot_file import read_robot, robot_text, urdf_of
 from workbench.files.rounding import rounded, rounded_number
@@ -46,6 +46,7 @@ __all__ = [
     "carried_calib",
     "cell_text",
     "frames_text",
+    "is_whole",
     "parse_settings",
     "points_text",
     "read_cell",
