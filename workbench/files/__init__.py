@@ -20,7 +20,8 @@ from workbench.files.settings_file import (
     settings_toml,
 )
 from workbench.files.sockets_csv import read_sockets
-from workbench.files.strict import FileSection, NotNegative, Real, Text, sentence, suggestion, validate
+from workbench.files.strict import FileSection, NotNegative, Positive, Real, Text, Whole, sentence, suggestion, validate
+from workbench.files.table import Row, Table, read_table, read_table_text
 from workbench.files.toml_text import TomlSource, read_toml
 from workbench.files.truth_file import Truth, TruthFrame, TruthPoint, read_truth, write_truth
 from workbench.files.urdf_write import write_urdf
@@ -34,15 +35,19 @@ __all__ = [
     "GivenPoints",
     "Image",
     "NotNegative",
+    "Positive",
     "Real",
+    "Row",
     "SavedResult",
     "SavedScp",
     "Settings",
+    "Table",
     "Text",
     "TomlSource",
     "Truth",
     "TruthFrame",
     "TruthPoint",
+    "Whole",
     "carried_calib",
     "cell_text",
     "controller_text",
@@ -60,6 +65,8 @@ __all__ = [
     "read_sensor",
     "read_settings",
     "read_sockets",
+    "read_table",
+    "read_table_text",
     "read_toml",
     "read_truth",
     "robot_text",
