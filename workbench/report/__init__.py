@@ -4,7 +4,7 @@ from workbench.report.as_json import calibration_object, clean, frame_object, in
 from workbench.report.as_text import AXES, arrow, number, print_calibration, print_verdict
 from workbench.report.calibration import ReportInput, write_report
 from workbench.report.cell_picture import cell_image
-from workbench.report.difference import Difference, difference, difference_object, print_difference
+from workbench.report.comparison import Difference, difference, difference_object, print_difference
 from workbench.report.folder import write_results
 from workbench.report.gapflush_picture import draw_gap_flush
 from workbench.report.overlays import overlay, save_overlays
