@@ -3,6 +3,7 @@
 from workbench.files.atomic import write_bytes, write_text
 from workbench.files.cell import Cell, read_cell, read_jig_file
 from workbench.files.cell_writer import cell_text, write_cell
+from workbench.files.controller_poses import ControllerPoses, PosesSection, controller_poses
 from workbench.files.frames_csv import frames_text, read_frames
 from workbench.files.images import LOSSY_SUFFIXES, SUFFIXES, Image, read_image, write_png
 from workbench.files.points_csv import GivenPoints, points_text, read_points
@@ -28,10 +29,12 @@ __all__ = [
     "LOSSY_SUFFIXES",
     "SUFFIXES",
     "Cell",
+    "ControllerPoses",
     "FileSection",
     "GivenPoints",
     "Image",
     "NotNegative",
+    "PosesSection",
     "Positive",
     "Real",
     "Row",
@@ -45,6 +48,7 @@ __all__ = [
     "Whole",
     "carried_calib",
     "cell_text",
+    "controller_poses",
     "frames_text",
     "parse_settings",
     "points_text",
