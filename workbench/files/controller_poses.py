@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import ArmConfiguration, InputError, Pose, exp_so3, parse_bits, parse_letters
+from geometry import CONVENTIONS, ArmConfiguration, InputError, Pose, parse_bits, parse_letters
 from workbench.files.strict import FileSection, Real
 from workbench.files.table import Row
 
@@ -18,23 +18,12 @@ Array = NDArray[np.float64]
 Convention = Literal["kuka", "fanuc", "yaskawa", "mitsubishi", "abb", "ros", "ur"]
 
 _POSITION = ("X", "Y", "Z")
-ROTATION_COLUMNS: dict[str, tuple[str, ...]] = {
-    "kuka": ("A", "B", "C"),
-    "fanuc": ("W", "P", "R"),
-    "yaskawa": ("Rx", "Ry", "Rz"),
-    "mitsubishi": ("A", "B", "C"),
-    "abb": ("q1", "q2", "q3", "q4"),
-    "ros": ("qx", "qy", "qz", "qw"),
-    "ur": ("Rx", "Ry", "Rz"),
-}
-# places in the columns of the angles about fixed x, y, z, with R = Rz·Ry·Rx
-_FIXED_XYZ = {"kuka": (2, 1, 0), "fanuc": (0, 1, 2), "yaskawa": (0, 1, 2), "mitsubishi": (0, 1, 2)}
+ROTATION_COLUMNS = {k: tuple(label.split(" /")[0] for label in c.labels[3:]) for k, c in CONVENTIONS.items()}
 CONFIGURATION_COLUMNS = ("status", "turn", "cf1", "cf4", "cf6", "cfx", "config")
 _KUKA_SHORT = {"S": "status", "T": "turn"}
 ALL_COLUMNS = tuple(dict.fromkeys((*_POSITION, *(c for names in ROTATION_COLUMNS.values() for c in names))))
 _LARGEST_MM = 100_000.0  # beyond any arm, track or crane
 _METRES = 10.0  # a hand that is never farther from its base than this in millimetres is given in metres
-ATOL_QUATERNION = 1e-2  # length of a quaternion as written; digits cut in the file stay far below
 _UNIT = re.compile(r"[_ ](mm|m|deg|rad)$", re.IGNORECASE)
 
 
@@ -91,18 +80,11 @@ class ControllerPoses:
             raise InputError(
                 f"{np.max(np.abs(position)):.6g} mm from the base is beyond what an arm can reach: is the unit right?"
             )
-        if self.convention in _FIXED_XYZ:
-            return Pose.from_fixed_xyz_deg(rotation[list(_FIXED_XYZ[self.convention])], position)
-        if self.convention == "ur":
-            if np.linalg.norm(rotation) > 2 * np.pi + 1e-3:
-                raise InputError(
-                    f"the rotation vector's length {np.linalg.norm(rotation):.4g} is more than a turn: it is in radians"
-                )
-            return Pose(exp_so3(rotation), position)
-        q = rotation[[3, 0, 1, 2]] if self.convention == "ros" else rotation
-        if abs(np.linalg.norm(q) - 1) > ATOL_QUATERNION:
-            raise InputError(f"the quaternion has length {np.linalg.norm(q):.4g}, a rotation's is 1")
-        return Pose.from_quaternion_wxyz(q, position)
+        if self.convention == "ur" and np.linalg.norm(rotation) > 2 * np.pi + 1e-3:
+            raise InputError(
+                f"the rotation vector's length {np.linalg.norm(rotation):.4g} is more than a turn: it is in radians"
+            )
+        return Pose(CONVENTIONS[self.convention].rotation_from(rotation), position)
 
 
 def controller_poses(section: PosesSection) -> ControllerPoses:
