@@ -19,6 +19,8 @@ Array = NDArray[np.float64]
 Chain = tuple[Pose, Robot | None]  # an SCP and the robot that carries it
 
 _NONE = DesignSolved(None, None)
+_LEAST_FRAMES = 3  # of a location's figures: one frame fits itself, two agree in all that its pose leaves open
+_NO_DISTANCES = Distances((), np.zeros(0), np.zeros(0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,8 +47,10 @@ def answer(
     holds = CalibrationResult("", "", verdict, design, {}, (), robot, estimate).trusted is not None
     for name, group in locations_of(frames).items():
         figures = location_figures(group, target_at(target, name), (design, robot), solved)
-        locations[name] = figures.result if holds else replace(figures.result, T_base_target=None)
-        done |= {f.number: f for f in _answered(group, figures, estimate)}
+        answered = _answered(group, figures, estimate)
+        result = figures.result if sum(f.used for f in answered) >= _LEAST_FRAMES else _without_figures(figures.result)
+        locations[name] = result if holds else replace(result, T_base_target=None)
+        done |= {f.number: f for f in answered}
     ordered = tuple(done[f.number] for f in frames)
     return CalibrationResult(config.method, config.model, verdict, design, locations, ordered, robot, estimate)
 
@@ -56,9 +60,7 @@ def location_figures(group: Sequence[Frame], target: Target, design: Chain, solv
     role = group[0].role
     usable = measured(group)
     if not usable:
-        return Figures(
-            LocationResult(role, None, _NONE, _NONE, _NONE, Distances((), np.zeros(0), np.zeros(0))), None, {}
-        )
+        return Figures(LocationResult(role, None, _NONE, _NONE, _NONE, _NO_DISTANCES), None, {})
     points = SheetPoints.of([f.axis for f in usable], target.features)
     by_design = _sensors(usable, design)
     sensors = by_design if solved is None else _sensors(usable, solved)
@@ -121,6 +123,11 @@ def _answered(group: Sequence[Frame], figures: Figures, estimate: Estimate | Non
             )
         )
     return out
+
+
+def _without_figures(result: LocationResult) -> LocationResult:
+    """Where the target stands alone, of a location with too few used frames to judge by."""
+    return LocationResult(result.role, result.T_base_target, _NONE, _NONE, _NONE, _NO_DISTANCES)
 
 
 def _start(usable: Sequence[Frame], sensors: Pose) -> Pose:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from calib.answer import answer, location_pose
 from calib.bundle import Solution, make_bundle, solve_problem
 from calib.config import CalibConfig, Model
+from calib.copies import copy_notes, in_order, without_copies
 from calib.given_places import given_place_notes
 from calib.hands import hand_pose_notes, placed, with_joints
 from calib.judge import (
@@ -15,6 +16,7 @@ from calib.judge import (
     bundle_facts,
     choose_model,
     culprit,
+    frames_contradict,
     frames_motion,
     judge,
     judge_motion,
@@ -101,7 +103,7 @@ def calibrate(
     if not frames:
         raise InputError("the dataset has no frames")
     setup = Setup(_one_or_more(target, frames), robot, sensor, T_hand_sensor, places or {}, config or CalibConfig())
-    given = with_joints(frames, robot)
+    given = without_copies(with_joints(in_order(frames), robot))
     labelled, solved = _prepare(setup, given)
     if setup.config.method == "paper":
         result = _paper(setup, labelled, solved)
@@ -113,7 +115,8 @@ def calibrate(
             solved = _solve(chosen, labelled, solved.solution.T_hand_sensor)
         result = _answer(chosen, labelled, solved)
         result = replace(result, left_out_rms_mm=scores, remarks=(words, *_lonely(given)))
-    verdict = _named(result.verdict, setup, labelled)
+    named = _named(result.verdict, setup, labelled)
+    verdict = frames_contradict(result.frames, setup.target, sensor, named, setup.config) or named
     return replace(result, verdict=verdict, remarks=(*result.remarks, *_remarks(setup, labelled, result)))
 
 
@@ -246,7 +249,7 @@ def _remarks(setup: Setup, labelled: tuple[Frame, ...], result: CalibrationResul
     seen = {n: location_pose(groups[n], target_at(setup.target, n), chain) for n in setup.places if n in groups}
     found = {n: T for n, T in seen.items() if T is not None}
     hands = hand_pose_notes(labelled, setup.config.hand_floor_mm, setup.config.hand_floor_deg)
-    return (*given_place_notes(setup.places, found, setup.target), *hands)
+    return (*given_place_notes(setup.places, found, setup.target), *hands, *copy_notes(labelled))
 
 
 def _lonely(frames: tuple[Frame, ...]) -> tuple[str, ...]:

@@ -59,7 +59,7 @@ def test_names_keep_their_underscores(bare: Page) -> None:
     bare.tab("sheet")
     bare.js("document.querySelectorAll('#sheet .choice button')[1].click()")
     assert "c_cut_short.png" in bare.js("return document.querySelectorAll('#sheet tr.go')[2].innerText")
-    bare.tab("spots")
+    bare.tab("image")
 
 
 def test_what_was_not_measured_has_no_number(bare: Page) -> None:

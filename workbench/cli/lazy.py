@@ -13,6 +13,7 @@ COMMANDS = {
     "calibrate": "Solve the sensor's pose in the hand from a cell dataset.",
     "extract": "Find string points in images and write them as CSV.",
     "profile": "Measure the laser stripe of an image: points in mm with covariance, as CSV or PLY.",
+    "convert": "Convert profile files from one maker's format to another's.",
     "gapflush": "Measure gap, flush and edge radii of two panels in a profile or an image.",
     "tune": "Tune detection on saved stripe images: the process window in the browser, or a search with --auto.",
     "pose": "All jig poses that fit the points of a frame, with their likelihoods.",

@@ -4,7 +4,7 @@ from workbench.files.atomic import write_bytes, write_text
 from workbench.files.cell import Cell, read_cell, read_jig_file
 from workbench.files.cell_writer import cell_text, write_cell
 from workbench.files.frames_csv import frames_text, read_frames
-from workbench.files.images import SUFFIXES, Image, read_image, write_png
+from workbench.files.images import LOSSY_SUFFIXES, SUFFIXES, Image, read_image, write_png
 from workbench.files.points_csv import GivenPoints, points_text, read_points
 from workbench.files.robot_file import read_robot, robot_text, urdf_of
 from workbench.files.rounding import rounded, rounded_number
@@ -18,25 +18,31 @@ from workbench.files.settings_file import (
     settings_toml,
 )
 from workbench.files.sockets_csv import read_sockets
-from workbench.files.strict import FileSection, NotNegative, Real, Text, sentence, suggestion, validate
+from workbench.files.strict import FileSection, NotNegative, Positive, Real, Text, Whole, sentence, suggestion, validate
+from workbench.files.table import Row, Table, read_table, read_table_text
 from workbench.files.toml_text import TomlSource, read_toml
 from workbench.files.truth_file import Truth, TruthFrame, TruthPoint, read_truth, write_truth
 from workbench.files.urdf_write import write_urdf
 
 __all__ = [
+    "LOSSY_SUFFIXES",
     "SUFFIXES",
     "Cell",
     "FileSection",
     "GivenPoints",
     "Image",
     "NotNegative",
+    "Positive",
     "Real",
+    "Row",
     "Settings",
+    "Table",
     "Text",
     "TomlSource",
     "Truth",
     "TruthFrame",
     "TruthPoint",
+    "Whole",
     "carried_calib",
     "cell_text",
     "frames_text",
@@ -52,6 +58,8 @@ __all__ = [
     "read_sensor",
     "read_settings",
     "read_sockets",
+    "read_table",
+    "read_table_text",
     "read_toml",
     "read_truth",
     "robot_text",

@@ -222,9 +222,8 @@ def _points(
     path = folder / (file.points or "points.csv")
     has_images = any(row.image and (folder / row.image).exists() for row in frames)
     if file.points is None and (has_images or not path.exists()):
-        for row in frames:
-            if not row.image:
-                raise InputError(f"{frames_path}, line {row.line}, column image: is empty, and there is no points.csv")
+        if frames and not any(row.image for row in frames):
+            raise InputError(f"{frames_path}: the column image is empty, and there is no points.csv")
         return None
     points = read_points(path, jig.strings, remark)
     known = {row.number for row in frames}

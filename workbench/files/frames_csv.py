@@ -43,7 +43,7 @@ def read_frames(
     Returns
     -------
     tuple of Frame
-        In the file's order.
+        By their numbers, whatever the file's order.
 
     Raises
     ------
@@ -64,7 +64,7 @@ def read_frames(
     _check_locations(path, rows)
     if rows and not poses:
         _check_degrees(path, rows)
-    return rows
+    return tuple(sorted(rows, key=lambda row: row.number))
 
 
 def _spelling(column: str) -> str:

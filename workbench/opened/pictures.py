@@ -75,7 +75,7 @@ class Pictures:
             if kept is not None and kept[0] == stamp:
                 self._kept.move_to_end(index)
                 return kept
-        image = read_image(self.paths[index], self._sensor)
+        image = read_image(self.paths[index], self._sensor, lossy=True)
         self._keep(index, stamp, image)
         return stamp, image
 

@@ -7,8 +7,8 @@ import { sample } from "./picture.js";
 
 const REACH = 18, STEP = 0.25;
 
-// Grey levels along two directions through (u, v); angle in radians.
-export function drawProfile(image, u, v, angle, names, saturation) {
+// Grey levels along two directions through (u, v); angle in radians. With a spot, the curve that was fitted to it.
+export function drawProfile(image, u, v, angle, names, saturation, spot = null) {
   const { context, width, height } = fitCanvas($("profile"));
   context.clearRect(0, 0, width, height);
   if (!image || u === null) {
@@ -34,6 +34,24 @@ export function drawProfile(image, u, v, angle, names, saturation) {
     context.textAlign = "right";
     context.fillText(names[i], width - 12, 18 + 14 * i);
   });
+  if (spot) curves.forEach((curve_, i) => fitted(context, x, y, curve_, spot.peak, spot.width[i]));
+}
+
+// The fitted Gaussian over the level that surrounds it, the median of what lies beyond three of its σ.
+function fitted(context, x, y, points, peak, sigma) {
+  if (sigma === null || peak === null) return;
+  const around = points.filter(([s]) => Math.abs(s) > 3 * sigma).map(([, g]) => g).sort((a, b) => a - b);
+  if (!around.length) return;
+  const level = around[Math.floor(around.length / 2)];
+  context.strokeStyle = style("--text");
+  context.setLineDash([3, 3]);
+  context.lineWidth = 1.2;
+  context.beginPath();
+  for (let s = -4 * sigma; s <= 4 * sigma; s += STEP / 2) {
+    if (Math.abs(s) <= REACH) context.lineTo(x(s), y(level + peak * Math.exp(-0.5 * (s / sigma) ** 2)));
+  }
+  context.stroke();
+  context.setLineDash([]);
 }
 
 function curve(image, u, v, angle) {

@@ -7,6 +7,7 @@ import { listen, state, text } from "./state.js";
 import { WORDS, badgeText, go, setBadge } from "./strip.js";
 import { onTab, selectTab } from "./tabs.js";
 import { refresh } from "./stage.js";
+import { feedTrend } from "./trend.js";
 
 const survey = { text: "", savedText: "", now: [], saved: [], at: 0, savedAt: 0, total: 0, statistics: null, before: null, epoch: 0 };
 let form = "sheet", order = { column: "index", down: false }, waiting = 0, busy = false;
@@ -60,6 +61,7 @@ async function take({ now, saved, epoch }, config, savedText) {
   now.rows.forEach(setBadge);
   Object.assign(document.documentElement.dataset, { surveyed: survey.now.length, surveyHash: now.hash, epoch });
   summary();
+  if (now.rows.length || saved.rows.length) feedTrend(survey.now, survey.saved);
   if (state.view === "sheet" && (now.rows.length || saved.rows.length)) render();
 }
 
@@ -136,7 +138,7 @@ function delta(after, before, digits, lowerIsBetter) {
   return el("span", { class: better ? "better" : "worse" }, ` ${change > 0 ? "+" : "−"}${Math.abs(change).toFixed(digits)}`);
 }
 
-const openImage = (index) => { go(index); selectTab(state.session.strings.length ? "labels" : "spots"); };
+const openImage = (index) => { go(index); selectTab("image"); };
 
 function card(row) {
   const image = state.session.images[row.index], before = survey.saved[row.index], t = row.truth?.statistics;
