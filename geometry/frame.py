@@ -52,7 +52,7 @@ class Frame:
     candidates : Pose (K)
         Poses T_sensor_target that explain the labelled points.
     n_points : int
-        How many points its profile has, of which those in ``axis`` were found on the target; 0 where there is no profile.
+        How many points its profile has, of which those in ``axis`` lie on the target; 0 where there is no profile.
     used : bool
         The points entered the solution (calibrate) or the figures (verify).
     residual_mm : ndarray (N,)

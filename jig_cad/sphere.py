@@ -163,7 +163,8 @@ def sphere_centre(points_mm: Array, radius_mm: float) -> Array | None:
     depth = np.sqrt(max(radius_mm**2 - float(np.mean(np.sum(p**2, axis=1))), 0.0))
     starts += [depth * normal, -depth * normal]
     best: tuple[float, Array] | None = None
-    for c in starts:
+    for start in starts:
+        c = start
         for _ in range(_CENTRE_STEPS):
             away = p - c
             length = np.maximum(np.linalg.norm(away, axis=1), 1e-9)

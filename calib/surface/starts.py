@@ -27,6 +27,7 @@ _TRIED = 8  # of the best ones, solved in full
 _APART_RAD = 0.35  # between rotations that are both tried
 _SIDES = (1.0, 1.003, 1.01, 1.03, 1.1)  # radii over the largest section's, where a ball's is not known
 _EDGE_ROUNDS = 4  # of direction and place of an edge in turn
+_LEAST_TURN = 0.03  # sine of the angle between two lines of a face that still span its plane
 _RIDGE = 1e-9  # share of the diagonal that closes what is open
 _ITERATIONS = 40
 _SAME_COST = 1e-6  # share by which a later candidate must be better, so that rounding chooses none
@@ -64,7 +65,7 @@ class _Section:
 def surface_start(
     frames: Sequence[Frame],
     target: Target | Mapping[str, Target],
-    bundle: Bundle,
+    bundle: Bundle | None,
     design: Pose | None,
 ) -> SurfaceStart | None:
     """A start for condensed frames of all roles; None where there is neither a design nor a closed form.
@@ -75,10 +76,10 @@ def surface_start(
     if not surfaces:
         return None
     if design is not None:
-        named = _renamed(surfaces, target, design)
+        named = _renamed(frames, target, design)
         return SurfaceStart(design, _places(named, target, design), named, found=False)
     solved = [f for f in surfaces if f.role == "calibrate"]
-    if len(solved) < 3:
+    if len(solved) < 3 or bundle is None:
         return None
     best: tuple[float, Pose] | None = None
     for T in _candidates(solved, target):
@@ -87,7 +88,7 @@ def surface_start(
             best = end
     if best is None:
         return None
-    named = _renamed(surfaces, target, best[1])
+    named = _renamed(frames, target, best[1])
     return SurfaceStart(best[1], _places(named, target, best[1]), named, found=True)
 
 
@@ -112,7 +113,7 @@ def _places(frames: Sequence[Frame], target: Target | Mapping[str, Target], T_ha
     out = {}
     for name in dict.fromkeys(f.location for f in frames):
         own, group = target_at(target, name), [f for f in frames if f.location == name]
-        if isinstance(own, Surface):
+        if isinstance(own, Surface) and _placeable(own):
             place = own.place(*base_points(group, own, T_hand_sensor))
             if place is not None:
                 out[name] = place
@@ -126,24 +127,57 @@ def base_points(frames: Sequence[Frame], target: Surface, T_hand_sensor: Pose) -
     return points, np.array([number[label] for f in frames for label in f.axis.label], dtype=np.intp)
 
 
-def _renamed(frames: Sequence[Frame], target: Target | Mapping[str, Target], T_hand_sensor: Pose) -> tuple[Frame, ...]:
+def _renamed(
+    frames: Sequence[Frame], target: Target | Mapping[str, Target], T_hand_sensor: Pose
+) -> tuple[Frame, ...]:
     """The frames with a wedge's faces exchanged where the sensor looks at it the other way round.
 
-    Faces are named in the order of y; a roll by more than a right angle turns the order about.
+    Faces are named in the order of y; a roll of the sensor may turn the order about.
     """
-    first: dict[str, Array] = {}
-    out = []
-    for f in frames:
-        if not isinstance(target_at(target, f.location), Wedge) or f.labels_given:
-            out.append(f)
-            continue
-        y = (f.at.R @ T_hand_sensor.R)[:, 1]
-        turned = float(y @ first.setdefault(f.location, y)) < 0
-        out.append(_exchanged(f) if turned else f)
-    return tuple(out)
+    turned: set[int] = set()
+    for name in dict.fromkeys(f.location for f in frames):
+        own = target_at(target, name)
+        group = [f for f in frames if f.location == name and not f.labels_given and len(f.axis)]
+        if isinstance(own, Wedge):
+            turned |= _other_way_round(group, own, T_hand_sensor)
+    return tuple(exchanged(f) if f.number in turned else f for f in frames)
 
 
-def _exchanged(f: Frame) -> Frame:
+def _other_way_round(group: Sequence[Frame], target: Wedge, T_hand_sensor: Pose) -> set[int]:
+    """Numbers of a location's frames whose faces must be exchanged, so that each face's lines lie in one plane.
+
+    Two frames span both planes; of all pairs, in either order, the one is taken that all frames fit best.
+    """
+    by_frame: dict[int, dict[str, Array]] = {}
+    for s in _sections(group, target):
+        by_frame.setdefault(s.frame, {})[s.group[1]] = s.direction / max(float(np.linalg.norm(s.direction)), 1e-9)
+    whole = [k for k, lines in by_frame.items() if len(lines) == 2]
+    if len(whole) < 2:
+        return set()
+    a, b = target.features
+    lines = np.array([[by_frame[k][a], by_frame[k][b]] for k in whole])  # (F, 2, 3)
+    turn = np.stack([group[k].at.R @ T_hand_sensor.R for k in whole])
+    lines = np.einsum("fij,fkj->fki", turn, lines)
+    first, second = np.triu_indices(len(whole), 1)
+    cost, choice = np.inf, np.zeros(len(whole), dtype=bool)
+    for order in ((0, 1), (1, 0)):
+        normals = np.cross(lines[first], lines[second][:, order])  # (P, 2, 3)
+        size = np.linalg.norm(normals, axis=-1)
+        normals = normals / np.maximum(size, 1e-9)[..., None]
+        off = np.abs(np.einsum("pki,fli->pfkl", normals, lines))  # of each line from each plane
+        straight, crossed = off[..., 0, 0] + off[..., 1, 1], off[..., 0, 1] + off[..., 1, 0]
+        total = np.where(np.min(size, axis=1) > _LEAST_TURN, np.sum(np.minimum(straight, crossed), axis=1), np.inf)
+        best = int(np.argmin(np.round(total, 9)))
+        if total[best] < cost - 1e-9:
+            cost, choice = float(total[best]), crossed[best] < straight[best]
+    if not np.isfinite(cost):
+        return set()
+    choice = choice != choice[0]
+    return {group[k].number for k, other in zip(whole, choice, strict=True) if other}
+
+
+def exchanged(f: Frame) -> Frame:
+    """The frame with the names of a wedge's two faces exchanged."""
     other = {"face 1": "face 2", "face 2": "face 1"}
     return replace(f, axis=replace(f.axis, label=tuple(other.get(name, name) for name in f.axis.label)))
 
@@ -246,9 +280,9 @@ class _Linear:
     def __init__(self, rotations: Array, hands: Pose, sections: Sequence[_Section]) -> None:
         self.rotations, self.hands, self.sections = rotations, hands, sections
         self.groups = list(dict.fromkeys((s.group, s.kind) for s in sections))
-        self.cost = np.zeros(len(rotations))
+        self.cost, self.translation = np.zeros(len(rotations)), np.zeros((len(rotations), 3))
         index = np.array([s.frame for s in sections])
-        self.turn = hands.R[index][None] @ rotations[:, None]  # (K, S, 3, 3) sensor axes in the base
+        self.turn: Array = hands.R[index][None] @ rotations[:, None]  # (K, S, 3, 3) sensor axes in the base
         self.place = np.einsum("ksij,sj->ksi", self.turn, np.array([s.place for s in sections])) + hands.t[index]
         self.by_t = hands.R[index]  # (S, 3, 3)
         along = {g: self._normals(g) for g in self.groups if g[1] == "line"}
@@ -275,8 +309,7 @@ class _Linear:
             return np.broadcast_to(along[group][:, None, None], (len(self.rotations), len(mine), 1, 3))
         if group[1] == "circle":
             return np.asarray(np.swapaxes(self.turn[:, mine], -1, -2)[:, :, 1:])
-        shift = np.zeros((len(self.rotations), 3)) if not hasattr(self, "translation") else self.translation
-        points = self.place[:, mine] + np.einsum("sij,kj->ksi", self.by_t[mine], shift)
+        points = self.place[:, mine] + np.einsum("sij,kj->ksi", self.by_t[mine], self.translation)
         off = points - points.mean(axis=1, keepdims=True)
         across = np.swapaxes(np.linalg.eigh(np.swapaxes(off, -1, -2) @ off)[1][..., :2], -1, -2)
         return np.broadcast_to(across[:, None], (len(self.rotations), len(mine), 2, 3))
@@ -294,10 +327,10 @@ class _Linear:
             rows[..., :3] = np.einsum("ksci,sij->kscj", axes, self.by_t[mine])
             rows[..., own] = -axes
             off = -np.einsum("ksci,ksi->ksc", axes, self.place[:, mine])
-            rows, off = rows.reshape(count, -1, size), off.reshape(count, -1)
-            normal += np.swapaxes(rows, -1, -2) @ rows
-            right += (np.swapaxes(rows, -1, -2) @ off[..., None])[..., 0]
-            square += np.sum(off**2, axis=1)
+            A, b = rows.reshape(count, -1, size), off.reshape(count, -1)
+            normal += np.swapaxes(A, -1, -2) @ A
+            right += (np.swapaxes(A, -1, -2) @ b[..., None])[..., 0]
+            square += np.sum(b**2, axis=1)
         level = np.trace(normal, axis1=-2, axis2=-1)[:, None, None] / size
         solution = np.linalg.solve(normal + _RIDGE * level * np.eye(size), right[..., None])[..., 0]
         residual = square - 2 * np.sum(right * solution, axis=1)

@@ -1,4 +1,4 @@
-"""Synthetic cells of surface targets: the sheet's rays meet exact geometry, knowing nothing of residuals or sections."""
+"""Synthetic cells of surface targets: the sheet's rays meet exact geometry; it knows no residuals and no sections."""
 
 from __future__ import annotations
 
@@ -119,7 +119,7 @@ def _place(
 
 
 def views_of(target: Surface, rng: np.random.Generator, count: int, tilt_deg: float, roll_deg: float) -> Pose:
-    """T_target_sensor of views from about +z, tilted and rolled; a ball is cut up to 0.7 of its radius off its middle."""
+    """T_target_sensor of views from about +z, tilted and rolled; a ball is cut up to 0.7 R beside its middle."""
     tilt = np.deg2rad(rng.uniform(-tilt_deg, tilt_deg, (count, 2)))
     turn = exp_so3(np.column_stack([tilt, np.zeros(count)]))
     roll = exp_so3(np.column_stack([np.zeros((count, 2)), np.deg2rad(rng.uniform(-roll_deg, roll_deg, count))]))
@@ -160,9 +160,7 @@ def observe_surface(
         cov = noise.point_mm**2 * (direction[:, :, None] * direction[:, None, :] + 1e-4 * np.eye(2))
         axis = AxisPoints(label, np.full(n, -1, dtype=np.intp), yz, cov, ("",) * n)
         frames.append(
-            Frame(
-                i, name, cell.role[i], joints_rad=cell.joints_rad[i], axis=axis, labels_given=labelled, n_points=n
-            )
+            Frame(i, name, cell.role[i], joints_rad=cell.joints_rad[i], axis=axis, labels_given=labelled, n_points=n)
         )
     return CellFrames(tuple(frames), default_sensor(), cell.design)
 
