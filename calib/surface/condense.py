@@ -27,6 +27,8 @@ _SETTLED_MM = 1e-9
 _ALONG_MM = 1e-3  # σ of a node along its curve, where it may lie anywhere
 _FEWEST_FREE = 40  # residuals that tell the scale of the noise; with fewer the stated one stays
 _LAGS = 400  # of the correlation along a profile, at most; never more than a quarter of a curve's points
+_ROUNDS = 10
+_MOST_LOST = 0.5  # share of the noise that a fit takes away: with more, the profile is one bend and tells none
 _MOST_KEPT = 60  # points of a frame that could not be condensed
 
 
@@ -204,16 +206,22 @@ def _noise(curves: Sequence[_Curve]) -> tuple[float, float, int]:
     if dof < _FEWEST_FREE:
         return 1.0, 1.0, max(dof, 0)
     total = sum(float(c.whitened @ c.whitened) for c in curves)
-    scale = total / dof
     if total <= 0:
         return 1.0, 1.0, dof
     longest = max(len(c.whitened) for c in curves)
+    lags = range(1, min(_LAGS, longest // 4) + 1)
+    shares = [sum(float(c.whitened[k:] @ c.whitened[:-k]) for c in curves if len(c.whitened) > k) / total for k in lags]
+    taken = sum(c.p for c in curves) / sum(len(c.whitened) for c in curves)
     inflation = 1.0
-    for lag in range(1, min(_LAGS, longest // 4) + 1):
-        share = sum(float(c.whitened[lag:] @ c.whitened[:-lag]) for c in curves if len(c.whitened) > lag) / total
-        # what the fit took away shows as a correlation below zero
-        share += sum(c.p for c in curves) / max(sum(len(c.whitened) for c in curves), 1)
-        if share <= 2 / np.sqrt(dof):
+    for _ in range(_ROUNDS):  # what a fit takes away is as much more as neighbours are alike, and hides it
+        lost = min(inflation * taken, _MOST_LOST)
+        before, inflation = inflation, 1.0
+        for share in shares:
+            alike = share * (1 - lost) + lost
+            if alike <= max(lost, 2 / np.sqrt(dof)):
+                break
+            inflation += 2 * alike
+        if abs(inflation - before) < 1e-3 * before:
             break
-        inflation += 2 * share
-    return max(scale, 1e-12), inflation, dof
+    lost = min(inflation * taken, _MOST_LOST)
+    return max(total / (dof / (1 - taken) * (1 - lost)), 1e-12), inflation, dof

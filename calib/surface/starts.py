@@ -127,9 +127,7 @@ def base_points(frames: Sequence[Frame], target: Surface, T_hand_sensor: Pose) -
     return points, np.array([number[label] for f in frames for label in f.axis.label], dtype=np.intp)
 
 
-def _renamed(
-    frames: Sequence[Frame], target: Target | Mapping[str, Target], T_hand_sensor: Pose
-) -> tuple[Frame, ...]:
+def _renamed(frames: Sequence[Frame], target: Target | Mapping[str, Target], T_hand_sensor: Pose) -> tuple[Frame, ...]:
     """The frames with a wedge's faces exchanged where the sensor looks at it the other way round.
 
     Faces are named in the order of y; a roll of the sensor may turn the order about.
