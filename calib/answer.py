@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 Chain = tuple[Pose, Robot | None]  # an SCP and the robot that carries it
 
 _NONE = DesignSolved(None, None)
-_LEAST_FRAMES = 3  # of a location's figures: one frame fits itself, two agree in all that its pose leaves open
+LEAST_FRAMES = 3  # of a location's figures: one frame fits itself, two agree in all that its pose leaves open
 _NO_DISTANCES = Distances((), np.zeros(0), np.zeros(0))
 
 
@@ -48,21 +48,32 @@ def answer(
     locations, done = dict[str, LocationResult](), dict[int, Frame]()
     holds = CalibrationResult("", "", verdict, design, {}, (), robot, estimate).trusted is not None
     for name, group in locations_of(frames).items():
-        own = target_at(target, name) if estimate is None else estimate.targets.get(name, target_at(target, name))
         by_design = None if design is None else (design, robot)
-        if isinstance(own, Surface):
-            own = _like(own, estimate)
-            figures = surface_figures(group, own, by_design, solved)
-        elif by_design is None:
-            raise ValueError("strings are never solved without a design")
-        else:
-            figures = location_figures(group, own, by_design, solved)
-        answered = _answered(group, figures, estimate)
-        result = figures.result if sum(f.used for f in answered) >= _LEAST_FRAMES else _without_figures(figures.result)
+        result, answered = figured(group, target_at(target, name), by_design, solved, estimate)
         locations[name] = result if holds else replace(result, T_base_target=None)
         done |= {f.number: f for f in answered}
     ordered = tuple(done[f.number] for f in frames)
     return CalibrationResult(config.method, config.model, verdict, design, locations, ordered, robot, estimate)
+
+
+def figured(
+    group: Sequence[Frame],
+    target: Target,
+    design: Chain | None,
+    solved: Chain | None,
+    estimate: Estimate | None = None,
+) -> tuple[LocationResult, list[Frame]]:
+    """A location's figures, none where too few of its frames are used, and the frames with what became of them."""
+    own = target if estimate is None else estimate.targets.get(group[0].location, target)
+    if isinstance(own, Surface):
+        figures = surface_figures(group, _like(own, estimate), design, solved)
+    elif design is None:
+        raise ValueError("strings are never solved without a design")
+    else:
+        figures = location_figures(group, own, design, solved)
+    answered = _answered(group, figures, estimate)
+    enough = sum(f.used for f in answered) >= LEAST_FRAMES
+    return figures.result if enough else _without_figures(figures.result), answered
 
 
 def location_figures(group: Sequence[Frame], target: Target, design: Chain, solved: Chain | None) -> Figures:

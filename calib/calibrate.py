@@ -26,6 +26,7 @@ from calib.judge import (
 )
 from calib.label import label_frames, relabel, settled
 from calib.paper import Starts, checked, paper_estimate, paper_frames
+from calib.printed import gimbal_note
 from calib.result import CalibrationResult, Estimate, Verdict
 from calib.surface import Begun, begin_on_surfaces, condensed
 from geometry import Frame, InputError, Pose, Robot, Sensor, Target, locations_of, target_at
@@ -299,7 +300,9 @@ def _remarks(setup: Setup, labelled: tuple[Frame, ...], result: CalibrationResul
         seen = {n: location_pose(g, target_at(setup.target, n), (T, result.robot)) for n, g in known.items()}
     found = {n: T for n, T in seen.items() if T is not None}
     hands = hand_pose_notes(labelled, setup.config.hand_floor_mm, setup.config.hand_floor_deg)
-    return (*given_place_notes(setup.places, found, setup.target), *hands, *copy_notes(labelled))
+    T, covariance = result.T_hand_sensor, result.covariance
+    locked = () if T is None or covariance is None else gimbal_note(T, covariance)
+    return (*given_place_notes(setup.places, found, setup.target), *hands, *copy_notes(labelled), *locked)
 
 
 def _lonely(frames: tuple[Frame, ...]) -> tuple[str, ...]:

@@ -126,8 +126,10 @@ def test_joints_out_of_range_are_named(cli: Cli, dataset: Path) -> None:
     cells[4] = "171.5"
     lines[2] = ",".join(cells)
     (dataset / "frames.csv").write_text("\n".join(lines) + "\n")
-    frames = {f["frame"]: f for f in cli("calibrate", dataset, "--json").json["frames"]}
+    answer = cli("calibrate", dataset, "--json").json
+    frames = {f["frame"]: f for f in answer["frames"]}
     assert frames[1]["reason"] == "robot_out_of_range"
+    assert any("joint 1 reads 171.5° in frame 1" in note and "170°" in note for note in answer["notes"])
 
 
 def test_points_stand_in_place_of_images(cli: Cli, dataset: Path, answer: Any) -> None:

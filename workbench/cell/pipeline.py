@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from calib import CalibConfig, CalibrationResult, calibrate
 from extraction import ExtractionConfig, extract
 from geometry import Frame, InputError, Sensor
-from workbench.cell.remarks import merged, remarks, with_complaints
+from workbench.cell.remarks import merged, out_of_limits, remarks, with_complaints
 from workbench.cell.speckle import dataset_config
 from workbench.files import Cell, read_image
 
@@ -89,7 +89,7 @@ def solve(cell: Cell, observed: Observed, config: CalibConfig | None = None) -> 
         config,
     )
     verdict = with_complaints(result.verdict, observed.complaints, cell.folder)
-    notes = (*remarks(result), *cell.remarks, *observed.remarks, *result.remarks)
+    notes = (*remarks(result), *out_of_limits(cell), *cell.remarks, *observed.remarks, *result.remarks)
     return replace(result, verdict=verdict, remarks=notes)
 
 

@@ -7,7 +7,10 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from calib import CalibrationResult, Verdict
+from workbench.files import Cell
 
 _SUSPECTS = {
     "not_labelled": "no pose of the jig explains them: check that jig.toml and sensor.toml are this cell's, that "
@@ -23,6 +26,27 @@ MAX_KINDS = 3  # of complaints about images that are named in the verdict
 def remarks(result: CalibrationResult) -> tuple[str, ...]:
     """Sentences for the user: why most frames could not be used."""
     return tuple(_left_out(result))
+
+
+def out_of_limits(cell: Cell) -> Iterator[str]:
+    """A sentence for every joint that reads outside a stated limit, with the frames."""
+    frames = [f for f in cell.frames if f.joints_rad is not None and f.T_base_hand is None]
+    if not frames:
+        return
+    readings = np.rad2deg([f.joints_rad for f in frames if f.joints_rad is not None])
+    low, high = (np.rad2deg(limits) for limits in cell.arm.stated_limits)
+    for beyond, limit, word, worst in (
+        (readings < low, low, "below its lower", np.argmin),
+        (readings > high, high, "above its upper", np.argmax),
+    ):
+        for joint in np.flatnonzero(beyond.any(axis=0)):
+            here = np.flatnonzero(beyond[:, joint])
+            k = int(worst(readings[:, joint]))
+            more = f", and {len(here) - 1} further frames do" if len(here) > 1 else ""
+            yield (
+                f"joint {joint + 1} reads {readings[k, joint]:g}° in frame {frames[k].number}, {word} limit of "
+                f"{limit[joint]:g}°{more}: frames out of a robot's limits are left out"
+            )
 
 
 def merged(sentences: Iterable[str]) -> tuple[str, ...]:

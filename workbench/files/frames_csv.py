@@ -25,7 +25,7 @@ ATOL_QUATERNION = 1e-2  # length of a quaternion as written; digits cut in the f
 
 
 def read_frames(
-    path: Path, n_joints: int, *, may_be_empty: bool = False, remark: Remark = no_remark
+    path: Path, n_joints: int | None, *, may_be_empty: bool = False, remark: Remark = no_remark
 ) -> tuple[Frame, ...]:
     """The rows of frames.csv, joint readings in radians.
 
@@ -34,7 +34,8 @@ def read_frames(
     path
         The file.
     n_joints
-        How many columns j1_deg, j2_deg, … there must be, where no hand poses stand in their place.
+        How many columns j1_deg, j2_deg, … there must be, where no hand poses stand in their place; None: no robot is
+        known, and hand poses must be there.
     may_be_empty
         Whether a header alone will do.
     remark
@@ -55,7 +56,7 @@ def read_frames(
     known = ("frame", "image", "location", "role", *joints, *POSE_COLUMNS)
     table = read_table(path, known, ("frame", "location", "role"), _spelling, remark)
     poses = _check_motion_columns(table, n_joints)
-    rows = tuple(_row(row, n_joints, poses=poses) for row in islice(table.rows, MAX_FRAMES + 1))
+    rows = tuple(_row(row, n_joints or 0, poses=poses) for row in islice(table.rows, MAX_FRAMES + 1))
     if len(rows) > MAX_FRAMES:
         raise InputError(f"{path}: holds more than {MAX_FRAMES:,} frames, which no dataset needs")
     if not rows and not may_be_empty:
@@ -73,7 +74,7 @@ def _spelling(column: str) -> str:
     return f"j{found[1]}_deg" if found else column
 
 
-def _check_motion_columns(table: Table, n_joints: int) -> bool:
+def _check_motion_columns(table: Table, n_joints: int | None) -> bool:
     """Whether poses stand in place of joints; InputError where the columns are neither or do not fit the robot."""
     where = f"{table.path}, line {table.header_line}"
     joints = [c for c in table.columns if re.fullmatch(r"j\d+_deg", c)]
@@ -87,6 +88,12 @@ def _check_motion_columns(table: Table, n_joints: int) -> bool:
         if missing:
             raise InputError(f'{where}: the column "{missing[0]}" is missing beside {", ".join(pose)}')
         return True
+    if n_joints is None:
+        what = f"joint columns ({joints[0]} …)" if joints else "no joint columns"
+        raise InputError(
+            f"{where}: {what}, and cell.toml names no robot: give its file as robot, or hand poses as "
+            f"{', '.join(POSE_COLUMNS)}"
+        )
     if not joints:
         raise InputError(
             f"{where}: neither joint columns j1_deg … j{n_joints}_deg nor pose columns {', '.join(POSE_COLUMNS)}"
