@@ -1,5 +1,6 @@
 """Ground floor: poses, lines, the sensor, the robot, measured points and errors (numpy and scipy only)."""
 
+from geometry.configuration import ArmConfiguration, parse_bits, parse_letters
 from geometry.errors import (
     LONGEST_WORD,
     InputError,
@@ -55,6 +56,7 @@ __all__ = [
     "NO_POSES",
     "TYPICAL_SIGMA",
     "Arm",
+    "ArmConfiguration",
     "AxisPoints",
     "Block",
     "Camera",
@@ -111,6 +113,8 @@ __all__ = [
     "log_so3",
     "nearest_rotation",
     "no_remark",
+    "parse_bits",
+    "parse_letters",
     "parse_toml",
     "quaternion_wxyz",
     "read_bytes",

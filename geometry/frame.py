@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from geometry.configuration import ArmConfiguration
 from geometry.points import AxisPoints, SurfacePoints
 from geometry.pose import Pose
 
@@ -33,8 +34,10 @@ class Frame:
         Joint readings; None where only the hand's pose is known.
     T_base_hand : Pose or None
         The hand's pose as given.
-    image : str
-        Its file.
+    image, profile : str
+        Its file: an image or a profile.
+    configuration : ArmConfiguration or None
+        Which of the arm's solutions the controller says it was in.
     line : int
         Where it stands in frames.csv, 0 where it is in none.
     points : SurfacePoints
@@ -67,6 +70,8 @@ class Frame:
     joints_rad: Array | None = None
     T_base_hand: Pose | None = None
     image: str = ""
+    profile: str = ""
+    configuration: ArmConfiguration | None = None
     line: int = 0
     points: SurfacePoints = field(default_factory=SurfacePoints.empty)
     axis: AxisPoints = field(default_factory=AxisPoints.empty)
