@@ -14,6 +14,7 @@ from calib.result import (
     Pull,
     Verdict,
 )
+from calib.verify import Verification, verify
 
 __all__ = [
     "CalibConfig",
@@ -26,6 +27,8 @@ __all__ = [
     "Nominal",
     "Pull",
     "Verdict",
+    "Verification",
     "calibrate",
     "printed_sigmas",
+    "verify",
 ]

@@ -15,7 +15,7 @@ from calib.judge.identifiability import weak_directions
 from calib.judge.suspects import FILE_BLOCK, Trial
 from calib.judge.verdict import Contradiction, Facts
 from calib.result import Culprit, Estimate, Nominal, Pull
-from geometry import Frame
+from geometry import Frame, Surface, Target
 
 Array = NDArray[np.float64]
 
@@ -37,6 +37,7 @@ def bundle_estimate(
         robot=solution.robot,
         robot_delta=solution.parameters,
         robot_sigma=found.sigma("robot"),
+        targets={n: _as_solved(solution, n) for n in solution.bundle.locations},
         shape_delta=np.concatenate([result.state.vector(b) for b in solution.bundle.shape_blocks]),
         shape_sigma=np.concatenate([found.sigma(b) for b in solution.bundle.shape_blocks]),
         chi2_per_dof=solution.chi2_per_dof,
@@ -112,6 +113,13 @@ def _culprit(finding: Finding) -> Culprit:
         raise ValueError("nothing contradicts the data")
     alike = tuple(t.suspect.parameter for t in finding.alike)
     return Culprit(**vars(_pull(finding.culprit)), same_as=alike)
+
+
+def _as_solved(solution: Solution, location: str) -> Target:
+    """What stood at a location, its shape as solved."""
+    term = next(t for t in solution.bundle.terms if t.target is solution.bundle.target_at(location))
+    target = term.target
+    return target.shaped(solution.result.state.vector(term.shape_block)) if isinstance(target, Surface) else target
 
 
 def hand_floor(config: CalibConfig) -> NDArray[np.float64]:
