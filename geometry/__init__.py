@@ -45,7 +45,7 @@ from geometry.robot import (
     with_beta_prior,
 )
 from geometry.sensor import Camera, Sensor, Sheet, field_of_view, inside_polygon
-from geometry.target import Prediction, Shape, Surface, Symmetry, Target, target_at
+from geometry.target import Prediction, Section, Shape, Surface, Symmetry, Target, target_at
 from geometry.unknowns import Block, Linearised, State, Step, Term, Unknowns
 from geometry.writing import toml_value, write_bytes, write_text
 
@@ -82,6 +82,7 @@ __all__ = [
     "Robot",
     "RobotUncertainty",
     "Role",
+    "Section",
     "Sensor",
     "Shape",
     "Sheet",

@@ -54,6 +54,8 @@ class Frame:
         T_base_hand as given, else of the readings by the robot.
     candidates : Pose (K)
         Poses T_sensor_target that explain the labelled points.
+    n_points : int
+        How many points its profile has, of which those in ``axis`` lie on the target; 0 where there is no profile.
     used : bool
         The points entered the solution (calibrate) or the figures (verify).
     residual_mm : ndarray (N,)
@@ -78,6 +80,7 @@ class Frame:
     reason: str | None = None
     hand: Pose | None = None
     candidates: Pose = NO_POSES
+    n_points: int = 0
     used: bool = False
     residual_mm: Array = field(default_factory=lambda: np.zeros(0))
     T_sensor_target: Pose | None = None
