@@ -53,7 +53,7 @@ def read_inputs(
             raise InputError(f"{first} is a dataset; give one dataset, or images only")
         cell = read_cell(first)
         cell = cell if sensor is None else replace(cell, sensor=read_sensor(sensor))
-        return cell if jig is None else replace(cell, jig=read_jig_file(jig))
+        return cell if jig is None else replace(cell, target=read_jig_file(jig))
     if sensor is None:
         raise InputError(f"{first} is no cell dataset (no cell.toml); bare images need --sensor FILE")
     seen_by, given = read_sensor(sensor), read_jig_file(jig) if jig is not None else None

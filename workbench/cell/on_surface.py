@@ -96,7 +96,7 @@ def _labels(found: TargetPoints, target: Surface) -> tuple[str, ...] | None:
 
 
 def _which_balls(found: TargetPoints, target: Balls) -> list[int] | None:
-    """The balls whose sections were seen, in the order of the sections: by how far apart they can stand, and their size.
+    """The balls whose sections were seen, in the order of the sections, by their distances and sizes.
 
     None where more than one assignment is possible.
     """
@@ -145,7 +145,7 @@ def _turned(seen: Sequence[TargetPoints], sensor: Sensor) -> str:
     return (
         f"the ball bulges towards {which} z in {ways.count(wrong)} of {len(ways)} frames: the maker counts z "
         f"{'away from' if towards else 'towards'} the sensor, which z_towards_sensor = {str(not towards).lower()} in "
-        "sensor.toml says; nothing in the numbers changes by it, but scp_initial and the result are in the maker's frame"
+        "sensor.toml says; no number changes by it, but scp_initial and the result are in the maker's frame"
     )
 
 
@@ -175,7 +175,7 @@ def _stretched(seen: Sequence[TargetPoints]) -> str:
     if abs(factor - 1) < max(_STRETCH_SIGMAS * sigma, _LEAST_STRETCH):
         return ""
     return (
-        f"the ball's sections are ellipses: y must be {factor:.3f} ± {sigma:.3f} times what it is to make them circles: "
+        f"the ball's sections are ellipses: y must be {factor:.3f} ± {sigma:.3f} times what it is for circles: "
         "check pitch_mm in sensor.toml, or the maker's lateral scale"
     )
 

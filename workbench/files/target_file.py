@@ -11,7 +11,7 @@ from pydantic import Field
 from geometry import InputError, Target, did_you_mean
 from jig_cad import Balls, Edge, Plane, Sphere, Wedge, jig_from_table
 from jig_cad.files import KINDS, table_model, without_names
-from workbench.files.strict import FileSection, NotNegative, Positive, Text, Vector3, validate
+from workbench.files.strict import FileSection, NotNegative, Positive, Vector3, validate
 from workbench.files.toml_text import TomlSource, read_toml
 
 
