@@ -108,15 +108,28 @@ def _search(pyramid: Pyramid, scales: tuple[int, ...], directions: tuple[bool, .
     clear = first.chains and first.chains[0].contrast > CLEAR and _claim(first) > CLEAR * _claim(order[-1])
     open_still = [first] if clear else order
     full = [Search(each_once(s.chains + search(pyramid, scales[:1], s.turned)), s.turned) for s in open_still]
-    best = max(full, key=_claim)
+    best = _direction(full)
     if not best.chains or best.chains[0].contrast < FAINT:
-        best = max((Search(each_once(search_faint(pyramid, scales, t)), t) for t in directions), key=_claim)
+        best = _direction([Search(each_once(search_faint(pyramid, scales, t)), t) for t in directions])
     return best
 
 
 def _claim(s: Search) -> float:
-    """What speaks for a direction; columns are taken where both show a stripe as well."""
-    return round(s.evidence * (1.0 if s.turned else COLUMNS_FIRST), 3)
+    """What speaks for a direction."""
+    return round(s.evidence, 3)
+
+
+def _direction(searches: list[Search]) -> Search:
+    """The search that is believed: columns where rows do not show far more, and a steep stripe is narrow enough.
+
+    A section sees a stripe wider by the secant of its slope; a wide one is seen whole along one direction only.
+    """
+    best = max(searches, key=_claim)
+    others = [s for s in searches if not s.turned and s is not best and s.chains]
+    if not best.turned or not others:
+        return best
+    times = COLUMNS_FIRST if best.chains[0].scale < SCALES[-1] else 1.0
+    return others[0] if times * _claim(others[0]) > _claim(best) else best
 
 
 def _turned(grey: NDArray[Any]) -> NDArray[Any]:
