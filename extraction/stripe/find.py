@@ -21,7 +21,9 @@ Mask = NDArray[np.bool_]
 SCALES = (2, 4, 8)  # pixels of the levels: Gaussian σ from half a pixel to sixteen
 FAINT = 10.0  # contrast of the best ridge, below which narrow rows are searched too
 CLEAR = 12.0  # contrast of a coarse ridge, and times the other direction's claim, from which nothing is in doubt
+WHOLE = 0.85  # of the columns that a ridge spans, over which columns must follow it too
 COLUMNS_FIRST = 3.0  # times the light in ridges, that rows must show more than columns
+MOSTLY = 0.6  # of all places, from which a doubt is one of the whole image
 ALONE = 0.3  # of all stripes' light: a refused ridge with that much makes every point doubtful
 _NOTHING = np.zeros(0)
 
@@ -120,16 +122,17 @@ def _claim(s: Search) -> float:
 
 
 def _direction(searches: list[Search]) -> Search:
-    """The search that is believed: columns where rows do not show far more, and a steep stripe is narrow enough.
+    """The search that is believed: columns where rows do not show far more, and they follow the ridge as far.
 
-    A section sees a stripe wider by the secant of its slope; a wide one is seen whole along one direction only.
+    A section sees a stripe wider by the secant of its slope: a steep one that is wide is followed along rows only.
     """
     best = max(searches, key=_claim)
     others = [s for s in searches if not s.turned and s is not best and s.chains]
     if not best.turned or not others:
         return best
-    times = COLUMNS_FIRST if best.chains[0].scale < SCALES[-1] else 1.0
-    return others[0] if times * _claim(others[0]) > _claim(best) else best
+    rows, columns = best.chains[0], others[0].chains[0]
+    seen = columns.length >= WHOLE * abs(float(rows.place[-1] - rows.place[0]))
+    return others[0] if seen and COLUMNS_FIRST * _claim(others[0]) > _claim(best) else best
 
 
 def _turned(grey: NDArray[Any]) -> NDArray[Any]:
@@ -168,12 +171,16 @@ def _places(verdict: Verdict, rows: int, sections: int) -> tuple[Places, list[St
     order = order[(centre[order] >= 0) & (centre[order] <= rows - 1)]
     own_section, own_stripe, own_other = (v[order].astype(np.int32) for v in (section, stripe, other))
     centre = centre[order]
+    doubt = doubt.astype(bool)
+    real = order[ghost[order] == 0]
+    if len(real) and np.mean(doubt[real]) > MOSTLY:
+        doubt[:] = True
     low, high = np.zeros(len(order), np.int32), np.full(len(order), rows, np.int32)
     same = own_section[1:] == own_section[:-1]
     middle = np.ceil((centre[1:] + centre[:-1]) / 2).astype(np.int32)
     low[1:][same], high[:-1][same] = middle[same], middle[same]
     partner = _partners(own_section, own_stripe, own_other, sections)
-    flags = (faint[order].astype(bool), ghost[order].astype(bool), doubt[order].astype(bool))
+    flags = (faint[order].astype(bool), ghost[order].astype(bool), doubt[order])
     return Places(own_section, centre, low, high, width[order], own_stripe, partner, *flags), facts
 
 

@@ -65,7 +65,7 @@ def true_sigma(places: Places, fits: Records) -> float:
     if not lengths or sum(weights) == 0:
         return 0.0
     for own in short:
-        fits["variance"][own] += np.average(middles, weights=weights)
+        fits["variance"][own] += max(float(np.average(middles, weights=weights)), 0.0)
     return float(np.average(lengths, weights=weights))
 
 
