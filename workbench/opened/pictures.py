@@ -11,7 +11,9 @@ from pathlib import Path
 from geometry import InputError, Sensor
 from workbench.files import Image, read_image
 
-CACHE_BYTES = 512 * 2**20  # some four hundred images of 1280 × 1024
+CACHE_BYTES = (
+    160 * 2**20
+)  # some hundred and twenty images of 1280 × 1024: those looked at lately; ten thousand never fit
 
 
 class PictureError(InputError):
