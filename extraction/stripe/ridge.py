@@ -63,7 +63,7 @@ def halve(image: NDArray[Any]) -> Level:
     return out
 
 
-def find_nodes(level: Level, scale: int, threshold_sigma: float) -> Nodes:
+def find_nodes(level: Level, scale: float, threshold_sigma: float) -> Nodes:
     """Peaks along the columns of a level (H, W) whose response is that many σ. scale: pixels to a level pixel."""
     response, background = np.empty_like(level), np.empty_like(level)
     _respond(level, response, background)

@@ -49,7 +49,7 @@ class Pyramid:
         while 2 ** len(self._levels) < scale:
             self._levels.append(halve(self._levels[-1] if self._levels else self._grey))
         level = self._levels[scale.bit_length() - 2]
-        return cv2.transpose(level) if turned and level.size else level
+        return np.asarray(cv2.transpose(level), dtype=np.float32) if turned and level.size else level
 
     def narrow(self, step: int, turned: bool) -> Level:
         """The means of ``step`` sections, row by row: for faint stripes on a ground that is rough at larger scales."""
