@@ -141,26 +141,20 @@ class StripeConfig(_Section):
     """How a laser stripe is found and localised; lengths in px, grey levels in DN."""
 
     direction: Direction = Field(
-        default="auto", description="search along image columns or rows; auto: along the depth's image"
+        default="auto",
+        description="search along image columns or rows; auto: along the depth's image, else where more light is",
     )
     along_normal: bool = Field(
         default=False, description="localise once more along the stripe's own normal, for steep stripes"
     )
     select: Selection = Field(default="strongest", description="which of several peaks of one section is the stripe")
-    max_peaks: int = Field(default=6, ge=1, le=32, description="peaks kept per section before the selection")
-    # with it 99.7 % of the sections of a stripe as faint as its noise are found (benchmarks/extraction_stripes.py)
-    threshold_sigma: float = Field(
-        default=4.0, gt=0, description="detection threshold in robust σ of the frame's own noise"
-    )
-    min_amplitude_dn: float = Field(default=2.0, ge=0, description="smallest peak above its local background")
-    min_snr: float = Field(default=5.0, ge=0, description="smallest amplitude over its own σ")
+    min_amplitude_dn: float = Field(default=1.0, ge=0, description="smallest peak above its local background")
+    # the stripe as a whole is what is found; a section only has to say something
+    min_snr: float = Field(default=2.0, ge=0, description="smallest amplitude of a section over its own σ")
     # no lens draws a line narrower than 0.5
     min_width_px: float = Field(default=0.45, gt=0, description="smallest Gaussian σ of the stripe")
-    max_width_px: float = Field(default=8.0, gt=0, description="largest Gaussian σ of the stripe")
-    # four σ of a stripe of 2 px
-    surround_px: int = Field(
-        default=8, ge=4, le=64, description="distance at which the background is taken for detection"
-    )
+    # 33 px between the flanks; wider are lit faces
+    max_width_px: float = Field(default=14.0, gt=0, description="largest Gaussian σ of the stripe")
     max_chi2_per_dof: float = Field(
         default=25.0, gt=1, description="above it the section is not one Gaussian peak: flagged shape"
     )
@@ -174,11 +168,8 @@ class StripeConfig(_Section):
     speckle_contrast: float | None = Field(
         default=None, ge=0, le=1, description="multiplicative noise; estimated if absent"
     )
-    min_run: int = Field(default=5, ge=1, le=1000, description="sections in a row that make a stripe; fewer are noise")
-    jump_px: float = Field(
-        default=6.0, gt=0, description="select = continuous: a step along the stripe that costs as much as a peak"
-    )
-    max_gap: int = Field(default=12, ge=1, le=200, description="select = continuous: sections that a chain may skip")
+    # shorter pieces are taken where a stripe goes on in them
+    min_run: int = Field(default=20, ge=3, le=1000, description="sections in a row that make a stripe by themselves")
 
     @model_validator(mode="after")
     def _widths_are_ordered(self) -> StripeConfig:

@@ -25,7 +25,7 @@ def no_remark(sentence: str) -> None:
     """Where nobody listens."""
 
 
-def read_bytes(path: str | os.PathLike[str], limit: int, what: str = "file") -> bytes:
+def read_bytes(path: str | os.PathLike[str], limit: int = MAX_TEXT_BYTES, what: str = "file") -> bytes:
     """The bytes of a regular file.
 
     Parameters
@@ -122,7 +122,8 @@ def _check_keys(text: str, where: str) -> None:
         raise InputError(f"{where}: is larger than {MAX_TOML_BYTES // 2**20} MB, which no TOML file of this kind is")
     start = 0
     for end in (*(m.start() for m in _OUTSIDE_KEYS.finditer(text)), len(text)):
-        if text.count(".", start, end) >= MAX_KEY_PARTS and _KEY_CHARACTERS.fullmatch(text, start, end):
+        value = text[start - 1 : start] == "="
+        if not value and text.count(".", start, end) >= MAX_KEY_PARTS and _KEY_CHARACTERS.fullmatch(text, start, end):
             line = text.count("\n", 0, start) + 1
             raise InputError(f"{where}, line {line}: a key has more than {MAX_KEY_PARTS} parts with dots between them")
         start = end + 1

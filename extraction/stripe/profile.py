@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
@@ -11,8 +12,10 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-SATURATED, SHAPE, EDGE = 1, 2, 4  # bits of a point's flag: clipped pixels, not one Gaussian, cut by border or neighbour
-_FLAG_NAMES = {SATURATED: "saturated", SHAPE: "shape", EDGE: "edge"}
+# bits of a point's flag: clipped pixels; not one Gaussian; cut by border or neighbour; another of like light, or a
+# stronger ridge that was refused, in the section
+SATURATED, SHAPE, EDGE, AMBIGUOUS = 1, 2, 4, 8
+_FLAG_NAMES = {SATURATED: "saturated", SHAPE: "shape", EDGE: "edge", AMBIGUOUS: "ambiguous"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,6 +29,8 @@ class StripePeaks:
     chi2_per_dof: of the section's fit (N,). flag: bits, see `flag_names` (N,).
     correlation_sections: length L of the neighbours' correlation. Errors of two points k sections apart on one stripe
     correlate as exp(-k / L); 0 where they are independent. It comes from speckle and texture that neighbours share.
+    piece: which continuous piece of stripe each point is on, counted from 0 (N,); empty where nobody asked.
+    refused: how many ridges and sections were not taken, by reason.
     """
 
     section: NDArray[np.int32]
@@ -38,6 +43,8 @@ class StripePeaks:
     chi2_per_dof: Array
     flag: NDArray[np.uint8]
     correlation_sections: float = 0.0
+    piece: NDArray[np.int32] = field(default_factory=lambda: np.zeros(0, np.int32))
+    refused: Mapping[str, int] = field(default_factory=dict)
 
     def __len__(self) -> int:
         """The number of points."""
@@ -46,7 +53,9 @@ class StripePeaks:
     def __getitem__(self, chosen: NDArray[np.intp] | Mask) -> StripePeaks:
         """The chosen points, in that order."""
         columns = {f.name: getattr(self, f.name) for f in fields(self)}
-        changed: dict[str, Any] = {name: v[chosen] for name, v in columns.items() if isinstance(v, np.ndarray)}
+        changed: dict[str, Any] = {
+            name: v[chosen] for name, v in columns.items() if isinstance(v, np.ndarray) and len(v) == len(self)
+        }
         return replace(self, **changed)
 
     @property
@@ -77,6 +86,15 @@ class Profile:
         """The number of points."""
         return len(self.yz_mm)
 
+    @staticmethod
+    def of_points(yz_mm: Array, cov_yz_mm2: Array, intensity: Array | None = None) -> Profile:
+        """Points (N, 2) [mm] of a sensor that gives no image, with their covariance (N, 2, 2)."""
+        n = len(yz_mm)
+        zero, two = np.zeros(n), np.zeros((n, 2))
+        light = zero if intensity is None else np.nan_to_num(intensity)
+        section, flag = np.arange(n, dtype=np.int32), np.zeros(n, dtype=np.uint8)
+        return Profile(StripePeaks(section, two, two, zero, light, zero, zero, zero, flag), yz_mm, cov_yz_mm2)
+
     def __getitem__(self, chosen: NDArray[np.intp] | Mask) -> Profile:
         """The chosen points, in that order."""
         return Profile(self.peaks[chosen], self.yz_mm[chosen], self.cov_yz_mm2[chosen])
@@ -88,7 +106,8 @@ def flag_names(flag: int) -> str:
     Parameters
     ----------
     flag
-        Bits SATURATED (clipped pixels), SHAPE (not one Gaussian peak), EDGE (cut by the border or a neighbour).
+        Bits SATURATED (clipped pixels), SHAPE (not one Gaussian peak), EDGE (cut by the border or a neighbour),
+        AMBIGUOUS (another ridge of like light, or a stronger one that was refused, shares the section).
 
     Returns
     -------

@@ -107,6 +107,15 @@ class Page:
         """Choose a stage."""
         self.find(f'[data-tab="{name}"]').click()
 
+    def layers(self, *wanted: str) -> None:
+        """Show the page of one image with exactly these layers."""
+        self.tab("image")
+        for button in self.driver.find_elements(By.CSS_SELECTOR, "#layers button"):
+            on = button.get_attribute("aria-pressed") == "true"
+            if on != (button.get_attribute("data-layer") in wanted):
+                button.click()
+        self.settled()
+
     def image(self, index: int) -> None:
         """Choose an image and wait for it."""
         self.js("document.querySelectorAll('#strip button')[arguments[0]].click()", index)

@@ -10,13 +10,18 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+from extraction import image_to_sheet
 from tests.window.chromium import ActionChains, By, Keys, Page, ended, needs_browser, press, served
 from workbench.cli.main import run
+from workbench.files import read_sensor
 
 pytestmark = needs_browser
 ATOL_PX = 5.6e-5  # the page is told four decimals, the file five
+ATOL_POINTED_MM = 1.2  # half a screen pixel at each end, of 1.3 image pixels and 0.9 mm
+ATOL_SHOWN_MM, ATOL_SHOWN_PX = 5e-3, 1e-3  # a display of hundredths of a millimetre; there and back by the same grid
 NASTY = '<img src=x onerror="document.title=1">.png'
 
 
@@ -47,7 +52,7 @@ def test_28_images_are_open_and_judged(page: Page) -> None:
 
 def test_a_slider_changes_the_overlay_and_is_undone(page: Page) -> None:
     page.image(9)
-    page.tab("candidates")
+    page.layers("accepted", "rejected")
     before, picture, old = page.shown, page.drawing(), page.value("detect.threshold")
     page.slide("detect.threshold", 900)
     assert page.shown != before
@@ -68,7 +73,7 @@ def test_a_slider_changes_the_overlay_and_is_undone(page: Page) -> None:
 
 def test_a_click_on_a_rejected_candidate_says_why(page: Page) -> None:
     page.image(9)
-    page.tab("candidates")
+    page.layers("accepted", "rejected")
     page.find("#fit").click()
     rejected = [c for c in page.answer()["candidates"] if c["reason"] == "too_long"]
     assert rejected
@@ -81,7 +86,7 @@ def test_a_click_on_a_rejected_candidate_says_why(page: Page) -> None:
 
 def test_pointing_at_a_spot_shows_its_figures(page: Page) -> None:
     page.image(0)
-    page.tab("labels")
+    page.layers("spots", "labels", "truth")
     page.find("#fit").click()
     spot = next(s for s in page.answer()["spots"] if s["label"])
     page.point_at(spot["u"], spot["v"])
@@ -89,13 +94,71 @@ def test_pointing_at_a_spot_shows_its_figures(page: Page) -> None:
     text = page.js("return document.getElementById('inspector').textContent")
     for word in ("peak", "width", "score", "σ y", "error y"):
         assert word in text
-    assert page.find("#where").text.endswith("DN")
+    page.until("/ DN +y .* mm$/.test(document.getElementById('where').textContent)")
+
+
+def test_one_cursor_in_both_panes(page: Page, cell_folder: Path) -> None:
+    """A pixel and its point in the laser plane, by extraction's own map and back, to a hundredth of a millimetre."""
+    sensor = read_sensor(cell_folder / "sensor.toml")
+    pixels = np.random.default_rng(0).uniform([0, 0], [639, 511], (50, 2))
+    shown = page.driver.execute_async_script(
+        """(async (pixels, done) => { const p = await import('./static/plane.js');
+        done(pixels.map(([u, v]) => { const yz = p.toPlane(u, v); return [yz, p.toImage(...yz)]; }));
+        })(...arguments)""",
+        pixels.tolist(),
+    )
+    np.testing.assert_allclose([yz for yz, _ in shown], image_to_sheet(sensor, pixels)[0], atol=ATOL_SHOWN_MM)
+    np.testing.assert_allclose([back for _, back in shown], pixels, atol=ATOL_SHOWN_PX)
+
+
+def test_two_points_are_measured(page: Page, cell_folder: Path) -> None:
+    page.image(0)
+    page.layers("spots")
+    page.find("#fit").click()
+    page.find("#measure").click()
+    page.point_at(200, 200, click=True)
+    page.point_at(400, 300, click=True)
+    text = page.until("document.getElementById('where').textContent.match(/distance ([0-9.]+) mm/)?.[1]")
+    a, b = image_to_sheet(read_sensor(cell_folder / "sensor.toml"), [(200.0, 200.0), (400.0, 300.0)])[0]
+    assert abs(float(text) - np.hypot(*(b - a))) < ATOL_POINTED_MM
+    page.find("#measure").click()
+
+
+def test_a_dot_below_opens_its_frame(page: Page) -> None:
+    page.image(0)
+    trend = page.find("#trend")
+    width = page.js("return document.getElementById('trend').clientWidth")
+    x = 44 + (width - 54) * (17 + 0.5) / 28
+    ActionChains(page.driver).move_to_element_with_offset(trend, round(x - width / 2), 0).click().perform()
+    page.settled()
+    assert page.shown.startswith("17:")
+
+
+def test_the_strip_is_one_stop_and_sliders_keep_their_keys(page: Page) -> None:
+    page.image(3)
+    assert page.js("return [...document.querySelectorAll('#strip button')].filter((b) => b.tabIndex === 0).length") == 1
+    page.js("document.querySelector('#strip button[tabindex=\"0\"]').focus()")
+    press(page, Keys.ARROW_DOWN)
+    page.settled()
+    assert page.shown.startswith("4:")
+    page.js("""document.querySelector('[data-key="detect.threshold"] input[type=range]').focus()""")
+    slider = "document.querySelector('[data-key=\"detect.threshold\"] input[type=range]').value"
+    before = float(page.js(f"return {slider}"))
+    press(page, Keys.PAGE_UP)
+    page.settled()
+    assert page.shown.startswith("4:")
+    after = float(page.js(f"return {slider}"))
+    assert 80 < after - before < 120
+    press(page, Keys.ARROW_LEFT)
+    assert 5 < after - float(page.js(f"return {slider}")) < 15
+    page.find('[data-key="detect.threshold"] .reset').click()
+    page.settled()
 
 
 def test_stale_answers_are_dropped_and_the_old_picture_stays(page: Page) -> None:
     """An answer that carries another hash than the one asked for never reaches the picture."""
     page.image(0)
-    page.tab("labels")
+    page.layers("spots", "labels", "truth")
     before, picture = page.shown, page.drawing()
     page.js(
         """window.realFetch = window.fetch;
@@ -130,11 +193,10 @@ def test_a_wrong_value_is_said_beside_it(page: Page) -> None:
     page.until("!document.querySelector('.parameter.wrong')")
 
 
-@pytest.mark.parametrize("tab", ["raw", "background", "mask", "candidates", "spots", "labels", "plot"])
-def test_every_stage_draws_its_own_picture(page: Page, tab: str) -> None:
+@pytest.mark.parametrize("layer", ["", "background", "mask", "rejected", "spots", "labels"])
+def test_every_layer_draws_its_own_picture(page: Page, layer: str) -> None:
     page.image(9)
-    page.tab(tab)
-    page.settled()
+    page.layers(*([layer] if layer else []))
     time.sleep(0.15)
     colours = page.js(
         """const c = document.getElementById('canvas'), seen = new Set();
@@ -143,7 +205,7 @@ def test_every_stage_draws_its_own_picture(page: Page, tab: str) -> None:
         return [...seen]"""
     )
     assert len(colours) > 3
-    page_pictures.setdefault(tab, page.drawing())
+    page_pictures.setdefault(layer, page.drawing())
     assert len(set(page_pictures.values())) == len(page_pictures)
 
 
@@ -209,8 +271,20 @@ def test_one_click_calibrates(page: Page) -> None:
     assert "D" in page.find("#calibration").text
 
 
+def test_a_dot_of_fig_7_opens_its_frame(page: Page) -> None:
+    page.tab("calibration")
+    page.until("document.getElementById('fig7')")
+    width = page.js("return document.getElementById('fig7').clientWidth")
+    x = 46 + (width - 58) * (2 + 0.5) / (28 + 4)  # the third dot of the first of four locations
+    fig7 = page.find("#fig7")
+    ActionChains(page.driver).move_to_element_with_offset(fig7, round(x - fig7.size["width"] / 2), 0).click().perform()
+    page.settled()
+    assert page.shown.startswith("2:")
+    assert page.find('[data-tab="image"]').get_attribute("aria-selected") == "true"
+
+
 def test_the_keyboard_is_enough(page: Page) -> None:
-    page.tab("labels")
+    page.layers("spots", "labels", "truth")
     page.image(0)
     press(page, "j")
     page.settled()
@@ -219,8 +293,16 @@ def test_the_keyboard_is_enough(page: Page) -> None:
     page.settled()
     press(page, "n")
     page.until("/^(String|Spot)/.test(document.querySelector('#inspector h2').textContent)")
-    press(page, "[")
-    assert page.find('[data-tab="spots"]').get_attribute("aria-selected") == "true"
+    press(page, "]")
+    assert page.find('[data-tab="sheet"]').get_attribute("aria-selected") == "true"
+    press(page, "[", "m")
+    assert page.find('[data-layer="mask"]').get_attribute("aria-pressed") == "true"
+    press(page, "m", ".")
+    page.settled()
+    failed = page.js(
+        "return document.querySelectorAll('#strip .badge')[arguments[0]].dataset.badge", int(page.shown[:2].rstrip(":"))
+    )
+    assert failed in ("some", "none", "error")
     press(page, "?")
     page.until("document.getElementById('dialog').open")
     press(page, Keys.ESCAPE)
@@ -236,13 +318,14 @@ def test_the_keyboard_is_enough(page: Page) -> None:
 
 
 def test_everything_fits_a_laptop_screen(page: Page) -> None:
-    for tab in ("labels", "sheet", "calibration"):
+    for tab in ("image", "sheet", "calibration"):
         page.tab(tab)
         assert page.js(
             "return document.documentElement.scrollWidth <= innerWidth && document.body.scrollHeight <= innerHeight"
         )
-    page.tab("labels")
-    assert page.js("return document.getElementById('canvas').clientHeight") > 350
+    page.tab("image")
+    assert page.js("return document.getElementById('canvas').clientHeight") > 300
+    assert page.js("return document.getElementById('plane').clientWidth") > 300
     assert not page.js(
         "return [...document.querySelectorAll('button:not([hidden])')].some((b) => !b.textContent && !b.ariaLabel)"
     )

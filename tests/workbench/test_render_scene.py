@@ -141,7 +141,7 @@ def test_a_view_that_parts_darken_is_said(cli: Cli, plan: Path, folder: Path) ->
     ("text", "words"),
     [
         (JIG, "[jig]: the cell places its own jig"),
-        ('[[mesh]]\nfile = "none.stl"\n', "none.stl: there is no such file"),
+        ('[[mesh]]\nfile = "none.stl"\n', "none.stl: no such mesh file"),
         ('[[mesh]]\nfile = "box.stl"\nunit = "m"\n', "read in m the mesh measures"),
         ('[[mesh]]\nfile = "box.stl"\nframe = "hand"\n', "mesh.0.frame"),
     ],

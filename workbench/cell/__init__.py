@@ -7,11 +7,12 @@ from workbench.cell.locating import located
 from workbench.cell.pipeline import Observed, Progress, observe, solve
 from workbench.cell.points_table import rows
 from workbench.cell.posing import FramePose, frame_poses
-from workbench.cell.presets import DESIGN_SCP, find_emulator, find_jig, find_robot, find_sensor
+from workbench.cell.presets import DESIGN_SCP, find_emulator, find_jig, find_robot, find_sensor, preset_path
 from workbench.cell.profiling import ProfileSource, read_profile, read_profile_settings
 from workbench.cell.speckle import dataset_config, with_known_grain
 from workbench.cell.starter import PLACES, place_of_jig, write_starter
 from workbench.cell.surroundings import SeesAll, around_jig, jig_bodies, sees_all_strings, wall_behind
+from workbench.cell.verifying import verify_cell
 
 __all__ = [
     "DESIGN_SCP",
@@ -38,12 +39,14 @@ __all__ = [
     "observe",
     "place_of_jig",
     "poses_in_sensor",
+    "preset_path",
     "read_inputs",
     "read_profile",
     "read_profile_settings",
     "rows",
     "sees_all_strings",
     "solve",
+    "verify_cell",
     "wall_behind",
     "with_known_grain",
     "write_starter",

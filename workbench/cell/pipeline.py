@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from calib import CalibConfig, CalibrationResult, calibrate
 from extraction import ExtractionConfig, extract
 from geometry import Frame, InputError, Sensor
-from workbench.cell.remarks import merged, remarks
+from workbench.cell.remarks import merged, out_of_limits, remarks, with_complaints
 from workbench.cell.speckle import dataset_config
 from workbench.files import Cell, read_image
 
@@ -88,7 +88,9 @@ def solve(cell: Cell, observed: Observed, config: CalibConfig | None = None) -> 
         cell.T_base_jig,
         config,
     )
-    return replace(result, remarks=(*remarks(result), *cell.remarks, *observed.remarks, *result.remarks))
+    verdict = with_complaints(result.verdict, observed.complaints, cell.folder)
+    notes = (*remarks(result), *out_of_limits(cell), *cell.remarks, *observed.remarks, *result.remarks)
+    return replace(result, verdict=verdict, remarks=notes)
 
 
 def _readable(cell: Cell, frames: list[int]) -> Iterator[object]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
@@ -14,6 +15,7 @@ from geometry import DhRobot, Frame, InputError, Pose, Remark, Role, Sensor, did
 from jig_cad import Jig, jig_from_table
 from jig_cad.files import table_model, without_names
 from perceptron_emu import EmulatorConfig
+from workbench.files.controller_poses import ControllerPoses, PosesSection, controller_poses
 from workbench.files.frames_csv import read_frames
 from workbench.files.points_csv import GivenPoints, read_points
 from workbench.files.robot_file import read_robot
@@ -43,10 +45,11 @@ class CellFile(FileSection):
     sensor: Text
     jig: Text | None = None
     target: Text | None = None
-    robot: Text
+    robot: Text | None = None
     frames: Text | None = None
     points: Text | None = None
     scp_initial: ScpSection
+    poses: PosesSection | None = None
     locations: dict[str, LocationSection] = Field(default_factory=dict)
 
     @field_validator("locations", mode="before")
@@ -62,7 +65,8 @@ class Cell:
     """A cell dataset: sensor, jig, robot, design SCP, frames; images stay on disk until they are needed.
 
     points: by frame number, where a points.csv stands in place of images. T_base_jig: by location, where given.
-    roles: of the locations in cell.toml that say one. robot_path: the robot.toml.
+    roles: of the locations in cell.toml that say one. robot: None where hand poses stand in place of joint readings.
+    robot_path, sensor_path: the files. files: all that were read, images aside.
     emulator: how images of the cell are made, no knowledge of a recorded one. remarks: a sentence for all that is
     doubtful in the files and was read nevertheless.
     """
@@ -70,7 +74,7 @@ class Cell:
     folder: Path
     sensor: Sensor
     jig: Jig
-    robot: DhRobot
+    robot: DhRobot | None
     frames: tuple[Frame, ...]
     T_hand_sensor_design: Pose
     T_base_jig: dict[str, Pose] = field(default_factory=dict)
@@ -79,8 +83,19 @@ class Cell:
     roles: dict[str, Role] = field(default_factory=dict)
     name: str = ""
     robot_path: Path | None = None
+    sensor_path: Path | None = None
     emulator: EmulatorConfig = field(default_factory=EmulatorConfig)
     remarks: tuple[str, ...] = ()
+    files: tuple[Path, ...] = ()
+
+    @property
+    def arm(self) -> DhRobot:
+        """The robot; InputError where the cell has hand poses alone."""
+        if self.robot is None:
+            raise InputError(
+                f"{self.folder / 'cell.toml'}: the key robot is missing: this needs the arm's table and joint readings"
+            )
+        return self.robot
 
 
 def read_cell(path: Path, *, recorded: bool = True) -> Cell:
@@ -108,9 +123,9 @@ def read_cell(path: Path, *, recorded: bool = True) -> Cell:
     file = validate(CellFile, source)
     folder = source.path.parent
     sensor_path = _named(folder, file.sensor, source, "sensor")
-    robot_path = _named(folder, file.robot, source, "robot")
+    robot_path = None if file.robot is None else _named(folder, file.robot, source, "robot")
     remarks: list[str] = []
-    robot = read_robot(robot_path, remarks.append)
+    robot = None if robot_path is None else read_robot(robot_path, remarks.append)
     frames, frames_path = _frames(folder, file, source, robot, remarks.append, recorded=recorded)
     if frames:
         _check_location_names(file, frames, source)
@@ -129,13 +144,22 @@ def read_cell(path: Path, *, recorded: bool = True) -> Cell:
         roles={name: given.role for name, given in file.locations.items() if given.role},
         name=file.name,
         robot_path=robot_path,
+        sensor_path=sensor_path,
         emulator=read_emulator(sensor_path),
         remarks=tuple(remarks),
+        files=_files(source, file, (sensor_path, robot_path, frames_path)),
     )
 
 
+def _files(source: TomlSource, file: CellFile, read: Sequence[Path | None]) -> tuple[Path, ...]:
+    """cell.toml and the files that it names, and a points.csv that stands in place of images."""
+    folder = source.path.parent
+    named = [folder / name for name in (file.jig, file.target, file.points or "points.csv") if name]
+    return tuple(p for p in (source.path, *read, *named) if p is not None and p.is_file())
+
+
 def _frames(
-    folder: Path, file: CellFile, source: TomlSource, robot: DhRobot, remark: Remark, *, recorded: bool
+    folder: Path, file: CellFile, source: TomlSource, robot: DhRobot | None, remark: Remark, *, recorded: bool
 ) -> tuple[tuple[Frame, ...], Path]:
     if file.frames is None:
         if recorded:
@@ -145,7 +169,16 @@ def _frames(
     if not recorded and not path.exists():
         return (), path
     path = _named(folder, file.frames, source, "frames")
-    return read_frames(path, robot.n_joints, may_be_empty=not recorded, remark=remark), path
+    n_joints = None if robot is None else robot.n_joints
+    poses = None if file.poses is None else _controller_poses(file.poses, source)
+    return read_frames(path, n_joints, may_be_empty=not recorded, remark=remark, poses=poses), path
+
+
+def _controller_poses(section: PosesSection, source: TomlSource) -> ControllerPoses:
+    try:
+        return controller_poses(section)
+    except InputError as error:
+        raise InputError(f"{source.where(('poses',))}: {error}") from None
 
 
 def read_jig_file(path: Path) -> Jig:
@@ -220,10 +253,10 @@ def _points(
 ) -> dict[int, GivenPoints] | None:
     """Points in place of images: named in cell.toml, or points.csv where not one of the images exists."""
     path = folder / (file.points or "points.csv")
-    has_images = any(row.image and (folder / row.image).exists() for row in frames)
+    has_images = any(name and (folder / name).exists() for row in frames for name in (row.image, row.profile))
     if file.points is None and (has_images or not path.exists()):
-        if frames and not any(row.image for row in frames):
-            raise InputError(f"{frames_path}: the column image is empty, and there is no points.csv")
+        if frames and not any(row.image or row.profile for row in frames):
+            raise InputError(f"{frames_path}: the columns image and profile are empty, and there is no points.csv")
         return None
     points = read_points(path, jig.strings, remark)
     known = {row.number for row in frames}

@@ -93,7 +93,13 @@ def read_points(path: Path, strings: Sequence[str], remark: Remark = no_remark) 
         raise InputError(f"{path}: not one of its {len(without)} rows holds a point")
     if without:
         remark(f"{path}, line {without[0]}: no point there, nor in {len(without) - 1} further rows; they are left out")
-    return {frame: _collect(points) for frame, points in frames.items()}
+    return {frame: _collect(sorted(points, key=lambda p: _place(p, strings))) for frame, points in frames.items()}
+
+
+def _place(point: _CsvPoint, strings: Sequence[str]) -> tuple[int, float, tuple[float, ...]]:
+    """Where a point stands among its frame's, whatever the file's order: by label, then the best score first."""
+    known = point.surface or point.axis or (0.0, 0.0)
+    return (strings.index(point.label) if point.label else len(strings), -point.score, known)
 
 
 def _point(row: Row, strings: Sequence[str]) -> _CsvPoint | None:

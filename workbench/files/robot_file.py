@@ -23,14 +23,14 @@ class JointSection(FileSection):
     alpha_deg: Real = 0.0
     beta_deg: Real = 0.0
     sign: Whole = 1
-    min_deg: Real = -360.0
-    max_deg: Real = 360.0
+    min_deg: Real | None = None
+    max_deg: Real | None = None
 
     @model_validator(mode="after")
     def _plausible(self) -> JointSection:
         if self.sign not in (-1, 1):
             raise ValueError(f"has sign = {self.sign}: 1 or -1 is right")
-        if self.min_deg >= self.max_deg:
+        if self.min_deg is not None and self.max_deg is not None and self.min_deg >= self.max_deg:
             raise ValueError(f"has min_deg = {self.min_deg:g} ≥ max_deg = {self.max_deg:g}: the limits leave no angle")
         return self
 
@@ -124,8 +124,8 @@ def _from_table(file: RobotFile) -> DhRobot:
     return DhRobot.from_dh(
         **columns,
         sign=np.array([j.sign for j in file.joint], dtype=float),
-        min_rad=np.deg2rad([j.min_deg for j in file.joint]),
-        max_rad=np.deg2rad([j.max_deg for j in file.joint]),
+        min_rad=np.deg2rad([-np.inf if j.min_deg is None else j.min_deg for j in file.joint]),
+        max_rad=np.deg2rad([np.inf if j.max_deg is None else j.max_deg for j in file.joint]),
         convention=file.convention,
         coupling=_coupling(file),
         uncertainty=_uncertainty(file.uncertainty),
@@ -170,8 +170,8 @@ def robot_text(robot: DhRobot) -> str:
             shown = round(value, 13) if row.unit == "rad" else value
             lines += [f"{row.file_key} = {shown!r}"] if row.group != "beta" or value else []
         lines += [f"sign = {int(robot.sign[i])}"] if robot.sign[i] != 1 else []
-        limits = [("min_deg", robot.min_rad[i]), ("max_deg", robot.max_rad[i])]
-        lines += [f"{key} = {round(float(np.rad2deg(value)), 12)!r}" for key, value in limits]
+        limits = zip(("min_deg", "max_deg"), robot.stated_limits, strict=True)
+        lines += [f"{key} = {round(float(np.rad2deg(v[i])), 12)!r}" for key, v in limits if np.isfinite(v[i])]
     if robot.coupling is not None:
         lines += ["[coupling]", f"matrix = {toml_value(robot.coupling.tolist())}"]
     lines.append("[uncertainty]")

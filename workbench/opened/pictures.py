@@ -11,7 +11,9 @@ from pathlib import Path
 from geometry import InputError, Sensor
 from workbench.files import Image, read_image
 
-CACHE_BYTES = 512 * 2**20  # some four hundred images of 1280 × 1024
+CACHE_BYTES = (
+    160 * 2**20
+)  # some hundred and twenty images of 1280 × 1024: those looked at lately; ten thousand never fit
 
 
 class PictureError(InputError):
@@ -36,11 +38,15 @@ class Pictures:
     def __init__(self, root: Path, paths: Iterable[Path], sensor: Sensor) -> None:
         """``root``: the opened folder; a path that leads out of it, also by a link, is refused when it is read."""
         self.root = root.resolve()
-        self.paths = tuple(paths)
+        self.paths = list(paths)
         self._sensor = sensor
         self._lock = threading.Lock()
         self._kept: OrderedDict[int, tuple[Stamp, Image]] = OrderedDict()
         self._bytes = 0
+
+    def add(self, paths: Iterable[Path]) -> None:
+        """More images, behind those that are there."""
+        self.paths.extend(paths)
 
     def __len__(self) -> int:
         """The number of images."""

@@ -36,6 +36,8 @@ def cell_view(cell: Cell, result: CalibrationResult) -> CellView | None:
     jigs = {name: place for name, place in cell.T_base_jig.items() if name in result.locations}
     jigs |= {name: found.T_base_target for name, found in result.locations.items() if found.T_base_target is not None}
     T_hand_sensor = result.T_hand_sensor or result.T_hand_sensor_design
+    if T_hand_sensor is None:
+        return None
     return CellView(cell.sensor, hand @ T_hand_sensor, tuple((cell.jig, p) for p in jigs.values()), links)
 
 
@@ -43,6 +45,6 @@ def _arm(cell: Cell, result: CalibrationResult, row: Frame) -> tuple[Pose | None
     """T_base_hand and the chain's frames, base first, hand last; no chain where only hand poses were recorded."""
     if row.joints_rad is None:
         return row.T_base_hand, None
-    robot = require_arm(result.robot or cell.robot)
+    robot = require_arm(result.robot or cell.arm)
     links, hand = robot.link_poses(row.joints_rad), robot.pose(row.joints_rad)
     return hand, Pose(np.concatenate([links.R, hand.R[None]]), np.concatenate([links.t, hand.t[None]]))

@@ -16,6 +16,7 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, PlainTextResponse, Response
 from starlette.routing import Route
 
+from extraction import image_to_sheet
 from geometry import InputError, PerceptronEmuError
 from workbench.files import carried_calib, write_text
 from workbench.window import settings
@@ -29,6 +30,7 @@ from workbench.window.thumbnails import thumbnail
 
 MEDIA = {"html": "text/html; charset=utf-8", "css": "text/css", "js": "text/javascript", "svg": "image/svg+xml"}
 Body = dict[str, Any]
+GRID_PX = 8  # between its nodes the page goes straight: less off than the hundredths of a millimetre that it shows
 Answer = Callable[[Body], Response]
 
 
@@ -48,6 +50,7 @@ def make_app(session: Session) -> Starlette:
         Route("/", page_file),
         Route("/static/{name}", page_file),
         Route("/api/session", lambda _: JSONResponse(overview(session))),
+        Route("/api/plane", api.plane),
         Route("/api/image/{index:int}", api.image),
         Route("/api/thumbnail/{index:int}", api.thumbnail),
         Route("/api/calibration", lambda _: JSONResponse(api.job.state())),
@@ -56,6 +59,7 @@ def make_app(session: Session) -> Starlette:
         "process": api.process,
         "stage": api.stage,
         "survey": api.survey_state,
+        "watch": api.watch,
         "calibrate": api.calibrate,
         "check": api.check,
         "toml": api.toml,
@@ -117,6 +121,22 @@ class _Api:
         self.job = Job()
         self.model = session.opened.engine.model
 
+    def plane(self, _request: Request) -> Response:
+        """Where the pixels of a grid lie in the laser plane: (y, z, 1) over the depth in the camera, NaN where nowhere.
+
+        These three are straight in u and v but for the lens, where y and z themselves are not.
+        """
+        sensor = self.opened.engine.sensor
+        camera = sensor.require_camera()
+        us, vs = (np.arange(0, size + GRID_PX, GRID_PX, dtype=float) for size in (camera.width_px, camera.height_px))
+        u, v = np.meshgrid(us, vs)
+        yz, _ = image_to_sheet(sensor, np.column_stack([u.ravel(), v.ravel()]))
+        depth = (camera.T_sensor_camera.inverse() @ np.insert(yz, 0, 0.0, axis=1))[:, 2:]
+        table = np.column_stack([yz, np.ones(len(yz))]) / depth
+        answer = _pixels(table.reshape(len(vs), -1).astype(np.float32), "", "")
+        answer.headers["x-step"] = str(GRID_PX)
+        return answer
+
     def image(self, request: Request) -> Response:
         """The raw grey levels of one image."""
         try:
@@ -164,6 +184,11 @@ class _Api:
         now = self.survey.state(current.hash, since)
         before = self.survey.state(saved.hash, since_saved)
         return JSONResponse({"now": now, "saved": before, "epoch": self.survey.epoch})
+
+    def watch(self, body: Body) -> Response:
+        """The images that came since the page knew ``since`` of them."""
+        self.session.take_in()
+        return JSONResponse({"images": self.session.images[max(0, _whole(body, "since")) :]})
 
     def calibrate(self, body: Body) -> Response:
         """Start the calibration with these parameters."""

@@ -47,6 +47,7 @@ class Survey:
         if one is None or one.epoch != self.epoch:
             one = _Set(configuration, len(self._session.opened.pictures), self.epoch)
             self._sets[configuration.hash] = one
+        one.grow(len(self._session.opened.pictures))
         self._sets.move_to_end(configuration.hash)
         while len(self._sets) > KEPT_SETS:
             self._sets.popitem(last=False)
@@ -114,14 +115,21 @@ class Survey:
         with self._wake:
             index = one.waiting.pop(0)
         outcome = self._session.background_outcome(index, one.configuration)
-        row = self._session.row(outcome)
-        row["candidates"] = sum(bool(c["reason"]) for c in row["candidates"])  # the number is enough here
+        row = _brief(self._session.row(outcome))
         comparison = self._session.comparison(outcome)
         with self._wake:
             one.rows[index] = row
             one.log.append(row)
             if comparison is not None:
                 one.comparisons[index] = comparison
+
+
+def _brief(row: dict[str, Any]) -> dict[str, Any]:
+    """What the overview of all images shows of one: ten thousand of them are kept."""
+    spots = [{key: spot[key] for key in ("u", "v", "label", "flag", "peak", "cov")} for spot in row["spots"]]
+    truth = row["truth"] and {"statistics": row["truth"]["statistics"]}
+    rejected = sum(bool(c["reason"]) for c in row["candidates"])
+    return row | {"spots": spots, "truth": truth, "candidates": rejected, "measures": []}
 
 
 class _Set:
@@ -135,3 +143,8 @@ class _Set:
         self.log: list[dict[str, Any]] = []
         self.rows: dict[int, dict[str, Any]] = {}
         self.comparisons: dict[int, Comparison] = {}
+
+    def grow(self, total: int) -> None:
+        """Take in the images that came since."""
+        self.waiting += range(self.total, total)
+        self.total = total

@@ -54,4 +54,4 @@ def _why_empty(image: Path, sensor: Path) -> str:
     full = model.require_camera().saturation_dn
     if (read_image(image, model, lossy=True) >= full).mean() > FLOODED_SHARE:
         return f"no stripe: more than half of the image is saturated ({full}), lower the exposure"
-    return "no stripe in the image: see [stripe] threshold_sigma, min_amplitude_dn, direction"
+    return "no stripe in the image: see [stripe] direction, min_run, max_width_px"

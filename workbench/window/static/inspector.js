@@ -7,8 +7,8 @@ import { sample } from "./picture.js";
 
 const REACH = 18, STEP = 0.25;
 
-// Grey levels along two directions through (u, v); angle in radians.
-export function drawProfile(image, u, v, angle, names, saturation) {
+// Grey levels along two directions through (u, v); angle in radians. With a spot, the curve that was fitted to it.
+export function drawProfile(image, u, v, angle, names, saturation, spot = null) {
   const { context, width, height } = fitCanvas($("profile"));
   context.clearRect(0, 0, width, height);
   if (!image || u === null) {
@@ -34,6 +34,24 @@ export function drawProfile(image, u, v, angle, names, saturation) {
     context.textAlign = "right";
     context.fillText(names[i], width - 12, 18 + 14 * i);
   });
+  if (spot) curves.forEach((curve_, i) => fitted(context, x, y, curve_, spot.peak, spot.width[i]));
+}
+
+// The fitted Gaussian over the level that surrounds it, the median of what lies beyond three of its σ.
+function fitted(context, x, y, points, peak, sigma) {
+  if (sigma === null || peak === null) return;
+  const around = points.filter(([s]) => Math.abs(s) > 3 * sigma).map(([, g]) => g).sort((a, b) => a - b);
+  if (!around.length) return;
+  const level = around[Math.floor(around.length / 2)];
+  context.strokeStyle = style("--text");
+  context.setLineDash([3, 3]);
+  context.lineWidth = 1.2;
+  context.beginPath();
+  for (let s = -4 * sigma; s <= 4 * sigma; s += STEP / 2) {
+    if (Math.abs(s) <= REACH) context.lineTo(x(s), y(level + peak * Math.exp(-0.5 * (s / sigma) ** 2)));
+  }
+  context.stroke();
+  context.setLineDash([]);
 }
 
 function curve(image, u, v, angle) {
@@ -113,14 +131,22 @@ export function showCandidate(c, measures) {
     p ? el("p", {}, el("button", { id: "reveal", onclick: () => reveal(c.parameter) }, `Go to “${p.title}”`)) : null);
 }
 
-export function showNothing(answer) {
+// Pixels at full scale, counted once an image.
+function clippedOf(image, saturation) {
+  if (image.clipped === undefined) image.clipped = image.values.reduce((n, g) => n + (g >= saturation), 0);
+  return image.clipped;
+}
+
+export function showNothing(answer, image, saturation) {
   if (!answer) { clear($("inspector")); return; }
+  const clipped = image ? clippedOf(image, saturation) : 0;
   const rejected = answer.candidates.filter((c) => c.reason);
   const reasons = Object.entries(Object.groupBy(rejected, (c) => c.reason)).map(([r, list]) => fact(words(r), list.length));
   const t = answer.truth?.statistics;
-  const facts = [fact("spots", answer.spots.length), fact("labelled", answer.labelled), fact("rejected", rejected.length), ...reasons];
+  const facts = [fact("clipped", `${clipped} px`), fact("spots", answer.spots.length), fact("labelled", answer.labelled), fact("rejected", rejected.length), ...reasons];
   if (t) facts.push(
     fact("visible", t.visible), fact("missed", t.missed), fact("false", t.false), fact("mislabelled", t.mislabelled),
     fact("rms", `${number(t.rms)} mm`), fact("bias y", number(t.bias[0])), fact("bias z", number(t.bias[1])), fact("scatter y", number(t.scatter[0])), fact("scatter z", number(t.scatter[1])));
-  clear($("inspector"), el("h2", {}, "This image"), answer.reason ? el("p", { class: "why" }, words(answer.reason)) : null, el("dl", { class: "facts" }, facts));
+  clear($("inspector"), el("h2", {}, "This image"), answer.reason ? el("p", { class: "why" }, words(answer.reason)) : null,
+    clipped ? el("p", { class: "why" }, `${clipped} px clipped: what is brighter than the camera can tell is measured worse. Halve the exposure.`) : null, el("dl", { class: "facts" }, facts));
 }

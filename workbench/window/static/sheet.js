@@ -7,6 +7,7 @@ import { listen, state, text } from "./state.js";
 import { WORDS, badgeText, go, setBadge } from "./strip.js";
 import { onTab, selectTab } from "./tabs.js";
 import { refresh } from "./stage.js";
+import { feedTrend } from "./trend.js";
 
 const survey = { text: "", savedText: "", now: [], saved: [], at: 0, savedAt: 0, total: 0, statistics: null, before: null, epoch: 0 };
 let form = "sheet", order = { column: "index", down: false }, waiting = 0, busy = false;
@@ -18,6 +19,8 @@ export function startSheet() {
   onTab((id) => { if (id === "sheet") render(); });
   poke(0);
 }
+
+export const surveyNow = () => poke(0);
 
 function poke(delay) {
   clearTimeout(waiting);
@@ -60,6 +63,7 @@ async function take({ now, saved, epoch }, config, savedText) {
   now.rows.forEach(setBadge);
   Object.assign(document.documentElement.dataset, { surveyed: survey.now.length, surveyHash: now.hash, epoch });
   summary();
+  if (now.rows.length || saved.rows.length) feedTrend(survey.now, survey.saved);
   if (state.view === "sheet" && (now.rows.length || saved.rows.length)) render();
 }
 
@@ -105,6 +109,8 @@ function buildSheet() {
   parts.body = el("div");
   clear($("sheet"), el("div", { class: "page-head" },
     el("span", { class: "choice" }, choice("sheet", "Contact sheet"), choice("table", "Table")), parts.progress, parts.info), parts.body);
+  let scrolled = 0;
+  $("sheet").addEventListener("scroll", () => { if (form === "table" && !scrolled) scrolled = requestAnimationFrame(() => { scrolled = 0; parts.rows?.(); }); });
   $("sheet").addEventListener("pointerdown", () => { pressed = true; });
   window.addEventListener("pointerup", () => {
     pressed = false;
@@ -124,8 +130,32 @@ function render() {
   Object.assign(parts.progress, { hidden: now.length >= total, max: total || 1, value: now.length });
   clear(parts.info, `${now.length} of ${total} images with the parameters as they stand; change against the last saved set: `,
     el("span", { class: won ? "better" : "" }, `${won} strings gained`), ", ", el("span", { class: lost ? "worse" : "" }, `${lost} lost`));
-  clear(parts.body, form === "sheet" ? el("div", { class: "cards" }, now.map(card)) : table());
-  if (form === "sheet") now.forEach(drawCard);
+  if (form === "sheet") cards();
+  else table();
+}
+
+// Ten thousand images stay fluid: cards are made once and drawn when they come into sight, the table holds the rows in sight.
+const made = new Map();
+const sight = new IntersectionObserver((entries) => entries.forEach((e) => { if (e.isIntersecting) { sight.unobserve(e.target); drawCard(Number(e.target.dataset.index)); } }));
+
+function cards() {
+  let grid = parts.body.querySelector(".cards");
+  if (!grid) {
+    grid = el("div", { class: "cards" });
+    made.clear();
+    clear(parts.body, grid);
+  }
+  for (const [index, one] of made) if (!survey.now[index]) { one.node.remove(); made.delete(index); }
+  for (const row of survey.now) {
+    if (!row) continue;
+    const before = survey.saved[row.index], one = made.get(row.index);
+    if (one && one.row === row && one.before === before) continue;
+    const node = card(row);
+    if (one) one.node.replaceWith(node);
+    else grid.append(node);
+    made.set(row.index, { node, row, before });
+    sight.observe(node);
+  }
 }
 
 function delta(after, before, digits, lowerIsBetter) {
@@ -136,7 +166,7 @@ function delta(after, before, digits, lowerIsBetter) {
   return el("span", { class: better ? "better" : "worse" }, ` ${change > 0 ? "+" : "−"}${Math.abs(change).toFixed(digits)}`);
 }
 
-const openImage = (index) => { go(index); selectTab(state.session.strings.length ? "labels" : "spots"); };
+const openImage = (index) => { go(index); selectTab("image"); };
 
 function card(row) {
   const image = state.session.images[row.index], before = survey.saved[row.index], t = row.truth?.statistics;
@@ -150,16 +180,20 @@ function card(row) {
     ].filter((x) => x !== null)));
 }
 
-function drawCard(row) {
-  const canvas = $("sheet").querySelector(`canvas[data-card="${row.index}"]`);
+const PICTURES = 400; // small pictures kept: what was in sight lately
+
+function drawCard(index) {
+  const row = survey.now[index], canvas = made.get(index)?.node.querySelector("canvas");
+  if (!row || !canvas) return;
   let picture = pictures.get(row.index);
   if (!picture) {
     picture = new Image();
     picture.src = `api/thumbnail/${row.index}?${row.stamp}`;
     pictures.set(row.index, picture);
+    if (pictures.size > PICTURES) pictures.delete(pictures.keys().next().value);
   }
-  if (!picture.complete) { picture.addEventListener("load", () => drawCard(row), { once: true }); return; }
-  if (!canvas || !picture.naturalWidth) return;
+  if (!picture.complete) { picture.addEventListener("load", () => drawCard(index), { once: true }); return; }
+  if (!picture.naturalWidth) return;
   const { sensor } = state.session, context = canvas.getContext("2d");
   const scale = Math.min(canvas.width / sensor.width, canvas.height / sensor.height);
   context.drawImage(picture, 0, 0, sensor.width * scale, sensor.height * scale);
@@ -189,16 +223,28 @@ const COLUMNS = [
   { id: "reason", title: "remark", left: true, of: (r) => r.error || words(r.reason) },
 ];
 
+const ROW_PX = 27, AROUND = 30; // height of a row, rows made beyond those in sight
+
 function table() {
   const columns = COLUMNS.filter((c) => !c.truth || state.session.has_truth);
   const by = columns.find((c) => c.id === order.column) ?? columns[0];
-  const rows = [...survey.now].sort((a, b) => compare(by.of(a), by.of(b)) * (order.down ? -1 : 1));
+  const rows = survey.now.filter((r) => r).sort((a, b) => compare(by.of(a), by.of(b)) * (order.down ? -1 : 1) || a.index - b.index);
   const head = columns.map((c) => el("th", { class: c.left ? "left" : "", "aria-sort": order.column === c.id ? (order.down ? "descending" : "ascending") : null },
     el("button", { onclick: () => { order = { column: c.id, down: order.column === c.id && !order.down }; render(); } }, c.title)));
-  return el("table", { class: "wide" }, el("thead", {}, el("tr", {}, head)),
-    el("tbody", {}, total(columns), rows.map((r) => el("tr", { class: "go", tabIndex: 0, data: { index: r.index }, onclick: () => openImage(r.index),
-      onkeydown: (e) => e.key === "Enter" && openImage(r.index) },
-    columns.map((c) => el("td", { class: c.left ? "left" : "" }, cell(c, r)))))));
+  const body = el("tbody");
+  made.clear();
+  clear(parts.body, el("table", { class: "wide" }, el("thead", {}, el("tr", {}, head)), body));
+  parts.rows = () => fill(body, columns, rows);
+  parts.rows();
+}
+
+function fill(body, columns, rows) {
+  const page = $("sheet"), first = Math.max(0, Math.floor(page.scrollTop / ROW_PX) - AROUND);
+  const last = Math.min(rows.length, first + Math.ceil(page.clientHeight / ROW_PX) + 2 * AROUND);
+  const gap = (count) => el("tr", { class: "gap" }, el("td", { colSpan: columns.length, height: count * ROW_PX }));
+  clear(body, total(columns), first ? gap(first) : null, rows.slice(first, last).map((r) => el("tr", { class: "go", tabIndex: 0, data: { index: r.index }, onclick: () => openImage(r.index),
+    onkeydown: (e) => e.key === "Enter" && openImage(r.index) },
+  columns.map((c) => el("td", { class: c.left ? "left" : "" }, cell(c, r))))), last < rows.length ? gap(rows.length - last) : null);
 }
 
 function compare(a, b) {
