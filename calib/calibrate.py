@@ -28,6 +28,7 @@ from calib.label import label_frames, relabel, settled
 from calib.paper import Starts, checked, paper_estimate, paper_frames
 from calib.printed import gimbal_note
 from calib.result import CalibrationResult, Estimate, Verdict
+from calib.surface import Begun, begin_on_surfaces, condensed
 from geometry import Frame, InputError, Pose, Robot, Sensor, Target, locations_of, target_at
 from jig_cad import Jig
 
@@ -41,7 +42,7 @@ class Setup:
     target: Target | Mapping[str, Target]
     robot: Robot | None
     sensor: Sensor
-    design: Pose
+    design: Pose | None
     places: Mapping[str, Pose]
     config: CalibConfig
 
@@ -65,7 +66,7 @@ def calibrate(
     target: Target | Mapping[str, Target],
     robot: Robot | None,
     sensor: Sensor,
-    T_hand_sensor: Pose,
+    T_hand_sensor: Pose | None,
     places: Mapping[str, Pose] | None = None,
     config: CalibConfig | None = None,
 ) -> CalibrationResult:
@@ -81,8 +82,8 @@ def calibrate(
         Nominal; None where every frame has T_base_hand.
     sensor : Sensor
         Whose frame {P} the points are in.
-    T_hand_sensor : Pose
-        The SCP by design: some millimetres and degrees off.
+    T_hand_sensor : Pose or None
+        The SCP by design: some millimetres and degrees off. None where no drawing gives it: surfaces do without.
     places : mapping of str to Pose, optional
         T_base_target of locations where it is known; it then decides between symmetric poses.
     config : CalibConfig, optional
@@ -105,7 +106,9 @@ def calibrate(
         raise InputError("the dataset has no frames")
     setup = Setup(_one_or_more(target, frames), robot, sensor, T_hand_sensor, places or {}, config or CalibConfig())
     given = without_copies(with_joints(in_order(frames), robot))
-    labelled, solved = _prepare(setup, given)
+    begun = _begun(setup, given, setup.design)
+    setup = replace(setup, target=begun.target)
+    labelled, solved = _prepare(setup, given, begun)
     if setup.config.method == "paper":
         result = _paper(setup, labelled, solved)
     elif solved.solution is None or not solved.verdict.trustworthy:
@@ -121,19 +124,19 @@ def calibrate(
     return replace(result, verdict=verdict, remarks=(*result.remarks, *_remarks(setup, labelled, result)))
 
 
-def _prepare(setup: Setup, given: tuple[Frame, ...]) -> tuple[tuple[Frame, ...], Solved]:
+def _prepare(setup: Setup, given: tuple[Frame, ...], begun: Begun) -> tuple[tuple[Frame, ...], Solved]:
     """Labels and axis points by design, then by the solved chain, with the bundle's answer; for both methods.
 
     The paper's iteration leaves labels and surface offsets open, and its own solution is too coarse to find them.
     """
     model: Model = "scp" if setup.config.method == "paper" else setup.config.model
     s = setup.with_config(method="bundle", model=model)
-    labelled = by_target(
-        s.target,
-        lambda target, frames: label_frames(frames, target, s.sensor, s.design, s.places, s.config),
-        placed(given, s.robot),
-    )
-    solved = _solve(s, labelled, s.design)
+    labelled, solved = _labelled_and_solved(s, begun)
+    if s.design is not None and not begun.found and begun.places and not solved.verdict.trustworthy:
+        anew = _begun(s, given, None)
+        if anew.found:  # a design that leads nowhere
+            other = _labelled_and_solved(s, anew)
+            labelled, solved = other if other[1].verdict.trustworthy else (labelled, solved)
     open_labels = any(not f.labels_given for f in given)
     for _ in range(s.config.relabel_rounds if open_labels else 0):
         if solved.solution is None or not solved.verdict.trustworthy:
@@ -168,6 +171,43 @@ def _one_or_more(target: Target | Mapping[str, Target], frames: Sequence[Frame])
     return next(iter(kinds.values())) if len(kinds) == 1 else target
 
 
+def _begun(setup: Setup, given: tuple[Frame, ...], design: Pose | None) -> Begun:
+    """Where a calibration begins, with frames on surfaces made ready."""
+    model: Model = "scp" if setup.config.method == "paper" else setup.config.model
+    config = setup.with_config(method="bundle", model=model).config
+    return begin_on_surfaces(placed(given, setup.robot), setup.target, setup.robot, design, config)
+
+
+def _labelled_and_solved(s: Setup, begun: Begun) -> tuple[tuple[Frame, ...], Solved]:
+    """Labels and a first solution from where a calibration begins."""
+    places = {**s.places, **begun.places}
+    if begun.T_hand_sensor is None:
+        if any(isinstance(target_at(s.target, f.location), Jig) for f in begun.frames):
+            raise InputError(
+                "[scp_initial] is missing, and strings need it: give the sensor's place by its drawing, some "
+                "millimetres and degrees off"
+            )
+        lost = tuple(replace(f, reason=f.reason or "no_target") for f in begun.frames)
+        return lost, Solved(_no_start(lost))
+    T: Pose = begun.T_hand_sensor
+    labelled = by_target(
+        s.target,
+        lambda target, frames: label_frames(frames, target, s.sensor, T, places, s.config),
+        begun.frames,
+    )
+    return labelled, _solve(s, labelled, T)
+
+
+def _no_start(frames: tuple[Frame, ...]) -> Verdict:
+    """What is said where neither a design nor the data give anything to begin with."""
+    seen = sum(len(f.axis) > 0 and f.role == "calibrate" for f in frames)
+    return Verdict(
+        "too_few_poses",
+        f"{seen} calibrate frames show the target, and without [scp_initial] three or more are needed whose views "
+        "differ: take more configurations, turned about two axes, or give the sensor's place by its drawing",
+    )
+
+
 def _solve(setup: Setup, labelled: tuple[Frame, ...], T_hand_sensor: Pose) -> Solved:
     """Solve the usable calibrate frames by the bundle, or say why they can not be."""
     used = tuple(f for f in labelled if f.role == "calibrate" and f.usable)
@@ -175,11 +215,16 @@ def _solve(setup: Setup, labelled: tuple[Frame, ...], T_hand_sensor: Pose) -> So
     verdict = judge_motion(moved, setup.config)
     if verdict is not None:
         return Solved(verdict)
+    raw = {f.number: len(f.axis) for f in used}
+    used = condensed(used, setup.target).frames
     bundle = make_bundle(used, setup.target, setup.robot, setup.config, setup.sensor)
     solution = solve_problem(bundle, [f.candidates for f in used], T_hand_sensor, setup.config)
     refused = tuple(f for f in labelled if f.role == "calibrate" and f.reason == "not_labelled" and len(f.axis))
     facts = bundle_facts(solution, used, refused)
-    return Solved(judge(facts, moved, setup.config), bundle_estimate(solution, used, setup.config), solution, used)
+    estimate = bundle_estimate(solution, used, setup.config)
+    whole = {f.number for f in used if len(f.axis) == raw[f.number]}
+    estimate = replace(estimate, outliers={k: out for k, out in estimate.outliers.items() if k in whole})
+    return Solved(judge(facts, moved, setup.config), estimate, solution, used)
 
 
 def _relabel(
@@ -226,6 +271,8 @@ def _paper(setup: Setup, labelled: tuple[Frame, ...], solved: Solved) -> Calibra
     early = judge_motion(moved, setup.config)
     if early is not None:
         return _answer(setup, labelled, Solved(early))
+    if setup.design is None:
+        raise InputError("the paper's method begins at the sensor's place by its drawing: give [scp_initial]")
     starts = Starts(setup.design, setup.design if trusted is None else trusted.T_hand_sensor)
     estimate, facts = paper_estimate(frames, setup.target, setup.robot, starts, setup.config)
     verdict = checked(judge(facts, moved, setup.config), estimate, solved.verdict, solved.estimate)
@@ -246,8 +293,11 @@ def _named(verdict: Verdict, setup: Setup, labelled: tuple[Frame, ...]) -> Verdi
 
 def _remarks(setup: Setup, labelled: tuple[Frame, ...], result: CalibrationResult) -> tuple[str, ...]:
     """What is to be said of given places and hand poses."""
-    chain, groups = (result.T_hand_sensor or setup.design, result.robot), locations_of(labelled)
-    seen = {n: location_pose(groups[n], target_at(setup.target, n), chain) for n in setup.places if n in groups}
+    T, groups = result.T_hand_sensor or setup.design, locations_of(labelled)
+    known = {} if T is None else {n: groups[n] for n in setup.places if n in groups}
+    seen: dict[str, Pose | None] = {}
+    if T is not None:
+        seen = {n: location_pose(g, target_at(setup.target, n), (T, result.robot)) for n, g in known.items()}
     found = {n: T for n, T in seen.items() if T is not None}
     hands = hand_pose_notes(labelled, setup.config.hand_floor_mm, setup.config.hand_floor_deg)
     T, covariance = result.T_hand_sensor, result.covariance

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Literal
@@ -10,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.printed import printed_sigmas
-from geometry import Frame, Pose, Robot, Role
+from geometry import Frame, Pose, Robot, Role, Target
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -66,7 +67,11 @@ class Distances:
 
 @dataclass(frozen=True, eq=False)
 class LocationResult:
-    """One place of the jig."""
+    """One place of the target.
+
+    surface: what is said of a surface there, None for strings. n_points, n_found: of the profiles, and on the target.
+    centres_left_out: frames whose section is too nearly the whole ball to tell a centre.
+    """
 
     role: Role
     T_base_target: Pose | None
@@ -74,6 +79,10 @@ class LocationResult:
     spread_3d_mm: DesignSolved
     point_rms_mm: DesignSolved
     distances: Distances
+    surface: Mapping[str, object] | None = None
+    n_points: int = 0
+    n_found: int = 0
+    centres_left_out: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,6 +98,8 @@ class Estimate:
         With its corrections; None where only hand poses are known.
     robot_delta, robot_sigma : ndarray (P,)
         Corrections of ``robot.parameters`` and their σ, after the data or the prior's where considered.
+    targets : mapping of str to Target
+        Surfaces by location, their shape as it was solved.
     shape_delta, shape_sigma : ndarray (S,)
         Of the target's shape unknowns.
     chi2_per_dof, degrees_of_freedom, converged, iterations, initial_cost, final_cost
@@ -118,6 +129,7 @@ class Estimate:
     final_cost: float
     condition: float
     noise: dict[str, float]
+    targets: Mapping[str, Target] = field(default_factory=dict)
     shape_delta: Array = field(default_factory=lambda: np.zeros(0))
     shape_sigma: Array = field(default_factory=lambda: np.zeros(0))
     reasons: dict[int, str] = field(default_factory=dict)
@@ -153,7 +165,7 @@ class CalibrationResult:
     method: str
     model: str
     verdict: Verdict
-    T_hand_sensor_design: Pose
+    T_hand_sensor_design: Pose | None
     locations: dict[str, LocationResult]
     frames: tuple[Frame, ...]
     nominal_robot: Robot | None

@@ -209,6 +209,14 @@ class Bundle:
             found |= {m: poses[k] for k, m in enumerate(self.unknowns.block(name).members)}
         return stack_poses([found[n] for n in self.locations])
 
+    def with_axes(self, axes: Sequence[AxisPoints]) -> Bundle:
+        """The problem with other points of the same frames (F)."""
+        terms = []
+        for t in self.terms:
+            points = SheetPoints.of([axes[i] for i in t.frame], t.target.features)
+            terms.append(replace(t, points=points, removed=~points.present))
+        return replace(self, terms=tuple(terms))
+
     def without(self, removed: Mask) -> Bundle:
         """The problem with the points ``removed`` (F, M) not counting, beside those that are absent."""
         terms = []

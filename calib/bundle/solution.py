@@ -18,7 +18,7 @@ from calib.bundle.starts import chain_start, hand_eye_start
 from calib.config import CalibConfig
 from calib.engine import Covariance, Result, covariance, scaled_condition
 from calib.figures import pose_distance
-from geometry import Frame, Pose, Robot, Sensor, State, Target, stack_poses, with_beta_prior
+from geometry import Frame, Pose, Robot, Sensor, State, Surface, Target, stack_poses, with_beta_prior
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -184,7 +184,8 @@ def _robust(
     if not _doubtful(robust):
         return robust, own
     nominal = bundle.hands.pose(start.vector("robot"))
-    other = hand_eye_start(nominal, own, bundle.location)
+    posed = not any(isinstance(t.target, Surface) for t in bundle.terms)  # one curve tells no pose of a surface
+    other = hand_eye_start(nominal, own, bundle.location) if posed else None
     if other is None:
         return robust, own
     start, again = chain_start(bundle, other, candidates)

@@ -10,7 +10,7 @@ from calib.config import CalibConfig
 from calib.judge.identifiability import weak_directions
 from calib.judge.verdict import Facts
 from calib.result import Estimate
-from geometry import Frame
+from geometry import Frame, Surface, Target
 
 
 def bundle_estimate(solution: Solution, used: tuple[Frame, ...], config: CalibConfig) -> Estimate:
@@ -24,6 +24,7 @@ def bundle_estimate(solution: Solution, used: tuple[Frame, ...], config: CalibCo
         robot=solution.robot,
         robot_delta=solution.parameters,
         robot_sigma=found.sigma("robot"),
+        targets={n: _as_solved(solution, n) for n in solution.bundle.locations},
         shape_delta=np.concatenate([result.state.vector(b) for b in solution.bundle.shape_blocks]),
         shape_sigma=np.concatenate([found.sigma(b) for b in solution.bundle.shape_blocks]),
         chi2_per_dof=solution.chi2_per_dof,
@@ -38,6 +39,13 @@ def bundle_estimate(solution: Solution, used: tuple[Frame, ...], config: CalibCo
         outliers={k: out for k, out in zip(numbers, solution.outlier, strict=True) if np.any(out)},
         weak_directions=weak_directions(solution),
     )
+
+
+def _as_solved(solution: Solution, location: str) -> Target:
+    """What stood at a location, its shape as solved."""
+    term = next(t for t in solution.bundle.terms if t.target is solution.bundle.target_at(location))
+    target = term.target
+    return target.shaped(solution.result.state.vector(term.shape_block)) if isinstance(target, Surface) else target
 
 
 def hand_floor(config: CalibConfig) -> NDArray[np.float64]:

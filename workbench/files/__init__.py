@@ -4,8 +4,9 @@ from workbench.files.atomic import sha256_of, write_bytes, write_text
 from workbench.files.cell import Cell, read_cell, read_jig_file
 from workbench.files.cell_writer import cell_text, write_cell
 from workbench.files.controller import CONTROLLERS, controller_text
+from workbench.files.controller_poses import ControllerPoses, PosesSection, controller_poses
 from workbench.files.frames_csv import frames_text, read_frames
-from workbench.files.images import LOSSY_SUFFIXES, SUFFIXES, Image, read_image, write_png
+from workbench.files.images import LOSSY_SUFFIXES, SUFFIXES, Image, is_whole, read_image, write_png
 from workbench.files.points_csv import GivenPoints, points_text, read_points
 from workbench.files.result_file import SavedResult, SavedScp, read_result, saved_result
 from workbench.files.robot_file import read_robot, robot_text, urdf_of
@@ -31,10 +32,12 @@ __all__ = [
     "LOSSY_SUFFIXES",
     "SUFFIXES",
     "Cell",
+    "ControllerPoses",
     "FileSection",
     "GivenPoints",
     "Image",
     "NotNegative",
+    "PosesSection",
     "Positive",
     "Real",
     "Row",
@@ -50,8 +53,10 @@ __all__ = [
     "Whole",
     "carried_calib",
     "cell_text",
+    "controller_poses",
     "controller_text",
     "frames_text",
+    "is_whole",
     "parse_settings",
     "points_text",
     "read_cell",

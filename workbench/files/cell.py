@@ -15,6 +15,7 @@ from geometry import DhRobot, Frame, InputError, Pose, Remark, Role, Sensor, did
 from jig_cad import Jig, jig_from_table
 from jig_cad.files import table_model, without_names
 from perceptron_emu import EmulatorConfig
+from workbench.files.controller_poses import ControllerPoses, PosesSection, controller_poses
 from workbench.files.frames_csv import read_frames
 from workbench.files.points_csv import GivenPoints, read_points
 from workbench.files.robot_file import read_robot
@@ -48,6 +49,7 @@ class CellFile(FileSection):
     frames: Text | None = None
     points: Text | None = None
     scp_initial: ScpSection
+    poses: PosesSection | None = None
     locations: dict[str, LocationSection] = Field(default_factory=dict)
 
     @field_validator("locations", mode="before")
@@ -168,7 +170,15 @@ def _frames(
         return (), path
     path = _named(folder, file.frames, source, "frames")
     n_joints = None if robot is None else robot.n_joints
-    return read_frames(path, n_joints, may_be_empty=not recorded, remark=remark), path
+    poses = None if file.poses is None else _controller_poses(file.poses, source)
+    return read_frames(path, n_joints, may_be_empty=not recorded, remark=remark, poses=poses), path
+
+
+def _controller_poses(section: PosesSection, source: TomlSource) -> ControllerPoses:
+    try:
+        return controller_poses(section)
+    except InputError as error:
+        raise InputError(f"{source.where(('poses',))}: {error}") from None
 
 
 def read_jig_file(path: Path) -> Jig:
@@ -243,10 +253,10 @@ def _points(
 ) -> dict[int, GivenPoints] | None:
     """Points in place of images: named in cell.toml, or points.csv where not one of the images exists."""
     path = folder / (file.points or "points.csv")
-    has_images = any(row.image and (folder / row.image).exists() for row in frames)
+    has_images = any(name and (folder / name).exists() for row in frames for name in (row.image, row.profile))
     if file.points is None and (has_images or not path.exists()):
-        if frames and not any(row.image for row in frames):
-            raise InputError(f"{frames_path}: the column image is empty, and there is no points.csv")
+        if frames and not any(row.image or row.profile for row in frames):
+            raise InputError(f"{frames_path}: the columns image and profile are empty, and there is no points.csv")
         return None
     points = read_points(path, jig.strings, remark)
     known = {row.number for row in frames}

@@ -78,6 +78,8 @@ class ProfileSection(FileSection):
     field_of_view_mm: tuple[tuple[Real, Real], ...] | None = None
     pitch_mm: Positive | None = None
     start_mm: Real | None = None
+    unit: Whole | None = None
+    width: Whole | None = None
     z_towards_sensor: YesNo = False
 
 
@@ -232,6 +234,8 @@ def _profile(given: ProfileSection) -> ProfileOutput:
         field_of_view_mm=None if polygon is None else np.array(polygon, dtype=float).reshape(-1, 2),
         pitch_mm=given.pitch_mm,
         start_mm=given.start_mm,
+        unit=given.unit,
+        width=given.width,
         z_towards_sensor=given.z_towards_sensor,
     )
 

@@ -33,7 +33,7 @@ def calibration_object(
         Plain JSON values, None where there is no number.
 
     """
-    pose = result.T_hand_sensor
+    pose, design = result.T_hand_sensor, result.T_hand_sensor_design
     out: dict[str, Any] = clean(
         {
             "method": result.method,
@@ -47,8 +47,8 @@ def calibration_object(
             "sigma_translation_mm": result.sigma_translation_mm,
             "covariance": result.covariance,
             "design": {
-                "rotation_deg": result.T_hand_sensor_design.fixed_xyz_deg,
-                "translation_mm": result.T_hand_sensor_design.t,
+                "rotation_deg": None if design is None else design.fixed_xyz_deg,
+                "translation_mm": None if design is None else design.t,
             },
             "conventions": {} if pose is None else {name: express(pose, name) for name in CONVENTIONS},
             "convention_formulas": {name: f"{c.maker}: {c.formula}" for name, c in CONVENTIONS.items()},

@@ -46,18 +46,19 @@ def _scp_table(result: CalibrationResult) -> Table:
     pose, design = result.T_hand_sensor, result.T_hand_sensor_design
     rotation = None if pose is None else pose.fixed_xyz_deg
     translation = None if pose is None else pose.t
-    _scp_rows(table, "rotation", "°", design.fixed_xyz_deg, rotation, result.sigma_rotation_deg)
-    _scp_rows(table, "translation", "mm", design.t, translation, result.sigma_translation_mm)
+    drawn = (None, None) if design is None else (design.fixed_xyz_deg, design.t)
+    _scp_rows(table, "rotation", "°", drawn[0], rotation, result.sigma_rotation_deg)
+    _scp_rows(table, "translation", "mm", drawn[1], translation, result.sigma_translation_mm)
     return table
 
 
 def _scp_rows(table: Table, what: str, unit: str, design: object, solved: object, sigma: object) -> None:
     """Three rows; what could not be solved shows a dash."""
-    d = np.round(np.asarray(design, dtype=float), 9) + 0.0  # no minus zero
+    d = np.full(3, np.nan) if design is None else np.round(np.asarray(design, dtype=float), 9) + 0.0  # no minus zero
     s = np.full(3, np.nan) if solved is None else np.asarray(solved, dtype=float)
     e = np.full(3, np.nan) if sigma is None else np.asarray(sigma, dtype=float)
     for i, axis in enumerate(AXES):
-        cells = [f"{d[i]:.4f}", number(s[i], 4), number(e[i], 4), number(s[i] - d[i], 4, sign=True)]
+        cells = [number(d[i], 4), number(s[i], 4), number(e[i], 4), number(s[i] - d[i], 4, sign=True)]
         table.add_row(f"{what} {axis} [{unit}]".replace("[", "\\["), *cells)
 
 
