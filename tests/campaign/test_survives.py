@@ -230,7 +230,7 @@ def test_a_changed_robot_file_is_another_campaign(tmp_path: Path, monkeypatch: p
 def test_a_cache_that_others_can_write_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Before the folder of the run is made."""
     plan = tmp_path / "plan.toml"
-    plan.write_text("")
+    plan.write_text("seed = 1\n")
     cache = tmp_path / "cache"
     cache.mkdir()
     cache.chmod(0o777)
