@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from calib.synthetic import Noise, made_cell, random_cell
 from calib.synthetic.surfaces import ProfileNoise, observe_surface, surface_cell
 from geometry import Pose, express
-from jig_cad import Sphere
+from jig_cad import Jig, Sphere, jig_text
 from tests.workbench.helpers import Cli, edit
 from workbench.files import robot_text
 from workbench.profiles import ScanLine, Told, write_scan_lines
@@ -115,3 +116,54 @@ def test_targets_by_location_and_their_files_errors(cli: Cli, tmp_path: Path) ->
     outcome = cli("calibrate", tmp_path, "--json")
     assert outcome.code == 0, outcome.err
     assert outcome.json["locations"]["D"]["target"]["diameter_mm"] == pytest.approx(DIAMETER_MM, abs=0.2)
+
+
+def string_profile(jig: Jig, T_sensor_jig: Pose, pitch_mm: float, rng: np.random.Generator) -> ScanLine:
+    """Each string as a cylinder, cut by the lines y = const of the sheet; a wall behind all of it."""
+    y = np.arange(-75.0, 75.0, pitch_mm)
+    z = 360.0 + 0.05 * y
+    radius = jig.string_diameter_mm / 2
+    for start, direction in zip(jig.starts, jig.directions, strict=True):
+        s, d = T_sensor_jig @ start, T_sensor_jig.R @ direction
+        # |p − s − ((p − s)·d) d|² = r² at p = (0, y, z): a quadratic in z, its near root
+        a = np.column_stack([np.full_like(y, -s[0]), y - s[1], np.full_like(y, -s[2])])
+        across_a, across_z = a - np.outer(a @ d, d), np.array([0.0, 0.0, 1.0]) - d[2] * d
+        qa, qb, qc = across_z @ across_z, across_a @ across_z, np.sum(across_a**2, axis=1) - radius**2
+        root = qb**2 - qa * qc
+        steep = root < (0.3 * radius) ** 2 * qa  # the flanks send no light back
+        near = (-qb - np.sqrt(np.maximum(root, 0))) / qa
+        z = np.where(~steep & (near < z), near, z)
+    return ScanLine(y, z + rng.normal(size=len(y)) * 0.01)
+
+
+def test_a_string_jig_by_profiles(cli: Cli, tmp_path: Path) -> None:
+    """Three to seven points a string; the answer's error is within its σ."""
+    rng = np.random.default_rng(2)
+    jig = Jig.nominal(string_diameter_mm=0.4)
+    cell = random_cell(rng, jig=jig)
+    built = made_cell(cell, rng, Noise())
+    (tmp_path / "profiles").mkdir()
+    design = cell.design
+    files = {"sensor": '[profile]\nformat = "csv"\n', "robot": robot_text(cell.robot), "jig": jig_text(jig)}
+    files["cell"] = 'sensor = "sensor.toml"\njig = "jig.toml"\nrobot = "robot.toml"\nframes = "frames.csv"\n'
+    files["cell"] += f"[scp_initial]\nrotation_deg = {design.fixed_xyz_deg.tolist()}\n"
+    files["cell"] += f"translation_mm = {design.t.tolist()}\n"
+    for name, text in files.items():
+        (tmp_path / f"{name}.toml").write_text(text)
+    rows = ["frame,profile,location,role," + ",".join(f"j{i}_deg" for i in range(1, 7))]
+    joints = cell.joints_rad + rng.normal(size=cell.joints_rad.shape) * Noise().joint_rad
+    sensors = built.robot.pose(joints) @ built.T_hand_sensor
+    for k, name in enumerate(cell.location):
+        line = string_profile(built.jig, sensors[k].inverse() @ cell.T_base_jig[name], 0.08, rng)
+        write_scan_lines(tmp_path / f"profiles/{k:03d}.csv", [line], Told("csv"))
+        readings = ",".join(f"{v:.6f}" for v in np.rad2deg(cell.joints_rad[k]))
+        rows.append(f"{k},profiles/{k:03d}.csv,{name},{cell.role[k]},{readings}")
+    (tmp_path / "frames.csv").write_text("\n".join(rows) + "\n")
+    outcome = cli("calibrate", tmp_path, "--model", "full", "--json")
+    assert outcome.code == 0, outcome.err + outcome.out[:600]
+    answer = outcome.json
+    assert sum(f["used"] for f in answer["frames"]) >= 0.9 * len(answer["frames"])
+    error = (Pose.from_matrix(np.array(answer["T_hand_sensor"]), 1e-6).inverse() @ cell.T_hand_sensor).log()
+    assert error @ np.linalg.solve(np.array(answer["covariance"]), error) < NEES_LIMIT
+    assert np.linalg.norm(error[:3]) < 1.0
+    assert answer["locations"]["D"]["point_rms_mm"]["solved"] < 0.12
