@@ -201,3 +201,25 @@ def test_a_hundred_kills_end_with_the_same_table(tmp_path: Path) -> None:
     kept = sorted(p.relative_to(out) for p in (out / "images").rglob("*"))
     assert kept == sorted(p.relative_to(calm) for p in (calm / "images").rglob("*"))
     assert all((out / p).read_bytes() == (calm / p).read_bytes() for p in kept if p.suffix == ".png")
+
+
+def test_a_changed_robot_file_is_another_campaign(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The plan's text is the same; a URDF that its robot names counts too."""
+    monkeypatch.chdir(tmp_path)
+    link = '<link name="{0}"/>'
+    ends = '<parent link="a"/><child link="b"/><axis xyz="0 0 1"/>'
+    joint = f'<joint name="j" type="revolute">{ends}<origin xyz="{{0}} 0 0"/></joint>'
+    arm = '<robot name="r">' + link.format("a") + link.format("b") + joint + "</robot>"
+    Path("arm.urdf").write_text(arm.format(0.1))
+    Path("robot.toml").write_text('urdf = "arm.urdf"\nbase = "a"\ntip = "b"\n')
+    Path("plan.toml").write_text('[base.robot]\npreset = "robot.toml"\n')
+    with opened_store(tmp_path / "run", read_plan(Path("plan.toml"))):
+        pass
+    with opened_store(tmp_path / "run", read_plan(Path("plan.toml"))):
+        pass
+    Path("arm.urdf").write_text(arm.format(0.2))
+    with (
+        pytest.raises(InputError, match=r"robot\.preset = robot\.toml was changed since"),
+        opened_store(tmp_path / "run", read_plan(Path("plan.toml"))),
+    ):
+        pass
