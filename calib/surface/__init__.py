@@ -2,8 +2,8 @@
 
 from calib.surface.begin import Begun, begin_on_surfaces
 from calib.surface.condense import Condensed, condensed
-from calib.surface.views import OPEN_CONDITION, Degenerate, degenerate, general_advice
 from calib.surface.describe import described, own_centres, section_depths
+from calib.surface.views import OPEN_CONDITION, Degenerate, degenerate, general_advice
 
 __all__ = [
     "OPEN_CONDITION",
