@@ -10,6 +10,9 @@ import numpy as np
 from calib.closure import Socket
 from geometry import InputError
 
+MOST_RADIANS = 4 * np.pi  # two turns either way: no reading of an arm is larger
+LEAST_ROWS = 3
+
 
 def read_sockets(paths: Sequence[Path], n_joints: int, *, degrees: bool) -> list[Socket]:
     """Sockets of CSV files without a header; the folder's name is the location, the file's the socket."""
@@ -34,4 +37,12 @@ def _read(path: Path, n_joints: int, *, degrees: bool) -> np.ndarray:
         rows.append(row)
     if not rows:
         raise InputError(f"{path}: holds no joint readings")
-    return np.deg2rad(rows) if degrees else np.array(rows)
+    values = np.array(rows)
+    largest = float(np.max(np.abs(values)))
+    if not degrees and largest > MOST_RADIANS:
+        raise InputError(
+            f"{path}: reads up to {largest:.4g}, more than two turns in radians: say --degrees, if they are"
+        )
+    if degrees and len(values) >= LEAST_ROWS and 0.01 < largest <= 2 * np.pi:
+        raise InputError(f"{path}: no joint reads more than {largest:.3g}°, as if in radians: leave --degrees away")
+    return np.deg2rad(values) if degrees else values

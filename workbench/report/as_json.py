@@ -58,7 +58,10 @@ def calibration_object(
             "conventions": {} if pose is None else {name: express(pose, name) for name in CONVENTIONS},
             "convention_formulas": {name: f"{c.maker}: {c.formula}" for name, c in CONVENTIONS.items()},
             "locations": {name: location_object(location) for name, location in result.locations.items()},
-            "frames": [frame_object(frame, (complaints or {}).get(frame.number)) for frame in result.frames],
+            "frames": [
+                frame_object(frame, (complaints or {}).get(frame.number), _stands_on_surface(frame, result))
+                for frame in result.frames
+            ],
             "solution": _solution(result),
             "inputs": [] if cell is None else inputs_of(cell),
             "weak_directions": result.weak_directions,
@@ -122,9 +125,17 @@ def _solution(result: CalibrationResult) -> dict[str, Any]:
 
 def location_object(location: LocationResult) -> dict[str, Any]:
     """Figures and place of one location."""
+    place: dict[str, Any] = {"T_base_jig": None if location.T_base_target is None else location.T_base_target.matrix}
+    if location.surface is not None:
+        place = {
+            "target": dict(location.surface),
+            "n_points": location.n_points,
+            "n_found": location.n_found,
+            "centres_left_out": location.centres_left_out,
+        }
     return {
         "role": location.role,
-        "T_base_jig": None if location.T_base_target is None else location.T_base_target.matrix,
+        **place,
         "max_deviation_mm": _both(location.max_deviation_mm),
         "spread_3d_mm": _both(location.spread_3d_mm),
         "point_rms_mm": _both(location.point_rms_mm),
@@ -140,16 +151,33 @@ def _both(pair: DesignSolved) -> dict[str, float | None]:
     return {"design": pair.design, "solved": pair.solved, "nominal": pair.nominal}
 
 
-def frame_object(frame: Frame, complaint: str | None) -> dict[str, Any]:
-    """One frame with its points, and the sentence about its image where that could not be used."""
+def _stands_on_surface(frame: Frame, result: CalibrationResult) -> bool:
+    location = result.locations.get(frame.location)
+    return location is not None and location.surface is not None
+
+
+def frame_object(frame: Frame, complaint: str | None, surface: bool = False) -> dict[str, Any]:
+    """One frame with its points, and the sentence about its image where that could not be used.
+
+    surface: its points are counted, not listed.
+    """
+    residual = frame.residual_mm[np.isfinite(frame.residual_mm)]
+    measured: dict[str, Any] = {"points": [_point(frame, i) for i in range(len(frame.axis))]}
+    if surface:
+        measured = {
+            "n_points": frame.n_points,
+            "n_found": len(frame.axis),
+            "rms_mm": float(np.sqrt(np.mean(residual**2))) if len(residual) else None,
+        }
     out = {
         "frame": frame.number,
         "location": frame.location,
         "role": frame.role,
         "image": frame.image,
+        **({"profile": frame.profile} if frame.profile else {}),
         "used": frame.used,
         "reason": frame.reason,
-        "points": [_point(frame, i) for i in range(len(frame.axis))],
+        **measured,
     }
     return out | ({"complaint": complaint} if complaint else {})
 
