@@ -115,6 +115,9 @@ def surface_figures(group: Sequence[Frame], target: Surface, design: Chain | Non
         return Figures(replace(none, n_points=n_points), None, {})
     by_design = None if design is None else _surface_fit(usable, target, design)
     by_solved = None if solved is None else _surface_fit(usable, target, solved)
+    if by_design is None and by_solved is None:
+        none = LocationResult(role, None, _NONE, _NONE, _NONE, _NO_DISTANCES)
+        return Figures(replace(none, n_points=n_points, n_found=sum(len(f.axis) for f in usable)), None, {})
     fit = by_solved or by_design
     kept, length, origins = _centres(usable, target, design, by_design)
     solved_kept, solved_length, solved_origins = _centres(usable, target, solved, by_solved)
@@ -135,12 +138,14 @@ def surface_figures(group: Sequence[Frame], target: Surface, design: Chain | Non
     return Figures(result, fit, {})
 
 
-def _surface_fit(usable: Sequence[Frame], target: Surface, chain: Chain) -> Fit:
-    """The surface fitted to a location's points by a chain."""
+def _surface_fit(usable: Sequence[Frame], target: Surface, chain: Chain) -> Fit | None:
+    """The surface fitted to a location's points by a chain, None where nothing tells where it stands."""
     sensors = _sensors(usable, chain)
     points = SheetPoints.of([f.axis for f in usable], target.features)
     seen = points.present
     start = target.place((sensors @ points.xyz_mm)[seen], points.feature[seen])
+    if start is None and any(not len(f.candidates) for f in usable):
+        return None
     return fit_location(points, sensors, target, _start(usable, sensors) if start is None else start)
 
 
@@ -169,7 +174,8 @@ def location_pose(group: Sequence[Frame], target: Target, chain: Chain) -> Pose 
     if not usable:
         return None
     if isinstance(target, Surface):
-        return _surface_fit(usable, target, chain).T_base_target
+        found = _surface_fit(usable, target, chain)
+        return None if found is None else found.T_base_target
     sensors = _sensors(usable, chain)
     points = SheetPoints.of([f.axis for f in usable], target.features)
     return fit_location(points, sensors, target, _start(usable, sensors)).T_base_target

@@ -28,10 +28,21 @@ from calib.label import label_frames, relabel, settled
 from calib.paper import Starts, checked, paper_estimate, paper_frames
 from calib.printed import gimbal_note
 from calib.result import CalibrationResult, Estimate, Verdict
-from calib.surface import Begun, begin_on_surfaces, condensed
-from geometry import Frame, InputError, Pose, Robot, Sensor, Target, locations_of, target_at
-from jig_cad import Jig
+from calib.surface import OPEN_CONDITION, Begun, begin_on_surfaces, condensed, degenerate, general_advice
+from geometry import Frame, InputError, Pose, Robot, Sensor, Surface, Target, locations_of, target_at
+from jig_cad import Jig, Plane
 
+NAMED = (
+    "ok",
+    "model_misfit",
+    "weak",
+    "not_observable",
+    "rotation_too_small",
+    "too_few_poses",
+    "poses_not_distinct",
+    "not_converged",
+    "outliers",
+)  # verdicts that the views of surfaces can be the cause of
 CONTRADICTED = ("not_converged", "outliers", "rotation_too_small", "too_few_poses")
 
 
@@ -187,9 +198,12 @@ def _labelled_and_solved(s: Setup, begun: Begun) -> tuple[tuple[Frame, ...], Sol
                 "[scp_initial] is missing, and strings need it: give the sensor's place by its drawing, some "
                 "millimetres and degrees off"
             )
-        lost = tuple(replace(f, reason=f.reason or "no_target") for f in begun.frames)
-        return lost, Solved(_no_start(lost))
+        return begun.frames, Solved(_no_start(begun.frames, s.target))
     T: Pose = begun.T_hand_sensor
+    used = tuple(f for f in begun.frames if f.role == "calibrate" and f.usable and len(f.axis))
+    still = degenerate(used, s.target, None, {}) if len(used) > 2 else None
+    if still is not None:
+        return begun.frames, Solved(Verdict("rotation_too_small", still.text))
     labelled = by_target(
         s.target,
         lambda target, frames: label_frames(frames, target, s.sensor, T, places, s.config),
@@ -198,8 +212,12 @@ def _labelled_and_solved(s: Setup, begun: Begun) -> tuple[tuple[Frame, ...], Sol
     return labelled, _solve(s, labelled, T)
 
 
-def _no_start(frames: tuple[Frame, ...]) -> Verdict:
+def _no_start(frames: tuple[Frame, ...], target: Target | Mapping[str, Target]) -> Verdict:
     """What is said where neither a design nor the data give anything to begin with."""
+    used = tuple(f for f in frames if f.role == "calibrate" and f.usable and len(f.axis))
+    still = degenerate(used, target, None, {}) if len(used) > 2 else None
+    if still is not None:
+        return Verdict("rotation_too_small", still.text)
     seen = sum(len(f.axis) > 0 and f.role == "calibrate" for f in frames)
     return Verdict(
         "too_few_poses",
@@ -214,7 +232,7 @@ def _solve(setup: Setup, labelled: tuple[Frame, ...], T_hand_sensor: Pose) -> So
     moved = frames_motion(used)
     verdict = judge_motion(moved, setup.config)
     if verdict is not None:
-        return Solved(verdict)
+        return Solved(_views_named(verdict, setup, used, None))
     raw = {f.number: len(f.axis) for f in used}
     used = condensed(used, setup.target).frames
     bundle = make_bundle(used, setup.target, setup.robot, setup.config, setup.sensor)
@@ -224,7 +242,32 @@ def _solve(setup: Setup, labelled: tuple[Frame, ...], T_hand_sensor: Pose) -> So
     estimate = bundle_estimate(solution, used, setup.config)
     whole = {f.number for f in used if len(f.axis) == raw[f.number]}
     estimate = replace(estimate, outliers={k: out for k, out in estimate.outliers.items() if k in whole})
-    return Solved(judge(facts, moved, setup.config), estimate, solution, used)
+    verdict = _views_named(judge(facts, moved, setup.config), setup, used, solution)
+    if verdict.code == "not_observable" and len(whole) < len(used):
+        return Solved(verdict)  # what noise alone leaves open has no σ
+    return Solved(verdict, estimate, solution, used)
+
+
+def _views_named(verdict: Verdict, setup: Setup, used: tuple[Frame, ...], solution: Solution | None) -> Verdict:
+    """The verdict on views of surfaces by its name, with the pose that would help; refused where σ are not true."""
+    if verdict.code not in NAMED or not any(isinstance(target_at(setup.target, f.location), Surface) for f in used):
+        return verdict
+    T, places = (None, {}) if solution is None else (solution.T_hand_sensor, solution.places)
+    found = degenerate(used, setup.target, T, places)
+    open_one = solution is not None and not solution.condition < OPEN_CONDITION
+    sound = verdict.code in ("ok", "model_misfit")
+    if found is None and not open_one:
+        helps = verdict.code in ("not_observable", "weak") and all(
+            isinstance(target_at(setup.target, f.location), Plane) for f in used
+        )
+        return replace(verdict, text=f"{verdict.text}; {general_advice(setup.target, used)}") if helps else verdict
+    if sound and not open_one and not (found is not None and found.certain):
+        return verdict
+    words = found.text if found is not None else general_advice(setup.target, used)
+    code = "not_observable" if open_one or (found is not None and found.certain) or sound else verdict.code
+    if verdict.code in ("rotation_too_small", "too_few_poses", "poses_not_distinct"):
+        code = verdict.code
+    return Verdict(code, f"{words}. In all, {verdict.text}" if not sound else words)
 
 
 def _relabel(

@@ -257,7 +257,7 @@ def estimated_parameters(hands: Hands, model: str) -> Mask:
     groups = estimated_groups(model)
     if groups == ():
         return np.zeros(len(hands.groups), dtype=bool)
-    if hands.poses_only or hands.inferred:
+    if hands.poses_only:
         raise InputError(
             f"model {model} corrects the robot's table and needs joint readings j1_deg …, but these frames give hand "
             "poses T_base_hand only: use model scp"
