@@ -36,7 +36,7 @@ def test_json_has_what_the_format_names(answer: Any) -> None:
     assert list(answer["locations"]) == ["A", "B", "C", "D"]
     for location in answer["locations"].values():
         for figure in ("max_deviation_mm", "spread_3d_mm", "point_rms_mm"):
-            assert set(location[figure]) == {"design", "solved"}
+            assert set(location[figure]) == {"design", "solved", "nominal"}
     assert answer["locations"]["D"]["role"] == "verify"
     frame = answer["frames"][0]
     assert {"frame", "location", "role", "used", "reason", "points"} <= set(frame)
