@@ -101,7 +101,7 @@ def main() -> None:
         rows = [errors(kind, seed, AS_BUILT, "full") for seed in range(1, cells + 1)]
         table = np.array([r[:3] for r in rows])
         good = table[np.isfinite(table[:, 0])]
-        exact = np.array([errors(kind, seed, EXACT, "scp")[0] for seed in range(1, max(cells // 5, 1) + 1)])
+        exact = np.array([errors(kind, seed, EXACT, "scp")[0] for seed in range(1, max(cells // 2, 1) + 1)])
         ratio = float(np.sqrt(np.nanmean(exact) / 6))
         mean, spread = good[:, 0].mean(), good[:, 0].std() / np.sqrt(len(good))
         mm, deg = np.percentile(good[:, 1:], 95, axis=0)
