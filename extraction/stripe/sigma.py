@@ -19,6 +19,7 @@ from geometry.compiled import kernel
 Array = NDArray[np.float64]
 
 WINDOW = 41  # sections of a line
+STEP_PX = 5.0  # per section, from which the stripe has gone to another surface
 FEWEST = 60  # points from which anything is learnt
 SIGNIFICANT = 3.0  # of the excess, in its own σ
 MOST_LAGS = 7
@@ -135,6 +136,8 @@ def _residuals(section: NDArray[np.int64], place: Array) -> Residuals:
     while start < n:
         stop = start + 1
         while stop < n and section[stop] - section[stop - 1] <= 2:
+            if abs(place[stop] - place[stop - 1]) > STEP_PX * (section[stop] - section[stop - 1]):
+                break
             stop += 1
         m = stop - start
         windows = max(1, int(m / WINDOW + 0.5)) if m >= WINDOW // 2 else 0

@@ -128,7 +128,7 @@ def test_a_plateau_is_clipping_at_any_level(top, noise):
 
 
 def test_clipped_points_have_true_sigma():
-    """Never too small; up to a third too large where the pixels' phase, which σ allows for, happens to matter little."""
+    """Never too small; up to a third too large where the pixels' phase, which σ allows for, matters little."""
     scaled = []
     for seed in range(3):
         picture = draw("clipped_below_full_scale", np.random.default_rng(seed))
