@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+Array = NDArray[np.floating[Any]]
 
 _GAIN, _READ = 0.03, 0.8  # grey levels per electron and read noise of the camera [DN]
 FWHM = 2.3548  # of a Gaussian, in σ
@@ -67,7 +68,7 @@ def _bell(height: int, centre: Array, sigma: float, peak: float | Array) -> Arra
 def _grain(shape: tuple[int, int], size: float, rng: np.random.Generator) -> Array:
     """Smooth noise of unit spread."""
     field = np.asarray(cv2.GaussianBlur(rng.normal(size=shape), (0, 0), size))
-    return field / field.std()
+    return np.asarray(field / field.std())
 
 
 def _metal(shape: tuple[int, int], level: float, contrast: float, size: float, rng: np.random.Generator) -> Array:
@@ -94,7 +95,10 @@ def _beside_a_board(rng: np.random.Generator) -> StripePicture:
     rows, columns = np.mgrid[:400, :340]
     board = 90.0 * ((rows // 32 + columns // 32) % 2) * (rows > 140)
     return StripePicture(
-        _seen(12 + cv2.GaussianBlur(board, (0, 0), 0.9) + _bell(400, centre, 9, 40), rng), centre, False, 5
+        _seen(12 + np.asarray(cv2.GaussianBlur(board, (0, 0), 0.9), float) + _bell(400, centre, 9, 40), rng),
+        centre,
+        False,
+        5,
     )
 
 
@@ -139,7 +143,10 @@ def _beside_a_border(rng: np.random.Generator) -> StripePicture:
     centre = 80 + rng.uniform(-5, 5) + 0.015 * u
     border = 70.0 * (np.arange(280)[:, None] > 180 + 0.05 * u)
     return StripePicture(
-        _seen(cv2.GaussianBlur(10 + border + _bell(280, centre, 2.2, 26), (0, 0), 0.8), rng), centre, False, 2
+        _seen(np.asarray(cv2.GaussianBlur(10 + border + _bell(280, centre, 2.2, 26), (0, 0), 0.8), float), rng),
+        centre,
+        False,
+        2.0,
     )
 
 
@@ -195,7 +202,9 @@ def _lit_board(rng: np.random.Generator) -> StripePicture:
     squares = 110.0 * ((rows // 34 + columns // 34) % 2)
     turn = cv2.getRotationMatrix2D((350, 350), rng.uniform(20, 70), 1)
     board = cv2.warpAffine(squares, turn, (700, 700))[160:500, 40:660]
-    return StripePicture(_seen(cv2.GaussianBlur(14 + board, (0, 0), 0.9), rng), np.full(620, np.nan), False, 1.0)
+    return StripePicture(
+        _seen(np.asarray(cv2.GaussianBlur(14 + board, (0, 0), 0.9), float), rng), np.full(620, np.nan), False, 1.0
+    )
 
 
 KINDS: dict[str, Callable[[np.random.Generator], StripePicture]] = {
