@@ -19,6 +19,7 @@ COMMANDS = {
     "gapflush": "Measure gap, flush and edge radii of two panels in a profile or an image.",
     "tune": "Tune detection on saved stripe images: the process window in the browser, or a search with --auto.",
     "pose": "All jig poses that fit the points of a frame, with their likelihoods.",
+    "twin": "Fit a sensor's emulation keys to its recorded stripe images, and show what still differs.",
     "validate": "Measure point extraction against truth, with thresholds for your own CI.",
     "plan": "Propose the most telling next configurations and predict the SCP's σ.",
     "render": "Record a cell in emulation: plan configurations and render images with truth.",
