@@ -1,5 +1,6 @@
 """Ground floor: poses, lines, the sensor, the robot, measured points and errors (numpy and scipy only)."""
 
+from geometry.board import BOARD_KINDS, Board
 from geometry.errors import InputError, MissingDependencyError, NoAnswerError, PerceptronEmuError, did_you_mean
 from geometry.frame import NO_POSES, Frame, Role, locations_of
 from geometry.lines import cross_plane_x0, distance_to_line
@@ -41,6 +42,7 @@ from geometry.unknowns import Block, Linearised, State, Step, Term, Unknowns
 from geometry.writing import toml_value, write_bytes, write_text
 
 __all__ = [
+    "BOARD_KINDS",
     "CONVENTIONS",
     "DH_ROWS",
     "NO_POSES",
@@ -48,6 +50,7 @@ __all__ = [
     "Arm",
     "AxisPoints",
     "Block",
+    "Board",
     "Camera",
     "ChainJoint",
     "Compliance",
