@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.engine import Covariance, Result
-from calib.sensor.bundle import SensorBundle, camera_start, plane_start
+from calib.sensor.bundle import SensorBundle, camera_start
 from calib.sensor.choice import Choice, choose_terms
 from calib.sensor.left_out import LeftOut, left_out
 from calib.sensor.noise import with_noise
@@ -116,7 +116,7 @@ class _Attempt:
         views = _on_lines(views, state, COARSE_PX)
         if not len(views.stripe):
             return _Attempt(given, size_px, settings, dropped, None, state)
-        choice = choose_terms(SensorBundle(views, (), width), plane_start(views, state), settings.max_terms)
+        choice = choose_terms(SensorBundle(views, (), width), state, settings.max_terms)
         for _ in range(_ROUNDS):
             cleaned = _without_outliers(_on_lines(choice.bundle.views, choice.result.state, FINE_PX), choice)
             bundle = replace(choice.bundle, views=cleaned)

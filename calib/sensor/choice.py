@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.engine import Result
-from calib.sensor.bundle import SensorBundle, tilted_start
+from calib.sensor.bundle import SensorBundle, plane_start, tilted_start
 from calib.sensor.left_out import LeftOut, left_out
-from calib.sensor.noise import with_noise
+from calib.sensor.noise import first_noise, with_noise
 from geometry import State
 
 Array = NDArray[np.float64]
@@ -78,12 +78,15 @@ def choose_terms(bundle: SensorBundle, start: State, max_terms: int = 14) -> Cho
     """The set of terms out of those that fit into ``max_terms`` of OpenCV's vector."""
     usual = tuple(t for t in (*RADIAL[2], *TANGENTIAL) if LENGTH[t] <= max_terms)
     first = replace(bundle, terms=usual)
-    upright = first.solve(start)
+    corners = first.without_stripes().solve(start)
+    first = first_noise(first, replace(corners, state=plane_start(first.views, corners.state)))
+    upright = first.solve(plane_start(first.views, corners.state))
     widest, result = first, upright
     if LENGTH[TILT[-1]] <= max_terms:
-        wider = replace(bundle, terms=(*RADIAL[2], *TILT))
-        tilted = _tilted(wider, (start, upright.state))
-        widest, result = (wider, tilted) if tilted.converged else (first, upright)
+        wider = replace(first, terms=(*RADIAL[2], *TILT))
+        tilted = _tilted(wider, (plane_start(first.views, start), upright.state))
+        better = tilted.converged and tilted.cost < upright.cost
+        widest, result = (wider, tilted) if better else (first, upright)
     noise = with_noise(widest, result)
     fits: dict[tuple[str, ...], _Fit] = {}
 
@@ -93,7 +96,7 @@ def choose_terms(bundle: SensorBundle, start: State, max_terms: int = 14) -> Cho
                 continue
             if terms not in fits:
                 mine = replace(noise, terms=terms)
-                found = mine.solve((result if TILT[-1] in terms else upright).state)
+                found = mine.solve((result if TILT[-1] in terms and widest is not first else upright).state)
                 fits[terms] = _Fit(mine, found, left_out(mine, found))
             best = fits[terms] if best is None or fits[terms].beats(best) else best
         return best or best_of(None, [()])

@@ -11,13 +11,12 @@ from calib.engine import Result
 from calib.sensor.bundle import SensorBundle
 from calib.sensor.left_out import BOARD_FREEDOM, left_out
 from calib.sensor.terms import StripeNoise
+from geometry import State
 
 Array = NDArray[np.float64]
 
-_ROUNDS = 2  # the scale of one kind of evidence moves the residuals of the other a little
 _LINE_FREEDOM = 2
-_MAX_ALIKE = 0.98  # correlation of neighbours: beyond it the line's own fit has eaten it
-_QUIET = 0.15  # correlation of neighbours below which it is taken as none
+_QUIET = 0.1  # correlation that is as good as none
 
 
 def with_noise(bundle: SensorBundle, result: Result, offsets: bool = True) -> SensorBundle:
@@ -28,17 +27,34 @@ def with_noise(bundle: SensorBundle, result: Result, offsets: bool = True) -> Se
     bundle = replace(bundle, corner_scale=max(scale, 1e-6))
     if not bundle.has_plane:
         return bundle
-    noise = _along_stripes(bundle, result)
+    noise = _along_stripes(bundle, result.state)
     bundle = replace(bundle, stripe_noise=noise)
     return replace(bundle, stripe_noise=replace(noise, offset_mm=_offset(bundle, result))) if offsets else bundle
 
 
-def _along_stripes(bundle: SensorBundle, result: Result) -> StripeNoise:
-    """Scale and length of likeness within the views, each freed of a straight line."""
-    rows = bundle.stripe_term.rows(result.state)
+def first_noise(bundle: SensorBundle, boards: Result) -> SensorBundle:
+    """The bundle with the noise of a solution by corners alone, before stripes and corners are weighed together.
+
+    boards: that solution, a plane through its stripes' points in its state.
+    """
+    alone = with_noise(bundle.without_stripes(), boards)
+    noise = _along_stripes(bundle, boards.state)
+    rows, member = bundle.stripe_term.rows(boards.state), bundle.views.view_of_stripe
+    count = np.bincount(member, minlength=len(bundle.views))
+    means = np.bincount(member, rows.residual, len(bundle.views))[count > 0] / count[count > 0]
+    offset = float(np.sqrt(np.mean(means**2)))
+    return replace(bundle, corner_scale=alone.corner_scale, stripe_noise=replace(noise, offset_mm=offset))
+
+
+def _along_stripes(bundle: SensorBundle, state: State) -> StripeNoise:
+    """Scale and length of likeness within the views, each freed of a straight line.
+
+    The length is the sum of the correlations up to where they vanish: a board's bend and speckle are in it alike.
+    """
+    rows = bundle.stripe_term.rows(state)
     uv, member = bundle.views.stripe.uv_px, bundle.views.view_of_stripe
-    square = pairs = apart = count = 0.0
-    steps: list[Array] = []
+    products, pairs = np.zeros(0), np.zeros(0)
+    freedom = 0
     for v in range(len(bundle.views)):
         mine = member == v
         if mine.sum() <= 3 * _LINE_FREEDOM:
@@ -47,19 +63,31 @@ def _along_stripes(bundle: SensorBundle, result: Result) -> StripeNoise:
         basis = np.stack([np.ones_like(along), along], 1) / rows.sigma[mine, None]
         z = rows.residual[mine] / rows.sigma[mine]
         z = z - basis @ np.linalg.lstsq(basis, z, rcond=None)[0]
-        near = np.diff(along) < 2.0  # neighbours, not across a gap
-        square += float(z @ z)
-        count += len(z) - _LINE_FREEDOM
-        pairs += float(np.sum((z[1:] * z[:-1])[near]))
-        apart += float(near.sum())
-        steps.append(np.diff(along)[near])
-    if count < 1:
+        product, pair = _lagged(np.round(along).astype(int), z)
+        products, pairs = _sum(products, product), _sum(pairs, pair)
+        freedom += _LINE_FREEDOM
+    if not len(pairs) or pairs[0] <= freedom:
         return bundle.stripe_noise
-    variance = square / count
-    alike = min(pairs / max(apart, 1.0) / max(variance, 1e-300), _MAX_ALIKE)
-    step = float(np.mean(np.concatenate(steps))) if steps and apart else 1.0
-    length = 0.0 if alike < _QUIET else -step / float(np.log(alike))
-    return StripeNoise(float(np.sqrt(variance)), length)
+    variance = products[0] / (pairs[0] - freedom)
+    alike = products / np.maximum(pairs, 1) / max(products[0] / pairs[0], 1e-300)
+    end = int(np.argmax(alike < _QUIET)) if np.any(alike < _QUIET) else len(alike)
+    return StripeNoise(float(np.sqrt(variance)), float(np.sum(alike[1:end])))
+
+
+def _lagged(at_px: NDArray[np.intp], z: Array) -> tuple[Array, Array]:
+    """Sums of products of values that many pixels apart, and their numbers, by lag up to half the stripe's length."""
+    length = int(at_px.max()) + 1
+    series, present = np.zeros(2 * length), np.zeros(2 * length)
+    series[at_px], present[at_px] = z, 1.0
+    sums = [np.fft.irfft(np.abs(np.fft.rfft(x)) ** 2)[: length // 2 + 1] for x in (series, present)]
+    return sums[0], np.round(sums[1])
+
+
+def _sum(a: Array, b: Array) -> Array:
+    out = np.zeros(max(len(a), len(b)))
+    out[: len(a)] += a
+    out[: len(b)] += b
+    return out
 
 
 def _offset(bundle: SensorBundle, result: Result) -> float:

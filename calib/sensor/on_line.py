@@ -6,16 +6,18 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import median_filter
 
 from calib.sensor.bundle import on_board
 from calib.sensor.terms import BOARD, CAMERA
-from calib.sensor.views import BoardView
+from calib.sensor.views import BoardView, Stripe
 from geometry import Pose, State
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 _TRIES = 300  # pairs of points: a stripe that makes up a fifth of all is met with certainty
+_ALIKE = 101  # points, over which the stripe's light changes little
 _SEED = 20  # the same pairs every time
 MIN_POINTS = 12  # of a stripe that counts
 
@@ -33,7 +35,12 @@ def on_one_line(view: BoardView, state: State, index: int, tolerance_px: float) 
     good = _largest_line(xy, tolerance)
     for _ in range(3):
         good = _off_line(xy, good) < tolerance
-    return replace(view, stripe=stripe[good] if good.sum() >= MIN_POINTS else stripe[:0])
+    return replace(view, stripe=_steadied(stripe[good]) if good.sum() >= MIN_POINTS else stripe[:0])
+
+
+def _steadied(stripe: Stripe) -> Stripe:
+    """The stripe with σ as its neighbours have it: errors that neighbours share do not follow each point's own σ."""
+    return replace(stripe, sigma_px=median_filter(stripe.sigma_px, size=_ALIKE, mode="nearest"))
 
 
 def _largest_line(xy: Array, tolerance: float) -> Mask:

@@ -15,7 +15,7 @@ from geometry import Board
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-REACH = 4.0  # pitches beyond what is printed, in which a board's plane is followed
+REACH = 10.0  # pitches beyond the corners, in which a board's plane is followed: a plate larger than its print
 BORDER_WIDTHS, BORDER_PX = 3.0, 1.0  # distance from a border between squares: Gaussian σ of the stripe, and pixels
 ALIKE_SHARE = 0.5  # slope of laser-on over laser-off levels from which the room light is in both
 MIN_DN = 6  # above the usual level, of pixels that tell which way the stripe runs
