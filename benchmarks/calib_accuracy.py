@@ -126,7 +126,7 @@ def bound(cell: SyntheticCell, setting: Setting) -> np.ndarray:
     exact = problem_of(observe(cell, cell, np.random.default_rng(0), noise), cell)
     points = exact.term.points
     cov = np.broadcast_to(np.eye(2) * setting.point_mm**2, points.cov_mm2.shape)
-    exact = replace(exact, term=replace(exact.term, points=replace(points, cov_mm2=cov)))
+    exact = replace(exact, terms=(replace(exact.term, points=replace(points, cov_mm2=cov)),))
     jigs = stack_poses([cell.T_base_jig[n] for n in ("A", "B", "C")])
     return covariance(solve_bundle(exact, exact.start(cell.T_hand_sensor, jigs))).of("scp")
 

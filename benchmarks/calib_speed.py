@@ -23,7 +23,8 @@ from geometry import stack_poses
 def repeated(bundle: Bundle, times: int) -> Bundle:
     """The same frames again and again: as many rows as a long recording has."""
     index = np.tile(np.arange(len(bundle.hands)), times)
-    return replace(bundle, term=bundle.term.at_frames(index, bundle.location[index]))
+    terms = (bundle.term.at_frames(index, bundle.location[index]),)
+    return replace(bundle, terms=terms, hands=bundle.hands[index], location=bundle.location[index])
 
 
 def median_ms(solve: Callable[[], object], runs: int) -> float:

@@ -52,7 +52,7 @@ def main() -> None:
     target = Path(sys.argv[2]) if len(sys.argv) > 2 else REPOSITORY / "docs/pictures"
     if not real.is_dir():
         sys.exit(f"{real} is not there: name the folder of real images")
-    wide = StripeConfig(direction="rows", select="continuous", max_width_px=12, surround_px=24)
+    wide = StripeConfig(direction="rows")
     board = cv2.imread(str(real / "etna/data/frame0001.png"), cv2.IMREAD_GRAYSCALE)
     rough = cv2.imread(str(real / "etna/data/calib2/frame0005.png"), cv2.IMREAD_GRAYSCALE)
     floor, floor_red = red(sorted((real / FLOOR).glob("*.jpg"))[3])

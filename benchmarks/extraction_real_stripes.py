@@ -42,7 +42,7 @@ def calibrate(images: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray, float]:
 
 def ours(image: np.ndarray) -> np.ndarray:
     """The product along rows, the most continuous chain, told that the stripe is up to 25 px wide."""
-    wide = StripeConfig(direction="rows", select="continuous", max_width_px=12, surround_px=24)
+    wide = StripeConfig(direction="rows")
     return detect_stripe(image, wide).uv_px
 
 

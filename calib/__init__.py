@@ -2,7 +2,9 @@
 
 from calib.calibrate import calibrate
 from calib.config import CalibConfig
+from calib.printed import printed_sigmas
 from calib.result import CalibrationResult, DesignSolved, Distances, Estimate, LocationResult, Verdict
+from calib.verify import Verification, verify
 
 __all__ = [
     "CalibConfig",
@@ -12,5 +14,8 @@ __all__ = [
     "Estimate",
     "LocationResult",
     "Verdict",
+    "Verification",
     "calibrate",
+    "printed_sigmas",
+    "verify",
 ]

@@ -13,12 +13,14 @@ from calib.figures import Fit, agreeing_pose, fit_location, max_deviation, sprea
 from calib.hands import chain_poses
 from calib.pose import own_poses
 from calib.result import CalibrationResult, DesignSolved, Distances, Estimate, LocationResult, Verdict
-from geometry import Frame, Pose, Robot, SheetPoints, Target, locations_of, stack_poses
+from geometry import Frame, Pose, Robot, SheetPoints, Target, locations_of, stack_poses, target_at
 
 Array = NDArray[np.float64]
 Chain = tuple[Pose, Robot | None]  # an SCP and the robot that carries it
 
 _NONE = DesignSolved(None, None)
+LEAST_FRAMES = 3  # of a location's figures: one frame fits itself, two agree in all that its pose leaves open
+_NO_DISTANCES = Distances((), np.zeros(0), np.zeros(0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +34,7 @@ class Figures:
 
 def answer(
     frames: tuple[Frame, ...],
-    target: Target,
+    target: Target | Mapping[str, Target],
     robot: Robot | None,
     design: Pose,
     config: CalibConfig,
@@ -44,11 +46,21 @@ def answer(
     locations, done = dict[str, LocationResult](), dict[int, Frame]()
     holds = CalibrationResult("", "", verdict, design, {}, (), robot, estimate).trusted is not None
     for name, group in locations_of(frames).items():
-        figures = location_figures(group, target, (design, robot), solved)
-        locations[name] = figures.result if holds else replace(figures.result, T_base_target=None)
-        done |= {f.number: f for f in _answered(group, figures, estimate)}
+        result, answered = figured(group, target_at(target, name), (design, robot), solved, estimate)
+        locations[name] = result if holds else replace(result, T_base_target=None)
+        done |= {f.number: f for f in answered}
     ordered = tuple(done[f.number] for f in frames)
     return CalibrationResult(config.method, config.model, verdict, design, locations, ordered, robot, estimate)
+
+
+def figured(
+    group: Sequence[Frame], target: Target, design: Chain, solved: Chain | None, estimate: Estimate | None = None
+) -> tuple[LocationResult, list[Frame]]:
+    """A location's figures, none where too few of its frames are used, and the frames with what became of them."""
+    figures = location_figures(group, target, design, solved)
+    answered = _answered(group, figures, estimate)
+    enough = sum(f.used for f in answered) >= LEAST_FRAMES
+    return figures.result if enough else _without_figures(figures.result), answered
 
 
 def location_figures(group: Sequence[Frame], target: Target, design: Chain, solved: Chain | None) -> Figures:
@@ -56,9 +68,7 @@ def location_figures(group: Sequence[Frame], target: Target, design: Chain, solv
     role = group[0].role
     usable = measured(group)
     if not usable:
-        return Figures(
-            LocationResult(role, None, _NONE, _NONE, _NONE, Distances((), np.zeros(0), np.zeros(0))), None, {}
-        )
+        return Figures(LocationResult(role, None, _NONE, _NONE, _NONE, _NO_DISTANCES), None, {})
     points = SheetPoints.of([f.axis for f in usable], target.features)
     by_design = _sensors(usable, design)
     sensors = by_design if solved is None else _sensors(usable, solved)
@@ -121,6 +131,11 @@ def _answered(group: Sequence[Frame], figures: Figures, estimate: Estimate | Non
             )
         )
     return out
+
+
+def _without_figures(result: LocationResult) -> LocationResult:
+    """Where the target stands alone, of a location with too few used frames to judge by."""
+    return LocationResult(result.role, result.T_base_target, _NONE, _NONE, _NONE, _NO_DISTANCES)
 
 
 def _start(usable: Sequence[Frame], sensors: Pose) -> Pose:

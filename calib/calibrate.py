@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from calib.answer import answer, location_pose
 from calib.bundle import Solution, make_bundle, solve_problem
 from calib.config import CalibConfig, Model
+from calib.copies import copy_notes, in_order, without_copies
 from calib.given_places import given_place_notes
 from calib.hands import hand_pose_notes, placed, with_joints
 from calib.judge import (
@@ -15,6 +16,7 @@ from calib.judge import (
     bundle_facts,
     choose_model,
     culprit,
+    frames_contradict,
     frames_motion,
     judge,
     judge_motion,
@@ -24,8 +26,9 @@ from calib.judge import (
 )
 from calib.label import label_frames, relabel, settled
 from calib.paper import Starts, checked, paper_estimate, paper_frames
+from calib.printed import gimbal_note
 from calib.result import CalibrationResult, Estimate, Verdict
-from geometry import Frame, InputError, Pose, Robot, Sensor, Target, locations_of
+from geometry import Frame, InputError, Pose, Robot, Sensor, Target, locations_of, target_at
 from jig_cad import Jig
 
 CONTRADICTED = ("not_converged", "outliers", "rotation_too_small", "too_few_poses")
@@ -35,7 +38,7 @@ CONTRADICTED = ("not_converged", "outliers", "rotation_too_small", "too_few_pose
 class Setup:
     """What calibrate was given beside the frames."""
 
-    target: Target
+    target: Target | Mapping[str, Target]
     robot: Robot | None
     sensor: Sensor
     design: Pose
@@ -59,7 +62,7 @@ class Solved:
 
 def calibrate(
     frames: Sequence[Frame],
-    target: Target,
+    target: Target | Mapping[str, Target],
     robot: Robot | None,
     sensor: Sensor,
     T_hand_sensor: Pose,
@@ -72,8 +75,8 @@ def calibrate(
     ----------
     frames : sequence of Frame
         With the points that extraction found (or labelled ones), and joint readings or hand poses.
-    target : Target
-        What was measured, at every location.
+    target : Target or mapping of str to Target
+        What was measured: at every location, or by location.
     robot : Robot or None
         Nominal; None where every frame has T_base_hand.
     sensor : Sensor
@@ -100,8 +103,8 @@ def calibrate(
     """
     if not frames:
         raise InputError("the dataset has no frames")
-    setup = Setup(target, robot, sensor, T_hand_sensor, places or {}, config or CalibConfig())
-    given = with_joints(frames, robot)
+    setup = Setup(_one_or_more(target, frames), robot, sensor, T_hand_sensor, places or {}, config or CalibConfig())
+    given = without_copies(with_joints(in_order(frames), robot))
     labelled, solved = _prepare(setup, given)
     if setup.config.method == "paper":
         result = _paper(setup, labelled, solved)
@@ -113,7 +116,8 @@ def calibrate(
             solved = _solve(chosen, labelled, solved.solution.T_hand_sensor)
         result = _answer(chosen, labelled, solved)
         result = replace(result, left_out_rms_mm=scores, remarks=(words, *_lonely(given)))
-    verdict = _named(result.verdict, setup, labelled)
+    named = _named(result.verdict, setup, labelled)
+    verdict = frames_contradict(result.frames, setup.target, sensor, named, setup.config) or named
     return replace(result, verdict=verdict, remarks=(*result.remarks, *_remarks(setup, labelled, result)))
 
 
@@ -124,7 +128,11 @@ def _prepare(setup: Setup, given: tuple[Frame, ...]) -> tuple[tuple[Frame, ...],
     """
     model: Model = "scp" if setup.config.method == "paper" else setup.config.model
     s = setup.with_config(method="bundle", model=model)
-    labelled = label_frames(placed(given, s.robot), s.target, s.sensor, s.design, s.places, s.config)
+    labelled = by_target(
+        s.target,
+        lambda target, frames: label_frames(frames, target, s.sensor, s.design, s.places, s.config),
+        placed(given, s.robot),
+    )
     solved = _solve(s, labelled, s.design)
     open_labels = any(not f.labels_given for f in given)
     for _ in range(s.config.relabel_rounds if open_labels else 0):
@@ -138,6 +146,28 @@ def _prepare(setup: Setup, given: tuple[Frame, ...]) -> tuple[tuple[Frame, ...],
     return labelled, solved
 
 
+def by_target(
+    target: Target | Mapping[str, Target],
+    stage: Callable[..., tuple[Frame, ...]],
+    *frames: tuple[Frame, ...],
+) -> tuple[Frame, ...]:
+    """What a stage (target, frames …) makes of the frames of every target, in their order."""
+    if not isinstance(target, Mapping):
+        return stage(target, *frames)
+    done: dict[int, Frame] = {}
+    for one in {id(t): t for t in target.values()}.values():
+        own = [tuple(f for f in group if target_at(target, f.location) is one) for group in frames]
+        if own[0]:
+            done |= {f.number: f for f in stage(one, *own)}
+    return tuple(done[f.number] for f in frames[0])
+
+
+def _one_or_more(target: Target | Mapping[str, Target], frames: Sequence[Frame]) -> Target | Mapping[str, Target]:
+    """The one target that all locations of the frames have, else the targets by location."""
+    kinds = {id(t): t for t in (target_at(target, f.location) for f in frames)}
+    return next(iter(kinds.values())) if len(kinds) == 1 else target
+
+
 def _solve(setup: Setup, labelled: tuple[Frame, ...], T_hand_sensor: Pose) -> Solved:
     """Solve the usable calibrate frames by the bundle, or say why they can not be."""
     used = tuple(f for f in labelled if f.role == "calibrate" and f.usable)
@@ -145,7 +175,7 @@ def _solve(setup: Setup, labelled: tuple[Frame, ...], T_hand_sensor: Pose) -> So
     verdict = judge_motion(moved, setup.config)
     if verdict is not None:
         return Solved(verdict)
-    bundle = make_bundle(used, setup.target, setup.robot, setup.config)
+    bundle = make_bundle(used, setup.target, setup.robot, setup.config, setup.sensor)
     solution = solve_problem(bundle, [f.candidates for f in used], T_hand_sensor, setup.config)
     refused = tuple(f for f in labelled if f.role == "calibrate" and f.reason == "not_labelled" and len(f.axis))
     facts = bundle_facts(solution, used, refused)
@@ -158,10 +188,17 @@ def _relabel(
     """Labels and axis points again, with the solved chain; given places still decide the half turn."""
     chain = (solution.T_hand_sensor, solution.robot)
     others = {n: g for n, g in locations_of(labelled).items() if n not in solution.places}
-    found = {n: T for n, g in others.items() if (T := location_pose(g, setup.target, chain)) is not None}
+    found = {n: T for n, g in others.items() if (T := location_pose(g, target_at(setup.target, n), chain)) is not None}
     fresh = placed(given, solution.robot)
     places = solution.places | found
-    return relabel(labelled, fresh, setup.target, setup.sensor, chain[0], places, setup.places, setup.config)
+    return by_target(
+        setup.target,
+        lambda target, before, now: relabel(
+            before, now, target, setup.sensor, chain[0], places, setup.places, setup.config
+        ),
+        labelled,
+        fresh,
+    )
 
 
 def _choose(setup: Setup, solution: Solution, used: tuple[Frame, ...]) -> tuple[Setup, dict[str, float], str]:
@@ -210,10 +247,12 @@ def _named(verdict: Verdict, setup: Setup, labelled: tuple[Frame, ...]) -> Verdi
 def _remarks(setup: Setup, labelled: tuple[Frame, ...], result: CalibrationResult) -> tuple[str, ...]:
     """What is to be said of given places and hand poses."""
     chain, groups = (result.T_hand_sensor or setup.design, result.robot), locations_of(labelled)
-    seen = {n: location_pose(groups[n], setup.target, chain) for n in setup.places if n in groups}
+    seen = {n: location_pose(groups[n], target_at(setup.target, n), chain) for n in setup.places if n in groups}
     found = {n: T for n, T in seen.items() if T is not None}
     hands = hand_pose_notes(labelled, setup.config.hand_floor_mm, setup.config.hand_floor_deg)
-    return (*given_place_notes(setup.places, found, setup.target), *hands)
+    T, covariance = result.T_hand_sensor, result.covariance
+    locked = () if T is None or covariance is None else gimbal_note(T, covariance)
+    return (*given_place_notes(setup.places, found, setup.target), *hands, *copy_notes(labelled), *locked)
 
 
 def _lonely(frames: tuple[Frame, ...]) -> tuple[str, ...]:

@@ -86,6 +86,10 @@ class CalibConfig(BaseModel):
     )
     max_outlier_share: float = Field(0.25, gt=0, le=1, description="more outliers than this: no trustworthy answer")
 
+    max_lost_share: float = Field(
+        1 / 3, gt=0, le=1, description="more of the frames left out than this: no trustworthy answer"
+    )
+
     # paper
     paper_damping: float = Field(1e-3, ge=0, description="λ of scaled columns while far from the solution, then 0")
     paper_switch: float = Field(1e-3, ge=0, description="scaled step below which the damping is switched off")

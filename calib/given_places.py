@@ -6,18 +6,20 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from geometry import Pose, Target, log_so3
+from geometry import Pose, Target, log_so3, target_at
 
 _FAR_MM, _FAR_DEG = 30.0, 10.0  # ten σ of a place that was measured by hand: another unit or direction
 
 
-def given_place_notes(given: Mapping[str, Pose], found: Mapping[str, Pose], target: Target) -> tuple[str, ...]:
+def given_place_notes(
+    given: Mapping[str, Pose], found: Mapping[str, Pose], target: Target | Mapping[str, Target]
+) -> tuple[str, ...]:
     """A sentence for every location whose given T_base_jig is plainly not where its frames see the target."""
     out = []
     for name, place in given.items():
         if name not in found:
             continue
-        alike = (found[name], *(found[name] @ s.pose for s in target.symmetries))
+        alike = (found[name], *(found[name] @ s.pose for s in target_at(target, name).symmetries))
         apart = [place.inverse() @ T for T in alike]
         mm, deg = min((float(np.linalg.norm(a.t)), float(np.rad2deg(np.linalg.norm(log_so3(a.R))))) for a in apart)
         if mm > _FAR_MM or deg > _FAR_DEG:

@@ -9,6 +9,8 @@ from geometry import Pose
 
 Array = NDArray[np.float64]
 
+_LOCKED_COS = 0.05  # |Y| within 3° of 90°: σ of X and Z exceed that of the rotation twenty times
+
 
 def printed_sigmas(T_hand_sensor: Pose, covariance: Array) -> tuple[Array, Array]:
     """σ of the rotations about fixed X, Y, Z (3,) [deg] and of the translation (3,) [mm], hand axes.
@@ -26,6 +28,21 @@ def printed_sigmas(T_hand_sensor: Pose, covariance: Array) -> tuple[Array, Array
     to_angles = np.linalg.inv(rates)
     rotation = np.sqrt(np.diag(to_angles @ covariance[3:, 3:] @ to_angles.T))
     return np.rad2deg(rotation), translation
+
+
+def gimbal_note(T_hand_sensor: Pose, covariance: Array) -> tuple[str, ...]:
+    """One line where X and Z turn about the same axis, so that neither has a σ of its own; else none."""
+    x, y, z = T_hand_sensor.fixed_xyz_deg
+    if abs(np.cos(np.deg2rad(y))) > _LOCKED_COS:
+        return ()
+    both, sign = (x - z, "-") if y > 0 else (x + z, "+")
+    both, sigma = (both + 180) % 360 - 180, np.rad2deg(np.sqrt(covariance[3, 3]))
+    rows = "; ".join(", ".join(f"{v:.7f}" for v in row) for row in T_hand_sensor.R)
+    return (
+        f"rotation Y is {y:.3f}°: X and Z turn about the same axis there, so that their large σ say nothing of the "
+        f"pose; X {sign} Z = {both:.4f} ± {sigma:.4f}° is what is known, and the matrix is [{rows}]: enter it, or a "
+        "quaternion",
+    )
 
 
 def nees(truth: Pose, estimate: Pose, covariance: Array) -> float:

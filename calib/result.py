@@ -26,6 +26,7 @@ Code = Literal[
     "outliers",
     "not_observable",
     "not_converged",
+    "frames_contradict",
 ]
 TRUSTWORTHY: frozenset[Code] = frozenset({"ok", "model_misfit", "weak"})
 SIGMA_HOLDS: frozenset[Code] = TRUSTWORTHY | {

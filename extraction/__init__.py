@@ -5,12 +5,14 @@ from extraction.config import (
     DetectConfig,
     DoubtConfig,
     ExtractionConfig,
+    FeatureConfig,
     GapFlushConfig,
     LocaliseConfig,
     ScoreConfig,
     SpotNoiseConfig,
     StripeConfig,
 )
+from extraction.features import FEATURE_KINDS, Circle, Line, TargetPoints, find_target_points
 from extraction.gapflush import GapFlush, measure_gap_flush
 from extraction.image import MAX_PIXELS
 from extraction.reasons import Reason, Seen, explain
@@ -27,13 +29,17 @@ from extraction.stripe import (
 )
 
 __all__ = [
+    "FEATURE_KINDS",
     "MAX_GRAIN_PX",
     "MAX_PIXELS",
+    "Circle",
     "DetectConfig",
     "DoubtConfig",
     "ExtractionConfig",
+    "FeatureConfig",
     "GapFlush",
     "GapFlushConfig",
+    "Line",
     "LocaliseConfig",
     "Profile",
     "Reason",
@@ -44,11 +50,13 @@ __all__ = [
     "Stages",
     "StripeConfig",
     "StripePeaks",
+    "TargetPoints",
     "detect_stripe",
     "explain",
     "extract",
     "extract_profile",
     "extract_stages",
+    "find_target_points",
     "image_to_sheet",
     "learn_speckle",
     "measure_gap_flush",

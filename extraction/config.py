@@ -141,26 +141,20 @@ class StripeConfig(_Section):
     """How a laser stripe is found and localised; lengths in px, grey levels in DN."""
 
     direction: Direction = Field(
-        default="auto", description="search along image columns or rows; auto: along the depth's image"
+        default="auto",
+        description="search along image columns or rows; auto: along the depth's image, else where more light is",
     )
     along_normal: bool = Field(
         default=False, description="localise once more along the stripe's own normal, for steep stripes"
     )
     select: Selection = Field(default="strongest", description="which of several peaks of one section is the stripe")
-    max_peaks: int = Field(default=6, ge=1, le=32, description="peaks kept per section before the selection")
-    # with it 99.7 % of the sections of a stripe as faint as its noise are found (benchmarks/extraction_stripes.py)
-    threshold_sigma: float = Field(
-        default=4.0, gt=0, description="detection threshold in robust σ of the frame's own noise"
-    )
-    min_amplitude_dn: float = Field(default=2.0, ge=0, description="smallest peak above its local background")
-    min_snr: float = Field(default=5.0, ge=0, description="smallest amplitude over its own σ")
+    min_amplitude_dn: float = Field(default=1.0, ge=0, description="smallest peak above its local background")
+    # the stripe as a whole is what is found; a section only has to say something
+    min_snr: float = Field(default=2.0, ge=0, description="smallest amplitude of a section over its own σ")
     # no lens draws a line narrower than 0.5
     min_width_px: float = Field(default=0.45, gt=0, description="smallest Gaussian σ of the stripe")
-    max_width_px: float = Field(default=8.0, gt=0, description="largest Gaussian σ of the stripe")
-    # four σ of a stripe of 2 px
-    surround_px: int = Field(
-        default=8, ge=4, le=64, description="distance at which the background is taken for detection"
-    )
+    # 33 px between the flanks; wider are lit faces
+    max_width_px: float = Field(default=14.0, gt=0, description="largest Gaussian σ of the stripe")
     max_chi2_per_dof: float = Field(
         default=25.0, gt=1, description="above it the section is not one Gaussian peak: flagged shape"
     )
@@ -174,11 +168,8 @@ class StripeConfig(_Section):
     speckle_contrast: float | None = Field(
         default=None, ge=0, le=1, description="multiplicative noise; estimated if absent"
     )
-    min_run: int = Field(default=5, ge=1, le=1000, description="sections in a row that make a stripe; fewer are noise")
-    jump_px: float = Field(
-        default=6.0, gt=0, description="select = continuous: a step along the stripe that costs as much as a peak"
-    )
-    max_gap: int = Field(default=12, ge=1, le=200, description="select = continuous: sections that a chain may skip")
+    # shorter pieces are taken where a stripe goes on in them
+    min_run: int = Field(default=20, ge=3, le=1000, description="sections in a row that make a stripe by themselves")
 
     @model_validator(mode="after")
     def _widths_are_ordered(self) -> StripeConfig:
@@ -209,4 +200,50 @@ class GapFlushConfig(_Section):
     min_arc_deg: float = Field(default=30.0, gt=0, lt=90, description="seen arc below which a radius is flagged")
     max_chi2_per_dof: float = Field(
         default=4.0, gt=1, description="above it an edge is no line with an arc: flagged misfit"
+    )
+
+
+class FeatureConfig(_Section):
+    """How a target is found in a profile: arcs, straight stretches, corners and wedges; lengths in mm."""
+
+    # a recording on a real ball scatters by twice what neighbours do, path-traced ones by 1.0 to 1.6
+    tolerance_sigma: float = Field(
+        default=4.0,
+        gt=0,
+        description="how far a point may lie off the curve while it is searched, over what neighbours scatter by",
+    )
+    min_tolerance_mm: float = Field(default=0.02, gt=0, description="the least such distance: finer profiles bend")
+    # keeps 98 % and more of the arcs' points of a real set whose flanks have tails
+    inlier_sigma: float = Field(
+        default=5.0, gt=1, description="points farther off than so many σ of their own scatter are left out"
+    )
+    min_points: int = Field(default=12, ge=4, description="fewest points of an arc or straight stretch")
+    min_run: int = Field(default=5, ge=1, description="fewest neighbours on the curve; fewer cross it by chance")
+    # all but one in 10^6 of the curves with a seventh of the points are found by so many samples of three
+    ransac_trials: int = Field(default=4000, ge=10, description="samples at most")
+    ransac_certainty: float = Field(default=1 - 1e-6, gt=0, lt=1, description="no more samples once this sure")
+    ransac_points: int = Field(default=400, ge=20, description="points that the samples are drawn from")
+    # the path-traced and real sets have 0.5 to 0.99
+    min_section: float = Field(
+        default=0.2, gt=0, lt=1, description="smallest radius of a ball's section, over the ball's"
+    )
+    # a stated diameter that is wrong must be seen as such, not as an empty profile
+    max_section: float = Field(default=1.3, gt=1, description="largest radius of a ball's section, over the stated one")
+    min_arc_deg: float = Field(default=30.0, gt=0, lt=180, description="shortest arc of a ball")
+    max_radius_mm: float = Field(default=500.0, gt=0, description="largest ball where no diameter is stated")
+    rival_share: float = Field(
+        default=0.4,
+        gt=0,
+        lt=1,
+        description="a second thing of the kind with this share of the first's points is a rival",
+    )
+    # a stem is a quarter as wide as its ball, or less
+    rival_section: float = Field(default=0.3, gt=0, lt=1, description="smallest section, over the ball's, of a rival")
+    min_line_mm: float = Field(default=8.0, gt=0, description="shortest straight stretch")
+    max_bend: float = Field(default=0.015, gt=0, description="largest bend of a straight stretch, over its length")
+    min_wedge_deg: float = Field(
+        default=10.0, gt=0, lt=90, description="least turn from one face of a wedge to the other"
+    )
+    max_ridge_gap_mm: float = Field(
+        default=3.0, gt=0, description="how far the faces of a wedge may end before they meet"
     )

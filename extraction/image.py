@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from geometry import InputError, Sensor
+from geometry.compiled import kernel
 
 Image = NDArray[np.uint8] | NDArray[np.uint16]
 
@@ -45,3 +48,83 @@ def check_image(image: object, sensor: Sensor) -> Image:
             f"[image] bit_depth = {camera.bit_depth}"
         )
     return image
+
+
+_PLATEAU = 4.0  # times the levels below, that the highest level must be met to be a clipping level
+_FEWEST_CLIPPED = 24  # pixels that make a plateau
+_NEIGHBOURS = 0.5  # of them, that have another of the same level beside them: noise has no plateaus
+
+
+def clipping_level(image: NDArray[Any], stated: float | None = None) -> float:
+    """The grey level from which pixels are clipped.
+
+    Parameters
+    ----------
+    image
+        Grey levels (H, W), uint8 or uint16.
+    stated
+        What the camera is said to clip at; the type's largest where None.
+
+    Returns
+    -------
+    level
+        The stated one, or a lower one where the image itself shows a plateau at its highest levels: cameras clip at
+        235, 200 or 4080 as well as at full scale. Half a level below it, so that rounding leaves no gap.
+    """
+    level = float(np.iinfo(image.dtype).max if stated is None else stated)
+    if image.size == 0:
+        return level
+    top = int(image.max())
+    if top >= level:
+        return level
+    step, count = _top_levels(image, top)
+    plateau = 0
+    while plateau < 3 and count[plateau + 1] > 0.2 * count[0]:  # a noisy plateau takes its neighbours with it
+        plateau += 1
+    own = float(count[: plateau + 1].sum())
+    below = float(count[plateau + 1 :].mean())
+    if own < _FEWEST_CLIPPED or own / (plateau + 1) < _PLATEAU * max(below, 1.0):
+        return level
+    return float(top - step * (plateau + 0.5)) if _touching(image, top - step * plateau) >= _NEIGHBOURS else level
+
+
+def _top_levels(image: NDArray[np.generic], top: int) -> tuple[int, NDArray[np.int64]]:
+    """Pixels at the highest twelve levels that the image uses, and the spacing of its levels."""
+    some = np.unique(image[:: max(1, image.shape[0] // 64)].ravel()[-4096:])
+    step = int(np.gcd.reduce(np.diff(some.astype(np.int64)))) if len(some) > 1 else 1
+    step = max(step, 1)
+    counts = np.zeros(12, np.int64)
+    _count_below(image, top, step, counts)
+    return step, counts
+
+
+@kernel
+def _count_below(image: NDArray[np.generic], top: int, step: int, counts: NDArray[np.int64]) -> None:
+    """Pixels at top, top - step, … into counts."""
+    floor = top - step * (len(counts) - 1)
+    for r in range(image.shape[0]):
+        for c in range(image.shape[1]):
+            value = int(image[r, c])
+            if value >= floor:
+                counts[(top - value) // step] += 1
+
+
+@kernel
+def _touching(image: NDArray[np.generic], level: int) -> float:
+    """Of the pixels from that level up, the share with neighbours that are too: two along one axis, one along the
+    other.
+
+    A peak's top is a line of equal pixels at most; a plateau is broad.
+    """
+    rows, columns = image.shape
+    n, near = 0, 0
+    for r in range(rows):
+        for c in range(columns):
+            if int(image[r, c]) >= level:
+                n += 1
+                left = c > 0 and int(image[r, c - 1]) >= level
+                right = c < columns - 1 and int(image[r, c + 1]) >= level
+                above = r > 0 and int(image[r - 1, c]) >= level
+                below = r < rows - 1 and int(image[r + 1, c]) >= level
+                near += (left and right and (above or below)) or (above and below and (left or right))
+    return near / n if n else 0.0

@@ -2,10 +2,19 @@
 
 from geometry.board import BOARD_KINDS, Board
 from geometry.errors import InputError, MissingDependencyError, NoAnswerError, PerceptronEmuError, did_you_mean
+from geometry.errors import (
+    LONGEST_WORD,
+    InputError,
+    MissingDependencyError,
+    NoAnswerError,
+    PerceptronEmuError,
+    did_you_mean,
+)
 from geometry.frame import NO_POSES, Frame, Role, locations_of
 from geometry.lines import cross_plane_x0, distance_to_line
 from geometry.points import AxisPoints, SheetPoints, SurfacePoints
 from geometry.pose import Pose, cross, exp_so3, log_so3, nearest_rotation, quaternion_wxyz, skew, stack_poses
+from geometry.reading import Remark, no_remark, parse_toml, read_bytes, read_text
 from geometry.robot import (
     CONVENTIONS,
     DH_ROWS,
@@ -37,7 +46,7 @@ from geometry.robot import (
     with_beta_prior,
 )
 from geometry.sensor import Camera, Sensor, Sheet, field_of_view, inside_polygon
-from geometry.target import Prediction, Shape, Surface, Symmetry, Target
+from geometry.target import Prediction, Shape, Surface, Symmetry, Target, target_at
 from geometry.unknowns import Block, Linearised, State, Step, Term, Unknowns
 from geometry.writing import toml_value, write_bytes, write_text
 
@@ -45,6 +54,7 @@ __all__ = [
     "BOARD_KINDS",
     "CONVENTIONS",
     "DH_ROWS",
+    "LONGEST_WORD",
     "NO_POSES",
     "TYPICAL_SIGMA",
     "Arm",
@@ -70,6 +80,7 @@ __all__ = [
     "PerceptronEmuError",
     "Pose",
     "Prediction",
+    "Remark",
     "Robot",
     "RobotUncertainty",
     "Role",
@@ -102,13 +113,18 @@ __all__ = [
     "locations_of",
     "log_so3",
     "nearest_rotation",
+    "no_remark",
+    "parse_toml",
     "quaternion_wxyz",
+    "read_bytes",
+    "read_text",
     "require_arm",
     "robot_from_axes",
     "robot_from_chain",
     "skew",
     "stack_poses",
     "table",
+    "target_at",
     "toml_value",
     "with_beta_prior",
     "write_bytes",

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from difflib import get_close_matches
 
+LONGEST_WORD = 80  # that is compared with known ones: the comparison is quadratic in its length
+
 
 class PerceptronEmuError(Exception):
     """Base of every error that the project raises on purpose."""
@@ -24,5 +26,7 @@ class MissingDependencyError(PerceptronEmuError):
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
     """A suggestion to stand after a wrong ``word``: ': did you mean "…"?', or nothing where no known word is near."""
+    if len(word) > LONGEST_WORD:
+        return ""
     close = get_close_matches(word.lower(), names := {k.lower(): k for k in known}, n=1, cutoff=0.6)
     return f': did you mean "{names[close[0]]}"?' if close else ""

@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from geometry.errors import InputError
 from geometry.points import SheetPoints
 from geometry.pose import Pose, cross
 
@@ -89,6 +90,15 @@ class Target(Protocol):
 
         Perpendicular offsets (N, c) [mm], as vectors or as one signed number, and (N, c, 3).
         """
+
+
+def target_at(target: Target | Mapping[str, Target], location: str) -> Target:
+    """What stood at a location: the one target, or that of a mapping by location; InputError where it names none."""
+    if not isinstance(target, Mapping):
+        return target
+    if location not in target:
+        raise InputError(f"location {location} has no target: targets are given for {', '.join(target)}")
+    return target[location]
 
 
 class Surface:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 from jig_cad.files import jig_from_table, jig_text, read_jig, write_jig
 from jig_cad.jig import Jig, sample_tolerance
 from jig_cad.pillar import ANCHORS, DEFAULT_STRINGS, STRINGS, Pillar, nominal_anchors
+from jig_cad.sized import SIZES, SizedJig
 
 if TYPE_CHECKING:
     from jig_cad.drawing import drawing_svg
@@ -15,10 +16,12 @@ if TYPE_CHECKING:
 __all__ = [
     "ANCHORS",
     "DEFAULT_STRINGS",
+    "SIZES",
     "STRINGS",
     "Jig",
     "Pillar",
     "PillarDesign",
+    "SizedJig",
     "drawing_svg",
     "export_jig",
     "jig_from_table",

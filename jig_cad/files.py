@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -13,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from geometry import InputError, did_you_mean, toml_value, write_text
+from geometry import InputError, did_you_mean, parse_toml, read_text, toml_value, write_text
 from jig_cad.jig import Jig
 from jig_cad.pillar import ANCHORS, DEFAULT_STRINGS, STRINGS
 
@@ -77,14 +76,7 @@ class LinesTable(BaseModel):
 def read_jig(path: str | os.PathLike[str]) -> Jig:
     """The jig of a TOML file; InputError names the file and the key that is wrong."""
     where = Path(path)
-    try:
-        table = tomllib.loads(where.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"{where}: can not be read ({error.strerror}); a jig.toml is needed") from error
-    except UnicodeDecodeError as error:
-        raise InputError(f"{where}: is not UTF-8 text, as TOML must be") from error
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{where}: is not valid TOML: {error}") from error
+    table = parse_toml(read_text(where), str(where))
     return jig_from_table(table, str(where))
 
 

@@ -3,30 +3,25 @@
 from __future__ import annotations
 
 import difflib
-import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-import trimesh
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from geometry import InputError, Pose, Sensor
+from geometry import InputError, Pose, Sensor, parse_toml, read_text
 from jig_cad import read_jig
 from jig_cad.solids import jig_solids
 from perceptron_emu.check import check_scene
+from perceptron_emu.mesh_file import Unit, read_mesh
 from perceptron_emu.scene import ALUMINIUM, BLACK_PLATE, MATTE, WALL, Material, Scene, Solid, panel
 
 MATERIALS = {"matte": MATTE, "black": BLACK_PLATE, "aluminium": ALUMINIUM, "wall": WALL}
-UNITS = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "inch": 25.4}
-FORMATS = (".stl", ".obj", ".ply", ".glb")
-SMALLEST_MM, LARGEST_MM = 1.0, 10_000.0  # a part beyond these is in another unit than it says
 
 Vector = tuple[float, float, float]
 Frame = Literal["sensor", "jig", "base"]
-Unit = Literal["mm", "cm", "m", "inch"]
 
 
 class Table(BaseModel):
@@ -200,58 +195,8 @@ def read_surroundings(path: Path | str) -> Surroundings:
     return Surroundings(parts, _thread(path, file, materials))
 
 
-def read_mesh(path: Path, unit: Unit | None = None, *, allow_open: bool = False) -> trimesh.Trimesh:
-    """A mesh file in millimetres.
-
-    Parameters
-    ----------
-    path : Path
-        STL, OBJ, PLY or GLB.
-    unit : {"mm", "cm", "m", "inch"}, optional
-        Of the file's numbers; mm, for GLB m, where None.
-    allow_open : bool
-        Take a mesh with holes.
-
-    Returns
-    -------
-    trimesh.Trimesh
-        [mm].
-
-    Raises
-    ------
-    InputError
-        Where it has no faces, is not watertight or can not be in that unit.
-    """
-    if path.suffix.lower() not in FORMATS:
-        raise InputError(f'{path}: "{path.suffix}" is not a mesh format read here, use {", ".join(FORMATS)}')
-    if not path.is_file():
-        raise InputError(f"{path}: there is no such file")
-    try:
-        mesh: Any = trimesh.load(path, force="mesh")
-    except Exception as error:
-        raise InputError(f"{path}: not a readable mesh ({error})") from error
-    if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
-        raise InputError(f"{path}: the mesh has no faces")
-    mesh.merge_vertices()
-    unit = unit or ("m" if path.suffix.lower() == ".glb" else "mm")
-    mesh.vertices = mesh.vertices * UNITS[unit]
-    size = mesh.extents
-    if not SMALLEST_MM <= float(size.max()) <= LARGEST_MM:
-        text = " × ".join(f"{s:.3g}" for s in size)
-        raise InputError(f'{path}: read in {unit} the mesh measures {text} mm; set unit = "mm", "cm", "m" or "inch"')
-    if not (allow_open or mesh.is_watertight):
-        holes = int(np.sum(np.unique(mesh.edges_sorted, axis=0, return_counts=True)[1] == 1))
-        raise InputError(f"{path}: the mesh is not watertight ({holes} open edges); mend it or set open = true")
-    return mesh
-
-
 def _parse(path: Path) -> SceneFile:
-    try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise InputError(f"{path}: there is no such file") from None
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise InputError(f"{path}: {error}") from error
+    data = parse_toml(read_text(path), str(path))
     try:
         return SceneFile.model_validate(data)
     except ValidationError as error:

@@ -13,6 +13,7 @@ from calib.bundle.information import (
 from calib.bundle.on_target import OnTargetLinearised
 from calib.bundle.problem import Bundle, estimated_parameters
 from calib.bundle.robust import solve_robust
+from calib.bundle.sensor_errors import SensorErrors
 from calib.bundle.solution import Mask, Solution, make_bundle, solve_problem
 from calib.bundle.solve import solve_bundle
 from calib.bundle.starts import chain_start
@@ -24,6 +25,7 @@ __all__ = [
     "Mask",
     "Model",
     "OnTargetLinearised",
+    "SensorErrors",
     "Solution",
     "chain_start",
     "covariances_with",

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from calib.bundle.problem import Bundle
-from calib.bundle.solve import linearisation
+from calib.bundle.solve import hand_twists, linearisations
 from calib.config import CalibConfig
 from calib.engine import Result, deviance, total_cost
 from geometry import Arm
@@ -53,7 +53,7 @@ def weigh(bundle: Bundle, result: Result, config: CalibConfig) -> Weighed:
     if bundle.hands.inferred:
         return _weigh_inferred(bundle, result, config)
     factors = np.ones(2)
-    hand = bundle.term.hand_noise
+    hand = bundle.hand_noise
     freedom = bundle.degrees_of_freedom
     sane = result.converged and result.cost < _MAX_CHI2 * freedom
     if config.noise == "auto" and freedom >= _MIN_FREEDOM and np.any(hand) and sane:
@@ -77,7 +77,7 @@ def weigh(bundle: Bundle, result: Result, config: CalibConfig) -> Weighed:
 
 def stated_cost(stated: Bundle, result: Result) -> float:
     """Cost of a fit by the noise stated."""
-    return total_cost(result.unknowns, result.state, [stated.term.linearise(result.state)])
+    return total_cost(result.unknowns, result.state, [t.linearise(result.state) for t in stated.terms])
 
 
 def joint_sigma_deg(bundle: Bundle) -> float:
@@ -88,7 +88,7 @@ def joint_sigma_deg(bundle: Bundle) -> float:
 
 def shape_sigma_mm(bundle: Bundle) -> float:
     """The largest prior σ of the target's shape."""
-    return float(np.max(bundle.target.shape.sigma, initial=0.0))
+    return max(float(np.max(t.target.shape.sigma, initial=0.0)) for t in bundle.terms)
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,7 +148,8 @@ def estimate_noise(bundle: Bundle, result: Result, variances: Variances) -> Arra
 
 def _deviance(noisy: Bundle, result: Result) -> float:
     """Of a problem's noise, at the linearised solution."""
-    return deviance(result, [noisy.term.relinearised(linearisation(result))])
+    lins = zip(noisy.terms, linearisations(result), strict=True)
+    return deviance(result, [t.relinearised(lin) for t, lin in lins])
 
 
 def _gain(other: Bundle, bundle: Bundle, result: Result) -> float:
@@ -160,8 +161,8 @@ def _weigh_inferred(bundle: Bundle, result: Result, config: CalibConfig) -> Weig
 
     Kept at nothing, with the joints' noise as stated, unless the residuals contradict it.
     """
-    hand = bundle.term.hand_noise
-    columns = linearisation(result).twists * bundle.hands.sigma
+    hand = bundle.hand_noise
+    columns = hand_twists(bundle, result) * bundle.hands.sigma
     own = columns @ np.swapaxes(columns, -1, -2)
     factors = np.array([1.0, 0.0])
     given = config.noise == "given" or (config.hand_sigma_mm is not None and config.hand_sigma_deg is not None)
@@ -184,8 +185,8 @@ def _weigh_inferred(bundle: Bundle, result: Result, config: CalibConfig) -> Weig
 
 def _weigh_poses(bundle: Bundle, result: Result, config: CalibConfig) -> Weighed:
     """Hand poses alone: their noise, where it was not given, as one σ of translation and one of rotation."""
-    shape = bundle.term.hand_noise.shape
-    sigma = np.sqrt(np.diagonal(bundle.term.hand_noise[0]))[[0, 3]]
+    shape = bundle.hand_noise.shape
+    sigma = np.sqrt(np.diagonal(bundle.hand_noise[0]))[[0, 3]]
     given = config.hand_sigma_mm is not None and config.hand_sigma_deg is not None
     if not given:
         parts = [np.diag([1.0] * 3 + [0.0] * 3), np.diag([0.0] * 3 + [1.0] * 3)]

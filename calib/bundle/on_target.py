@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.bundle.hands import Hands
-from geometry import Linearised, Pose, SheetPoints, State, Target
+from calib.bundle.sensor_errors import SensorErrors
+from geometry import Linearised, Pose, Prediction, SheetPoints, State, Target
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -34,9 +35,9 @@ class OnTargetLinearised(Linearised):
 class OnTarget:
     """Points of F frames on one target that stands at some locations, by the chain base – hand – sensor – target.
 
-    Unknowns: "scp" T_hand_sensor, "robot" corrections of its parameters, ``shape_block`` the target's shape, and
-    ``place_block`` T_base_target with a member for every location. T_sensor_target = (T_base_hand T_hand_sensor)⁻¹
-    T_base_target.
+    Unknowns: "scp" T_hand_sensor, "robot" corrections of its parameters, "sensor" its own errors, ``shape_block`` the
+    target's shape, and ``place_block`` T_base_target with a member for every location. T_sensor_target = (T_base_hand
+    T_hand_sensor)⁻¹ T_base_target.
 
     Parameters
     ----------
@@ -50,6 +51,12 @@ class OnTarget:
         is the same as a hand pose per frame as an unknown with that prior.
     removed : ndarray (F, M) of bool
         Points that do not count.
+    place_block, shape_block : str
+        Names of its unknowns.
+    frame : ndarray (F,) of int
+        Which of all the bundle's frames these are.
+    errors : SensorErrors or None
+        What moves the points and their plane where the sensor is not what its file says.
     """
 
     points: SheetPoints
@@ -60,15 +67,18 @@ class OnTarget:
     removed: Mask
     place_block: str = "target"
     shape_block: str = "shape"
+    frame: Index = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
+    errors: SensorErrors | None = None
 
     def without(self, removed: Mask) -> OnTarget:
         """The term with other points (F, M) not counting."""
         return replace(self, removed=removed)
 
-    def at_frames(self, index: Index, member: Index) -> OnTarget:
-        """The term of the frames of ``index`` alone, whose members are numbered anew."""
+    def at_frames(self, index: Index, member: Index, frame: Index | None = None) -> OnTarget:
+        """The term of the frames of ``index`` alone, whose members, and places among all frames, are numbered anew."""
         return replace(
             self,
+            frame=np.arange(len(index), dtype=np.intp) if frame is None else frame,
             points=self.points[index],
             hands=self.hands[index],
             member=member,
@@ -88,16 +98,17 @@ class OnTarget:
 
     def residual(self, state: State) -> Array:
         """Residuals (F, r) [mm]."""
-        found = self.target.predict(self.T_sensor_target(state), state.vector(self.shape_block), self.points)
+        found = self._predicted(state)[0]
         f, m, k = found.residual.shape
         return found.residual.reshape(f, m * k)
 
     def linearise(self, state: State) -> OnTargetLinearised:
         """Residuals (F, r), their Jacobians, and their covariance with the hand's."""
         T = self.T_sensor_target(state)
-        found = self.target.predict(T, state.vector(self.shape_block), self.points)
+        found, sheet = self._predicted(state)
         f, m, k = found.residual.shape
-        twist = found.by_motion.reshape(f, m * k, 6)
+        in_sheet = found.by_motion.reshape(f, m * k, 6)
+        twist = in_sheet if self.errors is None else in_sheet @ sheet.inverse().adjoint
         hand = -twist @ state.pose("scp").inverse().adjoint
         twists = self.hands.jacobian(state.vector("robot"))
         jacobian = {
@@ -106,10 +117,31 @@ class OnTarget:
             self.place_block: twist @ T.adjoint,
             self.shape_block: found.by_shape.reshape(f, m * k, found.by_shape.shape[-1]),
         }
+        if self.errors is not None:
+            moved = self.errors.derivatives(self.points.yz_mm, state.vector("sensor"))
+            jacobian["sensor"] = self.by_plane_and_points(in_sheet, found.by_point, *moved)
         member = {self.place_block: self.member}
         noise = self.covariance(found.by_point, hand)
         residual = found.residual.reshape(f, m * k)
         return OnTargetLinearised(residual, jacobian, noise, member, hand, twists, found.by_point)
+
+    def by_plane_and_points(self, in_sheet: Array, by_point: Array | None, twists: Array, motions: Array) -> Array:
+        """Residuals (F, r, K) by what turns the plane's frame by ``twists`` (6, K) and moves points (F, M, 2, K) in it.
+
+        in_sheet (F, r, 6): by a motion of the target in the plane's axes.
+        """
+        moved = -motions if by_point is None else by_point @ motions
+        moved = np.where(self.points.present[..., None, None], moved, 0.0)
+        return np.asarray(moved.reshape(*in_sheet.shape[:2], twists.shape[-1]) - in_sheet @ twists)
+
+    def _predicted(self, state: State) -> tuple[Prediction, Pose]:
+        """What the target makes of the points in their plane, and T_sensor_sheet."""
+        T, shape = self.T_sensor_target(state), state.vector(self.shape_block)
+        if self.errors is None:
+            return self.target.predict(T, shape, self.points), Pose.identity()
+        seen = self.errors.seen(self.points.yz_mm, state.vector("sensor"))
+        points = replace(self.points, yz_mm=seen.yz_mm)
+        return self.target.predict(seen.T_sensor_sheet.inverse() @ T, shape, points), seen.T_sensor_sheet
 
     def relinearised(self, lin: OnTargetLinearised) -> OnTargetLinearised:
         """A linearisation of the same points with this term's noise."""

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2 as chi2_law
 
 from calib.bundle.problem import Bundle
-from calib.bundle.solve import linearisation, solve_bundle
+from calib.bundle.solve import hand_twists, linearisations, solve_bundle
 from calib.bundle.weights import deletion_chi2, frame_chi2
 from calib.engine import Result
 from geometry import State
@@ -42,7 +42,7 @@ def solve_robust(bundle: Bundle, start: State, point_chi2: float = 25.0, max_sha
     Robot errors that are not estimated widen the gate, so that a misfit of the model is not taken for outliers.
     point_chi2: gate of a point (2 degrees). max_share: stop when more than this share of the points went out.
     """
-    present = bundle.term.points.present
+    present = bundle.present
     outlier, frame_outlier = np.zeros_like(present), np.zeros(len(present), dtype=bool)
     result = solve_bundle(bundle, start)
     for _ in range(_ROUNDS):
@@ -58,9 +58,11 @@ def solve_robust(bundle: Bundle, start: State, point_chi2: float = 25.0, max_sha
 
 def _judge(bundle: Bundle, result: Result, outlier: Mask, frame_outlier: Mask, point_chi2: float) -> tuple[Mask, Mask]:
     """Outlying points and frames after this solution: at most one new point a frame, else one new frame."""
-    present = bundle.term.points.present
-    noise, lin = gate_noise(bundle, result), linearisation(result)
-    distance = np.where(present, deletion_chi2(bundle.without(outlier).term, lin, noise), 0.0)
+    present = bundle.present
+    noise, lins = gate_noise(bundle, result), linearisations(result)
+    tried = zip(bundle.without(outlier).terms, lins, strict=True)
+    distance = bundle.by_frame([deletion_chi2(t, lin, noise[t.frame]) for t, lin in tried])
+    distance = np.where(present, distance, 0.0)
     stays = outlier & (distance > point_chi2)
     worst = np.argmax(np.where(outlier, 0.0, distance), axis=1)
     rows = np.arange(len(worst))
@@ -70,7 +72,8 @@ def _judge(bundle: Bundle, result: Result, outlier: Mask, frame_outlier: Mask, p
     few = (present & ~out).sum(axis=1) < np.minimum(_MIN_POINTS, present.sum(axis=1))
     if np.any(new):
         return out, frame_outlier | few
-    chi2, dof = frame_chi2(bundle.without(out).term, lin, noise)
+    judged = [frame_chi2(t, lin, noise[t.frame]) for t, lin in zip(bundle.without(out).terms, lins, strict=True)]
+    chi2, dof = (bundle.by_frame([found[k] for found in judged]) for k in (0, 1))
     excess = chi2 / chi2_law.isf(_FRAME_TAIL, np.maximum(dof, 1))
     frames = few | (frame_outlier & (excess > 1))
     kept = np.where(frames, 0.0, excess)
@@ -82,5 +85,5 @@ def _judge(bundle: Bundle, result: Result, outlier: Mask, frame_outlier: Mask, p
 def gate_noise(bundle: Bundle, result: Result) -> Array:
     """Covariance (F, 6, 6) of the hand poses: joint noise, and the robot errors that were not estimated."""
     robot = bundle.unknowns.block("robot")
-    columns = linearisation(result).twists * np.where(robot.free, 0.0, robot.sigma)
-    return np.asarray(bundle.term.hand_noise + columns @ np.swapaxes(columns, -1, -2))
+    columns = hand_twists(bundle, result) * np.where(robot.free, 0.0, robot.sigma)
+    return np.asarray(bundle.hand_noise + columns @ np.swapaxes(columns, -1, -2))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,14 +10,15 @@ from numpy.typing import NDArray
 
 from calib.bundle.hands import Hands
 from calib.bundle.noise import stated_cost, weigh
-from calib.bundle.problem import Bundle, estimated_parameters
+from calib.bundle.problem import Bundle, estimated_parameters, estimates_sensor
 from calib.bundle.robust import RobustResult, solve_robust
+from calib.bundle.sensor_errors import SensorErrors
 from calib.bundle.solve import solve_bundle
 from calib.bundle.starts import chain_start, hand_eye_start
 from calib.config import CalibConfig
 from calib.engine import Covariance, Result, covariance, scaled_condition
 from calib.figures import pose_distance
-from geometry import Frame, Pose, Robot, Target, stack_poses, with_beta_prior
+from geometry import Frame, Pose, Robot, Sensor, State, Target, stack_poses, with_beta_prior
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -32,7 +33,8 @@ _OTHER_MM = 5.0  # poses of the target that are farther apart are different answ
 class Solution:
     """The answer to the used calibrate frames.
 
-    bundle: the problem with the noise that made the weights. result: the solve that answers. applied: robot parameters
+    bundle: the problem with the noise that made the weights. every: its solve with robot and sensor free within their
+    priors. result: the solve that answers. applied: robot parameters
     (P,) that its robot takes over. outlier (F, M), frame_outlier (F,): what was left out. Ts_sensor_target: each
     frame's own pose, of its candidates the one that agrees with the others. chi2_per_dof: of the model's own fit, by
     the noise of points and joints and the tolerance of the target's shape. explained, nominal: the same with all robot
@@ -41,6 +43,7 @@ class Solution:
     """
 
     bundle: Bundle
+    every: Result
     result: Result
     applied: Mask
     outlier: Mask
@@ -63,7 +66,7 @@ class Solution:
     @property
     def places(self) -> dict[str, Pose]:
         """T_base_target of every location."""
-        poses = self.result.state.pose("target")
+        poses = self.bundle.places(self.result.state)
         return {name: poses[k] for k, name in enumerate(self.bundle.locations)}
 
     @property
@@ -80,17 +83,24 @@ class Solution:
         return robot.corrected(self.parameters) if np.any(self.applied) else robot
 
 
-def make_bundle(used: tuple[Frame, ...], target: Target, robot: Robot | None, config: CalibConfig) -> Bundle:
-    """The bundle's problem of labelled frames."""
+def make_bundle(
+    used: tuple[Frame, ...],
+    target: Target | Mapping[str, Target],
+    robot: Robot | None,
+    config: CalibConfig,
+    sensor: Sensor | None = None,
+) -> Bundle:
+    """The problem of labelled frames on a target, or on one by location; without a ``sensor`` its file is exact."""
+    errors = SensorErrors.of(sensor, estimates_sensor(config.model))
     joints = [f.joints_rad for f in used]
     locations = [f.location for f in used]
     if robot is None or any(q is None for q in joints):
         hands = Hands.at_poses(stack_poses([f.at for f in used]), _hand_noise(config))
-        return Bundle.of([f.axis for f in used], locations, target, hands)
+        return Bundle.of([f.axis for f in used], locations, target, hands, errors=errors)
     inferred = any(f.joints_inferred for f in used)
     known = with_beta_prior(robot, float(np.deg2rad(config.beta_sigma_deg)))
     hands = Hands(known, np.array(joints), inferred)
-    bundle = Bundle.of([f.axis for f in used], locations, target, hands)
+    bundle = Bundle.of([f.axis for f in used], locations, target, hands, errors=errors)
     if inferred and config.hand_sigma_mm is not None and config.hand_sigma_deg is not None:
         return bundle.with_noise(1.0, np.broadcast_to(_hand_noise(config), (len(used), 6, 6)).copy())
     return bundle
@@ -113,16 +123,19 @@ def solve_problem(bundle: Bundle, candidates: Sequence[Pose], T_hand_sensor: Pos
     robust, own = _robust(bundle, candidates, T_hand_sensor, config)
     kept, every = bundle.without(robust.left_out), robust.result
     if bundle.hands.inferred:
-        every = solve_bundle(kept.estimating(np.ones_like(applied)), every.state)
+        every = solve_bundle(kept.estimating(np.ones_like(applied), sensor=True), every.state)
     weighed = weigh(kept, every, config)
     if weighed.changed:
-        every = solve_bundle(weighed.bundle.estimating(every.unknowns.block("robot").free), every.state)
-    model = every if np.all(applied) else _fit_model(weighed.bundle, every, applied)
-    nominal = _fit_model(weighed.bundle, every, np.zeros_like(applied)) if np.any(applied) else model
+        every = solve_bundle(weighed.bundle.estimating(every.unknowns.block("robot").free, sensor=True), every.state)
+    sensor = estimates_sensor(config.model) or bundle.errors is None
+    model = every if np.all(applied) and sensor else _fit_model(weighed.bundle, every, applied, sensor=sensor)
+    none = np.zeros_like(applied)
+    nominal = _fit_model(weighed.bundle, every, none) if np.any(applied) or estimates_sensor(config.model) else model
     dof = kept.degrees_of_freedom
     chi2, explained, alone = (stated_cost(weighed.stated, fit) / max(dof, 1) for fit in (model, every, nominal))
     return Solution(
         bundle=weighed.bundle,
+        every=every,
         result=model,
         applied=applied,
         outlier=robust.outlier,
@@ -150,11 +163,13 @@ def _rival(kept: Bundle, candidates: Sequence[Pose], own: Pose, best: RobustResu
     start, _ = chain_start(kept, state.pose("scp"), others)
     try:
         rival = solve_bundle(
-            kept.estimating(best.result.unknowns.block("robot").free), start, max_iterations=_RIVAL_ITERATIONS
+            kept.estimating(best.result.unknowns.block("robot").free, sensor=True),
+            start,
+            max_iterations=_RIVAL_ITERATIONS,
         )
     except np.linalg.LinAlgError:
         return float("inf")
-    apart = pose_distance(rival.state.pose("target"), state.pose("target"))
+    apart = pose_distance(kept.places(rival.state), kept.places(state))
     different = rival.converged and float(np.max(apart)) > _OTHER_MM
     return max(0.0, rival.cost - best.result.cost) if different else float("inf")
 
@@ -163,7 +178,7 @@ def _robust(
     bundle: Bundle, candidates: Sequence[Pose], T_hand_sensor: Pose, config: CalibConfig
 ) -> tuple[RobustResult, Pose]:
     # of a pose's several joint solutions the wrong one may be taken: its robot errors are then its own, in the gates
-    every = bundle.estimating(np.full(len(bundle.estimated), not bundle.hands.inferred))
+    every = bundle.estimating(np.full(len(bundle.estimated), not bundle.hands.inferred), sensor=True)
     start, own = chain_start(bundle, T_hand_sensor, candidates)
     robust = solve_robust(every, start, config.outlier_chi2, config.max_outlier_share)
     if not _doubtful(robust):
@@ -177,9 +192,11 @@ def _robust(
     return (second, again) if _score(second) < _score(robust) else (robust, own)
 
 
-def _fit_model(bundle: Bundle, every: Result, applied: Mask) -> Result:
-    """The bundle with only the ``applied`` robot parameters as unknowns."""
-    return solve_bundle(bundle.estimating(applied), every.state.with_value("robot", np.zeros(len(applied))))
+def _fit_model(bundle: Bundle, every: Result, applied: Mask, *, sensor: bool = False) -> Result:
+    """The bundle with only the ``applied`` robot parameters as unknowns, and the sensor's where asked."""
+    rest = {} if sensor else {"sensor": bundle.unknowns.block("sensor").at_rest()}
+    start = State({**every.state.values, "robot": np.zeros(len(applied)), **rest})
+    return solve_bundle(bundle.estimating(applied, sensor=sensor), start)
 
 
 def _doubtful(robust: RobustResult) -> bool:

@@ -19,7 +19,9 @@ def chain_start(bundle: Bundle, T_hand_sensor: Pose, candidates: Sequence[Pose])
 
     candidates: one batch of poses T_sensor_target a frame.
     """
-    start = bundle.start(T_hand_sensor, Pose.identity())
+    count = len(bundle.locations)
+    nowhere = Pose(np.broadcast_to(np.eye(3), (count, 3, 3)), np.zeros((count, 3)))
+    start = bundle.start(T_hand_sensor, nowhere)
     Ts_base_sensor = bundle.hands.pose(start.vector("robot")) @ T_hand_sensor
     places, chosen = [], np.zeros(len(candidates), dtype=int)
     for location in range(len(bundle.locations)):
@@ -27,7 +29,7 @@ def chain_start(bundle: Bundle, T_hand_sensor: Pose, candidates: Sequence[Pose])
         place, chosen[frames] = agreeing_pose([Ts_base_sensor[f] @ candidates[f] for f in frames])
         places.append(place)
     own = stack_poses([c[int(k)] for c, k in zip(candidates, chosen, strict=True)])
-    return start.with_value("target", stack_poses(places)), own
+    return bundle.with_places(start, stack_poses(places)), own
 
 
 def hand_eye_start(Ts_base_hand: Pose, Ts_sensor_jig: Pose, location: NDArray[np.intp]) -> Pose | None:

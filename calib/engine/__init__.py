@@ -6,10 +6,13 @@ from calib.engine.normal import (
     GroupNormals,
     Normal,
     considered_covariance,
+    departure,
     group_normals,
     normal_step,
     reduced,
+    reduced_gradient,
     scaled_solve,
+    total_normal,
 )
 from calib.engine.solve import Loss, Result, cauchy, solve, total_cost
 
@@ -23,14 +26,17 @@ __all__ = [
     "cauchy",
     "considered_covariance",
     "covariance",
+    "departure",
     "deviance",
     "evidence",
     "group_normals",
     "normal_step",
     "reduced",
+    "reduced_gradient",
     "scaled_condition",
     "scaled_solve",
     "solve",
     "solve_members",
     "total_cost",
+    "total_normal",
 ]

@@ -27,8 +27,9 @@ Array = NDArray[np.float64]
 class Covariance:
     """Covariances by block name, in the tangent of each block.
 
-    total, noise (C, C): of the common unknowns, with the errors of considered ones and from noise alone; zero rows for
-    what was not estimated. separate: by block (L, n, n), considered errors included.
+    total, noise (C, C): of the common unknowns, with the errors of considered ones and from noise alone. In total the
+    considered ones stand with their priors and their correlation with what was estimated; fixed ones are zero.
+    separate: by block (L, n, n), considered errors included.
     """
 
     unknowns: Unknowns
@@ -65,6 +66,9 @@ def covariance(result: Result) -> Covariance:
     from_noise[np.ix_(free, free)] = noise
     total[np.ix_(free, free)] = considered_covariance(noise, coupling, sigma)
     shift = -noise @ (coupling * sigma)  # of the free unknowns, for each considered one's σ
+    total[np.ix_(considered, considered)] = np.diag(sigma**2)
+    total[np.ix_(free, considered)] = shift * sigma
+    total[np.ix_(considered, free)] = (shift * sigma).T
     separate = {}
     for name, gain in gains.items():
         # a member's own error: η = -own⁻¹ (g + crossᵀ c), with c the errors of the common unknowns

@@ -1,5 +1,6 @@
 """The judgement on data and answer: verdicts, culprits, which model predicts, what can not be told apart."""
 
+from calib.judge.contradiction import frames_contradict
 from calib.judge.culprits import culprit
 from calib.judge.culprits_jig import wrong_jig
 from calib.judge.facts import bundle_estimate, bundle_facts
@@ -12,6 +13,7 @@ __all__ = [
     "bundle_facts",
     "choose_model",
     "culprit",
+    "frames_contradict",
     "frames_motion",
     "judge",
     "judge_motion",

@@ -24,8 +24,8 @@ def bundle_estimate(solution: Solution, used: tuple[Frame, ...], config: CalibCo
         robot=solution.robot,
         robot_delta=solution.parameters,
         robot_sigma=found.sigma("robot"),
-        shape_delta=result.state.vector("shape"),
-        shape_sigma=found.sigma("shape"),
+        shape_delta=np.concatenate([result.state.vector(b) for b in solution.bundle.shape_blocks]),
+        shape_sigma=np.concatenate([found.sigma(b) for b in solution.bundle.shape_blocks]),
         chi2_per_dof=solution.chi2_per_dof,
         degrees_of_freedom=solution.dof,
         converged=result.converged,
@@ -48,7 +48,7 @@ def hand_floor(config: CalibConfig) -> NDArray[np.float64]:
 
 def bundle_facts(solution: Solution, used: tuple[Frame, ...], refused: tuple[Frame, ...]) -> Facts:
     """What the bundle is judged by; ``refused`` are calibrate frames whose given labels no pose explains."""
-    out = (solution.outlier | solution.frame_outlier[:, None])[solution.bundle.term.points.present]
+    out = (solution.outlier | solution.frame_outlier[:, None])[solution.bundle.present]
     lost = sum(len(f.axis) for f in refused)
     return Facts(
         converged=solution.result.converged,

@@ -40,7 +40,9 @@ def weak_directions(solution: Solution) -> tuple[str, ...]:
 def _informations(result: Result, estimated: NDArray[np.bool_]) -> tuple[Array, Array, Array]:
     """Information of the data alone on the estimated parameters: raw, without places and shape, without SCP too."""
     u = result.unknowns
-    robot, shape = u.indices("robot", estimated), u.indices("shape", u.block("shape").free)
+    robot = u.indices("robot", estimated)
+    blocks = [b for b in u.common if b.name not in {"scp", "robot"}]
+    shape = np.concatenate([u.indices(b.name, b.free) for b in blocks])
     prior = np.diag(1 / u.sigma[robot] ** 2)
     schur, _ = reduced(result.normal)
     raw = result.normal.common[np.ix_(robot, robot)] - prior

@@ -62,7 +62,7 @@ def _predicted(solution: Solution, left_out: int, applied: Mask) -> np.ndarray:
     own = bundle.at_frames((bundle.location == left_out) & ~solution.frame_outlier)
     sensors = own.hands.pose(state.vector("robot")) @ state.pose("scp")
     start = solution.places[bundle.locations[left_out]]
-    distance = fit_location(own.term.points, sensors, bundle.target, start).distance_mm
+    distance = fit_location(own.term.points, sensors, own.target, start).distance_mm
     return np.asarray(distance[np.isfinite(distance)] ** 2)
 
 
@@ -70,7 +70,8 @@ def _without(solution: Solution, left_out: int, applied: Mask) -> Result:
     """The bundle of the other locations, started from the whole solution."""
     bundle, state = solution.bundle, solution.result.state
     others = np.flatnonzero(np.arange(len(bundle.locations)) != left_out)
-    start = state.with_value("target", state.pose("target")[others])
+    rest = bundle.at_frames(bundle.location != left_out)
+    start = rest.with_places(state, bundle.places(state)[others])
     if not np.array_equal(applied, solution.applied):
         start = start.with_value("robot", np.zeros(len(applied)))
-    return solve_bundle(bundle.at_frames(bundle.location != left_out).estimating(applied), start)
+    return solve_bundle(rest.estimating(applied), start)

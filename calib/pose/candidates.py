@@ -18,10 +18,9 @@ Ambiguity = Literal["unique", "mirror", "weak"]
 class JigPoseCandidate:
     """One pose of the jig in the sensor frame that may explain a frame's points.
 
-    cost: the sum of residuals squared, whitened by the points' covariances (NaN for a closed form).
+    cost: the sum of residuals squared, whitened by the points' covariances.
     chi2: the same with the anchors' tolerance in the covariance. likelihood: share among all candidates, by ``chi2``.
     residuals_mm: predicted minus measured (y, z) (N, 2). covariance: of ξ in T = T̂ · Exp(ξ) (6, 6).
-    h1_disagreement_mm: difference of the two values of h₁ in the paper's Eq. (7); NaN for least squares.
     """
 
     T_sensor_jig: Pose
@@ -31,7 +30,6 @@ class JigPoseCandidate:
     converged: bool = True
     residuals_mm: Array = field(default_factory=lambda: np.zeros((0, 2)))
     covariance: Array = field(default_factory=lambda: np.full((6, 6), np.nan))
-    h1_disagreement_mm: float = float("nan")
 
 
 @dataclass(frozen=True, eq=False)

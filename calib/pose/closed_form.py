@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.pose.candidates import JigPoseCandidate
-from geometry import AxisPoints, NoAnswerError, Pose, nearest_rotation
-from geometry.ties import ascending
+from geometry import Pose, nearest_rotation
 from jig_cad import Jig
 
 Array = NDArray[np.float64]
 
 LABELS = ("A", "B", "C", "B'", "C'")  # the paper's names
-SAME_DISAGREEMENT_MM = 1e-6  # candidates that disagree alike keep the order of their signs
 _SIGNS = np.array([[1.0, 1.0], [1.0, -1.0], [-1.0, 1.0], [-1.0, -1.0]])  # of θ₁, θ₂
 
 
@@ -35,29 +31,6 @@ class ClosedForms:
     def defined(self) -> NDArray[np.bool_]:
         """Whether θ₁ and θ₂ exist (...)."""
         return np.asarray(np.all(self.cosines <= 1.0, axis=-1))
-
-
-def closed_form_poses(
-    axis_yz: Mapping[str, Array | tuple[float, float]] | AxisPoints, jig: Jig
-) -> tuple[JigPoseCandidate, ...]:
-    """Up to four poses T_sensor_jig, one a sign pair (±θ₁, ±θ₂), the smallest disagreement of h₁ first.
-
-    axis_yz: (y, z) [mm] by the names of the strings that the paper calls A, B, C, B', C'.
-    Empty where noise makes a/l > 1, so that θ = acos(a/l) does not exist.
-    """
-    given = dict(zip(axis_yz.label, axis_yz.yz_mm, strict=True)) if isinstance(axis_yz, AxisPoints) else axis_yz
-    names = closed_form_strings(jig)
-    missing = [label for label in names if label not in given]
-    if missing:
-        raise NoAnswerError(f"the paper's closed form needs the strings {', '.join(names)}: {missing[0]} is missing")
-    forms = closed_forms(np.array([given[label] for label in names], dtype=float), jig.side_mm, jig.height_mm)
-    if not forms.defined:
-        return ()
-    order = ascending(forms.h1_disagreement_mm, SAME_DISAGREEMENT_MM)
-    return tuple(
-        JigPoseCandidate(forms.T_sensor_jig[int(i)], h1_disagreement_mm=float(forms.h1_disagreement_mm[i]))
-        for i in order
-    )
 
 
 def closed_form_strings(jig: Jig) -> tuple[str, ...]:

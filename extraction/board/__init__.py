@@ -2,6 +2,6 @@
 
 from extraction.board.find import find_board
 from extraction.board.found import BoardCorners, NoBoard
-from extraction.board.stripe import room_light_in_both, stripe_direction, stripe_on_board
+from extraction.board.stripe import room_light_in_both, stripe_on_board
 
-__all__ = ["BoardCorners", "NoBoard", "find_board", "room_light_in_both", "stripe_direction", "stripe_on_board"]
+__all__ = ["BoardCorners", "NoBoard", "find_board", "room_light_in_both", "stripe_on_board"]

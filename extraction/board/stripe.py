@@ -18,7 +18,7 @@ Mask = NDArray[np.bool_]
 REACH = 10.0  # pitches beyond the corners, in which a board's plane is followed: a plate larger than its print
 BORDER_WIDTHS, BORDER_PX = 3.0, 1.0  # distance from a border between squares: Gaussian σ of the stripe, and pixels
 ALIKE_SHARE = 0.5  # slope of laser-on over laser-off levels from which the room light is in both
-MIN_DN = 6  # above the usual level, of pixels that tell which way the stripe runs
+WIDEST_PX = 24.0  # Gaussian σ of a stripe that floods a board made bright for its corners
 
 
 def stripe_on_board(
@@ -35,7 +35,7 @@ def stripe_on_board(
     board, corners
         The board and where it was found.
     config
-        Settings of the stripe; direction "auto" is found from the picture.
+        Settings of the stripe.
 
     Returns
     -------
@@ -47,24 +47,10 @@ def stripe_on_board(
     h, _ = cv2.findHomography(corners.uv_px, corners.xy_mm, 0)
     mask = _near(image.shape, h, board, corners)
     off = laser_off if laser_off is not None and _lit_alike(image, laser_off, mask) else None
-    direction = config.direction if config.direction != "auto" else stripe_direction(image, off, mask)
-    settings = config.model_copy(update={"direction": direction, "along_normal": True})
+    settings = config.model_copy(update={"along_normal": True, "max_width_px": max(config.max_width_px, WIDEST_PX)})
     peaks = detect_stripe(image, settings, off, mask)
     peaks = peaks[(peaks.flag & (EDGE | SHAPE)) == 0]
     return peaks[_clear(peaks, h, board, corners)] if len(peaks) else peaks
-
-
-def stripe_direction(image: Image, laser_off: Image | None, mask: Mask) -> str:
-    """Which way sections run across the stripe: along "columns" where it runs along u, else along "rows"."""
-    light = image.astype(np.float32) - (0 if laser_off is None else laser_off.astype(np.float32))
-    inside = light[mask]
-    if not len(inside):
-        return "columns"
-    level = max(float(np.median(inside)) + MIN_DN, float(np.percentile(inside, 99)) / 2)
-    v, u = np.nonzero((light > level) & mask)
-    if len(u) < 2:
-        return "columns"
-    return "columns" if np.std(u) >= np.std(v) else "rows"
 
 
 def room_light_in_both(image: Image, laser_off: Image, board: Board, corners: BoardCorners) -> bool:

@@ -10,16 +10,18 @@ from scipy.ndimage import median_filter
 
 from extraction.config import StripeConfig
 from extraction.image import check_image
-from extraction.noise import QUANTISATION_VARIANCE, PixelNoise
+from extraction.noise import PixelNoise
 from extraction.sheet import image_to_sheet, propagate, sheet_table
-from extraction.stripe.detect import SectionPeaks, detect
+from extraction.stripe.faint import NEIGHBOURS, fit_faint
+from extraction.stripe.find import Found, Places, find
 from extraction.stripe.fit import SECTION, SectionPlaces, fit_sections
 from extraction.stripe.model import Limits, Records
 from extraction.stripe.noise import estimate_noise
 from extraction.stripe.normal import localise_along_normal
-from extraction.stripe.plateau import join_plateaus
-from extraction.stripe.profile import EDGE, SATURATED, SHAPE, Profile, StripePeaks
-from extraction.stripe.select import connected, select
+from extraction.stripe.pair import fit_pairs
+from extraction.stripe.profile import AMBIGUOUS, EDGE, SATURATED, SHAPE, Profile, StripePeaks
+from extraction.stripe.select import select
+from extraction.stripe.sigma import true_sigma
 from extraction.stripe.view import StripeView, stripe_view
 from geometry import Sensor
 
@@ -27,7 +29,9 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 _SAMPLE = 320  # sections that are fitted first, for the noise and the width: some 3,000 pixels for three variances
-_WIDTH_PX = 1.5  # expected before anything is known; the window follows what is found
+_DARK_DN2 = 1.0  # of the dark noise where too few sections say anything
+_PIECE_GAP = 3  # sections without a point that end a piece
+_NEAR_PX, _NEAR_WIDTHS = 1.5, 1.2  # from its stripe's track, that a section's fit may end: σ of the stripe and pixels
 _WIDTH_ERROR = 0.12  # relative, of the width expected from neighbouring sections; it steadies faint sections only
 
 
@@ -71,9 +75,11 @@ def extract_profile(
     camera = sensor.require_camera()
     config = config or StripeConfig()
     image = check_image(image, sensor)
-    if config.direction == "auto":
-        config = config.model_copy(update={"direction": depth_direction(sensor)})
-    peaks = detect_stripe(image, config, laser_off, mask, camera.saturation_dn, camera.black_level)
+    light = (laser_off, mask, camera.saturation_dn, camera.black_level)
+    first = depth_direction(sensor) if config.direction == "auto" else config.direction
+    peaks = detect_stripe(image, config.model_copy(update={"direction": first}), *light)
+    if len(peaks) == 0 and config.direction == "auto":
+        peaks = detect_stripe(image, config, *light)
     yz, jacobian = sheet_table(sensor).lookup(peaks.uv_px)
     seen: Mask = np.asarray(np.isfinite(yz).all(axis=1))
     return Profile(peaks, yz, propagate(jacobian, peaks.cov_uv_px2))[seen]
@@ -90,7 +96,7 @@ def depth_direction(sensor: Sensor) -> str:
     Returns
     -------
     direction
-        "columns" where it is v, "rows" where it is u: what ``direction = "auto"`` means.
+        "columns" where it is v, "rows" where it is u: the direction that ``direction = "auto"`` tries first.
     """
     camera = sensor.require_camera()
     middle = np.array([[(camera.width_px - 1) / 2, (camera.height_px - 1) / 2]])
@@ -116,7 +122,7 @@ def detect_stripe(
     image
         Grey levels (H, W), uint8 or uint16.
     config
-        Settings; the defaults where None. Direction "auto" means columns here.
+        Settings; the defaults where None. Direction "auto" means the one along which the image shows more stripe.
     laser_off, mask
         As of `extract_profile`.
     clip_dn
@@ -135,44 +141,52 @@ def detect_stripe(
         Where the arrays or the region do not fit each other.
     """
     config = config or StripeConfig()
-    view = stripe_view(image, config, laser_off, mask, clip_dn, black_dn)
-    found = _joined(view, detect(view.grey, config.threshold_sigma, config.surround_px, config.max_peaks))
-    noise, widths = _look_ahead(view, found, config)
-    fits = _fit(view, found, widths, _WIDTH_ERROR, noise, config)
-    good = np.flatnonzero(_acceptable(fits, config))
-    good = good[connected(found.section[good], fits["centre"][good], config.min_run)]
-    fits, section = fits[good], found.section[good]
-    noise = _settle(noise, fits, config)
-    chosen = select(config, section, fits["centre"].copy(), fits["amplitude"].copy())
-    peaks = _peaks(view, section[chosen], fits[chosen], config)
+    columns = config if config.direction == "rows" else config.model_copy(update={"direction": "columns"})
+    found = find(stripe_view(image, columns, laser_off, mask, clip_dn, black_dn), config)
+    return _localise(found, config)
+
+
+def _localise(found: Found, config: StripeConfig) -> StripePeaks:
+    """The stripes that were found, section by section."""
+    view, places = found.view, found.places
+    noise, widths = _look_ahead(view, places, config)
+    fits = _fit(view, places, widths, _WIDTH_ERROR, noise, config)
+    fits = fit_pairs(view, places, fits, noise, config)
+    fits = fit_faint(view, places, fits, noise)
+    good = np.flatnonzero(_acceptable(fits, places, config))
+    refused = dict(found.refused)
+    if len(good) < len(places):
+        refused["no_fit"] = len(places) - len(good)
+    fits, places = fits[good], places.take(good)
+    noise = _settle(noise, fits, ~places.ghost, config)
+    length = max(true_sigma(places, fits), float(NEIGHBOURS) if places.faint.any() else 0.0)
+    chosen = select(config, found.stripes, places, fits["centre"].copy(), fits["amplitude"].copy())
+    peaks = _peaks(view, places.take(chosen), fits[chosen], config)
+    peaks = replace(peaks, correlation_sections=length, refused=refused)
     return localise_along_normal(view, peaks, noise, config) if config.along_normal else peaks
 
 
-def _joined(view: StripeView, found: SectionPeaks) -> SectionPeaks:
-    """The candidates, one for each clipped run; a run with one candidate is left as it is."""
-    if not np.isfinite(view.clip_dn) or len(found) == 0:
-        return found
-    centre, high = found.centre_px.copy(), found.high.copy()
-    keep = join_plateaus(view.grey, found.section, centre, high, view.clip_dn)
-    return replace(found, section=found.section[keep], centre_px=centre[keep], low=found.low[keep], high=high[keep])
+def _look_ahead(view: StripeView, places: Places, config: StripeConfig) -> tuple[PixelNoise, Array]:
+    """The frame's noise, and the width to be expected at each place, from every n-th of them."""
+    alone = np.flatnonzero((places.partner < 0) & ~places.ghost)
+    if len(alone) == 0:
+        alone = np.flatnonzero(places.partner < 0)
+    some = alone[:: max(1, len(alone) // _SAMPLE)]
+    first = PixelNoise(1.0, 0.0, view.black_dn, 0.0)  # equal weights
+    fits = _fit(view, places.take(some), places.width_px[some], np.inf, first, config)
+    good = fits["converged"] & _near(fits, places.take(some), config)
+    section, stripe = places.section[some[good]], places.stripe[some[good]]
+    noise = estimate_noise(view, section, fits[good], config, _DARK_DN2)
+    widths = places.width_px.copy()
+    for k in np.unique(stripe):
+        own = stripe == k
+        steady = median_filter(fits["width"][good][own], size=min(9, int(own.sum())), mode="nearest")
+        mine = places.stripe == k
+        widths[mine] = np.interp(places.section[mine], section[own], steady)
+    return noise, widths
 
 
-def _look_ahead(view: StripeView, found: SectionPeaks, config: StripeConfig) -> tuple[PixelNoise, Array]:
-    """The frame's noise, and the width to be expected at each candidate, from every n-th of them."""
-    some = np.arange(0, len(found), max(1, len(found) // _SAMPLE))
-    guess = np.full(len(some), min(max(_WIDTH_PX, config.min_width_px), config.max_width_px))
-    first = PixelNoise(max(found.noise_dn**2, QUANTISATION_VARIANCE), 0.0, view.black_dn, 0.0)
-    fits = _fit(view, found.take(some), guess, np.inf, first, config)
-    good = _acceptable(fits, config)
-    section = found.section[some[good]]
-    noise = estimate_noise(view, section, fits[good], config, 6 * found.noise_dn**2)
-    if not good.any():
-        return noise, np.full(len(found), _WIDTH_PX)
-    steady = median_filter(fits["width"][good], size=min(9, int(good.sum())), mode="nearest")
-    return noise, np.interp(found.section, section, steady)
-
-
-def _settle(noise: PixelNoise, fits: Records, config: StripeConfig) -> PixelNoise:
+def _settle(noise: PixelNoise, fits: Records, usable: Mask, config: StripeConfig) -> PixelNoise:
     """The noise scaled to what all sections say, ``fits`` with it in place: the few first ones leave some per cent.
 
     Only where all of the noise is estimated, and robustly: sections that are no Gaussian peak keep their high χ².
@@ -180,7 +194,7 @@ def _settle(noise: PixelNoise, fits: Records, config: StripeConfig) -> PixelNois
     if len(fits) < _SAMPLE or (config.read_noise_dn, config.gain_dn_per_e, config.speckle_contrast) != (None,) * 3:
         return noise
     ratio = fits["chi2"] / np.maximum(fits["dof"], 1)
-    usual = (ratio <= 3 * np.median(ratio)) & (fits["dof"] > 0)
+    usual = usable & (ratio <= 3 * np.median(ratio)) & (fits["dof"] > 0)
     if usual.sum() < _SAMPLE // 2:
         return noise
     scale = float(np.sum(fits["chi2"][usual]) / np.sum(fits["dof"][usual]))
@@ -190,36 +204,44 @@ def _settle(noise: PixelNoise, fits: Records, config: StripeConfig) -> PixelNois
 
 
 def _fit(
-    view: StripeView, found: SectionPeaks, widths: Array, width_error: float, noise: PixelNoise, config: StripeConfig
+    view: StripeView, places: Places, widths: Array, width_error: float, noise: PixelNoise, config: StripeConfig
 ) -> Records:
-    """The fits of all candidates (N,), records of SECTION; widths (N,): expected, with that relative error."""
-    table = np.zeros(len(found), SECTION)
-    places = SectionPlaces(found.section, found.centre_px, found.low, found.high, widths)
+    """The fits of all places (N,), records of SECTION; widths (N,): expected, with that relative error."""
+    table = np.zeros(len(places), SECTION)
+    asked = SectionPlaces(places.section, places.centre_px, places.low, places.high, widths)
     limits = Limits(view.clip_dn, config.min_width_px, config.max_width_px)
-    fit_sections(view.pixels, places, width_error, limits, noise, table)
+    fit_sections(view.pixels, asked, width_error, limits, noise, table)
     return table
 
 
-def _acceptable(fits: Records, config: StripeConfig) -> Mask:
-    """Which fits are a peak of a stripe: converged, high enough, neither too narrow nor too wide."""
+def _near(fits: Records, places: Places, config: StripeConfig) -> Mask:
+    """Which fits stayed on their stripe's track, as wide as a stripe may be."""
+    off = np.abs(fits["centre"] - places.centre_px)
     width = fits["width"]
+    wide = (width >= config.min_width_px) & (width <= 1.5 * config.max_width_px)
+    return np.asarray(wide & (off <= _NEAR_PX + _NEAR_WIDTHS * np.maximum(places.width_px, width)))
+
+
+def _acceptable(fits: Records, places: Places, config: StripeConfig) -> Mask:
+    """Which fits are a point of their stripe: converged, near its track, high enough, neither too narrow nor wide."""
     return np.asarray(
         fits["converged"]
+        & _near(fits, places, config)
         & (fits["amplitude"] >= config.min_amplitude_dn)
         & (fits["snr"] >= config.min_snr)
-        & (width >= config.min_width_px)
-        & (width <= config.max_width_px)
         & np.isfinite(fits["variance"])
     )
 
 
-def _peaks(view: StripeView, section: NDArray[np.int32], fits: Records, config: StripeConfig) -> StripePeaks:
+def _peaks(view: StripeView, places: Places, fits: Records, config: StripeConfig) -> StripePeaks:
+    section = places.section
     chi2 = fits["chi2"] / np.maximum(fits["dof"], 1)
     near_border = np.minimum(fits["centre"] - fits["low"], fits["high"] - 1 - fits["centre"])
     flag = (
         SATURATED * (fits["clipped"] > 0)
         + SHAPE * (chi2 > config.max_chi2_per_dof)
         + EDGE * (near_border < 1.5 * fits["width"])
+        + AMBIGUOUS * places.doubt
     )
     zero = np.zeros(len(section))
     return StripePeaks(
@@ -232,4 +254,19 @@ def _peaks(view: StripeView, section: NDArray[np.int32], fits: Records, config: 
         background_dn=fits["background"].copy(),
         chi2_per_dof=chi2,
         flag=flag.astype(np.uint8),
+        piece=_pieces(section, places.stripe),
     )
+
+
+def _pieces(section: NDArray[np.int32], stripe: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Pieces in the order in which they begin: runs of sections of one stripe (N,)."""
+    out = np.zeros(len(section), np.int32)
+    begun: dict[int, tuple[int, int]] = {}
+    count = 0
+    for i, (s, k) in enumerate(zip(section.tolist(), stripe.tolist(), strict=True)):
+        last, number = begun.get(k, (-10, -1))
+        if s - last > _PIECE_GAP:
+            number, count = count, count + 1
+        begun[k] = (s, number)
+        out[i] = number
+    return out

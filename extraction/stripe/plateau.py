@@ -70,29 +70,6 @@ def _flank(y: Array, start: int, step: int, background: float, height: float, no
 
 
 @kernel
-def join_plateaus(
-    grey: NDArray[np.generic], section: IntArray, centre: Array, high: IntArray, clip: float
-) -> NDArray[np.bool_]:
-    """Peaks on one clipped run made one: which remain (N,); their ``centre`` and ``high`` are changed in place.
-
-    A detector finds no peak on a plateau, or several; each would be given one flank only.
-    """
-    keep = np.ones(len(section), dtype=np.bool_)
-    last = 0
-    for i in range(1, len(section)):
-        same = section[i] == section[last]
-        if same:
-            for k in range(int(centre[last] + 0.5), int(centre[i] + 0.5) + 1):
-                same = same and grey[k, section[i]] >= clip
-        if same:
-            keep[i], high[last] = False, high[i]
-            centre[last] = 0.5 * (centre[last] + centre[i])
-        else:
-            last = i
-    return keep
-
-
-@kernel
 def _longest_run(y: Array, clip: float) -> tuple[int, int]:
     """First and last index of the longest run of clipped pixels."""
     best, first, length = 0, 0, 0

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,8 +12,10 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-SATURATED, SHAPE, EDGE = 1, 2, 4  # bits of a point's flag: clipped pixels, not one Gaussian, cut by border or neighbour
-_FLAG_NAMES = {SATURATED: "saturated", SHAPE: "shape", EDGE: "edge"}
+# bits of a point's flag: clipped pixels; not one Gaussian; cut by border or neighbour; another of like light, or a
+# stronger ridge that was refused, in the section
+SATURATED, SHAPE, EDGE, AMBIGUOUS = 1, 2, 4, 8
+_FLAG_NAMES = {SATURATED: "saturated", SHAPE: "shape", EDGE: "edge", AMBIGUOUS: "ambiguous"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,6 +27,10 @@ class StripePeaks:
     definition: it lies on its section.
     amplitude_dn: peak above the background (N,). width_px: Gaussian σ of the stripe (N,). background_dn (N,).
     chi2_per_dof: of the section's fit (N,). flag: bits, see `flag_names` (N,).
+    correlation_sections: length L of the neighbours' correlation. Errors of two points k sections apart on one stripe
+    correlate as exp(-k / L); 0 where they are independent. It comes from speckle and texture that neighbours share.
+    piece: which continuous piece of stripe each point is on, counted from 0 (N,); empty where nobody asked.
+    refused: how many ridges and sections were not taken, by reason.
     """
 
     section: NDArray[np.int32]
@@ -34,6 +42,9 @@ class StripePeaks:
     background_dn: Array
     chi2_per_dof: Array
     flag: NDArray[np.uint8]
+    correlation_sections: float = 0.0
+    piece: NDArray[np.int32] = field(default_factory=lambda: np.zeros(0, np.int32))
+    refused: Mapping[str, int] = field(default_factory=dict)
 
     def __len__(self) -> int:
         """The number of points."""
@@ -41,7 +52,21 @@ class StripePeaks:
 
     def __getitem__(self, chosen: NDArray[np.intp] | Mask) -> StripePeaks:
         """The chosen points, in that order."""
-        return StripePeaks(**{name: getattr(self, name)[chosen] for name in self.__dataclass_fields__})
+        columns = {f.name: getattr(self, f.name) for f in fields(self)}
+        changed: dict[str, Any] = {
+            name: v[chosen] for name, v in columns.items() if isinstance(v, np.ndarray) and len(v) == len(self)
+        }
+        return replace(self, **changed)
+
+    @property
+    def sections_per_independent(self) -> float:
+        """How many neighbouring sections count as one: the variance of a mean of many is that much larger.
+
+        Σ exp(-|k| / L) over all k; 1 where the points are independent.
+        """
+        if self.correlation_sections <= 0:
+            return 1.0
+        return float(1 / np.tanh(0.5 / self.correlation_sections))
 
     @property
     def cov_uv_px2(self) -> Array:
@@ -72,7 +97,8 @@ def flag_names(flag: int) -> str:
     Parameters
     ----------
     flag
-        Bits SATURATED (clipped pixels), SHAPE (not one Gaussian peak), EDGE (cut by the border or a neighbour).
+        Bits SATURATED (clipped pixels), SHAPE (not one Gaussian peak), EDGE (cut by the border or a neighbour),
+        AMBIGUOUS (another ridge of like light, or a stronger one that was refused, shares the section).
 
     Returns
     -------

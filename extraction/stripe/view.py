@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import cv2
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from extraction.config import StripeConfig
-from extraction.image import grey_levels
+from extraction.image import clipping_level, grey_levels
 from extraction.stripe.fit import Pixels
 from geometry import InputError
 
@@ -67,8 +67,8 @@ def stripe_view(
     """The view of ``image`` (H, W) uint8 or uint16 that the config asks for; InputError where the arrays do not fit."""
     whole = grey_levels(image)
     _check(whole, laser_off, mask)
-    clip = float(np.iinfo(whole.dtype).max if clip_dn is None else clip_dn)
     u0, v0, u1, v1 = _region(config, whole.shape)
+    clip = clipping_level(whole[v0:v1, u0:u1], clip_dn)
     part = (slice(v0, v1), slice(u0, u1))
     grey: NDArray[Any] = whole[part]
     left_out = _NO_MASK if mask is None else ~mask[part]
@@ -80,6 +80,13 @@ def stripe_view(
         grey = grey.astype(np.int32)  # the kernels are compiled for two kinds of image, not for four
     turned = config.direction == "rows"
     return StripeView(_oriented(grey, turned), _oriented(left_out, turned), clip, black_dn, (u0, v0), turned)
+
+
+def turn(view: StripeView) -> StripeView:
+    """The same pixels with the other direction's sections as columns."""
+    return replace(
+        view, grey=_oriented(view.grey, True), left_out=_oriented(view.left_out, True), turned=not view.turned
+    )
 
 
 def _oriented(a: NDArray[Any], turned: bool) -> NDArray[Any]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -136,7 +137,7 @@ class DhRobot:
     sign
         +1 or -1 (n,): which way a joint counts.
     min_rad, max_rad
-        Limits of the readings (n,).
+        Limits of the readings (n,), finite: inverse kinematics searches between them.
     convention
         "standard" or "modified".
     coupling
@@ -147,6 +148,8 @@ class DhRobot:
         What the table does not know: it decides which numbers are ``parameters``.
     name
         In reports.
+    unstated
+        By joint, whether nobody wrote its lower and its upper limit: no reading is out of those. Empty: all are stated.
 
     Raises
     ------
@@ -172,16 +175,18 @@ class DhRobot:
     T_last_hand: Pose = field(default_factory=Pose.identity)
     uncertainty: RobotUncertainty = field(default_factory=RobotUncertainty)
     name: str = ""
+    unstated: tuple[tuple[bool, bool], ...] = ()
 
     @staticmethod
     def from_dh(theta_offset: ArrayLike, d: ArrayLike, a: ArrayLike, alpha: ArrayLike, **more: object) -> DhRobot:
-        """A model of the four DH columns (n,) [rad, mm]; ``more`` are further fields by name, limits default to ±2π."""
+        """A model of the four DH columns (n,) [rad, mm]; ``more``: further fields by name; infinite limits are none."""
         n = len(np.atleast_1d(np.asarray(d, dtype=float)))
-        limits = {"min_rad": -2 * np.pi, "max_rad": 2 * np.pi, "beta": 0.0, "sign": 1.0}
+        defaults = {"min_rad": -np.inf, "max_rad": np.inf, "beta": 0.0, "sign": 1.0}
         columns = {"theta_offset": theta_offset, "d": d, "a": a, "alpha": alpha}
-        columns |= {k: more.pop(k, v) for k, v in limits.items()}  # type: ignore[misc]
+        columns |= {k: more.pop(k, v) for k, v in defaults.items()}  # type: ignore[misc]
         arrays = {k: np.array(np.broadcast_to(np.asarray(v, dtype=float), n)) for k, v in columns.items()}
-        return DhRobot(**arrays, **more)  # type: ignore[arg-type]
+        limits = limit_fields(arrays.pop("min_rad"), arrays.pop("max_rad"))
+        return DhRobot(**arrays, **{**limits, **more})  # type: ignore[arg-type]
 
     def __post_init__(self) -> None:
         """InputError where the table can not be an arm."""
@@ -317,9 +322,17 @@ class DhRobot:
         return self if values is None else self.corrected(values)
 
     def within_limits(self, joints_rad: ArrayLike) -> NDArray[np.bool_]:
-        """Whether all readings (..., n) [rad] lie inside the joint limits (...)."""
-        q = np.asarray(joints_rad, dtype=float)
-        return np.asarray(np.all((q >= self.min_rad) & (q <= self.max_rad), axis=-1))
+        """Whether all readings (..., n) [rad] lie inside the joint limits (...) as far as they are stated."""
+        q, (low, high) = np.asarray(joints_rad, dtype=float), self.stated_limits
+        return np.asarray(np.all((q >= low) & (q <= high), axis=-1))
+
+    @property
+    def stated_limits(self) -> tuple[Array, Array]:
+        """Lower and upper limits (n,) of the readings [rad], infinite where nobody wrote one."""
+        if not self.unstated:
+            return self.min_rad, self.max_rad
+        low, high = np.array(self.unstated).T
+        return np.where(low, -np.inf, self.min_rad), np.where(high, np.inf, self.max_rad)
 
     @cached_property
     def _sigma(self) -> Array:
@@ -344,6 +357,15 @@ class DhRobot:
         return Pose(fixed @ rz, np.broadcast_to(offset, (*theta.shape, 3)))
 
 
+def limit_fields(low: Array, high: Array) -> dict[str, Any]:
+    """The fields of DhRobot for limits (n,) [rad]; an infinite one is unstated and searched over a turn or two."""
+    turn = 2 * np.pi
+    bottom = np.where(np.isinf(low), np.minimum(-turn, np.where(np.isinf(high), 0.0, high) - turn), low)
+    top = np.where(np.isinf(high), np.maximum(turn, np.where(np.isinf(low), 0.0, low) + turn), high)
+    unstated = tuple((bool(a), bool(b)) for a, b in zip(low == -np.inf, high == np.inf, strict=True))
+    return {"min_rad": bottom, "max_rad": top, "unstated": unstated}
+
+
 def _check(robot: DhRobot) -> None:
     n = len(robot.d)
     if n == 0:
@@ -354,6 +376,8 @@ def _check(robot: DhRobot) -> None:
             raise InputError(f"the robot's {name} has {column.size} values for {n} joints")
         if not np.all(np.isfinite(column)):
             raise InputError(f"joint {int(np.argmin(np.isfinite(column))) + 1}: {name} is not a finite number")
+    if len(robot.unstated) not in (0, n):
+        raise InputError(f"the robot's stated limits are told of {len(robot.unstated)} joints of {n}")
     if len(robot.uncertainty.beta_sigma_rad) not in (0, n):
         raise InputError(f"the robot's β has {len(robot.uncertainty.beta_sigma_rad)} σ for {n} joints")
     if np.any(bad := np.abs(robot.sign) != 1):

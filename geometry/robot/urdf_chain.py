@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from geometry.pose import Pose
 from geometry.robot.axes_to_dh import robot_from_axes
-from geometry.robot.dh import DhRobot
+from geometry.robot.dh import DhRobot, limit_fields
 
 Array = NDArray[np.float64]
 
@@ -26,7 +26,7 @@ class ChainJoint:
     axis
         Unit vector (3,) in its own frame; None where the joint is fixed.
     min_rad, max_rad
-        Limits of its reading.
+        Limits of its reading, infinite where there are none.
     """
 
     origin: Pose
@@ -64,7 +64,7 @@ def robot_from_chain(joints: Sequence[ChainJoint], name: str = "") -> DhRobot:
     points, directions = [frame.t for _, frame, _ in moving], [frame.R @ axis for _, frame, axis in moving]
     robot = robot_from_axes(np.array(points), np.array(directions), frames[-1])
     limits = np.array([(joint.min_rad, joint.max_rad) for joint, _, _ in moving])
-    return replace(robot, min_rad=limits[:, 0].copy(), max_rad=limits[:, 1].copy(), name=name)
+    return replace(robot, **limit_fields(limits[:, 0], limits[:, 1]), name=name)
 
 
 def corrected_origins(joints: Sequence[ChainJoint], corrected: DhRobot) -> tuple[list[Pose], Pose]:

@@ -1,14 +1,16 @@
 """The sensor: laser sheet, camera or profile output, stated optics, uncertainty, and what of the sheet is measured."""
 
 from geometry.sensor.camera import CHANNELS, Camera, project
+from geometry.sensor.deviation import SensorDeviation, SheetSeen
 from geometry.sensor.field_of_view import field_of_view, inside_polygon
 from geometry.sensor.optics import Optics
 from geometry.sensor.profile import AUTO, PROFILE_FORMATS, ProfileOutput
 from geometry.sensor.sensor import Sensor
 from geometry.sensor.sheet import Sheet
-from geometry.sensor.uncertainty import CAMERA_PARAMETERS, SENSOR_PARAMETERS, SOURCES, SensorUncertainty
+from geometry.sensor.uncertainty import AGAINST, CAMERA_PARAMETERS, SENSOR_PARAMETERS, SOURCES, SensorUncertainty
 
 __all__ = [
+    "AGAINST",
     "AUTO",
     "CAMERA_PARAMETERS",
     "CHANNELS",
@@ -19,8 +21,10 @@ __all__ = [
     "Optics",
     "ProfileOutput",
     "Sensor",
+    "SensorDeviation",
     "SensorUncertainty",
     "Sheet",
+    "SheetSeen",
     "field_of_view",
     "inside_polygon",
     "project",

@@ -15,6 +15,10 @@ Array = NDArray[np.float64]
 DISTORTION_LENGTHS = (0, 4, 5, 8, 12, 14)
 BIT_DEPTHS = (8, 10, 12, 14, 16)
 CHANNELS = ("red", "green", "blue", "grey", "max")
+MOST_TILT_RAD = 0.8  # of a Scheimpflug adapter: 45°, beyond which no light arrives
+MOST_DISTORTION = 0.6  # half way to the corner, of the distance from the centre; a fisheye of 180° has some 0.4
+FARTHEST_MM = 1e5  # of the camera from the sheet's origin
+FARTHEST_CENTRE = 50.0  # image sides, of the principal point: cut-outs of a large chip may lie outside
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,6 +141,21 @@ def distort(xy: Array, k: Array) -> Array:
     return np.asarray(tilted[:, :2] / tilted[:, 2:])
 
 
+def undistort_near(start: Array, goal: Array, k: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Solve distort(xy) = goal (N, 2) near ``start``; True where it was reached without crossing a fold."""
+    xy, h = start.copy(), 1e-6
+    for _ in range(8):
+        f = distort(xy, k) - goal
+        j = np.stack([(distort(xy + h * e, k) - distort(xy - h * e, k)) / (2 * h) for e in np.eye(2)], -1)
+        det = np.linalg.det(j)
+        unfolded = det > 1e-3
+        j[~unfolded] = np.eye(2)
+        xy = xy - np.where(unfolded[:, None], np.linalg.solve(j, f[..., None])[..., 0], 0.0)
+        xy = np.clip(xy, -20.0, 20.0)  # no lens sees 87° off its axis; keeps a lost iterate finite
+    left = np.max(np.abs(distort(xy, k) - goal), axis=-1)
+    return xy, unfolded & (left < 1e-12)
+
+
 def _check_image(c: Camera) -> None:
     if not (1 <= c.width_px <= 65535 and 1 <= c.height_px <= 65535):
         raise InputError(f"image size {c.width_px} × {c.height_px} px: width and height must lie in 1 … 65535")
@@ -161,7 +180,12 @@ def _check_optics(c: Camera) -> None:
         raise InputError(f"focal lengths fx_px = {c.fx_px:g}, fy_px = {c.fy_px:g}: must be positive")
     if len(c.distortion) not in DISTORTION_LENGTHS:
         raise InputError(f"distortion has {len(c.distortion)} terms: OpenCV's model takes 0, 4, 5, 8, 12 or 14")
+    _check_lens(c)
     check_rotation(c.T_sensor_camera.R)
+    if not np.max(np.abs(c.T_sensor_camera.t)) < FARTHEST_MM:
+        raise InputError(
+            f"the camera stands {np.max(np.abs(c.T_sensor_camera.t)):g} mm from the origin: lengths are mm"
+        )
     if abs(c.T_sensor_camera.t[0]) < 1e-6:
         raise InputError(
             "the camera's centre lies in the laser plane x = 0: it sees the sheet edge-on and measures no depth"
@@ -169,6 +193,34 @@ def _check_optics(c: Camera) -> None:
     if _rays_hit_nowhere(c):
         raise InputError(
             "the camera looks along or away from the laser plane x = 0 and never sees it: turn [camera.pose] towards it"
+        )
+
+
+def _check_lens(c: Camera) -> None:
+    """Focal lengths, tilt and distortion are such as lenses have."""
+    long_side = max(c.width_px, c.height_px)
+    for name, f in (("fx_px", c.fx_px), ("fy_px", c.fy_px)):
+        if not 0.05 < f / long_side < 1000:
+            raise InputError(f"{name} = {f:g} px with an image of {long_side} px: no lens sees so wide or so narrow")
+    if not max(abs(c.cx_px), abs(c.cy_px)) < FARTHEST_CENTRE * long_side:
+        raise InputError(f"cx_px, cy_px = {c.cx_px:g}, {c.cy_px:g}: the principal point lies far off the image")
+    terms = c.distortion14
+    for name, tilt in (("τx", terms[12]), ("τy", terms[13])):
+        if abs(tilt) > MOST_TILT_RAD:
+            raise InputError(
+                f"distortion: the lens tilt {name} = {tilt:g} rad is {np.rad2deg(tilt):.3g}°, no lens tilts beyond "
+                f"{np.rad2deg(MOST_TILT_RAD):.0f}°; tilts are in radians"
+            )
+    terms[12:] = 0.0
+    corners = np.array([(u, v) for u in (0, c.width_px - 1) for v in (0, c.height_px - 1)], dtype=float)
+    half = (corners - [c.cx_px, c.cy_px]) / [c.fx_px, c.fy_px] / 2
+    with np.errstate(all="ignore"):
+        off = np.linalg.norm(distort(half, terms) - half, axis=1) / np.maximum(np.linalg.norm(half, axis=1), 1e-9)
+    if not np.all(off < MOST_DISTORTION):
+        shown = ", ".join(f"{v:g}" for v in c.distortion)
+        raise InputError(
+            f"distortion = [{shown}] moves points half way to the image's corners by more than {MOST_DISTORTION:.0%} "
+            "of their distance from the centre, which no lens does: check the order k1 k2 p1 p2 k3 … and the pixels"
         )
 
 

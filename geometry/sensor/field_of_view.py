@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geometry.errors import InputError
-from geometry.sensor.camera import Camera, distort
+from geometry.sensor.camera import Camera, undistort_near
 from geometry.sensor.sensor import Sensor
 from geometry.sensor.sheet import Sheet
 
@@ -94,26 +94,11 @@ def _undistort(c: Camera, uv_px: Array) -> Array:
     xy, reached, step = np.zeros_like(goal), np.zeros(len(goal)), np.full(len(goal), 1 / 8)
     while np.any(todo := (reached < 1) & (step > 1e-6)):
         t = np.minimum(reached[todo] + step[todo], 1.0)
-        found, good = _newton(xy[todo], t[:, None] * goal[todo], c.distortion14)
+        found, good = undistort_near(xy[todo], t[:, None] * goal[todo], c.distortion14)
         index = np.flatnonzero(todo)
         xy[index[good]], reached[index[good]] = found[good], t[good]
         step[index[~good]] /= 2
     return xy
-
-
-def _newton(start: Array, goal: Array, k: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Solve distort(xy) = goal (N, 2) near ``start``; True where it was reached without crossing a fold."""
-    xy, h = start.copy(), 1e-6
-    for _ in range(8):
-        f = distort(xy, k) - goal
-        j = np.stack([(distort(xy + h * e, k) - distort(xy - h * e, k)) / (2 * h) for e in np.eye(2)], -1)
-        det = np.linalg.det(j)
-        unfolded = det > 1e-3
-        j[~unfolded] = np.eye(2)
-        xy = xy - np.where(unfolded[:, None], np.linalg.solve(j, f[..., None])[..., 0], 0.0)
-        xy = np.clip(xy, -20.0, 20.0)  # no lens sees 87° off its axis; keeps a lost iterate finite
-    left = np.max(np.abs(distort(xy, k) - goal), axis=-1)
-    return xy, unfolded & (left < 1e-12)
 
 
 def _fan_half_planes(sheet: Sheet) -> list[Array]:

@@ -11,15 +11,18 @@ from numpy.typing import NDArray
 
 from geometry import Sensor
 from geometry.compiled import kernel
-from perceptron_emu.chip.hashing import BITS, LOW, NORMAL, mix, mix32
+from perceptron_emu.chip.dark import DarkPixels, dark_levels, dark_pixels
+from perceptron_emu.chip.hashing import BITS, DEVIATE, LOW, NORMAL, draw16, mix
 from perceptron_emu.config import NoiseConfig
 
 Float32 = NDArray[np.float32]
 Bits = NDArray[np.uint32]
+Draws = NDArray[np.uint16]
 Image = NDArray[np.uint8] | NDArray[np.uint16]
 
 FULL_WELL_OVER_RANGE = 1.03  # a saturated pixel then gives the largest grey level, its noise notwithstanding
-RUN = 1024  # pixels that are exposed at a time
+RUN = 1024  # pixels that are exposed at a time; an even number, for two share 32 random bits
+DARK_KEY = np.uint32(0x9E3779B9)  # turns the noise's key into that of its dark pixels
 FIRST, SECOND = np.float32(0.8), np.float32(0.6)  # shares of the two deviates of a sum: their squares add up to 1
 SURE = 6.0  # σ of shot noise that the full well must be away for it not to matter
 
@@ -34,8 +37,7 @@ class Pattern(NamedTuple):
 class Exposure(NamedTuple):
     """What turns mean electrons into grey levels, for compiled code.
 
-    sure_e: mean charge below which shot noise never fills the well. dark_e: of the exposure's time. low, high: halves
-    of the noise's key.
+    sure_e: mean charge below which shot noise never fills the well. dark_e: of the exposure's time.
     """
 
     gain_dn_per_e: float
@@ -46,8 +48,6 @@ class Exposure(NamedTuple):
     read_noise_e: float
     dark_e: float
     shot: bool
-    low: np.uint32
-    high: np.uint32
 
 
 def gain_dn_per_e(noise: NoiseConfig, sensor: Sensor) -> float:
@@ -115,12 +115,12 @@ def expose(electrons: Float32, noise: NoiseConfig, sensor: Sensor, time_s: float
         read_noise_e=noise.read_noise_e,
         dark_e=noise.dark_current_e_s * time_s,
         shot=noise.shot,
-        low=np.uint32(key & 0xFFFFFFFF),
-        high=np.uint32(key >> 32 & 0xFFFFFFFF),
     )
-    pattern = _pattern(electrons.size, noise.pattern_seed, noise.prnu, noise.dsnu_e)
+    camera_pattern = _PatternOf(electrons.size, noise.pattern_seed, noise.prnu, noise.dsnu_e)
     out: Image = np.empty(electrons.shape, np.uint8) if camera.bit_depth == 8 else np.empty(electrons.shape, np.uint16)
-    _expose(electrons.ravel(), pattern, exposure, out.ravel())
+    low, high = np.uint32(key & 0xFFFFFFFF), np.uint32(key >> 32 & 0xFFFFFFFF)
+    light, dark = np.ascontiguousarray(electrons).ravel(), _dark(camera_pattern, exposure)
+    _expose(light, _pattern(camera_pattern), dark, exposure, (low, high), out.ravel())
     return out
 
 
@@ -130,12 +130,36 @@ def _sure_limit(well_e: float) -> float:
     return root * root
 
 
+class _PatternOf(NamedTuple):
+    """Which camera: its pixels, its seed, and the σ of their own gains and offsets [e⁻]."""
+
+    pixels: int
+    seed: int
+    prnu: float
+    dsnu_e: float
+
+
 @lru_cache(maxsize=4)
-def _pattern(pixels: int, seed: int, prnu: float, dsnu_e: float) -> Pattern:
+def _pattern(of: _PatternOf) -> Pattern:
     """The fixed pattern of the camera of that seed."""
-    pattern = Pattern(np.empty(pixels, np.float32), np.empty(pixels, np.float32))
-    _draw_pattern(pattern, np.uint64(seed * 2 + 1), prnu, dsnu_e)
+    pattern = Pattern(np.empty(of.pixels, np.float32), np.empty(of.pixels, np.float32))
+    _draw_pattern(pattern, np.uint64(of.seed * 2 + 1), of.prnu, of.dsnu_e)
     return pattern
+
+
+@lru_cache(maxsize=4)
+def _dark(of: _PatternOf, exposure: Exposure) -> DarkPixels:
+    """What the pixels of that camera give where no light falls."""
+    mean, read2 = np.float64(exposure.dark_e), exposure.read_noise_e**2
+    z = DEVIATE.astype(float)
+    if exposure.shot:
+        variance = max(mean + read2, 1e-12)
+        charge = mean + math.sqrt(variance) * z + (z * z - 1) / 6 * mean / variance
+    else:
+        charge = min(mean, exposure.well_e) + exposure.read_noise_e * z
+    gain = exposure.gain_dn_per_e
+    offset = _pattern(of).offset
+    return dark_pixels(np.sort(charge) * gain + exposure.black_dn + 0.5, offset, gain, exposure.top_dn)
 
 
 @kernel(inline=True)
@@ -156,44 +180,61 @@ def _draw_pattern(pattern: Pattern, key: np.uint64, prnu: float, dsnu: float) ->
 
 
 @kernel(fastmath=True)
-def _expose(electrons: Float32, pattern: Pattern, exposure: Exposure, out: Image) -> None:
+def _expose(
+    electrons: Float32,
+    pattern: Pattern,
+    dark: DarkPixels,
+    exposure: Exposure,
+    key: tuple[np.uint32, np.uint32],
+    out: Image,
+) -> None:
     """One draw for shot and read noise together where the well is far, two where it may cut the charge.
 
-    Pixels are taken in runs, in loops over few arrays each, simple enough for the compiler to do several at once.
+    Pixels are taken in runs, in loops over few arrays each, simple enough for the compiler to do several at once. Runs
+    without any light are looked up: what a pixel gives then hangs on 16 random bits alone.
     """
     z, other = np.empty(RUN, np.float32), np.empty(RUN, np.float32)
     mean, signal = np.empty(RUN, np.float32), np.empty(RUN, np.float32)
-    bits = np.empty(RUN, np.uint32)
-    read, low, high = exposure.read_noise_e, exposure.low, exposure.high
+    draws = np.empty(RUN // 2, np.uint32)
+    light = electrons.view(np.uint32)
+    read, (low, high) = exposure.read_noise_e, key
     scale, zero = np.float32(exposure.gain_dn_per_e), np.float32(exposure.black_dn) + np.float32(0.5)
+    is_dark_known = exposure.dark_e < exposure.sure_e
     for first in range(0, electrons.size, RUN):
         n = min(RUN, electrons.size - first)
         here = slice(first, first + n)
-        _normal(z[:n], bits, first, low, high)
+        if is_dark_known and not _any_light(light[here]):
+            draw16(draws, np.uint32(first // 2), low, np.uint32(high ^ DARK_KEY))
+            dark_levels(draws.view(np.uint16)[:n], dark, first, out[here])
+            continue
+        draw16(draws, np.uint32(first // 2), low, high)
+        _normal(z[:n], draws.view(np.uint16))
         largest = _charge(electrons[here], pattern.gain[here], np.float32(exposure.dark_e), mean)
         if not exposure.shot:
             _cut(mean[:n], np.float32(exposure.well_e), np.float32(read), z, signal)
         else:
             _noisy(mean[:n], z, np.float32(read * read), signal)
             if largest >= exposure.sure_e:
-                _normal(other[:n], bits, first, low, np.uint32(~high))
+                draw16(draws, np.uint32(first // 2), low, np.uint32(~high))
+                _normal(other[:n], draws.view(np.uint16))
                 _near_the_well(mean[:n], z, other, exposure, signal)
         _quantise(signal[:n], pattern.offset[here], scale, zero, np.float32(exposure.top_dn), out[here])
 
 
-@kernel(fastmath=True)
-def _normal(z: Float32, bits: Bits, first: int, low: np.uint32, high: np.uint32) -> None:
-    """Standard normal deviates of the pixels from ``first`` on: sums of two of the table, 24 bits each."""
-    _bits(bits, np.uint32(first), low, high)
-    for i in range(len(z)):
-        lower, upper = NORMAL[bits[i] & np.uint32(LOW)], NORMAL[bits[i] >> np.uint32(32 - BITS)]
-        z[i] = FIRST * lower + SECOND * upper
-
-
 @kernel
-def _bits(bits: Bits, first: np.uint32, low: np.uint32, high: np.uint32) -> None:
-    for i in range(len(bits)):
-        bits[i] = mix32(first + np.uint32(i), low, high)
+def _any_light(light: Bits) -> bool:
+    """Whether any of the pixels, never negative, is more than 0; by their bits, several at once."""
+    any_bit = np.uint32(0)
+    for i in range(len(light)):
+        any_bit |= light[i]
+    return bool(any_bit != 0)
+
+
+@kernel(fastmath=True)
+def _normal(z: Float32, draws: Draws) -> None:
+    """Standard normal deviates (n,) of 16 random bits each."""
+    for i in range(len(z)):
+        z[i] = DEVIATE[draws[i]]
 
 
 @kernel(fastmath=True)
@@ -226,11 +267,13 @@ def _quantise(
 @kernel(fastmath=True)
 def _charge(light: Float32, own_gain: Float32, dark: np.float32, mean: Float32) -> np.float32:
     """Mean charge [e⁻] of a run of pixels, to ``mean``; returns the largest."""
-    largest = np.float32(0)
     for i in range(len(light)):
         mean[i] = max(light[i] * own_gain[i] + dark, np.float32(0))
-        largest = max(largest, mean[i])
-    return largest
+    bits, largest = mean.view(np.int32), np.int32(0)
+    for i in range(len(light)):  # floats from 0 on are ordered as their bits are
+        largest = max(largest, bits[i])
+    found: np.float32 = np.array([largest]).view(np.float32)[0]
+    return found
 
 
 @kernel(fastmath=True)

@@ -15,7 +15,7 @@ Index = NDArray[np.int64]
 
 GRID_RAD = 2e-3  # breakpoints at least this close, so that bodies that interpenetrate are told apart
 
-SAME_RAD, SAME_PLACE = 1e-12, 1e-9  # breaks, and places along a segment, that rounding alone tells apart
+SAME_RAD = 1e-12  # breaks that rounding alone tells apart
 BEHIND_RAD = 10.0  # the angle given to what no ray about +z reaches
 
 
@@ -210,11 +210,15 @@ def _first_reached(ends: Array, origin: Array, grid: Array) -> Reached:
 
 @kernel
 def _sweep(segments: Segments, breaks: Array, origin: Array) -> Reached:
-    """From one break of the fan to the next: what is reached first there."""
+    """From one break of the fan to the next: what is reached first there.
+
+    Where one segment alone is met nothing is compared, and a piece's ends are worked out once it is whole.
+    """
     ends, angle, by_start = segments
     which, where = np.empty(len(breaks), np.int64), np.empty((len(breaks), 2))
     active = np.empty(len(ends), np.int64)
     n_active, following, m = 0, 0, 0
+    open_, begin, end = -1, 0.0, 0.0  # the piece that may go on
     for k in range(len(breaks) - 1):
         a, b = breaks[k], breaks[k + 1]
         if b - a < SAME_RAD:
@@ -223,35 +227,58 @@ def _sweep(segments: Segments, breaks: Array, origin: Array) -> Reached:
         while following < len(ends) and angle[by_start[following], 0] < middle:
             active[n_active] = by_start[following]
             n_active, following = n_active + 1, following + 1
-        best, best_distance, kept = -1, np.inf, 0
+        kept = 0
         for j in range(n_active):
-            i = active[j]
-            if angle[i, 1] <= middle:
-                continue
-            active[kept] = i
-            kept += 1
-            distance = _reach(ends[i], origin, middle)[0]
-            if 0 < distance < best_distance:
-                best, best_distance = i, distance
+            if angle[active[j], 1] > middle:
+                active[kept] = active[j]
+                kept += 1
         n_active = kept
-        if best < 0:
+        best = active[0] if n_active == 1 else -1
+        if n_active > 1:
+            ry, rz, best_distance = math.sin(middle), math.cos(middle), np.inf
+            for j in range(n_active):
+                distance = _distance(ends[active[j]], origin, ry, rz)
+                if 0 < distance < best_distance:
+                    best, best_distance = active[j], distance
+        if best == open_ and best >= 0:
+            end = b
             continue
-        from_, to = _reach(ends[best], origin, a)[1], _reach(ends[best], origin, b)[1]
-        if m > 0 and which[m - 1] == best and abs(where[m - 1, 1] - from_) < SAME_PLACE:
-            where[m - 1, 1] = to
-        else:
-            which[m], where[m, 0], where[m, 1] = best, from_, to
-            m += 1
+        if open_ >= 0:
+            m = _append(
+                Reached(which, where), m, open_, _reach(ends[open_], origin, begin), _reach(ends[open_], origin, end)
+            )
+        open_, begin, end = best, a, b
+    if open_ >= 0:
+        m = _append(
+            Reached(which, where), m, open_, _reach(ends[open_], origin, begin), _reach(ends[open_], origin, end)
+        )
     return Reached(which[:m], where[:m])
 
 
+@kernel
+def _append(reached: Reached, m: int, segment: int, from_: float, to: float) -> int:
+    """Put a piece on place m; how many there are then."""
+    reached.which[m], reached.where[m, 0], reached.where[m, 1] = segment, from_, to
+    return m + 1
+
+
 @kernel(inline=True)
-def _reach(segment: Array, origin: Array, angle: float) -> tuple[float, float]:
-    """Distance along the ray at the angle to the segment's line, and the place on it."""
+def _distance(segment: Array, origin: Array, ry: float, rz: float) -> float:
+    """Distance along the ray (ry, rz) to the segment's line; -1 where they are parallel."""
+    ey, ez = segment[1, 0] - segment[0, 0], segment[1, 1] - segment[0, 1]
+    det = ry * ez - rz * ey
+    if det == 0:
+        return -1.0
+    distance: float = ((segment[0, 0] - origin[0]) * ez - (segment[0, 1] - origin[1]) * ey) / det
+    return distance
+
+
+@kernel
+def _reach(segment: Array, origin: Array, angle: float) -> float:
+    """The place on the segment's line that the ray at the angle meets, in units of the segment."""
     ry, rz = math.sin(angle), math.cos(angle)
     ey, ez = segment[1, 0] - segment[0, 0], segment[1, 1] - segment[0, 1]
     py, pz = segment[0, 0] - origin[0], segment[0, 1] - origin[1]
     det = ry * ez - rz * ey
-    if det == 0:
-        return -1.0, 0.0
-    return (py * ez - pz * ey) / det, (py * rz - pz * ry) / det
+    place: float = 0.0 if det == 0 else (py * rz - pz * ry) / det
+    return place

@@ -10,7 +10,7 @@ from scipy.stats import chi2
 
 from calib import CalibConfig
 from calib.hands import with_joints
-from calib.printed import nees
+from calib.printed import gimbal_note, nees
 from calib.synthetic.cell import CellFrames, Noise, SyntheticCell, calibrated, made_cell, observe, random_cell
 from calib.synthetic.problem import CALIBRATE_ONLY
 from geometry import InputError, Pose
@@ -79,3 +79,13 @@ def test_without_a_table_sigma_have_a_floor_that_is_said() -> None:
         assert any("floor of 0.3 mm and 0.03°" in n for n in result.notes)
         bare = calibrated(data, cell.jig, robot, CalibConfig(hand_floor_mm=0.0, hand_floor_deg=0.0))
         assert min(bare.sigma_translation_mm) < min(result.sigma_translation_mm)
+
+
+def test_gimbal_lock_is_one_line_with_the_matrix() -> None:
+    """At Y = 90° only X - Z is known; its σ is that of a turn about the sensor's x."""
+    T = Pose.from_fixed_xyz_deg([10.0, 89.99, 30.0], [0.0, 0.0, 0.0])
+    (words,) = gimbal_note(T, np.diag([0.1**2] * 3 + [np.deg2rad(0.02) ** 2] * 3))
+    assert "X and Z turn about the same axis" in words
+    assert "X - Z = -20.0000 ± 0.0200°" in words
+    assert f"{T.R[0, 1]:.7f}" in words
+    assert gimbal_note(Pose.from_fixed_xyz_deg([10.0, 60.0, 30.0], [0.0, 0.0, 0.0]), np.eye(6)) == ()

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from calib.bundle.hands import Hands
 from calib.bundle.problem import Bundle
+from calib.bundle.sensor_errors import SensorErrors
 from calib.closure.terms import KnownDistance, Seated
 from calib.figures import OffsetsFromTarget
 from calib.pose.own import SeenAlone
-from calib.synthetic.cell import Noise, industrial_arm
+from calib.synthetic.cell import Noise, default_sensor, industrial_arm
 from calib.synthetic.problem import made_problem, true_jigs
 from geometry import DhRobot, Pose, State, Step, exp_so3
 from geometry.robot import DH_ROWS
@@ -166,3 +169,25 @@ def test_predicted_points_are_those_of_the_cell() -> None:
     """At the truth of a cell without noise the residuals vanish: the generator and the solver agree on the geometry."""
     bundle, cell, made = made_problem(4, Noise(point_mm=0.0, joint_rad=0.0, robot=False, anchors=False))
     assert np.max(np.abs(bundle.term.residual(bundle.start(cell.T_hand_sensor, true_jigs(made))))) < 1e-9
+
+
+def test_sensor_errors_equal_finite_differences() -> None:
+    """Away from rest in every unknown; the displaced points have tests of their own (test_sensor_deviation.py)."""
+    rng = np.random.default_rng(4)
+    plain, cell, made = made_problem(4, Noise())
+    errors = SensorErrors.of(default_sensor(), estimated=True)
+    assert errors is not None
+    term = replace(plain.term, errors=errors)
+    count = len(errors.labels)
+    values = {"robot": rng.normal(size=24) * 1e-3, "shape": rng.normal(size=12) * 0.03}
+    start = plain.start(cell.design, true_jigs(made))
+    state = State({**start.values, **values, "sensor": rng.normal(size=count) * 0.1})
+    lin = term.linearise(state)
+    for k in range(count):
+        step = 1e-4 * np.eye(count)[k]
+        above, below = (state.with_value("sensor", state.vector("sensor") + s) for s in (step, -step))
+        numeric = (term.residual(above) - term.residual(below)) / 2e-4
+        np.testing.assert_allclose(lin.jacobian["sensor"][..., k], numeric, atol=1e-6 * np.max(np.abs(numeric)))
+    place = state.with_value("target", state.pose("target") @ Pose.exp(np.array([0, 0, 1e-5, 0, 1e-6, 0])))
+    moved = lin.jacobian["target"] @ np.array([0, 0, 1e-5, 0, 1e-6, 0])
+    np.testing.assert_allclose(term.residual(place) - lin.residual, moved, atol=1e-9)

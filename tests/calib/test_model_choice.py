@@ -147,12 +147,13 @@ def test_misspelt_location_is_named() -> None:
     assert any('location "a" has frame 0 alone' in note for note in result.notes)
 
 
-def test_no_usable_frame_is_too_few_poses() -> None:
+def test_no_usable_frame_is_no_lack_of_poses() -> None:
     rng = np.random.default_rng(10)
     cell = random_cell(rng, CALIBRATE_ONLY)
     observed = observe(cell, made_cell(cell, rng, Noise()), rng, Noise())
     frames = tuple(replace(f, reason="image_unreadable") for f in observed.frames)
     for method in ("bundle", "paper"):
         result = calibrated(replace(observed, frames=frames), cell.jig, cell.robot, CalibConfig(method=method))
-        assert result.verdict.code == "too_few_poses"
+        assert result.verdict.code == "frames_contradict"
+        assert "images unreadable" in result.verdict.text
         assert result.T_hand_sensor is None

@@ -120,7 +120,7 @@ def test_a_dead_scheduler_is_one_sentence(small_run: Path, tmp_path: Path) -> No
 def test_a_scheduler_without_workers_is_one_sentence(
     small_run: Path, tmp_path: Path, cluster: Cluster, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("workbench.campaign.engines.NO_WORKER_S", 0.5)
+    monkeypatch.setattr("workbench.campaign.work.engines.NO_WORKER_S", 0.5)
     wait = distributed.Client(cluster.address, timeout=60, set_as_default=False)  # until the scheduler stands
     wait.close()
     with pytest.raises(InputError, match="has no workers: start some with `dask worker"):

@@ -9,9 +9,9 @@ import pytest
 
 from geometry import InputError
 from workbench.campaign import Plan, TrialSettings, read_plan
-from workbench.campaign.design import design_points
-from workbench.campaign.emulated import planned_diameter_mm
-from workbench.campaign.settings import leaf_paths, with_values
+from workbench.campaign.asked.design import design_points
+from workbench.campaign.asked.settings import leaf_paths, with_values
+from workbench.campaign.trial.emulated import planned_diameter_mm
 
 
 def plan_file(folder: Path, text: str) -> Path:

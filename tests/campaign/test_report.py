@@ -10,7 +10,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from workbench.campaign import AskedAccuracy, Plan, Run, advice, quantile_band, write_page
-from workbench.campaign.summary import by_factor, worst_trials
+from workbench.campaign.results.summary import by_factor, worst_trials
 
 TARGET = AskedAccuracy(0.1, 0.03, 0.95)
 

@@ -16,9 +16,9 @@ import pytest
 
 from tests.campaign.plans import tables
 from workbench.campaign import read_plan, remake_trial, run_campaign
-from workbench.campaign.engines import run_local
-from workbench.campaign.shard import run_shard
-from workbench.campaign.store import ShardResult
+from workbench.campaign.store.store import ShardResult
+from workbench.campaign.work.engines import run_local
+from workbench.campaign.work.shard import run_shard
 
 
 def test_tables_and_images_do_not_depend_on_who_computes_them(small_run: Path, tmp_path: Path) -> None:

@@ -21,7 +21,7 @@ import pytest
 from geometry import InputError
 from tests.campaign.plans import end, group, shards_of, start_sweep, tables, wait_until, write_plan
 from workbench.campaign import Plan, read_plan, read_run, run_campaign
-from workbench.campaign.store import ShardResult, opened_store
+from workbench.campaign.store.store import ShardResult, opened_store
 
 KILLS = 100
 

@@ -7,6 +7,7 @@ import pytest
 
 from perceptron_emu import EmulatorConfig
 from perceptron_emu.chip import expose
+from perceptron_emu.chip.dark import dark_levels, dark_pixels
 from perceptron_emu.image import contrast
 from perceptron_emu.image.speckle import speckle_field
 from tests.perceptron_emu.conftest import make_sensor
@@ -42,6 +43,41 @@ def test_the_fixed_pattern_is_the_cameras_own() -> None:
     other = flats(0.0, 8, first_key=10_000, pattern_seed=7)
     correlation = np.corrcoef(dark.mean(0).ravel(), other.mean(0).ravel())[0, 1]
     assert abs(correlation) < 0.01
+
+
+@pytest.mark.parametrize("bits", [8, 12])
+@pytest.mark.parametrize("black", [0.0, 10.0])
+def test_pixels_without_light_are_noisy_as_all_others(bits: int, black: float) -> None:
+    """Their levels are looked up; a light of a millionth of an electron takes the common way. Histogram, variance in
+    time and fixed pattern agree.
+    """
+    sensor = make_sensor(bit_depth=bits, black_level=black)
+    noise = EmulatorConfig.model_validate({"noise": {"read_noise_e": 12.0, "dsnu_e": 7.0}}).noise
+    dark = np.zeros(sensor.camera.shape, np.float32)
+    without, with_light = (
+        np.stack([expose(dark + np.float32(light), noise, sensor, 0.01, 977 * k + key) for k in range(4)]).astype(float)
+        for light, key in ((0.0, 1), (1e-6, 10_000))
+    )
+    assert without.mean() == pytest.approx(with_light.mean(), abs=0.004 * max(1, without.std()))
+    assert np.var(without, axis=0).mean() == pytest.approx(np.var(with_light, axis=0).mean(), rel=0.005)
+    patterns = np.cov(without.mean(0).ravel(), with_light.mean(0).ravel())
+    temporal = np.var(without, axis=0, ddof=1).mean() / 4
+    assert patterns[0, 1] == pytest.approx(patterns[0, 0] - temporal, rel=0.02)
+    shares = [np.bincount(i.astype(int).ravel(), minlength=1 << bits) / i.size for i in (without, with_light)]
+    assert np.abs(np.cumsum(shares[0]) - np.cumsum(shares[1])).max() < 5 / np.sqrt(without.size)
+
+
+def test_thresholds_and_the_look_up_of_dark_pixels_agree() -> None:
+    rng = np.random.default_rng(4)
+    level = np.sort(rng.normal(0.8, 0.3, 2**16))
+    offset = rng.normal(0, 0.2, 5000).astype(np.float32)
+    draws = rng.integers(0, 2**16, 5000).astype(np.uint16)
+    dark = dark_pixels(level, offset, 1.0, 2.0)
+    assert 0 < len(dark.above) <= 6
+    out = np.empty(5000, np.uint8)
+    dark_levels(draws, dark, 0, out)
+    phase = np.floor(offset.astype(float) * 4096 + 0.5) / 4096
+    assert np.array_equal(out, np.clip(np.floor(level[draws] + phase), 0, 2))
 
 
 @pytest.mark.parametrize("mean", [0.5, 3.0, 40.0, 2000.0])

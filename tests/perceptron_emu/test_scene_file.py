@@ -11,6 +11,7 @@ from pydantic import ValidationError
 
 from geometry import InputError, Sensor
 from perceptron_emu import EmulatorConfig, Material, check_optics, read_scene, render
+from perceptron_emu.mesh_file import read_mesh
 from tests.perceptron_emu.conftest import jig_before
 
 JIG = "side_mm = 100.0\nheight_mm = 100.0\nstring_diameter_mm = 0.3\ntolerance_mm = 0.1\n"
@@ -53,7 +54,7 @@ def test_jig_panels_and_materials(folder: Path, sensor: Sensor) -> None:
 
 BAD = {
     "unknown key": (PLACE + "rotaton_deg = [0, 0, 0]\n", r"scene\.toml: jig\.rotaton_deg.*rotation_deg"),
-    "no file": ('[[mesh]]\nfile = "none.stl"\n', r"none\.stl: there is no such file"),
+    "no file": ('[[mesh]]\nfile = "none.stl"\n', r"none\.stl: no such mesh file"),
     "format": ('[[mesh]]\nfile = "jig.toml"\n', r"jig\.toml.*not a mesh format"),
     "unit": ('[[mesh]]\nfile = "box.stl"\nunit = "m"\n', r"box\.stl: read in m the mesh measures .* unit"),
     "material": ('[[mesh]]\nfile = "box.stl"\nmaterial = "velvet"\n', r'material "velvet" is not known'),
@@ -70,7 +71,7 @@ BAD = {
         '[[mesh]]\nfile = "box.stl"\ntranslation_mm = [200, 0, 300]\n',
         r"nothing in the scene reaches",
     ),
-    "not toml": ("[jig\n", r"scene\.toml: "),
+    "not toml": ("[jig\n", r"scene\.toml, line 1: not valid TOML"),
 }
 
 
@@ -138,3 +139,41 @@ def test_bad_configuration_names_table_and_key(tables: dict[str, object], where:
 def test_impossible_materials_are_named(key: str, value: float) -> None:
     with pytest.raises(InputError, match=f"material {key}"):
         Material(**{key: value})
+
+
+TETRA = "v 0 0 0\nv 60 0 0\nv 0 60 0\nv 0 0 60\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n"
+PLY = (
+    "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nelement face 1\n"
+    "property list uchar int vertex_indices\nend_header\n0 0 0\n50 0 0\n0 50 0\n3 0 1 7\n"
+)
+STL = "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 50 0 0\nvertex 0 50 0\nendloop\nendfacet\n"
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "message"),
+    [
+        ("a.obj", TETRA.replace("v 60 0 0", "v 60 nan 0"), "vertex 2 of the mesh is not a finite point"),
+        ("a.obj", TETRA.replace("f 2 3 4", "f 2 3 9"), "a vertex that is not there"),
+        ("a.ply", PLY, "a vertex that is not there"),
+        ("a.obj", "v 0 0 0\n", "has no faces"),
+        ("a.obj", "# nothing\n", "has no faces"),
+        ("a.stl", STL, "cut short"),
+        ("a.stl", "", "empty"),
+    ],
+)
+def test_broken_meshes_are_named(tmp_path: Path, name: str, text: str, message: str) -> None:
+    path = tmp_path / name
+    path.write_text(text)
+    with pytest.raises(InputError, match=message) as error:
+        read_mesh(path, allow_open=True)
+    assert str(path) in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_a_cut_binary_stl_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "a.stl"
+    trimesh.creation.box((40, 30, 20)).export(path)
+    assert len(read_mesh(path).faces) == 12
+    path.write_bytes(path.read_bytes()[:-60])
+    with pytest.raises(InputError, match="announces 12 triangles and has room for 10"):
+        read_mesh(path)

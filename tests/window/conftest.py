@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -53,3 +55,11 @@ def cell_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     true = TrueCell(robot.corrected(draw_errors(robot, rng)), true_jig, mounted, places, solids)
     record(folder, cell, true, with_joint_noise(views, true.robot, rng), SEED)
     return folder
+
+
+@pytest.fixture(scope="session")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
+    """Headless Chromium, started once."""
+    from tests.window.chromium import chromium
+
+    yield from chromium(tmp_path_factory.mktemp("profile"))

@@ -4,65 +4,25 @@ from __future__ import annotations
 
 import csv
 import io
-import os
 import shutil
-import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+from extraction import image_to_sheet
+from tests.window.chromium import ActionChains, By, Keys, Page, ended, needs_browser, press, served
 from workbench.cli.main import run
+from workbench.files import read_sensor
 
-webdriver = pytest.importorskip("selenium.webdriver", reason="selenium is not installed")
-from selenium.webdriver.chrome.service import Service  # noqa: E402 - after the skip
-from selenium.webdriver.common.action_chains import ActionChains  # noqa: E402
-from selenium.webdriver.common.by import By  # noqa: E402
-from selenium.webdriver.common.keys import Keys  # noqa: E402
-
-BROWSER = next((b for n in ("chromium", "chromium-browser", "google-chrome") if (b := shutil.which(n))), None)
-DRIVER = shutil.which("chromedriver")
-pytestmark = pytest.mark.skipif(not (BROWSER and DRIVER), reason="no Chromium with chromedriver is installed")
-
-FLAGS = (
-    "--headless=new --no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking "
-    "--disable-component-update --disable-sync --window-size=1366,768"
-)
+pytestmark = needs_browser
 ATOL_PX = 5.6e-5  # the page is told four decimals, the file five
+ATOL_POINTED_MM = 1.2  # half a screen pixel at each end, of 1.3 image pixels and 0.9 mm
+ATOL_SHOWN_MM, ATOL_SHOWN_PX = 5e-3, 1e-3  # a display of hundredths of a millimetre; there and back by the same grid
 NASTY = '<img src=x onerror="document.title=1">.png'
-
-
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
-    options = webdriver.ChromeOptions()
-    options.binary_location = BROWSER
-    for flag in [*FLAGS.split(), f"--user-data-dir={tmp_path_factory.mktemp('profile')}"]:
-        options.add_argument(flag)
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-    driver = webdriver.Chrome(options=options, service=Service(DRIVER))
-    driver.set_script_timeout(60)
-    yield driver
-    driver.quit()
-
-
-def served(*arguments: str) -> tuple[subprocess.Popen[str], str]:
-    """The command as a user starts it, and the address that it prints."""
-    command = [sys.executable, "-m", "workbench", "tune", *arguments, "--no-browser"]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env={**os.environ, "OMP_NUM_THREADS": "1"})
-    assert process.stdout is not None
-    line = process.stdout.readline()
-    assert "http://127.0.0.1:" in line, line
-    return process, line.split()[2]
-
-
-def ended(process: subprocess.Popen[str]) -> None:
-    process.terminate()
-    process.wait(10)
-    if process.stdout is not None:
-        process.stdout.close()
 
 
 @pytest.fixture(scope="module")
@@ -82,108 +42,6 @@ def page(browser: Any, cell_folder: Path, out: Path) -> Iterator[Page]:
     ended(process)
 
 
-class Page:
-    """The page as a person sees it."""
-
-    def __init__(self, driver: Any) -> None:
-        self.driver = driver
-
-    def js(self, code: str, *arguments: object) -> Any:
-        """Run a script in the page."""
-        return self.driver.execute_script(code, *arguments)
-
-    def until(self, condition: str, seconds: float = 20.0) -> Any:
-        """Wait for an expression to be true."""
-        end = time.monotonic() + seconds
-        while not (found := self.js(f"return {condition}")):
-            assert time.monotonic() < end, (
-                f"{condition} did not come: {self.js('return document.body.innerText')[:600]}"
-            )
-            time.sleep(0.02)
-        return found
-
-    def find(self, selector: str) -> Any:
-        """The first element that fits."""
-        return self.driver.find_element(By.CSS_SELECTOR, selector)
-
-    @property
-    def shown(self) -> str:
-        """Image and hash of the picture."""
-        return str(self.js("return document.documentElement.dataset.shown"))
-
-    def settled(self) -> None:
-        """Wait until the picture shows the newest parameters."""
-        self.driver.execute_async_script(
-            """const done = arguments[0];
-            const state = (await import('./static/state.js')), api = await import('./static/api.js');
-            for (;;) {
-              const want = `${state.state.index}:${await api.hashOf(state.text())}`;
-              if (document.documentElement.dataset.shown === want) return done();
-              await new Promise((r) => setTimeout(r, 10));
-            }""".replace("const done", "(async () => { const done", 1)
-            + "})()"
-        )
-
-    def tab(self, name: str) -> None:
-        """Choose a stage."""
-        self.find(f'[data-tab="{name}"]').click()
-
-    def image(self, index: int) -> None:
-        """Choose an image and wait for it."""
-        self.js("document.querySelectorAll('#strip button')[arguments[0]].click()", index)
-        self.settled()
-
-    def slide(self, key: str, where: int) -> None:
-        """Move a slider to ``where`` of 1000, as one movement of the hand."""
-        self.js(
-            """const s = document.querySelector(`[data-key="${arguments[0]}"] input[type=range]`);
-            s.value = arguments[1]; s.dispatchEvent(new Event('input')); s.dispatchEvent(new Event('change'));""",
-            key,
-            where,
-        )
-        self.settled()
-
-    def value(self, key: str) -> float:
-        """A parameter's number."""
-        return float(
-            self.js('return document.querySelector(`[data-key="${arguments[0]}"] input[type=number]`).value', key)
-        )
-
-    def answer(self) -> dict[str, Any]:
-        """What the server answers to the page's parameters, asked through the page."""
-        return dict(
-            self.driver.execute_async_script(
-                """(async (done) => { const s = await import('./static/state.js'), a = await import('./static/api.js');
-                done(await a.post('process', { index: s.state.index, config: s.text() })); })(arguments[0])"""
-            )
-        )
-
-    def drawing(self) -> str:
-        """The canvas as it is painted, once what was asked for has been drawn."""
-        return str(
-            self.driver.execute_async_script(
-                """const done = arguments[0];
-                requestAnimationFrame(() => requestAnimationFrame(() =>
-                  done(document.getElementById('canvas').toDataURL())));"""
-            )
-        )
-
-    def point_at(self, u: float, v: float, click: bool = False) -> None:
-        """Move the pointer to a pixel of the image, which is shown whole; tests the page's own transform too."""
-        canvas = self.find("#canvas")
-        w, h, sensor = self.js(
-            "const c = document.getElementById('canvas'); return [c.clientWidth, c.clientHeight, [640, 512]]"
-        )
-        scale = min(w / sensor[0], h / sensor[1]) * 0.99
-        x, y = (u - (sensor[0] - 1) / 2) * scale, (v - (sensor[1] - 1) / 2) * scale
-        action = ActionChains(self.driver).move_to_element_with_offset(canvas, round(x), round(y))
-        (action.click() if click else action).perform()
-
-
-def press(page: Page, *keys: str) -> None:
-    ActionChains(page.driver).send_keys(*keys).perform()
-
-
 def test_28_images_are_open_and_judged(page: Page) -> None:
     assert len(page.driver.find_elements(By.CSS_SELECTOR, "#strip button")) == 28
     badges = page.js("return [...document.querySelectorAll('#strip .badge')].map((b) => b.dataset.badge)")
@@ -194,7 +52,7 @@ def test_28_images_are_open_and_judged(page: Page) -> None:
 
 def test_a_slider_changes_the_overlay_and_is_undone(page: Page) -> None:
     page.image(9)
-    page.tab("candidates")
+    page.layers("accepted", "rejected")
     before, picture, old = page.shown, page.drawing(), page.value("detect.threshold")
     page.slide("detect.threshold", 900)
     assert page.shown != before
@@ -215,7 +73,7 @@ def test_a_slider_changes_the_overlay_and_is_undone(page: Page) -> None:
 
 def test_a_click_on_a_rejected_candidate_says_why(page: Page) -> None:
     page.image(9)
-    page.tab("candidates")
+    page.layers("accepted", "rejected")
     page.find("#fit").click()
     rejected = [c for c in page.answer()["candidates"] if c["reason"] == "too_long"]
     assert rejected
@@ -228,7 +86,7 @@ def test_a_click_on_a_rejected_candidate_says_why(page: Page) -> None:
 
 def test_pointing_at_a_spot_shows_its_figures(page: Page) -> None:
     page.image(0)
-    page.tab("labels")
+    page.layers("spots", "labels", "truth")
     page.find("#fit").click()
     spot = next(s for s in page.answer()["spots"] if s["label"])
     page.point_at(spot["u"], spot["v"])
@@ -236,13 +94,71 @@ def test_pointing_at_a_spot_shows_its_figures(page: Page) -> None:
     text = page.js("return document.getElementById('inspector').textContent")
     for word in ("peak", "width", "score", "σ y", "error y"):
         assert word in text
-    assert page.find("#where").text.endswith("DN")
+    page.until("/ DN +y .* mm$/.test(document.getElementById('where').textContent)")
+
+
+def test_one_cursor_in_both_panes(page: Page, cell_folder: Path) -> None:
+    """A pixel and its point in the laser plane, by extraction's own map and back, to a hundredth of a millimetre."""
+    sensor = read_sensor(cell_folder / "sensor.toml")
+    pixels = np.random.default_rng(0).uniform([0, 0], [639, 511], (50, 2))
+    shown = page.driver.execute_async_script(
+        """(async (pixels, done) => { const p = await import('./static/plane.js');
+        done(pixels.map(([u, v]) => { const yz = p.toPlane(u, v); return [yz, p.toImage(...yz)]; }));
+        })(...arguments)""",
+        pixels.tolist(),
+    )
+    np.testing.assert_allclose([yz for yz, _ in shown], image_to_sheet(sensor, pixels)[0], atol=ATOL_SHOWN_MM)
+    np.testing.assert_allclose([back for _, back in shown], pixels, atol=ATOL_SHOWN_PX)
+
+
+def test_two_points_are_measured(page: Page, cell_folder: Path) -> None:
+    page.image(0)
+    page.layers("spots")
+    page.find("#fit").click()
+    page.find("#measure").click()
+    page.point_at(200, 200, click=True)
+    page.point_at(400, 300, click=True)
+    text = page.until("document.getElementById('where').textContent.match(/distance ([0-9.]+) mm/)?.[1]")
+    a, b = image_to_sheet(read_sensor(cell_folder / "sensor.toml"), [(200.0, 200.0), (400.0, 300.0)])[0]
+    assert abs(float(text) - np.hypot(*(b - a))) < ATOL_POINTED_MM
+    page.find("#measure").click()
+
+
+def test_a_dot_below_opens_its_frame(page: Page) -> None:
+    page.image(0)
+    trend = page.find("#trend")
+    width = page.js("return document.getElementById('trend').clientWidth")
+    x = 44 + (width - 54) * (17 + 0.5) / 28
+    ActionChains(page.driver).move_to_element_with_offset(trend, round(x - width / 2), 0).click().perform()
+    page.settled()
+    assert page.shown.startswith("17:")
+
+
+def test_the_strip_is_one_stop_and_sliders_keep_their_keys(page: Page) -> None:
+    page.image(3)
+    assert page.js("return [...document.querySelectorAll('#strip button')].filter((b) => b.tabIndex === 0).length") == 1
+    page.js("document.querySelector('#strip button[tabindex=\"0\"]').focus()")
+    press(page, Keys.ARROW_DOWN)
+    page.settled()
+    assert page.shown.startswith("4:")
+    page.js("""document.querySelector('[data-key="detect.threshold"] input[type=range]').focus()""")
+    slider = "document.querySelector('[data-key=\"detect.threshold\"] input[type=range]').value"
+    before = float(page.js(f"return {slider}"))
+    press(page, Keys.PAGE_UP)
+    page.settled()
+    assert page.shown.startswith("4:")
+    after = float(page.js(f"return {slider}"))
+    assert 80 < after - before < 120
+    press(page, Keys.ARROW_LEFT)
+    assert 5 < after - float(page.js(f"return {slider}")) < 15
+    page.find('[data-key="detect.threshold"] .reset').click()
+    page.settled()
 
 
 def test_stale_answers_are_dropped_and_the_old_picture_stays(page: Page) -> None:
     """An answer that carries another hash than the one asked for never reaches the picture."""
     page.image(0)
-    page.tab("labels")
+    page.layers("spots", "labels", "truth")
     before, picture = page.shown, page.drawing()
     page.js(
         """window.realFetch = window.fetch;
@@ -277,11 +193,10 @@ def test_a_wrong_value_is_said_beside_it(page: Page) -> None:
     page.until("!document.querySelector('.parameter.wrong')")
 
 
-@pytest.mark.parametrize("tab", ["raw", "background", "mask", "candidates", "spots", "labels", "plot"])
-def test_every_stage_draws_its_own_picture(page: Page, tab: str) -> None:
+@pytest.mark.parametrize("layer", ["", "background", "mask", "rejected", "spots", "labels"])
+def test_every_layer_draws_its_own_picture(page: Page, layer: str) -> None:
     page.image(9)
-    page.tab(tab)
-    page.settled()
+    page.layers(*([layer] if layer else []))
     time.sleep(0.15)
     colours = page.js(
         """const c = document.getElementById('canvas'), seen = new Set();
@@ -290,7 +205,7 @@ def test_every_stage_draws_its_own_picture(page: Page, tab: str) -> None:
         return [...seen]"""
     )
     assert len(colours) > 3
-    page_pictures.setdefault(tab, page.drawing())
+    page_pictures.setdefault(layer, page.drawing())
     assert len(set(page_pictures.values())) == len(page_pictures)
 
 
@@ -357,7 +272,7 @@ def test_one_click_calibrates(page: Page) -> None:
 
 
 def test_the_keyboard_is_enough(page: Page) -> None:
-    page.tab("labels")
+    page.layers("spots", "labels", "truth")
     page.image(0)
     press(page, "j")
     page.settled()
@@ -366,8 +281,16 @@ def test_the_keyboard_is_enough(page: Page) -> None:
     page.settled()
     press(page, "n")
     page.until("/^(String|Spot)/.test(document.querySelector('#inspector h2').textContent)")
-    press(page, "[")
-    assert page.find('[data-tab="spots"]').get_attribute("aria-selected") == "true"
+    press(page, "]")
+    assert page.find('[data-tab="sheet"]').get_attribute("aria-selected") == "true"
+    press(page, "[", "m")
+    assert page.find('[data-layer="mask"]').get_attribute("aria-pressed") == "true"
+    press(page, "m", ".")
+    page.settled()
+    failed = page.js(
+        "return document.querySelectorAll('#strip .badge')[arguments[0]].dataset.badge", int(page.shown[:2].rstrip(":"))
+    )
+    assert failed in ("some", "none", "error")
     press(page, "?")
     page.until("document.getElementById('dialog').open")
     press(page, Keys.ESCAPE)
@@ -383,13 +306,14 @@ def test_the_keyboard_is_enough(page: Page) -> None:
 
 
 def test_everything_fits_a_laptop_screen(page: Page) -> None:
-    for tab in ("labels", "sheet", "calibration"):
+    for tab in ("image", "sheet", "calibration"):
         page.tab(tab)
         assert page.js(
             "return document.documentElement.scrollWidth <= innerWidth && document.body.scrollHeight <= innerHeight"
         )
-    page.tab("labels")
-    assert page.js("return document.getElementById('canvas').clientHeight") > 350
+    page.tab("image")
+    assert page.js("return document.getElementById('canvas').clientHeight") > 300
+    assert page.js("return document.getElementById('plane').clientWidth") > 300
     assert not page.js(
         "return [...document.querySelectorAll('button:not([hidden])')].some((b) => !b.textContent && !b.ariaLabel)"
     )

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import asyncio
+import http.client
 import json
 import socket
+import threading
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 
 import pytest
 
@@ -15,7 +19,7 @@ from workbench.opened import ImageRequest
 from workbench.window import open_session, settings
 from workbench.window.app import make_app
 from workbench.window.security import MAX_BODY_BYTES, Gate
-from workbench.window.serve import bind
+from workbench.window.serve import bind, make_server
 from workbench.window.session import Session
 
 TOKEN, PORT = "secret-token", 8123
@@ -291,3 +295,55 @@ def test_no_internal_detail_in_errors(client: Client, monkeypatch: pytest.Monkey
     status, _, body = client.ask(f"/{TOKEN}/api/session")
     assert status == 500
     assert b"secret" not in body
+
+
+def test_silent_connections_do_not_lock_the_user_out(cell_folder: Path, tmp_path: Path) -> None:
+    """A hundred connections that ask nothing, or begin to ask and stop, are open; the page is served all the same."""
+    opened, bound = open_session(ImageRequest((cell_folder,), out=tmp_path)), bind(0)
+    server, address = make_server(opened, bound)
+    thread = threading.Thread(target=server.run, kwargs={"sockets": [bound]}, daemon=True)
+    thread.start()
+    port = bound.getsockname()[1]
+    silent = [socket.create_connection(("127.0.0.1", port)) for _ in range(100)]
+    try:
+        for half in silent[::2]:
+            with suppress(OSError):  # those beyond the cap are closed already
+                half.sendall(b"GET / HTTP/1.1\r\nHost: 127.0.")
+        connection = http.client.HTTPConnection("127.0.0.1", port, timeout=10)
+        connection.request("GET", urlsplit(address).path)
+        assert connection.getresponse().status == 200
+        connection.close()
+    finally:
+        for one in silent:
+            one.close()
+        server.should_exit = True
+        thread.join(10)
+
+
+@pytest.mark.parametrize("index", ["9" * 5000, "1e400", "-" + "1" * 5000])
+def test_numbers_out_of_this_world_are_refused(client: Client, index: str) -> None:
+    headers = {"origin": ORIGIN, "content-type": "application/json"}
+    body = f'{{"index": {index}, "config": "{{}}"}}'.encode()
+    assert client.ask(f"/{TOKEN}/api/process", "POST", headers, body)[0] in (400, 404, 422)
+    config = json.dumps({"index": 0, "config": f'{{"detect": {{"threshold": {index}}}}}'}).encode()
+    status, _, answer = client.ask(f"/{TOKEN}/api/process", "POST", headers, config)
+    assert status == 422
+    assert b"error" in answer
+
+
+@pytest.mark.parametrize(
+    "toml", ["x = " + "[" * 3000, "x = " + "9" * 5000, "a." * 3000 + "b = 1", "[" + "a." * 3000 + "b]"]
+)
+def test_hostile_toml_is_refused_in_a_sentence(client: Client, toml: str) -> None:
+    status, answer = client.post("parse", {"toml": toml})
+    assert status == 422
+    assert len(answer["error"]) < 500
+
+
+def test_a_page_elsewhere_may_lead_here_and_read_nothing(client: Client) -> None:
+    """A link is followed, with the token; nothing but a page that the browser goes to itself is given for it."""
+    asked = {"sec-fetch-site": "cross-site", "sec-fetch-mode": "navigate", "sec-fetch-dest": "document"}
+    assert client.ask(f"/{TOKEN}/", headers=asked)[0] == 200
+    assert client.ask("/wrong/", headers=asked)[0] == 403
+    for changed in ({"sec-fetch-dest": "iframe"}, {"sec-fetch-mode": "no-cors"}, {"sec-fetch-dest": "image"}):
+        assert client.ask(f"/{TOKEN}/", headers=asked | changed)[0] == 403

@@ -163,7 +163,7 @@ def test_a_changed_image_is_read_anew(cell_folder: Path, tmp_path: Path) -> None
     assert not np.array_equal(before.view.points.uv_px, after.view.points.uv_px)
 
 
-@pytest.mark.parametrize(("make", "match"), [(True, "no PNG or TIFF"), (False, "no such file or folder")])
+@pytest.mark.parametrize(("make", "match"), [(True, "no PNG, TIFF or BMP"), (False, "no such file or folder")])
 def test_a_folder_without_images(cell_folder: Path, tmp_path: Path, make: bool, match: str) -> None:
     folder = tmp_path / "empty"
     if make:

@@ -81,7 +81,7 @@ CASES: dict[str, tuple[Callable[[Path], object], tuple[str, ...]]] = {
     ),
     "wrong column": (_edit("frames.csv", "location", "locaton"), ("frames.csv, line 1", "locaton", '"location"')),
     "missing column": (_edit("frames.csv", "j3_deg", "j4_deg"), ("frames.csv, line 1", "twice")),
-    "no joints": (_edit("frames.csv", JOINTS, "a,b,c,d,e,f"), ("frames.csv, line 1", "unknown column")),
+    "no joints": (_edit("frames.csv", JOINTS, "a,b,c,d,e,f"), ("frames.csv, line 1", "neither joint columns")),
     "semicolons": (_write("frames.csv", b"frame;image;location;role\n"), ("frames.csv, line 1", "commas")),
     "NaN joint": (_cell(3, 5, "nan"), ("frames.csv, line 3", "j2_deg", "finite")),
     "empty joint": (_cell(3, 5, ""), ("frames.csv, line 3", "j2_deg", "empty")),

@@ -42,3 +42,12 @@ def test_no_frame_to_solve_with_is_said(cli: Cli, dataset: Path) -> None:
     done = cli("calibrate", dataset, "--json")
     assert done.code == 3
     assert "no frame has the role calibrate" in " ".join(done.json["notes"])
+
+
+def test_images_of_a_wrong_kind_are_named_in_the_verdict(cli: Cli, dataset: Path) -> None:
+    for path in (dataset / "images").glob("*.png"):
+        path.write_bytes(b"\xff\xd8\xff\xe0" + b"0" * 100)
+    done = cli("calibrate", dataset, "--json")
+    assert done.code == 3
+    assert done.json["verdict"]["code"] == "frames_contradict"
+    assert "images unreadable: a JPEG, whose compression moves spots" in done.json["verdict"]["text"]

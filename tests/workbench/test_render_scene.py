@@ -141,7 +141,7 @@ def test_a_view_that_parts_darken_is_said(cli: Cli, plan: Path, folder: Path) ->
     ("text", "words"),
     [
         (JIG, "[jig]: the cell places its own jig"),
-        ('[[mesh]]\nfile = "none.stl"\n', "none.stl: there is no such file"),
+        ('[[mesh]]\nfile = "none.stl"\n', "none.stl: no such mesh file"),
         ('[[mesh]]\nfile = "box.stl"\nunit = "m"\n', "read in m the mesh measures"),
         ('[[mesh]]\nfile = "box.stl"\nframe = "hand"\n', "mesh.0.frame"),
     ],
@@ -186,7 +186,7 @@ def test_one_image_of_a_scene(cli: Cli, folder: Path) -> None:
         (LONE.replace("[0, 0, 300]", "[900, 0, 300]"), "nothing in the scene reaches the laser sheet"),
         (JIG.replace("[-45, 0, 300]", "[-45, 900, 300]"), "the jig is out of view"),
         (LONE + 'frame = "base"\n', "has no robot"),
-        ("", "nothing in the scene"),
+        ("", "the file is empty"),
     ],
 )
 def test_never_an_empty_image(cli: Cli, folder: Path, text: str, words: str) -> None:

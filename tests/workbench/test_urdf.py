@@ -1,5 +1,7 @@
 """URDF arms: read as Denavit-Hartenberg models and written back corrected, against a chain multiplied out by itself."""
 
+import re
+import time
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +11,7 @@ from hypothesis import strategies as st
 from pytransform3d.urdf import UrdfTransformManager
 
 from geometry import DH_ROWS, InputError, Pose, robot_from_axes
-from workbench.files import read_robot, write_urdf
+from workbench.files import read_robot, robot_text, write_urdf
 from workbench.files.urdf import read_urdf
 
 ATOL_MM = 1e-8
@@ -248,3 +250,93 @@ def test_an_arm_of_another_shape_is_not_written(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="4 joints, the URDF's chain 6"):
         write_urdf(path, "L0", "L9", other, tmp_path / "no.urdf")
     assert not (tmp_path / "no.urdf").exists()
+
+
+def test_a_limit_that_nobody_wrote_leaves_out_nothing(tmp_path: Path) -> None:
+    """Continuous joints have none, nor has a revolute one without <limit>; stated ones hold."""
+    text = urdf_text(SIX).replace('<limit lower="-2.5" upper="2.7" effort="0" velocity="1"/>', "", 1)
+    robot = read_urdf(write(tmp_path, text), "L0", "L9")
+    turned = np.array([40.0, 0, 0, 0, -40.0, 0])
+    assert bool(robot.within_limits(turned))
+    assert not bool(robot.within_limits(turned + np.array([0, 2.8, 0, 0, 0, 0])))
+    low, high = robot.stated_limits
+    assert list(np.isinf(low)) == list(np.isinf(high)) == [True, False, False, False, True, False]
+    assert np.all(np.isfinite([robot.min_rad, robot.max_rad]))
+
+
+def test_a_table_without_limits_has_none(tmp_path: Path) -> None:
+    path = tmp_path / "robot.toml"
+    path.write_text("[[joint]]\nd_mm = 100\nmin_deg = -10\n[[joint]]\na_mm = 100\n")
+    robot = read_robot(path)
+    assert bool(robot.within_limits(np.deg2rad([900.0, -900.0])))
+    assert not bool(robot.within_limits(np.deg2rad([-11.0, 0.0])))
+    again = tmp_path / "again.toml"
+    again.write_text(robot_text(robot))
+    assert read_robot(again).unstated == robot.unstated == ((False, True), (True, True))
+
+
+@pytest.mark.parametrize(
+    ("rpy", "named"),
+    [
+        ("1.57 0 0", ["1.57"]),
+        ("0 -1.571 3.14", ["-1.571", "3.14"]),
+        ("0.785 0.524 0", ["0.785", "0.524"]),
+        ("1.5707963 0 3.141592653589793", []),
+        ("1.5708 0 -0.7854", []),
+        ("0.3 1.5 0.123", []),
+        ("1.57123456 0 0", []),
+    ],
+)
+def test_angles_of_few_digits_are_named(tmp_path: Path, rpy: str, named: list[str]) -> None:
+    said: list[str] = []
+    read_urdf(write(tmp_path, urdf_text(SIX).replace('rpy="0.0 0.0 0.3"', f'rpy="{rpy}"')), "L0", "L9", said.append)
+    assert bool(said) == bool(named)
+    for word in named:
+        assert f"{word} of J0" in said[0]
+
+
+@pytest.mark.parametrize("encoding", ["ISO-8859-1", "windows-1252", "utf-16", "UTF-8", "gbk"])
+def test_declared_encodings(tmp_path: Path, encoding: str) -> None:
+    name = "中" if encoding == "gbk" else "Universität"
+    text = urdf_text(SIX).replace("?>", f' encoding="{encoding}"?><!-- {name} ${{xacro}} in a comment -->', 1)
+    path = tmp_path / "arm.urdf"
+    path.write_bytes(text.encode(encoding))
+    assert read_urdf(path, "L0", "L9").n_joints == 6
+
+
+@pytest.mark.parametrize(
+    ("raw", "message"),
+    [
+        (b'<?xml version="1.0"?><robot name="a" xmlns:xacro="http://ros.org"><xacro:arm/></robot>', "is a xacro"),
+        (b'<robot name="a"><xacro:include filename="b"/></robot>', "is a xacro"),
+        (b'<robot name="a"><link name="$(arg x)"/></robot>', "xacro expressions"),
+        (b'<?xml version="1.0" encoding="klingon"?><robot name="a"/>', 'encoding "klingon"'),
+        ('<?xml version="1.0"?><robot name="ä"/>'.encode("latin-1"), "line 1: is not text in its encoding, utf-8"),
+        (b'<?xml version="1.0" encoding="punycode"?><robot name="a"/>', 'encoding "punycode"'),
+    ],
+)
+def test_what_a_text_is_not(tmp_path: Path, raw: bytes, message: str) -> None:
+    path = tmp_path / "arm.urdf"
+    path.write_bytes(raw)
+    with pytest.raises(InputError, match=re.escape(message)):
+        read_urdf(path, "L0", "L9")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [('xyz="0 0 0.27"', 'xyz="0 0 270"', "lengths are metres"), ('rpy="0.0 0.0 0.3"', 'rpy="0 0 90"', "radians")],
+)
+def test_units_that_no_urdf_has(tmp_path: Path, old: str, new: str, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        read_urdf(write(tmp_path, urdf_text(SIX).replace(old, new)), "L0", "L9")
+
+
+def test_thirty_thousand_links_in_linear_time(tmp_path: Path) -> None:
+    """Comparing each link with each would take a minute."""
+    more = "".join(
+        f'<link name="M{i}"/><joint name="N{i}" type="fixed"><parent link="L0"/><child link="M{i}"/></joint>'
+        for i in range(30_000)
+    )
+    start = time.process_time()
+    assert read_urdf(write(tmp_path, urdf_text(SIX, more)), "L0", "L9").n_joints == 6
+    assert time.process_time() - start < 6.0

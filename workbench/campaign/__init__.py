@@ -1,13 +1,10 @@
 """Campaigns: a plan of many pixel-to-transform trials on all cores or a cluster, resumable, always the same bytes."""
 
-from workbench.campaign.advice import advice, reached
-from workbench.campaign.emulated import EmulatedCell, emulated_cell
-from workbench.campaign.page import write_page
-from workbench.campaign.plan import Plan, read_plan
-from workbench.campaign.remake import remake_trial
-from workbench.campaign.runner import run_campaign
-from workbench.campaign.settings import TrialSettings
-from workbench.campaign.summary import (
+from workbench.campaign.asked.plan import Plan, read_plan
+from workbench.campaign.asked.settings import TrialSettings
+from workbench.campaign.results.advice import advice, reached
+from workbench.campaign.results.page import write_page
+from workbench.campaign.results.summary import (
     LEVEL,
     AskedAccuracy,
     Run,
@@ -17,7 +14,10 @@ from workbench.campaign.summary import (
     read_run,
     verdicts,
 )
-from workbench.campaign.trial import render_frame
+from workbench.campaign.trial.emulated import EmulatedCell, emulated_cell
+from workbench.campaign.trial.trial import render_frame
+from workbench.campaign.work.remake import remake_trial
+from workbench.campaign.work.runner import run_campaign
 
 __all__ = [
     "LEVEL",

@@ -12,6 +12,7 @@ from workbench.cell.profiling import ProfileSource, read_profile, read_profile_s
 from workbench.cell.speckle import dataset_config, with_known_grain
 from workbench.cell.starter import PLACES, place_of_jig, write_starter
 from workbench.cell.surroundings import SeesAll, around_jig, jig_bodies, sees_all_strings, wall_behind
+from workbench.cell.verifying import verify_cell
 
 __all__ = [
     "DESIGN_SCP",
@@ -44,6 +45,7 @@ __all__ = [
     "rows",
     "sees_all_strings",
     "solve",
+    "verify_cell",
     "wall_behind",
     "with_known_grain",
     "write_starter",

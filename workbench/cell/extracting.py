@@ -12,6 +12,7 @@ from jig_cad import Jig
 from workbench.cell.inputs import BareImages, read_inputs
 from workbench.cell.labels import label_alone, label_dataset
 from workbench.cell.pipeline import observe
+from workbench.cell.remarks import merged
 from workbench.cell.speckle import with_known_grain
 from workbench.files import Cell, Settings, read_image
 
@@ -20,12 +21,16 @@ Progress = Callable[[int, int], None]
 
 @dataclass(frozen=True, eq=False)
 class Extracted:
-    """Spots and labels by frame. paths: the images. complaints: a sentence for each image that could not be used."""
+    """Spots and labels by frame.
+
+    paths: the images. complaints: a sentence for each image that could not be used. remarks: doubts about others.
+    """
 
     frames: tuple[Frame, ...]
     sensor: Sensor
     paths: dict[int, Path]
     complaints: dict[int, str]
+    remarks: tuple[str, ...] = ()
 
 
 def extract_inputs(
@@ -42,7 +47,9 @@ def extract_inputs(
 def _dataset(cell: Cell, settings: Settings, progress: Progress) -> Extracted:
     observed = observe(cell, settings.extraction, progress)
     paths = {} if cell.points is not None else {f.number: cell.folder / f.image for f in cell.frames}
-    return Extracted(label_dataset(cell, observed, settings.calib), cell.sensor, paths, observed.complaints)
+    return Extracted(
+        label_dataset(cell, observed, settings.calib), cell.sensor, paths, observed.complaints, observed.remarks
+    )
 
 
 def _images(
@@ -50,10 +57,11 @@ def _images(
 ) -> Extracted:
     frames: list[Frame] = []
     complaints = {}
+    said: list[str] = []
     for number, path in enumerate(files):
         frame = Frame(number, "", image=path.name)
         try:
-            frame = replace(frame, points=extract(read_image(path, sensor), sensor, config))
+            frame = replace(frame, points=extract(read_image(path, sensor, said.append), sensor, config))
             frame = frame if jig is None else label_alone(frame, jig, sensor)
         except InputError as error:
             complaints[number], frame = str(error), replace(frame, reason="image_unreadable")
@@ -61,4 +69,4 @@ def _images(
         progress(number + 1, len(files))
     if len(complaints) == len(files):
         raise InputError(next(iter(complaints.values())))
-    return Extracted(tuple(frames), sensor, dict(enumerate(files)), complaints)
+    return Extracted(tuple(frames), sensor, dict(enumerate(files)), complaints, merged(said))

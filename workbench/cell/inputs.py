@@ -8,7 +8,7 @@ from pathlib import Path
 
 from geometry import InputError, Sensor
 from jig_cad import Jig
-from workbench.files import SUFFIXES, Cell, read_cell, read_jig_file, read_sensor
+from workbench.files import LOSSY_SUFFIXES, SUFFIXES, Cell, read_cell, read_jig_file, read_sensor
 
 MAX_IMAGES = 100_000  # of one call: more is a wrong folder
 
@@ -22,7 +22,9 @@ class BareImages:
     jig: Jig | None
 
 
-def read_inputs(inputs: Sequence[Path], sensor: Path | None, jig: Path | None) -> Cell | BareImages:
+def read_inputs(
+    inputs: Sequence[Path], sensor: Path | None, jig: Path | None, *, lossy: bool = False
+) -> Cell | BareImages:
     """What the paths name: the dataset of one folder with cell.toml, or of that file, else images.
 
     Parameters
@@ -31,6 +33,8 @@ def read_inputs(inputs: Sequence[Path], sensor: Path | None, jig: Path | None) -
         One dataset, or image files and folders of them.
     sensor, jig
         Files that stand in place of the dataset's own; bare images need a sensor.
+    lossy
+        Whether a folder's JPEGs count as images.
 
     Returns
     -------
@@ -53,17 +57,17 @@ def read_inputs(inputs: Sequence[Path], sensor: Path | None, jig: Path | None) -
     if sensor is None:
         raise InputError(f"{first} is no cell dataset (no cell.toml); bare images need --sensor FILE")
     seen_by, given = read_sensor(sensor), read_jig_file(jig) if jig is not None else None
-    return BareImages(tuple(_image_files(inputs)), seen_by, given)
+    return BareImages(tuple(_image_files(inputs, LOSSY_SUFFIXES if lossy else SUFFIXES)), seen_by, given)
 
 
-def _image_files(inputs: Sequence[Path]) -> list[Path]:
+def _image_files(inputs: Sequence[Path], suffixes: Sequence[str]) -> list[Path]:
     """The files given, and the images of the folders given, sorted by name."""
     out: list[Path] = []
     for path in inputs:
         if path.is_dir():
-            found = sorted(p for p in path.iterdir() if p.suffix.lower() in SUFFIXES and p.is_file())
+            found = sorted(p for p in path.iterdir() if p.suffix.lower() in suffixes and p.is_file())
             if not found:
-                raise InputError(f"{path}: the folder holds no PNG or TIFF images")
+                raise InputError(f"{path}: the folder holds no PNG, TIFF or BMP images")
             out += found
         else:
             out.append(path)

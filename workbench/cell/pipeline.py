@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from calib import CalibConfig, CalibrationResult, calibrate
 from extraction import ExtractionConfig, extract
 from geometry import Frame, InputError, Sensor
-from workbench.cell.remarks import remarks
+from workbench.cell.remarks import merged, out_of_limits, remarks, with_complaints
 from workbench.cell.speckle import dataset_config
 from workbench.files import Cell, read_image
 
@@ -20,10 +20,14 @@ WORKERS = 2  # decoding and OpenCV release the interpreter's lock; more threads 
 
 @dataclass(frozen=True, eq=False)
 class Observed:
-    """A cell's frames as measured. complaints: one sentence for each frame whose image could not be used."""
+    """A cell's frames as measured.
+
+    complaints: one sentence for each frame whose image could not be used. remarks: doubts about others.
+    """
 
     frames: tuple[Frame, ...]
     complaints: dict[int, str]
+    remarks: tuple[str, ...] = ()
 
 
 def observe(cell: Cell, config: ExtractionConfig | None = None, progress: Progress | None = None) -> Observed:
@@ -46,13 +50,15 @@ def observe(cell: Cell, config: ExtractionConfig | None = None, progress: Progre
     """
     frames: list[Frame] = []
     complaints: dict[int, str] = {}
-    for frame, complaint in _measured(cell, config or ExtractionConfig()):
-        frames.append(frame)
-        if complaint:
-            complaints[frame.number] = complaint
+    said: list[str] = []
+    for measured in _measured(cell, config or ExtractionConfig()):
+        frames.append(measured.frame)
+        said += measured.remarks
+        if measured.complaint:
+            complaints[measured.frame.number] = measured.complaint
         if progress:
             progress(len(frames), len(cell.frames))
-    return Observed(tuple(frames), complaints)
+    return Observed(tuple(frames), complaints, merged(said))
 
 
 def solve(cell: Cell, observed: Observed, config: CalibConfig | None = None) -> CalibrationResult:
@@ -82,7 +88,9 @@ def solve(cell: Cell, observed: Observed, config: CalibConfig | None = None) -> 
         cell.T_base_jig,
         config,
     )
-    return replace(result, remarks=(*remarks(result), *result.remarks))
+    verdict = with_complaints(result.verdict, observed.complaints, cell.folder)
+    notes = (*remarks(result), *out_of_limits(cell), *cell.remarks, *observed.remarks, *result.remarks)
+    return replace(result, verdict=verdict, remarks=notes)
 
 
 def _readable(cell: Cell, frames: list[int]) -> Iterator[object]:
@@ -91,10 +99,17 @@ def _readable(cell: Cell, frames: list[int]) -> Iterator[object]:
             yield read_image(cell.folder / cell.frames[k].image, cell.sensor)
 
 
-def _measured(cell: Cell, config: ExtractionConfig) -> Iterator[tuple[Frame, str]]:
+@dataclass(frozen=True, eq=False)
+class _Measured:
+    frame: Frame
+    complaint: str = ""
+    remarks: tuple[str, ...] = ()
+
+
+def _measured(cell: Cell, config: ExtractionConfig) -> Iterator[_Measured]:
     if cell.points is not None:
         for frame in cell.frames:
-            yield _from_points(cell, frame), ""
+            yield _Measured(_from_points(cell, frame))
         return
     cell.sensor.require_camera()  # said once, not as every frame's complaint
     config = dataset_config(cell.sensor, config, len(cell.frames), lambda frames: _readable(cell, frames))
@@ -103,13 +118,19 @@ def _measured(cell: Cell, config: ExtractionConfig) -> Iterator[tuple[Frame, str
         yield from jobs
 
 
-def _from_image(cell: Cell, frame: Frame, config: ExtractionConfig) -> tuple[Frame, str]:
+def _from_image(cell: Cell, frame: Frame, config: ExtractionConfig) -> _Measured:
+    """Whatever an image holds, it does not end the run of the others."""
     sensor: Sensor = cell.sensor
+    said: list[str] = []
     try:
-        image = read_image(cell.folder / frame.image, sensor)
-    except InputError as error:
-        return replace(frame, reason="image_unreadable"), str(error)
-    return replace(frame, points=extract(image, sensor, config)), ""
+        if not frame.image:
+            raise InputError(f"line {frame.line} of the frames' file names no image")
+        image = read_image(cell.folder / frame.image, sensor, said.append)
+        points = extract(image, sensor, config)
+    except (InputError, MemoryError) as error:
+        why = str(error) or f"{frame.image}: not enough memory"
+        return _Measured(replace(frame, reason="image_unreadable"), why)
+    return _Measured(replace(frame, points=points), remarks=tuple(said))
 
 
 def _from_points(cell: Cell, frame: Frame) -> Frame:

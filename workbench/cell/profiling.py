@@ -9,7 +9,7 @@ from pathlib import Path
 from pydantic import Field
 
 from extraction import GapFlushConfig, Profile, StripeConfig, extract_profile, read_profile_csv
-from geometry import InputError
+from geometry import InputError, Remark, no_remark
 from workbench.files import FileSection, read_image, read_sensor, read_toml, validate
 
 
@@ -40,7 +40,7 @@ def read_profile_settings(paths: Sequence[Path]) -> ProfileFile:
     return ProfileFile.model_validate(tables)
 
 
-def read_profile(source: ProfileSource) -> Profile:
+def read_profile(source: ProfileSource, remark: Remark = no_remark) -> Profile:
     """The profile of an image, or of a CSV that `profile` wrote; InputError says what is missing."""
     if source.path.suffix.lower() == ".csv":
         if source.sensor or source.laser_off or source.mask:
@@ -49,7 +49,7 @@ def read_profile(source: ProfileSource) -> Profile:
     if source.sensor is None:
         raise InputError(f"{source.path} is an image, not a profile's CSV: it needs --sensor FILE")
     sensor = read_sensor(source.sensor)
-    image = read_image(source.path, sensor)
-    off = None if source.laser_off is None else read_image(source.laser_off, sensor)
-    mask = None if source.mask is None else read_image(source.mask, sensor) > 0
+    image = read_image(source.path, sensor, remark, lossy=True)
+    off = None if source.laser_off is None else read_image(source.laser_off, sensor, remark, lossy=True)
+    mask = None if source.mask is None else read_image(source.mask, sensor, lossy=True) > 0
     return extract_profile(image, sensor, source.settings.stripe, off, mask)

@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
 
-from calib import CalibrationResult
+import numpy as np
+
+from calib import CalibrationResult, Verdict
+from workbench.files import Cell
 
 _SUSPECTS = {
     "not_labelled": "no pose of the jig explains them: check that jig.toml and sensor.toml are this cell's, that "
@@ -15,11 +20,47 @@ _SUSPECTS = {
     "image_unreadable": "their complaints say why: check the column image of frames.csv and [image] of sensor.toml",
     "robot_out_of_range": "check min_deg and max_deg of robot.toml, and the joint columns",
 }
+MAX_KINDS = 3  # of complaints about images that are named in the verdict
 
 
 def remarks(result: CalibrationResult) -> tuple[str, ...]:
     """Sentences for the user: why most frames could not be used."""
     return tuple(_left_out(result))
+
+
+def out_of_limits(cell: Cell) -> Iterator[str]:
+    """A sentence for every joint that reads outside a stated limit, with the frames."""
+    frames = [f for f in cell.frames if f.joints_rad is not None and f.T_base_hand is None]
+    if not frames:
+        return
+    readings = np.rad2deg([f.joints_rad for f in frames if f.joints_rad is not None])
+    low, high = (np.rad2deg(limits) for limits in cell.arm.stated_limits)
+    for beyond, limit, word, worst in (
+        (readings < low, low, "below its lower", np.argmin),
+        (readings > high, high, "above its upper", np.argmax),
+    ):
+        for joint in np.flatnonzero(beyond.any(axis=0)):
+            here = np.flatnonzero(beyond[:, joint])
+            k = int(worst(readings[:, joint]))
+            more = f", and {len(here) - 1} further frames do" if len(here) > 1 else ""
+            yield (
+                f"joint {joint + 1} reads {readings[k, joint]:g}° in frame {frames[k].number}, {word} limit of "
+                f"{limit[joint]:g}°{more}: frames out of a robot's limits are left out"
+            )
+
+
+def merged(sentences: Iterable[str]) -> tuple[str, ...]:
+    """Sentences of the form ``file: what``, those of like words told once with their number."""
+    first: dict[str, str] = {}
+    count: Counter[str] = Counter()
+    for sentence in sentences:
+        words = sentence.partition(": ")[2] or sentence
+        first.setdefault(words, sentence)
+        count[words] += 1
+    return tuple(
+        f"{sentence}; the same of {count[words] - 1} further files" if count[words] > 1 else sentence
+        for words, sentence in first.items()
+    )
 
 
 def _left_out(result: CalibrationResult) -> Iterator[str]:
@@ -33,3 +74,18 @@ def _left_out(result: CalibrationResult) -> Iterator[str]:
     reason, n = Counter(f.reason for f in asked).most_common(1)[0]
     if reason in _SUSPECTS and 2 * n > len(asked):
         yield f"{n} of {len(asked)} calibrate frames were left out as {reason}; {_SUSPECTS[reason]}"
+
+
+def with_complaints(verdict: Verdict, complaints: Mapping[int, str], folder: Path) -> Verdict:
+    """The verdict frames_contradict with what is wrong with the images, the commonest sentence for all of its kind."""
+    if verdict.code != "frames_contradict" or not complaints:
+        return verdict
+    kinds = Counter(_kind(text, folder) for text in complaints.values())
+    words = ", ".join(kind for kind, _ in kinds.most_common(MAX_KINDS))
+    return replace(verdict, text=verdict.text.replace("(images unreadable)", f"(images unreadable: {words})"))
+
+
+def _kind(complaint: str, folder: Path) -> str:
+    """A complaint without the file that it names: the same for all files of a kind."""
+    named, _, rest = complaint.partition(": ")
+    return rest.removeprefix("is ") if rest and named.startswith(str(folder)) else complaint

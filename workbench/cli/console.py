@@ -41,6 +41,11 @@ def standard_error() -> Console:
     return Console(stderr=True, highlight=False)
 
 
+def say_remark(text: str) -> None:
+    """One remark on standard error, as it is."""
+    standard_error().print(text, markup=False, soft_wrap=True)
+
+
 def say_on_stdout(text: str) -> None:
     """Write one result as it is."""
     sys.stdout.write(text + "\n")

@@ -11,8 +11,11 @@ from typer.core import TyperCommand, TyperGroup
 COMMANDS = {
     "demo": "The paper's experiment in emulation: render, extract, calibrate, compare with Table 1 and Fig. 7.",
     "calibrate": "Solve the sensor's pose in the hand from a cell dataset.",
+    "verify": "Judge an SCP on a dataset without solving: figures by location, with a limit for your own CI.",
+    "compare": "The difference of two calibrations with its σ: did anything move?",
     "extract": "Find string points in images and write them as CSV.",
     "profile": "Measure the laser stripe of an image: points in mm with covariance, as CSV or PLY.",
+    "convert": "Convert profile files from one maker's format to another's.",
     "gapflush": "Measure gap, flush and edge radii of two panels in a profile or an image.",
     "tune": "Tune detection on saved stripe images: the process window in the browser, or a search with --auto.",
     "pose": "All jig poses that fit the points of a frame, with their likelihoods.",

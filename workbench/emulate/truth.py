@@ -62,7 +62,7 @@ def draw_truth(cell: Cell, errors: Errors, rng: np.random.Generator, around: Sur
         raise InputError(
             f"{cell.folder / 'cell.toml'}: [locations.NAME] T_base_jig is missing: where does the jig stand?"
         )
-    robot = cell.robot.corrected(draw_errors(cell.robot, rng)) if errors.built else cell.robot
+    robot = cell.arm.corrected(draw_errors(cell.arm, rng)) if errors.built else cell.arm
     jig = sample_tolerance(cell.jig, rng) if errors.built and not cell.jig.measured else cell.jig
     turn = np.deg2rad(errors.mounting_deg) * rng.standard_normal(3)
     shift = errors.mounting_mm * rng.standard_normal(3)
@@ -81,7 +81,7 @@ def planned_views(
     for name, place in cell.T_base_jig.items():
         bodies = (*jig_bodies(cell.jig), *around_jig(around, place))
         sees_all = sees_all_strings(cell.sensor, cell.jig, bodies, around.standing_in("sensor"))
-        problem = ViewProblem(cell.robot, cell.sensor, cell.jig, place, cell.T_hand_sensor_design, sees_all=sees_all)
+        problem = ViewProblem(cell.arm, cell.sensor, cell.jig, place, cell.T_hand_sensor_design, sees_all=sees_all)
         planned = plan_views(problem, per_location, rng)
         views += [(name, cell.roles.get(name, "calibrate"), joints) for joints in planned.joints_rad]
     return views

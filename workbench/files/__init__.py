@@ -1,11 +1,13 @@
 """The files of a cell dataset: strict models that say in one sentence what is wrong, where, and what is right."""
 
-from workbench.files.atomic import write_bytes, write_text
+from workbench.files.atomic import sha256_of, write_bytes, write_text
 from workbench.files.cell import Cell, read_cell, read_jig_file
 from workbench.files.cell_writer import cell_text, write_cell
+from workbench.files.controller import CONTROLLERS, controller_text
 from workbench.files.frames_csv import frames_text, read_frames
-from workbench.files.images import SUFFIXES, Image, read_image, write_png
+from workbench.files.images import LOSSY_SUFFIXES, SUFFIXES, Image, read_image, write_png
 from workbench.files.points_csv import GivenPoints, points_text, read_points
+from workbench.files.result_file import SavedResult, SavedScp, read_result, saved_result
 from workbench.files.robot_file import read_robot, robot_text, urdf_of
 from workbench.files.rounding import rounded, rounded_number
 from workbench.files.sensor_file import read_emulator, read_sensor, sensor_text, stated_optics
@@ -18,27 +20,37 @@ from workbench.files.settings_file import (
     settings_toml,
 )
 from workbench.files.sockets_csv import read_sockets
-from workbench.files.strict import FileSection, NotNegative, Real, Text, sentence, suggestion, validate
+from workbench.files.strict import FileSection, NotNegative, Positive, Real, Text, Whole, sentence, suggestion, validate
+from workbench.files.table import Row, Table, read_table, read_table_text
 from workbench.files.toml_text import TomlSource, read_toml
 from workbench.files.truth_file import Truth, TruthFrame, TruthPoint, read_truth, write_truth
 from workbench.files.urdf_write import write_urdf
 
 __all__ = [
+    "CONTROLLERS",
+    "LOSSY_SUFFIXES",
     "SUFFIXES",
     "Cell",
     "FileSection",
     "GivenPoints",
     "Image",
     "NotNegative",
+    "Positive",
     "Real",
+    "Row",
+    "SavedResult",
+    "SavedScp",
     "Settings",
+    "Table",
     "Text",
     "TomlSource",
     "Truth",
     "TruthFrame",
     "TruthPoint",
+    "Whole",
     "carried_calib",
     "cell_text",
+    "controller_text",
     "frames_text",
     "parse_settings",
     "points_text",
@@ -48,19 +60,24 @@ __all__ = [
     "read_image",
     "read_jig_file",
     "read_points",
+    "read_result",
     "read_robot",
     "read_sensor",
     "read_settings",
     "read_sockets",
+    "read_table",
+    "read_table_text",
     "read_toml",
     "read_truth",
     "robot_text",
     "rounded",
     "rounded_number",
+    "saved_result",
     "sensor_text",
     "sentence",
     "settings_text",
     "settings_toml",
+    "sha256_of",
     "stated_optics",
     "suggestion",
     "urdf_of",

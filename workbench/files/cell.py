@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
@@ -10,7 +11,7 @@ import numpy as np
 from pydantic import Field, field_validator
 
 import assets
-from geometry import DhRobot, Frame, InputError, Pose, Role, Sensor, did_you_mean
+from geometry import DhRobot, Frame, InputError, Pose, Remark, Role, Sensor, did_you_mean
 from jig_cad import Jig, jig_from_table
 from jig_cad.files import table_model, without_names
 from perceptron_emu import EmulatorConfig
@@ -43,7 +44,7 @@ class CellFile(FileSection):
     sensor: Text
     jig: Text | None = None
     target: Text | None = None
-    robot: Text
+    robot: Text | None = None
     frames: Text | None = None
     points: Text | None = None
     scp_initial: ScpSection
@@ -62,14 +63,16 @@ class Cell:
     """A cell dataset: sensor, jig, robot, design SCP, frames; images stay on disk until they are needed.
 
     points: by frame number, where a points.csv stands in place of images. T_base_jig: by location, where given.
-    roles: of the locations in cell.toml that say one. robot_path: the robot.toml.
-    emulator: how images of the cell are made, no knowledge of a recorded one.
+    roles: of the locations in cell.toml that say one. robot: None where hand poses stand in place of joint readings.
+    robot_path, sensor_path: the files. files: all that were read, images aside.
+    emulator: how images of the cell are made, no knowledge of a recorded one. remarks: a sentence for all that is
+    doubtful in the files and was read nevertheless.
     """
 
     folder: Path
     sensor: Sensor
     jig: Jig
-    robot: DhRobot
+    robot: DhRobot | None
     frames: tuple[Frame, ...]
     T_hand_sensor_design: Pose
     T_base_jig: dict[str, Pose] = field(default_factory=dict)
@@ -78,7 +81,19 @@ class Cell:
     roles: dict[str, Role] = field(default_factory=dict)
     name: str = ""
     robot_path: Path | None = None
+    sensor_path: Path | None = None
     emulator: EmulatorConfig = field(default_factory=EmulatorConfig)
+    remarks: tuple[str, ...] = ()
+    files: tuple[Path, ...] = ()
+
+    @property
+    def arm(self) -> DhRobot:
+        """The robot; InputError where the cell has hand poses alone."""
+        if self.robot is None:
+            raise InputError(
+                f"{self.folder / 'cell.toml'}: the key robot is missing: this needs the arm's table and joint readings"
+            )
+        return self.robot
 
 
 def read_cell(path: Path, *, recorded: bool = True) -> Cell:
@@ -106,9 +121,10 @@ def read_cell(path: Path, *, recorded: bool = True) -> Cell:
     file = validate(CellFile, source)
     folder = source.path.parent
     sensor_path = _named(folder, file.sensor, source, "sensor")
-    robot_path = _named(folder, file.robot, source, "robot")
-    robot = read_robot(robot_path)
-    frames, frames_path = _frames(folder, file, source, robot, recorded=recorded)
+    robot_path = None if file.robot is None else _named(folder, file.robot, source, "robot")
+    remarks: list[str] = []
+    robot = None if robot_path is None else read_robot(robot_path, remarks.append)
+    frames, frames_path = _frames(folder, file, source, robot, remarks.append, recorded=recorded)
     if frames:
         _check_location_names(file, frames, source)
     truth = folder / "truth.json"
@@ -121,17 +137,27 @@ def read_cell(path: Path, *, recorded: bool = True) -> Cell:
         frames=frames,
         T_hand_sensor_design=Pose.from_fixed_xyz_deg(file.scp_initial.rotation_deg, file.scp_initial.translation_mm),
         T_base_jig={name: _pose(source, name, given) for name, given in file.locations.items()},
-        points=_points(folder, file, frames, frames_path, jig) if recorded else None,
+        points=_points(folder, file, frames, frames_path, jig, remarks.append) if recorded else None,
         truth=read_truth(truth) if truth.exists() else None,
         roles={name: given.role for name, given in file.locations.items() if given.role},
         name=file.name,
         robot_path=robot_path,
+        sensor_path=sensor_path,
         emulator=read_emulator(sensor_path),
+        remarks=tuple(remarks),
+        files=_files(source, file, (sensor_path, robot_path, frames_path)),
     )
 
 
+def _files(source: TomlSource, file: CellFile, read: Sequence[Path | None]) -> tuple[Path, ...]:
+    """cell.toml and the files that it names, and a points.csv that stands in place of images."""
+    folder = source.path.parent
+    named = [folder / name for name in (file.jig, file.target, file.points or "points.csv") if name]
+    return tuple(p for p in (source.path, *read, *named) if p is not None and p.is_file())
+
+
 def _frames(
-    folder: Path, file: CellFile, source: TomlSource, robot: DhRobot, *, recorded: bool
+    folder: Path, file: CellFile, source: TomlSource, robot: DhRobot | None, remark: Remark, *, recorded: bool
 ) -> tuple[tuple[Frame, ...], Path]:
     if file.frames is None:
         if recorded:
@@ -141,7 +167,8 @@ def _frames(
     if not recorded and not path.exists():
         return (), path
     path = _named(folder, file.frames, source, "frames")
-    return read_frames(path, robot.n_joints, may_be_empty=not recorded), path
+    n_joints = None if robot is None else robot.n_joints
+    return read_frames(path, n_joints, may_be_empty=not recorded, remark=remark), path
 
 
 def read_jig_file(path: Path) -> Jig:
@@ -212,17 +239,16 @@ def _check_location_names(file: CellFile, frames: tuple[Frame, ...], source: Tom
 
 
 def _points(
-    folder: Path, file: CellFile, frames: tuple[Frame, ...], frames_path: Path, jig: Jig
+    folder: Path, file: CellFile, frames: tuple[Frame, ...], frames_path: Path, jig: Jig, remark: Remark
 ) -> dict[int, GivenPoints] | None:
     """Points in place of images: named in cell.toml, or points.csv where not one of the images exists."""
     path = folder / (file.points or "points.csv")
     has_images = any(row.image and (folder / row.image).exists() for row in frames)
     if file.points is None and (has_images or not path.exists()):
-        for row in frames:
-            if not row.image:
-                raise InputError(f"{frames_path}, line {row.line}, column image: is empty, and there is no points.csv")
+        if frames and not any(row.image for row in frames):
+            raise InputError(f"{frames_path}: the column image is empty, and there is no points.csv")
         return None
-    points = read_points(path, jig.strings)
+    points = read_points(path, jig.strings, remark)
     known = {row.number for row in frames}
     strangers = sorted(set(points) - known)
     if strangers:

@@ -22,7 +22,7 @@ def write_cell(cell: Cell, folder: Path, decimals: int = 6) -> None:
     """
     write_text(folder / "sensor.toml", sensor_text(cell.sensor, cell.emulator))
     write_text(folder / "jig.toml", jig_text(cell.jig))
-    write_text(folder / "robot.toml", robot_text(cell.robot))
+    write_text(folder / "robot.toml", robot_text(cell.arm))
     write_text(folder / "frames.csv", frames_text(cell.frames, decimals))
     if cell.truth is not None:
         write_truth(folder / "truth.json", cell.truth)

@@ -3,23 +3,30 @@
 from __future__ import annotations
 
 import re
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import Frame, InputError, Pose
-from workbench.files.table import CsvTable, Row, read_table
+from geometry import Frame, InputError, Pose, Remark, no_remark
+from workbench.files.table import Row, Table, read_table
 
 Array = NDArray[np.float64]
 
 POSE_COLUMNS = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
 ROLES = ("calibrate", "verify")
 MAX_JOINTS = 16  # columns that are known; arms have six or seven
+_JOINT = re.compile(r"(?:J|A|Joint|joint|Axis|axis)[ _]?([1-9][0-9]?)(?:[ _]?deg)?")  # j1 alone lacks its unit
+MAX_FRAMES = 100_000  # of one dataset: more is a recording that was never cut into frames
+LARGEST_READING_DEG = 36_000.0  # a hundred turns: no joint counts so far
+LARGEST_COORDINATE_MM = 100_000.0  # of the hand in the base: beyond any arm, track or crane
 ATOL_QUATERNION = 1e-2  # length of a quaternion as written; digits cut in the file stay far below
 
 
-def read_frames(path: Path, n_joints: int, *, may_be_empty: bool = False) -> tuple[Frame, ...]:
+def read_frames(
+    path: Path, n_joints: int | None, *, may_be_empty: bool = False, remark: Remark = no_remark
+) -> tuple[Frame, ...]:
     """The rows of frames.csv, joint readings in radians.
 
     Parameters
@@ -27,14 +34,17 @@ def read_frames(path: Path, n_joints: int, *, may_be_empty: bool = False) -> tup
     path
         The file.
     n_joints
-        How many columns j1_deg, j2_deg, … there must be, where no hand poses stand in their place.
+        How many columns j1_deg, j2_deg, … there must be, where no hand poses stand in their place; None: no robot is
+        known, and hand poses must be there.
     may_be_empty
         Whether a header alone will do.
+    remark
+        Told of columns that are ignored.
 
     Returns
     -------
     tuple of Frame
-        In the file's order.
+        By their numbers, whatever the file's order.
 
     Raises
     ------
@@ -44,19 +54,27 @@ def read_frames(path: Path, n_joints: int, *, may_be_empty: bool = False) -> tup
     """
     joints = tuple(f"j{i}_deg" for i in range(1, MAX_JOINTS + 1))
     known = ("frame", "image", "location", "role", *joints, *POSE_COLUMNS)
-    table = read_table(path, known, ("frame", "location", "role"))
+    table = read_table(path, known, ("frame", "location", "role"), _spelling, remark)
     poses = _check_motion_columns(table, n_joints)
-    rows = tuple(_row(row, n_joints, poses=poses) for row in table.rows)
+    rows = tuple(_row(row, n_joints or 0, poses=poses) for row in islice(table.rows, MAX_FRAMES + 1))
+    if len(rows) > MAX_FRAMES:
+        raise InputError(f"{path}: holds more than {MAX_FRAMES:,} frames, which no dataset needs")
     if not rows and not may_be_empty:
         raise InputError(f"{path}: holds a header but no frames")
     _check_numbers(path, rows)
     _check_locations(path, rows)
     if rows and not poses:
         _check_degrees(path, rows)
-    return rows
+    return tuple(sorted(rows, key=lambda row: row.number))
 
 
-def _check_motion_columns(table: CsvTable, n_joints: int) -> bool:
+def _spelling(column: str) -> str:
+    """``J1``, ``A1 [deg]``, ``Joint 1`` as controllers head their columns."""
+    found = _JOINT.fullmatch(column)
+    return f"j{found[1]}_deg" if found else column
+
+
+def _check_motion_columns(table: Table, n_joints: int | None) -> bool:
     """Whether poses stand in place of joints; InputError where the columns are neither or do not fit the robot."""
     where = f"{table.path}, line {table.header_line}"
     joints = [c for c in table.columns if re.fullmatch(r"j\d+_deg", c)]
@@ -70,6 +88,12 @@ def _check_motion_columns(table: CsvTable, n_joints: int) -> bool:
         if missing:
             raise InputError(f'{where}: the column "{missing[0]}" is missing beside {", ".join(pose)}')
         return True
+    if n_joints is None:
+        what = f"joint columns ({joints[0]} …)" if joints else "no joint columns"
+        raise InputError(
+            f"{where}: {what}, and cell.toml names no robot: give its file as robot, or hand poses as "
+            f"{', '.join(POSE_COLUMNS)}"
+        )
     if not joints:
         raise InputError(
             f"{where}: neither joint columns j1_deg … j{n_joints}_deg nor pose columns {', '.join(POSE_COLUMNS)}"
@@ -89,13 +113,20 @@ def _row(row: Row, n_joints: int, *, poses: bool) -> Frame:
         "line": row.line,
     }
     if not poses:
-        degrees = [row.number(f"j{i}_deg") for i in range(1, n_joints + 1)]
+        degrees = [_within(row, f"j{i}_deg", LARGEST_READING_DEG) for i in range(1, n_joints + 1)]
         return Frame(**common, joints_rad=np.deg2rad(degrees))  # type: ignore[arg-type]
     q = np.array([row.number(c) for c in POSE_COLUMNS[3:]])
     if abs(np.linalg.norm(q) - 1) > ATOL_QUATERNION:
         raise row.fail("qw … qz", f"the quaternion has length {np.linalg.norm(q):.4g}, a rotation's is 1")
-    pose = Pose.from_quaternion_wxyz(q, [row.number(c) for c in POSE_COLUMNS[:3]])
+    pose = Pose.from_quaternion_wxyz(q, [_within(row, c, LARGEST_COORDINATE_MM) for c in POSE_COLUMNS[:3]])
     return Frame(**common, T_base_hand=pose)  # type: ignore[arg-type]
+
+
+def _within(row: Row, column: str, limit: float) -> float:
+    value = row.number(column)
+    if abs(value) > limit:
+        raise row.fail(column, f"{value:g} is beyond what an arm can read or reach (± {limit:g})")
+    return value
 
 
 def _check_numbers(path: Path, rows: tuple[Frame, ...]) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import struct
 import zlib
 from pathlib import Path
 
@@ -11,149 +10,200 @@ import numpy as np
 from numpy.typing import NDArray
 
 from extraction import MAX_PIXELS
-from geometry import InputError, Sensor
+from geometry import Camera, InputError, Remark, Sensor, no_remark, read_bytes
 from workbench.files.atomic import write_bytes
+from workbench.files.image_header import ImageHeader, read_header
 
 Image = NDArray[np.uint8] | NDArray[np.uint16]
 
 MAX_FILE_BYTES = 512 * 2**20  # four bytes for each of MAX_PIXELS, and as much again
-PNG, TIFF = b"\x89PNG\r\n\x1a\n", (b"II*\x00", b"MM\x00*")
-SUFFIXES = (".png", ".tif", ".tiff")
+SUFFIXES = (".png", ".tif", ".tiff", ".bmp")
+LOSSY_SUFFIXES = (*SUFFIXES, ".jpg", ".jpeg")
+FEW_LEVELS = 4  # a picture of fewer lit levels, such as a mask, can not tell how it is aligned
+_CHANNELS = {"blue": 0, "green": 1, "red": 2}  # as OpenCV orders them
 
 
-def read_image(path: Path, sensor: Sensor) -> Image:
-    """A grey image (H, W), uint8 or uint16, that fits ``sensor``.
+def read_image(path: Path, sensor: Sensor, remark: Remark = no_remark, *, lossy: bool = False) -> Image:
+    """A grey image (H, W), uint8 or uint16, its pixels in the order and its levels as the sensor's.
 
     Parameters
     ----------
     path
-        A PNG or TIFF.
+        A PNG, TIFF or BMP of the sensor's size and bit depth; of a colour image the sensor's channel.
     sensor
-        Whose size and bit depth the image must have; colour images pass where their channels are equal.
+        A sensor with a camera.
+    remark
+        Told what is doubtful in the file and how it was read.
+    lossy
+        Whether a JPEG passes too, with a remark; not for measuring.
 
     Returns
     -------
     Image
-        Grey levels, right-aligned.
+        Grey levels, right-aligned. What a file says of turning is not followed: pixels stay as the chip gave them.
 
     Raises
     ------
     InputError
-        Where the file is missing, damaged, cut short or of another kind than the sensor's.
+        Where the file is missing, damaged, cut short, holds several pages, is packed or compressed in a way that does
+        not come out as stored, or does not fit the sensor.
 
     """
     camera = sensor.require_camera()
-    data = _read_file(path)
-    width, height = _size(path, data)
-    if width * height > MAX_PIXELS:
-        raise InputError(f"{path}: {width} × {height} px is larger than the {MAX_PIXELS // 2**20} Mpx that are read")
-    if (width, height) != (camera.width_px, camera.height_px):
+    data = read_bytes(path, MAX_FILE_BYTES, "image file")
+    header = read_header(path, data, lossy=lossy)
+    if header.width * header.height > MAX_PIXELS:
         raise InputError(
-            f"{path}: is {width} × {height} px, the sensor's image is {camera.width_px} × {camera.height_px} px"
+            f"{path}: {header.width} × {header.height} px is larger than the {MAX_PIXELS // 2**20} Mpx that are read"
         )
-    image = _decode(path, data)
-    return _check_levels(path, image, sensor)
+    _check_size(path, (header.width, header.height), camera)
+    if header.kind == "JPEG":
+        remark(f"{path}: is a JPEG, whose compression moves edges and spots; save PNG or TIFF for measuring")
+    if header.orientation != 1:
+        remark(f"{path}: says that it is to be turned ({header.orientation}); its pixels are taken as they are stored")
+    image = _grey(path, _decode(path, data, header), camera, remark)
+    _check_size(path, image.shape[::-1], camera)
+    return _check_levels(path, image, header, camera, remark)
 
 
-def _read_file(path: Path) -> bytes:
-    try:
-        if path.stat().st_size > MAX_FILE_BYTES:
-            raise InputError(f"{path}: is larger than {MAX_FILE_BYTES // 2**20} MB")
-        data = path.read_bytes()
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such image file") from None
-    except (OSError, ValueError) as error:
-        raise InputError(f"{path}: can not be read ({getattr(error, 'strerror', None) or error})") from None
-    if not data:
-        raise InputError(f"{path}: the image file is empty (0 bytes)")
-    return data
+def _check_size(path: Path, size: tuple[int, ...], camera: Camera) -> None:
+    if size != (camera.width_px, camera.height_px):
+        raise InputError(
+            f"{path}: is {size[0]} × {size[1]} px, the sensor's image is {camera.width_px} × {camera.height_px} px"
+        )
 
 
-def _size(path: Path, data: bytes) -> tuple[int, int]:
-    """Width and height by the file's own header, before anything is decoded."""
-    if data.startswith(PNG):
-        return _png_size(path, data)
-    if data.startswith(TIFF):
-        return _tiff_size(path, data)
-    kind = "a JPEG, whose compression moves spots" if data.startswith(b"\xff\xd8") else "neither PNG nor TIFF"
-    raise InputError(f"{path}: is {kind}; images must be PNG or TIFF")
-
-
-def _png_size(path: Path, data: bytes) -> tuple[int, int]:
-    """Walks the chunks: OpenCV decodes a cut or damaged PNG to a partly grey picture without a word."""
-    position, ended = len(PNG), False
-    while not ended:
-        head = data[position : position + 8]
-        length = struct.unpack(">I", head[:4])[0] if len(head) == 8 else len(data)
-        body = data[position + 4 : position + 8 + length]
-        check = data[position + 8 + length : position + 12 + length]
-        if len(check) < 4:
-            raise InputError(f"{path}: the PNG is cut short")
-        if zlib.crc32(body) != struct.unpack(">I", check)[0]:
-            raise InputError(f"{path}: the PNG is damaged (checksum of a chunk)")
-        position, ended = position + 12 + length, head[4:] == b"IEND"
-    if data[12:16] != b"IHDR" or len(data) < 24:
-        raise InputError(f"{path}: the PNG has no header")
-    width, height = struct.unpack(">II", data[16:24])
-    return int(width), int(height)
-
-
-def _tiff_size(path: Path, data: bytes) -> tuple[int, int]:
-    """Reads the first directory; its strips or tiles must lie inside the file."""
-    order = "<" if data[:2] == b"II" else ">"
-    try:
-        offset = struct.unpack(order + "I", data[4:8])[0]
-        count = struct.unpack(order + "H", data[offset : offset + 2])[0]
-        tags = dict(_tiff_tag(order, data, offset + 2 + 12 * i) for i in range(count))
-        width, height = tags[256][0], tags[257][0]
-        starts, sizes = tags.get(273) or tags[324], tags.get(279) or tags[325]
-        if max(a + b for a, b in zip(starts, sizes, strict=True)) > len(data):
-            raise InputError(f"{path}: the TIFF is cut short")
-    except (struct.error, KeyError, IndexError, ValueError):
-        raise InputError(f"{path}: the TIFF is damaged or cut short") from None
-    return int(width), int(height)
-
-
-def _tiff_tag(order: str, data: bytes, at: int) -> tuple[int, tuple[int, ...]]:
-    tag, kind, count = struct.unpack(order + "HHI", data[at : at + 8])
-    code, size = {3: ("H", 2), 4: ("I", 4)}.get(kind, ("B", 1))
-    start = at + 8 if count * size <= 4 else struct.unpack(order + "I", data[at + 8 : at + 12])[0]
-    if kind not in (3, 4):
-        return int(tag), ()
-    return int(tag), struct.unpack(f"{order}{count}{code}", data[start : start + count * size])
-
-
-def _decode(path: Path, data: bytes) -> NDArray[np.generic]:
+def _decode(path: Path, data: bytes, header: ImageHeader) -> NDArray[np.generic]:
+    if header.strips:
+        return _unpacked(path, data, header)
+    for at, value in header.patches:
+        data = data[:at] + value + data[at + len(value) :]
     try:
         image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     except cv2.error:
         image = None
     if image is None:
         raise InputError(f"{path}: the image can not be decoded, the file is damaged")
+    if np.issubdtype(image.dtype, np.signedinteger):
+        if image.min() < 0:
+            raise InputError(f"{path}: holds grey levels below 0 (signed numbers); levels from 0 on are needed")
+        image = image.astype(np.uint8 if image.itemsize == 1 else np.uint16)
+    if image.dtype not in (np.uint8, np.uint16):
+        raise InputError(f"{path}: its grey levels are {image.dtype} numbers; 8 or 16 bits are needed")
     return np.asarray(image)
 
 
-def _check_levels(path: Path, image: NDArray[np.generic], sensor: Sensor) -> Image:
-    """Grey, of the container and within the grey levels that the sensor's bit depth says."""
-    camera = sensor.require_camera()
-    if image.ndim == 3:
-        colour = image[..., :3]
-        if image.shape[2] < 3 or np.any(colour[..., 0] != colour[..., 1]) or np.any(colour[..., 1] != colour[..., 2]):
-            raise InputError(f"{path}: is a colour image; the sensor's images are grey")
-        image = colour[..., 0]
+def _unpacked(path: Path, data: bytes, header: ImageHeader) -> NDArray[np.uint16]:
+    """Levels of 10, 12 or 14 bits, packed without gaps within a row; OpenCV would shift them into the high bits."""
+    if header.channels != 1:
+        raise InputError(f"{path}: is a colour image of {header.bits} packed bits; grey levels are needed")
+    row_bytes = (header.width * header.bits + 7) // 8
+    rows = []
+    left = header.height
+    for start, count in header.strips:
+        here = min(header.rows_per_strip, left)
+        raw = data[start : start + count]
+        if header.compression != 1:
+            try:
+                raw = zlib.decompressobj().decompress(raw, here * row_bytes + 1)
+            except zlib.error:
+                raise InputError(f"{path}: the TIFF is damaged") from None
+        if here <= 0 or len(raw) < here * row_bytes:
+            raise InputError(f"{path}: the TIFF is damaged or cut short")
+        rows.append(np.frombuffer(raw[: here * row_bytes], np.uint8).reshape(here, row_bytes))
+        left -= here
+    if left:
+        raise InputError(f"{path}: the TIFF is damaged or cut short")
+    return _joined_bits(np.concatenate(rows), header)
+
+
+def _joined_bits(rows: NDArray[np.uint8], header: ImageHeader) -> NDArray[np.uint16]:
+    """Each level lies in up to three bytes that follow one another, highest bit first."""
+    first = np.arange(header.width) * header.bits
+    at, shift = first // 8, (24 - first % 8 - header.bits).astype(np.uint32)
+    levels = np.empty((header.height, header.width), np.uint16)
+    for row, raw in enumerate(rows):
+        wide = np.pad(raw, (0, 2)).astype(np.uint32)
+        window = wide[at] << 16 | wide[at + 1] << 8 | wide[at + 2]
+        levels[row] = (window >> shift) & (2**header.bits - 1)
+    return levels
+
+
+def _grey(path: Path, image: NDArray[np.generic], camera: Camera, remark: Remark) -> NDArray[np.generic]:
+    """The channel that the sensor's file names, else the largest of the channels; grey stays grey."""
+    if image.ndim == 2:
+        return image
+    if image.shape[2] == 2:  # grey and alpha
+        return image[..., 0]
+    colour = image[..., :3]
+    if np.array_equal(colour[..., 0], colour[..., 1]) and np.array_equal(colour[..., 1], colour[..., 2]):
+        return colour[..., 0]
+    if camera.channel in _CHANNELS:
+        return colour[..., _CHANNELS[camera.channel]]
+    if camera.channel == "grey":
+        return np.asarray(cv2.cvtColor(np.ascontiguousarray(colour), cv2.COLOR_BGR2GRAY))
+    if camera.channel is None:
+        remark(f"{path}: is a colour image, the largest of its channels is taken; [image] channel says another")
+    return np.asarray(colour.max(axis=2))
+
+
+def _check_levels(path: Path, image: NDArray[np.generic], header: ImageHeader, camera: Camera, remark: Remark) -> Image:
+    """Of the container and within the grey levels that the sensor's bit depth says, right-aligned."""
     wanted = np.dtype(np.uint8 if camera.bit_depth == 8 else np.uint16)
     if image.dtype != wanted:
         raise InputError(
-            f"{path}: has {image.dtype.itemsize * 8} bits a pixel, bit_depth = {camera.bit_depth} of the sensor needs "
+            f"{path}: has {header.bits} bits a pixel, bit_depth = {camera.bit_depth} of the sensor needs "
             f"{wanted.itemsize * 8}"
         )
-    highest = int(image.max())
+    levels = np.ascontiguousarray(image).astype(wanted, copy=False)
+    if header.white_is_zero:
+        levels = _inverted(path, levels, header, camera)
+    if wanted == np.uint16 and header.bits == 16:
+        levels = _right_aligned(path, levels, header, camera, remark)
+    highest = int(levels.max())
     if highest > camera.full_scale_dn:
         raise InputError(
             f"{path}: holds the grey level {highest}, above the {camera.full_scale_dn} of "
             f"bit_depth = {camera.bit_depth}; levels must be right-aligned"
         )
-    return np.ascontiguousarray(image)
+    return levels
+
+
+def _inverted(path: Path, levels: Image, header: ImageHeader, camera: Camera) -> Image:
+    """WhiteIsZero: from the container's highest level as TIFF has it, or the camera's as cameras have it."""
+    top = 2**header.bits - 1
+    if int(levels.max()) <= camera.full_scale_dn < top:
+        top = camera.full_scale_dn
+    wide = top - levels.astype(np.int32)
+    inverted: Image = wide.astype(np.uint8) if levels.dtype == np.uint8 else wide.astype(np.uint16)
+    if int(inverted.max()) > camera.full_scale_dn:
+        raise InputError(
+            f"{path}: is WhiteIsZero, and its levels lie neither within bit_depth = {camera.bit_depth} nor at the end "
+            "of the 16 bits"
+        )
+    return inverted
+
+
+def _right_aligned(path: Path, levels: Image, header: ImageHeader, camera: Camera, remark: Remark) -> Image:
+    """Industrial writers put 12 bits into the high ones of 16: PNG's sBIT tells, or low bits that are always 0."""
+    significant = header.significant_bits or camera.bit_depth
+    shift = 16 - significant
+    if shift <= 0 or camera.bit_depth == 16:
+        return levels
+    low = 2**shift - 1
+    empty = not int(np.bitwise_or.reduce(levels, axis=None)) & low
+    told = header.significant_bits is not None and np.array_equal(levels & low, levels >> significant & low)
+    if empty or told:
+        shifted = (levels >> shift).astype(np.uint16)
+        if header.significant_bits is not None or int(levels.max()) > camera.full_scale_dn:
+            remark(f"{path}: {significant} bits lie in the high bits of 16; they are shifted to the right by {shift}")
+            return shifted
+        if np.count_nonzero(np.bincount(shifted.ravel())[1:]) >= FEW_LEVELS:
+            raise InputError(
+                f"{path}: the lowest {shift} bits of every level are 0: the levels are left-aligned or stretched; "
+                f"{significant} bits must be right-aligned"
+            )
+    return levels
 
 
 def write_png(path: Path, image: Image, compression: int = 1) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from geometry import AxisPoints, InputError, SurfacePoints
+from geometry import AxisPoints, InputError, Remark, SurfacePoints, no_remark
 from workbench.files.table import Row, read_table
 
 COLUMNS = (
@@ -38,7 +38,7 @@ class GivenPoints:
     axis: AxisPoints | None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class _CsvPoint:
     label: str
     uv: tuple[float, float]
@@ -49,7 +49,7 @@ class _CsvPoint:
     flag: str
 
 
-def read_points(path: Path, strings: Sequence[str]) -> dict[int, GivenPoints]:
+def read_points(path: Path, strings: Sequence[str], remark: Remark = no_remark) -> dict[int, GivenPoints]:
     """Points by frame number of a points.csv.
 
     Parameters
@@ -58,6 +58,8 @@ def read_points(path: Path, strings: Sequence[str]) -> dict[int, GivenPoints]:
         The file.
     strings
         The names that a label may be.
+    remark
+        Told of columns that are ignored and of rows that hold no point.
 
     Returns
     -------
@@ -70,30 +72,45 @@ def read_points(path: Path, strings: Sequence[str]) -> dict[int, GivenPoints]:
         Naming line and column.
 
     """
-    table = read_table(path, COLUMNS, ("frame",))
+    table = read_table(path, COLUMNS, ("frame",), remark=remark)
     if not {"y_mm", "z_mm"} <= set(table.columns) and not {"y_surface_mm", "z_surface_mm"} <= set(table.columns):
         raise InputError(
             f"{path}, line {table.header_line}: needs the columns y_mm and z_mm of the axis "
             "or y_surface_mm and z_surface_mm"
         )
     frames: dict[int, list[_CsvPoint]] = {}
+    without: list[int] = []
     for row in table.rows:
         points = frames.setdefault(row.whole("frame"), [])
         point = _point(row, strings)
+        if point is None:
+            without.append(row.line)
+            continue
         if point.label and any(point.label == other.label for other in points):
             raise row.fail("label", f'frame {row.cells["frame"]} has a second point "{point.label}"')
         points.append(point)
-    return {frame: _collect(points) for frame, points in frames.items()}
+    if without and not any(frames.values()):
+        raise InputError(f"{path}: not one of its {len(without)} rows holds a point")
+    if without:
+        remark(f"{path}, line {without[0]}: no point there, nor in {len(without) - 1} further rows; they are left out")
+    return {frame: _collect(sorted(points, key=lambda p: _place(p, strings))) for frame, points in frames.items()}
 
 
-def _point(row: Row, strings: Sequence[str]) -> _CsvPoint:
+def _place(point: _CsvPoint, strings: Sequence[str]) -> tuple[int, float, tuple[float, ...]]:
+    """Where a point stands among its frame's, whatever the file's order: by label, then the best score first."""
+    known = point.surface or point.axis or (0.0, 0.0)
+    return (strings.index(point.label) if point.label else len(strings), -point.score, known)
+
+
+def _point(row: Row, strings: Sequence[str]) -> _CsvPoint | None:
+    """None where the row holds no point: empty cells, NaN, or what loggers write for no value."""
     given = row.cells.get("label", "")
     label = given if given in strings else given.translate(_PRIMES)
     if label and label not in strings:
         raise row.fail("label", f'"{label}" is no string; {", ".join(strings)} or empty is right')
     surface, axis = _pair(row, "y_surface_mm", "z_surface_mm"), _pair(row, "y_mm", "z_mm")
     if surface is None and axis is None:
-        raise row.fail("y_mm", "is empty, and so is y_surface_mm: the row holds no point")
+        return None
     if axis is not None and not label and surface is None:
         raise row.fail(
             "label", "is empty beside y_mm and z_mm; an unlabelled point goes into y_surface_mm and z_surface_mm"
@@ -110,9 +127,9 @@ def _point(row: Row, strings: Sequence[str]) -> _CsvPoint:
 
 
 def _pair(row: Row, first: str, second: str) -> tuple[float, float] | None:
-    a, b = row.optional(first), row.optional(second)
+    a, b = row.measured(first), row.measured(second)
     if (a is None) != (b is None):
-        raise row.fail(first if a is None else second, f"is empty beside {second if a is None else first}")
+        raise row.fail(first if a is None else second, f"holds no value beside {second if a is None else first}")
     return None if a is None or b is None else (a, b)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from geometry import DH_ROWS, TYPICAL_SIGMA, DhRobot, InputError, RobotUncertainty, toml_value
+from geometry import DH_ROWS, TYPICAL_SIGMA, DhRobot, InputError, Remark, RobotUncertainty, no_remark, toml_value
 from workbench.files.strict import FileSection, NotNegative, Real, Text, Whole, validate
 from workbench.files.toml_text import read_toml
 
@@ -23,14 +23,14 @@ class JointSection(FileSection):
     alpha_deg: Real = 0.0
     beta_deg: Real = 0.0
     sign: Whole = 1
-    min_deg: Real = -360.0
-    max_deg: Real = 360.0
+    min_deg: Real | None = None
+    max_deg: Real | None = None
 
     @model_validator(mode="after")
     def _plausible(self) -> JointSection:
         if self.sign not in (-1, 1):
             raise ValueError(f"has sign = {self.sign}: 1 or -1 is right")
-        if self.min_deg >= self.max_deg:
+        if self.min_deg is not None and self.max_deg is not None and self.min_deg >= self.max_deg:
             raise ValueError(f"has min_deg = {self.min_deg:g} ≥ max_deg = {self.max_deg:g}: the limits leave no angle")
         return self
 
@@ -63,13 +63,15 @@ class RobotFile(FileSection):
     uncertainty: UncertaintySection = Field(default_factory=UncertaintySection)
 
 
-def read_robot(path: Path) -> DhRobot:
+def read_robot(path: Path, remark: Remark = no_remark) -> DhRobot:
     """The robot of a robot.toml: a table of joints, or a chain of a URDF.
 
     Parameters
     ----------
     path
         The file.
+    remark
+        Told of what is doubtful in a URDF.
 
     Returns
     -------
@@ -86,7 +88,7 @@ def read_robot(path: Path) -> DhRobot:
     file = validate(RobotFile, source)
     try:
         if file.urdf is not None:
-            return _from_urdf(file, path)
+            return _from_urdf(file, path, remark)
         if not file.joint:
             raise InputError("no [[joint]] tables: one for each joint is needed, or urdf, base and tip")
         return _from_table(file)
@@ -122,8 +124,8 @@ def _from_table(file: RobotFile) -> DhRobot:
     return DhRobot.from_dh(
         **columns,
         sign=np.array([j.sign for j in file.joint], dtype=float),
-        min_rad=np.deg2rad([j.min_deg for j in file.joint]),
-        max_rad=np.deg2rad([j.max_deg for j in file.joint]),
+        min_rad=np.deg2rad([-np.inf if j.min_deg is None else j.min_deg for j in file.joint]),
+        max_rad=np.deg2rad([np.inf if j.max_deg is None else j.max_deg for j in file.joint]),
         convention=file.convention,
         coupling=_coupling(file),
         uncertainty=_uncertainty(file.uncertainty),
@@ -144,14 +146,14 @@ def _coupling(file: RobotFile) -> NDArray[np.float64] | None:
     return matrix
 
 
-def _from_urdf(file: RobotFile, path: Path) -> DhRobot:
+def _from_urdf(file: RobotFile, path: Path, remark: Remark) -> DhRobot:
     if file.joint or file.coupling:
         raise InputError("gives both urdf and [[joint]] or [coupling]: only one of the two can be the robot")
     if file.base is None or file.tip is None:
         raise InputError("a urdf needs base and tip, the names of the chain's first and last link")
     from workbench.files.urdf import read_urdf
 
-    model = read_urdf(path.parent / str(file.urdf), file.base, file.tip)
+    model = read_urdf(path.parent / str(file.urdf), file.base, file.tip, remark)
     return replace(model, uncertainty=_uncertainty(file.uncertainty), name=file.name or model.name)
 
 
@@ -168,8 +170,8 @@ def robot_text(robot: DhRobot) -> str:
             shown = round(value, 13) if row.unit == "rad" else value
             lines += [f"{row.file_key} = {shown!r}"] if row.group != "beta" or value else []
         lines += [f"sign = {int(robot.sign[i])}"] if robot.sign[i] != 1 else []
-        limits = [("min_deg", robot.min_rad[i]), ("max_deg", robot.max_rad[i])]
-        lines += [f"{key} = {round(float(np.rad2deg(value)), 12)!r}" for key, value in limits]
+        limits = zip(("min_deg", "max_deg"), robot.stated_limits, strict=True)
+        lines += [f"{key} = {round(float(np.rad2deg(v[i])), 12)!r}" for key, v in limits if np.isfinite(v[i])]
     if robot.coupling is not None:
         lines += ["[coupling]", f"matrix = {toml_value(robot.coupling.tolist())}"]
     lines.append("[uncertainty]")

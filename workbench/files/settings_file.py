@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,7 +11,7 @@ from pydantic import BaseModel, Field, create_model
 
 from calib import CalibConfig
 from extraction import ExtractionConfig
-from geometry import InputError, toml_value
+from geometry import parse_toml, toml_value
 from workbench.files.strict import FileSection, validate
 from workbench.files.toml_text import TomlSource, read_toml
 
@@ -102,7 +101,7 @@ def _table(name: str, table: dict[str, Any]) -> list[str]:
 
 def parse_settings(text: str, name: str) -> ExtractionConfig:
     """Extraction's parameters of a settings file's text; InputError names file, line and key."""
-    data = _data(text, name)
+    data = parse_toml(text, name)
     validate(settings_model(), TomlSource(Path(name), text, data))
     tables = {k: v for k, v in data.items() if k in ExtractionConfig.model_fields}
     return ExtractionConfig.model_validate({k: _without_name(v) for k, v in tables.items()})
@@ -110,15 +109,8 @@ def parse_settings(text: str, name: str) -> ExtractionConfig:
 
 def carried_calib(text: str, name: str) -> dict[str, Any]:
     """The [calib] table of a settings file's text."""
-    table = _data(text, name).get("calib", {})
+    table = parse_toml(text, name).get("calib", {})
     return dict(table) if isinstance(table, dict) else {}
-
-
-def _data(text: str, name: str) -> dict[str, Any]:
-    try:
-        return tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise InputError(f"{name}: not valid TOML, {error}") from None
 
 
 def _without_name(table: Any) -> Any:

@@ -9,7 +9,7 @@ from typing import Annotated, Any, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from geometry import InputError
+from geometry import LONGEST_WORD, InputError
 from workbench.files.toml_text import Location, TomlSource
 
 Real = Annotated[float, Field(strict=True, allow_inf_nan=False)]
@@ -67,6 +67,8 @@ def sentence(error: ValidationError, model: type[BaseModel], source: TomlSource,
 def suggestion(word: str, known: Iterable[str]) -> str:
     """``, did you mean …`` where a known word is near, else the known words."""
     names = list(dict.fromkeys(known))
+    if len(word) > LONGEST_WORD:
+        return ""
     longer = [n for n in names if n.startswith(f"{word}_")]  # the unit left out is the commonest slip
     near = longer if len(longer) == 1 else difflib.get_close_matches(word, names, n=1, cutoff=0.55)
     near = near or difflib.get_close_matches(word.casefold(), [n for n in names if n.islower()], n=1, cutoff=0.55)
@@ -90,8 +92,16 @@ def _wish(problem: Any) -> str:
     message = message.replace("a valid number", "a number").replace("a valid integer", "a whole number")
     message = message.replace("a valid string", "text in quotes").replace("a valid tuple", "a list")
     message = re.sub(r"a valid dictionary.*|an object.*|a valid dict.*", "a table", message)
-    shown = repr(value) if not isinstance(value, dict | list) else "a table" if isinstance(value, dict) else "a list"
-    return f"{message}, not {shown[:60]}"
+    return f"{message}, not {_shown(value)}"
+
+
+def _shown(value: object) -> str:
+    """Short, whatever it is: Python does not print whole numbers of thousands of digits."""
+    if isinstance(value, dict | list):
+        return "a table" if isinstance(value, dict) else "a list"
+    if isinstance(value, int) and abs(value) > 10**30:
+        return "a whole number of more than 30 digits"
+    return repr(value)[:60]
 
 
 def _spell(location: Location) -> str:

@@ -8,11 +8,10 @@ from typing import Any
 
 from pydantic import Field, ValidationError
 
-from geometry import InputError
+from geometry import InputError, read_text
 from workbench.files.atomic import write_text
 from workbench.files.rounding import rounded
 from workbench.files.strict import FileSection, Matrix4, Real, Text, Vector3, Whole
-from workbench.files.toml_text import read_text
 
 Pair = tuple[Real, Real]
 

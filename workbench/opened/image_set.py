@@ -102,7 +102,7 @@ def open_images(request: ImageRequest) -> ImageSet:
 
     """
     settings = read_settings(request.config)
-    found = read_inputs(request.inputs, request.sensor, request.jig)
+    found = read_inputs(request.inputs, request.sensor, request.jig, lossy=True)
     found.sensor.require_camera()
     return _bare(found, request, settings) if isinstance(found, BareImages) else _of_cell(found, request, settings)
 

@@ -11,7 +11,9 @@ from pathlib import Path
 from geometry import InputError, Sensor
 from workbench.files import Image, read_image
 
-CACHE_BYTES = 512 * 2**20  # some four hundred images of 1280 × 1024
+CACHE_BYTES = (
+    160 * 2**20
+)  # some hundred and twenty images of 1280 × 1024: those looked at lately; ten thousand never fit
 
 
 class PictureError(InputError):
@@ -24,6 +26,10 @@ class Stamp:
 
     mtime_ns: int
     size: int
+
+    def __str__(self) -> str:
+        """A word for it, to be compared and no more."""
+        return f"{self.mtime_ns:x}.{self.size:x}"
 
 
 class Pictures:
@@ -61,15 +67,19 @@ class Pictures:
 
     def read(self, index: int) -> Image:
         """The image (H, W), grey, 8 or 16 bits; InputError that says why not."""
+        return self.stamped(index)[1]
+
+    def stamped(self, index: int) -> tuple[Stamp, Image]:
+        """The image and the state of the file that it was read from; InputError that says why not."""
         stamp = self.stamp(index)
         with self._lock:
             kept = self._kept.get(index)
             if kept is not None and kept[0] == stamp:
                 self._kept.move_to_end(index)
-                return kept[1]
-        image = read_image(self.paths[index], self._sensor)
+                return kept
+        image = read_image(self.paths[index], self._sensor, lossy=True)
         self._keep(index, stamp, image)
-        return image
+        return stamp, image
 
     def _keep(self, index: int, stamp: Stamp, image: Image) -> None:
         with self._lock:

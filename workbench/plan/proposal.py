@@ -173,7 +173,7 @@ def candidates(
     space = ViewSpace.of(sensor, cell.jig, limits)
     sees_all = sees_all_strings(sensor, cell.jig, jig_bodies(cell.jig))
     problems = {
-        i: ViewProblem(cell.robot, sensor, cell.jig, cell.T_base_jig[name], design, limits, sees_all)
+        i: ViewProblem(cell.arm, sensor, cell.jig, cell.T_base_jig[name], design, limits, sees_all)
         for i, name in enumerate(names)
     }
     views = []
@@ -183,10 +183,10 @@ def candidates(
     places = stack_poses(list(cell.T_base_jig.values()))
 
     def inform(joints_rad: Array, location: Index) -> FrameInformation:
-        return view_information(cell.robot, sensor, cell.jig, design, places, joints_rad, location, model)
+        return view_information(cell.arm, sensor, cell.jig, design, places, joints_rad, location, model)
 
     old = [(q, names.index(r.location)) for r in cell.frames if (q := _counting(r, names)) is not None]
-    joints = np.array([q for q, _ in old]).reshape(-1, cell.robot.n_joints)
+    joints = np.array([q for q, _ in old]).reshape(-1, cell.arm.n_joints)
     taken = inform(joints, np.array([i for _, i in old], dtype=np.intp))
     return ViewPools(names, roles, problems, space, views, taken, inform)
 

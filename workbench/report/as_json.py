@@ -10,10 +10,12 @@ import numpy as np
 
 from calib import CalibrationResult, DesignSolved, LocationResult
 from geometry import CONVENTIONS, Frame, express
-from workbench.files import rounded
+from workbench.files import Cell, rounded, sha256_of
 
 
-def calibration_object(result: CalibrationResult, complaints: dict[int, str] | None = None) -> dict[str, Any]:
+def calibration_object(
+    result: CalibrationResult, complaints: dict[int, str] | None = None, cell: Cell | None = None
+) -> dict[str, Any]:
     """The object that ``calibrate --json`` prints (docs/formats.md).
 
     Parameters
@@ -22,6 +24,8 @@ def calibration_object(result: CalibrationResult, complaints: dict[int, str] | N
         The answer.
     complaints
         What was wrong with a frame's image, by frame.
+    cell
+        The dataset, whose files are named with their hashes.
 
     Returns
     -------
@@ -48,14 +52,26 @@ def calibration_object(result: CalibrationResult, complaints: dict[int, str] | N
             },
             "conventions": {} if pose is None else {name: express(pose, name) for name in CONVENTIONS},
             "convention_formulas": {name: f"{c.maker}: {c.formula}" for name, c in CONVENTIONS.items()},
-            "locations": {name: _location(location) for name, location in result.locations.items()},
-            "frames": [_frame(frame, (complaints or {}).get(frame.number)) for frame in result.frames],
+            "locations": {name: location_object(location) for name, location in result.locations.items()},
+            "frames": [frame_object(frame, (complaints or {}).get(frame.number)) for frame in result.frames],
             "solution": _solution(result),
+            "inputs": [] if cell is None else inputs_of(cell),
             "weak_directions": result.weak_directions,
             "notes": result.notes,
         }
     )
     return out
+
+
+def inputs_of(cell: Cell) -> list[dict[str, str]]:
+    """The files of a dataset, by their names from its folder, with the SHA-256 of their bytes; images aside."""
+    found = []
+    for path in cell.files:
+        name = path.relative_to(cell.folder) if path.is_relative_to(cell.folder) else path
+        what = {cell.sensor_path: "sensor", cell.robot_path: "robot"}.get(path)
+        row = {"file": name.as_posix(), "sha256": sha256_of(path)}
+        found.append(row | ({"kind": what} if what else {}))
+    return found
 
 
 def _solution(result: CalibrationResult) -> dict[str, Any]:
@@ -71,7 +87,8 @@ def _solution(result: CalibrationResult) -> dict[str, Any]:
     }
 
 
-def _location(location: LocationResult) -> dict[str, Any]:
+def location_object(location: LocationResult) -> dict[str, Any]:
+    """Figures and place of one location."""
     return {
         "role": location.role,
         "T_base_jig": None if location.T_base_target is None else location.T_base_target.matrix,
@@ -90,7 +107,8 @@ def _both(pair: DesignSolved) -> dict[str, float | None]:
     return {"design": pair.design, "solved": pair.solved}
 
 
-def _frame(frame: Frame, complaint: str | None) -> dict[str, Any]:
+def frame_object(frame: Frame, complaint: str | None) -> dict[str, Any]:
+    """One frame with its points, and the sentence about its image where that could not be used."""
     out = {
         "frame": frame.number,
         "location": frame.location,

@@ -43,6 +43,6 @@ def _arm(cell: Cell, result: CalibrationResult, row: Frame) -> tuple[Pose | None
     """T_base_hand and the chain's frames, base first, hand last; no chain where only hand poses were recorded."""
     if row.joints_rad is None:
         return row.T_base_hand, None
-    robot = require_arm(result.robot or cell.robot)
+    robot = require_arm(result.robot or cell.arm)
     links, hand = robot.link_poses(row.joints_rad), robot.pose(row.joints_rad)
     return hand, Pose(np.concatenate([links.R, hand.R[None]]), np.concatenate([links.t, hand.t[None]]))

@@ -23,7 +23,7 @@ def write_results(out: Path, cell: Cell, observed: Observed, result: Calibration
         The dataset, its frames as measured, the answer, and what both stages were told.
 
     """
-    write_text(out / "result.json", json_text(calibration_object(result, observed.complaints)) + "\n")
+    write_text(out / "result.json", json_text(calibration_object(result, observed.complaints, cell)) + "\n")
     write_text(out / "points.csv", points_text(rows(label_dataset(cell, observed, settings.calib, result))))
     write_fig7(out / "fig7.png", result)
     write_text(out / "settings.toml", settings_text(settings))

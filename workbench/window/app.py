@@ -16,6 +16,7 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, PlainTextResponse, Response
 from starlette.routing import Route
 
+from extraction import image_to_sheet
 from geometry import InputError, PerceptronEmuError
 from workbench.files import carried_calib, write_text
 from workbench.window import settings
@@ -29,6 +30,7 @@ from workbench.window.thumbnails import thumbnail
 
 MEDIA = {"html": "text/html; charset=utf-8", "css": "text/css", "js": "text/javascript", "svg": "image/svg+xml"}
 Body = dict[str, Any]
+GRID_PX = 8  # between its nodes the page goes straight: less off than the hundredths of a millimetre that it shows
 Answer = Callable[[Body], Response]
 
 
@@ -48,6 +50,7 @@ def make_app(session: Session) -> Starlette:
         Route("/", page_file),
         Route("/static/{name}", page_file),
         Route("/api/session", lambda _: JSONResponse(overview(session))),
+        Route("/api/plane", api.plane),
         Route("/api/image/{index:int}", api.image),
         Route("/api/thumbnail/{index:int}", api.thumbnail),
         Route("/api/calibration", lambda _: JSONResponse(api.job.state())),
@@ -117,13 +120,29 @@ class _Api:
         self.job = Job()
         self.model = session.opened.engine.model
 
+    def plane(self, _request: Request) -> Response:
+        """Where the pixels of a grid lie in the laser plane: (y, z, 1) over the depth in the camera, NaN where nowhere.
+
+        These three are straight in u and v but for the lens, where y and z themselves are not.
+        """
+        sensor = self.opened.engine.sensor
+        camera = sensor.require_camera()
+        us, vs = (np.arange(0, size + GRID_PX, GRID_PX, dtype=float) for size in (camera.width_px, camera.height_px))
+        u, v = np.meshgrid(us, vs)
+        yz, _ = image_to_sheet(sensor, np.column_stack([u.ravel(), v.ravel()]))
+        depth = (camera.T_sensor_camera.inverse() @ np.insert(yz, 0, 0.0, axis=1))[:, 2:]
+        table = np.column_stack([yz, np.ones(len(yz))]) / depth
+        answer = _pixels(table.reshape(len(vs), -1).astype(np.float32), "", "")
+        answer.headers["x-step"] = str(GRID_PX)
+        return answer
+
     def image(self, request: Request) -> Response:
         """The raw grey levels of one image."""
         try:
-            image = self.opened.pictures.read(self._known(request.path_params["index"]))
+            stamp, image = self.opened.pictures.stamped(self._known(request.path_params["index"]))
         except PerceptronEmuError as error:
             return JSONResponse({"error": str(error)}, 410)
-        return _pixels(image, "")
+        return _pixels(image, "", str(stamp))
 
     def thumbnail(self, request: Request) -> Response:
         """A small PNG of one image, spots made visible."""
@@ -131,7 +150,8 @@ class _Api:
             image = self.opened.pictures.read(self._known(request.path_params["index"]))
         except PerceptronEmuError as error:
             return JSONResponse({"error": str(error)}, 410)
-        return Response(thumbnail(image), media_type="image/png")
+        full_scale = self.opened.engine.sensor.require_camera().full_scale_dn
+        return Response(thumbnail(image, full_scale), media_type="image/png")
 
     def process(self, body: Body) -> Response:
         """Detection on one image."""
@@ -148,12 +168,12 @@ class _Api:
             if outcome.view is None:
                 raise InputError(outcome.error)
             if _text(body, "stage") == "mask":
-                return _pixels((outcome.view.mask != 0).astype(np.uint8), outcome.hash)
+                return _pixels((outcome.view.mask != 0).astype(np.uint8), outcome.hash, outcome.stamp)
             if self.opened.engine.sensor.require_camera().full_scale_dn > 255:
                 levels = np.clip(np.rint(outcome.view.background), 0, 65535).astype(np.uint16)
             else:
                 levels = cv2.convertScaleAbs(outcome.view.background)  # rounded, at most 255
-            return _pixels(levels, outcome.hash)
+            return _pixels(levels, outcome.hash, outcome.stamp)
 
     def survey_state(self, body: Body) -> Response:
         """Ask for the survey of the current and the saved parameters, and look at one of them."""
@@ -239,9 +259,10 @@ def _whole(body: Body, key: str) -> int:
     return value
 
 
-def _pixels(image: Any, hash_: str) -> Response:
-    """Grey levels row by row, little-endian, with their size in the headers."""
+def _pixels(image: Any, hash_: str, stamp: str) -> Response:
+    """Grey levels row by row, little-endian; in the headers their size, and of which file and parameters they are."""
     height, width = image.shape
     little = np.ascontiguousarray(image, dtype=image.dtype.newbyteorder("<"))
-    headers = {"x-width": str(width), "x-height": str(height), "x-bytes": str(image.dtype.itemsize), "x-hash": hash_}
+    headers = {"x-width": str(width), "x-height": str(height), "x-bytes": str(image.dtype.itemsize)}
+    headers |= {"x-hash": hash_, "x-stamp": stamp}
     return Response(little.tobytes(), media_type="application/octet-stream", headers=headers)

@@ -79,7 +79,10 @@ class Engine(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class ImageAnswer:
-    """Everything about one image under one set of parameters; ``error`` is set where it could not be processed."""
+    """Everything about one image under one set of parameters; ``error`` is set where it could not be processed.
+
+    stamp: the state of the file that was processed, "" where there is none.
+    """
 
     index: int
     hash: str
@@ -87,6 +90,7 @@ class ImageAnswer:
     labels: LabelledFrame | None
     error: str
     seconds: float
+    stamp: str = ""
 
 
 def process(engine: Engine, image: Image, config: BaseModel, index: int, hash_: str) -> ImageAnswer:
@@ -98,11 +102,11 @@ def process(engine: Engine, image: Image, config: BaseModel, index: int, hash_: 
 
 
 def badge(outcome: ImageAnswer, strings: tuple[str, ...]) -> str:
-    """``all``, ``some``, ``none`` or ``error``: how many of the jig's strings were found (without a jig: any spot)."""
+    """How many of the jig's strings were found: all, some, none; count: no jig says how many there are; or error."""
     if outcome.error or outcome.view is None:
         return "error"
     if not strings:
-        return "all" if len(outcome.view.points) else "none"
+        return "count"
     found = len(outcome.labels.axis) if outcome.labels else 0
     return "all" if found >= len(strings) else "some" if found else "none"
 
@@ -112,6 +116,7 @@ def as_json(outcome: ImageAnswer, strings: tuple[str, ...]) -> dict[str, Any]:
     answer: dict[str, Any] = {
         "index": outcome.index,
         "hash": outcome.hash,
+        "stamp": outcome.stamp,
         "badge": badge(outcome, strings),
         "error": outcome.error,
         "ms": round(outcome.seconds * 1000, 1),
@@ -158,7 +163,7 @@ def _spots(points: SurfacePoints, labels: LabelledFrame | None) -> list[dict[str
             "score": _round(points.score[i]),
             "flag": points.flag[i],
             "angle": _round(points.axis_rad[i]),
-            "width": [_round(x) for x in points.sigma_px[i]],
+            "width": [_round(x) if x > 0 else None for x in points.sigma_px[i]],
             "peak": _round(points.amplitude_dn[i], 1),
             "label": "",
             "axis": None,

@@ -68,7 +68,8 @@ class Gate:
         guarded = _with_headers(send)
         refusal = self.refusal(scope)
         if refusal is not None:
-            await PlainTextResponse(refusal.text, refusal.status)(scope, receive, guarded)
+            refused = PlainTextResponse(refusal.text, refusal.status, {"connection": "close"})
+            await refused(scope, receive, guarded)
             return
         body = _Counted(receive)
         prefix = f"/{self.token}"
@@ -102,13 +103,19 @@ class Gate:
 
     def _right_origin(self, method: str, headers: list[tuple[str, str]]) -> bool:
         """Same origin, said by the browser: always on POST; on GET where the browser says anything at all."""
-        if _only(headers, "sec-fetch-site") not in (None, "same-origin", "none"):
+        if _only(headers, "sec-fetch-site") not in (None, "same-origin", "none") and not _opens_a_page(method, headers):
             return False
         origin = _only(headers, "origin")
         if origin is None:
             return method != "POST" and not any(k == "origin" for k, _ in headers)
         parts = urlsplit(origin)
         return parts.scheme == "http" and parts.netloc in self._hosts() and origin == f"http://{parts.netloc}"
+
+
+def _opens_a_page(method: str, headers: list[tuple[str, str]]) -> bool:
+    """Whether the browser goes to a page of its own by it: what led there can not read it, and it needs the token."""
+    asked = _only(headers, "sec-fetch-mode"), _only(headers, "sec-fetch-dest")
+    return method == "GET" and asked == ("navigate", "document")
 
 
 class TooLargeError(Exception):

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import secrets
 import socket
+import tempfile
 import webbrowser
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
 
 import uvicorn
 
 from geometry import InputError
 from workbench.window.app import make_app
+from workbench.window.connections import LIMIT, patient_protocol
 from workbench.window.security import HOST, Gate
 from workbench.window.session import Opened, Session
 
@@ -35,9 +39,25 @@ def serve(opened: Opened, port: int = 0, open_browser: bool = True, say: Callabl
     bound = bind(port)
     server, address = make_server(opened, bound)
     say(address)
-    if open_browser:
-        webbrowser.open(address)
-    server.run(sockets=[bound])
+    if not open_browser:
+        server.run(sockets=[bound])
+        return
+    with way_in(address) as page:
+        webbrowser.open(page.as_uri())
+        server.run(sockets=[bound])
+
+
+@contextmanager
+def way_in(address: str) -> Iterator[Path]:
+    """A page that only this user can read and that leads to the address: a command line, which others see, names it.
+
+    address: the server's own, of letters that mean nothing in HTML.
+    """
+    with tempfile.TemporaryDirectory(prefix="process-window-", ignore_cleanup_errors=True) as folder:  # 0700
+        page = Path(folder) / "open.html"
+        text = f'<!doctype html><meta charset="utf-8"><meta http-equiv="refresh" content="0; url={address}">'
+        page.write_text(f'{text}<a href="{address}">Process window</a>\n', encoding="utf-8")
+        yield page
 
 
 def make_server(opened: Opened, bound: socket.socket) -> tuple[uvicorn.Server, str]:
@@ -53,7 +73,8 @@ def make_server(opened: Opened, bound: socket.socket) -> tuple[uvicorn.Server, s
         server_header=False,
         ws="none",
         lifespan="off",
-        limit_concurrency=64,
+        http=patient_protocol(),
+        limit_concurrency=LIMIT,
         timeout_keep_alive=30,
         timeout_graceful_shutdown=1,
     )

@@ -7,7 +7,7 @@ import time
 from collections import OrderedDict
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -94,21 +94,29 @@ class Session:
         """The outcome; an image that can not be processed gives its error as one."""
         opened = self.opened
         try:
-            key = (index, configuration.hash, opened.engine.epoch, opened.pictures.stamp(index))
+            stamp, image = opened.pictures.stamped(index)
+            key = (index, configuration.hash, opened.engine.epoch, stamp)
             with self._lock:
                 if key in self._kept:
                     self._kept.move_to_end(key)
                     return self._kept[key]
-            image = opened.pictures.read(index)
             outcome = process(opened.engine, image, configuration.model, index, configuration.hash)
+            outcome = replace(outcome, stamp=str(stamp))
         except PerceptronEmuError as error:
-            return ImageAnswer(index, configuration.hash, None, None, str(error), 0.0)
+            return ImageAnswer(index, configuration.hash, None, None, str(error), 0.0, self.state_of(index))
         except Exception as error:  # noqa: BLE001 - a fault on one image must not end the work on the others
             text = f"fault of the program: {type(error).__name__}: {error}"
-            return ImageAnswer(index, configuration.hash, None, None, text, 0.0)
+            return ImageAnswer(index, configuration.hash, None, None, text, 0.0, self.state_of(index))
         if keep:
             self._keep(key, outcome)
         return outcome
+
+    def state_of(self, index: int) -> str:
+        """The state of the image's file now, "" where it is gone."""
+        try:
+            return str(self.opened.pictures.stamp(index))
+        except PerceptronEmuError:
+            return ""
 
     def _keep(self, key: _Key, outcome: ImageAnswer) -> None:
         with self._lock:

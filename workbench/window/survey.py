@@ -16,6 +16,8 @@ from workbench.window.truth import statistics_json
 KEPT_SETS = 6  # sets of parameters whose rows are kept: going back to one costs nothing
 FIRST_SECONDS = 5.0  # the first picture goes before all background work
 QUIET_SECONDS = 0.15  # after the last slider tick before background work goes on
+LOOK_SECONDS = 2.0  # between two looks at whether files were written anew
+AWAY_SECONDS = 30.0  # a page that has not asked for so long is closed: nothing is computed for it
 
 
 class Survey:
@@ -28,11 +30,13 @@ class Survey:
         self._sets: OrderedDict[str, _Set] = OrderedDict()
         self._queue: list[_Set] = []
         self._thread: threading.Thread | None = None
+        self._asked = 0.0
 
     def ask(self, wanted: list[HashedConfig]) -> None:
         """Have these sets processed, the first one first; sets asked for earlier and not now are given up."""
         with self._wake:
             self._queue = [self._set(c) for c in wanted]
+            self._asked = time.monotonic()
             if self._thread is None:
                 self._thread = threading.Thread(target=self._run, name="survey", daemon=True)
                 self._thread.start()
@@ -54,15 +58,18 @@ class Survey:
         return self._session.opened.engine.epoch
 
     def state(self, hash_: str, since: int) -> dict[str, Any]:
-        """Progress of one set, its rows from number ``since`` on, and the statistics over what is done."""
+        """Progress of one set, the rows that came after the ``since``-th, and the statistics over what is done.
+
+        A row comes again where its file was written anew; ``at`` is what to ask with as ``since`` the next time.
+        """
         with self._wake:
             one = self._sets.get(hash_)
             if one is None:
-                return {"hash": hash_, "done": 0, "total": len(self._session.opened.pictures), "rows": []}
-            rows = one.rows[max(0, since) :]
-            comparisons = list(one.comparisons)
+                return {"hash": hash_, "done": 0, "total": len(self._session.opened.pictures), "rows": [], "at": 0}
+            rows, at = one.log[max(0, since) :], len(one.log)
+            comparisons, done = list(one.comparisons.values()), len(one.rows)
         figures = statistics_json(summarise(comparisons)) if comparisons else None
-        return {"hash": hash_, "done": len(one.rows), "total": one.total, "rows": rows, "statistics": figures}
+        return {"hash": hash_, "done": done, "total": one.total, "rows": rows, "at": at, "statistics": figures}
 
     def _run(self) -> None:
         self._prepare()
@@ -84,28 +91,54 @@ class Survey:
     def _next(self) -> _Set:
         with self._wake:
             while True:
+                if time.monotonic() - self._asked > AWAY_SECONDS:
+                    self._wake.wait()
                 for one in self._queue:
-                    if len(one.rows) < one.total:
+                    if one.waiting:
                         return one
-                self._wake.wait()
+                self._wake.wait(LOOK_SECONDS)
+                self._forget_overwritten()
+
+    def _forget_overwritten(self) -> None:
+        """Put the images whose files were written anew back into the queue."""
+        for index in range(len(self._session.opened.pictures)):
+            now = self._session.state_of(index)
+            for one in self._queue:
+                row = one.rows.get(index)
+                if row is not None and row["stamp"] != now:
+                    one.waiting.append(index)
+                    del one.rows[index]
+                    one.comparisons.pop(index, None)
 
     def _one_image(self, one: _Set) -> None:
-        outcome = self._session.background_outcome(len(one.rows), one.configuration)
-        row = self._session.row(outcome)
-        row["candidates"] = sum(bool(c["reason"]) for c in row["candidates"])  # the number is enough here
+        with self._wake:
+            index = one.waiting.pop(0)
+        outcome = self._session.background_outcome(index, one.configuration)
+        row = _brief(self._session.row(outcome))
         comparison = self._session.comparison(outcome)
         with self._wake:
-            one.rows.append(row)
+            one.rows[index] = row
+            one.log.append(row)
             if comparison is not None:
-                one.comparisons.append(comparison)
+                one.comparisons[index] = comparison
+
+
+def _brief(row: dict[str, Any]) -> dict[str, Any]:
+    """What the overview of all images shows of one: ten thousand of them are kept."""
+    spots = [{key: spot[key] for key in ("u", "v", "label", "flag", "peak", "cov")} for spot in row["spots"]]
+    truth = row["truth"] and {"statistics": row["truth"]["statistics"]}
+    rejected = sum(bool(c["reason"]) for c in row["candidates"])
+    return row | {"spots": spots, "truth": truth, "candidates": rejected, "measures": []}
 
 
 class _Set:
-    """One set of parameters and the rows that are done."""
+    """One set of parameters: the images that wait, and the rows that are done, by image and in the order they came."""
 
     def __init__(self, configuration: HashedConfig, total: int, epoch: int) -> None:
         self.epoch = epoch
         self.configuration = configuration
         self.total = total
-        self.rows: list[dict[str, Any]] = []
-        self.comparisons: list[Comparison] = []
+        self.waiting = list(range(total))
+        self.log: list[dict[str, Any]] = []
+        self.rows: dict[int, dict[str, Any]] = {}
+        self.comparisons: dict[int, Comparison] = {}

@@ -4,12 +4,17 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from workbench.cli import exit_codes
+from workbench.cli.commands.compare import EXITS as DIFFERENCE_EXITS
 from workbench.cli.console import progress_bar, say_on_stdout, standard_error, standard_output
+
+if TYPE_CHECKING:
+    from calib import CalibrationResult
+    from workbench.files import Cell
 
 
 class Method(StrEnum):
@@ -17,6 +22,16 @@ class Method(StrEnum):
 
     BUNDLE = "bundle"
     PAPER = "paper"
+
+
+class Controller(StrEnum):
+    """Whose tool frame is written."""
+
+    KUKA = "kuka"
+    FANUC = "fanuc"
+    ABB = "abb"
+    YASKAWA = "yaskawa"
+    UR = "ur"
 
 
 class CalibrateModel(StrEnum):
@@ -40,14 +55,25 @@ def command(
     out: Annotated[
         Path | None, typer.Option(help="Folder for result.json, points.csv, fig7.png and a corrected robot.")
     ] = None,
+    daily: Annotated[
+        Path | None, typer.Option(help="A result of calibrate --json to compare with; exit code 1 beyond 4 σ.")
+    ] = None,
+    max_mm: Annotated[
+        float | None, typer.Option(min=0.0, max=1e6, help="With --daily: exit code 1 also beyond this many mm.")
+    ] = None,
+    export: Annotated[
+        tuple[Controller, Path] | None,
+        typer.Option(metavar="MAKER FILE", help="Write the tool frame as kuka, fanuc, abb, yaskawa or ur takes it."),
+    ] = None,
     report: Annotated[Path | None, typer.Option(help="File for a self-contained HTML report.")] = None,
     config: Annotated[list[Path] | None, typer.Option(help="Settings TOML; may be given more than once.")] = None,
 ) -> None:
     """Solve the sensor's pose in the hand (SCP) from a cell dataset, emulated or recorded."""
     from workbench.cell import observe, solve
-    from workbench.files import read_cell, read_settings
+    from workbench.files import read_cell, read_result, read_settings
     from workbench.report import calibration_object, json_text, print_calibration
 
+    reference = None if daily is None else read_result(daily)
     settings = read_settings(config or [], method=method and method.value, model=model and model.value)
     cell = read_cell(dataset)
     with progress_bar("extracting", len(cell.frames)) as progress:
@@ -64,9 +90,36 @@ def command(
         if remark:
             standard_error().print(remark, markup=False, soft_wrap=True)
         write_report(report, ReportInput(cell, observed, result, settings, picture))
+    answer = calibration_object(result, observed.complaints, cell)
+    moved = None
+    if reference is not None:
+        from workbench.files import saved_result
+        from workbench.report import difference, difference_object
+
+        moved = difference(reference, saved_result(dataset, answer), max_mm)
+        answer["daily"] = difference_object(moved)
     if as_json:
-        say_on_stdout(json_text(calibration_object(result, observed.complaints)))
+        say_on_stdout(json_text(answer))
     else:
         print_calibration(standard_output(), result, observed.complaints)
+        if moved is not None:
+            from workbench.report import print_difference
+
+            print_difference(standard_output(), moved)
     if not result.verdict.trustworthy:
         raise typer.Exit(exit_codes.NO_ANSWER)
+    if export is not None:
+        _export(export[1], export[0].value, cell, result)
+    if moved is not None and moved.code in DIFFERENCE_EXITS:
+        raise typer.Exit(DIFFERENCE_EXITS[moved.code])
+
+
+def _export(path: Path, maker: str, cell: Cell, result: CalibrationResult) -> None:
+    """Write the SCP that goes with the controller's own table."""
+    from workbench.files import controller_text, write_text
+
+    pose = result.T_hand_sensor
+    if pose is None:
+        return
+    about = f"calibrate {cell.folder.resolve().name}: model {result.model}, verdict {result.verdict.code}"
+    write_text(path, controller_text(pose, maker, about))

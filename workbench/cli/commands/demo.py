@@ -29,7 +29,7 @@ def command(
     if demo.remark:
         standard_error().print(demo.remark, markup=False, soft_wrap=True)
     if as_json:
-        say_on_stdout(json_text(calibration_object(demo.result, demo.observed.complaints)))
+        say_on_stdout(json_text(calibration_object(demo.result, demo.observed.complaints, demo.cell)))
     elif demo.cell.truth is not None:
         print_demo(standard_output(), demo.result, demo.full, demo.cell.truth, out)
     if not demo.result.verdict.trustworthy:

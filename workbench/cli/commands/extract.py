@@ -51,6 +51,7 @@ def command(
 
 
 def _remarks(extracted: Extracted) -> Iterator[str]:
+    yield from (f"remark: {text}" for text in extracted.remarks)
     for frame in extracted.frames:
         if frame.number in extracted.complaints:
             yield f"warning: frame {frame.number}: {extracted.complaints[frame.number]}"

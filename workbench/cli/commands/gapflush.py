@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.table import Table
 
-from workbench.cli.console import say_on_stdout, standard_error, standard_output
+from workbench.cli.console import say_on_stdout, say_remark, standard_error, standard_output
 
 if TYPE_CHECKING:
     from extraction import GapFlush
@@ -33,7 +33,7 @@ def command(
     from workbench.report import json_text
 
     settings = read_profile_settings(config or [])
-    points = read_profile(ProfileSource(profile, sensor, laser_off, mask, settings))
+    points = read_profile(ProfileSource(profile, sensor, laser_off, mask, settings), say_remark)
     answer = measure_gap_flush(points, settings.gapflush)
     if picture is not None:
         from workbench.report import draw_gap_flush

@@ -8,11 +8,13 @@ from typing import Annotated
 import typer
 
 from workbench.cli import exit_codes
-from workbench.cli.console import standard_error
+from workbench.cli.console import say_remark, standard_error
 
 
 def command(
-    image: Annotated[Path, typer.Argument(metavar="IMAGE", help="A stripe image, PNG or TIFF.")],
+    image: Annotated[
+        Path, typer.Argument(metavar="IMAGE", help="A stripe image: PNG, TIFF or BMP; JPEG with a remark.")
+    ],
     sensor: Annotated[Path, typer.Option(help="sensor.toml of that image.")],
     csv: Annotated[Path | None, typer.Option(help="File for the points with their covariance.")] = None,
     ply: Annotated[Path | None, typer.Option(help="File for the points as a PLY cloud.")] = None,
@@ -29,7 +31,9 @@ def command(
         raise InputError("nothing to write: give --csv FILE, --ply FILE or both")
     if image.suffix.lower() == ".csv":
         raise InputError(f"{image} is a profile already; `profile` takes an image")
-    profile = read_profile(ProfileSource(image, sensor, laser_off, mask, read_profile_settings(config or [])))
+    profile = read_profile(
+        ProfileSource(image, sensor, laser_off, mask, read_profile_settings(config or [])), say_remark
+    )
     if csv is not None:
         write_profile_csv(profile, csv)
     if ply is not None:
@@ -48,6 +52,6 @@ def _why_empty(image: Path, sensor: Path) -> str:
 
     model = read_sensor(sensor)
     full = model.require_camera().saturation_dn
-    if (read_image(image, model) >= full).mean() > FLOODED_SHARE:
+    if (read_image(image, model, lossy=True) >= full).mean() > FLOODED_SHARE:
         return f"no stripe: more than half of the image is saturated ({full}), lower the exposure"
-    return "no stripe in the image: see [stripe] threshold_sigma, min_amplitude_dn, direction"
+    return "no stripe in the image: see [stripe] direction, min_run, max_width_px"

@@ -120,7 +120,7 @@ def _record(
     errors = Errors(*errors_of)
     rng = np.random.default_rng([seed, 2**31])
     true = draw_truth(given, errors, rng, around)
-    rows = read_frames(joints, given.robot.n_joints) if joints else given.frames
+    rows = read_frames(joints, given.arm.n_joints) if joints else given.frames
     with progress_bar("planning", 1):
         views = given_views(given, rows) if rows else planned_views(given, per_location, rng, around)
     taken = configurations(views, true, errors, rng)

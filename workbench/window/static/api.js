@@ -48,13 +48,13 @@ export async function post(name, body, signal) {
 }
 
 export async function pixels(path, body, signal) {
-  // Grey levels with their size: { width, height, values, hash }.
+  // Numbers row by row with their size: { width, height, values, hash, stamp, step }.
   const response = await fetched("api/" + path, body ? asked(body, signal) : { signal });
   if (!response.ok) throw await failure(response);
   const head = (name) => Number(response.headers.get(name));
   const buffer = await response.arrayBuffer();
-  const values = head("x-bytes") === 2 ? new Uint16Array(buffer) : new Uint8Array(buffer);
-  return { width: head("x-width"), height: head("x-height"), values, hash: response.headers.get("x-hash") };
+  const values = new ({ 1: Uint8Array, 2: Uint16Array, 4: Float32Array }[head("x-bytes")])(buffer);
+  return { width: head("x-width"), height: head("x-height"), step: head("x-step"), values, hash: response.headers.get("x-hash"), stamp: response.headers.get("x-stamp") };
 }
 
 const hashes = new Map();

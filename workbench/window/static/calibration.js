@@ -1,14 +1,16 @@
 // One click: pose and calibration on what is found with the parameters as they stand; Fig. 7 and the verdict.
 
 import { get, hashOf, post } from "./api.js";
-import { $, clear, el, fitCanvas, number, style } from "./dom.js";
-import { state, text } from "./state.js";
+import { $, clear, el, fitCanvas, number, style, words } from "./dom.js";
+import { listen, state, text } from "./state.js";
 import { onTab, selectTab } from "./tabs.js";
 
 const GOOD = ["ok"], WARN = ["model_misfit", "weak"];
 let shown = null, timer = 0;
 
-onTab((id) => { if (id === "calibration") render(); });
+const whenShown = () => { if (state.view === "calibration") render(); };
+onTab(whenShown);
+listen((what) => { if (what === "parameters") whenShown(); });
 
 export async function openCalibration() {
   selectTab("calibration");
@@ -40,6 +42,8 @@ async function render() {
   if (shown.state === "running") { clear(page, el("h2", {}, "Calibration"), el("p", {}, "Extracting, labelling and solving…"), el("progress")); return; }
   if (shown.state === "failed") { clear(page, el("div", { class: "verdict bad" }, el("b", {}, "No answer"), el("p", {}, shown.error)), run); return; }
   const r = shown.result, stale = shown.hash !== (await hashOf(text()));
+  if (r !== shown?.result) return; // another answer came meanwhile
+  document.documentElement.dataset.calibrationStale = stale;
   clear(page, verdict(r), el("div", { class: "page-head" }, run, stale ? el("span", { class: "worse" }, "The parameters have changed since: this is the answer for the earlier ones.") : null),
     el("div", { class: "columns" },
       el("section", {}, el("h3", {}, "Distance deviation of the jig from the base (Fig. 7)"), el("canvas", { id: "fig7" })),
@@ -52,7 +56,7 @@ async function render() {
 
 function verdict(r) {
   const kind = GOOD.includes(r.verdict.code) ? "good" : WARN.includes(r.verdict.code) ? "warn" : "bad";
-  return el("div", { class: `verdict ${kind}`, id: "verdict" }, el("b", {}, r.verdict.code.replaceAll("_", " ")), el("p", {}, r.verdict.text),
+  return el("div", { class: `verdict ${kind}`, id: "verdict" }, el("b", {}, words(r.verdict.code)), el("p", {}, r.verdict.text),
     el("p", {}, `method ${r.method}, model ${r.model}` + (r.chi2_per_dof === null ? "" : `, χ² per degree of freedom ${number(r.chi2_per_dof, 2)}`)));
 }
 
@@ -79,7 +83,7 @@ function locations(r) {
 function leftOut(r) {
   const out = r.frames.filter((f) => !f.used);
   if (!out.length) return el("p", {}, "None: every frame was used.");
-  return el("table", {}, el("tbody", {}, out.map((f) => el("tr", {}, el("td", {}, `frame ${f.frame}`), el("td", { class: "left" }, f.location), el("td", { class: "left" }, (f.reason ?? "").replaceAll("_", " "))))));
+  return el("table", {}, el("tbody", {}, out.map((f) => el("tr", {}, el("td", {}, `frame ${f.frame}`), el("td", { class: "left" }, f.location), el("td", { class: "left" }, words(f.reason))))));
 }
 
 function figure(canvas, r) {

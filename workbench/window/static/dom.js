@@ -21,6 +21,9 @@ export function clear(node, ...children) {
   return node;
 }
 
+// A code as words; a sentence, which may name files and strings, as it is.
+export const words = (reason) => (/^[a-z]+(_[a-z]+)*$/.test(reason ?? "") ? reason.replaceAll("_", " ") : reason ?? "");
+
 export const number = (x, digits = 3) => (x === null || x === undefined ? "–" : x.toFixed(digits).replace("-", "−"));
 
 export function fitCanvas(canvas) {

@@ -95,8 +95,8 @@ async function copy(command) {
 }
 
 const KEYS = [
-  ["J / K, Page Down / Up", "next, previous image"], ["[ ]", "previous, next stage"], ["+ − wheel", "zoom"], ["drag, arrows on the picture", "pan"],
-  ["F, 0, double click", "whole image"], ["1", "one screen pixel per image pixel"], ["B, Shift+B", "brighter, darker"], ["T", "truth on, off"], ["E", "expert parameters"], ["/", "filter parameters"],
+  ["J / K, Page Down / Up", "next, previous image"], [", .", "previous, next image that failed"], ["N, Shift+N", "next, previous spot or candidate"], ["[ ]", "previous, next page"], ["+ − wheel", "zoom"], ["drag, arrows on the picture", "pan"],
+  ["F, 0, double click", "all of both panes"], ["1", "one screen pixel per image pixel"], ["B, Shift+B", "brighter, darker"], ["G M O A X S L T", "layers: background, mask, clipped, accepted, rejected, spots, labels, truth"], ["D", "measure a distance"], ["E", "expert parameters"], ["/", "filter parameters"],
   ["Ctrl+Z, Ctrl+Shift+Z", "undo, redo"], ["Ctrl+S, Ctrl+O", "save, load"], ["C", "calibrate"],
 ];
 

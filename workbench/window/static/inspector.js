@@ -1,14 +1,14 @@
 // What stands under the pointer: profile, peak, width, score, σ; for a rejected candidate the reason.
 
-import { $, clear, el, fitCanvas, number, style } from "./dom.js";
+import { $, clear, el, fitCanvas, number, style, words } from "./dom.js";
 import { nameOf } from "./overlay.js";
 import { known, reveal } from "./params.js";
 import { sample } from "./picture.js";
 
 const REACH = 18, STEP = 0.25;
 
-// Grey levels along two directions through (u, v); angle in radians.
-export function drawProfile(image, u, v, angle, names, saturation) {
+// Grey levels along two directions through (u, v); angle in radians. With a spot, the curve that was fitted to it.
+export function drawProfile(image, u, v, angle, names, saturation, spot = null) {
   const { context, width, height } = fitCanvas($("profile"));
   context.clearRect(0, 0, width, height);
   if (!image || u === null) {
@@ -34,6 +34,24 @@ export function drawProfile(image, u, v, angle, names, saturation) {
     context.textAlign = "right";
     context.fillText(names[i], width - 12, 18 + 14 * i);
   });
+  if (spot) curves.forEach((curve_, i) => fitted(context, x, y, curve_, spot.peak, spot.width[i]));
+}
+
+// The fitted Gaussian over the level that surrounds it, the median of what lies beyond three of its σ.
+function fitted(context, x, y, points, peak, sigma) {
+  if (sigma === null || peak === null) return;
+  const around = points.filter(([s]) => Math.abs(s) > 3 * sigma).map(([, g]) => g).sort((a, b) => a - b);
+  if (!around.length) return;
+  const level = around[Math.floor(around.length / 2)];
+  context.strokeStyle = style("--text");
+  context.setLineDash([3, 3]);
+  context.lineWidth = 1.2;
+  context.beginPath();
+  for (let s = -4 * sigma; s <= 4 * sigma; s += STEP / 2) {
+    if (Math.abs(s) <= REACH) context.lineTo(x(s), y(level + peak * Math.exp(-0.5 * (s / sigma) ** 2)));
+  }
+  context.stroke();
+  context.setLineDash([]);
 }
 
 function curve(image, u, v, angle) {
@@ -84,11 +102,13 @@ function mark(context, x, y, text) {
 
 const fact = (name, value) => el("div", {}, el("dt", {}, name), el("dd", {}, value));
 
+const fullWidth = (sigma) => (sigma === null ? "not measured" : `${number(2.355 * sigma, 2)} px`);
+
 export function showSpot(s, truth) {
   const sigma = (k) => number(Math.sqrt(Math.max(s.cov[k], 0)), 4);
   const facts = [
     fact("peak", `${number(s.peak, 1)} DN`), fact("score", number(s.score, 3)),
-    fact("width", `${number(2.355 * s.width[1], 2)} px`), fact("length", `${number(2.355 * s.width[0], 2)} px`),
+    fact("width", fullWidth(s.width[1])), fact("length", fullWidth(s.width[0])),
     fact("u", `${number(s.u, 3)} ± ${number(s.su, 3)}`), fact("v", `${number(s.v, 3)} ± ${number(s.sv, 3)}`),
     fact("y", `${number(s.surface[0], 3)} mm`), fact("σ y", `${sigma(0)} mm`),
     fact("z", `${number(s.surface[1], 3)} mm`), fact("σ z", `${sigma(3)} mm`),
@@ -97,7 +117,7 @@ export function showSpot(s, truth) {
   if (truth?.mm) facts.push(fact(truth.of === "axis" ? "error y" : "error y srf.", `${number(truth.mm[0], 3)} mm`), fact("error z", `${number(truth.mm[1], 3)} mm`));
   clear($("inspector"),
     el("h2", {}, s.label ? `String ${nameOf(s.label)}` : "Spot without a label"),
-    s.flag ? el("p", { class: "why" }, `Doubtful: ${s.flag.replaceAll("_", " ")}`) : null,
+    s.flag ? el("p", { class: "why" }, `Doubtful: ${words(s.flag)}`) : null,
     el("dl", { class: "facts" }, facts));
 }
 
@@ -105,7 +125,7 @@ export function showCandidate(c, measures) {
   const p = known(c.parameter);
   const facts = measures.map((name, i) => (c.measured[i] === null ? null : fact(name, number(c.measured[i], 2)))).filter((f) => f);
   clear($("inspector"),
-    el("h2", {}, c.reason ? `Rejected: ${c.reason.replaceAll("_", " ")}` : "Accepted candidate"),
+    el("h2", {}, c.reason ? `Rejected: ${words(c.reason)}` : "Accepted candidate"),
     c.text ? el("p", { class: c.reason ? "why" : "" }, c.text) : null,
     el("dl", { class: "facts" }, facts),
     p ? el("p", {}, el("button", { id: "reveal", onclick: () => reveal(c.parameter) }, `Go to “${p.title}”`)) : null);
@@ -114,11 +134,11 @@ export function showCandidate(c, measures) {
 export function showNothing(answer) {
   if (!answer) { clear($("inspector")); return; }
   const rejected = answer.candidates.filter((c) => c.reason);
-  const reasons = Object.entries(Object.groupBy(rejected, (c) => c.reason)).map(([r, list]) => fact(r.replaceAll("_", " "), list.length));
+  const reasons = Object.entries(Object.groupBy(rejected, (c) => c.reason)).map(([r, list]) => fact(words(r), list.length));
   const t = answer.truth?.statistics;
   const facts = [fact("spots", answer.spots.length), fact("labelled", answer.labelled), fact("rejected", rejected.length), ...reasons];
   if (t) facts.push(
     fact("visible", t.visible), fact("missed", t.missed), fact("false", t.false), fact("mislabelled", t.mislabelled),
     fact("rms", `${number(t.rms)} mm`), fact("bias y", number(t.bias[0])), fact("bias z", number(t.bias[1])), fact("scatter y", number(t.scatter[0])), fact("scatter z", number(t.scatter[1])));
-  clear($("inspector"), el("h2", {}, "This image"), answer.reason ? el("p", { class: "why" }, answer.reason.replaceAll("_", " ")) : null, el("dl", { class: "facts" }, facts));
+  clear($("inspector"), el("h2", {}, "This image"), answer.reason ? el("p", { class: "why" }, words(answer.reason)) : null, el("dl", { class: "facts" }, facts));
 }

@@ -3,6 +3,8 @@
 import { get } from "./api.js";
 import { openCalibration } from "./calibration.js";
 import { $ } from "./dom.js";
+import { LAYERS, toggle } from "./layers.js";
+import { switchMeasure } from "./measure.js";
 import { askCommand, askLoad, askSave, showKeys } from "./files.js";
 import { nameStrings } from "./overlay.js";
 import { buildPanel } from "./params.js";
@@ -11,6 +13,7 @@ import { begin, dirty, redo, state, undo } from "./state.js";
 import { buildStrip, go } from "./strip.js";
 import { buildStage, show, stage } from "./stage.js";
 import { TABS, selectTab } from "./tabs.js";
+import { buildTrend, drawTrend, nextFailed } from "./trend.js";
 
 async function start() {
   theme(localStorage.getItem("theme") ?? (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light"));
@@ -26,15 +29,15 @@ async function start() {
   $("title").textContent = session.title;
   $("title").title = session.folder;
   document.title = `${session.title} · Process window`;
-  $("truth-switch").hidden = !session.has_truth;
   $("calibrate").disabled = !session.can_calibrate;
   $("calibrate").title = session.can_calibrate ? "Run pose and calibration on what is found (C)" : session.no_calibration;
   buildPanel();
   buildStrip();
   buildStage();
+  buildTrend();
   startSheet();
   buttons();
-  selectTab(session.strings.length ? "labels" : "spots");
+  selectTab("image");
   show();
 }
 
@@ -42,6 +45,7 @@ function theme(name) {
   document.documentElement.dataset.theme = name;
   localStorage.setItem("theme", name);
   stage.redraw?.();
+  if (state.session) drawTrend();
 }
 
 function buttons() {
@@ -55,13 +59,15 @@ function buttons() {
   window.addEventListener("beforeunload", (event) => { if (dirty()) event.preventDefault(); });
 }
 
+// Keys that move a slider belong to the slider.
+const sliding = (event) => event.target.matches("input[type=range]") && /^(Arrow|Page|Home|End)/.test(event.key);
 const typing = (node) => node.matches("input:not([type=range]):not([type=checkbox]), select, textarea");
 
 function key(event) {
   if ($("dialog").open) return;
   const control = event.ctrlKey || event.metaKey;
   const name = event.key.length === 1 ? event.key.toLowerCase() : event.key;
-  const wanted = control ? CONTROL[name] : event.altKey || typing(event.target) ? null : PLAIN[event.key] ?? PLAIN[name];
+  const wanted = control ? CONTROL[name] : event.altKey || typing(event.target) || sliding(event) ? null : PLAIN[event.key] ?? PLAIN[name];
   if (!wanted) return;
   event.preventDefault();
   wanted(event);
@@ -71,11 +77,11 @@ const CONTROL = { z: (e) => (e.shiftKey ? redo() : undo()), y: redo, s: askSave,
 const PLAIN = {
   "j": () => go(state.index + 1), "k": () => go(state.index - 1),
   "PageDown": () => go(state.index + 1), "PageUp": () => go(state.index - 1),
-  "f": () => stage.view().fit(), "0": () => stage.view().fit(), "1": () => stage.one(),
+  "f": () => $("fit").click(), "0": () => $("fit").click(), "1": () => stage.one(),
   "+": () => stage.view().zoom(1.25), "=": () => stage.view().zoom(1.25), "-": () => stage.view().zoom(0.8),
-  "t": () => $("truth").click(), "c": () => $("calibrate").click(), "?": showKeys,
+  ...Object.fromEntries(LAYERS.map(({ id, key }) => [key, () => toggle(id)])), "d": switchMeasure, "c": () => $("calibrate").click(), "?": showKeys,
   "/": () => $("filter").focus(), "e": () => $("expert").click(), "b": (e) => brightness(e.shiftKey ? -0.1 : 0.1),
-  "n": (e) => stage.next(e.shiftKey ? -1 : 1), "[": () => step(-1), "]": () => step(1),
+  "n": (e) => stage.next(e.shiftKey ? -1 : 1), ".": () => nextFailed(1), ",": () => nextFailed(-1), "[": () => step(-1), "]": () => step(1),
 };
 
 function brightness(by) {

@@ -9,16 +9,19 @@ export const pillarName = (label) => {
   return names[strings.indexOf(label) % names.length];
 };
 export const colourOf = (label) => STRING_COLOURS[pillarName(label)] ?? "#3fd0c9";
-export const nameOf = (label) => label.replace("'", "′");
+export const nameOf = (label) => label; // as files have it: a typographic prime is too fine to tell C' from C
 const GOOD = "#4de08a", BAD = "#ff8a7a", SPOT = "#3fd0c9", TRUE = "#ff8df0", FALSE = "#ff5d5d";
+export const LABEL_FONT = "700 15px system-ui, sans-serif";
 const GAIN = 150; // error vectors are drawn this much longer
 
 export function drawOverlay(context, view, answer, show) {
   if (!answer) return;
-  if (show.candidates) answer.candidates.forEach((c, i) => candidate(context, view, c, show.selected === `c${i}`));
+  answer.candidates.forEach((c, i) => { if (seen(c, show)) candidate(context, view, c, show.selected === `c${i}`); });
   if (show.spots || show.labels) answer.spots.forEach((s, i) => spot(context, view, s, show, show.selected === `s${i}`));
   if (show.truth && answer.truth) truth(context, view, answer);
 }
+
+const seen = (c, show) => (c.reason ? show.rejected : show.accepted);
 
 function candidate(context, view, c, selected) {
   const [x0, y0] = view.toScreen(c.box[0] - 0.5, c.box[1] - 0.5);
@@ -34,7 +37,7 @@ function candidate(context, view, c, selected) {
 function spot(context, view, s, show, selected) {
   const [x, y] = view.toScreen(s.u, s.v);
   const colour = show.labels && s.label ? colourOf(s.label) : SPOT;
-  const dim = show.labels && !s.label;
+  const dim = show.labels && strings.length && !s.label;
   context.globalAlpha = dim ? 0.6 : 1;
   context.strokeStyle = colour;
   context.lineWidth = selected ? 2.6 : 1.4;
@@ -64,7 +67,7 @@ function cross(context, x, y, r) {
 }
 
 export function tag(context, text, x, y, colour) {
-  context.font = "600 13px system-ui, sans-serif";
+  context.font = LABEL_FONT;
   context.textAlign = "left";
   context.textBaseline = "middle";
   context.lineWidth = 3;
@@ -117,9 +120,10 @@ export function hit(view, answer, show, [a, b]) {
     const [x, y] = view.toScreen(s.u, s.v);
     offer("spot", i, Math.hypot(a - x, b - y));
   });
-  if (best || !show.candidates) return best;
+  if (best) return best;
   let closest = Infinity;
   answer.candidates.forEach((c, i) => {
+    if (!seen(c, show)) return;
     const [x0, y0] = view.toScreen(c.box[0] - 0.5, c.box[1] - 0.5), [x1, y1] = view.toScreen(c.box[2] + 0.5, c.box[3] + 0.5);
     const pad = Math.max(3, 7 - (x1 - x0) / 2), [x, y] = view.toScreen(c.u, c.v), distance = Math.hypot(a - x, b - y);
     if (a > x0 - pad && a < x1 + pad && b > y0 - pad && b < y1 + pad && distance < closest) {
@@ -133,7 +137,9 @@ export function hit(view, answer, show, [a, b]) {
 export function legend(show, hasTruth) {
   const entries = [];
   if (show.mask) entries.push(["l-mask", "lit"]);
-  if (show.candidates) entries.push(["l-good box", "accepted"], ["l-bad box", "rejected (click: why)"]);
+  if (show.clipped) entries.push(["l-clip", "clipped"]);
+  if (show.accepted) entries.push(["l-good box", "accepted"]);
+  if (show.rejected) entries.push(["l-bad box", "rejected (click: why)"]);
   if (show.spots) entries.push(["l-spot", "spot, 2 σ; dashed ring: flagged"]);
   if (show.truth && hasTruth) entries.push(["l-true", `truth, error × ${GAIN}`], ["l-false", "missed or false"]);
   return entries;

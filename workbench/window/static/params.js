@@ -95,13 +95,18 @@ function numeric(p, id, read_ = (v) => v) {
   } };
 }
 
+// Arrow keys move integers by one and other sliders by a hundredth of their way, Page keys by a tenth.
 function nudge(event, p, slider) {
-  // Arrow keys move integers by one and other sliders by a hundredth of their way.
-  const sign = { ArrowRight: 1, ArrowUp: 1, ArrowLeft: -1, ArrowDown: -1 }[event.key];
-  if (!sign || p.kind !== "integer" || p.log) return;
+  const arrow = { ArrowRight: 1, ArrowUp: 1, ArrowLeft: -1, ArrowDown: -1 }[event.key], page = { PageUp: 1, PageDown: -1 }[event.key];
+  if (!arrow && !page) return;
   event.preventDefault();
-  change(p.key, Math.min(p.max, Math.max(p.min, read(p.key) + sign)), true);
-  slider.focus();
+  if (arrow && p.kind === "integer" && !p.log) {
+    change(p.key, Math.min(p.max, Math.max(p.min, read(p.key) + arrow)), true);
+    return;
+  }
+  slider.value = Number(slider.value) + (arrow ? arrow * SLIDER / 100 : page * SLIDER / 10);
+  slider.dispatchEvent(new Event("input"));
+  slider.dispatchEvent(new Event("change"));
 }
 
 function optional(p, id) {

@@ -25,13 +25,13 @@ function dark(image) {
 }
 
 // The image as a bitmap to draw from; brightness 0 is linear, above it the darkest are lifted and the dark level is black.
-export function paint(image, saturation, brightness, mask) {
+export function paint(image, saturation, brightness, mask, clipped) {
   const surface = image.surface ?? (image.surface = new OffscreenCanvas(image.width, image.height));
-  const key = `${saturation} ${brightness}`;
+  const key = `${saturation} ${brightness} ${clipped}`;
   if (image.painted === key && image.mask === mask) return surface;
   const floor = brightness > 0 ? Math.min(dark(image), saturation - 1) : 0;
   const table = levels(floor, saturation, 1 / (1 + 3 * brightness));
-  fill(surface, image, table, saturation, mask?.values);
+  fill(surface, image, table, saturation, mask?.values, clipped ? saturation : Infinity);
   image.painted = key;
   image.mask = mask;
   return surface;
@@ -48,12 +48,12 @@ export function paintRange(image) {
   return image.surface;
 }
 
-function fill(surface, image, table, top, lit) {
+function fill(surface, image, table, top, lit, clip = Infinity) {
   const data = new ImageData(image.width, image.height);
   const out = new Uint32Array(data.data.buffer), values = image.values;
   for (let i = 0; i < out.length; i++) {
     const g = table[values[i] > top ? top : values[i]];
-    out[i] = lit && lit[i] ? 0xff33c2ff : 0xff000000 | (g << 16) | (g << 8) | g;
+    out[i] = values[i] >= clip ? 0xff3030ff : lit && lit[i] ? 0xff33c2ff : 0xff000000 | (g << 16) | (g << 8) | g;
   }
   surface.getContext("2d").putImageData(data, 0, 0);
 }

@@ -1,7 +1,7 @@
 // The (y, z) plot of the laser plane [mm]: field of view, surface points, axis points, σ and truth.
 
 import { el, clear, fitCanvas, number, style } from "./dom.js";
-import { colourOf, nameOf, pillarName, tag } from "./overlay.js";
+import { LABEL_FONT, colourOf, nameOf, pillarName, tag } from "./overlay.js";
 
 const SIGMA_GAIN = 200, ERROR_GAIN = 200;
 
@@ -15,15 +15,15 @@ export function plotBox(session, answer) {
   return [Math.min(...ys) - pad, Math.min(...zs) - pad, Math.max(...ys) + pad, Math.max(...zs) + pad];
 }
 
-export function drawPlot(canvas, view, session, answer, showTruth, selected) {
+export function drawPlot(canvas, view, session, answer, show) {
   const { context, width, height } = fitCanvas(canvas);
   context.fillStyle = style("--raised");
   context.fillRect(0, 0, width, height);
   grid(context, view, width, height);
   outline(context, view, session.sensor.field_of_view);
-  if (!answer) return;
-  answer.spots.forEach((s, i) => point(context, view, s, selected === `s${i}`));
-  if (showTruth && answer.truth) answer.truth.strings.forEach((t) => trueString(context, view, t));
+  if (show.spots || show.labels) answer?.spots.forEach((s, i) => point(context, view, s, show.selected === `s${i}`));
+  if (show.truth && answer?.truth) answer.truth.strings.forEach((t) => trueString(context, view, t));
+  return { context, width, height };
 }
 
 function grid(context, view, width, height) {
@@ -98,7 +98,7 @@ const inkOf = (label) => dark() ? colourOf(label) : DARK_INK[pillarName(label)] 
 
 function word(context, text, x, y, colour) {
   if (dark()) { tag(context, text, x, y, colour); return; }
-  context.font = "600 13px system-ui, sans-serif";
+  context.font = LABEL_FONT;
   context.textAlign = "left";
   context.textBaseline = "middle";
   context.fillStyle = colour;

@@ -1,14 +1,15 @@
 // All images under the current parameters: contact sheet and table, before and after against the last saved set.
 
 import { hashOf, post } from "./api.js";
-import { $, clear, el, number } from "./dom.js";
+import { $, clear, el, number, words } from "./dom.js";
 import { colourOf } from "./overlay.js";
 import { listen, state, text } from "./state.js";
 import { WORDS, badgeText, go, setBadge } from "./strip.js";
 import { onTab, selectTab } from "./tabs.js";
 import { refresh } from "./stage.js";
+import { feedTrend } from "./trend.js";
 
-const survey = { text: "", savedText: "", now: [], saved: [], total: 0, statistics: null, before: null, epoch: 0 };
+const survey = { text: "", savedText: "", now: [], saved: [], at: 0, savedAt: 0, total: 0, statistics: null, before: null, epoch: 0 };
 let form = "sheet", order = { column: "index", down: false }, waiting = 0, busy = false;
 const pictures = new Map();
 
@@ -29,9 +30,9 @@ async function poll() {
   busy = true;
   const config = text(), saved = state.savedText;
   try {
-    if (survey.text !== config) Object.assign(survey, { text: config, now: [], statistics: null });
-    if (survey.savedText !== saved) Object.assign(survey, { savedText: saved, saved: [], before: null });
-    const answer = await post("survey", { config, saved, since: survey.now.length, since_saved: survey.saved.length });
+    if (survey.text !== config) Object.assign(survey, { text: config, now: [], at: 0, statistics: null });
+    if (survey.savedText !== saved) Object.assign(survey, { savedText: saved, saved: [], savedAt: 0, before: null });
+    const answer = await post("survey", { config, saved, since: survey.at, since_saved: survey.savedAt });
     await take(answer, config, saved);
   } catch { /* wrong parameters or a lost server: the picture says so */ }
   busy = false;
@@ -43,20 +44,33 @@ async function take({ now, saved, epoch }, config, savedText) {
   if (now.hash !== (await hashOf(config)) || saved.hash !== (await hashOf(savedText))) return; // stale: dropped
   if (config !== text()) return;
   if (epoch !== survey.epoch) { // the robot chain was solved meanwhile: everything is labelled anew
-    Object.assign(survey, { epoch, now: [], saved: [] });
+    Object.assign(survey, { epoch, now: [], saved: [], at: 0, savedAt: 0 });
     refresh();
     poke(0);
     return;
   }
   survey.total = now.total;
-  survey.now.push(...now.rows.filter((r) => r.index >= survey.now.length));
-  survey.saved.push(...saved.rows.filter((r) => r.index >= survey.saved.length));
+  for (const row of now.rows) {
+    if (survey.now[row.index] && survey.now[row.index].stamp !== row.stamp) overwritten(row);
+    survey.now[row.index] = row;
+  }
+  for (const row of saved.rows) survey.saved[row.index] = row;
+  Object.assign(survey, { at: now.at, savedAt: saved.at });
   survey.statistics = now.statistics ?? null;
   survey.before = saved.statistics ?? null;
   now.rows.forEach(setBadge);
   Object.assign(document.documentElement.dataset, { surveyed: survey.now.length, surveyHash: now.hash, epoch });
   summary();
+  if (now.rows.length || saved.rows.length) feedTrend(survey.now, survey.saved);
   if (state.view === "sheet" && (now.rows.length || saved.rows.length)) render();
+}
+
+// The file of an image was written anew: its small pictures and, where it is shown, the large one are of the new one.
+function overwritten(row) {
+  const address = `api/thumbnail/${row.index}?${row.stamp}`;
+  pictures.delete(row.index);
+  $("strip").children[row.index].querySelector("img").src = address;
+  if (row.index === state.index) refresh();
 }
 
 const count = (rows, kind) => rows.filter((r) => r.badge === kind).length;
@@ -64,7 +78,9 @@ const count = (rows, kind) => rows.filter((r) => r.badge === kind).length;
 function summary() {
   const { now, total, statistics: s, before } = survey;
   const chips = [];
-  const chip = (kind, words) => chips.push(el("span", { class: `chip ${kind}` }, words));
+  const chip = (kind, text) => chips.push(el("span", { class: `chip ${kind}` }, text));
+  const counted = now.filter((r) => r.badge === "count");
+  if (counted.length) chip("", `${counted.reduce((n, r) => n + r.spots.length, 0)} spots in ${counted.length} images`);
   if (now.length < total) chip("", `${now.length} of ${total} images`);
   if (count(now, "all")) chip("good", `${count(now, "all")} all found`);
   if (count(now, "some")) chip("warn", `${count(now, "some")} some`);
@@ -91,6 +107,8 @@ function buildSheet() {
   parts.body = el("div");
   clear($("sheet"), el("div", { class: "page-head" },
     el("span", { class: "choice" }, choice("sheet", "Contact sheet"), choice("table", "Table")), parts.progress, parts.info), parts.body);
+  let scrolled = 0;
+  $("sheet").addEventListener("scroll", () => { if (form === "table" && !scrolled) scrolled = requestAnimationFrame(() => { scrolled = 0; parts.rows?.(); }); });
   $("sheet").addEventListener("pointerdown", () => { pressed = true; });
   window.addEventListener("pointerup", () => {
     pressed = false;
@@ -110,8 +128,32 @@ function render() {
   Object.assign(parts.progress, { hidden: now.length >= total, max: total || 1, value: now.length });
   clear(parts.info, `${now.length} of ${total} images with the parameters as they stand; change against the last saved set: `,
     el("span", { class: won ? "better" : "" }, `${won} strings gained`), ", ", el("span", { class: lost ? "worse" : "" }, `${lost} lost`));
-  clear(parts.body, form === "sheet" ? el("div", { class: "cards" }, now.map(card)) : table());
-  if (form === "sheet") now.forEach(drawCard);
+  if (form === "sheet") cards();
+  else table();
+}
+
+// Ten thousand images stay fluid: cards are made once and drawn when they come into sight, the table holds the rows in sight.
+const made = new Map();
+const sight = new IntersectionObserver((entries) => entries.forEach((e) => { if (e.isIntersecting) { sight.unobserve(e.target); drawCard(Number(e.target.dataset.index)); } }));
+
+function cards() {
+  let grid = parts.body.querySelector(".cards");
+  if (!grid) {
+    grid = el("div", { class: "cards" });
+    made.clear();
+    clear(parts.body, grid);
+  }
+  for (const [index, one] of made) if (!survey.now[index]) { one.node.remove(); made.delete(index); }
+  for (const row of survey.now) {
+    if (!row) continue;
+    const before = survey.saved[row.index], one = made.get(row.index);
+    if (one && one.row === row && one.before === before) continue;
+    const node = card(row);
+    if (one) one.node.replaceWith(node);
+    else grid.append(node);
+    made.set(row.index, { node, row, before });
+    sight.observe(node);
+  }
 }
 
 function delta(after, before, digits, lowerIsBetter) {
@@ -122,7 +164,7 @@ function delta(after, before, digits, lowerIsBetter) {
   return el("span", { class: better ? "better" : "worse" }, ` ${change > 0 ? "+" : "−"}${Math.abs(change).toFixed(digits)}`);
 }
 
-const openImage = (index) => { go(index); selectTab(state.session.strings.length ? "labels" : "spots"); };
+const openImage = (index) => { go(index); selectTab("image"); };
 
 function card(row) {
   const image = state.session.images[row.index], before = survey.saved[row.index], t = row.truth?.statistics;
@@ -131,21 +173,25 @@ function card(row) {
     el("span", { class: `badge ${row.badge}` }, badgeText(row)),
     el("div", { class: "name" }, el("b", {}, image.name.split("/").pop()), el("span", {}, image.location)),
     el("div", { class: "note" }, row.error || [
-      `${row.labelled} of ${row.spots.length} spots labelled`, delta(row.labelled, before?.labelled, 0, false),
+      row.badge === "count" ? `${row.spots.length} spots` : `${row.labelled} of ${row.spots.length} spots labelled`, delta(row.labelled, before?.labelled, 0, false),
       t && t.rms !== null ? ` · ${number(t.rms)} mm` : null, t ? delta(t.rms, before?.truth?.statistics.rms, 3, true) : null,
     ].filter((x) => x !== null)));
 }
 
-function drawCard(row) {
-  const canvas = $("sheet").querySelector(`canvas[data-card="${row.index}"]`);
+const PICTURES = 400; // small pictures kept: what was in sight lately
+
+function drawCard(index) {
+  const row = survey.now[index], canvas = made.get(index)?.node.querySelector("canvas");
+  if (!row || !canvas) return;
   let picture = pictures.get(row.index);
   if (!picture) {
     picture = new Image();
-    picture.src = `api/thumbnail/${row.index}`;
+    picture.src = `api/thumbnail/${row.index}?${row.stamp}`;
     pictures.set(row.index, picture);
+    if (pictures.size > PICTURES) pictures.delete(pictures.keys().next().value);
   }
-  if (!picture.complete) { picture.addEventListener("load", () => drawCard(row), { once: true }); return; }
-  if (!canvas || !picture.naturalWidth) return;
+  if (!picture.complete) { picture.addEventListener("load", () => drawCard(index), { once: true }); return; }
+  if (!picture.naturalWidth) return;
   const { sensor } = state.session, context = canvas.getContext("2d");
   const scale = Math.min(canvas.width / sensor.width, canvas.height / sensor.height);
   context.drawImage(picture, 0, 0, sensor.width * scale, sensor.height * scale);
@@ -161,7 +207,7 @@ function drawCard(row) {
 const COLUMNS = [
   { id: "index", title: "image", left: true, of: (r) => r.index, cell: (r) => state.session.images[r.index].name.split("/").pop() },
   { id: "location", title: "at", left: true, of: (r) => state.session.images[r.index].location },
-  { id: "badge", title: "found", of: (r) => ["error", "none", "some", "all"].indexOf(r.badge), cell: (r) => el("span", { class: `badge ${r.badge}`, title: r.error || WORDS[r.badge] }, badgeText(r)) },
+  { id: "badge", title: "found", of: (r) => ["error", "none", "some", "all", "count"].indexOf(r.badge), cell: (r) => el("span", { class: `badge ${r.badge}`, title: r.error || WORDS[r.badge] }, badgeText(r)) },
   { id: "labelled", title: "labelled", of: (r) => r.labelled, before: (r) => r.labelled, digits: 0 },
   { id: "spots", title: "spots", of: (r) => r.spots.length, before: (r) => r.spots.length, digits: 0, neutral: true },
   { id: "rejected", title: "rejected", of: (r) => r.candidates, digits: 0, neutral: true },
@@ -172,19 +218,31 @@ const COLUMNS = [
   { id: "bias_y", title: "bias y", truth: true, of: (r) => r.truth?.statistics.bias[0], digits: 4, neutral: true },
   { id: "bias_z", title: "bias z", truth: true, of: (r) => r.truth?.statistics.bias[1], digits: 4, neutral: true },
   { id: "ms", title: "ms", of: (r) => r.ms, digits: 0, neutral: true },
-  { id: "reason", title: "remark", left: true, of: (r) => (r.error || r.reason || "").replaceAll("_", " ") },
+  { id: "reason", title: "remark", left: true, of: (r) => r.error || words(r.reason) },
 ];
+
+const ROW_PX = 27, AROUND = 30; // height of a row, rows made beyond those in sight
 
 function table() {
   const columns = COLUMNS.filter((c) => !c.truth || state.session.has_truth);
   const by = columns.find((c) => c.id === order.column) ?? columns[0];
-  const rows = [...survey.now].sort((a, b) => compare(by.of(a), by.of(b)) * (order.down ? -1 : 1));
+  const rows = survey.now.filter((r) => r).sort((a, b) => compare(by.of(a), by.of(b)) * (order.down ? -1 : 1) || a.index - b.index);
   const head = columns.map((c) => el("th", { class: c.left ? "left" : "", "aria-sort": order.column === c.id ? (order.down ? "descending" : "ascending") : null },
     el("button", { onclick: () => { order = { column: c.id, down: order.column === c.id && !order.down }; render(); } }, c.title)));
-  return el("table", { class: "wide" }, el("thead", {}, el("tr", {}, head)),
-    el("tbody", {}, total(columns), rows.map((r) => el("tr", { class: "go", tabIndex: 0, data: { index: r.index }, onclick: () => openImage(r.index),
-      onkeydown: (e) => e.key === "Enter" && openImage(r.index) },
-    columns.map((c) => el("td", { class: c.left ? "left" : "" }, cell(c, r)))))));
+  const body = el("tbody");
+  made.clear();
+  clear(parts.body, el("table", { class: "wide" }, el("thead", {}, el("tr", {}, head)), body));
+  parts.rows = () => fill(body, columns, rows);
+  parts.rows();
+}
+
+function fill(body, columns, rows) {
+  const page = $("sheet"), first = Math.max(0, Math.floor(page.scrollTop / ROW_PX) - AROUND);
+  const last = Math.min(rows.length, first + Math.ceil(page.clientHeight / ROW_PX) + 2 * AROUND);
+  const gap = (count) => el("tr", { class: "gap" }, el("td", { colSpan: columns.length, height: count * ROW_PX }));
+  clear(body, total(columns), first ? gap(first) : null, rows.slice(first, last).map((r) => el("tr", { class: "go", tabIndex: 0, data: { index: r.index }, onclick: () => openImage(r.index),
+    onkeydown: (e) => e.key === "Enter" && openImage(r.index) },
+  columns.map((c) => el("td", { class: c.left ? "left" : "" }, cell(c, r))))), last < rows.length ? gap(rows.length - last) : null);
 }
 
 function compare(a, b) {

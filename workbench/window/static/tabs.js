@@ -1,13 +1,9 @@
-// The stages as tabs, and the two pages beside them.
+// The three pages: one image with its laser plane, all images, the calibration.
 
 import { $, clear, el } from "./dom.js";
 import { state } from "./state.js";
 
-export const TABS = [
-  { id: "raw", title: "Raw" }, { id: "background", title: "Background" }, { id: "mask", title: "Mask" },
-  { id: "candidates", title: "Candidates" }, { id: "spots", title: "Spots" }, { id: "labels", title: "Labels" },
-  { id: "plot", title: "(y, z)" }, { id: "sheet", title: "All images", apart: true }, { id: "calibration", title: "Calibration" },
-];
+export const TABS = [{ id: "image", title: "Image" }, { id: "sheet", title: "All images" }, { id: "calibration", title: "Calibration" }];
 const listeners = [];
 export const onTab = (f) => listeners.push(f);
 
@@ -19,17 +15,15 @@ export function selectTab(id) {
     button.setAttribute("aria-selected", chosen);
     button.tabIndex = chosen ? 0 : -1;
   }
-  const page = id === "sheet" || id === "calibration";
-  $("stage").hidden = $("drawer").hidden = page;
-  $("tools").hidden = page;
+  for (const part of ["stage", "drawer", "tools", "layers"]) $(part).hidden = id !== "image";
   $("sheet").hidden = id !== "sheet";
   $("calibration").hidden = id !== "calibration";
   listeners.forEach((f) => f(id));
 }
 
 function build() {
-  clear($("tabs"), TABS.map(({ id, title, apart }) => el("button", {
-    role: "tab", class: apart ? "apart" : "", data: { tab: id }, onclick: () => selectTab(id), onkeydown: arrows,
+  clear($("tabs"), TABS.map(({ id, title }) => el("button", {
+    role: "tab", data: { tab: id }, onclick: () => selectTab(id), onkeydown: arrows,
   }, title)));
 }
 

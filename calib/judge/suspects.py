@@ -1,0 +1,231 @@
+"""What could be wrong in a file: every number that has a prior, or that the file takes for exact, tried one at a time.
+
+At the solution with everything free within its prior the problem is as good as linear: half the cost is
+zᵀSz/2 - bᵀz + Σ z²/2V, z the departures of all common unknowns, V the priors' variances. The solution of any other
+priors follows from S and b alone. A number's *pull* is its departure z over what that is expected to be,
+√(V - posterior variance): normally distributed with unit variance where all priors are true, whether the data see the
+number well or hardly. It is the w-test of data snooping for the pseudo-observation that a prior is. Where one number
+is wrong, its own pull is the largest, and what it would be with its prior dropped is its size.
+
+References
+----------
+Baarda, A testing procedure for use in geodetic networks, 1968.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.bundle import Bundle, SensorErrors, Solution
+from calib.engine import departure, reduced, reduced_gradient, total_normal
+from geometry import Sensor, State
+from geometry.sensor import AGAINST
+from jig_cad import SIZES, Jig, SizedJig
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+# how far off a number that is wrong usually is: makers' tables and typing errors, encoders that lost their zero
+GROSS = {"theta": np.deg2rad(0.5), "d": 2.0, "a": 2.0, "alpha": np.deg2rad(0.5), "beta": np.deg2rad(0.5)}
+GROSS_TIMES = 10.0  # a prior's σ, for kinds of parameters that are not listed
+GROSS_ANCHOR_MM, GROSS_SIZE_MM = 0.5, 1.0
+SEEN = 1.0  # pull that an error of gross size makes at least, if its number can be suspected from the data at all
+SAME_CHI2 = 9.0  # suspects whose gains are this near are told apart by nothing: a likelihood ratio of 90
+FOCAL = "focal scale (fx_px, fy_px)"
+# what a sensor's number is off by where it is wrong, whatever its file states
+SOURCE_GROSS = {"cx_px": 5.0, "cy_px": 5.0, "fx_px": 15.0, "k1": 0.1, "plane_shift_mm": 0.5, "scale_y": 0.01}
+SOURCE_GROSS |= {"plane_tilt_y_rad": 3e-3, "plane_tilt_z_rad": 3e-3, "scale_z": 0.01}
+
+
+@dataclass(frozen=True, eq=False)
+class Suspect:
+    """Components of one block that are wrong together or not at all.
+
+    block: of the unknowns. parameter, row: as files call it, with the joint. unit: of files; per_unit: what turns the
+    block's own unit into it. index (k,): in the block. gross (k,): σ of the components if they are wrong.
+    """
+
+    block: str
+    parameter: str
+    row: int | None
+    unit: str
+    per_unit: float
+    index: Index
+    gross: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """One suspect tried.
+
+    where (k,): among the common unknowns. size (k,): what it would be with no prior, in the block's own unit. sigma
+    (k,): how well the data know that, the prior's σ of the number included. pull: how many σ that is, with the sign of
+    a single component. seen: whether a gross error of it would show.
+    """
+
+    suspect: Suspect
+    where: Index
+    size: Array
+    sigma: Array
+    pull: float
+    seen: bool
+
+    @property
+    def gain(self) -> float:
+        """Cost that dropping its prior saves: twice the logarithm of a likelihood ratio."""
+        return self.pull**2
+
+
+@dataclass(frozen=True, eq=False)
+class Posterior:
+    """Departures z (C,) of the common unknowns and their covariance (C, C)."""
+
+    z: Array
+    covariance: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """The linear problem about a solution: S (C, C) and b (C,) in units of ``scale`` (C,).
+
+    bundle: names all unknowns. variance (C,): of their priors, 0 where a number is taken for exact, infinite where
+    nothing is known.
+    """
+
+    bundle: Bundle
+    S: Array
+    b: Array
+    scale: Array
+    variance: Array
+
+    def solve(self, variance: Array | None = None) -> Posterior:
+        """With priors of ``variance`` (C,), those stated by default."""
+        z, cov = self._scaled(self.variance if variance is None else variance)
+        return Posterior(z * self.scale, cov * np.outer(self.scale, self.scale))
+
+    def trials(self) -> tuple[Trial, ...]:
+        """Every suspect alone."""
+        _, cov = self._scaled(self.variance)
+        taken = self.S @ cov
+        c, G = self.b - taken @ self.b, self.S - taken @ self.S
+        return tuple(self._trial(s, c, G) for s in suspects_of(self.bundle))
+
+    def alike(self, first: Trial, trials: tuple[Trial, ...]) -> tuple[Trial, ...]:
+        """The other suspects that explain the data as well as the first, best first."""
+        same = [t for t in trials if t is not first and t.seen and t.gain > first.gain - SAME_CHI2]
+        return tuple(sorted(same, key=lambda t: -t.gain))
+
+    def relaxed(self, trial: Trial) -> Array:
+        """Variances (C,) with the prior of a suspect as wide as an error of its size."""
+        out = self.variance.copy()
+        out[trial.where] = np.maximum(trial.suspect.gross, float(np.linalg.norm(trial.size))) ** 2
+        return out
+
+    def _scaled(self, variance: Array) -> tuple[Array, Array]:
+        V = variance / self.scale**2
+        active = np.flatnonzero(V > 0)
+        inverse = np.linalg.inv(self.S[np.ix_(active, active)] + np.diag(1 / V[active]))
+        z, cov = np.zeros(len(V)), np.zeros((len(V), len(V)))
+        z[active], cov[np.ix_(active, active)] = inverse @ self.b[active], inverse
+        return z, cov
+
+    def _trial(self, suspect: Suspect, c: Array, G: Array) -> Trial:
+        where = self.bundle.unknowns.indices(suspect.block)[suspect.index]
+        information = G[np.ix_(where, where)]  # of its components, in units of their gross size
+        seen = bool(np.linalg.eigvalsh(information)[0] > SEEN**2)
+        if not seen:
+            return Trial(suspect, where, np.zeros(len(where)), np.full(len(where), np.inf), 0.0, seen)
+        inverse = np.linalg.inv(information)
+        size = inverse @ c[where]
+        pull = float(np.sqrt(max(float(c[where] @ size), 0.0)))
+        sign = -1.0 if len(where) == 1 and size[0] < 0 else 1.0
+        gross = self.scale[where]
+        return Trial(suspect, where, size * gross, np.sqrt(np.diag(inverse)) * gross, sign * pull, seen)
+
+
+def evidence_of(solution: Solution, sensor: Sensor | None) -> Evidence:
+    """All that could be wrong, linearised where everything was free within its prior."""
+    bundle = suspected_bundle(solution.bundle, sensor)
+    every, u = solution.every, bundle.unknowns
+    grown = {n: np.zeros(u.block(n).size) for n in (*bundle.shape_blocks, "sensor")}
+    for name, value in grown.items():
+        old = every.state.vector(name)
+        value[: len(old)] = old
+    state = State({**every.state.values, **grown})
+    normal = total_normal(
+        u, state, [t.linearise(state) for t in bundle.terms], every.whites, np.ones(u.size, dtype=bool)
+    )
+    schur, gains = reduced(normal)
+    x, weight = departure(u, state), u.prior_weight
+    data = schur - np.diag(weight)
+    b = data @ x - (reduced_gradient(normal, gains) - weight * x)
+    scale = np.where(np.isfinite(u.sigma) & (u.sigma > 0), u.sigma, 1.0)
+    scale[u["scp"]] = [1.0] * 3 + [1e-3] * 3
+    for suspect in suspects_of(bundle):
+        scale[u.indices(suspect.block)[suspect.index]] = suspect.gross
+    return Evidence(bundle, data * np.outer(scale, scale), b * scale, scale, u.sigma**2)
+
+
+def suspected_bundle(bundle: Bundle, sensor: Sensor | None) -> Bundle:
+    """The bundle with unknowns for what its files take for exact: sizes of a jig, parameters of the sensor."""
+    jig = bundle.target if len(bundle.terms) == 1 else None
+    out = bundle.of_target(SizedJig(jig)) if isinstance(jig, Jig) else bundle
+    if sensor is not None:
+        out = out.of_sensor(SensorErrors.suspected(sensor, bundle.errors))
+    return out.estimating(np.ones(len(out.estimated), dtype=bool), sensor=True)
+
+
+def suspects_of(bundle: Bundle) -> tuple[Suspect, ...]:
+    """Everything in robot, target and sensor that could be wrong."""
+    return (*_of_robot(bundle), *_of_shape(bundle), *_of_sensor(bundle))
+
+
+def _of_robot(bundle: Bundle) -> Iterator[Suspect]:
+    for i, p in enumerate(bundle.hands.robot.parameters):
+        if p.sigma > 0:
+            gross = max(float(GROSS.get(p.group, GROSS_TIMES * p.sigma)), 3 * p.sigma)
+            unit, per = _file_unit(p.unit)
+            yield Suspect("robot", p.name, p.joint, unit, per, np.array([i]), np.array([gross]))
+
+
+def _of_shape(bundle: Bundle) -> Iterator[Suspect]:
+    jig = bundle.target if len(bundle.terms) == 1 else None
+    if not isinstance(jig, SizedJig):
+        return
+    for k in jig.jig.used_anchors:
+        where = np.array([2 * k, 2 * k + 1])
+        yield Suspect("shape", f"anchor {jig.jig.anchors[k]}", None, "mm", 1.0, where, np.full(2, GROSS_ANCHOR_MM))
+    labels = jig.shape.labels
+    for name in SIZES:
+        where = np.array([labels.index(name)])
+        yield Suspect("shape", name, None, "mm", 1.0, where, np.array([GROSS_SIZE_MM]))
+
+
+def _of_sensor(bundle: Bundle) -> Iterator[Suspect]:
+    errors = bundle.errors
+    if errors is None:
+        return
+    names = errors.deviation.names
+    for k, label in enumerate(errors.labels):
+        if label.endswith(AGAINST):
+            continue
+        main = names.index(label.split(", ")[0])
+        unit, per = _file_unit(_unit_of(names[main]))
+        usual = SOURCE_GROSS.get(names[main], 1.0)
+        moved = abs(errors.basis[main, k])
+        parameter = FOCAL if label == "fx_px, fy_px" else label.replace("_rad", "_deg")
+        gross = max(usual / moved if errors.sigma[k] else 1.0, 3 * errors.sigma[k])
+        yield Suspect("sensor", parameter, None, unit, per * errors.basis[main, k], np.array([k]), np.array([gross]))
+
+
+def _unit_of(name: str) -> str:
+    return next((unit for unit in ("px", "rad", "mm") if name.endswith(f"_{unit}")), "")
+
+
+def _file_unit(unit: str) -> tuple[str, float]:
+    """The unit of files, and how many of it are one of ours."""
+    return ("deg", float(np.rad2deg(1.0))) if unit == "rad" else (unit, 1.0)

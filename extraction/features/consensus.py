@@ -1,0 +1,185 @@
+"""The curve that most points of a profile agree on, and which of them lie on it by their own noise."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from extraction.config import FeatureConfig
+from extraction.features.shapes import Circle, Line
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Curve = Circle | Line
+
+_MAD = 1.4826  # of a Gaussian: σ over the median of its magnitude
+_ROUNDS = 25  # of fitting and choosing anew; it settles in three to six
+_WIDEST = 3.0  # times the tolerance of the search: a choice that would grow beyond bends away from its curve
+_TRUST = 3.0  # no point weighs more or less than the usual one by more than this factor of σ
+_FEWEST_BY_SHAPE: dict[type[Curve], int] = {Circle: 3, Line: 2}
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """Points (N, 2) of a profile in order along y, with their covariance, and what neighbours scatter by [mm]."""
+
+    yz_mm: Array
+    cov_yz_mm2: Array
+    scatter_mm: float
+
+    def sigma_across(self, curve: Curve) -> Array:
+        """Stated σ (N,) of the points across a curve; the usual one where a point states none or an odd one."""
+        n = curve.normals(self.yz_mm)
+        variance = np.einsum("ni,nij,nj->n", n, self.cov_yz_mm2, n)
+        stated = np.sqrt(np.maximum(variance, 0.0))
+        usual = float(np.median(stated[stated > 0])) if np.any(stated > 0) else 1.0
+        return np.asarray(np.clip(np.where(stated > 0, stated, usual), usual / _TRUST, usual * _TRUST))
+
+
+@dataclass(frozen=True, eq=False)
+class Agreement:
+    """A curve, which points (N,) lie on it, the σ (N,) across it of every point, and its robust scatter [mm]."""
+
+    curve: Curve
+    inliers: Mask
+    sigma_mm: Array
+    scatter_mm: float
+
+
+def course_of(yz_mm: Array, cov_yz_mm2: Array) -> Course:
+    """Points in order along y with their local scatter: each against the chord of its neighbours."""
+    if len(yz_mm) < 3:
+        return Course(yz_mm, cov_yz_mm2, 0.0)
+    before, here, after = yz_mm[:-2], yz_mm[1:-1], yz_mm[2:]
+    chord = after - before
+    length = np.maximum(np.hypot(*chord.T), 1e-12)
+    off = here - (before + after) / 2
+    across = (off[:, 1] * chord[:, 0] - off[:, 0] * chord[:, 1]) / length
+    return Course(yz_mm, cov_yz_mm2, _MAD * float(np.median(np.abs(across))) / np.sqrt(1.5))
+
+
+def agree(
+    course: Course,
+    free: Mask,
+    shape: type[Curve],
+    valid: Callable[[Curve], bool],
+    rng: np.random.Generator,
+    config: FeatureConfig,
+) -> Agreement | None:
+    """The curve on which most of the free points lie; None where there is none.
+
+    Parameters
+    ----------
+    course
+        The profile.
+    free
+        Which points (N,) may be used.
+    shape
+        Circle or Line.
+    valid
+        Which curves are looked for at all.
+    rng
+        Of the samples.
+    config
+        Of features.
+
+    Returns
+    -------
+    Agreement or None
+    """
+    at = np.flatnonzero(free)
+    if len(at) < config.min_points:
+        return None
+    tolerance = max(config.tolerance_sigma * course.scatter_mm, config.min_tolerance_mm)
+    thinned = at[:: -(-len(at) // config.ransac_points)]
+    best = _most_agreed(course.yz_mm[thinned], shape, valid, tolerance, rng, config)
+    return None if best is None else _settled(course, free, best, valid, tolerance, config)
+
+
+def _most_agreed(
+    yz: Array,
+    shape: type[Curve],
+    valid: Callable[[Curve], bool],
+    tolerance: float,
+    rng: np.random.Generator,
+    config: FeatureConfig,
+) -> Curve | None:
+    from skimage import measure
+
+    fewest = _FEWEST_BY_SHAPE[shape]
+
+    class Model:
+        """What ransac asks for. A sample without a valid curve agrees with one point, so that it never wins."""
+
+        def __init__(self, curve: Curve | None) -> None:
+            self.curve = curve
+
+        @classmethod
+        def from_estimate(cls, data: Array) -> Model:
+            curve = shape.through(data) if len(data) == fewest else _fit(shape, data)
+            return cls(curve if curve is not None and valid(curve) else None)
+
+        def residuals(self, data: Array) -> Array:
+            if self.curve is None:
+                return np.where(np.arange(len(data)) == 0, 0.0, 2 * tolerance)
+            return self.curve.residuals(data)
+
+    ransac: Any = measure.ransac  # it has no types
+    model, inliers = ransac(
+        yz,
+        Model,
+        min_samples=fewest,
+        residual_threshold=tolerance,
+        max_trials=config.ransac_trials,
+        stop_probability=config.ransac_certainty,
+        rng=rng,
+    )
+    enough = inliers is not None and np.count_nonzero(inliers) > fewest
+    return model.curve if enough and isinstance(model, Model) else None
+
+
+def _fit(shape: type[Curve], yz: Array) -> Curve | None:
+    return shape.fit(yz, np.ones(len(yz))) if len(yz) > _FEWEST_BY_SHAPE[shape] else None
+
+
+def _settled(
+    course: Course, free: Mask, curve: Curve, valid: Callable[[Curve], bool], tolerance: float, config: FeatureConfig
+) -> Agreement | None:
+    """Fitted and chosen anew until the choice stands: points within some σ of their own scatter about the curve."""
+    inliers: Mask = free & (np.abs(curve.residuals(course.yz_mm)) <= tolerance)
+    for _ in range(_ROUNDS):
+        if np.count_nonzero(inliers) < config.min_points:
+            return None
+        sigma = course.sigma_across(curve)
+        fitted = type(curve).fit(course.yz_mm[inliers], sigma[inliers] ** -2)
+        if fitted is None or not valid(fitted):
+            return None
+        curve = fitted
+        off = curve.residuals(course.yz_mm)
+        scale = _MAD * float(np.median(np.abs(off[inliers]) / sigma[inliers]))
+        limit = np.minimum(config.inlier_sigma * np.maximum(scale * sigma, course.scatter_mm / 2), _WIDEST * tolerance)
+        limit = np.maximum(limit, config.min_tolerance_mm / 2)
+        chosen = _without_strays(free & (np.abs(off) <= limit), config.min_run)
+        if np.array_equal(chosen, inliers):
+            break
+        inliers = chosen
+    if np.count_nonzero(inliers) < config.min_points:
+        return None
+    scatter = _MAD * float(np.median(np.abs(curve.residuals(course.yz_mm)[inliers])))
+    return Agreement(curve, inliers, scale * sigma, scatter)
+
+
+def _without_strays(chosen: Mask, min_run: int) -> Mask:
+    """Runs of fewer neighbours than ``min_run`` cross the curve by chance; one point astray does not end a run."""
+    bridged = chosen.copy()
+    bridged[1:-1] |= chosen[:-2] & chosen[2:]
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], bridged, [False]]).astype(np.int8)))
+    out = np.zeros_like(chosen)
+    for first, last in zip(edges[::2], edges[1::2], strict=True):
+        if last - first >= min_run:
+            out[first:last] = chosen[first:last]
+    return out

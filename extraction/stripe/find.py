@@ -1,0 +1,186 @@
+"""From an image to the places that are fitted: which sections hold a stripe, and about where."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from extraction.config import StripeConfig
+from extraction.stripe.fit import IntArray
+from extraction.stripe.judge import Stripe, Verdict, judge
+from extraction.stripe.search import Pyramid, Search, search, search_faint
+from extraction.stripe.view import StripeView, turn
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+SCALES = (2, 4, 8)  # pixels of the levels: Gaussian σ from half a pixel to sixteen
+FAINT = 10.0  # contrast of the best ridge, below which narrow rows are searched too
+COLUMNS_FIRST = 3.0  # times the light in ridges, that rows must show more than columns
+ALONE = 0.3  # of all stripes' light: a refused ridge with that much makes every point doubtful
+_NOTHING = np.zeros(0)
+
+
+@dataclass(frozen=True, eq=False)
+class Places:
+    """What is to be fitted (N,), ordered by section, then place.
+
+    section. centre_px: about where. low, high: the half-open range of rows that is this one's own: it ends midway to
+    its neighbours. width_px: Gaussian σ expected. stripe: which of the stripes. partner: of a pair fitted jointly, the
+    index of the other; -1 for none. faint: whether sections are too faint to be measured alone. ghost: whether their
+    stripe is one. doubt: whether another ridge has as good a claim.
+    """
+
+    section: IntArray
+    centre_px: Array
+    low: IntArray
+    high: IntArray
+    width_px: Array
+    stripe: IntArray
+    partner: IntArray
+    faint: Mask
+    ghost: Mask
+    doubt: Mask
+
+    def __len__(self) -> int:
+        """The number of places."""
+        return len(self.section)
+
+    def take(self, chosen: NDArray[np.intp]) -> Places:
+        """The chosen places; partners are lost, being indices."""
+        return Places(
+            self.section[chosen],
+            self.centre_px[chosen],
+            self.low[chosen],
+            self.high[chosen],
+            self.width_px[chosen],
+            self.stripe[chosen],
+            np.full(len(chosen), -1, np.int32),
+            self.faint[chosen],
+            self.ghost[chosen],
+            self.doubt[chosen],
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class StripeFacts:
+    """What selection asks of a stripe: its light, sections, mean place, and whether it is a ghost."""
+
+    light: float
+    sections: int
+    ghost: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """The view that was searched, the places, facts of each stripe by number, and how many ridges were refused why."""
+
+    view: StripeView
+    places: Places
+    stripes: list[StripeFacts]
+    refused: dict[str, int]
+
+
+def find(view: StripeView, config: StripeConfig) -> Found:
+    """The stripes of a view; with direction "auto" along columns or rows, whichever shows more light in ridges."""
+    grey = _without(view)
+    pyramid = Pyramid(grey)
+    scales = tuple(s for s in SCALES if s <= 2 or 0.5 * s <= config.max_width_px)
+    directions = (False,) if config.direction != "auto" else (False, True)
+    searches = [search(pyramid, scales, turned) for turned in directions]
+    best = max(searches, key=_claim)
+    if not best.chains or best.chains[0].contrast < FAINT:
+        best = max((search_faint(pyramid, s) for s in searches), key=_claim)
+    if best.turned:
+        view, grey = turn(view), np.ascontiguousarray(grey.T)
+    verdict = judge(grey, best.chains, view.clip_dn, config.max_width_px, config.min_run)
+    places, facts = _places(verdict, grey.shape[0], grey.shape[1])
+    return Found(view, places, facts, verdict.refused)
+
+
+def _claim(s: Search) -> float:
+    """What speaks for a direction; columns are taken where both show a stripe as well."""
+    return round(s.evidence * (1.0 if s.turned else COLUMNS_FIRST), 3)
+
+
+def _without(view: StripeView) -> NDArray[Any]:
+    """The grey levels with left-out pixels at the level of the rest."""
+    if view.left_out.size == 0 or not view.left_out.any():
+        return view.grey
+    grey: NDArray[Any] = view.grey.copy()
+    masked = view.left_out & (grey < view.clip_dn) if np.isfinite(view.clip_dn) else view.left_out
+    rest = grey[~view.left_out]
+    grey[masked] = np.median(rest) if rest.size else 0
+    return grey
+
+
+def _places(verdict: Verdict, rows: int, sections: int) -> tuple[Places, list[StripeFacts]]:
+    facts: list[StripeFacts] = []
+    parts: list[tuple[NDArray[Any], ...]] = []
+    for s in verdict.stripes:
+        n = len(s.track.place)
+        section = np.arange(s.track.first, s.track.stop)
+        pair = s.bumps.peaks == 2
+        doubt, number = _doubt(s, verdict) | pair, len(facts)
+        for k, offset in enumerate((s.bumps.first, s.bumps.second) if pair else (0.0,)):
+            facts.append(StripeFacts(s.light, n, s.ghost))
+            own = (number + k, number + 1 - k if pair else -1, s.chain.step > s.chain.scale, s.ghost)
+            parts.append((section, s.track.place + offset, s.track.width, *(np.full(n, x) for x in own), doubt))
+    if not parts:
+        parts.append((_NOTHING,) * 8)
+    section, centre, width, stripe, other, faint, ghost, doubt = (
+        np.concatenate(column) for column in zip(*parts, strict=True)
+    )
+    order = np.lexsort((centre, section))
+    order = order[(centre[order] >= 0) & (centre[order] <= rows - 1)]
+    own_section, own_stripe, own_other = (v[order].astype(np.int32) for v in (section, stripe, other))
+    centre = centre[order]
+    low, high = np.zeros(len(order), np.int32), np.full(len(order), rows, np.int32)
+    same = own_section[1:] == own_section[:-1]
+    middle = np.ceil((centre[1:] + centre[:-1]) / 2).astype(np.int32)
+    low[1:][same], high[:-1][same] = middle[same], middle[same]
+    partner = _partners(own_section, own_stripe, own_other, sections)
+    flags = (faint[order].astype(bool), ghost[order].astype(bool), doubt[order].astype(bool))
+    return Places(own_section, centre, low, high, width[order], own_stripe, partner, *flags), facts
+
+
+def _partners(section: IntArray, stripe: IntArray, other: IntArray, sections: int) -> IntArray:
+    """The index of each place's partner: that of the other stripe in the same section."""
+    out = np.full(len(section), -1, np.int32)
+    paired = np.flatnonzero(other >= 0)
+    if len(paired) == 0:
+        return out
+    key = stripe[paired].astype(np.int64) * sections + section[paired]
+    wanted = other[paired].astype(np.int64) * sections + section[paired]
+    order = np.argsort(key, kind="stable")
+    at = np.minimum(np.searchsorted(key[order], wanted), len(key) - 1)
+    there = key[order][at] == wanted
+    out[paired[there]] = paired[order[at[there]]].astype(np.int32)
+    return out
+
+
+def _doubt(s: Stripe, verdict: Verdict) -> Mask:
+    """Where another ridge has as good a claim: one of like light that was kept, or a stronger one that was refused."""
+    out = np.full(len(s.track.place), s.ghost)
+    total = sum(k.light for k in verdict.stripes if not k.ghost)
+    for k in verdict.stripes:
+        if k is not s and (_like(s, k) if not k.ghost else k.height > s.height):
+            out[_shared(s, k)] = True
+    for k in verdict.others:
+        if k.height > s.height:
+            out[_shared(s, k)] = True
+        if k.light > ALONE * total and k.height > ALONE * s.height:
+            out[:] = True
+    return out
+
+
+def _like(s: Stripe, k: Stripe) -> bool:
+    return k.height >= 0.45 * s.height
+
+
+def _shared(s: Stripe, k: Stripe) -> slice:
+    start = max(k.track.first - s.track.first, 0)
+    return slice(start, max(start, k.track.stop - s.track.first))

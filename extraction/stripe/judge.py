@@ -1,0 +1,278 @@
+"""Which ridges are stripe: joined, ended, judged against each other by light, width, length, shape and contrast."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from extraction.stripe.chain import Chain
+from extraction.stripe.ridge import FLANK
+from extraction.stripe.track import (
+    Bumps,
+    Track,
+    bumps,
+    dense,
+    light_along,
+    light_on_rough_ground,
+    likeliest_ends,
+    lit_pieces,
+    mean_profile,
+    secant,
+    walk_out,
+)
+
+Array = NDArray[np.float64]
+
+# A ridge is held against the one with the most light (its light times its length) of the image.
+PART = 0.06  # of that light, below which a ridge is texture, glare or a scratch
+PART_JOINED = 0.004  # the same for one that goes on where the other ends
+DIMMER = 0.22  # of the best ridge's own height, below which a ridge elsewhere is no stripe of the same laser
+LEAST_CONTRAST, ENOUGH_CONTRAST = 0.55, 12.0  # of the best's response over its noise, that counted up to the second
+LEAST_ASPECT = 4.0  # its length over its full width
+FLAT = 0.72  # flatness of an unclipped profile from which it is a lit face with borders, not a pulse of light
+FLAT_FROM_PX = 2.0  # Gaussian σ from which flatness shows: blur rounds what is narrower
+CROWD = 2.6  # ridges of like light beside one another, on average: a pattern, not stripes
+CROWD_PART = 0.15  # of the best's height times length, that such a ridge has at least
+LEAST_JOINED = 3.0  # contrast of a ridge that goes on where a stripe ends
+LIKE = 0.45  # of a ridge's light and height, from which another is its like
+GHOST_LIGHT = 0.2  # of a brighter ridge's height, from which a longer one is the stripe and the brighter its ghost
+GHOST_TOTAL = 0.6  # of the brighter one's height times length, that the longer one has at least
+GHOST_LONGER = 0.1  # of the shorter ridge's length, that the longer one goes on for
+CLEAR, WALK_NODES = 8.0, 3  # contrast from which a ridge is followed to its ends; level sections inside, to begin
+JOIN_GAP, JOIN_PX = 60.0, 3.0  # sections between two pieces of one stripe, and how far off their lines may pass
+PROFILE_STEP_PX = 0.5
+PROFILE_SECTIONS = 96  # over which a ridge's mean profile is taken
+
+
+@dataclass(frozen=True, eq=False)
+class Stripe:
+    """One ridge that may be stripe.
+
+    track: at every section from its first to its last. chain: the ridge it came from. bumps: of its mean profile; with
+    two, the track runs between or on one of them. height: of the mean profile [DN]. light: height times sections.
+    least: sections from which it may stand alone. rivals: whether another of like light shares its sections. ghost:
+    whether a longer one does.
+    """
+
+    track: Track
+    chain: Chain
+    bumps: Bumps
+    height: float
+    rivals: bool = False
+    ghost: bool = False
+    joined: bool = False
+    least: int = 20
+
+    @property
+    def light(self) -> float:
+        """Height times length."""
+        return self.height * len(self.track.place)
+
+
+@dataclass(frozen=True, eq=False)
+class Verdict:
+    """The stripes, most light first; ridges that were measured and refused; how many were for each reason."""
+
+    stripes: list[Stripe]
+    others: list[Stripe]
+    refused: dict[str, int]
+
+
+def judge(grey: NDArray[Any], chains: list[Chain], clip: float, max_width: float, least_sections: int) -> Verdict:
+    """The stripes among the ridges of one direction. grey: sections are columns."""
+    refused: dict[str, int] = {}
+
+    def refuse(reason: str, n: int = 1) -> None:
+        if n:
+            refused[reason] = refused.get(reason, 0) + n
+
+    if not chains:
+        return Verdict([], [], refused)
+    least = PART_JOINED * chains[0].evidence
+    measured: list[Stripe] = []
+    flat: list[Stripe] = []
+    for chain in chains:
+        if chain.evidence < least:
+            refuse("faint")
+            continue
+        pieces = _measure(grey, chain, clip, least_sections)
+        if not pieces:
+            refuse("no_peak")
+        for piece in pieces:
+            if piece.bumps.width > max_width:
+                refuse("too_wide")
+            elif piece.bumps.flat > FLAT and piece.bumps.width > FLAT_FROM_PX:
+                refuse("flat")
+                flat.append(piece)
+            else:
+                measured.append(piece)
+    measured.sort(key=lambda s: (-round(s.light, 3), s.track.first))
+    measured = _ghosts(measured)
+    best = next((s for s in measured if not s.ghost and _stands_alone(s)), None)
+    if best is None:
+        refuse("short", len(measured))
+        return Verdict([], [], refused)
+    if _crowding(best, measured + flat) >= CROWD:
+        refuse("one_of_many", len(measured))
+        return Verdict([], [], refused)
+    kept: list[Stripe] = [best]
+    asked = _asked_contrast(best)
+    waiting = [s for s in measured if s is not best]
+    changed = True
+    while changed:
+        changed = False
+        for s in list(waiting):
+            joined = any(_continues(s, k) for k in kept if not k.ghost)
+            bright = s.light >= PART * best.light and s.height >= DIMMER * best.height and s.chain.contrast >= asked
+            if (joined and s.chain.contrast >= LEAST_JOINED) or (bright and _stands_alone(s)):
+                kept.append(replace(s, joined=joined))
+                waiting.remove(s)
+                changed = True
+    refuse("weak_beside_the_stripe", len(waiting))
+    return Verdict(sorted(_rivalry(kept), key=lambda s: -s.light), waiting + flat, refused)
+
+
+def _asked_contrast(best: Stripe) -> float:
+    return LEAST_CONTRAST * min(best.chain.contrast, ENOUGH_CONTRAST)
+
+
+def _crowding(best: Stripe, everything: list[Stripe]) -> float:
+    """How many ridges not far below the best one lie beside one another, on average over the sections they cover.
+
+    Those that the best one goes on beside do not count: a stripe beside a pattern is a stripe.
+    """
+    alike = [
+        s
+        for s in everything
+        if s is best
+        or (s.height >= LIKE * best.height and s.light >= CROWD_PART * best.light and not _goes_on(best, s))
+    ]
+    covered = np.zeros(max(s.track.stop for s in alike))
+    for s in alike:
+        covered[s.track.first : s.track.stop] += 1
+    return float(covered.sum() / np.count_nonzero(covered))
+
+
+def _measure(grey: NDArray[Any], chain: Chain, clip: float, least: int) -> list[Stripe]:
+    """A chain's mean profile where it is brightest, then its pieces, each a track with its ends."""
+    track = dense(chain, grey.shape[1])
+    reach = FLANK * chain.scale
+    out = np.empty(2 * int(2.2 * reach / PROFILE_STEP_PX) + 1)
+    inside = slice(max(int(chain.section[0]) - track.first, 0), int(chain.section[-1]) - track.first + 1)
+    found = _profile_of(grey, track, _brightest(chain, track, inside), out, reach, clip)
+    if found.peaks == 0:
+        return []
+    place = track.place + (found.first if found.peaks == 1 else 0.0)
+    if found.peaks == 1 and chain.contrast > CLEAR:
+        sigma = found.width / float(np.mean(track.width[_brightest(chain, track, inside)]))
+        skip = min(WALK_NODES * chain.step, (inside.stop - inside.start) // 2)
+        walk_out(grey, track.first, place, inside.start + skip, -1, sigma, found.height)
+        walk_out(grey, track.first, place, inside.stop - skip, 1, sigma, found.height)
+        track = Track(track.first, place, secant(place))
+    light = np.empty(len(place))
+    brightest = _brightest(chain, track, inside)
+    along_normal = found.width / float(np.mean(track.width[brightest]))
+    half = along_normal if found.peaks == 1 else 0.5 * (found.second - found.first) + found.width
+    light_along(grey, track.first, place, np.maximum(0.5, half * track.width), light)
+    pieces = []
+    rough = chain.step > chain.scale
+    if rough:
+        light = light_on_rough_ground(grey, track, place, found.width)
+    lit_all = [inside] if rough else lit_pieces(light, inside)
+    for k, lit in enumerate(lit_all):
+        low = lit_all[k - 1].stop if k else 0
+        high = lit_all[k + 1].start if k + 1 < len(lit_all) else len(light)
+        start, stop = likeliest_ends(light[low:high], slice(lit.start - low, lit.stop - low), rough)
+        start, stop = start + low, stop + low
+        if stop - start >= 3:
+            own = Track(track.first + start, place[start:stop], track.width[start:stop])
+            shape = found
+            if lit != inside:
+                shape = _profile_of(grey, own, _part(0, stop - start), out, reach, clip)
+            if shape.peaks:
+                middle = _part(0, stop - start)
+                width = own.width * (shape.width / float(np.mean(own.width[middle])))
+                pieces.append(Stripe(own._replace(width=width), chain, shape, shape.height, least=least))
+    return pieces
+
+
+def _profile_of(grey: NDArray[Any], track: Track, part: slice, out: Array, reach: float, clip: float) -> Bumps:
+    mean_profile(grey, track.first + part.start, track.place[part], PROFILE_STEP_PX, out)
+    return bumps(out, PROFILE_STEP_PX, float(reach), clip)
+
+
+def _brightest(chain: Chain, track: Track, inside: slice) -> slice:
+    """The PROFILE_SECTIONS sections of a chain with the most light."""
+    nodes = max(1, PROFILE_SECTIONS // chain.step)
+    if len(chain.section) <= nodes:
+        return inside
+    total = np.convolve(chain.response, np.ones(nodes), mode="valid")
+    k = int(np.argmax(np.round(total, 6)))
+    start = max(int(chain.section[k]) - track.first, inside.start)
+    return slice(start, min(start + PROFILE_SECTIONS, inside.stop))
+
+
+def _part(start: int, stop: int) -> slice:
+    """The middle PROFILE_SECTIONS sections."""
+    cut = max(0, (stop - start - PROFILE_SECTIONS) // 2)
+    return slice(start + cut, stop - cut)
+
+
+def _stands_alone(s: Stripe) -> bool:
+    length = len(s.track.place)
+    return length >= s.least and length >= LEAST_ASPECT * 2.3548 * s.bumps.width
+
+
+def _overlap(a: Stripe, b: Stripe) -> int:
+    return max(0, min(a.track.stop, b.track.stop) - max(a.track.first, b.track.first))
+
+
+def _ghosts(stripes: list[Stripe]) -> list[Stripe]:
+    """Ridges marked as ghost: they begin or end beside one that goes on."""
+    return [replace(b, ghost=any(a is not b and _goes_on(a, b) for a in stripes)) for b in stripes]
+
+
+def _goes_on(a: Stripe, b: Stripe) -> bool:
+    """Whether ``a`` is a stripe that goes on where ``b`` beside it begins or ends."""
+    if len(a.track.place) <= len(b.track.place) or a.chain.contrast < _asked_contrast(b) or not _stands_alone(a):
+        return False
+    if a.height < GHOST_LIGHT * b.height or a.light < GHOST_TOTAL * b.light:
+        return False
+    before, after = b.track.first - a.track.first, a.track.stop - b.track.stop
+    inside = _overlap(a, b) >= 0.8 * len(b.track.place)
+    return inside and max(before, after) >= max(GHOST_LONGER * len(b.track.place), 12)
+
+
+def _continues(s: Stripe, k: Stripe) -> bool:
+    """Whether s begins where k ends, or the other way round, on its line."""
+    for a, b in ((s, k), (k, s)):
+        gap = b.track.first - a.track.stop
+        if -4 <= gap <= JOIN_GAP:
+            n, m = min(24, len(a.track.place)), min(24, len(b.track.place))
+            slope_a = (a.track.place[-1] - a.track.place[-n]) / max(n - 1, 1)
+            slope_b = (b.track.place[m - 1] - b.track.place[0]) / max(m - 1, 1)
+            step = b.track.place[0] - a.track.place[-1]
+            off = min(abs(step - slope_a * (gap + 1)), abs(step - slope_b * (gap + 1)))
+            if off <= JOIN_PX + 0.15 * max(gap, 0) + s.bumps.width:
+                return True
+    return False
+
+
+def _rivalry(kept: list[Stripe]) -> list[Stripe]:
+    """Stripes of like light beside each other, marked."""
+    return [replace(s, rivals=s.bumps.peaks == 2 or _neighbours(s, kept) > 0) for s in kept]
+
+
+def _neighbours(s: Stripe, kept: list[Stripe]) -> int:
+    """How many others of like light lie beside it, over half of it or of themselves."""
+    n = 0
+    for k in kept:
+        if k is s or k.ghost or (k.track.first == s.track.first and k.track.place is s.track.place):
+            continue
+        shared = _overlap(s, k)
+        alike = k.height >= LIKE * s.height and k.light >= LIKE * s.light
+        n += shared >= 0.5 * min(len(s.track.place), len(k.track.place)) and alike
+    return n

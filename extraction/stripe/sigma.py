@@ -1,0 +1,152 @@
+"""σ made true: what points scatter about a smooth course more than their pixels' noise says, and how far it reaches.
+
+Speckle, texture and the pulse's real shape move neighbouring points alike. Their share is learnt from the points
+themselves: residuals about a line over some forty sections, against the σ that the pixels' noise gives.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from extraction.linalg import Symmetric4, Vector4, factor4, solve4
+from extraction.stripe.find import Places
+from extraction.stripe.model import SINGULAR, Records
+from geometry.compiled import kernel
+
+Array = NDArray[np.float64]
+
+WINDOW = 41  # sections of a line
+FEWEST = 60  # points from which anything is learnt
+SIGNIFICANT = 3.0  # of the excess, in its own σ
+MOST_LAGS = 12
+_ROBUST = 3.5  # residuals beyond so many robust σ are edges of the profile
+
+
+def true_sigma(places: Places, fits: Records) -> float:
+    """Raise the variances of ``fits`` (N,) in place to what the points scatter; returns the correlation length.
+
+    In sections; 0 where neighbours are independent. The excess is one variance a stripe, beside the pixels' own; pieces
+    too short to say theirs take what the others have on average.
+    """
+    lengths, excesses, weights, short = [], [], [], []
+    for k in np.unique(places.stripe):
+        own = np.flatnonzero(places.stripe == k)
+        residual, share, after = _residuals(places.section[own].astype(np.int64), fits["centre"][own].copy())
+        known = share > 0
+        if known.sum() < FEWEST:
+            short.append(own)
+            continue
+        variance = fits["variance"][own].copy()
+        excess = _excess(residual[known] / np.sqrt(share[known]), variance[known])
+        fits["variance"][own] += excess
+        lengths.append(_correlation(residual, share, after, variance + excess, excess))
+        excesses.append(excess)
+        weights.append(0 if places.ghost[own[0]] else len(own))
+    if not lengths or sum(weights) == 0:
+        return 0.0
+    for own in short:
+        fits["variance"][own] += np.average(excesses, weights=weights)
+    return float(np.average(lengths, weights=weights))
+
+
+def _excess(residual: Array, variance: Array) -> float:
+    """The variance beside the points' own, by maximum likelihood; 0 unless significant."""
+    ratio = residual**2 / variance
+    robust = np.median(np.abs(residual)) * 1.4826
+    usual = np.abs(residual) <= _ROBUST * max(robust, float(np.sqrt(np.median(variance))))
+    r2, v = residual[usual] ** 2, variance[usual]
+    if len(r2) < FEWEST // 2 or np.mean(ratio[usual]) <= 1 + SIGNIFICANT * np.sqrt(2 / len(r2)) * 1.5:
+        return 0.0
+    q = max(float(np.mean(r2 - v)), 0.0)
+    for _ in range(30):  # Σ w² (r² - v - q) = 0 with w = 1 / (v + q)
+        w2 = 1 / (v + q) ** 2
+        q = max(float(np.sum(w2 * (r2 - v)) / np.sum(w2)), 0.0)
+    return q
+
+
+def _correlation(residual: Array, share: Array, after: NDArray[np.int64], variance: Array, excess: float) -> float:
+    """Length of exp(-k / L) whose sum is that of the neighbours' correlation, of what scatters more than the pixels."""
+    if excess <= 0:
+        return 0.0
+    z = residual / np.sqrt(variance)
+    total = 0.0
+    for lag in range(1, MOST_LAGS + 1):
+        pairs = np.flatnonzero((after >= lag) & (share > 0))
+        pairs = pairs[(pairs + lag < len(z))]
+        pairs = pairs[share[pairs + lag] > 0]
+        if len(pairs) < FEWEST // 2:
+            break
+        a, b = np.clip(z[pairs], -_ROBUST, _ROBUST), np.clip(z[pairs + lag], -_ROBUST, _ROBUST)
+        rho = float(np.mean(a * b) / np.mean(0.5 * (a * a + b * b)))
+        if rho < 2 / np.sqrt(len(pairs)):
+            break
+        total += rho
+    if total <= 0:
+        return 0.0
+    return float(0.5 / np.arctanh(1 / (1 + 2 * total)))
+
+
+@kernel
+def _residuals(section: NDArray[np.int64], place: Array) -> tuple[Array, Array, NDArray[np.int64]]:
+    """Each point less the line through the WINDOW of its piece that it is in, the stripe's course taken off before.
+
+    The course is a cubic over three windows: a ball's arc is none of the noise. Returns residuals (N,), the share of a
+    white noise's variance that is left in each, 0 where a window has too few, and how many points follow it in its
+    window (N,).
+    """
+    n = len(section)
+    residual, share, after = np.zeros(n), np.zeros(n), np.zeros(n, np.int64)
+    flat = np.zeros(n)
+    start = 0
+    while start < n:
+        stop = start + 1
+        while stop < n and section[stop] - section[stop - 1] <= 2:
+            stop += 1
+        m = stop - start
+        windows = max(1, int(m / WINDOW + 0.5)) if m >= WINDOW // 2 else 0
+        for w in range(windows):
+            a, b = start + w * m // windows, start + (w + 1) * m // windows
+            low, high = max(start, a - WINDOW), min(stop, b + WINDOW)
+            if high - low > 2 * WINDOW:
+                _less_cubic(section, place, low, high, a, b, flat)
+            else:
+                for i in range(a, b):
+                    flat[i] = place[i] - place[a]
+            _less_line(section, flat, a, b, residual)
+            for i in range(a, b):
+                share[i], after[i] = 1 - 2.0 / (b - a), b - 1 - i
+        start = stop
+    return residual, share, after
+
+
+@kernel
+def _less_line(section: NDArray[np.int64], place: Array, a: int, b: int, out: Array) -> None:
+    sx = sy = sxx = sxy = 0.0
+    m = b - a
+    for k in range(a, b):
+        x, y = float(section[k] - section[a]), place[k]
+        sx, sy, sxx, sxy = sx + x, sy + y, sxx + x * x, sxy + x * y
+    slope = (sxy - sx * sy / m) / (sxx - sx * sx / m)
+    for k in range(a, b):
+        out[k] = place[k] - sy / m - slope * (float(section[k] - section[a]) - sx / m)
+
+
+@kernel
+def _less_cubic(section: NDArray[np.int64], place: Array, low: int, high: int, a: int, b: int, out: Array) -> None:
+    """Points a … b - 1 less the cubic through low … high - 1."""
+    middle, scale = float(section[(low + high) // 2]), 0.5 * float(section[high - 1] - section[low])
+    f00 = f01 = f02 = f03 = f12 = f13 = f23 = f33 = g0 = g1 = g2 = g3 = 0.0
+    base = place[(low + high) // 2]
+    for k in range(low, high):
+        x, y = (section[k] - middle) / scale, place[k] - base
+        x2, x3 = x * x, x * x * x
+        f00, f01, f02, f03 = f00 + 1.0, f01 + x, f02 + x2, f03 + x3
+        f13, f23, f33 = f13 + x2 * x2, f23 + x2 * x3, f33 + x3 * x3
+        g0, g1, g2, g3 = g0 + y, g1 + y * x, g2 + y * x2, g3 + y * x3
+    f12 = f03
+    definite, factor = factor4(Symmetric4(f00, f01, f02, f03, f02, f12, f13, f13, f23, f33), SINGULAR)
+    c = solve4(factor, Vector4(g0, g1, g2, g3)) if definite else Vector4(0.0, 0.0, 0.0, 0.0)
+    for k in range(a, b):
+        x = (section[k] - middle) / scale
+        out[k] = place[k] - base - (c.a0 + x * (c.a1 + x * (c.a2 + x * c.a3)))

@@ -1,0 +1,302 @@
+"""Tracks: a chain carried to every section, its light along it, its mean profile, and where it ends."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import medfilt
+
+from extraction.stripe.chain import Chain
+from geometry.compiled import kernel
+
+Array = NDArray[np.float64]
+
+_EXTENSION = 28  # sections beyond a chain's ends that are looked at: a level's section and links lost in noise
+_END_SECTIONS = 40  # inside, whose light is compared with that beyond
+_NEAR_END, _END_SHIFT = 8, 4  # sections on either side of an end that give its levels; how far it may still move
+_CLEAR = 8.0  # contrast of such a ridge
+_SHADOW, _SHADOW_SECTIONS = 0.12, 15  # share of a stripe's light, and sections in a row, that make a shadow in it
+_SLOPE_SECTIONS, _SLOPE_CLEAR = 24, 10  # that give the direction beyond an end; of a ridge that stands clear
+_GROUND_WIDTHS, _GROUND_PX = 4.0, 4.0  # of the window in which a rough ground is a polynomial
+_WALK_SECTIONS, _WALK_PULL, _STEEPEST = 4, 0.6, 4.0  # that point the way; a centre's pull; px a section at most
+_SECANT_SECTIONS = 6  # on either side, that give the slope at a section
+
+
+class Track(NamedTuple):
+    """A ridge at every section ``first`` … : place (n,) [px], and the Gaussian σ expected there (n,) [px]."""
+
+    first: int
+    place: Array
+    width: Array
+
+    @property
+    def stop(self) -> int:
+        """The section after its last."""
+        return self.first + len(self.place)
+
+
+def dense(chain: Chain, sections: int) -> Track:
+    """A chain at every section it spans, smoothed as its contrast allows, extended straight on at both ends."""
+    place = chain.place
+    half = 1 if chain.contrast > _CLEAR else (3 if chain.contrast > 5 else 6)
+    place = _smooth(chain.section, place, half)
+    low = int(np.ceil(chain.section[0] - chain.step / 2))
+    high = int(np.floor(chain.section[-1] + chain.step / 2))
+    s = np.arange(max(low - _EXTENSION, 0), min(high + _EXTENSION, sections - 1) + 1)
+    inside = np.interp(s, chain.section, place)
+    reach = max(3, (_SLOPE_CLEAR if chain.contrast > _CLEAR else _SLOPE_SECTIONS) // chain.step)
+    for end, index in ((0, slice(None, reach)), (-1, slice(-reach, None))):
+        beyond = s < chain.section[0] if end == 0 else s > chain.section[-1]
+        if beyond.any() and len(chain.section) > 2:
+            slope = _slope(chain.section[index], place[index])
+            at_end = place[end]
+            inside[beyond] = at_end + slope * (s[beyond] - chain.section[end])
+    return Track(int(s[0]), inside, secant(inside))
+
+
+def secant(place: Array) -> Array:
+    """How much wider a section sees a stripe of that course than its normal does (n,)."""
+    reach = min(_SECANT_SECTIONS, len(place) - 1)
+    if reach < 1:
+        return np.ones(len(place))
+    k = np.arange(len(place))
+    a, b = np.maximum(k - reach, 0), np.minimum(k + reach, len(place) - 1)
+    return np.asarray(np.hypot(1.0, (place[b] - place[a]) / (b - a)))
+
+
+def _slope(x: Array, y: Array) -> float:
+    middle = x.mean()
+    d = x - middle
+    total = float(d @ d)
+    return float(d @ (y - y.mean())) / total if total > 0 else 0.0
+
+
+def _smooth(x: Array, y: Array, half: int) -> Array:
+    """Local straight lines over 2 half + 1 nodes."""
+    if len(y) <= 2 * half + 1 or half < 1:
+        return y.copy()
+    n = 2 * half + 1
+    padded = np.concatenate([2 * y[0] - y[half:0:-1], y, 2 * y[-1] - y[-2 : -half - 2 : -1]])
+    return np.asarray(np.convolve(padded, np.ones(n) / n, mode="valid"))
+
+
+@kernel
+def walk_out(grey: NDArray[Any], first: int, place: Array, start: int, step: int, sigma: float, height: float) -> None:
+    """Follow a clear ridge from index ``start`` of its track to the track's end, section by section.
+
+    Each section's centre of light about where the last ones point pulls the track; where there is less than a third of
+    ``height``, it goes straight on. sigma: across the ridge, along its normal [px].
+    """
+    rows, back = grey.shape[0], _WALK_SECTIONS
+    i = start
+    while 0 <= i < len(place):
+        near, far = i - step, i - step * (back + 1)
+        slope = (place[near] - place[far]) / back if 0 <= far < len(place) else 0.0
+        slope = min(max(slope, -_STEEPEST), _STEEPEST)
+        c, wide = place[near] + slope, sigma * math.sqrt(1 + slope * slope)
+        half = 2.0 * wide + 0.5
+        low, high = max(math.ceil(c - half), 0), min(int(c + half), rows - 1)
+        if high - low < 2:
+            place[i] = c
+            i += step
+            continue
+        base = min(float(grey[low, first + i]), float(grey[high, first + i]))
+        total, moment = 0.0, 0.0
+        for r in range(low, high + 1):
+            g = max(float(grey[r, first + i]) - base, 0.0)
+            total, moment = total + g, moment + g * (r - c)
+        lit = total > 0.33 * height * 2.0 * wide
+        place[i] = c + (_WALK_PULL * moment / total if lit else 0.0)
+        i += step
+
+
+@kernel
+def light_along(grey: NDArray[Any], first: int, place: Array, halves: Array, out: Array) -> None:
+    """Centre less flanks of each section [DN]: mean within half its width of the track less the mean of the flanks.
+
+    halves: of the centre (n,) [px]. Each flank is about as wide and begins at twice that from the track; of what the
+    border cuts off, nothing is taken.
+    """
+    rows = grey.shape[0]
+    for i in range(len(place)):
+        c, s, half = place[i], first + i, halves[i]
+        inner, outer = 2.0 * half + 0.5, 3.0 * half + 1.5
+        total, n, flank, m = 0.0, 0, 0.0, 0
+        for r in range(max(int(np.ceil(c - outer)), 0), min(int(c + outer), rows - 1) + 1):
+            off = abs(r - c)
+            if off <= half + 0.5:
+                total += float(grey[r, s])
+                n += 1
+            elif off >= inner:
+                flank += float(grey[r, s])
+                m += 1
+        out[i] = total / n - flank / m if n > 0 and m > 0 else 0.0
+
+
+def light_on_rough_ground(grey: NDArray[Any], track: Track, place: Array, width: float) -> Array:
+    """Height of a bell of that σ at each section (n,) [DN], on a ground that is a polynomial of the fourth degree.
+
+    Blotches some widths large are such polynomials; what is left of them in the answer is noise between neighbours.
+    """
+    reach = int(_GROUND_WIDTHS * width + _GROUND_PX)
+    x = np.arange(-reach, reach + 1) / reach
+    bell = np.exp(-0.5 * (x * reach / width) ** 2)
+    weights = np.linalg.pinv(np.column_stack([bell, *(x**k for k in range(5))]))[0]
+    out = np.empty(len(place))
+    _correlate(grey, track.first, place, np.ascontiguousarray(weights), out)
+    return out
+
+
+@kernel
+def _correlate(grey: NDArray[Any], first: int, place: Array, weights: Array, out: Array) -> None:
+    rows, half = grey.shape[0], len(weights) // 2
+    for i in range(len(place)):
+        total = 0.0
+        for k in range(len(weights)):
+            x = min(max(place[i] + k - half, 0.0), rows - 1.001)
+            r = int(x)
+            t = x - r
+            total += weights[k] * ((1 - t) * float(grey[r, first + i]) + t * float(grey[r + 1, first + i]))
+        out[i] = total
+
+
+@kernel
+def mean_profile(grey: NDArray[Any], first: int, place: Array, step: float, out: Array) -> int:
+    """Mean grey levels at distances (k - len // 2) · step from the track, interpolated; returns the sections taken."""
+    rows, half = grey.shape[0], len(out) // 2
+    out[:] = 0.0
+    n = 0
+    for i in range(len(place)):
+        c, s = place[i], first + i
+        if c < 0 or c > rows - 1:
+            continue
+        n += 1
+        for k in range(len(out)):
+            x = min(max(c + (k - half) * step, 0.0), rows - 1.001)
+            r = int(x)
+            t = x - r
+            out[k] += (1 - t) * float(grey[r, s]) + t * float(grey[r + 1, s])
+    if n > 0:
+        for k in range(len(out)):
+            out[k] /= n
+    return n
+
+
+class Bumps(NamedTuple):
+    """Peaks of a mean profile: how many (0, 1, 2), offsets [px], Gaussian σ by the flanks [px], flatness."""
+
+    peaks: int
+    first: float
+    second: float
+    width: float
+    height: float
+    flat: float
+
+
+@kernel
+def bumps(profile: Array, step: float, reach: float, clip: float) -> Bumps:
+    """What stands in a mean profile within ``reach`` of its middle.
+
+    Two peaks count where the valley between is a tenth below the lower. flat: the width at four fifths of the height
+    over that at three tenths; 0.43 for a Gaussian, 1 for a box.
+    """
+    n, middle = len(profile), len(profile) // 2
+    low, high = max(1, middle - int(reach / step)), min(n - 2, middle + int(reach / step))
+    top = low
+    for k in range(low, high + 1):
+        if profile[k] > profile[top]:
+            top = k
+    left, right = profile[top], profile[top]
+    for k in range(top, -1, -1):
+        left = min(left, profile[k])
+    for k in range(top, n):
+        right = min(right, profile[k])
+    base = max(left, right)
+    height = profile[top] - base
+    if not height > 0:
+        return Bumps(0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    best = -1
+    for side in (-1, 1):
+        valley, k = profile[top], top + side
+        while low <= k <= high:
+            valley = min(valley, profile[k])
+            peak = profile[k] >= profile[k - 1] and profile[k] >= profile[k + 1]
+            apart = profile[k] - base > 0.35 * height and profile[k] - valley > 0.1 * (profile[k] - base)
+            if peak and apart and (best < 0 or profile[k] > profile[best]):
+                best = k
+            k += side
+    a = _crossing(profile, top, -1, base + 0.5 * height)
+    b = _crossing(profile, top, 1, base + 0.5 * height)
+    if best >= 0:
+        near = min(top - a, b - top)  # the flank that no neighbour touches
+        near_best = (
+            best - _crossing(profile, best, -1, base + 0.5 * (profile[best] - base))
+            if best < top
+            else (_crossing(profile, best, 1, base + 0.5 * (profile[best] - base)) - best)
+        )
+        width = min(near, near_best) * step * 2 / 2.3548
+        x, y = min(top, best), max(top, best)
+        return Bumps(2, (x - middle) * step, (y - middle) * step, max(width, 0.5), height, 0.0)
+    upper = _crossing(profile, top, 1, base + 0.8 * height) - _crossing(profile, top, -1, base + 0.8 * height)
+    lower = _crossing(profile, top, 1, base + 0.3 * height) - _crossing(profile, top, -1, base + 0.3 * height)
+    flat = upper / lower if lower > 0 and profile[top] < 0.9 * clip else 0.0
+    return Bumps(1, (0.5 * (a + b) - middle) * step, 0.0, (b - a) * step / 2.3548, height, flat)
+
+
+@kernel
+def _crossing(profile: Array, start: int, side: int, level: float) -> float:
+    """Index at which the profile falls below the level, going outwards from ``start``."""
+    k = start
+    while 0 < k < len(profile) - 1 and profile[k] >= level:
+        k += side
+    inner = k - side
+    drop = profile[inner] - profile[k]
+    return inner + side * ((profile[inner] - level) / drop if drop > 0 and profile[k] < level else 0.0)
+
+
+def likeliest_ends(light: Array, inside: slice, on_nothing: bool = False) -> tuple[int, int]:
+    """First and last + 1 index of a track of that light: where a step down is likeliest, at either end.
+
+    light (n,), of which ``inside`` belongs to the chain. First the step is from the median light of the nearest
+    sections inside to nothing, then from what the sections just inside have to what those just outside have: a rough
+    ground is not nothing, unless ``on_nothing`` says so.
+    """
+    n, length = len(light), inside.stop - inside.start
+    stop = n - _likeliest_start(light[::-1], n - inside.stop, length, on_nothing)
+    return _likeliest_start(light, inside.start, length, on_nothing), stop
+
+
+def _likeliest_start(light: Array, start: int, length: int, on_nothing: bool) -> int:
+    depth = min(_END_SECTIONS, max(length, 1))
+    height = float(np.median(light[start : start + depth]))
+    run = np.cumsum((light[: start + depth] - 0.5 * height)[::-1])[::-1]
+    k = int(np.argmax(np.round(run, 6)))
+    for _ in range(0 if on_nothing else 2):
+        before, after = light[max(k - _NEAR_END, 0) : k], light[k : k + _NEAR_END]
+        if len(before) < _NEAR_END // 2 or len(after) < _NEAR_END:
+            break
+        level = 0.5 * (float(np.mean(before)) + float(np.mean(after)))
+        a, b = max(k - _END_SHIFT, 0), min(k + _END_SHIFT, len(light))
+        run = np.cumsum((light[a:b] - level)[::-1])[::-1]
+        k = a + int(np.argmax(np.round(run, 6)))
+    return k
+
+
+def lit_pieces(light: Array, inside: slice) -> list[slice]:
+    """The stretches of a track that are lit: where the light, a median over some sections, is not far below its own.
+
+    A ridge goes on through a shadow on what little is there; a stripe does not.
+    """
+    part = light[inside]
+    height = float(np.median(np.sort(part)[len(part) // 2 :]))
+    half = min(_SHADOW_SECTIONS // 2, (len(part) - 1) // 2)
+    smooth = np.asarray(medfilt(part, 2 * half + 1)) if half else part
+    lit = np.concatenate([[False], smooth > _SHADOW * height, [False]])
+    turns = np.flatnonzero(lit[1:] != lit[:-1])
+    runs = list(zip(turns[::2], turns[1::2], strict=True))
+    if len(runs) <= 1 and len(part) == sum(b - a for a, b in runs):
+        return [inside]
+    return [slice(inside.start + int(a), inside.start + int(b)) for a, b in runs if b - a >= _SHADOW_SECTIONS]

@@ -1,0 +1,76 @@
+"""A string jig whose side and height are uncertain, too, beside its anchors' places."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geometry import Pose, Prediction, Shape, SheetPoints, Symmetry
+from jig_cad.crossing import predict_crossings
+from jig_cad.jig import Jig
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+SIZES = ("side_mm", "height_mm")
+_STEP_MM = 1e-3  # of the derivatives by central differences; crossings are all but linear in a size
+
+
+@dataclass(frozen=True, eq=False)
+class SizedJig:
+    """``jig`` with two more shape unknowns [mm]: what is to be added to its side (y and z) and height (x)."""
+
+    jig: Jig
+
+    @property
+    def features(self) -> tuple[str, ...]:
+        """The strings."""
+        return self.jig.features
+
+    @property
+    def shape(self) -> Shape:
+        """The jig's, and its sizes, which its file takes for exact."""
+        shape = self.jig.shape
+        return Shape((*shape.labels, *SIZES), np.concatenate([shape.sigma, np.zeros(len(SIZES))]))
+
+    @property
+    def symmetries(self) -> tuple[Symmetry, ...]:
+        """The jig's."""
+        return self.jig.symmetries
+
+    @property
+    def freedom(self) -> tuple[bool, ...]:
+        """The jig's."""
+        return self.jig.freedom
+
+    @property
+    def residuals_per_point(self) -> int:
+        """The jig's."""
+        return self.jig.residuals_per_point
+
+    def resized(self, side_mm: float, height_mm: float) -> Jig:
+        """The jig with so much more side and height."""
+        return replace(self.jig, anchors_mm=self._anchors(np.array([side_mm, height_mm])))
+
+    def predict(self, T_sensor_target: Pose, shape: Array, points: SheetPoints) -> Prediction:
+        """See Target."""
+        shifts, sizes = shape[: -len(SIZES)], shape[-len(SIZES) :]
+        found = self._crossings(T_sensor_target, shifts, sizes, points)
+        by_size = []
+        for unit in np.eye(len(SIZES)) * _STEP_MM:
+            above, below = (self._crossings(T_sensor_target, shifts, sizes + s * unit, points) for s in (1, -1))
+            by_size.append((above.residual - below.residual) / (2 * _STEP_MM))
+        return replace(found, by_shape=np.concatenate([found.by_shape, np.stack(by_size, -1)], -1))
+
+    def offset(self, points_mm: Array, feature: Index) -> tuple[Array, Array]:
+        """See Target."""
+        return self.jig.offset(points_mm, feature)
+
+    def _anchors(self, sizes: Array) -> Array:
+        across, along = 1 + sizes[0] / self.jig.side_mm, 1 + sizes[1] / self.jig.height_mm
+        return np.asarray(self.jig.anchors_mm * np.array([along, across, across]))
+
+    def _crossings(self, T: Pose, shifts: Array, sizes: Array, points: SheetPoints) -> Prediction:
+        return predict_crossings(self._anchors(sizes), self.jig.start_index, self.jig.end_index, T, shifts, points)

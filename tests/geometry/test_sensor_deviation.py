@@ -1,0 +1,70 @@
+"""Points under other sensor parameters, against OpenCV's projection of the points that they should be."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+from calib.synthetic.cell import default_sensor
+from geometry import Pose, exp_so3
+from geometry.sensor import SensorDeviation, SensorUncertainty
+
+ATOL_PX = 1e-8
+CHANGES = {
+    "focal": {"fx_px": 15.0, "fy_px": 12.0},
+    "centre": {"cx_px": 5.0, "cy_px": -4.0},
+    "lens": {"k1": -0.08, "p1": 1e-3},
+    "plane": {"plane_tilt_y_rad": 4e-3, "plane_tilt_z_rad": -3e-3, "plane_shift_mm": 0.4},
+}
+
+
+@pytest.mark.parametrize("kind", CHANGES)
+def test_a_point_keeps_its_pixel(kind: str) -> None:
+    """The corrected camera projects the corrected point to the pixel that the file's camera saw its point in."""
+    sensor, change = default_sensor(), CHANGES[kind]
+    camera = sensor.require_camera()
+    yz = np.random.default_rng(1).uniform([-40, 250], [40, 330], (20, 2))
+    seen = SensorDeviation(sensor, tuple(change)).seen(yz, list(change.values()))
+    true_mm = seen.T_sensor_sheet @ np.column_stack([np.zeros(20), seen.yz_mm])
+    if kind != "plane":
+        np.testing.assert_allclose(true_mm[:, 0], 0, atol=1e-12)
+
+    def project(p: np.ndarray, more: dict[str, float]) -> np.ndarray:
+        back = camera.T_sensor_camera.inverse()
+        K = camera.matrix + np.array(
+            [[more.get("fx_px", 0), 0, more.get("cx_px", 0)], [0, more.get("fy_px", 0), more.get("cy_px", 0)], [0] * 3]
+        )
+        lens = np.array([more.get("k1", 0.0), 0.0, more.get("p1", 0.0), 0.0, 0.0])
+        return np.asarray(cv2.projectPoints(p, cv2.Rodrigues(back.R)[0], back.t, K, lens)[0][:, 0])
+
+    by_file = project(np.column_stack([np.zeros(20), yz]), {})
+    np.testing.assert_allclose(project(true_mm, change), by_file, atol=ATOL_PX)
+
+
+def test_derivatives_are_those_of_the_plane_and_of_the_points() -> None:
+    names = ("fx_px", "cy_px", "k1", "plane_tilt_y_rad", "plane_tilt_z_rad", "plane_shift_mm", "scale_z")
+    deviation = SensorDeviation(default_sensor(), names)
+    rng = np.random.default_rng(2)
+    yz, values = rng.uniform([-40, 250], [40, 330], (3, 5, 2)), rng.normal(size=7) * 1e-3
+    twists, motions = deviation.derivatives(yz, values)
+    step = rng.normal(size=7) * 1e-6
+    here, there = deviation.seen(yz, values), deviation.seen(yz, values + step)
+    np.testing.assert_allclose(motions @ step, there.yz_mm - here.yz_mm, atol=1e-9)
+    np.testing.assert_allclose((here.T_sensor_sheet.inverse() @ there.T_sensor_sheet).log(), twists @ step, atol=1e-11)
+
+
+def test_profile_sensor_has_scales_alone() -> None:
+    assert SensorUncertainty.by_source("drawing", None).parameters == ("scale_y", "scale_z")
+
+
+def test_independent_errors_give_the_covariance_back() -> None:
+    usual = SensorUncertainty.by_source("data sheet", (2300.0, 2300.0))
+    names, basis = usual.independent()
+    np.testing.assert_allclose(basis @ basis.T, usual.covariance, rtol=0, atol=1e-12)
+    assert names[0] == "fx_px, fy_px"
+
+
+def test_plane_is_turned_about_its_axes() -> None:
+    seen = SensorDeviation(default_sensor(), ("plane_tilt_y_rad",)).seen(np.zeros((0, 2)), [0.01])
+    np.testing.assert_allclose(seen.T_sensor_sheet.matrix, Pose(exp_so3(np.array([0, 0.01, 0])), np.zeros(3)).matrix)

@@ -1,0 +1,140 @@
+"""What the page says is so: of the file as it is now, of the parameters as they are now, of what was measured."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from tests.window.chromium import Page, ended, needs_browser, served
+from workbench.window.serve import way_in
+
+pytestmark = needs_browser
+
+
+@pytest.fixture(scope="module")
+def folder(cell_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Bare images: five spots, a white image, and a name with underscores that is not an image."""
+    folder = tmp_path_factory.mktemp("bare") / "images"
+    folder.mkdir()
+    shutil.copy(cell_folder / "images" / "000.png", folder / "a.png")
+    cv2.imwrite(str(folder / "b_white.png"), np.full((512, 640), 255, np.uint8))
+    (folder / "c_cut_short.png").write_bytes((cell_folder / "images" / "001.png").read_bytes()[:5000])
+    return folder
+
+
+@pytest.fixture(scope="module")
+def bare(browser: Any, folder: Path, cell_folder: Path) -> Iterator[Page]:
+    process, address = served(str(folder), "--sensor", str(cell_folder / "sensor.toml"))
+    browser.get(address)
+    page = Page(browser)
+    page.until("document.documentElement.dataset.surveyed === '3'", 60)
+    yield page
+    ended(process)
+
+
+def test_without_a_jig_spots_are_counted_in_grey(bare: Page) -> None:
+    badge = "document.querySelectorAll('#strip .badge')[0]"
+    assert bare.js(f"return {badge}.className") == "badge count"
+    assert int(bare.js(f"return {badge}.textContent")) == len(bare.answer()["spots"]) > 0
+    assert "all found" not in bare.js("return document.body.innerText")
+
+
+def test_a_white_image_has_a_white_small_picture(bare: Page) -> None:
+    brightness = bare.driver.execute_async_script(
+        """const done = arguments[0], image = new Image();
+        image.onload = () => { const c = new OffscreenCanvas(1, 1).getContext('2d');
+          c.drawImage(image, 0, 0, 1, 1); done(c.getImageData(0, 0, 1, 1).data[0]); };
+        image.src = document.querySelectorAll('#strip img')[1].src;"""
+    )
+    assert brightness > 250
+
+
+def test_names_keep_their_underscores(bare: Page) -> None:
+    bare.tab("sheet")
+    bare.js("document.querySelectorAll('#sheet .choice button')[1].click()")
+    assert "c_cut_short.png" in bare.js("return document.querySelectorAll('#sheet tr.go')[2].innerText")
+    bare.tab("image")
+
+
+def test_what_was_not_measured_has_no_number(bare: Page) -> None:
+    bare.js(
+        """window.realFetch = window.fetch;
+        window.fetch = async (path, options) => {
+          const r = await window.realFetch(path, options);
+          if (!String(path).endsWith('process')) return r;
+          const body = await r.json(); body.spots.forEach((s) => { s.width[0] = null; });
+          return new Response(JSON.stringify(body), { status: 200 });
+        };"""
+    )
+    bare.image(1)
+    bare.image(0)
+    bare.js("window.fetch = window.realFetch")
+    bare.find("#canvas").send_keys("n")
+    bare.until("document.querySelector('#inspector').textContent.includes('lengthnot measured')")
+
+
+def test_the_time_counts_from_the_asking(bare: Page) -> None:
+    """A picture that comes by itself, here of a file written anew, did not take since the last click."""
+    bare.image(0)
+    bare.js("document.documentElement.dataset.ms = ''")
+    bare.driver.execute_async_script("setTimeout(arguments[0], 700)")
+    bare.js("import('./static/stage.js').then((s) => s.refresh())")
+    bare.until("document.documentElement.dataset.ms !== ''")
+    assert float(bare.js("return document.documentElement.dataset.ms")) < 650
+
+
+def test_a_file_written_anew_is_shown_anew(bare: Page, folder: Path, cell_folder: Path) -> None:
+    """The picture under the spots is the file that they were found in, without a click."""
+    bare.image(0)
+    before, spots = bare.drawing(), bare.js("return document.querySelectorAll('#strip .badge')[0].textContent")
+    small = bare.js("return document.querySelectorAll('#strip img')[0].src")
+    image = cv2.imread(str(cell_folder / "images" / "000.png"), cv2.IMREAD_UNCHANGED)
+    part = folder.parent / "part.png"
+    cv2.imwrite(str(part), np.zeros_like(image))
+    part.replace(folder / "a.png")
+    bare.until("document.querySelectorAll('#strip .badge')[0].textContent === '0'", 15)
+    assert spots != "0"
+    bare.until("document.querySelectorAll('#strip img')[0].src !== arguments[0]".replace("arguments[0]", f"'{small}'"))
+    dark = """(() => { const c = document.getElementById('canvas'), x = c.width / 2 | 0, y = c.height / 2 | 0;
+        const d = c.getContext('2d').getImageData(x - 100, y - 100, 200, 200).data;
+        return d.every((v, i) => i % 4 === 3 || v < 8); })()"""
+    bare.until(dark, 10)
+    assert bare.drawing() != before
+    shutil.copy(cell_folder / "images" / "000.png", folder / "a.png")
+
+
+def test_a_calibration_is_marked_once_parameters_changed(browser: Any, cell_folder: Path, tmp_path: Path) -> None:
+    process, address = served(str(cell_folder), "--out", str(tmp_path))
+    try:
+        browser.get(address)
+        page = Page(browser)
+        page.until("document.documentElement.dataset.shown", 60)
+        page.find("#calibrate").click()
+        page.until("document.documentElement.dataset.calibrated", 120)
+        assert page.js("return document.querySelector('#calibration .worse')") is None
+        page.slide("detect.threshold", 700)
+        page.until("document.querySelector('#calibration .worse') !== null")
+        page.find("#undo").click()
+        page.until("document.querySelector('#calibration .worse') === null")
+    finally:
+        ended(process)
+
+
+def test_the_way_in_shows_the_token_to_this_user_alone(browser: Any, folder: Path, cell_folder: Path) -> None:
+    """What is on the browser's command line is a file that others can not read, and it leads to the page."""
+    process, address = served(str(folder), "--sensor", str(cell_folder / "sensor.toml"))
+    try:
+        with way_in(address) as page:
+            assert page.parent.stat().st_mode & 0o077 == 0
+            assert address.split("/")[3] not in page.as_uri()
+            browser.get(page.as_uri())
+            Page(browser).until("document.documentElement.dataset.shown", 60)
+        assert not page.exists()
+    finally:
+        ended(process)

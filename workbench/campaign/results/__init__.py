@@ -1,0 +1,1 @@
+"""What came of it: summary, advice, plots, page."""

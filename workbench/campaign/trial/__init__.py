@@ -1,0 +1,1 @@
+"""One trial: an emulated cell, its frames, what came out."""

@@ -1,0 +1,58 @@
+"""The unit of work: a few trials in one process, their rows as Parquet bytes."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from workbench.campaign.asked.plan import Plan
+from workbench.campaign.asked.trials import keeps_images, n_trials, trial_seed, trial_settings
+from workbench.campaign.store.environment import numeric_environment
+from workbench.campaign.store.rows import FRAME_SCHEMA, PARQUET, TIMING_SCHEMA, trial_schema
+from workbench.campaign.store.store import ShardResult
+from workbench.campaign.trial.trial import Trial, run_trial
+from workbench.campaign.work.worker import one_thread
+from workbench.files import rounded
+
+
+def run_one(plan: Plan, trial: int) -> Trial:
+    """Run one trial of the plan."""
+    _, settings = trial_settings(plan, trial)
+    try:
+        return run_trial(settings, plan.run, trial_seed(plan, trial), keep_images=keeps_images(plan, trial))
+    except Exception as error:
+        error.add_note(f"in trial {trial}")
+        raise
+
+
+def run_shard(plan: Plan, shard: int) -> ShardResult:
+    """Run a shard's trials; what is returned depends on the plan and the shard alone, timings apart."""
+    one_thread()
+    first = shard * plan.shard_trials
+    last = min(first + plan.shard_trials, n_trials(plan))
+    trials, frames, timings = [], [], []
+    images: dict[str, bytes] = {}
+    for number in range(first, last):
+        point, _ = trial_settings(plan, number)
+        trial = run_one(plan, number)
+        key = {"trial": number, "point": number // plan.repeats, "repeat": number % plan.repeats}
+        trials.append(key | {"seed": plan.seed} | point | dict(trial.row))
+        frames += [{"trial": number} | row for row in trial.frames]
+        timings.append({"trial": number} | dict(trial.timings))
+        images |= {f"images/{number:08d}/{name}": data for name, data in trial.images.items()}
+    tables = {
+        "trials": _parquet(trials, trial_schema(plan)),
+        "frames": _parquet(frames, FRAME_SCHEMA),
+        "timings": _parquet(timings, TIMING_SCHEMA),
+    }
+    return ShardResult(shard, tables, images, numeric_environment())
+
+
+def _parquet(rows: Sequence[Mapping[str, Any]], schema: pa.Schema) -> bytes:
+    sink = io.BytesIO()
+    pq.write_table(pa.Table.from_pylist([rounded(dict(row)) for row in rows], schema), sink, **PARQUET)
+    return sink.getvalue()

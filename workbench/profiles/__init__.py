@@ -1,0 +1,18 @@
+"""Profiles as makers' sensors deliver them: files recognised, read, written; points checked against the sensor."""
+
+from workbench.profiles.conversion import convert
+from workbench.profiles.files import READERS, SUFFIXES, WRITERS, read_scan_lines, write_scan_lines
+from workbench.profiles.scan_line import ScanLine, Told
+from workbench.profiles.source import open_source
+
+__all__ = [
+    "READERS",
+    "SUFFIXES",
+    "WRITERS",
+    "ScanLine",
+    "Told",
+    "convert",
+    "open_source",
+    "read_scan_lines",
+    "write_scan_lines",
+]
