@@ -1,7 +1,6 @@
 """Ground floor: poses, lines, the sensor, the robot, measured points and errors (numpy and scipy only)."""
 
 from geometry.board import BOARD_KINDS, Board
-from geometry.errors import InputError, MissingDependencyError, NoAnswerError, PerceptronEmuError, did_you_mean
 from geometry.errors import (
     LONGEST_WORD,
     InputError,
