@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ from geometry.sensor import CAMERA_PARAMETERS
 Array = NDArray[np.float64]
 
 _FOCAL_GRID = (0.7, 1.2, 2.0, 3.5, 6.0)  # of the image's width: from a wide lens to a long one
-_MAX_STEPS = 40
+_MAX_STEPS = 30
 # what no lens exceeds: keeps a term that the views hardly tell from running away; far beyond what is usual
 PRIOR_SIGMA = dict(zip(TERMS, (1.0, 5.0, 0.05, 0.05, 20.0, 5.0, 20.0, 50.0, 0.1, 0.5, 0.1, 0.5, 0.5, 0.5), strict=True))
 
@@ -39,7 +39,7 @@ class SensorBundle:
     terms: tuple[str, ...]
     width_px: float
     corner_scale: float = 1.0
-    stripe_noise: StripeNoise = StripeNoise()
+    stripe_noise: StripeNoise = field(default_factory=StripeNoise)
 
     @property
     def unknowns(self) -> Unknowns:
@@ -79,9 +79,8 @@ class SensorBundle:
         """The least-squares solution from a start, where every block has a value."""
         known = State({b.name: start.values[b.name] for b in self.unknowns.blocks})
         begin = self.held(known)
-        terms = (self.corner_term, self.stripe_term.held_at(begin)) if self.has_plane else (self.corner_term,)
         with np.errstate(over="ignore", invalid="ignore"):  # a trial step too far is refused by its cost
-            return solve(terms, self.unknowns, begin, max_iterations=_MAX_STEPS)
+            return solve(self.evidence, self.unknowns, begin, max_iterations=_MAX_STEPS)
 
     def held(self, state: State) -> State:
         """The state with all terms that are not free at zero."""

@@ -118,7 +118,7 @@ class _Attempt:
             return _Attempt(given, size_px, settings, dropped, None, state)
         choice = choose_terms(SensorBundle(views, (), width), state, settings.max_terms)
         for _ in range(_ROUNDS):
-            cleaned = _without_outliers(_on_lines(choice.bundle.views, choice.result.state, FINE_PX), choice)
+            cleaned = _without_outliers(_on_lines(views, choice.result.state, FINE_PX), choice)
             bundle = replace(choice.bundle, views=cleaned)
             result = bundle.solve(choice.result.state)
             bundle = with_noise(bundle, result)
@@ -141,7 +141,7 @@ class _Attempt:
             return names[i], f"its corners are {out.corner_px[i]:.2f} px off where the other views expect them"
         i = int(np.argmax(offset))
         return names[i], (
-            f"its stripe lies {abs(out.offset_mm[i]):.3f} mm off the plane of the others "
+            f"its stripe lies {out.stripe_mm[i]:.3f} mm off the plane of the others "
             f"(the board moved between the two pictures?)"
         )
 
@@ -159,7 +159,7 @@ class _Attempt:
         cov = bundle.covariance(result)
         frame = sheet_frame(result.state.vector(CAMERA), result.state.vector(PLANE), self.settings.origin_yz_mm)
         results |= _view_results(choice, frame, centre)
-        rows = bundle.stripe_term.rows(result.state)
+        distances = bundle.stripe_term.distances(result.state).residual
         errors = bundle.corner_term.errors(result.state).residual
         solution = _solution(bundle, result, cov, frame, centre)
         depth, sigma = _depth_sigma(bundle, result, cov, self.settings.origin_yz_mm)
@@ -170,12 +170,12 @@ class _Attempt:
             views=tuple(results[v.name] for v in self.given),
             solution=solution,
             reprojection_rms_px=float(np.sqrt(np.mean(np.sum(errors**2, axis=1)))),
-            plane_rms_mm=float(np.sqrt(np.mean(rows.residual**2))),
+            plane_rms_mm=float(np.sqrt(np.mean(distances**2))),
             left_out_px=choice.left_out.reprojection_rms_px,
             left_out_mm=choice.left_out.plane_rms_mm,
             corner_scale=bundle.corner_scale,
-            stripe_scale=bundle.stripe_noise.scale,
-            offset_mm=bundle.stripe_noise.offset_mm,
+            stripe_scale=float(np.median(bundle.stripe_noise.scale)),
+            offset_px=bundle.stripe_noise.offset_px,
             chi2_per_dof=_chi2(choice),
             sigma_z_mm=sigma,
             depth_mm=depth,
@@ -210,11 +210,11 @@ def _without_outliers(views: Views, choice: Choice) -> Views:
     white = bundle.corner_term.independent_rows(state).residual.reshape(-1, 2)
     size = np.linalg.norm(white, axis=1)
     fine = size < CORNER_SIGMAS * max(float(np.median(size)) / 1.177, 1e-12)  # the median of two normal numbers' length
-    rows = bundle.stripe_term.rows(state)
+    along = bundle.stripe_term.errors(state).residual
     out = []
     for i, v in enumerate(views.views):
         mine = views.view_of_stripe == i
-        z = rows.residual[mine] / rows.sigma[mine]
+        z = along[mine] / views.stripe.sigma_px[mine]
         z = z - (np.median(z) if len(z) else 0.0)
         good = np.abs(z) < STRIPE_SIGMAS * max(1.4826 * float(np.median(np.abs(z))) if len(z) else 1.0, 1e-12)
         stripe = v.stripe[good] if good.sum() >= MIN_POINTS else v.stripe[:0]
@@ -227,12 +227,12 @@ def _without_outliers(views: Views, choice: Choice) -> Views:
 def _offset_ratio(choice: Choice) -> Array:
     """How far each left-out view's stripe is off, over what is allowed (V,)."""
     out = choice.left_out
-    offset = np.abs(np.nan_to_num(out.offset_mm))
+    offset = np.abs(np.nan_to_num(out.offset_px))
     seen = out.stripe_count > 0
     if seen.sum() < FEWEST_VIEWS + 1:
         return np.zeros(len(offset))
     usual = 1.4826 * float(np.median(offset[seen]))
-    allowed = np.maximum(OFFSET_SIGMAS * np.nan_to_num(out.offset_sigma_mm, nan=np.inf), OFFSET_RATIO * usual)
+    allowed = np.maximum(OFFSET_SIGMAS * np.nan_to_num(out.offset_sigma_px, nan=np.inf), OFFSET_RATIO * usual)
     return np.asarray(offset / np.maximum(allowed, 1e-12))
 
 
@@ -243,7 +243,7 @@ def _view_results(choice: Choice, frame: object, centre: Array) -> dict[str, Vie
     bundle, state, out = choice.bundle, choice.result.state, choice.left_out
     views = bundle.views
     errors = bundle.corner_term.errors(state).residual
-    rows = bundle.stripe_term.rows(state)
+    distances = bundle.stripe_term.distances(state).residual
     yz = to_sheet(state.vector(CAMERA), frame, views.stripe.uv_px)
     board = state.pose(BOARD)
     results = {}
@@ -254,14 +254,14 @@ def _view_results(choice: Choice, frame: object, centre: Array) -> dict[str, Vie
             True,
             None if on.any() else "no stripe was found on its board: its corners are used",
             float(np.sqrt(np.mean(np.sum(errors[mine] ** 2, axis=1)))),
-            float(np.sqrt(np.mean(rows.residual[on] ** 2))) if on.any() else float("nan"),
+            float(np.sqrt(np.mean(distances[on] ** 2))) if on.any() else float("nan"),
             float(out.corner_px[i]),
             float(out.stripe_mm[i]),
             v.corners.uv_px + centre,
             errors[mine],
             v.stripe.uv_px + centre,
             yz[on],
-            rows.residual[on],
+            distances[on],
             float(np.rad2deg(np.arccos(min(1.0, abs(board.R[i, 2, 2]))))),
         )
     return results

@@ -29,7 +29,8 @@ LENGTH |= dict.fromkeys(PRISM, 12) | dict.fromkeys(TILT, 14)  # of OpenCV's vect
 
 # χ² of left-out views that each further term must save: what a needless one saves by chance, at most, in one of
 # twenty sensors (benchmarks/calibrate_sensor.py)
-PRICE = 2.0
+PRICE = 3.0
+POINTS = 60  # of a view's stripe, which tell terms apart as well as all
 _ROUNDS = 2  # radial terms and the others in turn
 MAX_CONTRADICTED = 1.0  # standard errors of the views' own gains: one view alone is no evidence
 
@@ -76,6 +77,7 @@ class _Fit:
 
 def choose_terms(bundle: SensorBundle, start: State, max_terms: int = 14) -> Choice:
     """The set of terms out of those that fit into ``max_terms`` of OpenCV's vector."""
+    bundle = replace(bundle, views=bundle.views.thinned(POINTS))
     usual = tuple(t for t in (*RADIAL[2], *TANGENTIAL) if LENGTH[t] <= max_terms)
     first = replace(bundle, terms=usual)
     corners = first.without_stripes().solve(start)

@@ -38,8 +38,8 @@ class LeftOut:
         Root mean square distance of its stripe's points from the plane; NaN where there is no stripe.
     stripe_deviance : ndarray (V,)
         Squared whitened distances.
-    offset_mm, offset_sigma_mm : ndarray (V,)
-        Weighted mean distance of the stripe's points from the plane and its standard deviation.
+    offset_px, offset_sigma_px : ndarray (V,)
+        Weighted mean of the stripe's errors along its normal and its standard deviation.
     """
 
     corner_px: Array
@@ -47,8 +47,8 @@ class LeftOut:
     corner_dof: Array
     stripe_mm: Array
     stripe_deviance: Array
-    offset_mm: Array
-    offset_sigma_mm: Array
+    offset_px: Array
+    offset_sigma_px: Array
     corner_count: Array
     stripe_count: Array
 
@@ -77,10 +77,10 @@ def left_out(bundle: SensorBundle, result: Result) -> LeftOut:
     rows = [_rows(term.independent_rows(result.state), u, free) for term in bundle.evidence]
     corners = bundle.corner_term.errors(result.state)
     by_corner = _common(corners.jacobian, u, free)
-    raw = bundle.stripe_term.rows(result.state) if bundle.has_plane else None
+    raw = bundle.stripe_term.distances(result.state) if bundle.has_plane else None
     reduced = [_reduced([r.of(v) for r in rows]) for v in range(len(views))]
     hessian = sum((s for s, _ in reduced), np.diag(u.prior_weight[free]))
-    ones = bundle.stripe_term.independent(np.ones((len(raw.sigma), 1)), raw.sigma)[:, 0] if raw is not None else None
+    ones = bundle.stripe_term.independent(np.ones((len(raw.residual), 1)))[:, 0] if raw is not None else None
     table = np.full((len(views), 9), np.nan)
     for v, (own, gradient) in enumerate(reduced):
         rest = hessian - own

@@ -29,7 +29,7 @@ def with_noise(bundle: SensorBundle, result: Result, offsets: bool = True) -> Se
         return bundle
     noise = _along_stripes(bundle, result.state)
     bundle = replace(bundle, stripe_noise=noise)
-    return replace(bundle, stripe_noise=replace(noise, offset_mm=_offset(bundle, result))) if offsets else bundle
+    return replace(bundle, stripe_noise=replace(noise, offset_px=_offset(bundle, result))) if offsets else bundle
 
 
 def first_noise(bundle: SensorBundle, boards: Result) -> SensorBundle:
@@ -39,11 +39,11 @@ def first_noise(bundle: SensorBundle, boards: Result) -> SensorBundle:
     """
     alone = with_noise(bundle.without_stripes(), boards)
     noise = _along_stripes(bundle, boards.state)
-    rows, member = bundle.stripe_term.rows(boards.state), bundle.views.view_of_stripe
+    rows, member = bundle.stripe_term.errors(boards.state), bundle.views.view_of_stripe
     count = np.bincount(member, minlength=len(bundle.views))
     means = np.bincount(member, rows.residual, len(bundle.views))[count > 0] / count[count > 0]
     offset = float(np.sqrt(np.mean(means**2)))
-    return replace(bundle, corner_scale=alone.corner_scale, stripe_noise=replace(noise, offset_mm=offset))
+    return replace(bundle, corner_scale=alone.corner_scale, stripe_noise=replace(noise, offset_px=offset))
 
 
 def _along_stripes(bundle: SensorBundle, state: State) -> StripeNoise:
@@ -51,27 +51,28 @@ def _along_stripes(bundle: SensorBundle, state: State) -> StripeNoise:
 
     The length is the sum of the correlations up to where they vanish: a board's bend and speckle are in it alike.
     """
-    rows = bundle.stripe_term.rows(state)
+    rows = bundle.stripe_term.errors(state)
     uv, member = bundle.views.stripe.uv_px, bundle.views.view_of_stripe
     products, pairs = np.zeros(0), np.zeros(0)
-    freedom = 0
+    variance = np.full(len(bundle.views), np.nan)
     for v in range(len(bundle.views)):
         mine = member == v
         if mine.sum() <= 3 * _LINE_FREEDOM:
             continue
         along = np.linalg.norm(uv[mine] - uv[mine][0], axis=1)
-        basis = np.stack([np.ones_like(along), along], 1) / rows.sigma[mine, None]
-        z = rows.residual[mine] / rows.sigma[mine]
+        sigma = bundle.views.stripe.sigma_px[mine]
+        basis = np.stack([np.ones_like(along), along], 1) / sigma[:, None]
+        z = rows.residual[mine] / sigma
         z = z - basis @ np.linalg.lstsq(basis, z, rcond=None)[0]
         product, pair = _lagged(np.round(along).astype(int), z)
-        products, pairs = _sum(products, product), _sum(pairs, pair)
-        freedom += _LINE_FREEDOM
-    if not len(pairs) or pairs[0] <= freedom:
+        variance[v] = product[0] / (pair[0] - _LINE_FREEDOM)
+        products, pairs = _sum(products, product / variance[v]), _sum(pairs, pair)
+    if not len(pairs):
         return bundle.stripe_noise
-    variance = products[0] / (pairs[0] - freedom)
+    usual = float(np.nanmedian(variance))
     alike = products / np.maximum(pairs, 1) / max(products[0] / pairs[0], 1e-300)
     end = int(np.argmax(alike < _QUIET)) if np.any(alike < _QUIET) else len(alike)
-    return StripeNoise(float(np.sqrt(variance)), float(np.sum(alike[1:end])))
+    return StripeNoise(np.sqrt(np.where(np.isnan(variance), usual, variance)), float(np.sum(alike[1:end])))
 
 
 def _lagged(at_px: NDArray[np.intp], z: Array) -> tuple[Array, Array]:
@@ -91,16 +92,16 @@ def _sum(a: Array, b: Array) -> Array:
 
 
 def _offset(bundle: SensorBundle, result: Result) -> float:
-    """σ [mm] of what a view's points have in common, beyond what the views' own noise makes of their left-out means.
+    """σ [px] of what a view's points have in common, beyond what the views' own noise makes of their left-out means.
 
     References
     ----------
     The moment estimator of Paule & Mandel, J. Res. NBS 87 (1982) 377: Σ mean² / (σ² + offset²) = degrees of freedom.
     """
-    alone = replace(bundle, stripe_noise=replace(bundle.stripe_noise, offset_mm=0.0))
+    alone = replace(bundle, stripe_noise=replace(bundle.stripe_noise, offset_px=0.0))
     out = left_out(alone, alone.solve(result.state))
-    seen = np.isfinite(out.offset_mm)
-    means, sigma, dof = out.offset_mm[seen], out.offset_sigma_mm[seen], int(seen.sum()) - 3
+    seen = np.isfinite(out.offset_px)
+    means, sigma, dof = out.offset_px[seen], out.offset_sigma_px[seen], int(seen.sum()) - 3
     if dof < 1:
         return 0.0
     excess = lambda t: float(np.sum(means**2 / (sigma**2 + t**2))) - dof  # noqa: E731

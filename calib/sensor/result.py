@@ -130,7 +130,7 @@ class SensorCalibration:
     left_out_mm: float = float("nan")
     corner_scale: float = float("nan")
     stripe_scale: float = float("nan")
-    offset_mm: float = 0.0
+    offset_px: float = 0.0
     chi2_per_dof: float = float("nan")
     sigma_z_mm: tuple[float, float, float] | None = None
     depth_mm: tuple[float, float, float] | None = None

@@ -6,7 +6,7 @@ Unknowns: "camera" (18, CAMERA_PARAMETERS), "board" the pose T_camera_board of e
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -21,6 +21,7 @@ Index = NDArray[np.intp]
 
 CAMERA, BOARD, PLANE = "camera", "board", "plane"
 
+_NEWTON = 2  # steps to where board and plane meet: doubles digits, from tenths of a pixel
 _ROWS = 16  # of a group: sums over groups are then products of matrices
 
 
@@ -30,18 +31,18 @@ class StripeNoise:
 
     Parameters
     ----------
-    scale : float
-        Their σ over the σ that extraction states.
+    scale : ndarray (V,) or (1,)
+        Their σ over the σ that extraction states, view by view.
     length_px : float
         Over which neighbours' errors are alike (to 1/e); 0 where they are independent.
-    offset_mm : float
+    offset_px : float
         Standard deviation of what a view's points have in common: a board that is not flat, a stripe that is drawn
         aside.
     """
 
-    scale: float = 1.0
+    scale: Array = field(default_factory=lambda: np.ones(1))
     length_px: float = 0.0
-    offset_mm: float = 0.0
+    offset_px: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,50 +119,61 @@ class BoardCorners:
 
 
 @dataclass(frozen=True, eq=False)
-class StripeRows:
-    """Distances of stripe points from the laser plane (M,) [mm], Jacobians (M, n) by block, and σ (M,) [mm]."""
+class StripeErrors:
+    """Errors of stripe points (M,) and their Jacobians (M, n) by block; by_pixel (M,): by a shift along the normal."""
 
     residual: Array
     jacobian: dict[str, Array]
-    sigma: Array
+    by_pixel: Array
 
 
 @dataclass(frozen=True, eq=False)
 class StripeOnBoard:
-    """The ray through a stripe's centre meets its board's plane in a point of the laser plane: one row a point [mm].
+    """The ray through a stripe's centre meets its board's plane in a point of the laser plane: one row a point [px].
 
-    Rows are carried over to independent ones of unit variance: neighbours' errors are alike along the stripe (a first
-    order autoregression), and all of a view have one error in common.
+    The residual is how far the stripe was seen, along its normal, from where board and laser plane meet. (The distance
+    from the plane in millimetres shrinks with the whole scene, and would draw the focal length along.) Rows are carried
+    over to independent ones of unit variance: neighbours' errors are alike along the stripe (a first order
+    autoregression), and all of a view have one error in common.
     """
 
     views: Views
-    noise: StripeNoise = StripeNoise()
-    sigma_mm: Array | None = None  # of the points (M,), held fixed; by the state where None
-
-    def held_at(self, state: State) -> StripeOnBoard:
-        """The term with the points' σ [mm] of a state, so that a solver's weights do not move with it."""
-        return StripeOnBoard(self.views, self.noise, self.rows(state).sigma)
+    noise: StripeNoise = field(default_factory=StripeNoise)
 
     def linearise(self, state: State) -> Linearised:
-        """Distances in units of their σ, a view's rows mixed with each other only."""
+        """Errors in units of their σ, a view's rows mixed with each other only."""
         return self.independent_rows(state).linearised()
 
     def independent_rows(self, state: State) -> Rows:
-        """As ``rows``, independent and of unit variance."""
-        rows = self.rows(state)
-        names = tuple(rows.jacobian)
-        table = np.concatenate([rows.residual[:, None], *(rows.jacobian[n] for n in names)], 1)
-        table = self.independent(table, rows.sigma)
-        ends = np.cumsum([1, *(rows.jacobian[n].shape[1] for n in names)])
+        """As ``errors``, independent and of unit variance."""
+        found = self.errors(state)
+        names = tuple(found.jacobian)
+        table = np.concatenate([found.residual[:, None], *(found.jacobian[n] for n in names)], 1)
+        table = self.independent(table)
+        ends = np.cumsum([1, *(found.jacobian[n].shape[1] for n in names)])
         jacobian = {n: table[:, i:j] for n, i, j in zip(names, ends[:-1], ends[1:], strict=True)}
         return Rows(table[:, 0], jacobian, self.views.view_of_stripe)
 
-    def rows(self, state: State) -> StripeRows:
-        """The residuals as they are."""
+    def errors(self, state: State) -> StripeErrors:
+        """How far along their normals [px] the stripes are seen from where boards and plane meet."""
+        stripe = self.views.stripe
+        shift = np.zeros(len(stripe))
+        for _ in range(_NEWTON):
+            found = self._distances(state, stripe.uv_px - shift[:, None] * stripe.normal)
+            shift = shift + found.residual / found.by_pixel
+        found = self._distances(state, stripe.uv_px - shift[:, None] * stripe.normal)
+        jacobian = {name: j / found.by_pixel[:, None] for name, j in found.jacobian.items()}
+        return StripeErrors(shift + found.residual / found.by_pixel, jacobian, np.ones(len(stripe)))
+
+    def distances(self, state: State) -> StripeErrors:
+        """Distances of the stripes' points on their boards from the laser plane [mm]."""
+        return self._distances(state, self.views.stripe.uv_px)
+
+    def _distances(self, state: State, uv: Array) -> StripeErrors:
         stripe, member = self.views.stripe, self.views.view_of_stripe
         board, plane = state.pose(BOARD), state.vector(PLANE)
         R, t = board.R[member], board.t[member]
-        ray = undistort(state.vector(CAMERA), stripe.uv_px)
+        ray = undistort(state.vector(CAMERA), uv)
         q = np.concatenate([ray.value, np.ones((len(stripe), 1))], 1)
         normal = R[:, :, 2]  # of the board
         reach = _dot(normal, t) / _dot(normal, q)
@@ -182,20 +194,20 @@ class StripeOnBoard:
             BOARD: by_pose,
             PLANE: X / size - residual[:, None] * plane / size**2,
         }
-        sigma = np.abs(_dot(by_uv, stripe.normal)) * stripe.sigma_px if self.sigma_mm is None else self.sigma_mm
-        return StripeRows(residual, jacobian, sigma)
+        return StripeErrors(residual, jacobian, _dot(by_uv, stripe.normal))
 
-    def independent(self, table: Array, sigma: Array) -> Array:
-        """Rows (M, n) [mm] of points with stated ``sigma`` (M,) [mm], carried over to independent ones."""
+    def independent(self, table: Array) -> Array:
+        """Rows (M, n) [px] carried over to independent ones of unit variance."""
         alike, first = self._likeness()
-        table = table / (sigma * self.noise.scale)[:, None]
-        common = self.noise.offset_mm / (sigma * self.noise.scale)
+        sigma = self.views.stripe.sigma_px * np.broadcast_to(self.noise.scale, len(self.views))[self.views.view_of_stripe]
+        table = table / sigma[:, None]
+        common = self.noise.offset_px / sigma
         table = np.concatenate([table, common[:, None]], 1)
         previous = np.concatenate([np.zeros((1, table.shape[1])), table[:-1]])
         previous[first] = 0
         table = (table - alike[:, None] * previous) / np.sqrt(1 - alike**2)[:, None]
         table, common = table[:, :-1], table[:, -1]
-        if self.noise.offset_mm == 0:
+        if self.noise.offset_px == 0:
             return table
         member, count = self.views.view_of_stripe, len(self.views)
         power = np.bincount(member, np.abs(common) ** 2, count)

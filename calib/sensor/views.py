@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -127,3 +127,8 @@ class Views:
     def __getitem__(self, chosen: Mask | Index) -> Views:
         """The chosen views."""
         return Views(tuple(self.views[i] for i in np.arange(len(self))[chosen]))
+
+    def thinned(self, points: int) -> Views:
+        """The views with every n-th point of their stripes, so that no more than that many are left."""
+        steps = (-(-len(v.stripe) // points) or 1 for v in self.views)
+        return Views(tuple(replace(v, stripe=v.stripe[::n]) for v, n in zip(self.views, steps, strict=True)))
