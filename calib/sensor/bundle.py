@@ -7,7 +7,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.engine import Covariance, Result, covariance, solve
+from calib import engine
+from calib.engine import Covariance, Result, covariance
 from calib.sensor.lens import PINHOLE, TERMS, undistort
 from calib.sensor.start import board_poses, fitted_plane, focal_length, view_homographies
 from calib.sensor.terms import BOARD, CAMERA, PLANE, BoardCorners, StripeNoise, StripeOnBoard
@@ -80,7 +81,7 @@ class SensorBundle:
         known = State({b.name: start.values[b.name] for b in self.unknowns.blocks})
         begin = self.held(known)
         with np.errstate(over="ignore", invalid="ignore"):  # a trial step too far is refused by its cost
-            return solve(self.evidence, self.unknowns, begin, max_iterations=_MAX_STEPS)
+            return engine.solve(self.evidence, self.unknowns, begin, max_iterations=_MAX_STEPS)
 
     def held(self, state: State) -> State:
         """The state with all terms that are not free at zero."""

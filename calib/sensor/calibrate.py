@@ -11,15 +11,15 @@ from numpy.typing import NDArray
 from calib.engine import Covariance, Result
 from calib.sensor.bundle import SensorBundle, camera_start
 from calib.sensor.choice import Choice, choose_terms
-from calib.sensor.left_out import LeftOut, left_out
+from calib.sensor.left_out import left_out
 from calib.sensor.noise import with_noise
 from calib.sensor.on_line import MIN_POINTS, on_one_line
 from calib.sensor.result import SensorCalibration, SensorSolution, SensorVerdict, ViewResult
-from calib.sensor.sheet_frame import camera_rows, sheet_deviations, sheet_frame, to_sheet
+from calib.sensor.sheet_frame import SheetFrame, camera_rows, sheet_deviations, sheet_frame, to_sheet
 from calib.sensor.terms import BOARD, CAMERA, PLANE
 from calib.sensor.verdict import judge, too_few
-from calib.sensor.views import BoardView, Corners, Stripe, Views
-from geometry import Pose, State
+from calib.sensor.views import BoardView, Views
+from geometry import State
 from geometry.sensor import CAMERA_PARAMETERS, SensorUncertainty
 
 Array = NDArray[np.float64]
@@ -165,22 +165,26 @@ class _Attempt:
         depth, sigma = _depth_sigma(bundle, result, cov, self.settings.origin_yz_mm)
         verdict = judge(choice, solution, len(self.given), len(self.dropped), contradicted)
         whitened = bundle.corner_term.independent_rows(result.state).residual * bundle.corner_scale
-        return SensorCalibration(
-            verdict=verdict,
-            views=tuple(results[v.name] for v in self.given),
-            solution=solution,
-            reprojection_rms_px=float(np.sqrt(np.mean(np.sum(errors**2, axis=1)))),
-            plane_rms_mm=float(np.sqrt(np.mean(distances**2))),
-            left_out_px=choice.left_out.reprojection_rms_px,
-            left_out_mm=choice.left_out.plane_rms_mm,
-            corner_scale=bundle.corner_scale,
-            stripe_scale=float(np.median(bundle.stripe_noise.scale)),
-            offset_px=bundle.stripe_noise.offset_px,
-            chi2_per_dof=_chi2(choice),
-            sigma_z_mm=sigma,
-            depth_mm=depth,
-            tried=choice.tried,
-        ) if len(whitened) else SensorCalibration(verdict, tuple(results.values()))
+        return (
+            SensorCalibration(
+                verdict=verdict,
+                views=tuple(results[v.name] for v in self.given),
+                solution=solution,
+                reprojection_rms_px=float(np.sqrt(np.mean(np.sum(errors**2, axis=1)))),
+                plane_rms_mm=float(np.sqrt(np.mean(distances**2))),
+                left_out_px=choice.left_out.reprojection_rms_px,
+                left_out_mm=choice.left_out.plane_rms_mm,
+                corner_scale=bundle.corner_scale,
+                stripe_scale=float(np.median(bundle.stripe_noise.scale)),
+                offset_px=bundle.stripe_noise.offset_px,
+                chi2_per_dof=_chi2(choice),
+                sigma_z_mm=sigma,
+                depth_mm=depth,
+                tried=choice.tried,
+            )
+            if len(whitened)
+            else SensorCalibration(verdict, tuple(results.values()))
+        )
 
 
 def _chi2(choice: Choice) -> float:
@@ -236,10 +240,7 @@ def _offset_ratio(choice: Choice) -> Array:
     return np.asarray(offset / np.maximum(allowed, 1e-12))
 
 
-def _view_results(choice: Choice, frame: object, centre: Array) -> dict[str, ViewResult]:
-    from calib.sensor.sheet_frame import SheetFrame
-
-    assert isinstance(frame, SheetFrame)
+def _view_results(choice: Choice, frame: SheetFrame, centre: Array) -> dict[str, ViewResult]:
     bundle, state, out = choice.bundle, choice.result.state, choice.left_out
     views = bundle.views
     errors = bundle.corner_term.errors(state).residual
@@ -267,10 +268,9 @@ def _view_results(choice: Choice, frame: object, centre: Array) -> dict[str, Vie
     return results
 
 
-def _solution(bundle: SensorBundle, result: Result, cov: Covariance, frame: object, centre: Array) -> SensorSolution:
-    from calib.sensor.sheet_frame import SheetFrame
-
-    assert isinstance(frame, SheetFrame)
+def _solution(
+    bundle: SensorBundle, result: Result, cov: Covariance, frame: SheetFrame, centre: Array
+) -> SensorSolution:
     state, u = result.state, result.unknowns
     plane = state.vector(PLANE)
     rows = camera_rows(bundle.terms)
@@ -289,7 +289,7 @@ def _solution(bundle: SensorBundle, result: Result, cov: Covariance, frame: obje
 def _depth_sigma(
     bundle: SensorBundle, result: Result, cov: Covariance, origin: tuple[float, float]
 ) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
-    """z [mm] near, middle and far where the stripes were seen, and σ of z there by the sensor's own uncertainty."""
+    """Z [mm] near, middle and far where the stripes were seen, and σ of z there by the sensor's own uncertainty."""
     state, u = result.state, result.unknowns
     uv = bundle.views.stripe.uv_px
     frame = sheet_frame(state.vector(CAMERA), state.vector(PLANE), origin)

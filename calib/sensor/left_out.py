@@ -98,7 +98,9 @@ def left_out(bundle: SensorBundle, result: Result) -> LeftOut:
         if raw is not None and ones is not None and np.any(seen):
             a_s, b_s, r_s = rows[1].of(v)
             predicted = r_s + a_s @ step + b_s @ pose
-            distance = raw.residual[seen] + _common(raw.jacobian, u, free)[seen] @ step + raw.jacobian[BOARD][seen] @ pose
+            distance = (
+                raw.residual[seen] + _common(raw.jacobian, u, free)[seen] @ step + raw.jacobian[BOARD][seen] @ pose
+            )
             one = ones[seen]
             gain = one / (one @ one)  # the mean's weights, for independent rows
             by_pose = gain @ b_s
@@ -146,4 +148,3 @@ def _reduced(parts: list[tuple[Array, Array, Array]]) -> tuple[Array, Array]:
     q = np.linalg.qr(b)[0]
     a, r = a - q @ (q.T @ a), r - q @ (q.T @ r)
     return a.T @ a, a.T @ r
-

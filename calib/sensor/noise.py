@@ -1,4 +1,4 @@
-"""What the residuals say of the noise: of corners and stripes over their stated σ, along a stripe, and of whole views."""
+"""What the residuals say of the noise: over the stated σ, along a stripe, and of whole views."""
 
 from __future__ import annotations
 
@@ -104,12 +104,14 @@ def _offset(bundle: SensorBundle, result: Result) -> float:
     means, sigma, dof = out.offset_px[seen], out.offset_sigma_px[seen], int(seen.sum()) - 3
     if dof < 1:
         return 0.0
-    excess = lambda t: float(np.sum(means**2 / (sigma**2 + t**2))) - dof  # noqa: E731
+
+    def excess(offset: float) -> float:
+        return float(np.sum(means**2 / (sigma**2 + offset**2))) - dof
+
     if excess(0.0) <= 2 * np.sqrt(2 * dof):  # chance alone
         return 0.0
-    low, high = 0.0, float(np.max(np.abs(means))) * np.sqrt(len(means))
+    low, high = 0.0, float(np.max(np.abs(means)) * np.sqrt(len(means)))
     for _ in range(60):
         middle = (low + high) / 2
         low, high = (middle, high) if excess(middle) > 0 else (low, middle)
     return high
-

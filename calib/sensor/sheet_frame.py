@@ -33,7 +33,7 @@ def sheet_frame(camera: Array, plane: Array, origin_yz_mm: tuple[float, float] =
 
     origin_yz_mm: where the origin stands, from the foot of the camera's centre.
     """
-    distance = 1 / np.linalg.norm(plane)
+    distance = float(1 / np.linalg.norm(plane))
     x = -plane * distance  # from the plane towards the camera
     facing = abs(x[2]) > np.cos(np.deg2rad(MAX_FACING_DEG))
     direction = _image_v(camera, x, distance) if facing else np.array([0.0, 0.0, 1.0])

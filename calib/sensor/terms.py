@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from calib.sensor.lens import project, undistort
 from calib.sensor.views import Views
-from geometry import Linearised, Pose, State, skew
+from geometry import Linearised, State, skew
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -57,7 +57,7 @@ class Rows:
         """In groups of _ROWS of one view: as independent, and faster to sum than one by one."""
         start = np.flatnonzero(np.diff(self.view, prepend=-1))
         within = np.arange(len(self.view)) - np.repeat(start, np.diff([*start, len(self.view)]))
-        group = np.cumsum((within % _ROWS == 0)) - 1
+        group = np.cumsum(within % _ROWS == 0) - 1
         count = int(group[-1]) + 1 if len(group) else 0
         place = (group, within % _ROWS)
         view = np.zeros(count, dtype=np.intp)
@@ -199,7 +199,9 @@ class StripeOnBoard:
     def independent(self, table: Array) -> Array:
         """Rows (M, n) [px] carried over to independent ones of unit variance."""
         alike, first = self._likeness()
-        sigma = self.views.stripe.sigma_px * np.broadcast_to(self.noise.scale, len(self.views))[self.views.view_of_stripe]
+        sigma = (
+            self.views.stripe.sigma_px * np.broadcast_to(self.noise.scale, len(self.views))[self.views.view_of_stripe]
+        )
         table = table / sigma[:, None]
         common = self.noise.offset_px / sigma
         table = np.concatenate([table, common[:, None]], 1)
@@ -238,4 +240,3 @@ def _normalised(X: Array) -> tuple[Array, Array]:
 
 def _dot(a: Array, b: Array) -> Array:
     return np.asarray(np.sum(a * b, axis=-1))
-

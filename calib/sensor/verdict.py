@@ -27,9 +27,7 @@ def too_few(count: int) -> SensorVerdict:
     )
 
 
-def judge(
-    choice: Choice, solution: SensorSolution, given: int, dropped: int, contradicted: bool
-) -> SensorVerdict:
+def judge(choice: Choice, solution: SensorSolution, given: int, dropped: int, contradicted: bool) -> SensorVerdict:
     """The verdict on a solution; contradicted: a view still stands out though no more may be left out."""
     sigma = solution.uncertainty.sigma
     turn = float(np.rad2deg(np.hypot(sigma["plane_tilt_y_rad"], sigma["plane_tilt_z_rad"])))
@@ -44,8 +42,8 @@ def judge(
     if _largest_angle_deg(solution) < MIN_ANGLE_DEG:
         return SensorVerdict(
             "boards_parallel",
-            "all boards stand parallel: focal length, distance and laser plane can not be told apart; tilt the board by "
-            "20° to 45° about both its axes",
+            "all boards stand parallel: focal length, distance and laser plane can not be told apart; tilt the board "
+            "by 20° to 45° about both its axes",
         )
     if not choice.result.converged or not np.isfinite(turn + focal):
         return SensorVerdict("not_converged", "the bundle did not settle: check board.toml's corners and the pictures")
@@ -77,7 +75,9 @@ def _on_quality(choice: Choice, solution: SensorSolution, turn: float, focal: fl
         weak.append(f"the laser plane's turn to {turn:.2g}° only (record nearer and farther boards)")
     if weak:
         return SensorVerdict("weak", "; ".join(weak))
-    return SensorVerdict("ok", f"{used} views agree; left-out views are predicted to {choice.left_out.plane_rms_mm:.3f} mm")
+    return SensorVerdict(
+        "ok", f"{used} views agree; left-out views are predicted to {choice.left_out.plane_rms_mm:.3f} mm"
+    )
 
 
 def _largest_angle_deg(solution: SensorSolution) -> float:

@@ -1,4 +1,4 @@
-"""Calibration boards in pictures: found, their corners or dots localised with covariance, and a laser's stripe on them."""
+"""Calibration boards in pictures: corners or dots localised with covariance, and a laser's stripe on them."""
 
 from extraction.board.find import find_board
 from extraction.board.found import BoardCorners, NoBoard

@@ -36,9 +36,9 @@ class _Grid:
     fit: Saddles
 
 
-def find_checkerboard(image: Grey, board: Board, usable: Mask) -> BoardCorners | NoBoard:
+def find_checkerboard(image: Grey, board: Board, usable: Mask, quick: bool = False) -> BoardCorners | NoBoard:
     """The corners of a checkerboard in a picture of 8 bits (H, W)."""
-    start = _part(image, board)
+    start = _part(image, board, quick)
     if start is None:
         return NoBoard("no checkerboard was found")
     places, uv = start
@@ -47,14 +47,12 @@ def find_checkerboard(image: Grey, board: Board, usable: Mask) -> BoardCorners |
         return NoBoard("too few corners of the checkerboard are clear")
     fit = grid.fit
     xy = grid.place[:, ::-1] * board.pitch_mm
-    return BoardCorners(
-        xy - xy.min(axis=0), fit.uv_px, fit.covariance_px2, float(np.median(fit.blur_px)), _step(fit)
-    )
+    return BoardCorners(xy - xy.min(axis=0), fit.uv_px, fit.covariance_px2, float(np.median(fit.blur_px)), _step(fit))
 
 
 def fitted_corners(image: Grey, xy_mm: Array, uv: Array, window_share: float, pitch_mm: float, usable: Mask) -> Saddles:
     """Corners fitted near ``uv`` (N, 2), the edges' directions by the homography of the board."""
-    h = _homography(xy_mm, uv)
+    h = board_homography(xy_mm, uv)
     along = _directions(h, xy_mm)
     step = pitch_mm * float(np.percentile(np.linalg.norm(along, axis=-1), 10))
     radius = int(np.clip(window_share * step, *WINDOW_PX))
@@ -65,10 +63,12 @@ def _step(fit: Saddles) -> float:
     return float(2 * np.median(np.abs(fit.contrast_dn)))
 
 
-def _part(image: Grey, board: Board) -> tuple[NDArray[np.intp], Array] | None:
+def _part(image: Grey, board: Board, quick: bool) -> tuple[NDArray[np.intp], Array] | None:
     """Places and pixels of the whole board or, where that is not found, of the largest part that is."""
     scale = min(1.0, COARSE_PX / max(image.shape))
-    small = image if scale == 1 else cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+    small = image
+    if scale < 1:
+        small = np.asarray(cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA), np.uint8)
     stretched = _stretched(small)
     for size, picture, thorough in _attempts(board, small, stretched):
         if thorough:
@@ -79,6 +79,8 @@ def _part(image: Grey, board: Board) -> tuple[NDArray[np.intp], Array] | None:
             row, column = np.divmod(np.arange(size[0] * size[1]), size[0])
             uv = (corners.reshape(-1, 2).astype(float) + 0.5) / scale - 0.5
             return np.stack([row, column], -1), uv
+        if quick:
+            break
     return None
 
 
@@ -104,7 +106,7 @@ def _stretched(image: Grey) -> Grey:
     if high - low < 8:
         high = float(np.percentile(image[::4, ::4], 99.5))
     gain = 255.0 / max(float(high - low), 8.0)
-    return np.clip((image.astype(np.float32) - low) * gain, 0, 255).astype(np.uint8)
+    return np.asarray(np.clip((image.astype(np.float32) - low) * gain, 0, 255), np.uint8)
 
 
 def _grown(image: Grey, places: NDArray[np.intp], uv: Array, board: Board, usable: Mask) -> _Grid | None:
@@ -116,7 +118,7 @@ def _grown(image: Grey, places: NDArray[np.intp], uv: Array, board: Board, usabl
         wanted = _neighbours(grid.place, board)
         if not len(wanted):
             break
-        h = _homography(grid.place[:, ::-1].astype(float), grid.fit.uv_px)
+        h = board_homography(grid.place[:, ::-1].astype(float), grid.fit.uv_px)
         expected = _mapped(h, wanted[:, ::-1].astype(float))
         inside = np.all((expected > 2) & (expected < np.array(image.shape[::-1]) - 3), axis=1)
         more = _checked(image, wanted[inside], expected[inside], grid.place, grid.fit.uv_px, usable, grid.fit)
@@ -140,7 +142,7 @@ def _checked(
     """Those of the expected corners that are corners: near their place, of the usual contrast and the right colour."""
     if not len(places):
         return None
-    h = _homography(known_places[:, ::-1].astype(float), known_uv)
+    h = board_homography(known_places[:, ::-1].astype(float), known_uv)
     along = _directions(h, places[:, ::-1].astype(float))
     step = np.linalg.norm(along, axis=-1).min(axis=1)
     radius = int(np.clip(WINDOW_SHARE * np.percentile(step, 10), *WINDOW_PX))
@@ -182,9 +184,10 @@ def _neighbours(places: NDArray[np.intp], board: Board) -> NDArray[np.intp]:
     return np.asarray(around[fits & np.array(free, dtype=bool)])
 
 
-def _homography(xy: Array, uv: Array) -> Array:
+def board_homography(xy: Array, uv: Array) -> Array:
+    """The map (3, 3) of points (N, 2) of a plane to their images; the identity where there is none."""
     h, _ = cv2.findHomography(xy.astype(np.float64), uv.astype(np.float64), 0)
-    return np.eye(3) if h is None else np.asarray(h)
+    return np.eye(3) if h is None else np.asarray(h, dtype=float)
 
 
 def _mapped(h: Array, xy: Array) -> Array:

@@ -6,10 +6,13 @@ difference is known once the dots' radius is, which their area tells.
 
 from __future__ import annotations
 
+from typing import Any
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from extraction.board.checkered import board_homography
 from extraction.board.found import BoardCorners, NoBoard
 from geometry import Board
 
@@ -35,11 +38,11 @@ def find_circles(image: NDArray[np.uint8], board: Board, usable: Mask) -> BoardC
     return NoBoard("no grid of dots was found (all of it must be seen)")
 
 
-def _detector(shape: tuple[int, ...]) -> cv2.SimpleBlobDetector:
-    parameters = cv2.SimpleBlobDetector_Params()
+def _detector(shape: tuple[int, ...]) -> Any:
+    parameters = cv2.SimpleBlobDetector.Params()
     parameters.minArea, parameters.maxArea = MIN_PIXELS, shape[0] * shape[1] / 50
     parameters.minDistBetweenBlobs = 4
-    return cv2.SimpleBlobDetector_create(parameters)
+    return cv2.SimpleBlobDetector.create(parameters)
 
 
 def _localised(image: NDArray[np.uint8], board: Board, start: Array, usable: Mask) -> BoardCorners | NoBoard:
@@ -54,10 +57,10 @@ def _localised(image: NDArray[np.uint8], board: Board, start: Array, usable: Mas
     table = np.array([m for m in measured if m is not None])
     uv, area, noise, contrast = table[:, :2], table[:, 2], table[:, 3], table[:, 4]
     xy = xy[good]
-    h, _ = cv2.findHomography(xy, uv, 0)
+    h = board_homography(xy, uv)
     for _ in range(2):  # the homography of the middles, then with the middles set right
         radius = float(np.sqrt(np.median(area / _areas(h, xy)) / np.pi))
-        h, _ = cv2.findHomography(xy, uv - _eccentricity(h, xy, radius), 0)
+        h = board_homography(xy, uv - _eccentricity(h, xy, radius))
     return BoardCorners(
         xy,
         uv - _eccentricity(h, xy, radius),
@@ -67,10 +70,12 @@ def _localised(image: NDArray[np.uint8], board: Board, start: Array, usable: Mas
     )
 
 
-def _dot(image: NDArray[np.uint8], at: Array, reach: float, usable: Mask) -> tuple[float, float, float, float, float] | None:
-    """Middle (u, v), area [px²], σ [px] and contrast [DN] of a dark dot, by moments of its darkness; None if unclear."""
+def _dot(
+    image: NDArray[np.uint8], at: Array, reach: float, usable: Mask
+) -> tuple[float, float, float, float, float] | None:
+    """Middle (u, v), area [px²], σ [px], contrast [DN] of a dark dot, by moments of its darkness; None if unclear."""
     r = int(np.ceil(reach))
-    u0, v0 = (int(round(x)) for x in at)
+    u0, v0 = (round(float(x)) for x in at)
     if u0 - r < 0 or v0 - r < 0 or u0 + r >= image.shape[1] or v0 + r >= image.shape[0]:
         return None
     cut = image[v0 - r : v0 + r + 1, u0 - r : u0 + r + 1].astype(float)
@@ -86,7 +91,7 @@ def _dot(image: NDArray[np.uint8], at: Array, reach: float, usable: Mask) -> tup
     core = share > 0.1
     weight = share * core
     area = float(weight.sum())
-    if area < MIN_PIXELS or core[0].any() and core[-1].any():
+    if area < MIN_PIXELS or (core[0].any() and core[-1].any()):
         return None
     cu, cv = float((weight * x).sum() / area), float((weight * y).sum() / area)
     rim = inside & (np.hypot(x, y) > 0.9 * reach)

@@ -15,7 +15,9 @@ from geometry import Board
 Mask = NDArray[np.bool_]
 
 
-def find_board(image: Image, board: Board, usable: Mask | None = None) -> BoardCorners | NoBoard:
+def find_board(
+    image: Image, board: Board, usable: Mask | None = None, *, quick: bool = False
+) -> BoardCorners | NoBoard:
     """Find a board in a picture and localise its corners or dots.
 
     Parameters
@@ -26,6 +28,8 @@ def find_board(image: Image, board: Board, usable: Mask | None = None) -> BoardC
         What to look for; parts of it suffice.
     usable
         Pixels (H, W) that may be used, such as those away from a laser's stripe; all where None.
+    quick
+        Whether only the whole of a checkerboard is looked for, by the quick detector.
 
     Returns
     -------
@@ -39,7 +43,7 @@ def find_board(image: Image, board: Board, usable: Mask | None = None) -> BoardC
     grey = _eight_bits(image)
     allowed = np.ones(grey.shape, dtype=bool) if usable is None else usable
     if board.kind == "checkerboard":
-        return find_checkerboard(grey, board, allowed)
+        return find_checkerboard(grey, board, allowed, quick)
     if board.kind == "charuco":
         return find_charuco(grey, board, allowed)
     return find_circles(grey, board, allowed)
@@ -50,4 +54,4 @@ def _eight_bits(image: Image) -> NDArray[np.uint8]:
     if image.dtype == np.uint8:
         return np.ascontiguousarray(image)
     top = max(float(np.percentile(image[::4, ::4], 99.9)), 1.0)
-    return np.clip(image * (255.0 / top), 0, 255).astype(np.uint8)
+    return np.asarray(np.clip(image * (255.0 / top), 0, 255), np.uint8)

@@ -80,13 +80,16 @@ def fit_saddles(image: NDArray[np.generic], start_px: Array, along: Array, radiu
     moved = np.linalg.norm(uv - start_px, axis=1)
     good = (count > _MIN_SHARE * weight.shape[1]) & (moved < 0.5 * radius_px) & np.isfinite(cost)
     return Saddles(
-        uv, inverse[:, :2, :2] * variance[:, None, None], np.exp(p[:, 4]), p[:, 6], np.sqrt(cost / np.maximum(count, 1)), good
+        uv,
+        inverse[:, :2, :2] * variance[:, None, None],
+        np.exp(p[:, 4]),
+        p[:, 6],
+        np.sqrt(cost / np.maximum(count, 1)),
+        good,
     )
 
 
-def _windows(
-    image: NDArray[np.generic], usable: Mask, at: Array, radius: int
-) -> tuple[Array, Array, Array]:
+def _windows(image: NDArray[np.generic], usable: Mask, at: Array, radius: int) -> tuple[Array, Array, Array]:
     """Grey levels and weights (N, P) of the pixels of round windows, and their places (P, 2) about the middle one."""
     span = np.arange(-radius, radius + 1)
     grid = np.stack(np.meshgrid(span, span), -1).reshape(-1, 2)

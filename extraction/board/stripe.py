@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from extraction.board.checkered import board_homography
 from extraction.board.found import BoardCorners
 from extraction.config import StripeConfig
 from extraction.image import Image
@@ -44,7 +45,7 @@ def stripe_on_board(
         reflectance under the stripe draws its centre aside.
     """
     config = config or StripeConfig()
-    h, _ = cv2.findHomography(corners.uv_px, corners.xy_mm, 0)
+    h = board_homography(corners.uv_px, corners.xy_mm)
     mask = _near(image.shape, h, board, corners)
     off = laser_off if laser_off is not None and _lit_alike(image, laser_off, mask) else None
     settings = config.model_copy(update={"along_normal": True, "max_width_px": max(config.max_width_px, WIDEST_PX)})
@@ -55,7 +56,7 @@ def stripe_on_board(
 
 def room_light_in_both(image: Image, laser_off: Image, board: Board, corners: BoardCorners) -> bool:
     """Whether the picture with the stripe shows the board as the one without does."""
-    h, _ = cv2.findHomography(corners.uv_px, corners.xy_mm, 0)
+    h = board_homography(corners.uv_px, corners.xy_mm)
     return _lit_alike(image, laser_off, _near(image.shape, h, board, corners))
 
 
