@@ -236,7 +236,8 @@ def _offset_ratio(choice: Choice) -> Array:
     if seen.sum() < FEWEST_VIEWS + 1:
         return np.zeros(len(offset))
     usual = 1.4826 * float(np.median(offset[seen]))
-    allowed = np.maximum(OFFSET_SIGMAS * np.nan_to_num(out.offset_sigma_px, nan=np.inf), OFFSET_RATIO * usual)
+    sigma = np.sqrt(np.maximum(out.offset_sigma_px**2 - choice.bundle.stripe_noise.offset_px**2, 0.0))
+    allowed = np.maximum(OFFSET_SIGMAS * np.nan_to_num(sigma, nan=np.inf), OFFSET_RATIO * usual)
     return np.asarray(offset / np.maximum(allowed, 1e-12))
 
 

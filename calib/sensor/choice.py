@@ -22,10 +22,10 @@ Array = NDArray[np.float64]
 
 RADIAL: tuple[tuple[str, ...], ...] = ((), ("k1",), ("k1", "k2"), ("k1", "k2", "k3"))
 RATIONAL = ("k1", "k2", "k3", "k4", "k5", "k6")
-TANGENTIAL, PRISM, TILT = ("p1", "p2"), ("s1", "s2", "s3", "s4"), ("p1", "p2", "tau_x", "tau_y")
-EXTRAS = ((), TANGENTIAL, TILT, PRISM, (*PRISM, *TILT))  # a tilt brings the tangential terms, under a prior
+TANGENTIAL, TILT = ("p1", "p2"), ("p1", "p2", "tau_x", "tau_y")
+EXTRAS = ((), TANGENTIAL, TILT)  # a tilt brings the tangential terms, under a prior; prism terms no lens has shown
 LENGTH = {"k1": 4, "k2": 4, "p1": 4, "p2": 4, "k3": 5, "k4": 8, "k5": 8, "k6": 8}
-LENGTH |= dict.fromkeys(PRISM, 12) | dict.fromkeys(TILT, 14)  # of OpenCV's vector that holds a term
+LENGTH |= dict.fromkeys(("tau_x", "tau_y"), 14)  # of OpenCV's vector that holds a term
 
 # χ² of left-out views that each further term must save: what a needless one saves by chance, at most, in one of
 # twenty sensors (benchmarks/calibrate_sensor.py)

@@ -21,7 +21,7 @@ Index = NDArray[np.intp]
 
 CAMERA, BOARD, PLANE = "camera", "board", "plane"
 
-_NEWTON = 2  # steps to where board and plane meet: doubles digits, from tenths of a pixel
+_NEWTON = 3  # steps to where board and plane meet: doubles digits, from tenths of a pixel
 _ROWS = 16  # of a group: sums over groups are then products of matrices
 
 
