@@ -60,7 +60,9 @@ def made_views(
         uv = uv + corner_px * rng.standard_normal(uv.shape)
         covariance = np.broadcast_to(np.eye(2) * max(corner_px, 1e-3) ** 2, (54, 2, 2)).copy()
         views.append(
-            BoardView(f"{k:03d}", Corners(grid, uv, covariance), _stripe(rng, camera, R, t, normal, distance, stripe_px, step))
+            BoardView(
+                f"{k:03d}", Corners(grid, uv, covariance), _stripe(rng, camera, R, t, normal, distance, stripe_px, step)
+            )
         )
     return views
 

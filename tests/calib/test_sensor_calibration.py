@@ -31,7 +31,9 @@ def _solved(seed: int, tilted: bool, **more: float) -> tuple[SensorCalibration, 
 
 
 def _whole_lens() -> np.ndarray:
-    return np.array([2300, 2310, 11, -7, -0.15, 0.2, 1e-3, -8e-4, 0.1, 0.01, 0.02, -0.03, 1e-3, -1e-3, 2e-3, 1e-3, 0.05, -0.08])
+    return np.array(
+        [2300, 2310, 11, -7, -0.15, 0.2, 1e-3, -8e-4, 0.1, 0.01, 0.02, -0.03, 1e-3, -1e-3, 2e-3, 1e-3, 0.05, -0.08]
+    )
 
 
 def test_the_lens_is_opencvs_and_its_inverse_comes_back():
@@ -133,7 +135,9 @@ def nees(found: SensorCalibration, camera: np.ndarray) -> tuple[float, int]:
     assert s is not None
     normal, distance = true_plane()
     x, y, z = s.frame.T_sensor_camera.R
-    error = [camera[CAMERA_PARAMETERS.index(n)] - s.camera[CAMERA_PARAMETERS.index(n)] for n in s.uncertainty.parameters[:-3]]
+    error = [
+        camera[CAMERA_PARAMETERS.index(n)] - s.camera[CAMERA_PARAMETERS.index(n)] for n in s.uncertainty.parameters[:-3]
+    ]
     error += [(z @ normal), -(y @ normal), s.plane_mm - distance]
     e = np.array(error)
     return float(e @ np.linalg.solve(s.uncertainty.covariance, e)), len(e)
