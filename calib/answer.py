@@ -13,7 +13,9 @@ from calib.figures import Fit, agreeing_pose, fit_location, max_deviation, sprea
 from calib.hands import chain_poses
 from calib.pose import own_poses
 from calib.result import CalibrationResult, DesignSolved, Distances, Estimate, LocationResult, Verdict
-from geometry import Frame, Pose, Robot, SheetPoints, Target, locations_of, stack_poses, target_at
+from calib.surface import described, own_centres
+from geometry import Frame, Pose, Robot, SheetPoints, Surface, Target, locations_of, stack_poses, target_at
+from jig_cad import Sphere, Wedge
 
 Array = NDArray[np.float64]
 Chain = tuple[Pose, Robot | None]  # an SCP and the robot that carries it
@@ -36,7 +38,7 @@ def answer(
     frames: tuple[Frame, ...],
     target: Target | Mapping[str, Target],
     robot: Robot | None,
-    design: Pose,
+    design: Pose | None,
     config: CalibConfig,
     verdict: Verdict,
     estimate: Estimate | None,
@@ -46,18 +48,33 @@ def answer(
     locations, done = dict[str, LocationResult](), dict[int, Frame]()
     holds = CalibrationResult("", "", verdict, design, {}, (), robot, estimate).trusted is not None
     for name, group in locations_of(frames).items():
-        result, answered = figured(group, target_at(target, name), (design, robot), solved, estimate)
-        locations[name] = result if holds else replace(result, T_base_target=None)
+        by_design = None if design is None else (design, robot)
+        result, answered = figured(group, target_at(target, name), by_design, solved, estimate)
+        result = result if holds else replace(result, T_base_target=None)
+        if estimate is not None and estimate.nominal is not None:
+            nominal = (estimate.nominal.T_hand_sensor, robot)
+            result = _with_nominal(result, figured(group, target_at(target, name), nominal, nominal, estimate)[0])
+        locations[name] = result
         done |= {f.number: f for f in answered}
     ordered = tuple(done[f.number] for f in frames)
     return CalibrationResult(config.method, config.model, verdict, design, locations, ordered, robot, estimate)
 
 
 def figured(
-    group: Sequence[Frame], target: Target, design: Chain, solved: Chain | None, estimate: Estimate | None = None
+    group: Sequence[Frame],
+    target: Target,
+    design: Chain | None,
+    solved: Chain | None,
+    estimate: Estimate | None = None,
 ) -> tuple[LocationResult, list[Frame]]:
     """A location's figures, none where too few of its frames are used, and the frames with what became of them."""
-    figures = location_figures(group, target, design, solved)
+    own = target if estimate is None else estimate.targets.get(group[0].location, target)
+    if isinstance(own, Surface):
+        figures = surface_figures(group, _like(own, estimate), design, solved)
+    elif design is None:
+        raise ValueError("strings are never solved without a design")
+    else:
+        figures = location_figures(group, own, design, solved)
     answered = _answered(group, figures, estimate)
     enough = sum(f.used for f in answered) >= LEAST_FRAMES
     return figures.result if enough else _without_figures(figures.result), answered
@@ -91,11 +108,85 @@ def location_figures(group: Sequence[Frame], target: Target, design: Chain, solv
     return Figures(result, fit, own)
 
 
+def _with_nominal(result: LocationResult, by_nominal: LocationResult) -> LocationResult:
+    """The figures with those of the nominal chain, which stand as solved in ``by_nominal``."""
+    names = ("max_deviation_mm", "spread_3d_mm", "point_rms_mm")
+    both = {n: replace(getattr(result, n), nominal=getattr(by_nominal, n).solved) for n in names}
+    return replace(result, **both)
+
+
+def surface_figures(group: Sequence[Frame], target: Surface, design: Chain | None, solved: Chain | None) -> Figures:
+    """All figures of one location of a surface; max deviation and spread are of each frame's own centre of a ball."""
+    role = group[0].role
+    usable = measured(group)
+    n_points = sum(max(f.n_points, len(f.axis)) for f in group)
+    chain = solved or design
+    if not usable or chain is None:
+        none = LocationResult(role, None, _NONE, _NONE, _NONE, _NO_DISTANCES)
+        return Figures(replace(none, n_points=n_points), None, {})
+    by_design = None if design is None else _surface_fit(usable, target, design)
+    by_solved = None if solved is None else _surface_fit(usable, target, solved)
+    if by_design is None and by_solved is None:
+        none = LocationResult(role, None, _NONE, _NONE, _NONE, _NO_DISTANCES)
+        return Figures(replace(none, n_points=n_points, n_found=sum(len(f.axis) for f in usable)), None, {})
+    fit = by_solved or by_design
+    kept, length, origins = _centres(usable, target, design, by_design)
+    solved_kept, solved_length, solved_origins = _centres(usable, target, solved, by_solved)
+    numbers = tuple(usable[i].number for i in (solved_kept if solved else kept))
+    both = length if len(length) == len(numbers) else np.full(len(numbers), np.nan)
+    result = LocationResult(
+        role,
+        by_solved.T_base_target if by_solved else None,
+        DesignSolved(max_deviation(length), max_deviation(solved_length)),
+        DesignSolved(spread_3d(origins), spread_3d(solved_origins)),
+        DesignSolved(by_design.rms_mm if by_design else None, by_solved.rms_mm if by_solved else None),
+        Distances(numbers, both, solved_length),
+        None if by_solved is None else described(target, by_solved.T_base_target, _sensors(usable, chain).t),
+        n_points,
+        sum(len(f.axis) for f in usable),
+        len(usable) - len(numbers) if isinstance(target, Sphere) else 0,
+    )
+    return Figures(result, fit, {})
+
+
+def _surface_fit(usable: Sequence[Frame], target: Surface, chain: Chain) -> Fit | None:
+    """The surface fitted to a location's points by a chain, None where nothing tells where it stands."""
+    sensors = _sensors(usable, chain)
+    points = SheetPoints.of([f.axis for f in usable], target.features)
+    seen = points.present
+    start = target.place((sensors @ points.xyz_mm)[seen], points.feature[seen])
+    if start is None and any(not len(f.candidates) for f in usable):
+        return None
+    return fit_location(points, sensors, target, _start(usable, sensors) if start is None else start)
+
+
+def _centres(
+    usable: Sequence[Frame], target: Surface, chain: Chain | None, fit: Fit | None
+) -> tuple[list[int], Array, Array]:
+    """Which frames tell a ball's centre of their own, its distance from the base, and the centre (N, 3)."""
+    if chain is None or fit is None or not isinstance(target, Sphere):
+        return [], np.zeros(0), np.zeros((0, 3))
+    centres, tells = own_centres(target, usable, _sensors(usable, chain), fit.T_base_target)
+    return [int(i) for i in np.flatnonzero(tells)], np.linalg.norm(centres[tells], axis=1), centres[tells]
+
+
+def _like(target: Surface, estimate: Estimate | None) -> Surface:
+    """The same ball or wedge as one that was solved, at a location that was not."""
+    for solved in () if estimate is None else estimate.targets.values():
+        if isinstance(solved, type(target)) and isinstance(solved, Sphere | Wedge) and target.shape.labels:
+            unknown = not np.all(np.isfinite(target.shape.sigma))
+            return solved if unknown else target
+    return target
+
+
 def location_pose(group: Sequence[Frame], target: Target, chain: Chain) -> Pose | None:
     """T_base_target fitted to all frames of a location by a chain, None where none is usable."""
     usable = measured(group)
     if not usable:
         return None
+    if isinstance(target, Surface):
+        found = _surface_fit(usable, target, chain)
+        return None if found is None else found.T_base_target
     sensors = _sensors(usable, chain)
     points = SheetPoints.of([f.axis for f in usable], target.features)
     return fit_location(points, sensors, target, _start(usable, sensors)).T_base_target

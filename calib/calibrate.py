@@ -12,25 +12,39 @@ from calib.copies import copy_notes, in_order, without_copies
 from calib.given_places import given_place_notes
 from calib.hands import hand_pose_notes, placed, with_joints
 from calib.judge import (
+    UNCHECKED,
     bundle_estimate,
     bundle_facts,
-    choose_model,
     culprit,
+    find,
     frames_contradict,
     frames_motion,
     judge,
     judge_motion,
     left_out_rms,
     misfit_limit,
+    table_advice,
     wrong_jig,
 )
 from calib.label import label_frames, relabel, settled
 from calib.paper import Starts, checked, paper_estimate, paper_frames
 from calib.printed import gimbal_note
 from calib.result import CalibrationResult, Estimate, Verdict
-from geometry import Frame, InputError, Pose, Robot, Sensor, Target, locations_of, target_at
-from jig_cad import Jig
+from calib.surface import OPEN_CONDITION, Begun, begin_on_surfaces, condensed, degenerate, general_advice
+from geometry import Frame, InputError, Pose, Robot, Sensor, Surface, Target, locations_of, target_at
+from jig_cad import Jig, Plane
 
+NAMED = (
+    "ok",
+    "model_misfit",
+    "weak",
+    "not_observable",
+    "rotation_too_small",
+    "too_few_poses",
+    "poses_not_distinct",
+    "not_converged",
+    "outliers",
+)  # verdicts that the views of surfaces can be the cause of
 CONTRADICTED = ("not_converged", "outliers", "rotation_too_small", "too_few_poses")
 
 
@@ -41,7 +55,7 @@ class Setup:
     target: Target | Mapping[str, Target]
     robot: Robot | None
     sensor: Sensor
-    design: Pose
+    design: Pose | None
     places: Mapping[str, Pose]
     config: CalibConfig
 
@@ -65,7 +79,7 @@ def calibrate(
     target: Target | Mapping[str, Target],
     robot: Robot | None,
     sensor: Sensor,
-    T_hand_sensor: Pose,
+    T_hand_sensor: Pose | None,
     places: Mapping[str, Pose] | None = None,
     config: CalibConfig | None = None,
 ) -> CalibrationResult:
@@ -81,8 +95,8 @@ def calibrate(
         Nominal; None where every frame has T_base_hand.
     sensor : Sensor
         Whose frame {P} the points are in.
-    T_hand_sensor : Pose
-        The SCP by design: some millimetres and degrees off.
+    T_hand_sensor : Pose or None
+        The SCP by design: some millimetres and degrees off. None where no drawing gives it: surfaces do without.
     places : mapping of str to Pose, optional
         T_base_target of locations where it is known; it then decides between symmetric poses.
     config : CalibConfig, optional
@@ -103,37 +117,42 @@ def calibrate(
     """
     if not frames:
         raise InputError("the dataset has no frames")
-    setup = Setup(_one_or_more(target, frames), robot, sensor, T_hand_sensor, places or {}, config or CalibConfig())
+    asked = config or CalibConfig()
+    setup = Setup(_one_or_more(target, frames), robot, sensor, T_hand_sensor, places or {}, asked)
     given = without_copies(with_joints(in_order(frames), robot))
-    labelled, solved = _prepare(setup, given)
+    setup, decided = _with_model(setup, given)
+    begun = _begun(setup, given, setup.design)
+    setup = replace(setup, target=begun.target)
+    labelled, solved = _prepare(setup, given, begun)
     if setup.config.method == "paper":
         result = _paper(setup, labelled, solved)
-    elif solved.solution is None or not solved.verdict.trustworthy:
+    elif solved.solution is None:
         result = _answer(setup, labelled, solved)
     else:
-        chosen, scores, words = _choose(setup, solved.solution, solved.used)
-        if chosen.config.model != setup.config.model:
-            solved = _solve(chosen, labelled, solved.solution.T_hand_sensor)
-        result = _answer(chosen, labelled, solved)
-        result = replace(result, left_out_rms_mm=scores, remarks=(words, *_lonely(given)))
+        judged = _judged(setup, labelled, solved)
+        result = _answer(setup, labelled, judged)
+        if judged.verdict.trustworthy and judged.solution is not None:
+            scores, words = _left_out(setup, judged.solution, judged.used)
+            result = replace(result, left_out_rms_mm=scores, remarks=(words, *_lonely(given)))
+    result = replace(result, model_asked=asked.model, remarks=(*decided, *result.remarks))
     named = _named(result.verdict, setup, labelled)
     verdict = frames_contradict(result.frames, setup.target, sensor, named, setup.config) or named
     return replace(result, verdict=verdict, remarks=(*result.remarks, *_remarks(setup, labelled, result)))
 
 
-def _prepare(setup: Setup, given: tuple[Frame, ...]) -> tuple[tuple[Frame, ...], Solved]:
+def _prepare(setup: Setup, given: tuple[Frame, ...], begun: Begun) -> tuple[tuple[Frame, ...], Solved]:
     """Labels and axis points by design, then by the solved chain, with the bundle's answer; for both methods.
 
     The paper's iteration leaves labels and surface offsets open, and its own solution is too coarse to find them.
     """
     model: Model = "scp" if setup.config.method == "paper" else setup.config.model
     s = setup.with_config(method="bundle", model=model)
-    labelled = by_target(
-        s.target,
-        lambda target, frames: label_frames(frames, target, s.sensor, s.design, s.places, s.config),
-        placed(given, s.robot),
-    )
-    solved = _solve(s, labelled, s.design)
+    labelled, solved = _labelled_and_solved(s, begun)
+    if s.design is not None and not begun.found and begun.places and not solved.verdict.trustworthy:
+        anew = _begun(s, given, None)
+        if anew.found:  # a design that leads nowhere
+            other = _labelled_and_solved(s, anew)
+            labelled, solved = other if other[1].verdict.trustworthy else (labelled, solved)
     open_labels = any(not f.labels_given for f in given)
     for _ in range(s.config.relabel_rounds if open_labels else 0):
         if solved.solution is None or not solved.verdict.trustworthy:
@@ -168,18 +187,101 @@ def _one_or_more(target: Target | Mapping[str, Target], frames: Sequence[Frame])
     return next(iter(kinds.values())) if len(kinds) == 1 else target
 
 
+def _begun(setup: Setup, given: tuple[Frame, ...], design: Pose | None) -> Begun:
+    """Where a calibration begins, with frames on surfaces made ready."""
+    model: Model = "scp" if setup.config.method == "paper" else setup.config.model
+    config = setup.with_config(method="bundle", model=model).config
+    return begin_on_surfaces(placed(given, setup.robot), setup.target, setup.robot, design, config)
+
+
+def _labelled_and_solved(s: Setup, begun: Begun) -> tuple[tuple[Frame, ...], Solved]:
+    """Labels and a first solution from where a calibration begins."""
+    places = {**s.places, **begun.places}
+    if begun.T_hand_sensor is None:
+        if any(isinstance(target_at(s.target, f.location), Jig) for f in begun.frames):
+            raise InputError(
+                "[scp_initial] is missing, and strings need it: give the sensor's place by its drawing, some "
+                "millimetres and degrees off"
+            )
+        return begun.frames, Solved(_no_start(begun.frames, s.target))
+    T: Pose = begun.T_hand_sensor
+    used = tuple(f for f in begun.frames if f.role == "calibrate" and f.usable and len(f.axis))
+    still = degenerate(used, s.target, None, {}) if len(used) > 2 else None
+    if still is not None:
+        return begun.frames, Solved(Verdict("rotation_too_small", still.text))
+    labelled = by_target(
+        s.target,
+        lambda target, frames: label_frames(frames, target, s.sensor, T, places, s.config),
+        begun.frames,
+    )
+    return labelled, _solve(s, labelled, T)
+
+
+def _no_start(frames: tuple[Frame, ...], target: Target | Mapping[str, Target]) -> Verdict:
+    """What is said where neither a design nor the data give anything to begin with."""
+    used = tuple(f for f in frames if f.role == "calibrate" and f.usable and len(f.axis))
+    still = degenerate(used, target, None, {}) if len(used) > 2 else None
+    if still is not None:
+        return Verdict("rotation_too_small", still.text)
+    seen = sum(len(f.axis) > 0 and f.role == "calibrate" for f in frames)
+    return Verdict(
+        "too_few_poses",
+        f"{seen} calibrate frames show the target, and without [scp_initial] three or more are needed whose views "
+        "differ: take more configurations, turned about two axes, or give the sensor's place by its drawing",
+    )
+
+
 def _solve(setup: Setup, labelled: tuple[Frame, ...], T_hand_sensor: Pose) -> Solved:
     """Solve the usable calibrate frames by the bundle, or say why they can not be."""
     used = tuple(f for f in labelled if f.role == "calibrate" and f.usable)
     moved = frames_motion(used)
     verdict = judge_motion(moved, setup.config)
     if verdict is not None:
-        return Solved(verdict)
+        return Solved(_views_named(verdict, setup, used, None))
+    used = condensed(used, setup.target).frames
     bundle = make_bundle(used, setup.target, setup.robot, setup.config, setup.sensor)
     solution = solve_problem(bundle, [f.candidates for f in used], T_hand_sensor, setup.config)
     refused = tuple(f for f in labelled if f.role == "calibrate" and f.reason == "not_labelled" and len(f.axis))
     facts = bundle_facts(solution, used, refused)
-    return Solved(judge(facts, moved, setup.config), bundle_estimate(solution, used, setup.config), solution, used)
+    estimate = _whole(bundle_estimate(solution, used, setup.config), used, labelled)
+    verdict = _views_named(judge(facts, moved, setup.config), setup, used, solution)
+    if verdict.code == "not_observable" and _condensed(used, labelled):
+        return Solved(verdict)  # what noise alone leaves open has no σ
+    return Solved(verdict, estimate, solution, used)
+
+
+def _views_named(verdict: Verdict, setup: Setup, used: tuple[Frame, ...], solution: Solution | None) -> Verdict:
+    """The verdict on views of surfaces by its name, with the pose that would help; refused where σ are not true."""
+    if verdict.code not in NAMED or not any(isinstance(target_at(setup.target, f.location), Surface) for f in used):
+        return verdict
+    T, places = (None, {}) if solution is None else (solution.T_hand_sensor, solution.places)
+    found = degenerate(used, setup.target, T, places)
+    open_one = solution is not None and not solution.condition < OPEN_CONDITION
+    sound = verdict.code in ("ok", "model_misfit")
+    if found is None and not open_one:
+        helps = verdict.code in ("not_observable", "weak") and all(
+            isinstance(target_at(setup.target, f.location), Plane) for f in used
+        )
+        return replace(verdict, text=f"{verdict.text}; {general_advice(setup.target, used)}") if helps else verdict
+    if sound and not open_one and not (found is not None and found.certain):
+        return verdict
+    words = found.text if found is not None else general_advice(setup.target, used)
+    code = "not_observable" if open_one or (found is not None and found.certain) or sound else verdict.code
+    if verdict.code in ("rotation_too_small", "too_few_poses", "poses_not_distinct"):
+        code = verdict.code
+    return Verdict(code, f"{words}. In all, {verdict.text}" if not sound else words)
+
+
+def _whole(estimate: Estimate, used: tuple[Frame, ...], labelled: tuple[Frame, ...]) -> Estimate:
+    """The estimate with outliers of those frames alone whose points were not condensed."""
+    gone = _condensed(used, labelled)
+    return replace(estimate, outliers={k: out for k, out in estimate.outliers.items() if k not in gone})
+
+
+def _condensed(used: tuple[Frame, ...], labelled: tuple[Frame, ...]) -> set[int]:
+    """Numbers of the frames whose points were condensed to a few."""
+    raw = {f.number: len(f.axis) for f in labelled}
+    return {f.number for f in used if len(f.axis) != raw[f.number]}
 
 
 def _relabel(
@@ -201,17 +303,45 @@ def _relabel(
     )
 
 
-def _choose(setup: Setup, solution: Solution, used: tuple[Frame, ...]) -> tuple[Setup, dict[str, float], str]:
-    """Keep the model asked for unless it predicts locations that it did not see worse than scp alone."""
+def _with_model(setup: Setup, given: tuple[Frame, ...]) -> tuple[Setup, tuple[str, ...]]:
+    """The model that "auto" is here, and a sentence where it is not the robot's errors under their priors."""
+    asked = setup.config.model
+    if not asked.startswith("auto"):
+        return setup, ()
+    joints = setup.robot is not None and all(f.joints_rad is not None and not f.joints_inferred for f in given)
+    model = asked.replace("auto", "full") if joints else "scp"
+    words = (
+        "the frames give no joint readings that a robot's table turns into poses, so its errors can not be told from "
+        "the SCP: the SCP alone was solved (model scp)"
+    )
+    return setup.with_config(model=model), () if joints else (words,)
+
+
+def _judged(setup: Setup, labelled: tuple[Frame, ...], solved: Solved) -> Solved:
+    """The answer with every number of the files tried as a suspect, solved anew where one contradicts the data."""
+    if solved.solution is None:
+        return solved
+    used, config = solved.used, setup.config
+    bundle = make_bundle(used, setup.target, setup.robot, config, setup.sensor)
+    finding = find(bundle, [f.candidates for f in used], solved.solution, setup.sensor, config)
+    refused = tuple(f for f in labelled if f.role == "calibrate" and f.reason == "not_labelled" and len(f.axis))
+    facts = bundle_facts(finding.solution, used, refused, finding)
+    estimate = _whole(bundle_estimate(finding.solution, used, config, finding), used, labelled)
+    verdict = judge(facts, frames_motion(used), config)
+    return Solved(_views_named(verdict, setup, used, finding.solution), estimate, finding.solution, used)
+
+
+def _left_out(setup: Setup, solution: Solution, used: tuple[Frame, ...]) -> tuple[dict[str, float], str]:
+    """How well locations are predicted that took no part, by the model and by the SCP alone; which table to use."""
     asked = setup.config.model
     models: tuple[Model, ...] = ("scp",) if asked == "scp" else ("scp", asked)
     scores = {m: left_out_rms(solution, used, setup.config, m) for m in models}
-    fits = solution.nominal <= misfit_limit(solution.dof, setup.config.misfit_chi2)
-    model, words = choose_model(scores, asked, nominal_fits=fits)
     known: dict[str, float] = {m: rms for m, rms in scores.items() if rms is not None}
     if asked == "scp":
-        words = f"leaving one location out, its points are predicted to {known['scp']:.3f} mm" if known else words
-    return setup.with_config(model=model), known, words
+        words = f"leaving one location out, its points are predicted to {known['scp']:.3f} mm" if known else UNCHECKED
+        return known, words
+    fits = solution.nominal <= misfit_limit(solution.dof, setup.config.misfit_chi2)
+    return known, table_advice(scores, asked, nominal_fits=fits)
 
 
 def _paper(setup: Setup, labelled: tuple[Frame, ...], solved: Solved) -> CalibrationResult:
@@ -226,6 +356,8 @@ def _paper(setup: Setup, labelled: tuple[Frame, ...], solved: Solved) -> Calibra
     early = judge_motion(moved, setup.config)
     if early is not None:
         return _answer(setup, labelled, Solved(early))
+    if setup.design is None:
+        raise InputError("the paper's method begins at the sensor's place by its drawing: give [scp_initial]")
     starts = Starts(setup.design, setup.design if trusted is None else trusted.T_hand_sensor)
     estimate, facts = paper_estimate(frames, setup.target, setup.robot, starts, setup.config)
     verdict = checked(judge(facts, moved, setup.config), estimate, solved.verdict, solved.estimate)
@@ -246,8 +378,11 @@ def _named(verdict: Verdict, setup: Setup, labelled: tuple[Frame, ...]) -> Verdi
 
 def _remarks(setup: Setup, labelled: tuple[Frame, ...], result: CalibrationResult) -> tuple[str, ...]:
     """What is to be said of given places and hand poses."""
-    chain, groups = (result.T_hand_sensor or setup.design, result.robot), locations_of(labelled)
-    seen = {n: location_pose(groups[n], target_at(setup.target, n), chain) for n in setup.places if n in groups}
+    T, groups = result.T_hand_sensor or setup.design, locations_of(labelled)
+    known = {} if T is None else {n: groups[n] for n in setup.places if n in groups}
+    seen: dict[str, Pose | None] = {}
+    if T is not None:
+        seen = {n: location_pose(g, target_at(setup.target, n), (T, result.robot)) for n, g in known.items()}
     found = {n: T for n, T in seen.items() if T is not None}
     hands = hand_pose_notes(labelled, setup.config.hand_floor_mm, setup.config.hand_floor_deg)
     T, covariance = result.T_hand_sensor, result.covariance

@@ -73,7 +73,8 @@ def _points(f: Frame) -> bytes:
     """What was measured in a frame, to the last digit; empty where nothing was."""
     if not len(f.points) and not len(f.axis):
         return b""
-    axis = "\0".join(f.axis.label).encode() + np.ascontiguousarray(f.axis.yz_mm).tobytes() if f.labels_given else b""
+    counts = f.labels_given or not len(f.points)
+    axis = "\0".join(f.axis.label).encode() + np.ascontiguousarray(f.axis.yz_mm).tobytes() if counts else b""
     return b"|".join([_sorted(f.points.yz_mm), _sorted(f.points.uv_px), axis])
 
 

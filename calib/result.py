@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Literal
@@ -9,14 +10,18 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.prediction import prediction_jacobian
 from calib.printed import printed_sigmas
-from geometry import Frame, Pose, Robot, Role
+from calib.sensor_errors import SensorErrors
+from geometry import Frame, InputError, Pose, Robot, Role, Target
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Code = Literal[
     "ok",
     "model_misfit",
+    "priors_contradict",
+    "sensor_suspect",
     "weak",
     "too_few_poses",
     "rotation_too_small",
@@ -28,7 +33,7 @@ Code = Literal[
     "not_converged",
     "frames_contradict",
 ]
-TRUSTWORTHY: frozenset[Code] = frozenset({"ok", "model_misfit", "weak"})
+TRUSTWORTHY: frozenset[Code] = frozenset({"ok", "model_misfit", "priors_contradict", "sensor_suspect", "weak"})
 SIGMA_HOLDS: frozenset[Code] = TRUSTWORTHY | {
     "not_observable"
 }  # verdicts whose covariance says how wrong the answer is
@@ -36,23 +41,62 @@ SIGMA_HOLDS: frozenset[Code] = TRUSTWORTHY | {
 
 @dataclass(frozen=True)
 class Verdict:
-    """The judgement on a calibration: a code, and words with advice."""
+    """The judgement on a calibration: a code, and words with advice.
+
+    withheld: a fault is seen that no σ can be given for, whatever the code.
+    """
 
     code: Code
     text: str
+    withheld: bool = False
 
     @property
     def trustworthy(self) -> bool:
         """Whether the answer may be used (exit code 0), with care where the code is not "ok"."""
-        return self.code in TRUSTWORTHY
+        return self.code in TRUSTWORTHY and not self.withheld
+
+
+@dataclass(frozen=True)
+class Pull:
+    """How far a number of the files is pulled from where its file has it.
+
+    block: "robot", "jig" or "sensor". parameter, row: the number, and the joint whose row it stands in. size: what
+    the data would have added to it, in ``unit``. pull_sigma: that over what is expected by chance.
+    """
+
+    block: str
+    parameter: str
+    row: int | None
+    size: float
+    unit: str
+    pull_sigma: float
+
+
+@dataclass(frozen=True)
+class Culprit(Pull):
+    """The number that is most likely wrong; same_as: those that the data can not tell from it, best first."""
+
+    same_as: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Nominal:
+    """The SCP that goes with the robot's table as given, and its covariance (6, 6) with the table's errors."""
+
+    T_hand_sensor: Pose
+    covariance: Array
 
 
 @dataclass(frozen=True)
 class DesignSolved:
-    """One figure with the design SCP and nominal robot, and with what was solved; None where it can not be formed."""
+    """One figure with the design SCP and nominal robot, and with what was solved; None where it can not be formed.
+
+    nominal: with the solved SCP that goes with the nominal robot.
+    """
 
     design: float | None
     solved: float | None
+    nominal: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +110,11 @@ class Distances:
 
 @dataclass(frozen=True, eq=False)
 class LocationResult:
-    """One place of the jig."""
+    """One place of the target.
+
+    surface: what is said of a surface there, None for strings. n_points, n_found: of the profiles, and on the target.
+    centres_left_out: frames whose section is too nearly the whole ball to tell a centre.
+    """
 
     role: Role
     T_base_target: Pose | None
@@ -74,6 +122,10 @@ class LocationResult:
     spread_3d_mm: DesignSolved
     point_rms_mm: DesignSolved
     distances: Distances
+    surface: Mapping[str, object] | None = None
+    n_points: int = 0
+    n_found: int = 0
+    centres_left_out: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,6 +141,8 @@ class Estimate:
         With its corrections; None where only hand poses are known.
     robot_delta, robot_sigma : ndarray (P,)
         Corrections of ``robot.parameters`` and their σ, after the data or the prior's where considered.
+    targets : mapping of str to Target
+        Surfaces by location, their shape as it was solved.
     shape_delta, shape_sigma : ndarray (S,)
         Of the target's shape unknowns.
     chi2_per_dof, degrees_of_freedom, converged, iterations, initial_cost, final_cost
@@ -103,6 +157,20 @@ class Estimate:
         Its outlying points, by its number.
     weak_directions, notes : tuple of str
         In words.
+    nominal : Nominal or None
+        What goes with the nominal robot.
+    joint_covariance : ndarray (6 + P + K, 6 + P + K) or None
+        Of SCP, robot and the sensor's ``errors`` together.
+    errors : SensorErrors or None
+        The sensor's own errors (K,).
+    sensor_delta : dict of str to float
+        What was estimated of the sensor, to be added to its file's numbers.
+    pulls : tuple of Pull
+        The largest, first.
+    culprit : tuple of Culprit
+        What contradicts the data.
+    prior_cost, prior_expected : float
+        Squared departures from all priors in σ, and their expectation.
     """
 
     T_hand_sensor: Pose
@@ -118,12 +186,33 @@ class Estimate:
     final_cost: float
     condition: float
     noise: dict[str, float]
+    targets: Mapping[str, Target] = field(default_factory=dict)
     shape_delta: Array = field(default_factory=lambda: np.zeros(0))
     shape_sigma: Array = field(default_factory=lambda: np.zeros(0))
     reasons: dict[int, str] = field(default_factory=dict)
     outliers: dict[int, Mask] = field(default_factory=dict)
     weak_directions: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    nominal: Nominal | None = None
+    joint_covariance: Array | None = None
+    errors: SensorErrors | None = None
+    sensor_delta: dict[str, float] = field(default_factory=dict)
+    pulls: tuple[Pull, ...] = ()
+    culprit: tuple[Culprit, ...] = ()
+    prior_cost: float = 0.0
+    prior_expected: float = 0.0
+
+    def predicted_covariance(self, joints_rad: Array, yz_mm: Array) -> Array:
+        """Covariance (F, M, 3, 3) [mm²] of where points (F, M, 2), measured at readings (F, n), are in the base."""
+        J = self.prediction_jacobian(joints_rad, yz_mm)
+        joint = np.zeros((0, 0)) if self.joint_covariance is None else self.joint_covariance
+        return np.asarray(J @ joint @ np.swapaxes(J, -1, -2))
+
+    def prediction_jacobian(self, joints_rad: Array, yz_mm: Array) -> Array:
+        """Motions (F, M, 3, 6 + P + K) [mm] of these by SCP, robot and sensor, as ``joint_covariance`` has them."""
+        if self.robot is None or self.joint_covariance is None:
+            raise InputError("what is predicted of points elsewhere needs joint readings and a robot's table")
+        return prediction_jacobian(self.T_hand_sensor, self.robot, self.errors, joints_rad, yz_mm)
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,6 +223,8 @@ class CalibrationResult:
     ----------
     method, model : str
         As solved.
+    model_asked : str
+        As asked for.
     verdict : Verdict
     T_hand_sensor_design : Pose
         The SCP that was given.
@@ -153,18 +244,34 @@ class CalibrationResult:
     method: str
     model: str
     verdict: Verdict
-    T_hand_sensor_design: Pose
+    T_hand_sensor_design: Pose | None
     locations: dict[str, LocationResult]
     frames: tuple[Frame, ...]
     nominal_robot: Robot | None
     estimate: Estimate | None = None
     left_out_rms_mm: dict[str, float] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
+    model_asked: str = ""
 
     @property
     def trusted(self) -> Estimate | None:
         """The estimate, unless its covariance would not say how wrong it is."""
-        return self.estimate if self.verdict.code in SIGMA_HOLDS else None
+        return self.estimate if self.verdict.code in SIGMA_HOLDS and not self.verdict.withheld else None
+
+    @property
+    def nominal(self) -> Nominal | None:
+        """The SCP that goes with the robot's table as given; None where none is to be trusted."""
+        return None if self.trusted is None else self.trusted.nominal
+
+    @property
+    def pulls(self) -> tuple[Pull, ...]:
+        """The largest pulls of numbers of the files, largest first; also where nothing else is to be trusted."""
+        return () if self.estimate is None else self.estimate.pulls
+
+    @property
+    def culprit(self) -> tuple[Culprit, ...]:
+        """The numbers of the files that contradict the data."""
+        return () if self.estimate is None else self.estimate.culprit
 
     @property
     def T_hand_sensor(self) -> Pose | None:

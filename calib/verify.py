@@ -15,6 +15,7 @@ from calib.figures import OffsetsFromTarget, agreeing_pose, fit_location
 from calib.hands import chain_poses, placed, with_joints
 from calib.label import label_frames, relabel
 from calib.result import LocationResult
+from calib.surface import begin_on_surfaces
 from geometry import Frame, InputError, Pose, Robot, Sensor, SheetPoints, State, Target, locations_of, target_at
 
 
@@ -93,7 +94,11 @@ def verify(
     settings, known = config or CalibConfig(), places or {}
     given = without_copies(placed(with_joints(in_order(frames), robot), robot))
     chain, design = (T_hand_sensor, robot), (T_hand_sensor_design or T_hand_sensor, robot)
-    labelled = by_target(target, lambda t, group: label_frames(group, t, sensor, T_hand_sensor, known, settings), given)
+    begun = begin_on_surfaces(given, target, robot, T_hand_sensor, settings)
+    given, target, stands = begun.frames, begun.target, {**begun.places, **known}
+    labelled = by_target(
+        target, lambda t, group: label_frames(group, t, sensor, T_hand_sensor, stands, settings), given
+    )
     if any(not f.labels_given for f in given):
         named = locations_of(labelled).items()
         found = {n: T for n, g in named if (T := location_pose(g, target_at(target, n), chain)) is not None}

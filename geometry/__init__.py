@@ -1,6 +1,7 @@
 """Ground floor: poses, lines, the sensor, the robot, measured points and errors (numpy and scipy only)."""
 
 from geometry.board import BOARD_KINDS, Board
+from geometry.configuration import ArmConfiguration, parse_bits, parse_letters
 from geometry.errors import (
     LONGEST_WORD,
     InputError,
@@ -45,7 +46,7 @@ from geometry.robot import (
     with_beta_prior,
 )
 from geometry.sensor import Camera, Sensor, Sheet, field_of_view, inside_polygon
-from geometry.target import Prediction, Shape, Surface, Symmetry, Target, target_at
+from geometry.target import Prediction, Section, Shape, Surface, Symmetry, Target, target_at
 from geometry.unknowns import Block, Linearised, State, Step, Term, Unknowns
 from geometry.writing import toml_value, write_bytes, write_text
 
@@ -57,6 +58,7 @@ __all__ = [
     "NO_POSES",
     "TYPICAL_SIGMA",
     "Arm",
+    "ArmConfiguration",
     "AxisPoints",
     "Block",
     "Board",
@@ -83,6 +85,7 @@ __all__ = [
     "Robot",
     "RobotUncertainty",
     "Role",
+    "Section",
     "Sensor",
     "Shape",
     "Sheet",
@@ -113,6 +116,8 @@ __all__ = [
     "log_so3",
     "nearest_rotation",
     "no_remark",
+    "parse_bits",
+    "parse_letters",
     "parse_toml",
     "quaternion_wxyz",
     "read_bytes",

@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from geometry.configuration import ArmConfiguration
 from geometry.points import AxisPoints, SurfacePoints
 from geometry.pose import Pose
 
@@ -33,8 +34,10 @@ class Frame:
         Joint readings; None where only the hand's pose is known.
     T_base_hand : Pose or None
         The hand's pose as given.
-    image : str
-        Its file.
+    image, profile : str
+        Its file: an image or a profile.
+    configuration : ArmConfiguration or None
+        Which of the arm's solutions the controller says it was in.
     line : int
         Where it stands in frames.csv, 0 where it is in none.
     points : SurfacePoints
@@ -51,6 +54,8 @@ class Frame:
         T_base_hand as given, else of the readings by the robot.
     candidates : Pose (K)
         Poses T_sensor_target that explain the labelled points.
+    n_points : int
+        How many points its profile has, of which those in ``axis`` lie on the target; 0 where there is no profile.
     used : bool
         The points entered the solution (calibrate) or the figures (verify).
     residual_mm : ndarray (N,)
@@ -65,6 +70,8 @@ class Frame:
     joints_rad: Array | None = None
     T_base_hand: Pose | None = None
     image: str = ""
+    profile: str = ""
+    configuration: ArmConfiguration | None = None
     line: int = 0
     points: SurfacePoints = field(default_factory=SurfacePoints.empty)
     axis: AxisPoints = field(default_factory=AxisPoints.empty)
@@ -73,6 +80,7 @@ class Frame:
     reason: str | None = None
     hand: Pose | None = None
     candidates: Pose = NO_POSES
+    n_points: int = 0
     used: bool = False
     residual_mm: Array = field(default_factory=lambda: np.zeros(0))
     T_sensor_target: Pose | None = None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from geometry.pose import Pose, cross
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
+Section = Literal["line", "circle"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,9 +105,13 @@ def target_at(target: Target | Mapping[str, Target], location: str) -> Target:
 class Surface:
     """Base of targets whose points lie on one surface: a subclass gives ``offset`` as one signed distance.
 
-    The residual is the distance itself.
+    The residual is the distance itself. What a subclass may say beside it: ``section``, the curve in which a plane cuts
+    each of its features ("line" or "circle"), by which a frame's many points are condensed to few; ``shaped`` and
+    ``by_shape`` where it has shape unknowns; ``place``, its pose from points in closed form.
     """
 
+    kind: str = "surface"
+    section: Section | None = None
     features: tuple[str, ...] = ("surface",)
     shape: Shape = Shape()
     symmetries: tuple[Symmetry, ...] = ()
@@ -117,16 +122,29 @@ class Surface:
         """Signed distance (N, 1) [mm] of points (N, 3) from the surface, and its gradient (N, 1, 3)."""
         raise NotImplementedError
 
+    def shaped(self, shape: Array) -> Surface:
+        """The surface with its shape unknowns at ``shape`` (S,)."""
+        return self
+
+    def by_shape(self, points_mm: Array, feature: Index) -> Array:
+        """Derivative (N, k, S) of the offsets of points (N, 3) by the shape unknowns."""
+        return np.zeros((len(points_mm), self.residuals_per_point, len(self.shape.sigma)))
+
+    def place(self, points_mm: Array, feature: Index) -> Pose | None:
+        """The pose at which the surface passes through points (N, 3) about as well as it can; None where none is."""
+        return None
+
     def predict(self, T_sensor_target: Pose, shape: Array, points: SheetPoints) -> Prediction:
         """Distances of the points from the surface.
 
         Where the target moves by v + ω × p at a point p, the point moves by as much less against it.
         """
+        here = self.shaped(shape) if np.any(shape) else self
         q = T_sensor_target.inverse() @ points.xyz_mm  # (F, M, 3)
-        distance, gradient = (
-            x.reshape(*q.shape[:2], *x.shape[1:]) for x in self.offset(q.reshape(-1, 3), points.feature.ravel())
-        )
+        flat, feature = q.reshape(-1, 3), points.feature.ravel()
+        found = (*here.offset(flat, feature), here.by_shape(flat, feature))
+        distance, gradient, by_shape = (x.reshape(*q.shape[:2], *x.shape[1:]) for x in found)
         seen = points.present[..., None]
-        n = gradient * seen[..., None] @ np.swapaxes(T_sensor_target.R, -1, -2)[:, None]  # (F, M, 1, 3) in {P}
+        n = gradient * seen[..., None] @ np.swapaxes(T_sensor_target.R, -1, -2)[:, None]  # (F, M, k, 3) in {P}
         by_motion = np.concatenate([-n, -cross(points.xyz_mm[..., None, :], n)], -1)
-        return Prediction(distance * seen, by_motion, np.zeros((*seen.shape, 0)), n[..., 1:])
+        return Prediction(distance * seen, by_motion, by_shape * seen[..., None], n[..., 1:])

@@ -23,6 +23,8 @@ def write_bytes(path: str | os.PathLike[str], data: bytes) -> None:
         handle, part = tempfile.mkstemp(dir=goal.parent, prefix=f".{goal.name}.", suffix=".part")
         with os.fdopen(handle, "wb") as stream:
             stream.write(data)
+            stream.flush()
+            os.fsync(stream.fileno())  # the name must never stand before the bytes do
         Path(part).chmod(0o644)
         Path(part).replace(goal)
     except BaseException as error:

@@ -4,9 +4,11 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 from jig_cad.files import jig_from_table, jig_text, read_jig, write_jig
+from jig_cad.flat import Edge, Plane, Wedge
 from jig_cad.jig import Jig, sample_tolerance
 from jig_cad.pillar import ANCHORS, DEFAULT_STRINGS, STRINGS, Pillar, nominal_anchors
 from jig_cad.sized import SIZES, SizedJig
+from jig_cad.sphere import Balls, Sphere
 
 if TYPE_CHECKING:
     from jig_cad.drawing import drawing_svg
@@ -18,10 +20,15 @@ __all__ = [
     "DEFAULT_STRINGS",
     "SIZES",
     "STRINGS",
+    "Balls",
+    "Edge",
     "Jig",
     "Pillar",
     "PillarDesign",
+    "Plane",
     "SizedJig",
+    "Sphere",
+    "Wedge",
     "drawing_svg",
     "export_jig",
     "jig_from_table",

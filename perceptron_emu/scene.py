@@ -43,6 +43,11 @@ class Material:
             value = getattr(self, name)
             if not low <= value <= 1:
                 raise InputError(f"material {name} = {value:g}: must lie in {low:g} … 1")
+        if self.diffuse + self.specular > 1 + 1e-9:
+            raise InputError(
+                f"material diffuse = {self.diffuse:g} and specular = {self.specular:g}: together above 1, it would "
+                f"send back more light than falls on it; lower one"
+            )
 
 
 # measured on no sample: albedos of plain paint, black anodised plate, milled aluminium (GGX's F0 of some 0.9, fine

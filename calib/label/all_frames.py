@@ -67,8 +67,9 @@ def label_group(
     """The frames of one location labelled; of a target with one feature all points lie on that, without an offset."""
     out = []
     for f in frames:
-        p, n = f.points, len(f.points)
-        axis = AxisPoints(target.features[:1] * n, np.arange(n), p.yz_mm, p.cov_yz_mm2, p.flag)
+        axis, p, n = f.axis, f.points, len(f.points)
+        if not len(axis):
+            axis = AxisPoints(target.features[:1] * n, np.arange(n), p.yz_mm, p.cov_yz_mm2, p.flag)
         out.append(with_candidates(target, replace(f, axis=axis), _guess(f, T_hand_sensor, place)))
     return out
 
@@ -103,7 +104,7 @@ def with_candidates(target: Target, f: Frame, guess: Pose | None) -> Frame:
     A single curve hardly ever tells a surface's pose: by default the guess is the one candidate.
     """
     if len(f.axis) == 0 or guess is None:
-        return replace(f, reason="not_labelled" if len(f.axis) else "no_spots")
+        return replace(f, reason="not_labelled" if len(f.axis) else "no_target" if f.n_points else "no_spots")
     return replace(f, candidates=stack_poses([guess]), reason=None)
 
 

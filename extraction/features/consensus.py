@@ -51,15 +51,20 @@ class Agreement:
 
 
 def course_of(yz_mm: Array, cov_yz_mm2: Array) -> Course:
-    """Points in order along y with their local scatter: each against the chord of its neighbours."""
+    """Points in order along y with their local scatter."""
+    return Course(yz_mm, cov_yz_mm2, local_scatter(yz_mm))
+
+
+def local_scatter(yz_mm: Array) -> float:
+    """Robust σ [mm] of points (N, 2) in order along y: each against its neighbours' chord."""
     if len(yz_mm) < 3:
-        return Course(yz_mm, cov_yz_mm2, 0.0)
+        return 0.0
     before, here, after = yz_mm[:-2], yz_mm[1:-1], yz_mm[2:]
     chord = after - before
     length = np.maximum(np.hypot(*chord.T), 1e-12)
     off = here - (before + after) / 2
     across = (off[:, 1] * chord[:, 0] - off[:, 0] * chord[:, 1]) / length
-    return Course(yz_mm, cov_yz_mm2, _MAD * float(np.median(np.abs(across))) / np.sqrt(1.5))
+    return _MAD * float(np.median(np.abs(across))) / float(np.sqrt(1.5))
 
 
 def agree(

@@ -86,6 +86,15 @@ class Profile:
         """The number of points."""
         return len(self.yz_mm)
 
+    @staticmethod
+    def of_points(yz_mm: Array, cov_yz_mm2: Array, intensity: Array | None = None) -> Profile:
+        """Points (N, 2) [mm] of a sensor that gives no image, with their covariance (N, 2, 2)."""
+        n = len(yz_mm)
+        zero, two = np.zeros(n), np.zeros((n, 2))
+        light = zero if intensity is None else np.nan_to_num(intensity)
+        section, flag = np.arange(n, dtype=np.int32), np.zeros(n, dtype=np.uint8)
+        return Profile(StripePeaks(section, two, two, zero, light, zero, zero, zero, flag), yz_mm, cov_yz_mm2)
+
     def __getitem__(self, chosen: NDArray[np.intp] | Mask) -> Profile:
         """The chosen points, in that order."""
         return Profile(self.peaks[chosen], self.yz_mm[chosen], self.cov_yz_mm2[chosen])

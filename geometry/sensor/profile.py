@@ -24,6 +24,7 @@ PROFILE_FORMATS = (
     "ply",
     "pcd",
     "xyz",
+    "npy",
 )
 AUTO = "auto"  # the format is recognised by its own signature
 
@@ -42,6 +43,8 @@ class ProfileOutput:
         Polygon (N, 2) of (y, z) [mm] in {P}, in order around it.
     pitch_mm, start_mm : float or None
         Lateral step and start, for formats without lateral coordinates.
+    unit, width : int or None
+        Of Keyence LJ-X's counts, in hundredths of a micrometre; points of a profile in files without a header.
     z_towards_sensor : bool
         The maker counts z towards the sensor; {P} is then the maker's frame.
 
@@ -57,6 +60,8 @@ class ProfileOutput:
     field_of_view_mm: Array | None = None
     pitch_mm: float | None = None
     start_mm: float | None = None
+    unit: int | None = None
+    width: int | None = None
     z_towards_sensor: bool = False
 
     def __post_init__(self) -> None:
@@ -68,6 +73,10 @@ class ProfileOutput:
             value = getattr(self, name)
             if value is not None and not 0 < value < np.inf:
                 raise InputError(f"[profile] {name} = {value:g}: must be positive and finite")
+        for name in ("unit", "width"):
+            value = getattr(self, name)
+            if value is not None and not 0 < value < 10**6:
+                raise InputError(f"[profile] {name} = {value}: must be 1 … 999999")
         if self.start_mm is not None and not np.isfinite(self.start_mm):
             raise InputError(f"[profile] start_mm = {self.start_mm:g}: must be finite")
         if self.field_of_view_mm is not None:

@@ -60,7 +60,7 @@ def _scene() -> tuple[Views, State]:
     views = Views(tuple(shifted))
     boards = Pose(np.broadcast_to(np.eye(3), (3, 3, 3)).copy(), np.zeros((3, 3)))
     boards = boards @ Pose.exp(rng.normal(0, 0.3, (3, 6)))
-    boards = Pose(boards.R, boards.t + [-40.0, -25.0, 290.0])
+    boards = Pose(boards.R, boards.t + np.array([-40.0, -25.0, 290.0]))
     state = State({CAMERA: _whole_lens(), BOARD: boards})
     return views, state.with_value(PLANE, fitted_plane(stripe_points(views, state)))
 
@@ -158,7 +158,7 @@ def test_a_board_that_moved_is_left_out_by_name():
     rng = np.random.default_rng(5)
     views = made_views(rng, true_camera(rng, False), count=9)
     moved = views[4]
-    views[4] = replace(moved, stripe=replace(moved.stripe, uv_px=moved.stripe.uv_px + [0.0, 12.0]))
+    views[4] = replace(moved, stripe=replace(moved.stripe, uv_px=moved.stripe.uv_px + np.array([0.0, 12.0])))
     found = calibrate_sensor(views, SIZE)
     assert [v.name for v in found.views if not v.used] == [moved.name]
     assert found.verdict.code == "ok"

@@ -83,7 +83,7 @@ def commands() -> Iterator[tuple[str, str]]:
 @pytest.mark.parametrize(("page", "line"), sorted(set(commands())))
 def test_command_lines_are_understood(page: str, line: str) -> None:
     """The command is there and knows the options; arguments are placeholders and not looked at."""
-    from workbench.cli.main import app
+    from workbench.cli.app import app
 
     words = shlex.split(re.sub(r"[\[\]]", " ", re.sub(r"\$\(.*\)", "X", line)).replace("…", ""))
     group = typer.main.get_command(app)

@@ -271,6 +271,18 @@ def test_one_click_calibrates(page: Page) -> None:
     assert "D" in page.find("#calibration").text
 
 
+def test_a_dot_of_fig_7_opens_its_frame(page: Page) -> None:
+    page.tab("calibration")
+    page.until("document.getElementById('fig7')")
+    width = page.js("return document.getElementById('fig7').clientWidth")
+    x = 46 + (width - 58) * (2 + 0.5) / (28 + 4)  # the third dot of the first of four locations
+    fig7 = page.find("#fig7")
+    ActionChains(page.driver).move_to_element_with_offset(fig7, round(x - fig7.size["width"] / 2), 0).click().perform()
+    page.settled()
+    assert page.shown.startswith("2:")
+    assert page.find('[data-tab="image"]').get_attribute("aria-selected") == "true"
+
+
 def test_the_keyboard_is_enough(page: Page) -> None:
     page.layers("spots", "labels", "truth")
     page.image(0)

@@ -109,6 +109,12 @@ def test_a_file_written_anew_is_shown_anew(bare: Page, folder: Path, cell_folder
     shutil.copy(cell_folder / "images" / "000.png", folder / "a.png")
 
 
+def test_clipped_pixels_are_counted_with_what_to_do(bare: Page) -> None:
+    bare.image(1)
+    bare.until("document.getElementById('inspector').textContent.includes('Halve the exposure')")
+    assert f"{512 * 640} px clipped" in bare.js("return document.getElementById('inspector').textContent")
+
+
 def test_a_calibration_is_marked_once_parameters_changed(browser: Any, cell_folder: Path, tmp_path: Path) -> None:
     process, address = served(str(cell_folder), "--out", str(tmp_path))
     try:
@@ -136,5 +142,24 @@ def test_the_way_in_shows_the_token_to_this_user_alone(browser: Any, folder: Pat
             browser.get(page.as_uri())
             Page(browser).until("document.documentElement.dataset.shown", 60)
         assert not page.exists()
+    finally:
+        ended(process)
+
+
+def test_a_watched_folder_shows_what_comes(browser: Any, cell_folder: Path, tmp_path: Path) -> None:
+    """A new image is taken in, measured and shown without a click; one that is still being written waits."""
+    folder = tmp_path / "live"
+    folder.mkdir()
+    shutil.copy(cell_folder / "images" / "000.png", folder / "000.png")
+    process, address = served(str(folder), "--sensor", str(cell_folder / "sensor.toml"), "--watch")
+    try:
+        browser.get(address)
+        page = Page(browser)
+        page.until("document.documentElement.dataset.surveyed === '1'", 60)
+        shutil.copy(cell_folder / "images" / "004.png", folder / "001.png")
+        page.until("document.documentElement.dataset.shown.startsWith('1:')", 20)
+        assert page.js("return document.querySelectorAll('#strip button').length") == 2
+        page.until("document.documentElement.dataset.surveyed === '2'", 20)
+        assert int(page.js("return document.querySelectorAll('#strip .badge')[1].textContent")) > 0
     finally:
         ended(process)

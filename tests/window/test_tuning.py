@@ -110,6 +110,15 @@ def test_a_damaged_journal_is_said(task: Task, tmp_path: Path) -> None:
         search(task, ExtractionConfig(), 1, 0, journal, told)
 
 
+def test_a_journal_s_unfinished_line_is_dropped(task: Task, tmp_path: Path) -> None:
+    """A killed search leaves such a line; one trial stands before it, and the search goes on from there."""
+    journal = tmp_path / "tune.journal"
+    search(task, ExtractionConfig(), 1, 0, journal, told)
+    whole = journal.read_bytes()
+    journal.write_bytes(whole + whole[: whole.find(b"\n") // 2])
+    assert search(task, ExtractionConfig(), 2, 0, journal, told).resumed == 1
+
+
 def test_too_few_images(cell_folder: Path, tmp_path: Path) -> None:
     folder = tmp_path / "three"
     folder.mkdir()

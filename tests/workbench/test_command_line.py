@@ -120,3 +120,53 @@ def test_a_missing_extra_is_said(cli: Cli, monkeypatch: pytest.MonkeyPatch, modu
     result = cli("calibrate", "anywhere")
     assert result.code == 2
     assert f"perceptron-emu[{extra}]" in result.err
+
+
+NARROW = """
+import io, sys
+from workbench.cli.main import run
+sys.stdout = io.TextIOWrapper(open(1, "wb", closefd=False), encoding="cp1252")
+sys.stderr = io.TextIOWrapper(open(2, "wb", closefd=False), encoding="ascii")
+code = run(sys.argv[1:])
+sys.stdout.flush(); sys.stderr.flush()
+sys.exit(code)
+"""
+
+
+@pytest.mark.parametrize(
+    "arguments", [["--help"], ["plan", "--help"], ["calibrate", "missing → σ"], ["init", "--list"]]
+)
+def test_a_console_of_few_characters(arguments: list[str]) -> None:
+    """Windows' code page for what is redirected, ASCII for errors: characters are spelled out, nothing fails."""
+    done = subprocess.run([sys.executable, "-c", NARROW, *arguments], capture_output=True, check=False)
+    assert done.returncode == (2 if "missing" in arguments[1 % len(arguments)] else 0), done.stderr
+    done.stdout.decode("cp1252")
+    text = done.stderr.decode("ascii")
+    assert "sigma" in text or "missing" not in "".join(arguments)
+
+
+INTERRUPTED = """
+import os, signal, sys, types
+from workbench.cli import main
+class Swallows:
+    def find_spec(self, name, path=None, target=None):
+        if name == "typer":
+            sys.meta_path.remove(self)
+            try:
+                os.kill(os.getpid(), signal.SIGINT)
+            except BaseException:
+                pass
+        return None
+sys.meta_path.insert(0, Swallows())
+sys.argv = ["perceptron-emu", "--help"]
+main.main()
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals are sent in another way there")
+def test_interrupts_are_not_lost_in_imports() -> None:
+    """A third party's import that swallows whatever is raised in it would go on as if nothing had been."""
+    done = subprocess.run([sys.executable, "-c", INTERRUPTED], capture_output=True, text=True, check=False)
+    assert done.returncode == 130
+    assert done.stderr.strip() == "interrupted"
+    assert not done.stdout

@@ -172,3 +172,44 @@ def test_bit_depths_and_tiff(cli: Cli, plan: Path, tmp_path: Path) -> None:
     assert frames[0]["reason"] != "image_unreadable"
     assert frames[1]["reason"] == "image_unreadable"
     assert "4095" in frames[1]["complaint"]
+
+
+def test_what_a_killed_recording_left_is_noticed_and_made_anew(
+    cli: Cli, plan: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Emptied, cut and damaged images and parts, a leftover among them: the result is the same, byte by byte."""
+    whole, killed = tmp_path / "whole", tmp_path / "killed"
+    assert cli("render", plan, "--out", whole, *SMALL).code == 0
+    with monkeypatch.context() as patched:
+        patched.setattr("workbench.emulate.recording.write_cell", _killed)
+        assert cli("render", plan, "--out", killed, *SMALL).code == 130
+    parts = sorted((killed / ".parts").glob("*.json"))
+    images = sorted((killed / "images").glob("*.png"))
+    parts[0].write_text("")
+    parts[1].write_bytes(parts[1].read_bytes()[:40])
+    images[2].write_bytes(b"")
+    images[3].write_bytes(images[3].read_bytes()[:-200])
+    (killed / ".parts" / ".000.json.abc.part").write_text("half")
+    assert cli("render", plan, "--out", killed, *SMALL).code == 0
+    assert _digest(killed) == _digest(whole)
+    (killed / "truth.json").write_text("{")
+    images[1].write_bytes(b"")
+    assert cli("render", plan, "--out", killed, *SMALL).code == 0
+    assert _digest(killed) == _digest(whole)
+
+
+def _killed(*_: object) -> None:
+    raise KeyboardInterrupt
+
+
+def test_a_starter_that_was_killed_half_way_is_completed(cli: Cli, plan: Path, tmp_path: Path) -> None:
+    (tmp_path / "images").mkdir()
+    (tmp_path / "robot.toml").write_bytes((plan / "robot.toml").read_bytes())
+    (tmp_path / ".sensor.toml.x1.part").write_text("half")
+    assert cli("init", tmp_path).code == 0
+    assert (tmp_path / "cell.toml").read_bytes() == (plan / "cell.toml").read_bytes()
+    other = tmp_path / "other"
+    other.mkdir()
+    (other / "robot.toml").write_text("# my own\n")
+    assert cli("init", other).code == 2
+    assert (other / "robot.toml").read_text() == "# my own\n"

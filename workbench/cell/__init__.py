@@ -7,7 +7,7 @@ from workbench.cell.locating import located
 from workbench.cell.pipeline import Observed, Progress, observe, solve
 from workbench.cell.points_table import rows
 from workbench.cell.posing import FramePose, frame_poses
-from workbench.cell.presets import DESIGN_SCP, find_emulator, find_jig, find_robot, find_sensor
+from workbench.cell.presets import DESIGN_SCP, find_emulator, find_jig, find_robot, find_sensor, preset_path
 from workbench.cell.profiling import ProfileSource, read_profile, read_profile_settings
 from workbench.cell.speckle import dataset_config, with_known_grain
 from workbench.cell.starter import PLACES, place_of_jig, write_starter
@@ -39,6 +39,7 @@ __all__ = [
     "observe",
     "place_of_jig",
     "poses_in_sensor",
+    "preset_path",
     "read_inputs",
     "read_profile",
     "read_profile_settings",

@@ -8,7 +8,8 @@ from pathlib import Path
 
 from geometry import InputError, Sensor
 from jig_cad import Jig
-from workbench.files import LOSSY_SUFFIXES, SUFFIXES, Cell, read_cell, read_jig_file, read_sensor
+from workbench.cell.presets import find_jig, find_sensor
+from workbench.files import LOSSY_SUFFIXES, SUFFIXES, Cell, read_cell
 
 MAX_IMAGES = 100_000  # of one call: more is a wrong folder
 
@@ -32,7 +33,7 @@ def read_inputs(
     inputs
         One dataset, or image files and folders of them.
     sensor, jig
-        Files that stand in place of the dataset's own; bare images need a sensor.
+        Files, or presets by name, that stand in place of the dataset's own; bare images need a sensor.
     lossy
         Whether a folder's JPEGs count as images.
 
@@ -52,11 +53,11 @@ def read_inputs(
         if len(inputs) > 1:
             raise InputError(f"{first} is a dataset; give one dataset, or images only")
         cell = read_cell(first)
-        cell = cell if sensor is None else replace(cell, sensor=read_sensor(sensor))
-        return cell if jig is None else replace(cell, jig=read_jig_file(jig))
+        cell = cell if sensor is None else replace(cell, sensor=find_sensor(str(sensor)))
+        return cell if jig is None else replace(cell, target=find_jig(str(jig)))
     if sensor is None:
         raise InputError(f"{first} is no cell dataset (no cell.toml); bare images need --sensor FILE")
-    seen_by, given = read_sensor(sensor), read_jig_file(jig) if jig is not None else None
+    seen_by, given = find_sensor(str(sensor)), find_jig(str(jig)) if jig is not None else None
     return BareImages(tuple(_image_files(inputs, LOSSY_SUFFIXES if lossy else SUFFIXES)), seen_by, given)
 
 

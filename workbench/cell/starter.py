@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
 
 import numpy as np
 
 from geometry import DhRobot, InputError, Pose, Role, Sensor, toml_value
 from workbench.cell.presets import DESIGN_SCP, preset_path
-from workbench.files import read_robot, read_sensor, write_text
+from workbench.files import read_robot, read_sensor, write_bytes
 
 REACH_OF_PLACES_MM = 2550.0  # the places below suit an arm of this reach; others get them in proportion
 PLACES: dict[str, tuple[Role, tuple[float, float, float], float]] = {
@@ -44,20 +43,35 @@ FRAMES = """\
 
 def write_starter(folder: Path, robot: str, sensor: str, jig: str) -> None:
     """Write cell.toml, sensor.toml, jig.toml, robot.toml, frames.csv and images/ into a new or empty folder."""
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise InputError(f"{folder}: is not empty; a starter dataset needs a new or an empty folder")
     files = {"robot": preset_path("robots", robot), "sensor": preset_path("sensors", sensor)}
     files["jig"] = preset_path("jigs", jig)
     arm, model = read_robot(files["robot"]), read_sensor(files["sensor"])
+    columns = ",".join(["frame", "image", "location", "role", *(f"j{i + 1}_deg" for i in range(arm.n_joints))])
+    content = {f"{name}.toml": path.read_bytes() for name, path in files.items()}
+    content |= {"frames.csv": f"{FRAMES}{columns}\n".encode(), "cell.toml": _cell_text(arm, model).encode()}
+    if not _is_free(folder, content):
+        raise InputError(f"{folder}: is not empty; a starter dataset needs a new or an empty folder")
     try:
         (folder / "images").mkdir(parents=True, exist_ok=True)
-        for name, path in files.items():
-            shutil.copyfile(path, folder / f"{name}.toml")
     except OSError as error:
         raise InputError(f"{folder}: can not be written ({error.strerror})") from None
-    columns = ",".join(["frame", "image", "location", "role", *(f"j{i + 1}_deg" for i in range(arm.n_joints))])
-    write_text(folder / "frames.csv", FRAMES + columns + "\n")
-    write_text(folder / "cell.toml", _cell_text(arm, model))
+    for name, data in content.items():
+        write_bytes(folder / name, data)
+
+
+def _is_free(folder: Path, content: dict[str, bytes]) -> bool:
+    """Whether nothing stands in ``folder`` but what a call like this one left when it was killed half way."""
+    if not folder.exists():
+        return True
+    if not folder.is_dir():
+        return False
+    for path in folder.iterdir():
+        empty = path.is_dir() and path.name == "images" and not any(path.iterdir())
+        ours = path.is_file() and path.name in content and path.name != "cell.toml"
+        part = path.name.endswith(".part") and path.name.startswith(tuple(f".{name}." for name in content))
+        if not (empty or part or (ours and content[path.name] == path.read_bytes())):
+            return False
+    return True
 
 
 def place_of_jig(origin_mm: tuple[float, float, float], turn_deg: float, scale: float = 1.0) -> Pose:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -10,12 +11,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import DH_ROWS, Arm, Frame, NoAnswerError, Pose, Role
+from geometry import DH_ROWS, Arm, Frame, InputError, NoAnswerError, Pose, Role
 from jig_cad import Jig
 from perceptron_emu import Material, Scene, Solid
 from workbench.emulate.extras import NONE, Extras, Renderer, truth_points
 from workbench.emulate.recipe import recipe_name
-from workbench.files import Cell, Truth, TruthFrame, read_truth, write_cell, write_png, write_text
+from workbench.files import Cell, Truth, TruthFrame, is_whole, read_truth, write_cell, write_png, write_text
 
 Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
@@ -115,10 +116,7 @@ def record(
         finished = _truth(true, frames, recipe)
     done = replace(cell, folder=folder, frames=rows, truth=finished)
     write_cell(done, folder, READING_DECIMALS)
-    for part in (folder / PARTS).glob("*.json"):
-        part.unlink()
-    if (folder / PARTS).is_dir():
-        (folder / PARTS).rmdir()
+    shutil.rmtree(folder / PARTS, ignore_errors=True)
     return done
 
 
@@ -142,10 +140,9 @@ def _frame(
     seed, recipe, renderer, extras = how
     number = configuration.frame
     part, image = folder / PARTS / f"{number:03d}.json", folder / "images" / f"{number:03d}.png"
-    if part.exists() and all(p.exists() for p in (image, *extras.files(folder, number))):
-        data = json.loads(part.read_text(encoding="utf-8"))
-        if data.pop("recipe", None) == recipe:
-            return TruthFrame.model_validate(data)
+    known = _part(part, recipe)
+    if known is not None and all(is_whole(p) for p in (image, *extras.files(folder, number))):
+        return known
     scene = frame_scene(cell, true, configuration)
     frame = extras.render(folder, number, scene, cell.emulator, seed, renderer)
     if frame.truth.T_sensor_jig is None:
@@ -155,6 +152,15 @@ def _frame(
     write_png(image, frame.image)
     write_text(part, json.dumps({"recipe": recipe, **truth.model_dump()}))
     return truth
+
+
+def _part(path: Path, recipe: str) -> TruthFrame | None:
+    """The truth of a frame that was rendered before by the same recipe; what was cut or emptied is rendered anew."""
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+        return TruthFrame.model_validate(data) if data.pop("recipe", None) == recipe else None
+    except (OSError, ValueError, AttributeError, TypeError, RecursionError):
+        return None
 
 
 def _truth(true: TrueCell, frames: list[TruthFrame], recipe: str) -> Truth:
@@ -174,10 +180,11 @@ def _finished(folder: Path, recipe: str, rows: Sequence[Frame], extras: Extras) 
     """The truth of a recording that is complete already, else None."""
     path = folder / "truth.json"
     wanted = [p for row in rows for p in (folder / row.image, *extras.files(folder, row.number))]
-    if not path.exists() or not all(p.exists() for p in wanted):
+    try:
+        truth = read_truth(path)
+    except InputError:  # absent, or cut: it is written anew
         return None
-    truth = read_truth(path)
-    return truth if truth.name == recipe else None
+    return truth if truth.name == recipe and all(is_whole(p) for p in wanted) else None
 
 
 def _recipe(cell: Cell, true: TrueCell, configurations: Sequence[Configuration], seed: int, renderer: str) -> str:

@@ -6,8 +6,10 @@ from workbench.files.board_views import ViewFiles, find_views, picture_sensor
 from workbench.files.cell import Cell, read_cell, read_jig_file
 from workbench.files.cell_writer import cell_text, write_cell
 from workbench.files.controller import CONTROLLERS, controller_text
+from workbench.files.controller_poses import ControllerPoses, PosesSection, controller_poses
+from workbench.files.examined import FileFinding, examine_cell
 from workbench.files.frames_csv import frames_text, read_frames
-from workbench.files.images import LOSSY_SUFFIXES, SUFFIXES, Image, read_image, write_png
+from workbench.files.images import LOSSY_SUFFIXES, SUFFIXES, Image, is_whole, read_image, write_png
 from workbench.files.points_csv import GivenPoints, points_text, read_points
 from workbench.files.result_file import SavedResult, SavedScp, read_result, saved_result
 from workbench.files.robot_file import read_robot, robot_text, urdf_of
@@ -33,10 +35,13 @@ __all__ = [
     "LOSSY_SUFFIXES",
     "SUFFIXES",
     "Cell",
+    "ControllerPoses",
+    "FileFinding",
     "FileSection",
     "GivenPoints",
     "Image",
     "NotNegative",
+    "PosesSection",
     "Positive",
     "Real",
     "Row",
@@ -54,9 +59,12 @@ __all__ = [
     "board_text",
     "carried_calib",
     "cell_text",
+    "controller_poses",
     "controller_text",
+    "examine_cell",
     "find_views",
     "frames_text",
+    "is_whole",
     "parse_settings",
     "picture_sensor",
     "points_text",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from itertools import islice
 from pathlib import Path
 
@@ -10,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geometry import Frame, InputError, Pose, Remark, no_remark
+from workbench.files.controller_poses import ALL_COLUMNS as CONTROLLERS_COLUMNS
+from workbench.files.controller_poses import CONFIGURATION_COLUMNS, ControllerPoses, check_unit, configuration_of
 from workbench.files.table import Row, Table, read_table
 
 Array = NDArray[np.float64]
@@ -21,11 +24,17 @@ _JOINT = re.compile(r"(?:J|A|Joint|joint|Axis|axis)[ _]?([1-9][0-9]?)(?:[ _]?deg
 MAX_FRAMES = 100_000  # of one dataset: more is a recording that was never cut into frames
 LARGEST_READING_DEG = 36_000.0  # a hundred turns: no joint counts so far
 LARGEST_COORDINATE_MM = 100_000.0  # of the hand in the base: beyond any arm, track or crane
+LONGEST_NAME = 255  # bytes, of one part of a path
 ATOL_QUATERNION = 1e-2  # length of a quaternion as written; digits cut in the file stay far below
 
 
 def read_frames(
-    path: Path, n_joints: int | None, *, may_be_empty: bool = False, remark: Remark = no_remark
+    path: Path,
+    n_joints: int | None,
+    *,
+    may_be_empty: bool = False,
+    remark: Remark = no_remark,
+    poses: ControllerPoses | None = None,
 ) -> tuple[Frame, ...]:
     """The rows of frames.csv, joint readings in radians.
 
@@ -40,6 +49,8 @@ def read_frames(
         Whether a header alone will do.
     remark
         Told of columns that are ignored.
+    poses
+        How a controller gives the hand, in columns of its own; None: joints or T_base_hand.
 
     Returns
     -------
@@ -53,18 +64,27 @@ def read_frames(
 
     """
     joints = tuple(f"j{i}_deg" for i in range(1, MAX_JOINTS + 1))
-    known = ("frame", "image", "location", "role", *joints, *POSE_COLUMNS)
-    table = read_table(path, known, ("frame", "location", "role"), _spelling, remark)
-    poses = _check_motion_columns(table, n_joints)
-    rows = tuple(_row(row, n_joints or 0, poses=poses) for row in islice(table.rows, MAX_FRAMES + 1))
+    common = ("frame", "image", "profile", "location", "role", *joints)
+    own = (*POSE_COLUMNS, *CONFIGURATION_COLUMNS, *CONTROLLERS_COLUMNS) if poses is None else poses.known
+
+    def spelling(column: str) -> str:
+        return _spelling(column if poses is None else poses.spelling(column))
+
+    table = read_table(path, (*common, *own), ("frame", "location", "role"), spelling, remark)
+    if poses is None:
+        _check_no_controllers_columns(table, remark)
+    columns = _check_motion_columns(table, n_joints, POSE_COLUMNS if poses is None else poses.columns)
+    rows = tuple(_row(row, n_joints or 0, columns, poses) for row in islice(table.rows, MAX_FRAMES + 1))
     if len(rows) > MAX_FRAMES:
         raise InputError(f"{path}: holds more than {MAX_FRAMES:,} frames, which no dataset needs")
     if not rows and not may_be_empty:
         raise InputError(f"{path}: holds a header but no frames")
     _check_numbers(path, rows)
     _check_locations(path, rows)
-    if rows and not poses:
+    if rows and not columns:
         _check_degrees(path, rows)
+    if poses is not None and columns:
+        check_unit(np.array([r.T_base_hand.t for r in rows if r.T_base_hand is not None]), poses.mm, str(path))
     return tuple(sorted(rows, key=lambda row: row.number))
 
 
@@ -74,52 +94,87 @@ def _spelling(column: str) -> str:
     return f"j{found[1]}_deg" if found else column
 
 
-def _check_motion_columns(table: Table, n_joints: int | None) -> bool:
-    """Whether poses stand in place of joints; InputError where the columns are neither or do not fit the robot."""
+def _check_no_controllers_columns(table: Table, remark: Remark) -> None:
+    """InputError where the hand is given in a controller's columns, and nothing says whose."""
+    found = [c for c in table.columns if c in CONTROLLERS_COLUMNS and c not in POSE_COLUMNS]
+    if {"X", "Y", "Z"} <= set(found) and len(found) >= 6:
+        raise InputError(
+            f"{table.path}, line {table.header_line}: the columns {' '.join(found)} are a controller's, and makers "
+            'mean different rotations by them: name the maker by [poses] convention = "kuka", "fanuc", "yaskawa", '
+            '"mitsubishi", "abb", "ros" or "ur" in cell.toml'
+        )
+    if found:
+        remark(f"{table.path}, line {table.header_line}: the columns {', '.join(found)} are ignored")
+
+
+def _check_motion_columns(table: Table, n_joints: int | None, pose_columns: Sequence[str]) -> tuple[str, ...]:
+    """The columns of poses where they stand in place of joints, else none.
+
+    InputError where the columns are neither or do not fit the robot.
+    """
     where = f"{table.path}, line {table.header_line}"
     joints = [c for c in table.columns if re.fullmatch(r"j\d+_deg", c)]
-    pose = [c for c in table.columns if c in POSE_COLUMNS]
+    pose = [c for c in table.columns if c in pose_columns]
     if joints and pose:
         raise InputError(
             f"{where}: gives joints ({joints[0]} …) and poses ({pose[0]} …); only one of the two can be right"
         )
     if pose:
-        missing = [c for c in POSE_COLUMNS if c not in pose]
+        missing = [c for c in pose_columns if c not in pose]
         if missing:
-            raise InputError(f'{where}: the column "{missing[0]}" is missing beside {", ".join(pose)}')
-        return True
+            ours = tuple(pose_columns) == POSE_COLUMNS
+            hint = "; a controller's own columns need [poses] convention in cell.toml" if ours else ""
+            raise InputError(f'{where}: the column "{missing[0]}" is missing beside {", ".join(pose)}{hint}')
+        return tuple(pose_columns)
     if n_joints is None:
         what = f"joint columns ({joints[0]} …)" if joints else "no joint columns"
         raise InputError(
             f"{where}: {what}, and cell.toml names no robot: give its file as robot, or hand poses as "
-            f"{', '.join(POSE_COLUMNS)}"
+            f"{', '.join(pose_columns)}"
         )
     if not joints:
         raise InputError(
-            f"{where}: neither joint columns j1_deg … j{n_joints}_deg nor pose columns {', '.join(POSE_COLUMNS)}"
+            f"{where}: neither joint columns j1_deg … j{n_joints}_deg nor pose columns {', '.join(pose_columns)}"
         )
     wanted = {f"j{i}_deg" for i in range(1, n_joints + 1)}
     if set(joints) != wanted:
         raise InputError(f"{where}: {len(joints)} joint columns ({', '.join(joints)}) for a robot of {n_joints} joints")
-    return False
+    return ()
 
 
-def _row(row: Row, n_joints: int, *, poses: bool) -> Frame:
+def _row(row: Row, n_joints: int, columns: Sequence[str], poses: ControllerPoses | None) -> Frame:
     common = {
         "number": row.whole("frame"),
-        "image": row.cells.get("image", ""),
+        "image": _file(row, "image"),
+        "profile": _file(row, "profile"),
+        "configuration": configuration_of(row),
         "location": row.text("location"),
         "role": row.choice("role", ROLES),
         "line": row.line,
     }
-    if not poses:
+    if not columns:
         degrees = [_within(row, f"j{i}_deg", LARGEST_READING_DEG) for i in range(1, n_joints + 1)]
         return Frame(**common, joints_rad=np.deg2rad(degrees))  # type: ignore[arg-type]
+    if poses is not None:
+        try:
+            hand = poses.pose([row.number(c) for c in columns])
+        except InputError as error:
+            named = str(error).startswith(str(row.path))
+            raise error if named else row.fail(f"{columns[0]} … {columns[-1]}", str(error)) from None
+        return Frame(**common, T_base_hand=hand)  # type: ignore[arg-type]
     q = np.array([row.number(c) for c in POSE_COLUMNS[3:]])
     if abs(np.linalg.norm(q) - 1) > ATOL_QUATERNION:
         raise row.fail("qw … qz", f"the quaternion has length {np.linalg.norm(q):.4g}, a rotation's is 1")
     pose = Pose.from_quaternion_wxyz(q, [_within(row, c, LARGEST_COORDINATE_MM) for c in POSE_COLUMNS[:3]])
     return Frame(**common, T_base_hand=pose)  # type: ignore[arg-type]
+
+
+def _file(row: Row, column: str) -> str:
+    """A file's name, or nothing; no part of it is longer than what systems take."""
+    name = row.cells.get(column, "")
+    if any(len(part.encode()) > LONGEST_NAME for part in Path(name).parts):
+        raise row.fail(column, f'"{name[:40]}…" is too long for the name of a file')
+    return name
 
 
 def _within(row: Row, column: str, limit: float) -> float:

@@ -66,6 +66,15 @@ def read_image(path: Path, sensor: Sensor, remark: Remark = no_remark, *, lossy:
     return _check_levels(path, image, header, camera, remark)
 
 
+def is_whole(path: Path) -> bool:
+    """Whether a file is there and not empty, and an image not cut or damaged as far as its checksums tell."""
+    try:
+        data = read_bytes(path, MAX_FILE_BYTES)
+        return path.suffix.lower() not in SUFFIXES or read_header(path, data, lossy=False).width > 0
+    except InputError:
+        return False
+
+
 def _check_size(path: Path, size: tuple[int, ...], camera: Camera) -> None:
     if size != (camera.width_px, camera.height_px):
         raise InputError(
@@ -185,24 +194,24 @@ def _inverted(path: Path, levels: Image, header: ImageHeader, camera: Camera) ->
 
 
 def _right_aligned(path: Path, levels: Image, header: ImageHeader, camera: Camera, remark: Remark) -> Image:
-    """Industrial writers put 12 bits into the high ones of 16: PNG's sBIT tells, or low bits that are always 0."""
+    """Industrial writers put 12 bits into the high ones of 16: PNG's sBIT tells; without it the file is refused."""
     significant = header.significant_bits or camera.bit_depth
     shift = 16 - significant
     if shift <= 0 or camera.bit_depth == 16:
         return levels
     low = 2**shift - 1
     empty = not int(np.bitwise_or.reduce(levels, axis=None)) & low
-    told = header.significant_bits is not None and np.array_equal(levels & low, levels >> significant & low)
-    if empty or told:
-        shifted = (levels >> shift).astype(np.uint16)
-        if header.significant_bits is not None or int(levels.max()) > camera.full_scale_dn:
-            remark(f"{path}: {significant} bits lie in the high bits of 16; they are shifted to the right by {shift}")
-            return shifted
-        if np.count_nonzero(np.bincount(shifted.ravel())[1:]) >= FEW_LEVELS:
+    if header.significant_bits is None:
+        lit = empty and np.count_nonzero(np.bincount(levels.ravel() >> shift)[1:]) >= FEW_LEVELS
+        if lit and int(levels.max()) <= camera.full_scale_dn:
             raise InputError(
                 f"{path}: the lowest {shift} bits of every level are 0: the levels are left-aligned or stretched; "
                 f"{significant} bits must be right-aligned"
             )
+        return levels
+    if empty or np.array_equal(levels & low, levels >> significant & low):
+        remark(f"{path}: {significant} bits lie in the high bits of 16; they are shifted to the right by {shift}")
+        return (levels >> shift).astype(np.uint16)
     return levels
 
 

@@ -106,7 +106,7 @@ def _shown(value: object) -> str:
 
 def _spell(location: Location) -> str:
     """``[camera.pose] rotation`` for ("camera", "pose", "rotation"); list positions count from 1."""
-    names = [str(p) for p in location if isinstance(p, str)]
+    names = [p if len(p) <= LONGEST_WORD else f"{p[:40]}…" for p in location if isinstance(p, str)]
     text = f"[{'.'.join(names[:-1])}] {names[-1]}" if len(names) > 1 else names[0] if names else "the file"
     numbers = [p for p in location if isinstance(p, int)]
     return text + (f" (number {numbers[0] + 1})" if numbers and isinstance(location[-1], str) else "")

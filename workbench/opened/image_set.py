@@ -12,22 +12,24 @@ from extraction import ExtractionConfig
 from geometry import InputError, Sensor
 from workbench.cell import BareImages, Observed, observe, poses_in_sensor, read_inputs, solve
 from workbench.compare import TrueString, true_strings
-from workbench.files import Cell, Settings, read_settings
+from workbench.files import LOSSY_SUFFIXES, Cell, Settings, read_settings
 from workbench.opened.labeller import Labeller
 from workbench.opened.pictures import Pictures
+from workbench.opened.watched import WatchedFolder
 
 MAX_IMAGES = 20_000  # of one window: its strip and its survey hold a row each
 
 
 @dataclass(frozen=True)
 class ImageRequest:
-    """What the command line was given. out: folder for saved settings; default: the opened folder."""
+    """What the command line was given. out: for saved settings, else the opened folder. watch: take in what comes."""
 
     inputs: tuple[Path, ...]
     sensor: Path | None = None
     jig: Path | None = None
     config: tuple[Path, ...] = ()
     out: Path | None = None
+    watch: bool = False
 
 
 @dataclass(frozen=True)
@@ -44,7 +46,7 @@ class ImageSet:
     """The images and all that is known of them.
 
     labeller: with the jig, where there is one. truth: by image index, empty where there is none. cell: the dataset,
-    None of bare images. folder: where settings are saved.
+    None of bare images. folder: where settings are saved. watched: the folder whose new images are taken in.
     """
 
     title: str
@@ -55,6 +57,7 @@ class ImageSet:
     settings: Settings
     folder: Path
     cell: Cell | None = None
+    watched: WatchedFolder | None = None
 
     @property
     def sensor(self) -> Sensor:
@@ -108,6 +111,8 @@ def open_images(request: ImageRequest) -> ImageSet:
 
 
 def _of_cell(cell: Cell, request: ImageRequest, settings: Settings) -> ImageSet:
+    if request.watch:
+        raise InputError(f"{cell.folder}: --watch takes a folder of images, not a dataset")
     if cell.points is not None:
         raise InputError(f"{cell.folder}: holds points.csv in place of images, there is nothing to tune detection on")
     sensor = cell.sensor
@@ -132,8 +137,11 @@ def _bare(found: BareImages, request: ImageRequest, settings: Settings) -> Image
     if len(found.paths) > MAX_IMAGES:
         raise InputError(f"{len(found.paths)} images are more than the {MAX_IMAGES} that one window holds")
     folder = Path(os.path.commonpath([path.parent.resolve() for path in found.paths]))
+    if request.watch and (len(request.inputs) != 1 or not request.inputs[0].is_dir()):
+        raise InputError("--watch takes one folder of images")
     sensor = found.sensor
     return ImageSet(
+        watched=WatchedFolder(request.inputs[0], LOSSY_SUFFIXES, set(found.paths)) if request.watch else None,
         title=folder.name,
         pictures=Pictures(folder, found.paths, sensor),
         labeller=Labeller(sensor, found.jig, settings.calib),

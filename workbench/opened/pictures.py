@@ -38,11 +38,15 @@ class Pictures:
     def __init__(self, root: Path, paths: Iterable[Path], sensor: Sensor) -> None:
         """``root``: the opened folder; a path that leads out of it, also by a link, is refused when it is read."""
         self.root = root.resolve()
-        self.paths = tuple(paths)
+        self.paths = list(paths)
         self._sensor = sensor
         self._lock = threading.Lock()
         self._kept: OrderedDict[int, tuple[Stamp, Image]] = OrderedDict()
         self._bytes = 0
+
+    def add(self, paths: Iterable[Path]) -> None:
+        """More images, behind those that are there."""
+        self.paths.extend(paths)
 
     def __len__(self) -> int:
         """The number of images."""

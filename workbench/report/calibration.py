@@ -83,8 +83,8 @@ def _scp_rows(result: CalibrationResult) -> list[dict[str, Any]]:
     nothing = np.full(3, np.nan)
     angles, place = (nothing, nothing) if pose is None else (pose.fixed_xyz_deg, pose.t)
     parts = (
-        ("rotation", "°", design.fixed_xyz_deg, angles, result.sigma_rotation_deg),
-        ("translation", "mm", design.t, place, result.sigma_translation_mm),
+        ("rotation", "°", nothing if design is None else design.fixed_xyz_deg, angles, result.sigma_rotation_deg),
+        ("translation", "mm", nothing if design is None else design.t, place, result.sigma_translation_mm),
     )
     rows = []
     for what, unit, d, s, sigma in parts:

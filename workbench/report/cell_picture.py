@@ -36,6 +36,8 @@ def cell_view(cell: Cell, result: CalibrationResult) -> CellView | None:
     jigs = {name: place for name, place in cell.T_base_jig.items() if name in result.locations}
     jigs |= {name: found.T_base_target for name, found in result.locations.items() if found.T_base_target is not None}
     T_hand_sensor = result.T_hand_sensor or result.T_hand_sensor_design
+    if T_hand_sensor is None:
+        return None
     return CellView(cell.sensor, hand @ T_hand_sensor, tuple((cell.jig, p) for p in jigs.values()), links)
 
 

@@ -96,6 +96,7 @@ def _study(
     name = _name(task, start, dimensions, seed)
     try:
         journal.parent.mkdir(parents=True, exist_ok=True)
+        _drop_cut_line(journal)
         storage = library.storages.JournalStorage(library.storages.journal.JournalFileBackend(str(journal)))
         sampler = library.samplers.TPESampler(seed=seed, n_startup_trials=RANDOM_TRIALS, multivariate=True)
         pruner = library.pruners.MedianPruner(n_startup_trials=RANDOM_TRIALS, n_warmup_steps=3)
@@ -105,12 +106,24 @@ def _study(
         raise InputError(
             f"{journal}: the search can not be kept there ({error.strerror}); choose a folder with --out"
         ) from None
-    except (ValueError, KeyError):
+    except (ValueError, KeyError, TypeError, AttributeError, IndexError, RecursionError):  # of lines that are no record
         raise InputError(f"{journal}: is damaged; delete it to start the search anew") from None
     done = len(study.trials)
     if done:  # a resumed search must not draw the numbers of its beginning again
         study.sampler = library.samplers.TPESampler(seed=seed + done, n_startup_trials=RANDOM_TRIALS, multivariate=True)
     return cast("optuna.Study", study)
+
+
+def _drop_cut_line(journal: Path) -> None:
+    """A killed search may leave its last line unfinished: what it told is lost, the lines before it are not."""
+    if not journal.exists():
+        return
+    if not journal.is_file():
+        raise InputError(f"{journal}: is no file; choose a folder with --out")
+    with journal.open("r+b") as stream:
+        data = stream.read()
+        if data and not data.endswith(b"\n"):
+            stream.truncate(data.rfind(b"\n") + 1)
 
 
 def _name(task: Task, start: ExtractionConfig, dimensions: tuple[Dimension, ...], seed: int) -> str:

@@ -59,6 +59,7 @@ def make_app(session: Session) -> Starlette:
         "process": api.process,
         "stage": api.stage,
         "survey": api.survey_state,
+        "watch": api.watch,
         "calibrate": api.calibrate,
         "check": api.check,
         "toml": api.toml,
@@ -183,6 +184,11 @@ class _Api:
         now = self.survey.state(current.hash, since)
         before = self.survey.state(saved.hash, since_saved)
         return JSONResponse({"now": now, "saved": before, "epoch": self.survey.epoch})
+
+    def watch(self, body: Body) -> Response:
+        """The images that came since the page knew ``since`` of them."""
+        self.session.take_in()
+        return JSONResponse({"images": self.session.images[max(0, _whole(body, "since")) :]})
 
     def calibrate(self, body: Body) -> Response:
         """Start the calibration with these parameters."""

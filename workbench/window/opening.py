@@ -34,6 +34,7 @@ def open_session(request: ImageRequest) -> Opened:
         calibrate=_calibration(images) if dataset else None,
         no_calibration="" if dataset else NO_CHAIN,
         prepare=images.learn_chain if dataset else None,
+        look=images.watched.look if images.watched is not None else None,
     )
 
 

@@ -18,10 +18,8 @@ def overview(session: Session) -> dict[str, Any]:
     return {
         "title": opened.title,
         "folder": str(opened.pictures.root),
-        "images": [
-            {"name": opened.pictures.name(i), "frame": f.frame, "location": f.location, "role": f.role}
-            for i, f in enumerate(opened.frames)
-        ],
+        "images": session.images,
+        "watched": opened.look is not None,
         "sensor": {
             "name": sensor.name,
             "width": camera.width_px,

@@ -33,7 +33,7 @@ class Opened:
 
     calibrate: runs the calibration with given parameters; None where it can not, and ``no_calibration`` says why.
     to_toml, from_toml: the settings file that the other commands take. command: the equivalent command line.
-    prepare: slow work that makes labels better, done in the background first.
+    prepare: slow work that makes labels better, done in the background first. look: the images that came meanwhile.
     """
 
     title: str
@@ -49,6 +49,7 @@ class Opened:
     calibrate: Calibrate | None = None
     no_calibration: str = ""
     prepare: Callable[[], None] | None = None
+    look: Callable[[], list[Path]] | None = None
 
 
 @dataclass(eq=False)
@@ -110,6 +111,25 @@ class Session:
         if keep:
             self._keep(key, outcome)
         return outcome
+
+    @property
+    def images(self) -> list[dict[str, Any]]:
+        """What the page is told of each image, those that came meanwhile included."""
+        known = [
+            *self.opened.frames,
+            *(ImageInfo(i) for i in range(len(self.opened.frames), len(self.opened.pictures))),
+        ]
+        names = map(self.opened.pictures.name, range(len(known)))
+        return [
+            {"name": name, "frame": f.frame, "location": f.location, "role": f.role}
+            for name, f in zip(names, known, strict=True)
+        ]
+
+    def take_in(self) -> None:
+        """Take in the images that came into a watched folder."""
+        if self.opened.look is not None:
+            with self._lock:
+                self.opened.pictures.add(self.opened.look())
 
     def state_of(self, index: int) -> str:
         """The state of the image's file now, "" where it is gone."""

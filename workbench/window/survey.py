@@ -47,6 +47,7 @@ class Survey:
         if one is None or one.epoch != self.epoch:
             one = _Set(configuration, len(self._session.opened.pictures), self.epoch)
             self._sets[configuration.hash] = one
+        one.grow(len(self._session.opened.pictures))
         self._sets.move_to_end(configuration.hash)
         while len(self._sets) > KEPT_SETS:
             self._sets.popitem(last=False)
@@ -142,3 +143,8 @@ class _Set:
         self.log: list[dict[str, Any]] = []
         self.rows: dict[int, dict[str, Any]] = {}
         self.comparisons: dict[int, Comparison] = {}
+
+    def grow(self, total: int) -> None:
+        """Take in the images that came since."""
+        self.waiting += range(self.total, total)
+        self.total = total

@@ -57,6 +57,7 @@ def note_environment(folder: Path, environment: dict[str, str]) -> None:
         known = json.loads(path.read_text(encoding="utf-8")) if path.exists() else []
     except ValueError:
         known = []
+    known = known if isinstance(known, list) else []
     if environment and environment not in known:
         write_text(path, json.dumps([*known, environment], indent=1) + "\n")
 

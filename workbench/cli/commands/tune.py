@@ -24,13 +24,14 @@ def command(
     ] = None,
     port: Annotated[int, typer.Option(min=0, max=65535, help="Port on 127.0.0.1; 0 takes a free one.")] = 0,
     browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in the browser.")] = True,
+    watch: Annotated[bool, typer.Option("--watch", help="Take in images as they come into the folder.")] = False,
     auto: Annotated[int | None, typer.Option(min=1, help="Search the parameters in this many trials instead.")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the search and of its split.")] = 0,
 ) -> None:
     """Tune detection on saved stripe images: the process window in the browser, or a search with --auto."""
     from workbench.opened import ImageRequest
 
-    request = ImageRequest(tuple(inputs), sensor, jig, tuple(config or ()), out)
+    request = ImageRequest(tuple(inputs), sensor, jig, tuple(config or ()), out, watch)
     if auto is not None:
         from workbench.cli.tune_auto import run_auto
 

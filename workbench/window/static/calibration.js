@@ -3,6 +3,7 @@
 import { get, hashOf, post } from "./api.js";
 import { $, clear, el, fitCanvas, number, style, words } from "./dom.js";
 import { listen, state, text } from "./state.js";
+import { go } from "./strip.js";
 import { onTab, selectTab } from "./tabs.js";
 
 const GOOD = ["ok"], WARN = ["model_misfit", "weak"];
@@ -52,7 +53,25 @@ async function render() {
       el("section", {}, el("h3", {}, "Frames that were left out"), leftOut(r))));
   document.documentElement.dataset.calibrated = shown.hash;
   figure($("fig7"), r);
+  $("fig7").onclick = (event) => openFrame(event, r);
 }
+
+// A click on a dot of Fig. 7 opens its frame.
+function openFrame(event, r) {
+  const k = Math.round((event.offsetX - 46) / (event.currentTarget.clientWidth - 58) * places(r) - 0.5);
+  let from = 0;
+  for (const l of Object.values(r.locations)) {
+    const dot = k - from;
+    if (dot >= 0 && dot < l.distances.frame.length) {
+      const index = state.session.images.findIndex((image) => image.frame === l.distances.frame[dot]);
+      if (index >= 0) { go(index); selectTab("image"); }
+      return;
+    }
+    from += l.distances.frame.length + 1;
+  }
+}
+
+const places = (r) => Object.values(r.locations).reduce((n, l) => n + l.distances.frame.length + 1, 0);
 
 function verdict(r) {
   const kind = GOOD.includes(r.verdict.code) ? "good" : WARN.includes(r.verdict.code) ? "warn" : "bad";
@@ -91,7 +110,7 @@ function figure(canvas, r) {
   const series = Object.entries(r.locations).map(([name, l]) => ({ name, role: l.role, design: centred(l.distances.design_mm), solved: centred(l.distances.solved_mm) }));
   const all = series.flatMap((s) => [...s.design, ...s.solved]).filter((x) => x !== null);
   const top = Math.max(0.5, ...all.map(Math.abs)) * 1.12;
-  const count = series.reduce((n, s) => n + s.design.length + 1, 0);
+  const count = places(r);
   const x = (k) => 46 + (width - 58) * (k + 0.5) / count, y = (d) => height / 2 - 6 - d / top * (height / 2 - 30);
   axis(context, y, top, width);
   let k = 0;

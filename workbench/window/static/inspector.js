@@ -131,14 +131,22 @@ export function showCandidate(c, measures) {
     p ? el("p", {}, el("button", { id: "reveal", onclick: () => reveal(c.parameter) }, `Go to “${p.title}”`)) : null);
 }
 
-export function showNothing(answer) {
+// Pixels at full scale, counted once an image.
+function clippedOf(image, saturation) {
+  if (image.clipped === undefined) image.clipped = image.values.reduce((n, g) => n + (g >= saturation), 0);
+  return image.clipped;
+}
+
+export function showNothing(answer, image, saturation) {
   if (!answer) { clear($("inspector")); return; }
+  const clipped = image ? clippedOf(image, saturation) : 0;
   const rejected = answer.candidates.filter((c) => c.reason);
   const reasons = Object.entries(Object.groupBy(rejected, (c) => c.reason)).map(([r, list]) => fact(words(r), list.length));
   const t = answer.truth?.statistics;
-  const facts = [fact("spots", answer.spots.length), fact("labelled", answer.labelled), fact("rejected", rejected.length), ...reasons];
+  const facts = [fact("clipped", `${clipped} px`), fact("spots", answer.spots.length), fact("labelled", answer.labelled), fact("rejected", rejected.length), ...reasons];
   if (t) facts.push(
     fact("visible", t.visible), fact("missed", t.missed), fact("false", t.false), fact("mislabelled", t.mislabelled),
     fact("rms", `${number(t.rms)} mm`), fact("bias y", number(t.bias[0])), fact("bias z", number(t.bias[1])), fact("scatter y", number(t.scatter[0])), fact("scatter z", number(t.scatter[1])));
-  clear($("inspector"), el("h2", {}, "This image"), answer.reason ? el("p", { class: "why" }, words(answer.reason)) : null, el("dl", { class: "facts" }, facts));
+  clear($("inspector"), el("h2", {}, "This image"), answer.reason ? el("p", { class: "why" }, words(answer.reason)) : null,
+    clipped ? el("p", { class: "why" }, `${clipped} px clipped: what is brighter than the camera can tell is measured worse. Halve the exposure.`) : null, el("dl", { class: "facts" }, facts));
 }

@@ -13,6 +13,7 @@ import { begin, dirty, redo, state, undo } from "./state.js";
 import { buildStrip, go } from "./strip.js";
 import { buildStage, show, stage } from "./stage.js";
 import { TABS, selectTab } from "./tabs.js";
+import { startWatching } from "./watch.js";
 import { buildTrend, drawTrend, nextFailed } from "./trend.js";
 
 async function start() {
@@ -37,6 +38,7 @@ async function start() {
   buildTrend();
   startSheet();
   buttons();
+  startWatching();
   selectTab("image");
   show();
 }

@@ -20,6 +20,8 @@ export function startSheet() {
   poke(0);
 }
 
+export const surveyNow = () => poke(0);
+
 function poke(delay) {
   clearTimeout(waiting);
   waiting = setTimeout(poll, delay);

@@ -258,7 +258,7 @@ function readings() {
     drawProfile(raw, c.u, c.v, 0, ["along u", "along v"], saturation);
     return;
   }
-  showNothing(answer);
+  showNothing(answer, raw, saturation);
   const [u, v] = cursor?.uv ?? [null, null];
   drawProfile(raw, u === null ? null : Math.round(u), Math.round(v ?? 0), 0, ["along u", "along v"], saturation);
 }

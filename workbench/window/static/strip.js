@@ -8,14 +8,22 @@ export const WORDS = { all: "all found", some: "some found", none: "none found",
 const SIGNS = { all: "✓", none: "0", error: "!" };
 
 export function buildStrip() {
-  clear($("strip"), state.session.images.map((image, i) => el("button", {
+  clear($("strip"), state.session.images.map(entry));
+}
+
+// The images that came since.
+export function addToStrip() {
+  const there = $("strip").childElementCount;
+  $("strip").append(...state.session.images.slice(there).map((image, k) => entry(image, there + k)));
+}
+
+const entry = (image, i) => el("button", {
     title: image.name, data: { index: i }, onclick: () => go(i), onkeydown: arrows, tabIndex: i ? -1 : 0,
     "aria-label": `Image ${image.frame}, ${image.name}`,
   },
   el("img", { src: `api/thumbnail/${i}`, alt: "", loading: "lazy", decoding: "async" }),
   el("span", { class: "badge", data: { badge: "" } }, "…"),
-  el("span", { class: "name" }, el("b", {}, image.name.split("/").pop()), el("span", {}, image.location)))));
-}
+  el("span", { class: "name" }, el("b", {}, image.name.split("/").pop()), el("span", {}, image.location)));
 
 // The strip is one stop of the Tab key; arrows go along it.
 function arrows(event) {

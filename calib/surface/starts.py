@@ -1,0 +1,401 @@
+"""Where a calibration on surfaces begins: from the SCP by design, or from nothing at all.
+
+Without a design every rotation of a grid is tried. Given a rotation, a face's normal follows from the directions of its
+lines, and the translation, the faces' distances and the balls' centres from linear equations: a ball's section tells
+its centre in the sheet, and not on which side of the sheet it lies; the side is what agrees with the section's radius.
+The best rotations are then solved for in full, and the least cost decides.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.bundle import Bundle, solve_bundle
+from calib.figures import pose_distance
+from geometry import Frame, Pose, State, Surface, Target, log_so3, stack_poses, target_at
+from jig_cad import Sphere, Wedge
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+_GRID = 2500  # rotations, some 15 degrees apart
+_TRIED = 8  # of the best ones, solved in full
+_APART_RAD = 0.35  # between rotations that are both tried
+_SIDES = (1.0, 1.003, 1.01, 1.03, 1.1)  # radii over the largest section's, where a ball's is not known
+_EDGE_ROUNDS = 4  # of direction and place of an edge in turn
+_LEAST_TURN = 0.03  # sine of the angle between two lines of a face that still span its plane
+_RIDGE = 1e-9  # share of the diagonal that closes what is open
+_ITERATIONS = 40
+_GROSS = 300.0  # cost of a row at a false minimum: as built, an arm of the usual priors gives some 25
+_SAME_COST = 1e-6  # share by which a later candidate must be better, so that rounding chooses none
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceStart:
+    """An SCP, T_base_target by location, and the frames with the names of their features as they fit it.
+
+    found: whether the SCP was found from the data alone.
+    """
+
+    T_hand_sensor: Pose
+    places: Mapping[str, Pose]
+    frames: tuple[Frame, ...]
+    found: bool
+
+
+@dataclass(frozen=True, eq=False)
+class _Section:
+    """What one frame tells of one feature, in {P}: a line (a place and a direction), a circle or a point.
+
+    frame: its place among the frames. group: location and feature. place (3,); direction (3,) of a line, times half of
+    its length; radius of a circle.
+    """
+
+    frame: int
+    group: tuple[str, str]
+    kind: str
+    place: Array
+    direction: Array
+    radius: float
+
+
+def surface_start(
+    frames: Sequence[Frame],
+    target: Target | Mapping[str, Target],
+    bundle: Bundle | None,
+    design: Pose | None,
+) -> SurfaceStart | None:
+    """A start for condensed frames of all roles; None where there is neither a design nor a closed form.
+
+    bundle: the problem of the frames with the role calibrate, in their order, the robot as stated.
+    """
+    surfaces = [f for f in frames if _placeable(target_at(target, f.location)) and len(f.axis)]
+    if not surfaces:
+        return None
+    solved = [f for f in surfaces if f.role == "calibrate"]
+    best: tuple[float, Pose] | None = None
+    if design is not None:
+        best = None if bundle is None else _solved(solved, target, bundle, design)
+        rows = 0 if bundle is None else int(sum(np.sum(t.points.present) for t in bundle.terms))
+        if best is None or bundle is None or best[0] < _GROSS * rows:
+            T = design if best is None else best[1]
+            named = _renamed(frames, target, T)
+            return SurfaceStart(T, _places(named, target, T), named, found=False)
+    if len(solved) < 3 or bundle is None:
+        return None
+    for T in _candidates(solved, target):
+        end = _solved(solved, target, bundle, T)
+        if end is not None and (best is None or end[0] < best[0] * (1 - _SAME_COST)):
+            best = end
+    if best is None:
+        return None
+    named = _renamed(frames, target, best[1])
+    return SurfaceStart(best[1], _places(named, target, best[1]), named, found=True)
+
+
+def begun(target: Target, frames: Sequence[Frame]) -> Target:
+    """The target with a value to begin with for a shape of which nothing is known, from its condensed frames."""
+    if isinstance(target, Sphere) and not target.known:
+        radii = [s.radius for s in _sections(frames, target) if s.kind == "circle"]
+        return replace(target, diameter_mm=2 * max(radii)) if radii else target
+    if isinstance(target, Wedge) and not target.angle_known:
+        angles = _section_angles(frames, target)
+        middle = float(np.clip(np.median(angles), 10.0, 170.0)) if len(angles) else target.angle_deg
+        return replace(target, angle_deg=middle)
+    return target
+
+
+def _placeable(target: Target) -> bool:
+    return isinstance(target, Surface) and type(target).place is not Surface.place
+
+
+def _places(frames: Sequence[Frame], target: Target | Mapping[str, Target], T_hand_sensor: Pose) -> dict[str, Pose]:
+    """T_base_target of every location by its points in the base."""
+    out = {}
+    for name in dict.fromkeys(f.location for f in frames):
+        own, group = target_at(target, name), [f for f in frames if f.location == name]
+        if isinstance(own, Surface) and _placeable(own):
+            place = own.place(*base_points(group, own, T_hand_sensor))
+            if place is not None:
+                out[name] = place
+    return out
+
+
+def base_points(frames: Sequence[Frame], target: Surface, T_hand_sensor: Pose) -> tuple[Array, Index]:
+    """Points (N, 3) of frames in the base, and their features (N,)."""
+    number = {name: k for k, name in enumerate(target.features)}
+    points = np.concatenate([f.at @ T_hand_sensor @ f.axis.xyz_mm for f in frames])
+    return points, np.array([number[label] for f in frames for label in f.axis.label], dtype=np.intp)
+
+
+def _renamed(frames: Sequence[Frame], target: Target | Mapping[str, Target], T_hand_sensor: Pose) -> tuple[Frame, ...]:
+    """The frames with a wedge's faces exchanged where the sensor looks at it the other way round.
+
+    Faces are named in the order of y; a roll of the sensor may turn the order about.
+    """
+    turned: set[int] = set()
+    for name in dict.fromkeys(f.location for f in frames):
+        own = target_at(target, name)
+        group = [f for f in frames if f.location == name and not f.labels_given and len(f.axis)]
+        if isinstance(own, Wedge):
+            turned |= _other_way_round(group, own, T_hand_sensor)
+    return tuple(exchanged(f) if f.number in turned else f for f in frames)
+
+
+def _other_way_round(group: Sequence[Frame], target: Wedge, T_hand_sensor: Pose) -> set[int]:
+    """Numbers of a location's frames whose faces must be exchanged, so that each face's lines lie in one plane.
+
+    Two frames span both planes; of all pairs, in either order, the one is taken that all frames fit best.
+    """
+    by_frame: dict[int, dict[str, Array]] = {}
+    for s in _sections(group, target):
+        by_frame.setdefault(s.frame, {})[s.group[1]] = s.direction / max(float(np.linalg.norm(s.direction)), 1e-9)
+    whole = [k for k, lines in by_frame.items() if len(lines) == 2]
+    if len(whole) < 2:
+        return set()
+    a, b = target.features
+    lines = np.array([[by_frame[k][a], by_frame[k][b]] for k in whole])  # (F, 2, 3)
+    turn = np.stack([group[k].at.R @ T_hand_sensor.R for k in whole])
+    lines = np.einsum("fij,fkj->fki", turn, lines)
+    first, second = np.triu_indices(len(whole), 1)
+    cost, choice = np.inf, np.zeros(len(whole), dtype=bool)
+    for order in ((0, 1), (1, 0)):
+        normals = np.cross(lines[first], lines[second][:, order])  # (P, 2, 3)
+        size = np.linalg.norm(normals, axis=-1)
+        normals = normals / np.maximum(size, 1e-9)[..., None]
+        off = np.abs(np.einsum("pki,fli->pfkl", normals, lines))  # of each line from each plane
+        straight, crossed = off[..., 0, 0] + off[..., 1, 1], off[..., 0, 1] + off[..., 1, 0]
+        total = np.where(np.min(size, axis=1) > _LEAST_TURN, np.sum(np.minimum(straight, crossed), axis=1), np.inf)
+        best = int(np.argmin(np.round(total, 9)))
+        if total[best] < cost - 1e-9:
+            cost, choice = float(total[best]), crossed[best] < straight[best]
+    if not np.isfinite(cost):
+        return set()
+    choice = choice != choice[0]
+    return {group[k].number for k, other in zip(whole, choice, strict=True) if other}
+
+
+def exchanged(f: Frame) -> Frame:
+    """The frame with the names of a wedge's two faces exchanged."""
+    other = {"face 1": "face 2", "face 2": "face 1"}
+    return replace(f, axis=replace(f.axis, label=tuple(other.get(name, name) for name in f.axis.label)))
+
+
+def _solved(
+    frames: Sequence[Frame], target: Target | Mapping[str, Target], bundle: Bundle, T: Pose
+) -> tuple[float, Pose] | None:
+    """Cost and SCP where the bundle ends that begins at an SCP."""
+    named = _renamed(frames, target, T)
+    places = _places(named, target, T)
+    if set(places) != set(bundle.locations):
+        return None
+    problem = bundle.with_axes([f.axis for f in named])
+    start = problem.start(T, stack_poses([places[n] for n in bundle.locations]))
+    try:
+        result = solve_bundle(problem, start, max_iterations=_ITERATIONS)
+    except np.linalg.LinAlgError:
+        return None
+    state: State = result.state
+    return (result.cost, state.pose("scp")) if np.isfinite(result.cost) else None
+
+
+def _sections(frames: Sequence[Frame], target: Target) -> list[_Section]:
+    out = []
+    for k, f in enumerate(frames):
+        labels = np.array(f.axis.label)
+        for feature in dict.fromkeys(f.axis.label):
+            p = f.axis.xyz_mm[labels == feature]
+            section = target.section if isinstance(target, Surface) else None
+            group = (f.location, feature)
+            nothing = np.zeros(3)
+            if section == "line" and len(p) >= 2:
+                middle = p.mean(axis=0)
+                spread = np.linalg.svd(p - middle, full_matrices=False)
+                half = float(spread[1][0]) / np.sqrt(len(p))
+                out.append(_Section(k, group, "line", middle, half * spread[2][0], 0.0))
+            elif section == "circle" and len(p) >= 3:
+                circle = _through(p[:, 1:]) if len(p) == 3 else _through(p[[0, len(p) // 2, -1]][:, 1:])
+                if circle is not None:
+                    out.append(_Section(k, group, "circle", np.array([0.0, *circle[0]]), nothing, circle[1]))
+            elif section is None:
+                out += [_Section(k, group, "point", q, nothing, 0.0) for q in p]
+    return out
+
+
+def _through(yz: Array) -> tuple[Array, float] | None:
+    """Centre and radius of the circle through three points (3, 2)."""
+    a, b = yz[1] - yz[0], yz[2] - yz[0]
+    area = 2 * (a[0] * b[1] - a[1] * b[0])
+    if abs(area) < 1e-9:
+        return None
+    away = np.array([b[1] * (a @ a) - a[1] * (b @ b), a[0] * (b @ b) - b[0] * (a @ a)]) / area
+    return yz[0] + away, float(np.hypot(*away))
+
+
+def _section_angles(frames: Sequence[Frame], target: Target) -> Array:
+    """Angles [deg] between the two lines of every frame, where they open."""
+    by_frame: dict[int, list[_Section]] = {}
+    for s in _sections(frames, target):
+        by_frame.setdefault(s.frame, []).append(s)
+    out = []
+    for pair in by_frame.values():
+        if len(pair) == 2:
+            u, v = (s.direction / max(float(np.linalg.norm(s.direction)), 1e-9) for s in pair)
+            apart = pair[1].place - pair[0].place
+            u, v = u * np.sign(u @ apart or 1.0), -v * np.sign(v @ apart or 1.0)
+            out.append(180.0 - float(np.rad2deg(np.arccos(np.clip(-u @ v, -1, 1)))))
+    return np.array(out)
+
+
+def _candidates(frames: Sequence[Frame], target: Target | Mapping[str, Target]) -> list[Pose]:
+    """SCPs to be tried, the most promising first."""
+    sections: list[_Section] = []
+    for own in {id(t): t for t in (target_at(target, f.location) for f in frames)}.values():
+        here = [k for k, f in enumerate(frames) if target_at(target, f.location) is own]
+        found = _sections([frames[k] for k in here], own)
+        sections += [replace(s, frame=here[s.frame]) for s in found]
+    if not sections:
+        return []
+    hands = stack_poses([f.at for f in frames])
+    grid = rotation_grid(_GRID)
+    linear = _Linear(grid, hands, sections)
+    out: list[Pose] = []
+    for k in np.argsort(np.round(linear.cost, 9), kind="stable"):
+        R = grid[k]
+        if all(np.linalg.norm(log_so3(R.T @ other.R)) > _APART_RAD for other in out):
+            shift = linear.side(int(k), frames, target)
+            out.append(Pose(R, linear.translation[k] + shift * R[:, 0]))
+        if len(out) == _TRIED:
+            break
+    return out
+
+
+class _Linear:
+    """For every rotation (K) of the sensor in the hand the linear least squares of all else.
+
+    cost (K,) [mm²], translation (K, 3) [mm], centres: (K, 3) of balls by group.
+    """
+
+    def __init__(self, rotations: Array, hands: Pose, sections: Sequence[_Section]) -> None:
+        self.rotations, self.hands, self.sections = rotations, hands, sections
+        self.groups = list(dict.fromkeys((s.group, s.kind) for s in sections))
+        self.cost, self.translation = np.zeros(len(rotations)), np.zeros((len(rotations), 3))
+        index = np.array([s.frame for s in sections])
+        self.turn: Array = hands.R[index][None] @ rotations[:, None]  # (K, S, 3, 3) sensor axes in the base
+        self.place = np.einsum("ksij,sj->ksi", self.turn, np.array([s.place for s in sections])) + hands.t[index]
+        self.by_t = hands.R[index]  # (S, 3, 3)
+        along = {g: self._normals(g) for g in self.groups if g[1] == "line"}
+        self.translation, self.centres, residual = self._solve(along)
+        for _ in range(_EDGE_ROUNDS if any(g[1] == "point" for g in self.groups) else 0):
+            self.translation, self.centres, residual = self._solve(along)
+        self.cost = self.cost + residual
+
+    def _of(self, group: tuple[tuple[str, str], str]) -> Index:
+        return np.array([i for i, s in enumerate(self.sections) if (s.group, s.kind) == group], dtype=np.intp)
+
+    def _normals(self, group: tuple[tuple[str, str], str]) -> Array:
+        """Normal (K, 3) of a face: at right angles to all of its lines as well as that can be."""
+        mine = self._of(group)
+        lines = np.einsum("ksij,sj->ksi", self.turn[:, mine], np.array([self.sections[i].direction for i in mine]))
+        values, vectors = np.linalg.eigh(np.swapaxes(lines, -1, -2) @ lines)
+        self.cost = self.cost + np.maximum(values[:, 0], 0.0)
+        return np.asarray(vectors[..., 0])
+
+    def _axes(self, group: tuple[tuple[str, str], str], along: Mapping[tuple[tuple[str, str], str], Array]) -> Array:
+        """Directions (K, S_g, c, 3) in which a group's sections say something of their places."""
+        mine = self._of(group)
+        if group[1] == "line":
+            return np.broadcast_to(along[group][:, None, None], (len(self.rotations), len(mine), 1, 3))
+        if group[1] == "circle":
+            return np.asarray(np.swapaxes(self.turn[:, mine], -1, -2)[:, :, 1:])
+        points = self.place[:, mine] + np.einsum("sij,kj->ksi", self.by_t[mine], self.translation)
+        off = points - points.mean(axis=1, keepdims=True)
+        across = np.swapaxes(np.linalg.eigh(np.swapaxes(off, -1, -2) @ off)[1][..., :2], -1, -2)
+        return np.broadcast_to(across[:, None], (len(self.rotations), len(mine), 2, 3))
+
+    def _solve(
+        self, along: Mapping[tuple[tuple[str, str], str], Array]
+    ) -> tuple[Array, dict[tuple[str, str], Array], Array]:
+        count = len(self.rotations)
+        size = 3 + 3 * len(self.groups)
+        normal, right, square = np.zeros((count, size, size)), np.zeros((count, size)), np.zeros(count)
+        for g, group in enumerate(self.groups):
+            mine, own = self._of(group), slice(3 + 3 * g, 6 + 3 * g)
+            axes = self._axes(group, along)
+            rows = np.zeros((count, len(mine), axes.shape[2], size))
+            rows[..., :3] = np.einsum("ksci,sij->kscj", axes, self.by_t[mine])
+            rows[..., own] = -axes
+            off = -np.einsum("ksci,ksi->ksc", axes, self.place[:, mine])
+            A, b = rows.reshape(count, -1, size), off.reshape(count, -1)
+            normal += np.swapaxes(A, -1, -2) @ A
+            right += (np.swapaxes(A, -1, -2) @ b[..., None])[..., 0]
+            square += np.sum(b**2, axis=1)
+        level = np.trace(normal, axis1=-2, axis2=-1)[:, None, None] / size
+        solution = np.linalg.solve(normal + _RIDGE * level * np.eye(size), right[..., None])[..., 0]
+        residual = square - 2 * np.sum(right * solution, axis=1)
+        residual += np.einsum("ki,kij,kj->k", solution, normal, solution)
+        balls = {
+            group[0]: solution[:, 3 + 3 * g : 6 + 3 * g] for g, group in enumerate(self.groups) if group[1] == "circle"
+        }
+        return solution[:, :3], balls, np.maximum(residual, 0.0)
+
+    def side(self, k: int, frames: Sequence[Frame], target: Target | Mapping[str, Target]) -> float:
+        """How far the sensor must yet be shifted across its sheet, so that every ball's section has its radius."""
+        if any(kind != "circle" for _, kind in self.groups):
+            return 0.0  # the other features have told
+        x, radius, whole = [], [], []
+        for i, s in enumerate(self.sections):
+            centre = self.centres[s.group][k]
+            sensor = self.by_t[i] @ self.translation[k] + self.hands.t[s.frame]
+            x.append(float(self.turn[k, i, :, 0] @ (centre - sensor)))
+            radius.append(s.radius)
+            whole.append(_radius(target_at(target, s.group[0]), s.group[1]))
+        across, section, known = np.array(x), np.array(radius), np.array(whole)
+        best = (np.inf, 0.0)
+        for radii in [known] if np.all(np.isfinite(known)) else [section.max() * f * np.ones(len(x)) for f in _SIDES]:
+            depth = np.sqrt(np.maximum(radii**2 - section**2, 0.0))
+            shifts = np.concatenate([across - depth, across + depth])
+            cost = np.sum((np.abs(across - shifts[:, None]) - depth) ** 2, axis=1)
+            j = int(np.argmin(np.round(cost, 9)))
+            best = min(best, (float(cost[j]), float(shifts[j])))
+        return best[1]
+
+
+def _radius(target: Target, feature: str) -> float:
+    if isinstance(target, Sphere):
+        return target.diameter_mm / 2 if target.known else np.nan
+    diameters = getattr(target, "diameters_mm", None)
+    return np.nan if diameters is None else float(diameters[target.features.index(feature)]) / 2
+
+
+def rotation_grid(count: int) -> Array:
+    """Rotations (N, 3, 3) spread evenly over all of them.
+
+    References
+    ----------
+    Alexa, Super-Fibonacci spirals: fast, low-discrepancy sampling of SO(3), 2022.
+    """
+    i = np.arange(count) + 0.5
+    phi, psi = np.sqrt(2.0), 1.533751168755204288118041
+    inner, outer = np.sqrt(i / count), np.sqrt(1 - i / count)
+    a, b = 2 * np.pi * i / phi, 2 * np.pi * i / psi
+    x, y, z, w = inner * np.sin(a), inner * np.cos(a), outer * np.sin(b), outer * np.cos(b)
+    return np.stack(
+        [
+            np.stack([1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)], -1),
+            np.stack([2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)], -1),
+            np.stack([2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)], -1),
+        ],
+        -2,
+    )
+
+
+def far_from(design: Pose, found: Pose, mm: float, deg: float) -> bool:
+    """Whether two SCPs are farther apart than a drawing would be from its part."""
+    apart = design.inverse() @ found
+    turned = float(np.rad2deg(np.linalg.norm(log_so3(apart.R))))
+    return float(pose_distance(design, found, 0.0)) > mm or turned > deg
