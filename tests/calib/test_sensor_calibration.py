@@ -134,7 +134,7 @@ def nees(found: SensorCalibration, camera: np.ndarray) -> tuple[float, int]:
     s = found.solution
     assert s is not None
     normal, distance = true_plane()
-    x, y, z = s.frame.T_sensor_camera.R
+    _, y, z = s.frame.T_sensor_camera.R
     error = [
         camera[CAMERA_PARAMETERS.index(n)] - s.camera[CAMERA_PARAMETERS.index(n)] for n in s.uncertainty.parameters[:-3]
     ]
