@@ -77,6 +77,8 @@ def clipping_level(image: NDArray[Any], stated: float | None = None) -> float:
     top = int(image.max())
     if top >= level:
         return level
+    if np.count_nonzero(image == top) < _FEWEST_CLIPPED:
+        return level
     step, count = _top_levels(image, top)
     plateau = 0
     while plateau < 3 and count[plateau + 1] > 0.2 * count[0]:  # a noisy plateau takes its neighbours with it

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
+import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,12 +47,12 @@ class Chain:
         """Sections of the image that it spans."""
         return float(self.section[-1] - self.section[0] + self.step)
 
-    @property
+    @cached_property
     def evidence(self) -> float:
         """Its light times its length along its course: a stripe has more of it than what a lamp lights."""
-        some = np.linspace(0, len(self.section) - 1, max(2, len(self.section) // 8)).astype(int)
-        climb = float(np.abs(np.diff(self.place[some])).sum())
-        return self.light * float(np.hypot(self.length, climb))
+        some = self.place[:: max(1, min(8, len(self.place) - 1))].tolist()
+        climb = sum(abs(b - a) for a, b in itertools.pairwise(some))
+        return self.light * math.hypot(self.length, climb)
 
     @property
     def significance(self) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -36,6 +37,8 @@ FLAT = 0.72  # flatness of an unclipped profile from which it is a lit face with
 FLAT_FROM_PX = 2.0  # Gaussian σ from which flatness shows: blur rounds what is narrower
 CROWD = 2.6  # ridges of like light beside one another, on average: a pattern, not stripes
 CROWD_PART = 0.15  # of the best's height times length, that such a ridge has at least
+DARK_MARGIN = 3  # sections between a lit piece and the dark one beside it
+DARK_WIDTH = 1.0  # of the stripe's width, at most, where it is dark: less light is narrower; a border's glow is not
 LEAST_JOINED = 3.0  # contrast of a ridge that goes on where a stripe ends
 LIKE = 0.45  # of a ridge's light and height, from which another is its like
 GHOST_LIGHT = 0.2  # of a brighter ridge's height, from which a longer one is the stripe and the brighter its ghost
@@ -53,8 +56,9 @@ class Stripe:
 
     track: at every section from its first to its last. chain: the ridge it came from. bumps: of its mean profile; with
     two, the track runs between or on one of them. height: of the mean profile [DN]. light: height times sections.
-    least: sections from which it may stand alone. rivals: whether another of like light shares its sections. ghost:
-    whether a longer one does.
+    dark: whether it lies between two lit pieces of
+    one ridge. least: sections from which it may stand alone. rivals: whether another of like light shares its
+    sections. ghost: whether a longer one does.
     """
 
     track: Track
@@ -65,6 +69,7 @@ class Stripe:
     ghost: bool = False
     joined: bool = False
     least: int = 20
+    dark: bool = False
 
     @property
     def light(self) -> float:
@@ -111,7 +116,7 @@ def judge(grey: NDArray[Any], chains: list[Chain], clip: float, max_width: float
                 measured.append(piece)
     measured.sort(key=lambda s: (-round(s.light, 3), s.track.first))
     measured = _ghosts(measured)
-    best = next((s for s in measured if not s.ghost and _stands_alone(s)), None)
+    best = next((s for s in measured if not (s.ghost or s.dark) and _stands_alone(s)), None)
     if best is None:
         refuse("short", len(measured))
         return Verdict([], [], refused)
@@ -127,6 +132,8 @@ def judge(grey: NDArray[Any], chains: list[Chain], clip: float, max_width: float
         for s in list(waiting):
             joined = any(_continues(s, k) for k in kept if not k.ghost)
             bright = s.light >= PART * best.light and s.height >= DIMMER * best.height and s.chain.contrast >= asked
+            joined &= not s.dark or (s.bumps.peaks == 1 and s.bumps.width <= DARK_WIDTH * best.bumps.width)
+            bright &= not s.dark
             if (joined and s.chain.contrast >= LEAST_JOINED) or (bright and _stands_alone(s)):
                 kept.append(replace(s, joined=joined))
                 waiting.remove(s)
@@ -182,20 +189,25 @@ def _measure(grey: NDArray[Any], chain: Chain, clip: float, least: int) -> list[
     if rough:
         light = light_on_rough_ground(grey, track, place, found.width)
     lit_all = [inside] if rough else lit_pieces(light, inside)
+    ends = []
     for k, lit in enumerate(lit_all):
         low = lit_all[k - 1].stop if k else 0
         high = lit_all[k + 1].start if k + 1 < len(lit_all) else len(light)
         start, stop = likeliest_ends(light[low:high], slice(lit.start - low, lit.stop - low), rough)
-        start, stop = start + low, stop + low
-        if stop - start >= 3:
-            own = Track(track.first + start, place[start:stop], track.width[start:stop])
-            shape = found
-            if lit != inside:
-                shape = _profile_of(grey, own, _part(0, stop - start), out, reach, clip)
-            if shape.peaks:
-                middle = _part(0, stop - start)
-                width = own.width * (shape.width / float(np.mean(own.width[middle])))
-                pieces.append(Stripe(own._replace(width=width), chain, shape, shape.height, least=least))
+        ends.append(slice(start + low, stop + low))
+    between = [slice(a.stop + DARK_MARGIN, b.start - DARK_MARGIN) for a, b in itertools.pairwise(ends)]
+    for part in ends + between:
+        if part.stop - part.start < 3:
+            continue
+        own = Track(track.first + part.start, place[part], track.width[part])
+        shape = found
+        if part != inside:
+            shape = _profile_of(grey, own, _part(0, part.stop - part.start), out, reach, clip)
+        if shape.peaks:
+            middle = _part(0, part.stop - part.start)
+            width = own.width * (shape.width / float(np.mean(own.width[middle])))
+            dark = any(part is d for d in between)
+            pieces.append(Stripe(own._replace(width=width), chain, shape, shape.height, least=least, dark=dark))
     return pieces
 
 

@@ -24,6 +24,7 @@ from extraction.stripe.select import select
 from extraction.stripe.sigma import true_sigma
 from extraction.stripe.view import StripeView, stripe_view
 from geometry import Sensor
+from geometry.compiled import kernel
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -258,15 +259,19 @@ def _peaks(view: StripeView, places: Places, fits: Records, config: StripeConfig
     )
 
 
+@kernel
 def _pieces(section: NDArray[np.int32], stripe: NDArray[np.int32]) -> NDArray[np.int32]:
     """Pieces in the order in which they begin: runs of sections of one stripe (N,)."""
     out = np.zeros(len(section), np.int32)
-    begun: dict[int, tuple[int, int]] = {}
-    count = 0
-    for i, (s, k) in enumerate(zip(section.tolist(), stripe.tolist(), strict=True)):
-        last, number = begun.get(k, (-10, -1))
-        if s - last > _PIECE_GAP:
-            number, count = count, count + 1
-        begun[k] = (s, number)
-        out[i] = number
+    stripes = 0
+    for k in stripe:
+        stripes = max(stripes, k + 1)
+    last, number, count = np.full(stripes, -1000), np.zeros(stripes, np.int32), 0
+    for i in range(len(section)):
+        k = stripe[i]
+        if section[i] - last[k] > _PIECE_GAP:
+            number[k] = count
+            count += 1
+        last[k] = section[i]
+        out[i] = number[k]
     return out

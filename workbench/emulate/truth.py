@@ -66,7 +66,7 @@ def draw_truth(cell: Cell, errors: Errors, rng: np.random.Generator, around: Sur
     jig = sample_tolerance(cell.jig, rng) if errors.built and not cell.jig.measured else cell.jig
     turn = np.deg2rad(errors.mounting_deg) * rng.standard_normal(3)
     shift = errors.mounting_mm * rng.standard_normal(3)
-    mounted = cell.T_hand_sensor_design @ Pose.exp(np.concatenate([shift, turn]))
+    mounted = cell.design @ Pose.exp(np.concatenate([shift, turn]))
     bodies: tuple[Solid, ...] = jig_bodies(cell.jig)  # as drawn: the strings have room in the holes
     solids = {name: (*bodies, *around_jig(around, place)) for name, place in cell.T_base_jig.items()}
     carried = around.standing_in("sensor")
@@ -81,7 +81,7 @@ def planned_views(
     for name, place in cell.T_base_jig.items():
         bodies = (*jig_bodies(cell.jig), *around_jig(around, place))
         sees_all = sees_all_strings(cell.sensor, cell.jig, bodies, around.standing_in("sensor"))
-        problem = ViewProblem(cell.arm, cell.sensor, cell.jig, place, cell.T_hand_sensor_design, sees_all=sees_all)
+        problem = ViewProblem(cell.arm, cell.sensor, cell.jig, place, cell.design, sees_all=sees_all)
         planned = plan_views(problem, per_location, rng)
         views += [(name, cell.roles.get(name, "calibrate"), joints) for joints in planned.joints_rad]
     return views

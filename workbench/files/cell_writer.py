@@ -35,7 +35,7 @@ def cell_text(cell: Cell) -> str:
     lines += [f"name = {toml_value(cell.name)}"] if cell.name else []
     lines += ['sensor = "sensor.toml"', 'jig = "jig.toml"', 'robot = "robot.toml"', 'frames = "frames.csv"']
     lines += ["[scp_initial]       # T_hand_sensor by design: rotations about fixed X, Y, Z (R = Rz Ry Rx)"]
-    design = cell.T_hand_sensor_design
+    design = cell.design
     lines += [f"rotation_deg = {_numbers(design.fixed_xyz_deg)}", f"translation_mm = {_numbers(design.t)}"]
     for name, pose in cell.T_base_jig.items():
         lines += [f"[locations.{toml_value(name)}]", f"T_base_jig = {_matrix(pose)}"]

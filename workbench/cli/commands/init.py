@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from workbench import defaults
-from workbench.cli.console import standard_error
+from workbench.cli.console import say_remark, standard_error
 
 
 def command(
@@ -27,4 +27,7 @@ def command(
             standard_error().print(f"{kind}: {', '.join(assets.list_presets(kind))}", markup=False, soft_wrap=True)
         return
     write_starter(folder, robot, sensor, jig)
-    standard_error().print(f"{folder}: fill frames.csv and images/, or: perceptron-emu render {folder} --out recording")
+    say_remark(
+        f"{folder}: fill frames.csv and images/, then see what is missing: perceptron-emu doctor {folder}; "
+        f"or emulate a recording: perceptron-emu render {folder} --out recording"
+    )
