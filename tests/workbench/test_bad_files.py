@@ -101,7 +101,7 @@ CASES: dict[str, tuple[Callable[[Path], object], tuple[str, ...]]] = {
     ),
     "target of another kind": (
         _edit("jig.toml", "side_mm", 'kind = "sphere"\nside_mm'),
-        ("jig.toml", 'kind = "sphere"', "string jig is needed"),
+        ("jig.toml, line", 'kind = "sphere"', "string jig is needed"),
     ),
     "no rows": (_frames(lambda lines: lines.__delitem__(slice(1, None))), ("frames.csv", "no frames")),
 }
