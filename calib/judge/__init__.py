@@ -4,20 +4,23 @@ from calib.judge.contradiction import frames_contradict
 from calib.judge.culprits import culprit
 from calib.judge.culprits_jig import wrong_jig
 from calib.judge.facts import bundle_estimate, bundle_facts
-from calib.judge.model_choice import choose_model, left_out_rms
+from calib.judge.finding import find
+from calib.judge.model_choice import UNCHECKED, left_out_rms, table_advice
 from calib.judge.verdict import Facts, frames_motion, judge, judge_motion, misfit_limit
 
 __all__ = [
+    "UNCHECKED",
     "Facts",
     "bundle_estimate",
     "bundle_facts",
-    "choose_model",
     "culprit",
+    "find",
     "frames_contradict",
     "frames_motion",
     "judge",
     "judge_motion",
     "left_out_rms",
     "misfit_limit",
+    "table_advice",
     "wrong_jig",
 ]

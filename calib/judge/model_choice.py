@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from calib.bundle import Mask, Solution, estimated_parameters, solve_bundle
@@ -14,9 +16,13 @@ from geometry import Frame
 # benchmarks/calib_model_choice.py: how often each rule keeps the model that predicts better
 _OVERFIT = 1.05  # a larger model must not predict worse than this times the smaller one
 _WORTH = 0.95  # where the smaller one fits, it must predict better than this
-_UNCHECKED = (
-    "fewer than two locations can be left out: how well model {model} predicts elsewhere could not be checked; measure "
-    "the jig at two or more further places"
+UNCHECKED = (
+    "fewer than two locations can be left out: how well points elsewhere are predicted could not be checked; measure "
+    "the target at two or more further places"
+)
+ENTER = (
+    "enter T_hand_sensor where the estimated table is used (robot_corrected), and T_hand_sensor_nominal where the "
+    "controller keeps its nominal table"
 )
 
 
@@ -35,20 +41,21 @@ def left_out_rms(solution: Solution, used: tuple[Frame, ...], config: CalibConfi
     return float(np.sqrt(np.mean(np.concatenate(squares)))) if len(squares) > 1 else None
 
 
-def choose_model(scores: dict[Model, float | None], asked: Model, *, nominal_fits: bool = False) -> tuple[Model, str]:
-    """The model to keep of the one asked for and "scp", and why, in words.
+def table_advice(scores: Mapping[Model, float | None], asked: Model, *, nominal_fits: bool = False) -> str:
+    """Which SCP to enter with which of the robot's tables, and why.
 
     scores: rms [mm] at locations left out. nominal_fits: whether χ² finds no fault with the nominal robot.
     """
     small, large = scores.get("scp"), scores.get(asked)
     if small is None or large is None:
-        return asked, _UNCHECKED.format(model=asked)
-    words = f"leaving one location out, its points are predicted to {small:.3f} mm by scp and {large:.3f} mm by {asked}"
-    if large > _OVERFIT * small:
-        return "scp", f"{words}: {asked} overfits, scp is kept"
-    if nominal_fits and large > _WORTH * small:
-        return "scp", f"{words}, and χ² finds no fault with the nominal robot: {asked} gains nothing, scp is kept"
-    return asked, words
+        return f"{UNCHECKED} ({ENTER})"
+    words = (
+        f"leaving one location out, its points are predicted to {small:.3f} mm with the robot's nominal table and "
+        f"{large:.3f} mm with the estimated one"
+    )
+    if large > _OVERFIT * small or (nominal_fits and large > _WORTH * small):
+        return f"{words}: the nominal table is as good; enter T_hand_sensor_nominal and leave the table as it is"
+    return f"{words}: {ENTER}"
 
 
 def _enough(rest: tuple[Frame, ...], config: CalibConfig) -> bool:

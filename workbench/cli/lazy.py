@@ -29,7 +29,7 @@ COMMANDS = {
     "datasheet": "Write the sensor.toml of a line profiler from its data sheet alone.",
     "sweep": "Run a campaign of many pixel-to-transform trials from a plan; resumes.",
     "report": "One HTML page of a campaign: accuracy against every factor.",
-    "doctor": "Check the installation and say what is missing and how to get it.",
+    "doctor": "Check the installation, or a dataset file by file, and say what is missing.",
 }
 
 

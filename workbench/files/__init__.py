@@ -5,6 +5,7 @@ from workbench.files.cell import Cell, read_cell, read_jig_file
 from workbench.files.cell_writer import cell_text, write_cell
 from workbench.files.controller import CONTROLLERS, controller_text
 from workbench.files.controller_poses import ControllerPoses, PosesSection, controller_poses
+from workbench.files.examined import FileFinding, examine_cell
 from workbench.files.frames_csv import frames_text, read_frames
 from workbench.files.images import LOSSY_SUFFIXES, SUFFIXES, Image, is_whole, read_image, write_png
 from workbench.files.points_csv import GivenPoints, points_text, read_points
@@ -34,6 +35,7 @@ __all__ = [
     "SUFFIXES",
     "Cell",
     "ControllerPoses",
+    "FileFinding",
     "FileSection",
     "GivenPoints",
     "Image",
@@ -56,6 +58,7 @@ __all__ = [
     "cell_text",
     "controller_poses",
     "controller_text",
+    "examine_cell",
     "frames_text",
     "is_whole",
     "parse_settings",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -153,7 +154,12 @@ def _covariance(row: Row) -> tuple[tuple[float, float], tuple[float, float]]:
         raise row.fail(
             "cov_yz_mm2", f"{cross:g} must be smaller than sigma_y_mm · sigma_z_mm = {sigma[0] * sigma[1]:g}"
         )
-    return ((sigma[0] ** 2, cross), (cross, sigma[1] ** 2))
+    return _shared((sigma[0] ** 2, cross, sigma[1] ** 2))
+
+
+@lru_cache(maxsize=4096)  # most rows of a long table have the same few: they are kept once
+def _shared(upper: tuple[float, float, float]) -> tuple[tuple[float, float], tuple[float, float]]:
+    return (upper[:2], upper[1:])
 
 
 def _collect(points: list[_CsvPoint]) -> GivenPoints:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from workbench.cli.console import standard_error
+from workbench.cli.console import say_remark
 
 
 def command(
@@ -31,4 +31,4 @@ def command(
         raise InputError("--name: letters, digits and blanks are right")
     sheet = DataSheet(clearance_mm, range_mm, near_mm, far_mm, points, repeatability_mm, name)
     write_text(out, data_sheet_text(sheet))
-    standard_error().print(f"{out}: perceptron-emu init FOLDER --sensor {out} makes a cell with it", markup=False)
+    say_remark(f"{out}: perceptron-emu init FOLDER --sensor {out} makes a cell with it")

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from workbench import defaults
-from workbench.cli.console import standard_error
+from workbench.cli.console import say_remark, standard_error
 
 
 def command(
@@ -31,5 +31,7 @@ def command(
         return
     measured = write_starter(folder, robot, sensor, jig, target)
     profiles = " --profiles csv" if measured == "profiles" else ""
-    how = f"perceptron-emu render {folder} --out recording{profiles}"
-    standard_error().print(f"{folder}: fill frames.csv and {measured}/, or: {how}", soft_wrap=True, markup=False)
+    say_remark(
+        f"{folder}: fill frames.csv and {measured}/, then see what is missing: perceptron-emu doctor {folder}; "
+        f"or emulate a recording: perceptron-emu render {folder} --out recording{profiles}"
+    )
