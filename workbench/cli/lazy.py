@@ -19,6 +19,7 @@ COMMANDS = {
     "gapflush": "Measure gap, flush and edge radii of two panels in a profile or an image.",
     "tune": "Tune detection on saved stripe images: the process window in the browser, or a search with --auto.",
     "pose": "All jig poses that fit the points of a frame, with their likelihoods.",
+    "calibrate-sensor": "Calibrate a self-built sensor from pictures of a board with the stripe on it.",
     "validate": "Measure point extraction against truth, with thresholds for your own CI.",
     "plan": "Propose the most telling next configurations and predict the SCP's σ.",
     "render": "Record a cell in emulation: plan configurations and render images with truth.",
@@ -48,7 +49,7 @@ class LazyGroup(TyperGroup):
 
 def load(name: str) -> Any:
     """The command ``name``, made of ``command`` in its module."""
-    module = importlib.import_module(f"workbench.cli.commands.{name}")
+    module = importlib.import_module(f"workbench.cli.commands.{name.replace('-', '_')}")
     single = typer.Typer(add_completion=False, rich_markup_mode="rich")
     single.command(name, help=getattr(module.command, "__doc__", None))(module.command)
     return typer.main.get_command(single)

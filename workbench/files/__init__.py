@@ -1,6 +1,8 @@
 """The files of a cell dataset: strict models that say in one sentence what is wrong, where, and what is right."""
 
 from workbench.files.atomic import sha256_of, write_bytes, write_text
+from workbench.files.board_file import board_text, read_board
+from workbench.files.board_views import ViewFiles, find_views, picture_sensor
 from workbench.files.cell import Cell, read_cell, read_jig_file
 from workbench.files.cell_writer import cell_text, write_cell
 from workbench.files.controller import CONTROLLERS, controller_text
@@ -53,16 +55,21 @@ __all__ = [
     "Truth",
     "TruthFrame",
     "TruthPoint",
+    "ViewFiles",
     "Whole",
+    "board_text",
     "carried_calib",
     "cell_text",
     "controller_poses",
     "controller_text",
     "examine_cell",
+    "find_views",
     "frames_text",
     "is_whole",
     "parse_settings",
+    "picture_sensor",
     "points_text",
+    "read_board",
     "read_cell",
     "read_emulator",
     "read_frames",
