@@ -3,10 +3,10 @@
 from workbench.emulate.check import all_hidden, check_views, never_met
 from workbench.emulate.experiment import PAPER_DEVIATION_MM, paper_experiment
 from workbench.emulate.extras import Extras
+from workbench.emulate.looking import surface_views
 from workbench.emulate.profile_recording import record_profiles
 from workbench.emulate.recording import Configuration, TrueCell, frame_scene, record, with_joint_noise
 from workbench.emulate.scene_frame import render_scene_file
-from workbench.emulate.surface_views import surface_views
 from workbench.emulate.truth import (
     NOTHING,
     Errors,
