@@ -101,7 +101,7 @@ CASES: dict[str, tuple[Callable[[Path], object], tuple[str, ...]]] = {
     ),
     "target of another kind": (
         _edit("jig.toml", "side_mm", 'kind = "sphere"\nside_mm'),
-        ("jig.toml, line", "unknown key side_mm"),
+        ("jig.toml, line", 'kind = "sphere"', "string jig is needed"),
     ),
     "a sensor on the moon": (_edit("cell.toml", "mm = [-17.0, ", "mm = [3.8e11, "), ("cell.toml, line", "100000")),
     "a noise of nothing": (

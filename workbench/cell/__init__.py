@@ -1,5 +1,6 @@
 """A cell and its frames: found by name, measured, labelled and solved."""
 
+from workbench.cell.data_sheet import DataSheet, data_sheet_text
 from workbench.cell.extracting import Extracted, extract_inputs
 from workbench.cell.inputs import BareImages, read_inputs
 from workbench.cell.labels import label_alone, label_dataset, poses_in_sensor
@@ -18,6 +19,7 @@ __all__ = [
     "DESIGN_SCP",
     "PLACES",
     "BareImages",
+    "DataSheet",
     "Extracted",
     "FramePose",
     "Observed",
@@ -25,6 +27,7 @@ __all__ = [
     "Progress",
     "SeesAll",
     "around_jig",
+    "data_sheet_text",
     "dataset_config",
     "extract_inputs",
     "find_emulator",

@@ -28,6 +28,7 @@ COMMANDS = {
     "paper": "Repeat the paper's experiment as an ensemble: Table 1, Fig. 7, and what explains them.",
     "jig": "Show a string jig, or export it as STL, GLB or drawing.",
     "init": "Write a commented starter dataset to fill in.",
+    "datasheet": "Write the sensor.toml of a line profiler from its data sheet alone.",
     "sweep": "Run a campaign of many pixel-to-transform trials from a plan; resumes.",
     "report": "One HTML page of a campaign: accuracy against every factor.",
     "doctor": "Check the installation, or a dataset file by file, and say what is missing.",

@@ -26,6 +26,7 @@ from workbench.files.settings_file import (
 from workbench.files.sockets_csv import read_sockets
 from workbench.files.strict import FileSection, NotNegative, Positive, Real, Text, Whole, sentence, suggestion, validate
 from workbench.files.table import Row, Table, read_table, read_table_text
+from workbench.files.target_file import read_target, target_text
 from workbench.files.toml_text import TomlSource, read_toml
 from workbench.files.truth_file import Truth, TruthFrame, TruthPoint, read_truth, write_truth
 from workbench.files.urdf_write import write_urdf
@@ -82,6 +83,7 @@ __all__ = [
     "read_sockets",
     "read_table",
     "read_table_text",
+    "read_target",
     "read_toml",
     "read_truth",
     "robot_text",
@@ -95,6 +97,7 @@ __all__ = [
     "sha256_of",
     "stated_optics",
     "suggestion",
+    "target_text",
     "urdf_of",
     "validate",
     "write_bytes",
