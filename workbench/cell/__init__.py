@@ -1,5 +1,6 @@
 """A cell and its frames: found by name, measured, labelled and solved."""
 
+from workbench.cell.data_sheet import DataSheet, data_sheet_text
 from workbench.cell.extracting import Extracted, extract_inputs
 from workbench.cell.inputs import BareImages, read_inputs
 from workbench.cell.labels import label_alone, label_dataset, poses_in_sensor
@@ -27,6 +28,7 @@ __all__ = [
     "DESIGN_SCP",
     "PLACES",
     "BareImages",
+    "DataSheet",
     "Extracted",
     "FramePose",
     "MeasuredStripe",
@@ -36,6 +38,7 @@ __all__ = [
     "SeesAll",
     "StripeInputs",
     "around_jig",
+    "data_sheet_text",
     "dataset_config",
     "extract_inputs",
     "find_emulator",
