@@ -5,8 +5,8 @@ from calib.judge.culprits import culprit
 from calib.judge.culprits_jig import wrong_jig
 from calib.judge.facts import bundle_estimate, bundle_facts
 from calib.judge.finding import find
-from calib.judge.left_out import at_least_jackknife, left_out, weak_by_jackknife
 from calib.judge.model_choice import UNCHECKED, table_advice
+from calib.judge.parts import at_least_jackknife, left_out, weak_by_jackknife
 from calib.judge.verdict import Facts, frames_motion, judge, judge_motion, misfit_limit
 
 __all__ = [
