@@ -15,7 +15,7 @@ def command(
     image: Annotated[
         Path, typer.Argument(metavar="IMAGE", help="A stripe image: PNG, TIFF or BMP; JPEG with a remark.")
     ],
-    sensor: Annotated[Path, typer.Option(help="sensor.toml of that image.")],
+    sensor: Annotated[Path | None, typer.Option(help="sensor.toml of that image; of a profile file optional.")] = None,
     csv: Annotated[Path | None, typer.Option(help="File for the points with their covariance.")] = None,
     ply: Annotated[Path | None, typer.Option(help="File for the points as a PLY cloud.")] = None,
     laser_off: Annotated[Path | None, typer.Option(help="The same view without laser, subtracted.")] = None,
@@ -29,8 +29,6 @@ def command(
 
     if csv is None and ply is None:
         raise InputError("nothing to write: give --csv FILE, --ply FILE or both")
-    if image.suffix.lower() == ".csv":
-        raise InputError(f"{image} is a profile already; `profile` takes an image")
     profile = read_profile(
         ProfileSource(image, sensor, laser_off, mask, read_profile_settings(config or [])), say_remark
     )
@@ -41,7 +39,7 @@ def command(
     flagged = int((profile.peaks.flag > 0).sum())
     written = ", ".join(str(p) for p in (csv, ply) if p is not None)
     standard_error().print(f"{written}: {len(profile)} points, {flagged} flagged", soft_wrap=True, markup=False)
-    if len(profile) == 0:
+    if len(profile) == 0 and sensor is not None:
         standard_error().print(_why_empty(image, sensor), soft_wrap=True, markup=False)
         raise typer.Exit(exit_codes.NO_ANSWER)
 
