@@ -44,9 +44,14 @@ def read_profile_settings(paths: Sequence[Path]) -> ProfileFile:
     return ProfileFile.model_validate(tables)
 
 
+def is_profile_file(path: Path) -> bool:
+    """Whether a file is no image by its name, nor a folder of them."""
+    return path.suffix.lower() not in (*SUFFIXES, *LOSSY_SUFFIXES) and not path.is_dir()
+
+
 def read_profile(source: ProfileSource, remark: Remark = no_remark) -> Profile:
     """The profile of an image, or of a profile file; InputError says what is missing."""
-    if source.path.suffix.lower() not in (*SUFFIXES, *LOSSY_SUFFIXES):
+    if is_profile_file(source.path):
         if source.laser_off or source.mask:
             raise InputError(f"{source.path} is a profile already: --laser-off and --mask belong to an image")
         return _profile_of_file(source, remark)
