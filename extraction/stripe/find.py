@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 SCALES = (2, 4, 8)  # pixels of the levels: Gaussian σ from half a pixel to sixteen
-FAINT = 10.0  # contrast of the best ridge, below which narrow rows are searched too
+FAINT = 80.0  # significance of the best ridge, below which narrow rows are searched too
 CLEAR = 12.0  # contrast of a coarse ridge, and times the other direction's claim, from which nothing is in doubt
 WHOLE = 0.85  # of the columns that a ridge spans, over which columns must follow it too
 COLUMNS_FIRST = 3.0  # times the light in ridges, that rows must show more than columns
@@ -71,11 +71,10 @@ class Places:
 
 @dataclass(frozen=True, eq=False)
 class StripeFacts:
-    """What selection asks of a stripe: its light, sections, mean place, and whether it is a ghost."""
+    """What selection asks of a stripe: whether it is a ghost, and the number of the first of its pair, or its own."""
 
-    light: float
-    sections: int
     ghost: bool
+    pair: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +110,7 @@ def _search(pyramid: Pyramid, scales: tuple[int, ...], directions: tuple[bool, .
     open_still = [first] if clear else order
     full = [Search(each_once(s.chains + search(pyramid, scales[:1], s.turned)), s.turned) for s in open_still]
     best = _direction(full)
-    if not best.chains or best.chains[0].contrast < FAINT:
+    if not best.chains or max(c.significance for c in best.chains) < FAINT:
         best = _direction([Search(each_once(search_faint(pyramid, scales, t)), t) for t in directions])
     return best
 
@@ -144,9 +143,8 @@ def _without(view: StripeView) -> NDArray[Any]:
     if view.left_out.size == 0 or not view.left_out.any():
         return view.grey
     grey: NDArray[Any] = view.grey.copy()
-    masked = view.left_out & (grey < view.clip_dn) if np.isfinite(view.clip_dn) else view.left_out
     rest = grey[~view.left_out]
-    grey[masked] = np.median(rest) if rest.size else 0
+    grey[view.left_out] = np.median(rest) if rest.size else 0
     return grey
 
 
@@ -159,7 +157,7 @@ def _places(verdict: Verdict, rows: int, sections: int) -> tuple[Places, list[St
         pair = s.bumps.peaks == 2
         doubt, number = _doubt(s, verdict) | pair, len(facts)
         for k, offset in enumerate((s.bumps.first, s.bumps.second) if pair else (0.0,)):
-            facts.append(StripeFacts(s.light, n, s.ghost))
+            facts.append(StripeFacts(s.ghost, number))
             own = (number + k, number + 1 - k if pair else -1, s.chain.step > s.chain.scale, s.ghost)
             parts.append((section, s.track.place + offset, s.track.width, *(np.full(n, x) for x in own), doubt))
     if not parts:

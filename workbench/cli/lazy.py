@@ -14,7 +14,7 @@ COMMANDS = {
     "verify": "Judge an SCP on a dataset without solving: figures by location, with a limit for your own CI.",
     "compare": "The difference of two calibrations with its σ: did anything move?",
     "extract": "Find string points in images and write them as CSV.",
-    "profile": "Measure the laser stripe of an image: points in mm with covariance, as CSV or PLY.",
+    "profile": "Measure the laser stripe of images: points in mm, or in px without a sensor; CSV, PLY, overlays.",
     "convert": "Convert profile files from one maker's format to another's.",
     "gapflush": "Measure gap, flush and edge radii of two panels in a profile or an image.",
     "tune": "Tune detection on saved stripe images: the process window in the browser, or a search with --auto.",

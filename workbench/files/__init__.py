@@ -9,7 +9,7 @@ from workbench.files.controller import CONTROLLERS, controller_text
 from workbench.files.controller_poses import ControllerPoses, PosesSection, controller_poses
 from workbench.files.examined import FileFinding, examine_cell
 from workbench.files.frames_csv import frames_text, read_frames
-from workbench.files.images import LOSSY_SUFFIXES, SUFFIXES, Image, is_whole, read_image, write_png
+from workbench.files.images import LOSSY_SUFFIXES, SUFFIXES, Image, is_whole, read_image, sensor_of_picture, write_png
 from workbench.files.points_csv import GivenPoints, points_text, read_points
 from workbench.files.result_file import SavedResult, SavedScp, read_result, saved_result
 from workbench.files.robot_file import read_robot, robot_text, urdf_of
@@ -90,6 +90,7 @@ __all__ = [
     "rounded",
     "rounded_number",
     "saved_result",
+    "sensor_of_picture",
     "sensor_text",
     "sentence",
     "settings_text",
