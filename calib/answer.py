@@ -50,7 +50,11 @@ def answer(
     for name, group in locations_of(frames).items():
         by_design = None if design is None else (design, robot)
         result, answered = figured(group, target_at(target, name), by_design, solved, estimate)
-        locations[name] = result if holds else replace(result, T_base_target=None)
+        result = result if holds else replace(result, T_base_target=None)
+        if estimate is not None and estimate.nominal is not None:
+            nominal = (estimate.nominal.T_hand_sensor, robot)
+            result = _with_nominal(result, figured(group, target_at(target, name), nominal, nominal, estimate)[0])
+        locations[name] = result
         done |= {f.number: f for f in answered}
     ordered = tuple(done[f.number] for f in frames)
     return CalibrationResult(config.method, config.model, verdict, design, locations, ordered, robot, estimate)
@@ -102,6 +106,13 @@ def location_figures(group: Sequence[Frame], target: Target, design: Chain, solv
         Distances(tuple(usable[i].number for i in complete), length, solved_length),
     )
     return Figures(result, fit, own)
+
+
+def _with_nominal(result: LocationResult, by_nominal: LocationResult) -> LocationResult:
+    """The figures with those of the nominal chain, which stand as solved in ``by_nominal``."""
+    names = ("max_deviation_mm", "spread_3d_mm", "point_rms_mm")
+    both = {n: replace(getattr(result, n), nominal=getattr(by_nominal, n).solved) for n in names}
+    return replace(result, **both)
 
 
 def surface_figures(group: Sequence[Frame], target: Surface, design: Chain | None, solved: Chain | None) -> Figures:

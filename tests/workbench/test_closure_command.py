@@ -28,7 +28,7 @@ def test_iiwa_gains_nothing(capsys: pytest.CaptureFixture[str]) -> None:
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("", "no joint readings"),
+        ("", "empty"),
         ("1,2,3\n", "line 1: 3 values"),
         ("1,2,x,4,5,6,7\n", "line 1: a value is not a number"),
     ],

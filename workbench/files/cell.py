@@ -25,9 +25,10 @@ from geometry import (
     target_at,
 )
 from jig_cad import Jig
+from jig_cad.files import table_model
 from perceptron_emu import EmulatorConfig
 from workbench.files.controller_poses import ControllerPoses, PosesSection, controller_poses
-from workbench.files.frames_csv import read_frames
+from workbench.files.frames_csv import LONGEST_NAME, read_frames
 from workbench.files.points_csv import GivenPoints, read_points
 from workbench.files.robot_file import read_robot
 from workbench.files.sensor_file import ATOL_ROTATION, read_emulator, read_sensor
@@ -228,9 +229,11 @@ def _controller_poses(section: PosesSection, source: TomlSource) -> ControllerPo
 
 def read_jig_file(path: Path) -> Jig:
     """The jig of a jig.toml, or of a target.toml of kind "strings"; InputError names file, line and key."""
+    source = read_toml(path)
+    table_model(source.data, source.where(("kind",)))
     target = read_target(path)
     if not isinstance(target, Jig):
-        raise InputError(f'{path}: kind = "{read_toml(path).data.get("kind")}": a string jig is needed here')
+        raise InputError(f"{path}: a string jig is needed here")
     return target
 
 
@@ -278,6 +281,8 @@ def _cell_path(path: Path) -> Path:
 
 def _named(folder: Path, name: str, source: TomlSource, key: str, where: Location = ()) -> Path:
     path = folder / name
+    if any(len(part.encode()) > LONGEST_NAME for part in path.parts):
+        raise InputError(f"{source.where(where or (key,))}: {key} is too long for the name of a file")
     if not name or not path.is_file():
         near = did_you_mean(name, [p.name for p in folder.iterdir() if p.is_file()])
         raise InputError(

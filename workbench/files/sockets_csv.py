@@ -9,6 +9,7 @@ import numpy as np
 
 from calib.closure import Socket
 from geometry import InputError
+from workbench.files.table import read_table_text
 
 MOST_RADIANS = 4 * np.pi  # two turns either way: no reading of an arm is larger
 LEAST_ROWS = 3
@@ -20,18 +21,19 @@ def read_sockets(paths: Sequence[Path], n_joints: int, *, degrees: bool) -> list
 
 
 def _read(path: Path, n_joints: int, *, degrees: bool) -> np.ndarray:
-    try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: can not be read as text ({error})") from error
+    text = read_table_text(path)
+    separator = next((mark for mark in "\t;" if mark in text), ",")
     rows = []
-    for number, line in enumerate(lines, start=1):
-        if not line.strip():
+    for number, line in enumerate(text.splitlines(), start=1):
+        cells = [cell.strip() for cell in line.split(separator)]
+        if not any(cells):
             continue
+        while not cells[-1]:
+            cells.pop()
         try:
-            row = [float(x) for x in line.split(",")]
+            row = [float(cell if separator == "," else cell.replace(",", ".", 1)) for cell in cells]
         except ValueError as error:
-            raise InputError(f"{path}, line {number}: a value is not a number ({error})") from error
+            raise InputError(f"{path}, line {number}: a value is not a number ({str(error)[:80]})") from None
         if len(row) != n_joints or not np.all(np.isfinite(row)):
             raise InputError(f"{path}, line {number}: {len(row)} values, where {n_joints} finite joint readings belong")
         rows.append(row)
