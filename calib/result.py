@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from calib.prediction import prediction_jacobian
 from calib.printed import printed_sigmas
 from calib.sensor_errors import SensorErrors
+from calib.summary import summary
 from geometry import Frame, InputError, Pose, Robot, Role, Target
 
 Array = NDArray[np.float64]
@@ -286,6 +287,10 @@ class CalibrationResult:
     left_out_rms_mm: dict[str, float] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
     model_asked: str = ""
+
+    def __str__(self) -> str:
+        """The answer on a screen: what `print` shows."""
+        return summary(self)
 
     @property
     def trusted(self) -> Estimate | None:
