@@ -18,6 +18,7 @@ COLUMNS = (
     "section,u_px,v_px,sigma_px,normal_u,normal_v,amplitude_dn,width_px,background_dn,chi2_per_dof,"
     "y_mm,z_mm,sigma_y_mm,sigma_z_mm,cov_yz_mm2,flag"
 )
+PIXEL_COLUMNS = "section,u_px,v_px,sigma_px,flag"
 _LEAST_SCATTER_MM = 1e-4  # of points that lie on a line exactly: no sensor is better
 
 
@@ -45,6 +46,27 @@ def write_profile_csv(profile: Profile, path: str | Path) -> None:
     lines = [COLUMNS]
     for section, row, flag in zip(p.section, numbers, p.flag, strict=True):
         lines.append(f"{section},{','.join(f'{x:.9g}' for x in row)},{flag_names(int(flag))}")
+    write_text(path, "\n".join(lines) + "\n")
+
+
+def write_peaks_csv(peaks: StripePeaks, path: str | Path) -> None:
+    """Write a stripe's peaks as CSV, one row a point, in pixels: what there is without a sensor.
+
+    Parameters
+    ----------
+    peaks
+        Of `detect_stripe`.
+    path
+        Where to; the file appears whole or not at all. Columns: PIXEL_COLUMNS.
+
+    Raises
+    ------
+    InputError
+        Where it can not be written.
+    """
+    lines = [PIXEL_COLUMNS]
+    for section, (u, v), sigma, flag in zip(peaks.section, peaks.uv_px, peaks.sigma_px, peaks.flag, strict=True):
+        lines.append(f"{section},{u:.9g},{v:.9g},{sigma:.9g},{flag_names(int(flag))}")
     write_text(path, "\n".join(lines) + "\n")
 
 

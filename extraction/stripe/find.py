@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 SCALES = (2, 4, 8)  # pixels of the levels: Gaussian σ from half a pixel to sixteen
-FAINT = 10.0  # contrast of the best ridge, below which narrow rows are searched too
+FAINT = 80.0  # significance of the best ridge, below which narrow rows are searched too
 CLEAR = 12.0  # contrast of a coarse ridge, and times the other direction's claim, from which nothing is in doubt
 WHOLE = 0.85  # of the columns that a ridge spans, over which columns must follow it too
 COLUMNS_FIRST = 3.0  # times the light in ridges, that rows must show more than columns
@@ -111,7 +111,7 @@ def _search(pyramid: Pyramid, scales: tuple[int, ...], directions: tuple[bool, .
     open_still = [first] if clear else order
     full = [Search(each_once(s.chains + search(pyramid, scales[:1], s.turned)), s.turned) for s in open_still]
     best = _direction(full)
-    if not best.chains or best.chains[0].contrast < FAINT:
+    if not best.chains or max(c.significance for c in best.chains) < FAINT:
         best = _direction([Search(each_once(search_faint(pyramid, scales, t)), t) for t in directions])
     return best
 

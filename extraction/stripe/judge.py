@@ -46,6 +46,7 @@ GHOST_TOTAL = 0.6  # of the brighter one's height times length, that the longer 
 GHOST_LONGER = 0.1  # of the shorter ridge's length, that the longer one goes on for
 CLEAR, WALK_NODES = 8.0, 3  # contrast from which a ridge is followed to its ends; level sections inside, to begin
 JOIN_GAP, JOIN_PX = 60.0, 3.0  # sections between two pieces of one stripe, and how far off their lines may pass
+JOIN_ABOUT_PX = 24.0  # between two ends that may be one stripe's, beside twice the gap
 PROFILE_STEP_PX = 0.5
 PROFILE_SECTIONS = 96  # over which a ridge's mean profile is taken
 
@@ -100,7 +101,8 @@ def judge(grey: NDArray[Any], chains: list[Chain], clip: float, max_width: float
     measured: list[Stripe] = []
     flat: list[Stripe] = []
     for chain in chains:
-        if chain.evidence < least:
+        weak = chain.evidence < PART * chains[0].evidence and chain.light < chains[0].light
+        if chain.evidence < least or (weak and not any(_near_end(chain, k.chain) for k in measured)):
             refuse("faint")
             continue
         pieces = _measure(grey, chain, clip, least_sections)
@@ -140,6 +142,17 @@ def judge(grey: NDArray[Any], chains: list[Chain], clip: float, max_width: float
                 changed = True
     refuse("weak_beside_the_stripe", len(waiting))
     return Verdict(sorted(_rivalry(kept), key=lambda s: -s.light), waiting + flat, refused)
+
+
+def _near_end(chain: Chain, k: Chain) -> bool:
+    """Whether a chain begins or ends about where a longer one does: worth a look whether it goes on there."""
+    if k.evidence < chain.evidence:
+        return False
+    for a, b in ((chain, k), (k, chain)):
+        gap = float(b.section[0] - a.section[-1])
+        if -2 * b.step <= gap <= JOIN_GAP and abs(float(b.place[0] - a.place[-1])) <= JOIN_ABOUT_PX + 2 * abs(gap):
+            return True
+    return False
 
 
 def _asked_contrast(best: Stripe) -> float:

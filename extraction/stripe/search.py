@@ -21,6 +21,7 @@ _NARROW = 4  # sections by one row
 _LEAST_ROWS = 6  # of a level that can show a ridge
 _SAME = 1.5  # level pixels between two chains on one ridge
 _SHARE = 0.5  # of a chain's sections on another's ridge, from which it is the same
+_LEAST_PART = 0.004  # of the most light of a ridge, below which one is not looked at
 MOST_CHAINS = 48  # looked at, most light first; a lamp-lit board has a hundred
 
 
@@ -84,15 +85,21 @@ def each_once(chains: list[Chain]) -> list[Chain]:
     """
     kept: list[Chain] = []
     most = sorted(chains, key=lambda c: (-round(c.evidence, 6), c.scale, c.section[0], c.place[0]))[:MOST_CHAINS]
+    most = [c for c in most if c.evidence >= _LEAST_PART * most[0].evidence]
     for chain in sorted(most, key=lambda c: (-round(c.light * c.significance, 6), c.scale, c.section[0], c.place[0])):
         free = np.ones(len(chain.section), dtype=bool)
+        first, last, lowest, highest = chain.box
         for other in kept:
+            a, b, c, d = other.box
+            reach = _SAME * (1 + 0.25 * FLANK) * max(chain.scale, other.scale)
+            if first > b + other.step or last < a - other.step or lowest > d + reach or highest < c - reach:
+                continue
             inside = (chain.section >= other.section[0] - other.step) & (
                 chain.section <= other.section[-1] + other.step
             )
             if inside.any():
                 off = np.abs(chain.place - np.interp(chain.section, other.section, other.place))
-                free &= ~inside | (off > _SAME * (1 + 0.25 * FLANK) * max(chain.scale, other.scale))
+                free &= ~inside | (off > reach)
         if free.mean() > _SHARE:
             kept.append(chain)
     return sorted(kept, key=lambda c: -round(c.evidence, 6))

@@ -19,9 +19,10 @@ from geometry.compiled import kernel
 Array = NDArray[np.float64]
 
 WINDOW = 41  # sections of a line
+STEP_PX = 5.0  # per section, from which the stripe has gone to another surface
 FEWEST = 60  # points from which anything is learnt
 SIGNIFICANT = 3.0  # of the excess, in its own σ
-MOST_LAGS = 12
+MOST_LAGS = 7
 _LEAST_RATIO = 0.04  # of a variance, that scatter may take it down to
 _ROBUST = 3.5  # residuals beyond so many σ are edges of the profile
 _MOST = 3.0  # times the middle window's excess: more is an edge or a bend of the profile
@@ -58,7 +59,7 @@ def true_sigma(places: Places, fits: Records) -> float:
         excess = _excess(r, variance)
         if places.faint[own[0]]:  # neighbours share pixels: a line takes some of what they scatter with it
             excess = np.maximum(excess, 0.0)
-        fits["variance"][own] += excess
+        fits["variance"][own] = np.maximum(variance + excess, fits["floor"][own])
         lengths.append(_correlation(r, variance + excess, bool(np.any(excess > 0))))
         middles.append(float(np.median(excess)))
         weights.append(0 if places.ghost[own[0]] else len(own))
@@ -103,7 +104,7 @@ def _correlation(r: Residuals, variance: Array, more: bool) -> float:
     if not more:
         return 0.0
     z, share, after = r.residual / np.sqrt(variance), r.share, r.after
-    total = 0.0
+    total, taken = 0.0, 0
     for lag in range(1, MOST_LAGS + 1):
         pairs = np.flatnonzero((after >= lag) & (share > 0))
         pairs = pairs[(pairs + lag < len(z))]
@@ -114,10 +115,11 @@ def _correlation(r: Residuals, variance: Array, more: bool) -> float:
         rho = float(np.mean(a * b) / np.mean(0.5 * (a * a + b * b)))
         if rho < 2 / np.sqrt(len(pairs)):
             break
-        total += rho
+        total, taken = total + rho, lag
     if total <= 0:
         return 0.0
-    return float(0.5 / np.arctanh(1 / (1 + 2 * total)))
+    together = (1 + 2 * total) / (1 - (2 * taken + 1) * 2 / WINDOW)  # the line has taken as much from every lag
+    return float(0.5 / np.arctanh(1 / together))
 
 
 @kernel
@@ -134,6 +136,8 @@ def _residuals(section: NDArray[np.int64], place: Array) -> Residuals:
     while start < n:
         stop = start + 1
         while stop < n and section[stop] - section[stop - 1] <= 2:
+            if abs(place[stop] - place[stop - 1]) > STEP_PX * (section[stop] - section[stop - 1]):
+                break
             stop += 1
         m = stop - start
         windows = max(1, int(m / WINDOW + 0.5)) if m >= WINDOW // 2 else 0

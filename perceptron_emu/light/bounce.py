@@ -365,12 +365,20 @@ def radiance(sources: Sources, world: World, element: Array, surface: int, room:
             group += part[b - first]
         if group <= NEGLIGIBLE * total:
             continue
-        seen = _in_sight(bunches[first], world, room)
-        if last == first or seen == _in_sight(bunches[last], world, room):
+        low, high, bright = last, first, first  # the ends of what brings light, and what brings most
+        for b in range(first, last + 1):
+            if part[b - first] > 0:
+                low, high = min(low, b), max(high, b)
+                bright = b if part[b - first] > part[bright - first] else bright
+        # a lamp from the middle of each bunch: the mean of several lies inside a round solid
+        seen = _in_sight(lamps[(begin[bright] + begin[bright + 1]) // 2], world, room)
+        if (low == bright or seen == _in_sight(lamps[(begin[low] + begin[low + 1]) // 2], world, room)) and (
+            high == bright or seen == _in_sight(lamps[(begin[high] + begin[high + 1]) // 2], world, room)
+        ):
             total += group if seen else 0.0
             continue
         for b in range(first, last + 1):
-            if part[b - first] > 0 and _in_sight(bunches[b], world, room):
+            if part[b - first] > 0 and _in_sight(lamps[(begin[b] + begin[b + 1]) // 2], world, room):
                 total += part[b - first]
     return total
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from calib import CalibConfig, CalibrationResult, calibrate
 from extraction import ExtractionConfig, Profile, TargetPoints, extract, extract_profile
 from extraction.features import string_points
-from geometry import Frame, InputError, Sensor, Surface, SurfacePoints, target_at
+from geometry import Frame, InputError, Sensor, Surface, SurfacePoints, Target, target_at
 from jig_cad import Jig
 from workbench.cell.on_surface import OnSurface, dataset_remarks, on_surface
 from workbench.cell.remarks import merged, out_of_limits, remarks, with_complaints
@@ -93,12 +93,18 @@ def solve(cell: Cell, observed: Observed, config: CalibConfig | None = None) -> 
         cell.robot,
         cell.sensor,
         cell.T_hand_sensor_design,
-        cell.T_base_jig,
+        # what is given of a surface's place decides nothing: it has no half turn
+        {n: T for n, T in cell.T_base_jig.items() if isinstance(_target(cell, n), Jig)},
         config,
     )
     verdict = with_complaints(result.verdict, observed.complaints, cell.folder)
     notes = (*remarks(result), *out_of_limits(cell), *cell.remarks, *observed.remarks, *result.remarks)
     return replace(result, verdict=verdict, remarks=notes)
+
+
+def _target(cell: Cell, location: str) -> Target | None:
+    known = not isinstance(cell.target, Mapping) or location in cell.target
+    return target_at(cell.target, location) if known else None
 
 
 def _readable(cell: Cell, frames: list[int]) -> Iterator[object]:

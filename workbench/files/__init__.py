@@ -9,7 +9,7 @@ from workbench.files.controller import CONTROLLERS, controller_text
 from workbench.files.controller_poses import ControllerPoses, PosesSection, controller_poses
 from workbench.files.examined import FileFinding, examine_cell
 from workbench.files.frames_csv import frames_text, read_frames
-from workbench.files.images import LOSSY_SUFFIXES, SUFFIXES, Image, is_whole, read_image, write_png
+from workbench.files.images import LOSSY_SUFFIXES, SUFFIXES, Image, is_whole, read_image, sensor_of_picture, write_png
 from workbench.files.points_csv import GivenPoints, points_text, read_points
 from workbench.files.result_file import SavedResult, SavedScp, read_result, saved_result
 from workbench.files.robot_file import read_robot, robot_text, urdf_of
@@ -26,6 +26,7 @@ from workbench.files.settings_file import (
 from workbench.files.sockets_csv import read_sockets
 from workbench.files.strict import FileSection, NotNegative, Positive, Real, Text, Whole, sentence, suggestion, validate
 from workbench.files.table import Row, Table, read_table, read_table_text
+from workbench.files.target_file import read_target, target_text
 from workbench.files.toml_text import TomlSource, read_toml
 from workbench.files.truth_file import Truth, TruthFrame, TruthPoint, read_truth, write_truth
 from workbench.files.urdf_write import write_urdf
@@ -82,12 +83,14 @@ __all__ = [
     "read_sockets",
     "read_table",
     "read_table_text",
+    "read_target",
     "read_toml",
     "read_truth",
     "robot_text",
     "rounded",
     "rounded_number",
     "saved_result",
+    "sensor_of_picture",
     "sensor_text",
     "sentence",
     "settings_text",
@@ -95,6 +98,7 @@ __all__ = [
     "sha256_of",
     "stated_optics",
     "suggestion",
+    "target_text",
     "urdf_of",
     "validate",
     "write_bytes",

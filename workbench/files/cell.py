@@ -25,6 +25,7 @@ from geometry import (
     target_at,
 )
 from jig_cad import Jig
+from jig_cad.files import table_model
 from perceptron_emu import EmulatorConfig
 from workbench.files.controller_poses import ControllerPoses, PosesSection, controller_poses
 from workbench.files.frames_csv import LONGEST_NAME, read_frames
@@ -228,9 +229,11 @@ def _controller_poses(section: PosesSection, source: TomlSource) -> ControllerPo
 
 def read_jig_file(path: Path) -> Jig:
     """The jig of a jig.toml, or of a target.toml of kind "strings"; InputError names file, line and key."""
+    source = read_toml(path)
+    table_model(source.data, source.where(("kind",)))
     target = read_target(path)
     if not isinstance(target, Jig):
-        raise InputError(f'{path}: kind = "{read_toml(path).data.get("kind")}": a string jig is needed here')
+        raise InputError(f"{path}: a string jig is needed here")
     return target
 
 

@@ -217,13 +217,14 @@ def frames_text(rows: tuple[Frame, ...], decimals: int = 6) -> str:
     """The rows as the text of a frames.csv; joints in degrees with ``decimals`` digits."""
     joints = rows[0].joints_rad
     columns = POSE_COLUMNS if joints is None else [f"j{i}_deg" for i in range(1, len(joints) + 1)]
-    lines = [",".join(["frame", "image", "location", "role", *columns])]
+    what = "profile" if any(row.profile for row in rows) else "image"
+    lines = [",".join(["frame", what, "location", "role", *columns])]
     for row in rows:
         if row.joints_rad is not None:
             numbers = [f"{v:.{decimals}f}" for v in np.rad2deg(row.joints_rad)]
         else:
             numbers = [f"{float(v):.12g}" for v in _pose_numbers(row)]
-        lines.append(",".join([str(row.number), row.image, row.location, row.role, *numbers]))
+        lines.append(",".join([str(row.number), getattr(row, what), row.location, row.role, *numbers]))
     return "\n".join(lines) + "\n"
 
 

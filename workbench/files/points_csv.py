@@ -97,7 +97,7 @@ def read_points(
             raise row.fail("label", f'frame {row.cells["frame"]} has a second point "{point.label}"')
         points.append(point)
     if without and not any(frames.values()):
-        raise InputError(f"{path}: not one of its {len(without)} rows holds a point")
+        raise InputError(f"{path}, line {without[0]}: holds no point, nor does any of its {len(without)} rows")
     if without:
         remark(f"{path}, line {without[0]}: no point there, nor in {len(without) - 1} further rows; they are left out")
     return {frame: _collect(sorted(points, key=lambda p: _place(p, strings))) for frame, points in frames.items()}
@@ -138,7 +138,9 @@ def _point(row: Row, strings: Sequence[str], *, on_surface: bool = False) -> _Cs
 def _pair(row: Row, first: str, second: str) -> tuple[float, float] | None:
     a, b = row.measured(first), row.measured(second)
     if (a is None) != (b is None):
-        raise row.fail(first if a is None else second, f"holds no value beside {second if a is None else first}")
+        missing, other = (first, second) if a is None else (second, first)
+        what = "holds no value" if row.cells.get(missing) else "is empty"
+        raise row.fail(missing, f"{what} beside {other}")
     return None if a is None or b is None else (a, b)
 
 

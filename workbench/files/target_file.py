@@ -8,8 +8,8 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
-from geometry import InputError, Target, did_you_mean
-from jig_cad import Balls, Edge, Plane, Sphere, Wedge, jig_from_table
+from geometry import InputError, Target, did_you_mean, toml_value
+from jig_cad import Balls, Edge, Jig, Plane, Sphere, Wedge, jig_from_table, jig_text
 from jig_cad.files import KINDS, table_model, without_names
 from workbench.files.strict import FileSection, NotNegative, Positive, Vector3, validate
 from workbench.files.toml_text import TomlSource, read_toml
@@ -114,3 +114,29 @@ def _read(kind: str, source: TomlSource) -> Target:
         return Wedge(angle_deg=wedge.angle_deg or 90.0, angle_known=known, name=wedge.name)
     validate(table_model(source.data, source.where(("kind",))), source, without_names(source.data))
     return jig_from_table(source.data, str(source.path))
+
+
+def target_text(target: Target) -> str:
+    """A target as the text of its file; read back it is the same."""
+    if isinstance(target, Jig):
+        return 'kind = "strings"\n' + jig_text(target)
+    if isinstance(target, Sphere):
+        keys = {"diameter_mm": target.diameter_mm, "diameter_sigma_mm": target.diameter_sigma_mm or None}
+        return _text("sphere", target.name, keys if target.known else {})
+    if isinstance(target, Plane):
+        return _text("plane", target.name, {"width_mm": target.width_mm, "height_mm": target.height_mm})
+    if isinstance(target, Edge):
+        return _text("edge", target.name, {})
+    if isinstance(target, Wedge):
+        return _text("wedge", target.name, {"angle_deg": target.angle_deg if target.angle_known else None})
+    if isinstance(target, Balls):
+        balls = zip(target.names, target.diameters_mm.tolist(), target.centres_mm.tolist(), strict=True)
+        each = [f"[[ball]]\nname = {toml_value(n)}\ndiameter_mm = {d!r}\ncentre_mm = {c}\n" for n, d, c in balls]
+        return _text("balls", target.name, {}) + "".join(each)
+    raise InputError(f"a target of class {type(target).__name__} has no file")
+
+
+def _text(kind: str, name: str, keys: dict[str, float | None]) -> str:
+    lines = [f"name = {toml_value(name)}"] if name else []
+    lines += [f"kind = {toml_value(kind)}", *(f"{k} = {float(v)!r}" for k, v in keys.items() if v is not None)]
+    return "\n".join(lines) + "\n"
