@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -221,7 +222,7 @@ class StripeOnBoard:
     def _spans(self) -> tuple[tuple[int, int], ...]:
         """First and last point (excluded) of every view's stripe."""
         ends = np.cumsum([0, *(len(v.stripe) for v in self.views.views)])
-        return tuple((int(i), int(j)) for i, j in zip(ends[:-1], ends[1:], strict=True) if j > i)
+        return tuple((int(i), int(j)) for i, j in pairwise(ends) if j > i)
 
     @cached_property
     def _common(self) -> Array:
