@@ -13,6 +13,7 @@ from calib.given_places import given_place_notes
 from calib.hands import hand_pose_notes, placed, with_joints
 from calib.judge import (
     UNCHECKED,
+    at_least_jackknife,
     bundle_estimate,
     bundle_facts,
     culprit,
@@ -21,15 +22,16 @@ from calib.judge import (
     frames_motion,
     judge,
     judge_motion,
-    left_out_rms,
+    left_out,
     misfit_limit,
     table_advice,
+    weak_by_jackknife,
     wrong_jig,
 )
 from calib.label import label_frames, relabel, settled
 from calib.paper import Starts, checked, paper_estimate, paper_frames
 from calib.printed import gimbal_note
-from calib.result import CalibrationResult, Estimate, Verdict
+from calib.result import CalibrationResult, Estimate, LeftOut, Verdict
 from calib.surface import OPEN_CONDITION, Begun, begin_on_surfaces, condensed, degenerate, general_advice
 from geometry import Frame, InputError, Pose, Robot, Sensor, Surface, Target, locations_of, target_at
 from jig_cad import Jig, Plane
@@ -45,6 +47,7 @@ NAMED = (
     "not_converged",
     "outliers",
 )  # verdicts that the views of surfaces can be the cause of
+FEWEST_LEFT_OUT = 8  # frames whose scatter says something of six numbers
 CONTRADICTED = ("not_converged", "outliers", "rotation_too_small", "too_few_poses")
 
 
@@ -132,8 +135,9 @@ def calibrate(
         judged = _judged(setup, labelled, solved)
         result = _answer(setup, labelled, judged)
         if judged.verdict.trustworthy and judged.solution is not None:
-            scores, words = _left_out(setup, judged.solution, judged.used)
-            result = replace(result, left_out_rms_mm=scores, remarks=(words, *_lonely(given)))
+            parts, scores, words = _left_out(setup, judged.solution, judged.used, labelled)
+            result = _by_jackknife(setup, result, parts, judged.solution)
+            result = replace(result, left_out=parts, left_out_rms_mm=scores, remarks=(words, *_lonely(given)))
     result = replace(result, model_asked=asked.model, remarks=(*decided, *result.remarks))
     named = _named(result.verdict, setup, labelled)
     verdict = frames_contradict(result.frames, setup.target, sensor, named, setup.config) or named
@@ -331,17 +335,42 @@ def _judged(setup: Setup, labelled: tuple[Frame, ...], solved: Solved) -> Solved
     return Solved(_views_named(verdict, setup, used, finding.solution), estimate, finding.solution, used)
 
 
-def _left_out(setup: Setup, solution: Solution, used: tuple[Frame, ...]) -> tuple[dict[str, float], str]:
-    """How well locations are predicted that took no part, by the model and by the SCP alone; which table to use."""
+def _left_out(
+    setup: Setup, solution: Solution, used: tuple[Frame, ...], labelled: tuple[Frame, ...]
+) -> tuple[LeftOut | None, dict[str, float], str]:
+    """How well parts are predicted that were left out, by the model and by the SCP alone; which table to use."""
     asked = setup.config.model
     models: tuple[Model, ...] = ("scp",) if asked == "scp" else ("scp", asked)
-    scores = {m: left_out_rms(solution, used, setup.config, m) for m in models}
-    known: dict[str, float] = {m: rms for m, rms in scores.items() if rms is not None}
+    raw = {f.number: f for f in labelled}
+    found = {m: left_out(solution, used, raw, setup.config, m) for m in models}
+    known: dict[str, float] = {m: parts.point_rms_mm for m, parts in found.items() if parts is not None}
+    mine = found[asked]
+    if mine is None or mine.by == "frame":
+        each = (
+            "" if mine is None else f"; leaving one frame out, its points are predicted to {mine.point_rms_mm:.3f} mm"
+        )
+        return mine, known, f"{UNCHECKED}{each}"
     if asked == "scp":
-        words = f"leaving one location out, its points are predicted to {known['scp']:.3f} mm" if known else UNCHECKED
-        return known, words
+        return mine, known, f"leaving one location out, its points are predicted to {known['scp']:.3f} mm"
     fits = solution.nominal <= misfit_limit(solution.dof, setup.config.misfit_chi2)
-    return known, table_advice(scores, asked, nominal_fits=fits)
+    scores = {m: known.get(m) for m in models}
+    return mine, known, table_advice(scores, asked, nominal_fits=fits)
+
+
+def _by_jackknife(
+    setup: Setup, result: CalibrationResult, parts: LeftOut | None, solution: Solution
+) -> CalibrationResult:
+    """Of hand poses on one surface: σ no smaller than what frames left out in turn say, and weak where that is much."""
+    surface = all(isinstance(t.target, Surface) for t in solution.bundle.terms)
+    if parts is None or parts.by != "frame" or not solution.bundle.hands.poses_only or not surface:
+        return result
+    if result.estimate is None or len(parts.parts) < FEWEST_LEFT_OUT:
+        return result
+    cov = at_least_jackknife(result.estimate.covariance, parts)
+    result = replace(result, estimate=replace(result.estimate, covariance=cov))
+    cut = sum(p.centres_left_out for p in result.locations.values() if p.role == "calibrate")
+    weak = weak_by_jackknife(cov, cut)
+    return replace(result, verdict=weak) if weak is not None and result.verdict.code == "ok" else result
 
 
 def _paper(setup: Setup, labelled: tuple[Frame, ...], solved: Solved) -> CalibrationResult:

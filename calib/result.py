@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from calib.prediction import prediction_jacobian
 from calib.printed import printed_sigmas
 from calib.sensor_errors import SensorErrors
+from calib.summary import summary
 from geometry import Frame, InputError, Pose, Robot, Role, Target
 
 Array = NDArray[np.float64]
@@ -129,6 +130,37 @@ class LocationResult:
 
 
 @dataclass(frozen=True, eq=False)
+class LeftOutPart:
+    """One location or frame (its number), solved from the others: rms of its points, and how the SCP moves.
+
+    shift (6,): ξ of T̂·Exp(ξ), sensor axes [mm, rad].
+    """
+
+    name: str
+    point_rms_mm: float
+    shift: Array
+
+    @property
+    def shift_mm(self) -> float:
+        """How far the SCP is shifted."""
+        return float(np.linalg.norm(self.shift[:3]))
+
+    @property
+    def shift_deg(self) -> float:
+        """How far it is turned."""
+        return float(np.rad2deg(np.linalg.norm(self.shift[3:])))
+
+
+@dataclass(frozen=True, eq=False)
+class LeftOut:
+    """Parts left out in turn, by "location" or by "frame", and the rms of all of their points."""
+
+    by: str
+    point_rms_mm: float
+    parts: tuple[LeftOutPart, ...]
+
+
+@dataclass(frozen=True, eq=False)
 class Estimate:
     """What a method says of SCP, robot and shape, and which frames and points it left out.
 
@@ -237,6 +269,8 @@ class CalibrationResult:
         What the method says; None where the data were refused before solving. Where the verdict says that its σ would
         not be true, T_hand_sensor and covariance below withhold it, and the figures of ``locations`` show the fit for
         diagnosis alone.
+    left_out : LeftOut or None
+        How well points are predicted by a solution that they had no part in.
     left_out_rms_mm : dict of str to float
         Rms distance of points at locations left out, by model.
     """
@@ -249,9 +283,14 @@ class CalibrationResult:
     frames: tuple[Frame, ...]
     nominal_robot: Robot | None
     estimate: Estimate | None = None
+    left_out: LeftOut | None = None
     left_out_rms_mm: dict[str, float] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
     model_asked: str = ""
+
+    def __str__(self) -> str:
+        """The answer on a screen: what `print` shows."""
+        return summary(self)
 
     @property
     def trusted(self) -> Estimate | None:

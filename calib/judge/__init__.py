@@ -5,12 +5,14 @@ from calib.judge.culprits import culprit
 from calib.judge.culprits_jig import wrong_jig
 from calib.judge.facts import bundle_estimate, bundle_facts
 from calib.judge.finding import find
-from calib.judge.model_choice import UNCHECKED, left_out_rms, table_advice
+from calib.judge.model_choice import UNCHECKED, table_advice
+from calib.judge.parts import at_least_jackknife, left_out, weak_by_jackknife
 from calib.judge.verdict import Facts, frames_motion, judge, judge_motion, misfit_limit
 
 __all__ = [
     "UNCHECKED",
     "Facts",
+    "at_least_jackknife",
     "bundle_estimate",
     "bundle_facts",
     "culprit",
@@ -19,8 +21,9 @@ __all__ = [
     "frames_motion",
     "judge",
     "judge_motion",
-    "left_out_rms",
+    "left_out",
     "misfit_limit",
     "table_advice",
+    "weak_by_jackknife",
     "wrong_jig",
 ]

@@ -185,3 +185,19 @@ def test_unidentifiable_parameters_are_named(cell: SyntheticCell, observed: Cell
     words = " | ".join(calibrated(observed, cell.jig, cell.robot, CalibConfig(model="full")).weak_directions)
     for names in ("θ1, d1", "θ6, d6, a6, α6", "d2, d3"):
         assert names in words
+
+
+def test_a_result_prints_on_a_screen(cell: SyntheticCell, observed: CellFrames) -> None:
+    """The numbers are those of the record; where none is to be trusted none is shown."""
+    result = calibrated(observed, cell.jig, cell.robot, CalibConfig(model="scp"))
+    text = str(result)
+    lines = text.splitlines()
+    assert len(lines) <= 30
+    assert max(map(len, lines)) <= 110
+    assert result.T_hand_sensor is not None
+    for value in (*result.T_hand_sensor.t, *result.T_hand_sensor.fixed_xyz_deg):
+        assert f"{value:.4f} ± " in text
+    assert result.verdict.code in lines[0]
+    assert all(name in text for name in result.locations)
+    few = calibrated(replace(observed, frames=observed.frames[:2]), cell.jig, cell.robot, CalibConfig(model="scp"))
+    assert "none that can be trusted" in str(few)

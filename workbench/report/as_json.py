@@ -62,6 +62,7 @@ def calibration_object(
                 frame_object(frame, (complaints or {}).get(frame.number), _stands_on_surface(frame, result))
                 for frame in result.frames
             ],
+            "left_out": _left_out(result),
             "solution": _solution(result),
             "inputs": [] if cell is None else inputs_of(cell),
             "weak_directions": result.weak_directions,
@@ -106,6 +107,20 @@ def inputs_of(cell: Cell) -> list[dict[str, str]]:
         row = {"file": name.as_posix(), "sha256": sha256_of(path)}
         found.append(row | ({"kind": what} if what else {}))
     return found
+
+
+def _left_out(result: CalibrationResult) -> dict[str, Any] | None:
+    """Parts predicted by the others: locations by name, or a list of frames."""
+    found = result.left_out
+    if found is None:
+        return None
+    parts = {
+        p.name: {"point_rms_mm": p.point_rms_mm, "shift_mm": p.shift_mm, "shift_deg": p.shift_deg} for p in found.parts
+    }
+    out: dict[str, Any] = {"by": found.by, "point_rms_mm": found.point_rms_mm}
+    if found.by == "location":
+        return out | {"locations": parts}
+    return out | {"frames": [{"frame": int(name), **row} for name, row in parts.items()]}
 
 
 def _solution(result: CalibrationResult) -> dict[str, Any]:
