@@ -32,9 +32,19 @@ from calib.label import label_frames, relabel, settled
 from calib.paper import Starts, checked, paper_estimate, paper_frames
 from calib.printed import gimbal_note
 from calib.result import CalibrationResult, Estimate, LeftOut, Verdict
-from calib.surface import OPEN_CONDITION, Begun, begin_on_surfaces, condensed, degenerate, general_advice
+from calib.surface import (
+    OPEN_CONDITION,
+    Begun,
+    begin_on_surfaces,
+    condensed,
+    contradicted_diameter,
+    degenerate,
+    estimated_diameter,
+    general_advice,
+    with_free_diameters,
+)
 from geometry import Frame, InputError, Pose, Robot, Sensor, Surface, Target, locations_of, target_at
-from jig_cad import Jig, Plane
+from jig_cad import Jig, Plane, Sphere
 
 NAMED = (
     "ok",
@@ -127,6 +137,9 @@ def calibrate(
     begun = _begun(setup, given, setup.design)
     setup = replace(setup, target=begun.target)
     labelled, solved = _prepare(setup, given, begun)
+    other = _of_another_size(setup, given, solved) if setup.config.method == "bundle" else None
+    if other is not None:
+        setup, labelled, solved = other.setup, other.labelled, other.solved
     if setup.config.method == "paper":
         result = _paper(setup, labelled, solved)
     elif solved.solution is None:
@@ -141,6 +154,8 @@ def calibrate(
     result = replace(result, model_asked=asked.model, remarks=(*decided, *result.remarks))
     named = _named(result.verdict, setup, labelled)
     verdict = frames_contradict(result.frames, setup.target, sensor, named, setup.config) or named
+    if other is not None and verdict.trustworthy:
+        verdict = Verdict("priors_contradict", f"{other.text}. In all, {verdict.text}")
     return replace(result, verdict=verdict, remarks=(*result.remarks, *_remarks(setup, labelled, result)))
 
 
@@ -167,6 +182,33 @@ def _prepare(setup: Setup, given: tuple[Frame, ...], begun: Begun) -> tuple[tupl
         labelled = again
         solved = _solve(s, labelled, solved.solution.T_hand_sensor)
     return labelled, solved
+
+
+@dataclass(frozen=True, eq=False)
+class _OtherSize:
+    """A calibration with balls of another diameter than stated, and a sentence on them."""
+
+    setup: Setup
+    labelled: tuple[Frame, ...]
+    solved: Solved
+    text: str
+
+
+def _of_another_size(setup: Setup, given: tuple[Frame, ...], solved: Solved) -> _OtherSize | None:
+    """The same with the balls' diameters estimated, where the data contradict what was stated."""
+    free = with_free_diameters(setup.target)
+    same = contradicted_diameter(solved.solution) if solved.solution is not None else None
+    unknown = solved.solution is None or not solved.verdict.trustworthy
+    stated = any(isinstance(target_at(setup.target, f.location), Sphere) for f in given)
+    if not stated or (same is None and not (unknown and solved.verdict.code in CONTRADICTED)):
+        return None
+    begun = _begun(replace(setup, target=free), given, setup.design)
+    freed = replace(setup, target=begun.target)
+    labelled, again = _prepare(freed, given, begun)
+    if again.solution is None or not again.verdict.trustworthy:
+        return None
+    found = estimated_diameter(again.solution, setup.target)
+    return None if found is None else _OtherSize(freed, labelled, again, found.text)
 
 
 def by_target(

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-import trimesh
 
 from geometry import InputError, read_bytes
+
+if TYPE_CHECKING:
+    import trimesh
 
 UNITS = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "inch": 25.4}
 FORMATS = (".stl", ".obj", ".ply", ".glb")
@@ -85,6 +87,8 @@ def _check_stl(path: Path, data: bytes) -> None:
 
 def _loaded(path: Path) -> trimesh.Trimesh:
     """As the file has it, nothing merged or dropped."""
+    import trimesh  # a quarter of a second, and most commands build no mesh
+
     try:
         mesh: Any = trimesh.load(path, force="mesh", process=False)
     except IndexError:

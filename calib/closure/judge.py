@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import t as student_t
+from scipy.special import stdtrit
 
 from calib.closure.terms import ClosureFit, Socket, closure_problem, positions, predicted_covariance, solve_closure
 from geometry import InputError, Robot
@@ -266,7 +266,7 @@ def _gain(held_out: Sequence[HeldOut]) -> tuple[float, float]:
 
 def _text(held_out: Sequence[HeldOut]) -> str:
     mean, error = _gain(held_out)
-    needed = float(student_t.ppf(_CONFIDENCE, len(held_out) - 1))
+    needed = float(stdtrit(len(held_out) - 1, _CONFIDENCE))
     figures = (
         f"at locations left out the mean square falls by {mean:.3f} ± {error:.3f} mm² (standard error over "
         f"{len(held_out)} locations; {needed:.1f} standard errors would show a gain)"
@@ -277,7 +277,7 @@ def _text(held_out: Sequence[HeldOut]) -> str:
 
 
 def _shown(mean: float, error: float, count: int) -> bool:
-    return count > 1 and bool(mean > student_t.ppf(_CONFIDENCE, count - 1) * error)
+    return count > 1 and bool(mean > stdtrit(count - 1, _CONFIDENCE) * error)
 
 
 def _check(sockets: Sequence[Socket], robot: Robot) -> None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2 as chi2_law
+from scipy.special import chdtri
 
 from calib.config import CalibConfig
 from calib.judge.words import accusation
@@ -114,7 +114,7 @@ def judge_motion(m: Motion, config: CalibConfig) -> Verdict | None:
 
 def misfit_limit(dof: int, least: float) -> float:
     """χ² per degree of freedom above which chance is no explanation, and never below ``least``."""
-    return max(least, float(chi2_law.isf(_MISFIT_TAIL, max(dof, 1))) / max(dof, 1))
+    return max(least, float(chdtri(max(dof, 1), _MISFIT_TAIL)) / max(dof, 1))
 
 
 @dataclass(frozen=True)

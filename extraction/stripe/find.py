@@ -71,11 +71,10 @@ class Places:
 
 @dataclass(frozen=True, eq=False)
 class StripeFacts:
-    """What selection asks of a stripe: its light, sections, mean place, and whether it is a ghost."""
+    """What selection asks of a stripe: whether it is a ghost, and the number of the first of its pair, or its own."""
 
-    light: float
-    sections: int
     ghost: bool
+    pair: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,9 +143,8 @@ def _without(view: StripeView) -> NDArray[Any]:
     if view.left_out.size == 0 or not view.left_out.any():
         return view.grey
     grey: NDArray[Any] = view.grey.copy()
-    masked = view.left_out & (grey < view.clip_dn) if np.isfinite(view.clip_dn) else view.left_out
     rest = grey[~view.left_out]
-    grey[masked] = np.median(rest) if rest.size else 0
+    grey[view.left_out] = np.median(rest) if rest.size else 0
     return grey
 
 
@@ -159,7 +157,7 @@ def _places(verdict: Verdict, rows: int, sections: int) -> tuple[Places, list[St
         pair = s.bumps.peaks == 2
         doubt, number = _doubt(s, verdict) | pair, len(facts)
         for k, offset in enumerate((s.bumps.first, s.bumps.second) if pair else (0.0,)):
-            facts.append(StripeFacts(s.light, n, s.ghost))
+            facts.append(StripeFacts(s.ghost, number))
             own = (number + k, number + 1 - k if pair else -1, s.chain.step > s.chain.scale, s.ghost)
             parts.append((section, s.track.place + offset, s.track.width, *(np.full(n, x) for x in own), doubt))
     if not parts:

@@ -21,6 +21,7 @@ from extraction.stripe.track import (
     likeliest_ends,
     lit_pieces,
     mean_profile,
+    one_bump,
     secant,
     walk_out,
 )
@@ -47,6 +48,7 @@ GHOST_LONGER = 0.1  # of the shorter ridge's length, that the longer one goes on
 CLEAR, WALK_NODES = 8.0, 3  # contrast from which a ridge is followed to its ends; level sections inside, to begin
 JOIN_GAP, JOIN_PX = 60.0, 3.0  # sections between two pieces of one stripe, and how far off their lines may pass
 JOIN_ABOUT_PX = 24.0  # between two ends that may be one stripe's, beside twice the gap
+PAIR_APART = 0.2  # of two peaks' distance, that it may differ between a ridge's halves
 PROFILE_STEP_PX = 0.5
 PROFILE_SECTIONS = 96  # over which a ridge's mean profile is taken
 
@@ -183,6 +185,8 @@ def _measure(grey: NDArray[Any], chain: Chain, clip: float, least: int) -> list[
     out = np.empty(2 * int(2.2 * reach / PROFILE_STEP_PX) + 1)
     inside = slice(max(int(chain.section[0]) - track.first, 0), int(chain.section[-1]) - track.first + 1)
     found = _profile_of(grey, track, _brightest(chain, track, inside), out, reach, clip)
+    if found.peaks == 2 and not _pair_throughout(grey, track, inside, found, out, reach, clip):
+        found = one_bump(found)
     if found.peaks == 0:
         return []
     place = track.place + (found.first if found.peaks == 1 else 0.0)
@@ -216,12 +220,27 @@ def _measure(grey: NDArray[Any], chain: Chain, clip: float, least: int) -> list[
         shape = found
         if part != inside:
             shape = _profile_of(grey, own, _part(0, part.stop - part.start), out, reach, clip)
+            if shape.peaks == 2 and found.peaks == 1:
+                shape = one_bump(shape)
         if shape.peaks:
             middle = _part(0, part.stop - part.start)
             width = own.width * (shape.width / float(np.mean(own.width[middle])))
             dark = any(part is d for d in between)
             pieces.append(Stripe(own._replace(width=width), chain, shape, shape.height, least=least, dark=dark))
     return pieces
+
+
+def _pair_throughout(
+    grey: NDArray[Any], track: Track, inside: slice, found: Bumps, out: Array, reach: float, clip: float
+) -> bool:
+    """Whether both halves of a ridge show two peaks as far apart: speckle shows two here and there."""
+    middle = (inside.start + inside.stop) // 2
+    for start, stop in ((inside.start, middle), (middle, inside.stop)):
+        half = _profile_of(grey, track, _part(start, stop), out, reach, clip)
+        apart = found.second - found.first
+        if half.peaks != 2 or abs(half.second - half.first - apart) > PAIR_APART * apart:
+            return False
+    return True
 
 
 def _profile_of(grey: NDArray[Any], track: Track, part: slice, out: Array, reach: float, clip: float) -> Bumps:

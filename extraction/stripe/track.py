@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import medfilt
 
 from extraction.stripe.chain import Chain
 from geometry.compiled import kernel
@@ -21,6 +20,7 @@ _CLEAR = 8.0  # contrast of such a ridge
 _SHADOW, _SHADOW_SECTIONS = 0.3, 15  # share of a stripe's light, and sections in a row, that make a shadow in it
 _SLOPE_SECTIONS, _SLOPE_CLEAR = 24, 10  # that give the direction beyond an end; of a ridge that stands clear
 _GROUND_WIDTHS, _GROUND_PX = 4.0, 4.0  # of the window in which a rough ground is a polynomial
+_VALLEY = 0.12  # of a peak's height, below it; a quarter at 1.2 full widths, before the track's own jitter
 _WALK_SECTIONS, _WALK_PULL, _STEEPEST = 4, 0.6, 4.0  # that point the way; a centre's pull; px a section at most
 _SECANT_SECTIONS = 6  # on either side, that give the slope at a section
 
@@ -196,11 +196,17 @@ class Bumps(NamedTuple):
     flat: float
 
 
+def one_bump(two: Bumps) -> Bumps:
+    """Two peaks taken for one: as wide as both, midway."""
+    middle = 0.5 * (two.first + two.second)
+    return Bumps(1, middle, 0.0, two.width + (two.second - two.first) / 2.3548, two.height, 0.0)
+
+
 @kernel
 def bumps(profile: Array, step: float, reach: float, clip: float) -> Bumps:
     """What stands in a mean profile within ``reach`` of its middle.
 
-    Two peaks count where the valley between is a tenth below the lower. flat: the width at four fifths of the height
+    Two peaks count where the valley between is _VALLEY below the lower. flat: the width at four fifths of the height
     over that at three tenths; 0.43 for a Gaussian, 1 for a box.
     """
     n, middle = len(profile), len(profile) // 2
@@ -224,7 +230,7 @@ def bumps(profile: Array, step: float, reach: float, clip: float) -> Bumps:
         while low <= k <= high:
             valley = min(valley, profile[k])
             peak = profile[k] >= profile[k - 1] and profile[k] >= profile[k + 1]
-            apart = profile[k] - base > 0.35 * height and profile[k] - valley > 0.1 * (profile[k] - base)
+            apart = profile[k] - base > 0.35 * height and profile[k] - valley > _VALLEY * (profile[k] - base)
             if peak and apart and (best < 0 or profile[k] > profile[best]):
                 best = k
             k += side
@@ -293,6 +299,8 @@ def lit_pieces(light: Array, inside: slice) -> list[slice]:
     part = light[inside]
     height = float(np.median(np.sort(part)[len(part) // 2 :]))
     half = min(_SHADOW_SECTIONS // 2, (len(part) - 1) // 2)
+    from scipy.signal import medfilt  # with all of scipy's statistics behind it: only where a line is followed
+
     smooth = np.asarray(medfilt(part, 2 * half + 1)) if half else part
     lit = np.concatenate([[False], smooth > _SHADOW * height, [False]])
     turns = np.flatnonzero(lit[1:] != lit[:-1])

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 
 from geometry import Pose
 from perceptron_emu.scene import Material, Solid
+
+if TYPE_CHECKING:
+    import trimesh
 
 Array = NDArray[np.float64]
 
@@ -96,6 +99,8 @@ def profile_strip(outline: Array, half_length_mm: float = HALF_LENGTH_MM) -> tri
     trimesh.Trimesh
         In {P} where the outline is.
     """
+    import trimesh  # a quarter of a second, and most commands build no mesh
+
     n = len(outline)
     vertices = np.vstack([np.column_stack([np.full(n, x), outline]) for x in (-half_length_mm, half_length_mm)])
     i = np.arange(n - 1)

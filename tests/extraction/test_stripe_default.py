@@ -80,7 +80,7 @@ def test_two_near_stripes_are_both_measured_each_with_its_sigma(widths):
     upper, lower = [], []
     for seed in range(3):
         picture = draw(f"pair_{widths}", np.random.default_rng(seed))
-        peaks, section, place = measured(picture, select="all")
+        peaks, section, place = measured(picture)
         assert len(peaks) == 2 * 640
         assert all("ambiguous" in flag_names(f) for f in peaks.flag)
         error, below = place - picture.truth[section], place - picture.truth[section] - picture.other_px

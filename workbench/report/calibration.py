@@ -132,7 +132,7 @@ def _worst(cell: Cell, result: CalibrationResult) -> list[dict[str, Any]]:
     order = sorted(result.frames, key=lambda f: -rms[f.number])[: WORST + sum(np.isinf(v) for v in rms.values())]
     out = []
     for frame in order[: 2 * WORST]:
-        if frame.reason != "image_unreadable":
+        if frame.reason != "image_unreadable" and frame.image:
             picture = overlay(read_image(cell.folder / frame.image, cell.sensor), cell.sensor, frame)
             why = "not used" if np.isinf(rms[frame.number]) else f"rms {rms[frame.number]:.3f} mm"
             out.append({"frame": frame.number, "why": why, "image": jpeg(picture)})
