@@ -89,7 +89,7 @@ def choose_terms(bundle: SensorBundle, start: State, max_terms: int = 14) -> Cho
     if LENGTH[TILT[-1]] <= max_terms:
         wider = replace(first, terms=(*RADIAL[0], *TILT))
         tilted = _tilted(wider, (plane_start(first.views, start), upright.state))
-        better = tilted.converged and tilted.cost < upright.cost
+        better = tilted.cost < upright.cost
         widest, result = (wider, tilted) if better else (first, upright)
     noise = with_noise(widest, result)
     fits: dict[tuple[str, ...], _Fit] = {}
@@ -100,7 +100,7 @@ def choose_terms(bundle: SensorBundle, start: State, max_terms: int = 14) -> Cho
                 continue
             if terms not in fits:
                 mine = replace(noise, terms=terms)
-                found = mine.solve((result if TILT[-1] in terms and widest is not first else upright).state)
+                found = mine.settle((result if TILT[-1] in terms and widest is not first else upright).state)
                 fits[terms] = _Fit(mine, found, left_out(mine, found))
             best = fits[terms] if best is None or fits[terms].beats(best) else best
         return best or best_of(None, [()])
@@ -124,5 +124,5 @@ def _tilted(bundle: SensorBundle, starts: Sequence[State]) -> Result:
     the start is at its far end.
     """
     found = [bundle.solve(tilted_start(start)) for start in starts] + [bundle.solve(starts[-1])]
-    settled = [r for r in found if r.converged] or found
-    return min(settled, key=lambda r: round(r.cost, 3))
+    best = min(found, key=lambda r: round(r.cost, 3))
+    return best if best.converged else bundle.settle(best.state)

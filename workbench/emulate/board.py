@@ -58,7 +58,8 @@ def board_solids(board: Board, T_sensor_board: Pose) -> tuple[Solid, Solid]:
     if board.kind != "checkerboard":
         raise InputError(f'render --board draws kind = "checkerboard", not "{board.kind}"')
     p = board.pitch_mm
-    bright, dark = [], []
+    bright: list[Array] = []
+    dark: list[Array] = []
     for row in range(-1, board.rows):
         for column in range(-1, board.columns):
             (dark if (row + column) % 2 == 0 else bright).append(_square(column * p, row * p, p, p))
@@ -66,14 +67,21 @@ def board_solids(board: Board, T_sensor_board: Pose) -> tuple[Solid, Solid]:
     bright += [_square(low - m, low - m, width + 2 * m, m), _square(low - m, low + height, width + 2 * m, m)]
     bright += [_square(low - m, low, m, height), _square(low + width, low, m, height)]
     return (
-        Solid(trimesh.util.concatenate(bright), WHITE, T_sensor_board, "bright squares"),
-        Solid(trimesh.util.concatenate(dark), BLACK, T_sensor_board, "dark squares"),
+        Solid(_together(bright), WHITE, T_sensor_board, "bright squares"),
+        Solid(_together(dark), BLACK, T_sensor_board, "dark squares"),
     )
 
 
-def _square(x: float, y: float, width: float, height: float) -> trimesh.Trimesh:
-    corners = [[x, y, 0], [x + width, y, 0], [x + width, y + height, 0], [x, y + height, 0]]
-    return trimesh.Trimesh(np.array(corners, dtype=float), [[0, 1, 2], [0, 2, 3]], process=False)
+def _square(x: float, y: float, width: float, height: float) -> Array:
+    """The corners (4, 3) of a rectangle on the board, around it."""
+    return np.array([[x, y, 0], [x + width, y, 0], [x + width, y + height, 0], [x, y + height, 0]], dtype=float)
+
+
+def _together(squares: list[Array]) -> trimesh.Trimesh:
+    """One mesh of all rectangles, two triangles each."""
+    first = 4 * np.arange(len(squares))[:, None, None]
+    faces = (first + np.array([[0, 1, 2], [0, 2, 3]])).reshape(-1, 3)
+    return trimesh.Trimesh(np.concatenate(squares), faces, process=False)
 
 
 def planned_boards(sensor: Sensor, board: Board, count: int, rng: np.random.Generator) -> tuple[Pose, ...]:
