@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from calib import CalibrationResult
 from geometry import Frame, MissingDependencyError, Pose, require_arm
+from jig_cad import Jig
 from perceptron_emu.gl import CellView, cell_picture
 from workbench.files import Cell
 
@@ -15,6 +16,8 @@ Picture = NDArray[np.uint8]
 
 def cell_image(cell: Cell, result: CalibrationResult) -> tuple[Picture | None, str]:
     """The picture (H, W, 3), RGB, and ""; or None and the one line that says why there is none."""
+    if not isinstance(cell.target, Jig):
+        return None, "no picture of the cell: it is drawn with a string jig alone"
     view = cell_view(cell, result)
     if view is None:
         return None, "no picture of the cell: no frame of it was used"
