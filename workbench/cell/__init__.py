@@ -9,7 +9,7 @@ from workbench.cell.pipeline import Observed, Progress, observe, solve
 from workbench.cell.points_table import rows
 from workbench.cell.posing import FramePose, frame_poses
 from workbench.cell.presets import DESIGN_SCP, find_emulator, find_jig, find_robot, find_sensor, preset_path
-from workbench.cell.profiling import ProfileSource, read_profile, read_profile_settings
+from workbench.cell.profiling import ProfileSource, is_profile_file, read_profile, read_profile_settings
 from workbench.cell.speckle import dataset_config, with_known_grain
 from workbench.cell.starter import PLACES, place_of_jig, write_starter
 from workbench.cell.stripes import (
@@ -47,6 +47,7 @@ __all__ = [
     "find_sensor",
     "flag_counts",
     "frame_poses",
+    "is_profile_file",
     "jig_bodies",
     "label_alone",
     "label_dataset",
