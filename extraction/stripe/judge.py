@@ -40,7 +40,7 @@ CROWD = 2.6  # ridges of like light beside one another, on average: a pattern, n
 CROWD_PART = 0.15  # of the best's height times length, that such a ridge has at least
 DARK_MARGIN = 3  # sections between a lit piece and the dark one beside it
 DARK_WIDTH = 1.0  # of the stripe's width, at most, where it is dark: less light is narrower; a border's glow is not
-LEAST_JOINED = 3.0  # contrast of a ridge that goes on where a stripe ends
+LEAST_JOINED, ASKED_JOINED = 3.0, 0.8  # contrast of a ridge that goes on where a stripe ends; of that asked elsewhere
 LIKE = 0.45  # of a ridge's light and height, from which another is its like
 GHOST_LIGHT = 0.2  # of a brighter ridge's height, from which a longer one is the stripe and the brighter its ghost
 GHOST_TOTAL = 0.6  # of the brighter one's height times length, that the longer one has at least
@@ -138,7 +138,9 @@ def judge(grey: NDArray[Any], chains: list[Chain], clip: float, max_width: float
             bright = s.light >= PART * best.light and s.height >= DIMMER * best.height and s.chain.contrast >= asked
             joined &= not s.dark or (s.bumps.peaks == 1 and s.bumps.width <= DARK_WIDTH * best.bumps.width)
             bright &= not s.dark
-            if (joined and s.chain.contrast >= LEAST_JOINED) or (bright and _stands_alone(s)):
+            if (joined and s.chain.contrast >= max(LEAST_JOINED, ASKED_JOINED * asked)) or (
+                bright and _stands_alone(s)
+            ):
                 kept.append(replace(s, joined=joined))
                 waiting.remove(s)
                 changed = True
@@ -190,7 +192,7 @@ def _measure(grey: NDArray[Any], chain: Chain, clip: float, least: int) -> list[
     if found.peaks == 0:
         return []
     place = track.place + (found.first if found.peaks == 1 else 0.0)
-    if found.peaks == 1 and chain.contrast > CLEAR:
+    if found.peaks == 1 and chain.contrast > CLEAR and not chain.rough:
         sigma = found.width / float(np.mean(track.width[_brightest(chain, track, inside)]))
         skip = min(WALK_NODES * chain.step, (inside.stop - inside.start) // 2)
         walk_out(grey, track.first, place, inside.start + skip, -1, sigma, found.height)
@@ -202,7 +204,7 @@ def _measure(grey: NDArray[Any], chain: Chain, clip: float, least: int) -> list[
     half = along_normal if found.peaks == 1 else 0.5 * (found.second - found.first) + found.width
     light_along(grey, track.first, place, np.maximum(0.5, half * track.width), light)
     pieces = []
-    rough = chain.step > chain.scale
+    rough = chain.rough
     if rough:
         light = light_on_rough_ground(grey, track, place, found.width)
     lit_all = [inside] if rough else lit_pieces(light, inside)
