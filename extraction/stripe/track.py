@@ -297,6 +297,17 @@ def _likeliest_start(light: Array, start: int, length: int, least: float, on_not
     return k
 
 
+def lit_reach(light: Array, inside: slice) -> slice:
+    """The track as far as it stays lit beyond ``inside``, and the first dark stretch: the next piece is another's."""
+    height = float(np.median(light[inside]))
+    start, stop = inside.start, inside.stop
+    while stop < len(light) and float(np.mean(light[stop : stop + _SHADOW_SECTIONS])) >= _SHADOW * height:
+        stop += 1
+    while start > 0 and float(np.mean(light[max(start - _SHADOW_SECTIONS, 0) : start])) >= _SHADOW * height:
+        start -= 1
+    return slice(max(start - _SHADOW_SECTIONS, 0), min(stop + _SHADOW_SECTIONS, len(light)))
+
+
 def lit_pieces(light: Array, inside: slice) -> list[slice]:
     """The stretches of a track that are lit: where the light, a median over some sections, is not far below its own.
 
