@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 
 from geometry import Camera, InputError, Pose, Sensor
 from jig_cad import Jig
+
+if TYPE_CHECKING:
+    import trimesh
 
 Array = NDArray[np.float64]
 
@@ -143,6 +146,8 @@ def panel(
     Solid
         Two triangles.
     """
+    import trimesh  # a quarter of a second, and most commands build no mesh
+
     w, h = width_mm / 2, height_mm / 2
     corners = [[-w, -h, 0.0], [w, -h, 0.0], [w, h, 0.0], [-w, h, 0.0]]
     return Solid(trimesh.Trimesh(corners, [[0, 1, 2], [0, 2, 3]], process=False), material, T_sensor_panel, name)

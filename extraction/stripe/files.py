@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from extraction.stripe.profile import Profile, StripePeaks, flag_bits, flag_names
-from geometry import InputError, write_text
+from geometry import InputError, read_text, write_text
 from geometry.errors import did_you_mean
 
 Array = NDArray[np.float64]
@@ -121,11 +121,7 @@ def read_profile_csv(path: str | Path) -> Profile:
     InputError
         With file, line and column of what can not be used.
     """
-    try:
-        text = Path(path).read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: not a readable profile: {error}") from None
-    rows = csv.reader(text.splitlines())
+    rows = csv.reader(read_text(path).splitlines())
     columns = [name.strip() for name in next(rows, [])]
     known = COLUMNS.split(",")
     for name in columns:
@@ -147,9 +143,10 @@ def _value(name: str, text: str, where: str) -> float:
     try:
         value = float(flag_bits(text)) if name == "flag" else float(text)
     except ValueError as error:
-        raise InputError(f"{where}: {error}") from None
+        what = str(error) if name == "flag" else f'"{text}" is not a number'
+        raise InputError(f"{where}: {what[:120]}") from None
     if not np.isfinite(value):
-        raise InputError(f"{where}: {text} is not finite")
+        raise InputError(f"{where}: {text[:40]} is not finite")
     return value
 
 

@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import medfilt
 
 from extraction.stripe.chain import Chain
 from geometry.compiled import kernel
@@ -316,6 +315,8 @@ def lit_pieces(light: Array, inside: slice) -> list[slice]:
     part = light[inside]
     height = float(np.median(np.sort(part)[len(part) // 2 :]))
     half = min(_SHADOW_SECTIONS // 2, (len(part) - 1) // 2)
+    from scipy.signal import medfilt  # with all of scipy's statistics behind it: only where a line is followed
+
     smooth = np.asarray(medfilt(part, 2 * half + 1)) if half else part
     lit = np.concatenate([[False], smooth > _SHADOW * height, [False]])
     turns = np.flatnonzero(lit[1:] != lit[:-1])

@@ -22,6 +22,7 @@ from geometry import InputError
 from tests.campaign.plans import end, group, shards_of, start_sweep, tables, wait_until, write_plan
 from workbench.campaign import Plan, read_plan, read_run, run_campaign
 from workbench.campaign.store.store import ShardResult, opened_store
+from workbench.campaign.work.trusted import check_cache
 
 KILLS = 100
 
@@ -223,3 +224,19 @@ def test_a_changed_robot_file_is_another_campaign(tmp_path: Path, monkeypatch: p
         opened_store(tmp_path / "run", read_plan(Path("plan.toml"))),
     ):
         pass
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="rights are told in another way there")
+def test_a_cache_that_others_can_write_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Before the folder of the run is made."""
+    plan = tmp_path / "plan.toml"
+    plan.write_text("seed = 1\n")
+    cache = tmp_path / "cache"
+    cache.mkdir()
+    cache.chmod(0o777)
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(cache))
+    with pytest.raises(InputError, match="everybody can write there"):
+        run_campaign(read_plan(plan), tmp_path / "run", workers=1)
+    assert not (tmp_path / "run").exists()
+    cache.chmod(0o755)
+    check_cache()

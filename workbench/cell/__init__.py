@@ -1,5 +1,6 @@
 """A cell and its frames: found by name, measured, labelled and solved."""
 
+from workbench.cell.data_sheet import DataSheet, data_sheet_text
 from workbench.cell.extracting import Extracted, extract_inputs
 from workbench.cell.inputs import BareImages, read_inputs
 from workbench.cell.labels import label_alone, label_dataset, poses_in_sensor
@@ -8,7 +9,7 @@ from workbench.cell.pipeline import Observed, Progress, observe, solve
 from workbench.cell.points_table import rows
 from workbench.cell.posing import FramePose, frame_poses
 from workbench.cell.presets import DESIGN_SCP, find_emulator, find_jig, find_robot, find_sensor, preset_path
-from workbench.cell.profiling import ProfileSource, read_profile, read_profile_settings
+from workbench.cell.profiling import ProfileSource, is_profile_file, read_profile, read_profile_settings
 from workbench.cell.speckle import dataset_config, with_known_grain
 from workbench.cell.starter import PLACES, place_of_jig, write_starter
 from workbench.cell.stripes import (
@@ -27,6 +28,7 @@ __all__ = [
     "DESIGN_SCP",
     "PLACES",
     "BareImages",
+    "DataSheet",
     "Extracted",
     "FramePose",
     "MeasuredStripe",
@@ -36,6 +38,7 @@ __all__ = [
     "SeesAll",
     "StripeInputs",
     "around_jig",
+    "data_sheet_text",
     "dataset_config",
     "extract_inputs",
     "find_emulator",
@@ -44,6 +47,7 @@ __all__ = [
     "find_sensor",
     "flag_counts",
     "frame_poses",
+    "is_profile_file",
     "jig_bodies",
     "label_alone",
     "label_dataset",

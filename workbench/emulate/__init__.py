@@ -3,9 +3,20 @@
 from workbench.emulate.check import all_hidden, check_views, never_met
 from workbench.emulate.experiment import PAPER_DEVIATION_MM, paper_experiment
 from workbench.emulate.extras import Extras
+from workbench.emulate.looking import surface_views
+from workbench.emulate.profile_recording import record_profiles
 from workbench.emulate.recording import Configuration, TrueCell, frame_scene, record, with_joint_noise
 from workbench.emulate.scene_frame import render_scene_file
-from workbench.emulate.truth import NOTHING, Errors, configurations, draw_truth, given_views, planned_views
+from workbench.emulate.truth import (
+    NOTHING,
+    Errors,
+    built_arm,
+    configurations,
+    draw_truth,
+    given_views,
+    mounting,
+    planned_views,
+)
 
 __all__ = [
     "NOTHING",
@@ -15,15 +26,19 @@ __all__ = [
     "Extras",
     "TrueCell",
     "all_hidden",
+    "built_arm",
     "check_views",
     "configurations",
     "draw_truth",
     "frame_scene",
     "given_views",
+    "mounting",
     "never_met",
     "paper_experiment",
     "planned_views",
     "record",
+    "record_profiles",
     "render_scene_file",
+    "surface_views",
     "with_joint_noise",
 ]

@@ -37,9 +37,13 @@ class Controller(StrEnum):
 class CalibrateModel(StrEnum):
     """What is estimated."""
 
+    AUTO = "auto"
     SCP = "scp"
     OFFSETS = "scp+offsets"
     FULL = "full"
+    AUTO_SENSOR = "auto+sensor"
+    OFFSETS_SENSOR = "scp+offsets+sensor"
+    FULL_SENSOR = "full+sensor"
 
 
 def command(
@@ -49,7 +53,10 @@ def command(
     ] = None,
     model: Annotated[
         CalibrateModel | None,
-        typer.Option(help="The SCP alone (default), with joint offsets, or with the full DH table."),
+        typer.Option(
+            help="The SCP with the robot's errors under their priors (auto, the default), alone, with joint offsets, "
+            "with the full DH table; +sensor: with the sensor's own errors, too."
+        ),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
     out: Annotated[

@@ -33,16 +33,26 @@ def command(
 ) -> None:
     """Measure the laser stripe of images: points in mm with covariance, in px without a sensor."""
     from geometry import InputError
-    from workbench.cell import StripeInputs, measure_stripes, read_profile_settings, stripe_images, stripe_record
+    from workbench.cell import (
+        StripeInputs,
+        is_profile_file,
+        measure_stripes,
+        read_profile_settings,
+        stripe_images,
+        stripe_record,
+    )
     from workbench.report import json_text
 
     if csv is None and ply is None and overlay is None and not json_output:
         raise InputError("nothing to write: give --csv, --ply or --overlay FILE, or --json")
     if ply is not None and sensor is None:
         raise InputError("--ply holds points in mm: it needs --sensor FILE")
+    if len(images) == 1 and is_profile_file(images[0]):
+        _profile_file(images[0], sensor, csv, ply)
+        return
     for image in images:
-        if image.suffix.lower() == ".csv":
-            raise InputError(f"{image} is a profile already; `profile` takes images")
+        if is_profile_file(image):
+            raise InputError(f"{image} is a profile already; give it alone, or images only")
     paths = stripe_images(images)
     inputs = StripeInputs(sensor, laser_off, mask, channel, read_profile_settings(config or []).stripe)
     many = len(paths) > 1 or any(image.is_dir() for image in images)
@@ -100,3 +110,16 @@ def _write(measured: MeasuredStripe, csv: Path | None, ply: Path | None, overlay
         write_profile_ply(measured.profile, place(ply, ".ply"))
     if overlay is not None:
         write_png(place(overlay, ".png"), stripe_overlay(measured))
+
+
+def _profile_file(path: Path, sensor: Path | None, csv: Path | None, ply: Path | None) -> None:
+    """A maker's profile file, its points checked against the sensor, as our CSV or PLY."""
+    from extraction import write_profile_csv, write_profile_ply
+    from workbench.cell import ProfileSource, read_profile
+
+    profile = read_profile(ProfileSource(path, sensor), say_remark)
+    if csv is not None:
+        write_profile_csv(profile, csv)
+    if ply is not None:
+        write_profile_ply(profile, ply)
+    say_remark(f"{path}: {len(profile)} points")

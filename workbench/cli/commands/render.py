@@ -48,6 +48,10 @@ def command(
     ambient_frames: Annotated[
         bool, typer.Option("--ambient-frames", help="The same views with the laser off too, in images_off/.")
     ] = False,
+    profiles: Annotated[
+        str | None,
+        typer.Option(metavar="FORMAT", help="Profiles in a maker's format in place of images: csv, gocator, ply …"),
+    ] = None,
     trial: Annotated[
         int | None, typer.Option(help="Remake this trial of a campaign; CELL.toml is its plan or the run's folder.")
     ] = None,
@@ -71,6 +75,9 @@ def command(
         _one_image(cell, sensor, scene, out, seed, renderer, extras)
         return
     errors = (0.0, 0.0, False) if exact else (mounting_deg, mounting_mm, True)
+    if _gives_profiles(cell, profiles):
+        _record_profiles(cell, out, seed, per_location, joints, errors, profiles or "auto")
+        return
     _record(cell, out, seed, per_location, joints, renderer, errors, scene, extras)
 
 
@@ -123,7 +130,7 @@ def _record(
     rows = read_frames(joints, given.arm.n_joints) if joints else given.frames
     with progress_bar("planning", 1):
         views = given_views(given, rows) if rows else planned_views(given, per_location, rng, around)
-    taken = configurations(views, true, errors, rng)
+    taken = configurations(views, true.robot, errors, rng)
     met = check_views(given, true, taken)
     with progress_bar("rendering", len(taken)) as progress:
         done = record(out, given, true, taken, seed, progress, renderer.value, extras)
@@ -131,3 +138,62 @@ def _record(
         if remark:
             standard_error().print(remark, markup=False, soft_wrap=True)
     standard_error().print(f"{out}: {len(taken)} images at {len(given.T_base_jig)} locations", markup=False)
+
+
+def _gives_profiles(path: Path, profiles: str | None) -> bool:
+    """Whether profiles are asked for, or the cell's sensor gives nothing else."""
+    from geometry import InputError
+    from jig_cad import Jig
+    from workbench.files import read_cell
+
+    cell = read_cell(path, recorded=False)
+    if profiles is not None or cell.sensor.profile is not None:
+        return True
+    if not isinstance(cell.target, Jig):
+        raise InputError(f"{path}: images are rendered of string jigs; of this target give --profiles FORMAT")
+    return False
+
+
+def _record_profiles(
+    path: Path,
+    out: Path,
+    seed: int,
+    per_location: int,
+    joints: Path | None,
+    errors_of: tuple[float, float, bool],
+    form: str,
+) -> None:
+    import numpy as np
+
+    from geometry import InputError
+    from jig_cad import Jig
+    from workbench.emulate import (
+        Errors,
+        built_arm,
+        configurations,
+        given_views,
+        mounting,
+        planned_views,
+        record_profiles,
+        surface_views,
+    )
+    from workbench.files import read_cell, read_frames
+
+    given = read_cell(path, recorded=False)
+    if not given.T_base_jig:
+        raise InputError(f"{path}: [locations.NAME] T_base_jig is missing: where does the target stand?")
+    errors = Errors(*errors_of)
+    rng = np.random.default_rng([seed, 2**31])
+    arm, T_hand_sensor = built_arm(given, errors, rng), mounting(given, errors, rng)
+    rows = read_frames(joints, given.arm.n_joints) if joints else given.frames
+    with progress_bar("planning", 1):
+        if rows:
+            views = given_views(given, rows)
+        elif isinstance(given.target, Jig):
+            views = planned_views(given, per_location, rng)
+        else:
+            views = surface_views(given, per_location, rng)
+    taken = configurations(views, arm, errors, rng)
+    with progress_bar("measuring", len(taken)) as progress:
+        record_profiles(out, given, arm, T_hand_sensor, taken, form, seed, errors.built, progress)
+    standard_error().print(f"{out}: {len(taken)} profiles at {len(given.T_base_jig)} locations", markup=False)

@@ -1,0 +1,19 @@
+"""A sensor's own calibration from views of a board with the laser's stripe on it: camera, laser plane, uncertainty."""
+
+from calib.sensor.calibrate import SensorSettings, calibrate_sensor
+from calib.sensor.choice import Tried
+from calib.sensor.result import SensorCalibration, SensorSolution, SensorVerdict, ViewResult
+from calib.sensor.views import BoardView, Corners, Stripe
+
+__all__ = [
+    "BoardView",
+    "Corners",
+    "SensorCalibration",
+    "SensorSettings",
+    "SensorSolution",
+    "SensorVerdict",
+    "Stripe",
+    "Tried",
+    "ViewResult",
+    "calibrate_sensor",
+]
