@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 
 QUANTILE_95 = 1.96  # of the normal distribution, both sides
 WORST = 3  # used frames that are shown beside those left out
-BANNER = {"ok": "good", "model_misfit": "care", "weak": "care"}
+BANNER = {"ok": "good"} | dict.fromkeys(("model_misfit", "priors_contradict", "sensor_suspect", "weak"), "care")
 TANGENT = ("tx", "ty", "tz", "rx", "ry", "rz")
 
 
