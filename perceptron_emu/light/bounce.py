@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from geometry import InputError
 from geometry.compiled import kernel
 from perceptron_emu.config import EmulatorConfig
 from perceptron_emu.light.sheet import density_at, width_at
@@ -36,6 +37,8 @@ TURN_OF_LOBE, TURN_MATTE = 0.8, 0.3  # by which normals of lamps taken together 
 NEAR, NEAR_LOBE = 1.5, 0.5  # extents, and extents over α; what is nearer than both counts one by one
 IN_A_GROUP, GROUP_MM = 48, 20.0  # of what is asked together whether it is in sight
 STRING_NODES = 12  # lamps around a string's lit half
+MOST_SENT_BACK = 0.99  # of the light that falls on a surface; white paint sends back 0.9
+MIRROR, MIRROR_LOBE, MIRRORED_SHARE = 0.5, 0.05, 0.5  # reflectance and α of a mirror; part of its light that is thrown
 OFF_MM = 1e-4  # where a ray from a surface starts
 NEGLIGIBLE = 1e-4  # part of the light so far below which a group's is not asked for
 SMALLEST = 1e-4  # of the largest lamp: what brings less is left out
@@ -138,6 +141,7 @@ def bounce_sources(scene: Scene, strings: Cylinders | None, thread: Material, co
     """
     if not scene.solids:
         return None
+    _check_materials(scene)
     path = Light(scene.sensor, config).path
     materials = [*(s.material for s in scene.solids), thread]
     lobe = min((m.roughness for m in materials[:-1] if m.specular > 0), default=1.0)
@@ -149,6 +153,7 @@ def bounce_sources(scene: Scene, strings: Cylinders | None, thread: Material, co
     lamps = lamps.part(np.flatnonzero(lamps.flux > SMALLEST * lamps.flux.max(initial=0.0)))
     if len(lamps.flux) == 0:
         return None
+    _check_mirrors(scene, lamps, path)
     angle = np.round(np.arctan2(lamps.xyz[:, 1] - path.origin[1], lamps.xyz[:, 2] - path.origin[2]), 9)
     lamps = lamps.part(np.lexsort((lamps.xyz[:, 0], angle, lamps.surface)))
     surfaces = surfaces_of(materials)
@@ -156,6 +161,43 @@ def bounce_sources(scene: Scene, strings: Cylinders | None, thread: Material, co
     bunches, near = _together(lamps, begin, surfaces)
     groups, (one, many) = _groups(bunches), (_table(of, path.origin) for of in (lamps, bunches))
     return Sources(one, many, begin, near, groups, surfaces)
+
+
+def _check_materials(scene: Scene) -> None:
+    """InputError for surfaces between which light would never die down."""
+    for k, solid in enumerate(scene.solids):
+        material, name = solid.material, solid.name or f"number {k}"
+        if material.diffuse + material.specular > MOST_SENT_BACK:
+            raise InputError(
+                f"solid {name}: diffuse + specular = {material.diffuse + material.specular:g} sends back all light, "
+                f"which would bounce without end; with [light] bounces keep it at {MOST_SENT_BACK:g} or less"
+            )
+
+
+def _check_mirrors(scene: Scene, lamps: Lamps, path: LightPath) -> None:
+    """InputError where a nearly perfect mirror throws the sheet straight back at the emitter or into the camera."""
+    for k, solid in enumerate(scene.solids):
+        material = solid.material
+        if material.specular < MIRROR or material.roughness > MIRROR_LOBE:
+            continue
+        mine = lamps.surface == k
+        if not np.any(mine):
+            continue
+        xyz, normal = lamps.xyz[mine], lamps.normal[mine]
+        way = xyz - path.origin
+        way[:, 0] = 0
+        way /= np.linalg.norm(way, axis=1, keepdims=True)
+        mirrored = way - 2 * np.sum(way * normal, 1, keepdims=True) * normal
+        for target, what in ((path.origin, "back at the laser"), (path.camera, "into the camera")):
+            towards = target - xyz
+            towards /= np.linalg.norm(towards, axis=1, keepdims=True)
+            share = lamps.flux[mine][np.sum(mirrored * towards, 1) > np.cos(2 * material.roughness)].sum()
+            if share > MIRRORED_SHARE * lamps.flux[mine].sum():
+                raise InputError(
+                    f"solid {solid.name or f'number {k}'}: a mirror (specular {material.specular:g}, roughness "
+                    f"{material.roughness:g}) that throws the laser {what}; turn it, or give it a roughness above "
+                    f"{MIRROR_LOBE:g}"
+                )
 
 
 def _on_solids(
