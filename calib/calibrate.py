@@ -57,6 +57,7 @@ NAMED = (
     "not_converged",
     "outliers",
 )  # verdicts that the views of surfaces can be the cause of
+ACCUSING = ("priors_contradict", "sensor_suspect")
 FEWEST_LEFT_OUT = 8  # frames whose scatter says something of six numbers
 CONTRADICTED = ("not_converged", "outliers", "rotation_too_small", "too_few_poses")
 
@@ -374,6 +375,8 @@ def _judged(setup: Setup, labelled: tuple[Frame, ...], solved: Solved) -> Solved
     facts = bundle_facts(finding.solution, used, refused, finding)
     estimate = _whole(bundle_estimate(finding.solution, used, config, finding), used, labelled)
     verdict = judge(facts, frames_motion(used), config)
+    if verdict.code not in ACCUSING:  # what frames or motions are the fault of is no number's
+        estimate = replace(estimate, culprit=())
     return Solved(_views_named(verdict, setup, used, finding.solution), estimate, finding.solution, used)
 
 

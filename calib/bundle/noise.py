@@ -30,7 +30,7 @@ _JOINT_BOUNDS = (0.01, 9.0)  # of the joints' variance: an arm ten times better 
 _OWN_BOUNDS = (0.0, 1.0)  # a share
 _OWN_START = 0.1  # share of the robot's variance that is a frame's own, where its search starts
 _MAX_CHI2 = 10.0  # per degree of freedom; beyond this something else than the noise is wrong
-_MIN_FREEDOM = 30  # fewer degrees of freedom say too little of a variance
+_MIN_FREEDOM = 40  # fewer degrees of freedom say too little of a variance
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,9 +21,11 @@ from geometry import Pose, Sensor
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
+MORE = 5  # and so many more where none of these explains all
 TRIED = 3  # suspects that are solved for anew, those of the largest pulls
 LOOK = 3.2  # a pull from which that is worth while: one sound cell in ten or so has it
 LOOK_CHI2 = 1.3  # and the χ² per degree of freedom from which it is, whatever the pulls
+BEYOND_CHI2 = 300.0  # beyond this no small error of one number is the cause, and nothing that was linearised holds
 TIMES = (3.0, 10.0, 30.0)  # by which [uncertainty] of a robot is tried
 EVIDENCE = 4.0  # by which that must be better than one number alone: a likelihood ratio of 7
 POSSIBLE = 1e-4  # a hypothesis less probable than this widens nothing
@@ -74,7 +76,9 @@ def find(
     trials = first.trials()
     gain, culprit, found = config.pull_limit**2, None, None
     every = suspected_bundle(bundle, sensor)
-    for trial in _tried(first, trials) if _worth_while(solution, trials) else ():
+    for k, trial in enumerate(_tried(first, trials) if _worth_while(solution, trials) else ()):
+        if k >= TRIED and found is not None and _fits(found[1], config):
+            break
         relaxed = _relaxed(every, first, trial, config)
         explained = _explained(relaxed, candidates, solution, config)
         if explained is None:
@@ -89,20 +93,28 @@ def find(
     return accused if accused.culprit is not None and abs(accused.culprit.pull) > config.pull_limit else plain
 
 
+def _fits(explained: Explained, config: CalibConfig) -> bool:
+    """Whether nothing is left to be explained: no outliers, and χ² as noise has it."""
+    whole = not np.any(explained.robust.left_out[explained.kept.present])
+    return whole and explained.cost <= LOOK_CHI2 * max(explained.kept.degrees_of_freedom, 1)
+
+
 def _worth_while(solution: Solution, trials: tuple[Trial, ...]) -> bool:
+    if not solution.every.converged or solution.explained > BEYOND_CHI2:
+        return False
     removed = np.any(solution.outlier) or np.any(solution.frame_outlier)
     largest = max((abs(t.pull) for t in trials), default=0.0)
-    return bool(removed) or largest > LOOK or solution.explained > LOOK_CHI2 or not solution.every.converged
+    return bool(removed) or largest > LOOK or solution.explained > LOOK_CHI2
 
 
 def _tried(evidence: Evidence, trials: tuple[Trial, ...]) -> list[Trial]:
     """The suspects of the largest pulls, and the robot's stated uncertainty as a whole."""
-    single = sorted((t for t in trials if t.seen), key=lambda t: -t.gain)[:TRIED]
+    single = sorted((t for t in trials if t.seen), key=lambda t: -t.gain)[: TRIED + MORE]
     whole = _uncertainty(evidence)
     if whole is None:
         return single
     alone = max((evidence.gain(evidence.relaxed(t)) for t in single), default=0.0)
-    return [*single, whole] if whole.gain > alone + EVIDENCE else single
+    return [whole, *single] if whole.gain > alone + EVIDENCE else single
 
 
 def _uncertainty(evidence: Evidence) -> Trial | None:

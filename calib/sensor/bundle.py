@@ -20,6 +20,10 @@ Array = NDArray[np.float64]
 
 _FOCAL_GRID = (0.7, 1.2, 2.0, 3.5, 6.0)  # of the image's width: from a wide lens to a long one
 _MAX_STEPS = 30
+_SETTLED_SIGMA = (
+    0.03  # a step shorter than this many σ: a tilt's valley is so long and bent that shorter ones never end
+)
+_MORE = 4  # times that many, before a set of terms is given up
 # what no lens exceeds: keeps a term that the views hardly tell from running away; far beyond what is usual
 PRIOR_SIGMA = dict(zip(TERMS, (1.0, 5.0, 0.05, 0.05, 20.0, 5.0, 20.0, 50.0, 0.1, 0.5, 0.1, 0.5, 0.5, 0.5), strict=True))
 
@@ -81,7 +85,16 @@ class SensorBundle:
         known = State({b.name: start.values[b.name] for b in self.unknowns.blocks})
         begin = self.held(known)
         with np.errstate(over="ignore", invalid="ignore"):  # a trial step too far is refused by its cost
-            return engine.solve(self.evidence, self.unknowns, begin, max_iterations=_MAX_STEPS)
+            return engine.solve(self.evidence, self.unknowns, begin, None, _MAX_STEPS, _SETTLED_SIGMA)
+
+    def settle(self, start: State) -> Result:
+        """As ``solve``, gone on with while the iteration has not settled: a tilt's valley is long."""
+        result = self.solve(start)
+        for _ in range(_MORE):
+            if result.converged:
+                break
+            result = self.solve(result.state)
+        return result
 
     def held(self, state: State) -> State:
         """The state with all terms that are not free at zero."""

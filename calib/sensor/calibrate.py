@@ -120,9 +120,9 @@ class _Attempt:
         for _ in range(_ROUNDS):
             cleaned = _without_outliers(_on_lines(views, choice.result.state, FINE_PX), choice)
             bundle = replace(choice.bundle, views=cleaned)
-            result = bundle.solve(choice.result.state)
+            result = bundle.settle(choice.result.state)
             bundle = with_noise(bundle, result)
-            result = bundle.solve(result.state)
+            result = bundle.settle(result.state)
             choice = replace(choice, bundle=bundle, result=result, left_out=left_out(bundle, result))
         return _Attempt(given, size_px, settings, dropped, choice, choice.result.state)
 

@@ -20,10 +20,12 @@ from geometry import State
 
 Array = NDArray[np.float64]
 
-RADIAL: tuple[tuple[str, ...], ...] = ((), ("k1",), ("k1", "k2"), ("k1", "k2", "k3"))
+# two radial terms and the tangential ones are always there: one that is left out because the views hardly tell it makes
+# the σ of those that trade with it ten times too small
+RADIAL: tuple[tuple[str, ...], ...] = (("k1", "k2"), ("k1", "k2", "k3"))
 RATIONAL = ("k1", "k2", "k3", "k4", "k5", "k6")
 TANGENTIAL, TILT = ("p1", "p2"), ("p1", "p2", "tau_x", "tau_y")
-EXTRAS = ((), TANGENTIAL, TILT)  # a tilt brings the tangential terms, under a prior; prism terms no lens has shown
+EXTRAS = (TANGENTIAL, TILT)  # of a tilt the tangential terms have a prior; prism terms no lens has shown
 LENGTH = {"k1": 4, "k2": 4, "p1": 4, "p2": 4, "k3": 5, "k4": 8, "k5": 8, "k6": 8}
 LENGTH |= dict.fromkeys(("tau_x", "tau_y"), 14)  # of OpenCV's vector that holds a term
 
@@ -78,16 +80,16 @@ class _Fit:
 def choose_terms(bundle: SensorBundle, start: State, max_terms: int = 14) -> Choice:
     """The set of terms out of those that fit into ``max_terms`` of OpenCV's vector."""
     bundle = replace(bundle, views=bundle.views.thinned(POINTS))
-    usual = tuple(t for t in (*RADIAL[2], *TANGENTIAL) if LENGTH[t] <= max_terms)
+    usual = tuple(t for t in (*RADIAL[0], *TANGENTIAL) if LENGTH[t] <= max_terms)
     first = replace(bundle, terms=usual)
     corners = first.without_stripes().solve(start)
     first = first_noise(first, replace(corners, state=plane_start(first.views, corners.state)))
     upright = first.solve(plane_start(first.views, corners.state))
     widest, result = first, upright
     if LENGTH[TILT[-1]] <= max_terms:
-        wider = replace(first, terms=(*RADIAL[2], *TILT))
+        wider = replace(first, terms=(*RADIAL[0], *TILT))
         tilted = _tilted(wider, (plane_start(first.views, start), upright.state))
-        better = tilted.converged and tilted.cost < upright.cost
+        better = tilted.cost < upright.cost
         widest, result = (wider, tilted) if better else (first, upright)
     noise = with_noise(widest, result)
     fits: dict[tuple[str, ...], _Fit] = {}
@@ -98,12 +100,12 @@ def choose_terms(bundle: SensorBundle, start: State, max_terms: int = 14) -> Cho
                 continue
             if terms not in fits:
                 mine = replace(noise, terms=terms)
-                found = mine.solve((result if TILT[-1] in terms and widest is not first else upright).state)
+                found = mine.settle((result if TILT[-1] in terms and widest is not first else upright).state)
                 fits[terms] = _Fit(mine, found, left_out(mine, found))
             best = fits[terms] if best is None or fits[terms].beats(best) else best
         return best or best_of(None, [()])
 
-    best = best_of(None, [(*RADIAL[2], *extra) for extra in EXTRAS])
+    best = best_of(None, [(*RADIAL[0], *extra) for extra in EXTRAS])
     for _ in range(_ROUNDS):
         extra = tuple(t for t in best.bundle.terms if t not in RATIONAL)
         best = best_of(best, [(*radial, *extra) for radial in (*RADIAL, RATIONAL)])
@@ -122,5 +124,5 @@ def _tilted(bundle: SensorBundle, starts: Sequence[State]) -> Result:
     the start is at its far end.
     """
     found = [bundle.solve(tilted_start(start)) for start in starts] + [bundle.solve(starts[-1])]
-    settled = [r for r in found if r.converged] or found
-    return min(settled, key=lambda r: round(r.cost, 3))
+    best = min(found, key=lambda r: round(r.cost, 3))
+    return best if best.converged else bundle.settle(best.state)

@@ -16,6 +16,7 @@ from geometry import State
 Array = NDArray[np.float64]
 
 _LINE_FREEDOM = 2
+_FEWEST_PAIRS = 20  # of points at a lag, over all views
 _QUIET = 0.1  # correlation that is as good as none
 
 
@@ -70,9 +71,18 @@ def _along_stripes(bundle: SensorBundle, state: State) -> StripeNoise:
     if not len(pairs):
         return bundle.stripe_noise
     usual = float(np.nanmedian(variance))
-    alike = products / np.maximum(pairs, 1) / max(products[0] / pairs[0], 1e-300)
+    return StripeNoise(np.sqrt(np.where(np.isnan(variance), usual, variance)), _length(products, pairs))
+
+
+def _length(products: Array, pairs: Array) -> float:
+    """The sum of the correlations [px] beyond the point itself, up to where they vanish; lags without pairs bridged."""
+    lags = np.flatnonzero(pairs >= _FEWEST_PAIRS)
+    alike = products[lags] / pairs[lags] / max(products[0] / pairs[0], 1e-300)
     end = int(np.argmax(alike < _QUIET)) if np.any(alike < _QUIET) else len(alike)
-    return StripeNoise(np.sqrt(np.where(np.isnan(variance), usual, variance)), float(np.sum(alike[1:end])))
+    if end <= 1:
+        return 0.0
+    between = np.sum(np.diff(lags[:end]) * (alike[1:end] + alike[: end - 1]) / 2)
+    return float(between + (lags[min(end, len(lags) - 1)] - lags[end - 1]) * alike[end - 1] / 2 - 0.5)
 
 
 def _lagged(at_px: NDArray[np.intp], z: Array) -> tuple[Array, Array]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,8 +37,8 @@ class StripeNoise:
     length_px : float
         Over which neighbours' errors are alike (to 1/e); 0 where they are independent.
     offset_px : float
-        Standard deviation of what a view's points have in common: a board that is not flat, a stripe that is drawn
-        aside.
+        Standard deviation of what a view's points have in common, a shift and, at their rms distance from the middle,
+        a turn: a board that is not flat, a stripe that is drawn aside.
     """
 
     scale: Array = field(default_factory=lambda: np.ones(1))
@@ -134,7 +135,7 @@ class StripeOnBoard:
     The residual is how far the stripe was seen, along its normal, from where board and laser plane meet. (The distance
     from the plane in millimetres shrinks with the whole scene, and would draw the focal length along.) Rows are carried
     over to independent ones of unit variance: neighbours' errors are alike along the stripe (a first order
-    autoregression), and all of a view have one error in common.
+    autoregression), and all of a view have a shift and a turn in common.
     """
 
     views: Views
@@ -199,24 +200,40 @@ class StripeOnBoard:
     def independent(self, table: Array) -> Array:
         """Rows (M, n) [px] carried over to independent ones of unit variance."""
         alike, first = self._likeness()
-        sigma = (
-            self.views.stripe.sigma_px * np.broadcast_to(self.noise.scale, len(self.views))[self.views.view_of_stripe]
-        )
-        table = table / sigma[:, None]
-        common = self.noise.offset_px / sigma
-        table = np.concatenate([table, common[:, None]], 1)
+        scale = np.broadcast_to(self.noise.scale, len(self.views))
+        sigma = self.views.stripe.sigma_px * scale[self.views.view_of_stripe]
+        table = np.concatenate([table, self.noise.offset_px * self._common], 1) / sigma[:, None]
         previous = np.concatenate([np.zeros((1, table.shape[1])), table[:-1]])
         previous[first] = 0
         table = (table - alike[:, None] * previous) / np.sqrt(1 - alike**2)[:, None]
-        table, common = table[:, :-1], table[:, -1]
+        table, common = table[:, :-2], table[:, -2:].real
         if self.noise.offset_px == 0:
             return table
-        member, count = self.views.view_of_stripe, len(self.views)
-        power = np.bincount(member, np.abs(common) ** 2, count)
-        share = np.where(power > 0, (1 - 1 / np.sqrt(1 + power)) / np.maximum(power, 1e-300), 0.0)
-        mean = np.zeros((count, table.shape[1]), dtype=table.dtype)
-        np.add.at(mean, member, common[:, None] * table)
-        return np.asarray(table - common[:, None] * (share[:, None] * mean)[member])
+        # (I + U Uᵀ)^(-1/2) of a view's two common errors U, by the eigenvectors of UᵀU
+        for start, end in self._spans:
+            u = common[start:end]
+            power, axes = np.linalg.eigh(u.T @ u)
+            share = np.where(power > 1e-12, (1 - 1 / np.sqrt(1 + power)) / np.maximum(power, 1e-12), 0.5)
+            u = u @ axes
+            table[start:end] = table[start:end] - u @ (share[:, None] * (u.T @ table[start:end]))
+        return table
+
+    @cached_property
+    def _spans(self) -> tuple[tuple[int, int], ...]:
+        """First and last point (excluded) of every view's stripe."""
+        ends = np.cumsum([0, *(len(v.stripe) for v in self.views.views)])
+        return tuple((int(i), int(j)) for i, j in pairwise(ends) if j > i)
+
+    @cached_property
+    def _common(self) -> Array:
+        """What a view's points have in common (M, 2), of unit mean square: a shift, and a turn about their middle."""
+        out = np.ones((len(self.views.stripe), 2))
+        for start, end in self._spans:
+            uv = self.views.stripe.uv_px[start:end]
+            along = np.linalg.norm(uv - uv[0], axis=1)
+            along = along - along.mean()
+            out[start:end, 1] = along / max(float(np.sqrt(np.mean(along**2))), 1e-9)
+        return out
 
     def _likeness(self) -> tuple[Array, NDArray[np.bool_]]:
         """Correlation (M,) of each point's error with that of the one before, and which are the first of a view."""

@@ -12,7 +12,7 @@ Array = NDArray[np.float64]
 
 MIN_ANGLE_DEG = 8.0  # between some two boards: less, focal length and distance trade places
 STRIPES_NEEDED = 2
-MAX_PLANE_SIGMA_DEG = 0.5  # of the plane's turn: beyond, boards met the sheet in one line or hardly at all
+MAX_PLANE_SIGMA_DEG = 2.0  # of the plane's turn: beyond, boards met the sheet in one line or hardly at all
 WEAK_PLANE_SIGMA_DEG = 0.1  # 0.5 mm at 300 mm
 WEAK_FOCAL_SHARE = 0.005
 WEAK_VIEWS = 5

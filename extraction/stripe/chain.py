@@ -20,6 +20,7 @@ _SKIP = 2  # sections that a link may span
 _FALLS = 0.22  # of a chain's larger mean fall: both flanks must fall; a step's bright side does not
 _LEAST_SIGNIFICANCE = 16.0  # Σ response / σ over √n: what no tail of few chains is trusted to tell from noise
 _PART = 0.005  # of the light of a level's brightest chain, below which one is not looked at
+_ROUGH = 5.0  # contrast of a ridge, below which its sections are measured together
 _TAIL = 0.2  # of a chain's brighter half, below which nodes at its ends are none of it
 _NOISE_CONTRAST = 4.0  # mean response over σ of a chain that may be noise; maxima of noise above 1.5 σ have 2.2
 _FALSE = 1e-3  # chains of noise that may pass, per image and level
@@ -47,6 +48,11 @@ class Chain:
     def length(self) -> float:
         """Sections of the image that it spans."""
         return float(self.section[-1] - self.section[0] + self.step)
+
+    @property
+    def rough(self) -> bool:
+        """Whether its ground is so rough that a section alone says little."""
+        return self.step > self.scale or self.contrast < _ROUGH
 
     @cached_property
     def box(self) -> tuple[float, float, float, float]:

@@ -158,7 +158,7 @@ def _places(verdict: Verdict, rows: int, sections: int) -> tuple[Places, list[St
         doubt, number = _doubt(s, verdict) | pair, len(facts)
         for k, offset in enumerate((s.bumps.first, s.bumps.second) if pair else (0.0,)):
             facts.append(StripeFacts(s.ghost, number))
-            own = (number + k, number + 1 - k if pair else -1, s.chain.step > s.chain.scale, s.ghost)
+            own = (number + k, number + 1 - k if pair else -1, s.chain.rough, s.ghost)
             parts.append((section, s.track.place + offset, s.track.width, *(np.full(n, x) for x in own), doubt))
     if not parts:
         parts.append((_NOTHING,) * 8)

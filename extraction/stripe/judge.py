@@ -20,6 +20,7 @@ from extraction.stripe.track import (
     light_on_rough_ground,
     likeliest_ends,
     lit_pieces,
+    lit_reach,
     mean_profile,
     one_bump,
     secant,
@@ -29,23 +30,24 @@ from extraction.stripe.track import (
 Array = NDArray[np.float64]
 
 # A ridge is held against the one with the most light (its light times its length) of the image.
-PART = 0.06  # of that light, below which a ridge is texture, glare or a scratch
+PART = 0.09  # of that light, below which a ridge is texture, glare or a scratch
 PART_JOINED = 0.004  # the same for one that goes on where the other ends
 DIMMER = 0.22  # of the best ridge's own height, below which a ridge elsewhere is no stripe of the same laser
-LEAST_CONTRAST, ENOUGH_CONTRAST = 0.55, 12.0  # of the best's response over its noise, that counted up to the second
-LEAST_ASPECT = 4.0  # its length over its full width
-FLAT = 0.72  # flatness of an unclipped profile from which it is a lit face with borders, not a pulse of light
-FLAT_FROM_PX = 2.0  # Gaussian σ from which flatness shows: blur rounds what is narrower
+LEAST_CONTRAST, ENOUGH_CONTRAST = 0.65, 12.0  # of the best's response over its noise, that counted up to the second
+LEAST_ASPECT = 6.0  # its length over its full width
+FLAT = 0.6  # flatness of an unclipped profile from which it is a lit face with borders, not a pulse of light
+FLAT_FROM_PX = 2.6  # Gaussian σ from which flatness shows: blur rounds what is narrower
 CROWD = 2.6  # ridges of like light beside one another, on average: a pattern, not stripes
 CROWD_PART = 0.15  # of the best's height times length, that such a ridge has at least
 DARK_MARGIN = 3  # sections between a lit piece and the dark one beside it
 DARK_WIDTH = 1.0  # of the stripe's width, at most, where it is dark: less light is narrower; a border's glow is not
-LEAST_JOINED = 3.0  # contrast of a ridge that goes on where a stripe ends
+LEAST_JOINED, ASKED_JOINED = 3.0, 0.8  # contrast of a ridge that goes on where a stripe ends; of that asked elsewhere
 LIKE = 0.45  # of a ridge's light and height, from which another is its like
 GHOST_LIGHT = 0.2  # of a brighter ridge's height, from which a longer one is the stripe and the brighter its ghost
 GHOST_TOTAL = 0.6  # of the brighter one's height times length, that the longer one has at least
 GHOST_LONGER = 0.1  # of the shorter ridge's length, that the longer one goes on for
 CLEAR, WALK_NODES = 8.0, 3  # contrast from which a ridge is followed to its ends; level sections inside, to begin
+SAME_PX = 1.0  # beside a stripe's σ, within which another track is the same
 JOIN_GAP, JOIN_PX = 60.0, 3.0  # sections between two pieces of one stripe, and how far off their lines may pass
 JOIN_ABOUT_PX = 24.0  # between two ends that may be one stripe's, beside twice the gap
 PAIR_APART = 0.2  # of two peaks' distance, that it may differ between a ridge's halves
@@ -118,7 +120,7 @@ def judge(grey: NDArray[Any], chains: list[Chain], clip: float, max_width: float
                 flat.append(piece)
             else:
                 measured.append(piece)
-    measured.sort(key=lambda s: (-round(s.light, 3), s.track.first))
+    measured = _each_once(sorted(measured, key=lambda s: (-round(s.light, 3), s.track.first)))
     measured = _ghosts(measured)
     best = next((s for s in measured if not (s.ghost or s.dark) and _stands_alone(s)), None)
     if best is None:
@@ -138,7 +140,9 @@ def judge(grey: NDArray[Any], chains: list[Chain], clip: float, max_width: float
             bright = s.light >= PART * best.light and s.height >= DIMMER * best.height and s.chain.contrast >= asked
             joined &= not s.dark or (s.bumps.peaks == 1 and s.bumps.width <= DARK_WIDTH * best.bumps.width)
             bright &= not s.dark
-            if (joined and s.chain.contrast >= LEAST_JOINED) or (bright and _stands_alone(s)):
+            if (joined and s.chain.contrast >= max(LEAST_JOINED, ASKED_JOINED * asked)) or (
+                bright and _stands_alone(s)
+            ):
                 kept.append(replace(s, joined=joined))
                 waiting.remove(s)
                 changed = True
@@ -190,7 +194,7 @@ def _measure(grey: NDArray[Any], chain: Chain, clip: float, least: int) -> list[
     if found.peaks == 0:
         return []
     place = track.place + (found.first if found.peaks == 1 else 0.0)
-    if found.peaks == 1 and chain.contrast > CLEAR:
+    if found.peaks == 1 and chain.contrast > CLEAR and not chain.rough:
         sigma = found.width / float(np.mean(track.width[_brightest(chain, track, inside)]))
         skip = min(WALK_NODES * chain.step, (inside.stop - inside.start) // 2)
         walk_out(grey, track.first, place, inside.start + skip, -1, sigma, found.height)
@@ -202,14 +206,15 @@ def _measure(grey: NDArray[Any], chain: Chain, clip: float, least: int) -> list[
     half = along_normal if found.peaks == 1 else 0.5 * (found.second - found.first) + found.width
     light_along(grey, track.first, place, np.maximum(0.5, half * track.width), light)
     pieces = []
-    rough = chain.step > chain.scale
+    rough = chain.rough
     if rough:
         light = light_on_rough_ground(grey, track, place, found.width)
     lit_all = [inside] if rough else lit_pieces(light, inside)
     ends = []
     for k, lit in enumerate(lit_all):
-        low = lit_all[k - 1].stop if k else 0
-        high = lit_all[k + 1].start if k + 1 < len(lit_all) else len(light)
+        reached = lit_reach(light, lit)
+        low = max(lit_all[k - 1].stop if k else 0, reached.start)
+        high = min(lit_all[k + 1].start if k + 1 < len(lit_all) else len(light), reached.stop)
         start, stop = likeliest_ends(light[low:high], slice(lit.start - low, lit.stop - low), rough)
         ends.append(slice(start + low, stop + low))
     between = [slice(a.stop + DARK_MARGIN, b.start - DARK_MARGIN) for a, b in itertools.pairwise(ends)]
@@ -272,6 +277,22 @@ def _stands_alone(s: Stripe) -> bool:
 
 def _overlap(a: Stripe, b: Stripe) -> int:
     return max(0, min(a.track.stop, b.track.stop) - max(a.track.first, b.track.first))
+
+
+def _each_once(stripes: list[Stripe]) -> list[Stripe]:
+    """Without those that lie on a brighter one's track over half of their sections: their chains met only in part."""
+    out: list[Stripe] = []
+    for s in stripes:
+        on = 0
+        for k in out:
+            start, stop = max(s.track.first, k.track.first), min(s.track.stop, k.track.stop)
+            if stop > start:
+                mine = s.track.place[start - s.track.first : stop - s.track.first]
+                theirs = k.track.place[start - k.track.first : stop - k.track.first]
+                on += int(np.count_nonzero(np.abs(mine - theirs) < SAME_PX + max(s.bumps.width, k.bumps.width)))
+        if on < 0.5 * len(s.track.place):
+            out.append(s)
+    return out
 
 
 def _ghosts(stripes: list[Stripe]) -> list[Stripe]:

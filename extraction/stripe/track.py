@@ -13,8 +13,11 @@ from geometry.compiled import kernel
 
 Array = NDArray[np.float64]
 
+# beyond the ends of a ridge that stands very clear: it is followed, whatever ended the chain at its level
+_FOLLOWED, _VERY_CLEAR = 160, 20.0
 _EXTENSION = 28  # sections beyond a chain's ends that are looked at: a level's section and links lost in noise
 _END_SECTIONS = 40  # inside, whose light is compared with that beyond
+_LEAST_END = 0.5  # of a ridge's median light, that its light at an end is taken for at least
 _NEAR_END, _END_SHIFT = 8, 4  # sections on either side of an end that give its levels; how far it may still move
 _CLEAR = 8.0  # contrast of such a ridge
 _SHADOW, _SHADOW_SECTIONS = 0.3, 15  # share of a stripe's light, and sections in a row, that make a shadow in it
@@ -45,7 +48,8 @@ def dense(chain: Chain, sections: int) -> Track:
     place = _smooth(chain.section, place, half)
     low = int(np.ceil(chain.section[0] - chain.step / 2))
     high = int(np.floor(chain.section[-1] + chain.step / 2))
-    s = np.arange(max(low - _EXTENSION, 0), min(high + _EXTENSION, sections - 1) + 1)
+    more = _FOLLOWED if chain.contrast > _VERY_CLEAR else _EXTENSION
+    s = np.arange(max(low - more, 0), min(high + more, sections - 1) + 1)
     inside = np.interp(s, chain.section, place)
     reach = max(3, (_SLOPE_CLEAR if chain.contrast > _CLEAR else _SLOPE_SECTIONS) // chain.step)
     for end, index in ((0, slice(None, reach)), (-1, slice(-reach, None))):
@@ -271,13 +275,14 @@ def likeliest_ends(light: Array, inside: slice, on_nothing: bool = False) -> tup
     ground is not nothing, unless ``on_nothing`` says so.
     """
     n, length = len(light), inside.stop - inside.start
-    stop = n - _likeliest_start(light[::-1], n - inside.stop, length, on_nothing)
-    return _likeliest_start(light, inside.start, length, on_nothing), stop
+    least = _LEAST_END * float(np.median(light[inside]))
+    stop = n - _likeliest_start(light[::-1], n - inside.stop, length, least, on_nothing)
+    return _likeliest_start(light, inside.start, length, least, on_nothing), stop
 
 
-def _likeliest_start(light: Array, start: int, length: int, on_nothing: bool) -> int:
+def _likeliest_start(light: Array, start: int, length: int, least: float, on_nothing: bool) -> int:
     depth = min(_END_SECTIONS, max(length, 1))
-    height = float(np.median(light[start : start + depth]))
+    height = max(float(np.median(light[start : start + depth])), least)
     run = np.cumsum((light[: start + depth] - 0.5 * height)[::-1])[::-1]
     k = int(np.argmax(np.round(run, 6)))
     for _ in range(0 if on_nothing else 2):
@@ -289,6 +294,17 @@ def _likeliest_start(light: Array, start: int, length: int, on_nothing: bool) ->
         run = np.cumsum((light[a:b] - level)[::-1])[::-1]
         k = a + int(np.argmax(np.round(run, 6)))
     return k
+
+
+def lit_reach(light: Array, inside: slice) -> slice:
+    """The track as far as it stays lit beyond ``inside``, and the first dark stretch: the next piece is another's."""
+    height = float(np.median(light[inside]))
+    start, stop = inside.start, inside.stop
+    while stop < len(light) and float(np.mean(light[stop : stop + _SHADOW_SECTIONS])) >= _SHADOW * height:
+        stop += 1
+    while start > 0 and float(np.mean(light[max(start - _SHADOW_SECTIONS, 0) : start])) >= _SHADOW * height:
+        start -= 1
+    return slice(max(start - _SHADOW_SECTIONS, 0), min(stop + _SHADOW_SECTIONS, len(light)))
 
 
 def lit_pieces(light: Array, inside: slice) -> list[slice]:

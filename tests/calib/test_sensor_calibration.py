@@ -95,7 +95,10 @@ def test_the_noise_of_a_stripe_is_made_independent():
     uv, sigma = views.stripe.uv_px[mine], 2.0 * views.stripe.sigma_px[mine]
     step = np.linalg.norm(np.diff(uv, axis=0), axis=1)
     place = np.concatenate([[0.0], np.cumsum(step)])
-    covariance = np.exp(-np.abs(place[:, None] - place) / 7.0) * np.outer(sigma, sigma) + 0.1**2
+    covariance = np.exp(-np.abs(place[:, None] - place) / 7.0) * np.outer(sigma, sigma)
+    along = np.linalg.norm(uv - uv[0], axis=1)
+    turn = (along - along.mean()) / np.std(along)
+    covariance = covariance + 0.1**2 * (1 + np.outer(turn, turn))
     table = np.zeros((len(mine), int(mine.sum())))
     table[mine] = np.eye(int(mine.sum()))
     white = term.independent(table)[mine]

@@ -1,5 +1,6 @@
 """Cells recorded in emulation: what is true of them, what is rendered, and the truth beside it."""
 
+from workbench.emulate.board import BoardRecording, board_solids, planned_boards, record_boards
 from workbench.emulate.check import all_hidden, check_views, never_met
 from workbench.emulate.experiment import PAPER_DEVIATION_MM, paper_experiment
 from workbench.emulate.extras import Extras
@@ -21,11 +22,13 @@ from workbench.emulate.truth import (
 __all__ = [
     "NOTHING",
     "PAPER_DEVIATION_MM",
+    "BoardRecording",
     "Configuration",
     "Errors",
     "Extras",
     "TrueCell",
     "all_hidden",
+    "board_solids",
     "built_arm",
     "check_views",
     "configurations",
@@ -35,8 +38,10 @@ __all__ = [
     "mounting",
     "never_met",
     "paper_experiment",
+    "planned_boards",
     "planned_views",
     "record",
+    "record_boards",
     "record_profiles",
     "render_scene_file",
     "surface_views",

@@ -123,7 +123,7 @@ def _print_points(console: Console, result: CalibrationResult) -> None:
     flagged = sum(bool(flag) for f in used for flag in f.axis.flag)
     residuals = np.concatenate([f.residual_mm for f in used]) if used else np.zeros(0)
     finite = residuals[np.isfinite(residuals)]
-    rms = f", rms distance from their strings {np.sqrt(np.mean(finite**2)):.3f} mm" if len(finite) else ""
+    rms = f", rms distance from the target {np.sqrt(np.mean(finite**2)):.3f} mm" if len(finite) else ""
     console.print(f"{len(used)} of {len(result.frames)} frames used, {n} points ({flagged} flagged){rms}")
 
 

@@ -10,20 +10,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib import CalibrationResult
-from geometry import CONVENTIONS, Frame, express
+from geometry import CONVENTIONS, Frame, Surface, express, target_at
 from workbench.cell import Observed
 from workbench.files import Cell, Settings, read_image, settings_text, write_text
 from workbench.report.as_text import AXES
 from workbench.report.fig7 import draw_fig7
 from workbench.report.overlays import overlay
 from workbench.report.page import jpeg, render_page, svg
-from workbench.report.residuals import draw_residuals
+from workbench.report.residuals import draw_residuals, draw_section
 
 Array = NDArray[np.float64]
 
 QUANTILE_95 = 1.96  # of the normal distribution, both sides
 WORST = 3  # used frames that are shown beside those left out
-BANNER = {"ok": "good", "model_misfit": "care", "weak": "care"}
+BANNER = {"ok": "good"} | dict.fromkeys(("model_misfit", "priors_contradict", "sensor_suspect", "weak"), "care")
 TANGENT = ("tx", "ty", "tz", "rx", "ry", "rz")
 
 
@@ -132,7 +132,11 @@ def _worst(cell: Cell, result: CalibrationResult) -> list[dict[str, Any]]:
     order = sorted(result.frames, key=lambda f: -rms[f.number])[: WORST + sum(np.isinf(v) for v in rms.values())]
     out = []
     for frame in order[: 2 * WORST]:
-        if frame.reason != "image_unreadable" and frame.image:
+        surface = isinstance(target_at(cell.target, frame.location), Surface)
+        if surface and len(frame.residual_mm):
+            why = "not used" if np.isinf(rms[frame.number]) else f"rms {rms[frame.number]:.3f} mm"
+            out.append({"frame": frame.number, "why": why, "image": svg(draw_section(frame))})
+        elif not surface and frame.image and frame.reason != "image_unreadable":
             picture = overlay(read_image(cell.folder / frame.image, cell.sensor), cell.sensor, frame)
             why = "not used" if np.isinf(rms[frame.number]) else f"rms {rms[frame.number]:.3f} mm"
             out.append({"frame": frame.number, "why": why, "image": jpeg(picture)})

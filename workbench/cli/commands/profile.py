@@ -45,11 +45,11 @@ def command(
 
     if csv is None and ply is None and overlay is None and not json_output:
         raise InputError("nothing to write: give --csv, --ply or --overlay FILE, or --json")
-    if ply is not None and sensor is None:
-        raise InputError("--ply holds points in mm: it needs --sensor FILE")
     if len(images) == 1 and is_profile_file(images[0]):
         _profile_file(images[0], sensor, csv, ply)
         return
+    if ply is not None and sensor is None:
+        raise InputError("--ply holds points in mm: it needs --sensor FILE")
     for image in images:
         if is_profile_file(image):
             raise InputError(f"{image} is a profile already; give it alone, or images only")

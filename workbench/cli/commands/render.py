@@ -22,13 +22,13 @@ class Renderer(StrEnum):
 
 
 def command(
+    out: Annotated[Path, typer.Option(help="Folder for the dataset; a broken-off recording there is resumed.")],
     cell: Annotated[
-        Path,
+        Path | None,
         typer.Argument(
             metavar="CELL.toml", help="The cell to record, with its \\[locations]; or with --sensor a scene."
         ),
-    ],
-    out: Annotated[Path, typer.Option(help="Folder for the dataset; a broken-off recording there is resumed.")],
+    ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Same seed, same bytes.")] = 0,
     per_location: Annotated[int, typer.Option(min=1, max=1000, help="Views planned at each location.")] = 7,
     joints: Annotated[
@@ -52,16 +52,28 @@ def command(
         str | None,
         typer.Option(metavar="FORMAT", help="Profiles in a maker's format in place of images: csv, gocator, ply …"),
     ] = None,
+    board: Annotated[
+        Path | None,
+        typer.Option(help="board.toml: pairs of pictures of a board before --sensor, laser off and on."),
+    ] = None,
+    views: Annotated[int, typer.Option(min=1, max=1000, help="Pairs that --board makes.")] = 14,
     trial: Annotated[
         int | None, typer.Option(help="Remake this trial of a campaign; CELL.toml is its plan or the run's folder.")
     ] = None,
 ) -> None:
     r"""Record a cell in emulation: plan views or take given joints, render the images, write a dataset with truth.
 
-    With --sensor, render one image of a scene.toml.
+    With --sensor, render one image of a scene.toml; with --board too, pairs of pictures for calibrate-sensor.
 
     The true robot, jig and mounting are drawn from \[uncertainty], tolerance_mm and the mounting's σ.
     """
+    if board is not None:
+        _boards(board, sensor, out, views, seed)
+        return
+    if cell is None:
+        from geometry import InputError
+
+        raise InputError("nothing to record: give a CELL.toml, or --board board.toml with --sensor")
     if trial is not None:
         from workbench.campaign import remake_trial
 
@@ -79,6 +91,19 @@ def command(
         _record_profiles(cell, out, seed, per_location, joints, errors, profiles or "auto")
         return
     _record(cell, out, seed, per_location, joints, renderer, errors, scene, extras)
+
+
+def _boards(path: Path, sensor: str | None, out: Path, views: int, seed: int) -> None:
+    from geometry import InputError
+    from workbench.cell import find_emulator, find_sensor
+    from workbench.emulate import record_boards
+    from workbench.files import read_board
+
+    if sensor is None:
+        raise InputError("--board needs the sensor that looks at it: give --sensor FILE or a preset")
+    with progress_bar("rendering", views) as progress:
+        record_boards(out, find_sensor(sensor), find_emulator(sensor), read_board(path), views, seed, progress)
+    standard_error().print(f"{out}: {views} pairs of pictures", markup=False)
 
 
 def _one_image(
