@@ -73,7 +73,7 @@ def test_what_is_wrong_with_profiles_is_said(cli: Cli, tmp_path: Path) -> None:
     write_ball(tmp_path, "csv")
     edit(tmp_path / "sensor.toml", '"auto"\n', '"auto"\nz_towards_sensor = true\n')
     (tmp_path / "profiles" / "003.csv").write_text("y_mm,z_mm\n" + "".join(f"{k / 10},300.0\n" for k in range(300)))
-    outcome = cli("calibrate", tmp_path, "--json")
+    outcome = cli("calibrate", tmp_path, "--model", "scp", "--json")
     assert outcome.code == 0, outcome.err
     notes = " ".join(outcome.json["notes"])
     assert "z_towards_sensor = false" in notes
@@ -87,7 +87,7 @@ def test_a_wrong_pitch_is_told_by_the_balls_ellipses(cli: Cli, tmp_path: Path) -
     for path in (tmp_path / "profiles").iterdir():
         rows = [line.split(",") for line in path.read_text().splitlines()[1:]]
         path.write_text("y_mm,z_mm\n" + "".join(f"{float(y) * 0.9:.6f},{z}\n" for y, z in rows))
-    outcome = cli("calibrate", tmp_path, "--json")
+    outcome = cli("calibrate", tmp_path, "--model", "scp", "--json")
     assert outcome.code in (0, 3), outcome.err
     assert any("check pitch_mm" in note for note in outcome.json["notes"]), outcome.json["notes"]
 
@@ -95,7 +95,7 @@ def test_a_wrong_pitch_is_told_by_the_balls_ellipses(cli: Cli, tmp_path: Path) -
 def test_a_file_that_is_missing_costs_its_frame_alone(cli: Cli, tmp_path: Path) -> None:
     write_ball(tmp_path, "csv")
     (tmp_path / "profiles" / "005.csv").unlink()
-    outcome = cli("calibrate", tmp_path, "--json")
+    outcome = cli("calibrate", tmp_path, "--model", "scp", "--json")
     assert outcome.code == 0, outcome.err
     lost = next(f for f in outcome.json["frames"] if f["frame"] == 5)
     assert (lost["reason"], lost["used"]) == ("no_profile", False)
@@ -113,7 +113,7 @@ def test_targets_by_location_and_their_files_errors(cli: Cli, tmp_path: Path) ->
         stream.write('[locations.D]\ntarget = "other.toml"\n')
     assert "other.toml is no file" in cli("calibrate", tmp_path).err
     (tmp_path / "other.toml").write_text('kind = "sphere"\n')
-    outcome = cli("calibrate", tmp_path, "--json")
+    outcome = cli("calibrate", tmp_path, "--model", "scp", "--json")
     assert outcome.code == 0, outcome.err
     assert outcome.json["locations"]["D"]["target"]["diameter_mm"] == pytest.approx(DIAMETER_MM, abs=0.2)
 

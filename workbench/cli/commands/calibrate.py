@@ -125,8 +125,10 @@ def _export(path: Path, maker: str, cell: Cell, result: CalibrationResult) -> No
     """Write the SCP that goes with the controller's own table."""
     from workbench.files import controller_text, write_text
 
-    pose = result.T_hand_sensor
+    nominal = result.nominal
+    pose = result.T_hand_sensor if nominal is None else nominal.T_hand_sensor
     if pose is None:
         return
-    about = f"calibrate {cell.folder.resolve().name}: model {result.model}, verdict {result.verdict.code}"
+    which = "" if nominal is None else ", T_hand_sensor_nominal: it goes with the controller's own, nominal table"
+    about = f"calibrate {cell.folder.resolve().name}: model {result.model}, verdict {result.verdict.code}{which}"
     write_text(path, controller_text(pose, maker, about))
