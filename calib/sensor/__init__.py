@@ -2,12 +2,15 @@
 
 from calib.sensor.calibrate import SensorSettings, calibrate_sensor
 from calib.sensor.choice import Tried
+from calib.sensor.direct import DirectMap, DirectModel, fit_direct
 from calib.sensor.result import SensorCalibration, SensorSolution, SensorVerdict, ViewResult
 from calib.sensor.views import BoardView, Corners, Stripe
 
 __all__ = [
     "BoardView",
     "Corners",
+    "DirectMap",
+    "DirectModel",
     "SensorCalibration",
     "SensorSettings",
     "SensorSolution",
@@ -16,4 +19,5 @@ __all__ = [
     "Tried",
     "ViewResult",
     "calibrate_sensor",
+    "fit_direct",
 ]

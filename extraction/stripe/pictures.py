@@ -128,7 +128,7 @@ def _clipped_below_full_scale(rng: np.random.Generator) -> StripePicture:
 
 def _colour(rng: np.random.Generator) -> StripePicture:
     centre = 80 + 7 * np.sin(np.arange(640) / 80) + rng.uniform(-3, 3)
-    channels = [5 + _bell(170, centre, 3.0, peak) for peak in (250, 330, 700)]
+    channels = [5 + _bell(170, centre, 3.0, peak) for peak in (200, 330, 700)]
     return StripePicture(np.stack([_seen(c, rng) for c in channels], axis=-1), centre, False, 1.5)
 
 

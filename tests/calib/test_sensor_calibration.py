@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calib.sensor import SensorCalibration, calibrate_sensor
+from calib.sensor import SensorCalibration, calibrate_sensor, fit_direct
 from calib.sensor.bundle import stripe_points
 from calib.sensor.lens import project, undistort
 from calib.sensor.sheet_frame import sheet_frame
@@ -180,3 +180,11 @@ def test_without_stripes_the_plane_is_open():
     rng = np.random.default_rng(7)
     views = [replace(v, stripe=v.stripe[:0]) for v in made_views(rng, true_camera(rng, False), count=5)]
     assert calibrate_sensor(views, SIZE).verdict.code == "plane_not_determined"
+
+
+def test_a_direct_map_follows_the_bundle():
+    found, _ = _solved(2, tilted=False, count=8)
+    plain, bent = fit_direct(found, "homography", SIZE), fit_direct(found, "polynomial", SIZE)
+    assert plain.homography is not None
+    assert len(bent.polynomial) == 15
+    assert bent.rms_mm < 0.01 < plain.rms_mm  # the lens is in the polynomial, not in the homography

@@ -120,6 +120,13 @@ SIGMAS = tuple(
 )
 
 
+class DirectSection(FileSection):
+    """[direct]: a map from pixels to the laser plane without a camera; carried, acted on by nothing yet."""
+
+    homography: Matrix3 | None = None
+    polynomial: tuple[tuple[Real, Real, Real, Real], ...] | None = None
+
+
 class SensorFile(FileSection):
     """The part of sensor.toml that every room needs."""
 
@@ -128,9 +135,16 @@ class SensorFile(FileSection):
     profile: ProfileSection | None = None
     laser: LaserSection = Field(default_factory=LaserSection)
     uncertainty: SensorUncertaintySection | None = None
+    direct: DirectSection | None = None
 
 
-SHARED_TABLES = ("image", "camera", "profile", "uncertainty")  # of no concern to the emulator; [laser] is both's
+SHARED_TABLES = (
+    "image",
+    "camera",
+    "profile",
+    "uncertainty",
+    "direct",
+)  # of no concern to the emulator; [laser] is both's
 
 
 def read_sensor(path: Path) -> Sensor:

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from calib.sensor import SensorCalibration, SensorSolution
-from geometry import Camera, Sensor, Sheet
+from calib.sensor import DirectMap, SensorCalibration, SensorSolution
+from geometry import Camera, Sensor, Sheet, toml_value
 from perceptron_emu import EmulatorConfig
 from workbench.files import sensor_text
 
@@ -113,8 +113,8 @@ def _fan_deg(result: SensorCalibration) -> float:
     return float(np.clip(np.ceil(np.rad2deg(2 * widest) * FAN_MARGIN), *FAN_DEG))
 
 
-def calibrated_text(sensor: Sensor, result: SensorCalibration) -> str:
-    """The sensor.toml of a calibration."""
+def calibrated_text(sensor: Sensor, result: SensorCalibration, direct: DirectMap | None = None) -> str:
+    """The sensor.toml of a calibration, with a direct map where one was asked for."""
     facing = result.solution is not None and result.solution.frame.z_is_image_v
     axis = (
         "the image's v direction, for the optical axis stands near the plane's normal" if facing else "the optical axis"
@@ -126,7 +126,19 @@ def calibrated_text(sensor: Sensor, result: SensorCalibration) -> str:
         "# [laser] origin_mm and fan_deg are assumed: a board does not show where the light comes from",
         f"# verdict {result.verdict.code}: left-out views {result.left_out_px:.4f} px, {result.left_out_mm:.4f} mm off",
     ]
-    return "\n".join(head) + "\n" + sensor_text(sensor, EmulatorConfig())
+    return "\n".join(head) + "\n" + sensor_text(sensor, EmulatorConfig()) + direct_text(direct)
+
+
+def direct_text(direct: DirectMap | None) -> str:
+    """[direct] of a sensor.toml."""
+    if direct is None:
+        return ""
+    if direct.homography is not None:
+        return f"[direct]   # u v 1 -> y z 1\nhomography = {toml_value(direct.homography.tolist())}\n"
+    rows = ", ".join(f"[{i}, {j}, {y!r}, {z!r}]" for i, j, y, z in direct.polynomial)
+    return (
+        f"[direct]   # i, j, y, z of u^i v^j, from the image's centre over its half diagonal\npolynomial = [{rows}]\n"
+    )
 
 
 def exported(sensor: Sensor, kind: str) -> str:

@@ -42,6 +42,8 @@ SETTLED = 0.2  # of σ: a step below ends the fit
 STEP, LINEAR_STEP = 0.2, 0.5  # of a key's logarithm, of a linear key, for its derivative
 LARGEST_STEP, LARGEST_LINEAR = 0.7, 20.0  # at once, of a key's logarithm, of a linear key
 FLOOR = 0.01  # σ that no figure is taken to be better than: the surface that stands for the recorded one is not it
+POWERS = (1.0, 0.5, 2.0, 0.25, 4.0, 0.1, 10.0, 0.03, 30.0)  # of the file's, tried in turn
+MIN_PARTS = 0.7  # of the recorded stripes: so many must be found in the emulated images
 MIN_INSIDE = 0.5  # part of the points that must lie in the laser's fan
 MAX_IMAGES = 12
 
@@ -164,6 +166,7 @@ def fit_twin(
     before = np.linalg.solve(TO_KEYS, start_keys)
     target, spread = _means(recorded)
     theta = np.linalg.solve(TO_KEYS, _first(start_keys, target))
+    theta = _seen_at_all(np.asarray(theta, float), seen_with, sum(len(s.parts) for s in recorded))
     theta = _within(theta + _first_step(target, _means(seen_with(theta))[0]))
     emulated = seen_with(theta)
     figures, noise = _means(emulated)
@@ -283,6 +286,20 @@ def _to_keys() -> Array:
 
 TO_KEYS = _to_keys()
 LARGEST = np.array([LARGEST_LINEAR if k.linear else LARGEST_STEP for k in KEYS])
+
+
+def _seen_at_all(theta: Array, seen_with: Callable[[Array], tuple[Seen, ...]], parts: int) -> Array:
+    """The start with power by which extraction finds most of the emulated stripes: neither lost nor clipped."""
+    power = [k.name for k in KEYS].index("power_mw")
+    for factor in POWERS:
+        trial = theta.copy()
+        trial[power] += np.log(factor)
+        if sum(len(s.parts) for s in seen_with(trial)) >= MIN_PARTS * parts:
+            return trial
+    raise InputError(
+        f"extraction finds no stripe in the emulated images of this sensor, at {POWERS[-2]:g} to {POWERS[-1]:g} times "
+        f"its power: [laser], [optics] and [noise] of the sensor's file are far from the recorded images"
+    )
 
 
 def _first_step(target: Array, figures: Array) -> Array:

@@ -65,7 +65,8 @@ def see(image: Image, sensor: Sensor, config: StripeConfig) -> Seen:
     across = peaks.uv_px[:, 1] if _along_u(profile) else peaks.uv_px[:, 0]
     line = smooth(peaks.section, across)
     residual = np.abs(peaks.normal[:, 1 if _along_u(profile) else 0]) * (across - line)
-    bounds = np.linspace(0, len(profile), PARTS + 1).astype(int)
+    count = max(1, min(PARTS, len(profile) // MIN_SECTIONS))
+    bounds = np.linspace(0, len(profile), count + 1).astype(int)
     rows = [
         _figures(image, sensor, profile, residual, slice(a, b)) for a, b in pairwise(bounds) if b - a >= MIN_SECTIONS
     ]

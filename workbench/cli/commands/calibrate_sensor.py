@@ -12,7 +12,7 @@ from workbench.cli import exit_codes
 from workbench.cli.console import progress_bar, say_on_stdout, standard_error, standard_output
 
 if TYPE_CHECKING:
-    from calib.sensor import SensorCalibration
+    from calib.sensor import DirectModel, SensorCalibration
 
 
 class Export(StrEnum):
@@ -21,6 +21,14 @@ class Export(StrEnum):
     OPENCV = "opencv"
     ROS = "ros"
     JSON = "json"
+
+
+class Model(StrEnum):
+    """What is written: camera and plane, and a direct map beside them."""
+
+    PINHOLE = "pinhole"
+    HOMOGRAPHY = "homography"
+    POLYNOMIAL = "polynomial"
 
 
 class Channel(StrEnum):
@@ -41,6 +49,9 @@ def command(
     out: Annotated[Path, typer.Option(help="The sensor.toml to write.")],
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
     report: Annotated[Path | None, typer.Option(help="An HTML page with residuals and coverage.")] = None,
+    model: Annotated[
+        Model, typer.Option(help="A direct map from pixels to (y, z) beside the camera, as \\[direct].")
+    ] = Model.PINHOLE,
     terms: Annotated[int, typer.Option(min=0, max=14, help="Longest OpenCV distortion vector that may be used.")] = 14,
     origin_z_mm: Annotated[float, typer.Option(help="Moves {P}'s origin along z.")] = 0.0,
     origin_y_mm: Annotated[float, typer.Option(help="Moves {P}'s origin along y.")] = 0.0,
@@ -49,6 +60,7 @@ def command(
     export_to: Annotated[Path | None, typer.Option(help="File of --export.")] = None,
 ) -> None:
     """Calibrate a line sensor from pictures of a board with the laser's stripe on it: camera, lens and laser plane."""
+    from calib.sensor import fit_direct
     from geometry import InputError
     from workbench.files import find_views, read_board, write_text
     from workbench.report import json_text
@@ -74,7 +86,12 @@ def command(
     answer = answer_object(result, sum(len(v.corners) for v in recording.views), recording.lost, remarks)
     sensor = calibrated_sensor(result, recording.sensor) if result.verdict.is_answer else None
     if sensor is not None:
-        write_text(out, calibrated_text(sensor, result))
+        camera = recording.sensor.require_camera()
+        size = (camera.width_px, camera.height_px)
+        kind: DirectModel = "homography" if model is Model.HOMOGRAPHY else "polynomial"
+        direct = None if model is Model.PINHOLE else fit_direct(result, kind, size)
+        answer |= {} if direct is None else {"direct": {"model": model.value, "rms_mm": direct.rms_mm}}
+        write_text(out, calibrated_text(sensor, result, direct))
         if export is not None and export_to is not None:
             write_text(export_to, exported(sensor, export.value))
     if report is not None:
