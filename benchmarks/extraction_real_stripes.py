@@ -1,10 +1,12 @@
-"""A real stripe on a flat board is straight after undistortion: residuals of our points beside those of others.
+"""Real stripes by default settings beside others' ways: residual about a line over 40 sections, and that over σ.
 
-Frames of openlmd/etna (BSD): a checkerboard, 7 × 6 inner corners of 10 mm, and a laser stripe in each, mostly clipped.
-The camera is calibrated from the boards of a set by OpenCV; each method's points are undistorted and a line is fitted
-to those within 3 px of a robust line. "rms" is the perpendicular residual, "short" that between neighbouring sections
-(second differences), which no bent board and no lens model can cause.
-Run: python benchmarks/extraction_real_stripes.py [folder of etna]   (RIDGE_PYTHON=… names one with ridge-detector)
+Sets: openlmd/etna (BSD), two of them, a stripe beside a checkerboard, clipped; NeilKhera/laser_line_striping (BSD), a
+faint stripe in room light, JPEG; Jesus89/3DScanScience (CC BY-SA 4.0), a bust and a pattern with their laser-off
+frames. Each method's points are cut into runs of 40 sections that follow each other; a line is taken off each run.
+"residual" is the median over runs of the root mean square that is left, "over σ" the same of residuals divided by the
+points' stated σ; "even" the same of even sections, their line fitted to odd ones alone. Others' points are taken in
+the sections that we found. Run: python benchmarks/extraction_real_stripes.py FOLDER   (RIDGE_PYTHON=… names an
+interpreter with ridge-detector)
 """
 
 from __future__ import annotations
@@ -13,55 +15,61 @@ import os
 import subprocess
 import sys
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
 import numpy as np
 
-from extraction import StripeConfig, detect_stripe
+from extraction import StripePeaks, detect_stripe
 
-CORNERS, SQUARE_MM, NEAR_PX = (7, 6), 10.0, 3.0
-
-
-def calibrate(images: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray, float]:
-    """Camera matrix, distortion (k1 k2 p1 p2) and reprojection rms [px] from the boards that are found."""
-    board = np.zeros((CORNERS[0] * CORNERS[1], 3), np.float32)
-    board[:, :2] = SQUARE_MM * np.mgrid[: CORNERS[0], : CORNERS[1]].T.reshape(-1, 2)
-    corners = []
-    for image in images:
-        dimmed = np.minimum(image, 80)  # the clipped stripe would set the detector's threshold
-        ok, seen = cv2.findChessboardCorners(dimmed, CORNERS)
-        if ok:
-            stop = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_MAX_ITER, 50, 1e-4)
-            corners.append(cv2.cornerSubPix(dimmed, seen, (7, 7), (-1, -1), stop))
-    size = images[0].shape[::-1]
-    flags = cv2.CALIB_FIX_K3 | cv2.CALIB_FIX_K2 | cv2.CALIB_ZERO_TANGENT_DIST
-    rms, K, k, _, _ = cv2.calibrateCamera([board] * len(corners), corners, size, None, None, flags=flags)
-    return K, k, rms
+RUN, REACH_PX = 40, 15
+BUST, PATTERN = "ciclop/3.1. Laser segmentation", "ciclop/3.2. Laser segmentation in pattern"
+SETS: dict[str, tuple[str, str, int | None]] = {  # folder, files, channel
+    "etna": ("etna/data", "frame*.png", None),
+    "etna, second set": ("etna/data/calib2", "frame*.png", None),
+    "floor": ("floor_blocks/Red Lasers (Plane)/test", "*.jpg", 2),
+    "bust": (BUST, "laser.png", 2),
+    "pattern": (PATTERN, "laser-0-255-255-8.png", 2),
+}
+OFF = {"bust": "laser_background.png", "pattern": "laser-background-0-255-255-8.png"}
+Method = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
 
-def ours(image: np.ndarray) -> np.ndarray:
-    """The product along rows, the most continuous chain, told that the stripe is up to 25 px wide."""
-    wide = StripeConfig(direction="rows")
-    return detect_stripe(image, wide).uv_px
+def read(path: Path, channel: int | None) -> np.ndarray:
+    """Grey levels of a file."""
+    image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    return np.ascontiguousarray(image if image.ndim == 2 else image[..., channel or 0])
 
 
-def row_maximum(image: np.ndarray) -> np.ndarray:
-    """The brightest pixel of each row of the blurred image."""
-    blurred = cv2.GaussianBlur(image, (5, 5), 1.3)
-    u = np.argmax(blurred, axis=1)
-    keep = blurred[np.arange(len(u)), u] > 100
-    return np.column_stack([u, np.arange(len(u))])[keep].astype(float)
+def _rows(image: np.ndarray, section: np.ndarray, place: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Grey levels of each section about its place, and where they are; sections are rows of ``image``."""
+    at = np.clip(np.round(place).astype(int)[:, None] + np.arange(-REACH_PX, REACH_PX + 1), 0, image.shape[1] - 1)
+    return image[section[:, None], at].astype(float), at
 
 
-def centre_of_mass(image: np.ndarray) -> np.ndarray:
-    """Centre of mass of each row, 15 px around its maximum."""
-    points = row_maximum(image)
-    v = points[:, 1].astype(int)
-    columns = np.clip(points[:, 0].astype(int)[:, None] + np.arange(-15, 16), 0, image.shape[1] - 1)
-    grey = image[v[:, None], columns].astype(float)
+def centre_of_mass(image: np.ndarray, section: np.ndarray, place: np.ndarray) -> np.ndarray:
+    """Of what stands above the section's ends."""
+    grey, at = _rows(image, section, place)
     weight = np.maximum(grey - np.median(grey[:, [0, 1, -2, -1]], axis=1)[:, None], 0)
-    return np.column_stack([np.sum(weight * columns, 1) / np.sum(weight, 1), v])
+    return np.sum(weight * at, 1) / np.maximum(np.sum(weight, 1), 1e-9)
+
+
+def log_parabola(image: np.ndarray, section: np.ndarray, place: np.ndarray) -> np.ndarray:
+    """Blur along the section, σ 3 px, then a parabola through the logarithms of the three highest."""
+    blurred = cv2.GaussianBlur(image.astype(np.float32), (19, 1), 3.0)
+    grey, at = _rows(blurred, section, place)
+    k, n = np.clip(np.argmax(grey, axis=1), 1, grey.shape[1] - 2), np.arange(len(grey))
+    level = np.log(np.maximum(grey - grey.min(axis=1)[:, None], 1e-3))
+    a, b, c = level[n, k - 1], level[n, k], level[n, k + 1]
+    bend = a - 2 * b + c
+    return at[n, k] + np.where(bend < 0, 0.5 * (a - c) / np.where(bend < 0, bend, 1.0), 0.0)
+
+
+def brightest(image: np.ndarray, section: np.ndarray, place: np.ndarray) -> np.ndarray:
+    """OpenCV alone: the brightest pixel of the blurred section."""
+    grey, at = _rows(cv2.GaussianBlur(image, (5, 5), 1.3), section, place)
+    return at[np.arange(len(grey)), np.argmax(grey, axis=1)].astype(float)
 
 
 RIDGE = """
@@ -73,58 +81,84 @@ np.save(sys.argv[2], np.concatenate([np.column_stack([c.col, c.row]) for c in d.
 """
 
 
-def ridge_detector(image: np.ndarray) -> np.ndarray | None:
-    """Ridge-detector's points, in an environment of its own; None where that is not given."""
-    python = os.environ.get("RIDGE_PYTHON")
-    if not python:
-        return None
+def ridge_detector(image: np.ndarray, section: np.ndarray, place: np.ndarray) -> np.ndarray:
+    """Steger's detector: its line points, interpolated at the sections, where they are within REACH_PX."""
     with tempfile.TemporaryDirectory() as folder:
         source, result = Path(folder, "in.npy"), Path(folder, "out.npy")
         np.save(source, image)
-        subprocess.run([python, "-c", RIDGE, source, result], check=True, capture_output=True)  # noqa: S603
-        return np.load(result)
+        subprocess.run([os.environ["RIDGE_PYTHON"], "-c", RIDGE, source, result], check=True, capture_output=True)  # noqa: S603
+        found = np.load(result)
+    out = np.full(len(section), np.nan)
+    for i, (row, at) in enumerate(zip(section, place, strict=True)):
+        near = found[(np.abs(found[:, 1] - row) < 1) & (np.abs(found[:, 0] - at) < REACH_PX)]
+        if len(near):
+            out[i] = near[np.argmin(np.abs(near[:, 1] - row)), 0]
+    return out
 
 
-def straightness(points: np.ndarray, K: np.ndarray, k: np.ndarray) -> tuple[float, float, int]:
-    """Perpendicular rms, short-range rms [px] and number of the points near their line."""
-    flat = cv2.undistortPoints(points[:, None].astype(float), K, k, P=K)[:, 0]
-    flat = flat[np.argsort(flat[:, 1], kind="stable")]
-    slope = np.polyfit(flat[:, 1], flat[:, 0], 1)
-    for _ in range(20):
-        off = flat[:, 0] - np.polyval(slope, flat[:, 1])
-        near = np.abs(off - np.median(off)) < max(NEAR_PX, 2 * float(np.median(np.abs(off - np.median(off)))))
-        slope = np.polyfit(flat[near, 1], flat[near, 0], 1)
-    off = (flat[:, 0] - np.polyval(slope, flat[:, 1])) / np.hypot(1, slope[0])
-    off = off[np.abs(off) < NEAR_PX]
-    short = np.diff(off, 2) / np.sqrt(6)
-    return float(np.sqrt(np.mean(off**2))), float(np.sqrt(np.mean(short**2))), len(off)
+def runs(peaks: StripePeaks) -> list[np.ndarray]:
+    """Indices of runs of RUN sections on one piece."""
+    out = []
+    for number in np.unique(peaks.piece):
+        own = np.flatnonzero(peaks.piece == number)
+        whole = own[: len(own) // RUN * RUN].reshape(-1, RUN)
+        out += [run for run in whole if np.ptp(peaks.section[run]) < RUN + 4]
+    return out
+
+
+def residual(section: np.ndarray, place: np.ndarray, fitted: slice, judged: slice) -> np.ndarray:
+    """What a line through some points leaves in others, freed of what the line takes."""
+    x = section - section.mean()
+    line = np.polyfit(x[fitted], place[fitted], 1)
+    left = (place - np.polyval(line, x))[judged]
+    return left * (np.sqrt(len(x) / (len(x) - 2)) if fitted == judged else 1 / np.sqrt(1 + 4 / len(x)))
 
 
 def main() -> None:
-    """Print a table per set of frames."""
-    folder = Path(sys.argv[1] if len(sys.argv) > 1 else "etna")
-    if not folder.is_dir():
-        sys.exit(f"{folder} is not there: name the folder of etna")
-    methods = {
-        "perceptron-emu": ours,
-        "row maximum (OpenCV)": row_maximum,
+    """Print a line per set and method."""
+    real = Path(sys.argv[1] if len(sys.argv) > 1 else "real")
+    if not real.is_dir():
+        sys.exit(f"{real} is not there: name the folder of real images")
+    others: dict[str, Method] = {
         "centre of mass": centre_of_mass,
-        "ridge-detector": ridge_detector,
+        "log-parabola": log_parabola,
+        "brightest pixel (OpenCV)": brightest,
     }
-    for name in ("data", "data/calib2"):
-        files = sorted((folder / name).glob("frame*.png"))
-        images = [cv2.imread(str(file), cv2.IMREAD_GRAYSCALE) for file in files]
-        K, k, rms = calibrate(images)
-        print(f"\n{name}: {len(files)} frames, f = {K[0, 0]:.0f} px, k1 = {k.ravel()[0]:.3f}, boards to {rms:.2f} px")
-        for label, method in methods.items():
-            few = images[:2] if method is ridge_detector else images  # it takes half a minute a frame
-            found = [points for image in few if (points := method(image)) is not None and len(points) > 50]
-            if not found:
+    if os.environ.get("RIDGE_PYTHON"):
+        others["ridge-detector (Steger)"] = ridge_detector
+    for name, (folder, pattern, channel) in SETS.items():
+        table: dict[str, list[float]] = {}
+        scaled, even, points, flagged = [], [], 0, 0
+        files = sorted((real / folder).glob(pattern))
+        for number, file in enumerate(files):
+            image = read(file, channel)
+            off = read(file.with_name(OFF[name]), channel) if name in OFF else None
+            peaks = detect_stripe(image, laser_off=off)
+            points, flagged = points + len(peaks), flagged + int((peaks.flag > 0).sum())
+            if len(peaks) == 0:
                 continue
-            table = np.array([straightness(points, K, k) for points in found])
-            rms_px, short_px, count = np.median(table, axis=0)
-            spread = f"rms {rms_px:.3f} px (worst {table[:, 0].max():.3f})   short {short_px:.3f} px"
-            print(f"  {label:22s} {spread}   {count:.0f} points, {len(found)} frames")
+            lying = abs(peaks.normal[0, 0]) > 0.5
+            place, section = peaks.uv_px[:, 0 if lying else 1], peaks.section
+            sheet = image if lying else np.ascontiguousarray(image.T)
+            whole = slice(None)
+            for run in runs(peaks):
+                r = residual(section[run], place[run], whole, whole)
+                table.setdefault("perceptron-emu", []).append(float(np.sqrt(np.mean(r**2))))
+                scaled.append(float(np.sqrt(np.mean((r / peaks.sigma_px[run]) ** 2))))
+                e = residual(section[run], place[run], slice(1, None, 2), slice(0, None, 2))
+                even.append(float(np.sqrt(np.mean((e / peaks.sigma_px[run][::2]) ** 2))))
+            for label, method in others.items():
+                if method is ridge_detector and number > 1:
+                    continue  # it takes half a minute a frame
+                theirs = method(sheet, section, place)
+                for run in runs(peaks):
+                    if np.isfinite(theirs[run]).all():
+                        r = residual(section[run], theirs[run], whole, whole)
+                        table.setdefault(label, []).append(float(np.sqrt(np.mean(r**2))))
+        print(f"\n{name}: {len(files)} images, {points} points, {flagged} flagged")
+        print(f"  residual over σ {np.median(scaled):.2f}, of even sections about odd ones' line {np.median(even):.2f}")
+        for label, values in table.items():
+            print(f"  {label:26s} residual {np.median(values):.3f} px over {len(values)} runs")
 
 
 if __name__ == "__main__":

@@ -3,16 +3,29 @@
 from calib.calibrate import calibrate
 from calib.config import CalibConfig
 from calib.printed import printed_sigmas
-from calib.result import CalibrationResult, DesignSolved, Distances, Estimate, LocationResult, Verdict
+from calib.result import (
+    CalibrationResult,
+    Culprit,
+    DesignSolved,
+    Distances,
+    Estimate,
+    LocationResult,
+    Nominal,
+    Pull,
+    Verdict,
+)
 from calib.verify import Verification, verify
 
 __all__ = [
     "CalibConfig",
     "CalibrationResult",
+    "Culprit",
     "DesignSolved",
     "Distances",
     "Estimate",
     "LocationResult",
+    "Nominal",
+    "Pull",
     "Verdict",
     "Verification",
     "calibrate",

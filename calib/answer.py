@@ -50,7 +50,11 @@ def answer(
     for name, group in locations_of(frames).items():
         by_design = None if design is None else (design, robot)
         result, answered = figured(group, target_at(target, name), by_design, solved, estimate)
-        locations[name] = result if holds else replace(result, T_base_target=None)
+        result = result if holds else replace(result, T_base_target=None)
+        if estimate is not None and estimate.nominal is not None:
+            nominal = (estimate.nominal.T_hand_sensor, robot)
+            result = _with_nominal(result, figured(group, target_at(target, name), nominal, nominal, estimate)[0])
+        locations[name] = result
         done |= {f.number: f for f in answered}
     ordered = tuple(done[f.number] for f in frames)
     return CalibrationResult(config.method, config.model, verdict, design, locations, ordered, robot, estimate)
@@ -104,6 +108,13 @@ def location_figures(group: Sequence[Frame], target: Target, design: Chain, solv
     return Figures(result, fit, own)
 
 
+def _with_nominal(result: LocationResult, by_nominal: LocationResult) -> LocationResult:
+    """The figures with those of the nominal chain, which stand as solved in ``by_nominal``."""
+    names = ("max_deviation_mm", "spread_3d_mm", "point_rms_mm")
+    both = {n: replace(getattr(result, n), nominal=getattr(by_nominal, n).solved) for n in names}
+    return replace(result, **both)
+
+
 def surface_figures(group: Sequence[Frame], target: Surface, design: Chain | None, solved: Chain | None) -> Figures:
     """All figures of one location of a surface; max deviation and spread are of each frame's own centre of a ball."""
     role = group[0].role
@@ -115,6 +126,9 @@ def surface_figures(group: Sequence[Frame], target: Surface, design: Chain | Non
         return Figures(replace(none, n_points=n_points), None, {})
     by_design = None if design is None else _surface_fit(usable, target, design)
     by_solved = None if solved is None else _surface_fit(usable, target, solved)
+    if by_design is None and by_solved is None:
+        none = LocationResult(role, None, _NONE, _NONE, _NONE, _NO_DISTANCES)
+        return Figures(replace(none, n_points=n_points, n_found=sum(len(f.axis) for f in usable)), None, {})
     fit = by_solved or by_design
     kept, length, origins = _centres(usable, target, design, by_design)
     solved_kept, solved_length, solved_origins = _centres(usable, target, solved, by_solved)
@@ -135,12 +149,14 @@ def surface_figures(group: Sequence[Frame], target: Surface, design: Chain | Non
     return Figures(result, fit, {})
 
 
-def _surface_fit(usable: Sequence[Frame], target: Surface, chain: Chain) -> Fit:
-    """The surface fitted to a location's points by a chain."""
+def _surface_fit(usable: Sequence[Frame], target: Surface, chain: Chain) -> Fit | None:
+    """The surface fitted to a location's points by a chain, None where nothing tells where it stands."""
     sensors = _sensors(usable, chain)
     points = SheetPoints.of([f.axis for f in usable], target.features)
     seen = points.present
     start = target.place((sensors @ points.xyz_mm)[seen], points.feature[seen])
+    if start is None and any(not len(f.candidates) for f in usable):
+        return None
     return fit_location(points, sensors, target, _start(usable, sensors) if start is None else start)
 
 
@@ -169,7 +185,8 @@ def location_pose(group: Sequence[Frame], target: Target, chain: Chain) -> Pose 
     if not usable:
         return None
     if isinstance(target, Surface):
-        return _surface_fit(usable, target, chain).T_base_target
+        found = _surface_fit(usable, target, chain)
+        return None if found is None else found.T_base_target
     sensors = _sensors(usable, chain)
     points = SheetPoints.of([f.axis for f in usable], target.features)
     return fit_location(points, sensors, target, _start(usable, sensors)).T_base_target

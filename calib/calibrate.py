@@ -12,26 +12,53 @@ from calib.copies import copy_notes, in_order, without_copies
 from calib.given_places import given_place_notes
 from calib.hands import hand_pose_notes, placed, with_joints
 from calib.judge import (
+    UNCHECKED,
+    at_least_jackknife,
     bundle_estimate,
     bundle_facts,
-    choose_model,
     culprit,
+    find,
     frames_contradict,
     frames_motion,
     judge,
     judge_motion,
-    left_out_rms,
+    left_out,
     misfit_limit,
+    table_advice,
+    weak_by_jackknife,
     wrong_jig,
 )
 from calib.label import label_frames, relabel, settled
 from calib.paper import Starts, checked, paper_estimate, paper_frames
 from calib.printed import gimbal_note
-from calib.result import CalibrationResult, Estimate, Verdict
-from calib.surface import Begun, begin_on_surfaces, condensed
-from geometry import Frame, InputError, Pose, Robot, Sensor, Target, locations_of, target_at
-from jig_cad import Jig
+from calib.result import CalibrationResult, Estimate, LeftOut, Verdict
+from calib.surface import (
+    OPEN_CONDITION,
+    Begun,
+    begin_on_surfaces,
+    condensed,
+    contradicted_diameter,
+    degenerate,
+    estimated_diameter,
+    general_advice,
+    with_free_diameters,
+)
+from geometry import Frame, InputError, Pose, Robot, Sensor, Surface, Target, locations_of, target_at
+from jig_cad import Jig, Plane, Sphere
 
+NAMED = (
+    "ok",
+    "model_misfit",
+    "weak",
+    "not_observable",
+    "rotation_too_small",
+    "too_few_poses",
+    "poses_not_distinct",
+    "not_converged",
+    "outliers",
+)  # verdicts that the views of surfaces can be the cause of
+ACCUSING = ("priors_contradict", "sensor_suspect")
+FEWEST_LEFT_OUT = 8  # frames whose scatter says something of six numbers
 CONTRADICTED = ("not_converged", "outliers", "rotation_too_small", "too_few_poses")
 
 
@@ -104,23 +131,32 @@ def calibrate(
     """
     if not frames:
         raise InputError("the dataset has no frames")
-    setup = Setup(_one_or_more(target, frames), robot, sensor, T_hand_sensor, places or {}, config or CalibConfig())
+    asked = config or CalibConfig()
+    setup = Setup(_one_or_more(target, frames), robot, sensor, T_hand_sensor, places or {}, asked)
     given = without_copies(with_joints(in_order(frames), robot))
+    setup, decided = _with_model(setup, given)
     begun = _begun(setup, given, setup.design)
     setup = replace(setup, target=begun.target)
     labelled, solved = _prepare(setup, given, begun)
+    other = _of_another_size(setup, given, solved) if setup.config.method == "bundle" else None
+    if other is not None:
+        setup, labelled, solved = other.setup, other.labelled, other.solved
     if setup.config.method == "paper":
         result = _paper(setup, labelled, solved)
-    elif solved.solution is None or not solved.verdict.trustworthy:
+    elif solved.solution is None:
         result = _answer(setup, labelled, solved)
     else:
-        chosen, scores, words = _choose(setup, solved.solution, solved.used)
-        if chosen.config.model != setup.config.model:
-            solved = _solve(chosen, labelled, solved.solution.T_hand_sensor)
-        result = _answer(chosen, labelled, solved)
-        result = replace(result, left_out_rms_mm=scores, remarks=(words, *_lonely(given)))
+        judged = _judged(setup, labelled, solved)
+        result = _answer(setup, labelled, judged)
+        if judged.verdict.trustworthy and judged.solution is not None:
+            parts, scores, words = _left_out(setup, judged.solution, judged.used, labelled)
+            result = _by_jackknife(setup, result, parts, judged.solution)
+            result = replace(result, left_out=parts, left_out_rms_mm=scores, remarks=(words, *_lonely(given)))
+    result = replace(result, model_asked=asked.model, remarks=(*decided, *result.remarks))
     named = _named(result.verdict, setup, labelled)
     verdict = frames_contradict(result.frames, setup.target, sensor, named, setup.config) or named
+    if other is not None and verdict.trustworthy:
+        verdict = Verdict("priors_contradict", f"{other.text}. In all, {verdict.text}")
     return replace(result, verdict=verdict, remarks=(*result.remarks, *_remarks(setup, labelled, result)))
 
 
@@ -147,6 +183,33 @@ def _prepare(setup: Setup, given: tuple[Frame, ...], begun: Begun) -> tuple[tupl
         labelled = again
         solved = _solve(s, labelled, solved.solution.T_hand_sensor)
     return labelled, solved
+
+
+@dataclass(frozen=True, eq=False)
+class _OtherSize:
+    """A calibration with balls of another diameter than stated, and a sentence on them."""
+
+    setup: Setup
+    labelled: tuple[Frame, ...]
+    solved: Solved
+    text: str
+
+
+def _of_another_size(setup: Setup, given: tuple[Frame, ...], solved: Solved) -> _OtherSize | None:
+    """The same with the balls' diameters estimated, where the data contradict what was stated."""
+    free = with_free_diameters(setup.target)
+    same = contradicted_diameter(solved.solution) if solved.solution is not None else None
+    unknown = solved.solution is None or not solved.verdict.trustworthy
+    stated = any(isinstance(target_at(setup.target, f.location), Sphere) for f in given)
+    if not stated or (same is None and not (unknown and solved.verdict.code in CONTRADICTED)):
+        return None
+    begun = _begun(replace(setup, target=free), given, setup.design)
+    freed = replace(setup, target=begun.target)
+    labelled, again = _prepare(freed, given, begun)
+    if again.solution is None or not again.verdict.trustworthy:
+        return None
+    found = estimated_diameter(again.solution, setup.target)
+    return None if found is None else _OtherSize(freed, labelled, again, found.text)
 
 
 def by_target(
@@ -187,9 +250,12 @@ def _labelled_and_solved(s: Setup, begun: Begun) -> tuple[tuple[Frame, ...], Sol
                 "[scp_initial] is missing, and strings need it: give the sensor's place by its drawing, some "
                 "millimetres and degrees off"
             )
-        lost = tuple(replace(f, reason=f.reason or "no_target") for f in begun.frames)
-        return lost, Solved(_no_start(lost))
+        return begun.frames, Solved(_no_start(begun.frames, s.target))
     T: Pose = begun.T_hand_sensor
+    used = tuple(f for f in begun.frames if f.role == "calibrate" and f.usable and len(f.axis))
+    still = degenerate(used, s.target, None, {}) if len(used) > 2 else None
+    if still is not None:
+        return begun.frames, Solved(Verdict("rotation_too_small", still.text))
     labelled = by_target(
         s.target,
         lambda target, frames: label_frames(frames, target, s.sensor, T, places, s.config),
@@ -198,8 +264,12 @@ def _labelled_and_solved(s: Setup, begun: Begun) -> tuple[tuple[Frame, ...], Sol
     return labelled, _solve(s, labelled, T)
 
 
-def _no_start(frames: tuple[Frame, ...]) -> Verdict:
+def _no_start(frames: tuple[Frame, ...], target: Target | Mapping[str, Target]) -> Verdict:
     """What is said where neither a design nor the data give anything to begin with."""
+    used = tuple(f for f in frames if f.role == "calibrate" and f.usable and len(f.axis))
+    still = degenerate(used, target, None, {}) if len(used) > 2 else None
+    if still is not None:
+        return Verdict("rotation_too_small", still.text)
     seen = sum(len(f.axis) > 0 and f.role == "calibrate" for f in frames)
     return Verdict(
         "too_few_poses",
@@ -214,17 +284,51 @@ def _solve(setup: Setup, labelled: tuple[Frame, ...], T_hand_sensor: Pose) -> So
     moved = frames_motion(used)
     verdict = judge_motion(moved, setup.config)
     if verdict is not None:
-        return Solved(verdict)
-    raw = {f.number: len(f.axis) for f in used}
+        return Solved(_views_named(verdict, setup, used, None))
     used = condensed(used, setup.target).frames
     bundle = make_bundle(used, setup.target, setup.robot, setup.config, setup.sensor)
     solution = solve_problem(bundle, [f.candidates for f in used], T_hand_sensor, setup.config)
     refused = tuple(f for f in labelled if f.role == "calibrate" and f.reason == "not_labelled" and len(f.axis))
     facts = bundle_facts(solution, used, refused)
-    estimate = bundle_estimate(solution, used, setup.config)
-    whole = {f.number for f in used if len(f.axis) == raw[f.number]}
-    estimate = replace(estimate, outliers={k: out for k, out in estimate.outliers.items() if k in whole})
-    return Solved(judge(facts, moved, setup.config), estimate, solution, used)
+    estimate = _whole(bundle_estimate(solution, used, setup.config), used, labelled)
+    verdict = _views_named(judge(facts, moved, setup.config), setup, used, solution)
+    if verdict.code == "not_observable" and _condensed(used, labelled):
+        return Solved(verdict)  # what noise alone leaves open has no σ
+    return Solved(verdict, estimate, solution, used)
+
+
+def _views_named(verdict: Verdict, setup: Setup, used: tuple[Frame, ...], solution: Solution | None) -> Verdict:
+    """The verdict on views of surfaces by its name, with the pose that would help; refused where σ are not true."""
+    if verdict.code not in NAMED or not any(isinstance(target_at(setup.target, f.location), Surface) for f in used):
+        return verdict
+    T, places = (None, {}) if solution is None else (solution.T_hand_sensor, solution.places)
+    found = degenerate(used, setup.target, T, places)
+    open_one = solution is not None and not solution.condition < OPEN_CONDITION
+    sound = verdict.code in ("ok", "model_misfit")
+    if found is None and not open_one:
+        helps = verdict.code in ("not_observable", "weak") and all(
+            isinstance(target_at(setup.target, f.location), Plane) for f in used
+        )
+        return replace(verdict, text=f"{verdict.text}; {general_advice(setup.target, used)}") if helps else verdict
+    if sound and not open_one and not (found is not None and found.certain):
+        return verdict
+    words = found.text if found is not None else general_advice(setup.target, used)
+    code = "not_observable" if open_one or (found is not None and found.certain) or sound else verdict.code
+    if verdict.code in ("rotation_too_small", "too_few_poses", "poses_not_distinct"):
+        code = verdict.code
+    return Verdict(code, f"{words}. In all, {verdict.text}" if not sound else words)
+
+
+def _whole(estimate: Estimate, used: tuple[Frame, ...], labelled: tuple[Frame, ...]) -> Estimate:
+    """The estimate with outliers of those frames alone whose points were not condensed."""
+    gone = _condensed(used, labelled)
+    return replace(estimate, outliers={k: out for k, out in estimate.outliers.items() if k not in gone})
+
+
+def _condensed(used: tuple[Frame, ...], labelled: tuple[Frame, ...]) -> set[int]:
+    """Numbers of the frames whose points were condensed to a few."""
+    raw = {f.number: len(f.axis) for f in labelled}
+    return {f.number for f in used if len(f.axis) != raw[f.number]}
 
 
 def _relabel(
@@ -246,17 +350,72 @@ def _relabel(
     )
 
 
-def _choose(setup: Setup, solution: Solution, used: tuple[Frame, ...]) -> tuple[Setup, dict[str, float], str]:
-    """Keep the model asked for unless it predicts locations that it did not see worse than scp alone."""
+def _with_model(setup: Setup, given: tuple[Frame, ...]) -> tuple[Setup, tuple[str, ...]]:
+    """The model that "auto" is here, and a sentence where it is not the robot's errors under their priors."""
+    asked = setup.config.model
+    if not asked.startswith("auto"):
+        return setup, ()
+    joints = setup.robot is not None and all(f.joints_rad is not None and not f.joints_inferred for f in given)
+    model = asked.replace("auto", "full") if joints else "scp"
+    words = (
+        "the frames give no joint readings that a robot's table turns into poses, so its errors can not be told from "
+        "the SCP: the SCP alone was solved (model scp)"
+    )
+    return setup.with_config(model=model), () if joints else (words,)
+
+
+def _judged(setup: Setup, labelled: tuple[Frame, ...], solved: Solved) -> Solved:
+    """The answer with every number of the files tried as a suspect, solved anew where one contradicts the data."""
+    if solved.solution is None:
+        return solved
+    used, config = solved.used, setup.config
+    bundle = make_bundle(used, setup.target, setup.robot, config, setup.sensor)
+    finding = find(bundle, [f.candidates for f in used], solved.solution, setup.sensor, config)
+    refused = tuple(f for f in labelled if f.role == "calibrate" and f.reason == "not_labelled" and len(f.axis))
+    facts = bundle_facts(finding.solution, used, refused, finding)
+    estimate = _whole(bundle_estimate(finding.solution, used, config, finding), used, labelled)
+    verdict = judge(facts, frames_motion(used), config)
+    if verdict.code not in ACCUSING:  # what frames or motions are the fault of is no number's
+        estimate = replace(estimate, culprit=())
+    return Solved(_views_named(verdict, setup, used, finding.solution), estimate, finding.solution, used)
+
+
+def _left_out(
+    setup: Setup, solution: Solution, used: tuple[Frame, ...], labelled: tuple[Frame, ...]
+) -> tuple[LeftOut | None, dict[str, float], str]:
+    """How well parts are predicted that were left out, by the model and by the SCP alone; which table to use."""
     asked = setup.config.model
     models: tuple[Model, ...] = ("scp",) if asked == "scp" else ("scp", asked)
-    scores = {m: left_out_rms(solution, used, setup.config, m) for m in models}
-    fits = solution.nominal <= misfit_limit(solution.dof, setup.config.misfit_chi2)
-    model, words = choose_model(scores, asked, nominal_fits=fits)
-    known: dict[str, float] = {m: rms for m, rms in scores.items() if rms is not None}
+    raw = {f.number: f for f in labelled}
+    found = {m: left_out(solution, used, raw, setup.config, m) for m in models}
+    known: dict[str, float] = {m: parts.point_rms_mm for m, parts in found.items() if parts is not None}
+    mine = found[asked]
+    if mine is None or mine.by == "frame":
+        each = (
+            "" if mine is None else f"; leaving one frame out, its points are predicted to {mine.point_rms_mm:.3f} mm"
+        )
+        return mine, known, f"{UNCHECKED}{each}"
     if asked == "scp":
-        words = f"leaving one location out, its points are predicted to {known['scp']:.3f} mm" if known else words
-    return setup.with_config(model=model), known, words
+        return mine, known, f"leaving one location out, its points are predicted to {known['scp']:.3f} mm"
+    fits = solution.nominal <= misfit_limit(solution.dof, setup.config.misfit_chi2)
+    scores = {m: known.get(m) for m in models}
+    return mine, known, table_advice(scores, asked, nominal_fits=fits)
+
+
+def _by_jackknife(
+    setup: Setup, result: CalibrationResult, parts: LeftOut | None, solution: Solution
+) -> CalibrationResult:
+    """Of hand poses on one surface: σ no smaller than what frames left out in turn say, and weak where that is much."""
+    surface = all(isinstance(t.target, Surface) for t in solution.bundle.terms)
+    if parts is None or parts.by != "frame" or not solution.bundle.hands.poses_only or not surface:
+        return result
+    if result.estimate is None or len(parts.parts) < FEWEST_LEFT_OUT:
+        return result
+    cov = at_least_jackknife(result.estimate.covariance, parts)
+    result = replace(result, estimate=replace(result.estimate, covariance=cov))
+    cut = sum(p.centres_left_out for p in result.locations.values() if p.role == "calibrate")
+    weak = weak_by_jackknife(cov, cut)
+    return replace(result, verdict=weak) if weak is not None and result.verdict.code == "ok" else result
 
 
 def _paper(setup: Setup, labelled: tuple[Frame, ...], solved: Solved) -> CalibrationResult:

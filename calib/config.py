@@ -7,7 +7,7 @@ from typing import Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 Method = Literal["bundle", "paper"]
-Model = Literal["scp", "scp+offsets", "full"]
+Model = Literal["auto", "scp", "scp+offsets", "full", "auto+sensor", "scp+offsets+sensor", "full+sensor"]
 
 
 class SurfaceConfig(BaseModel):
@@ -50,7 +50,9 @@ class CalibConfig(BaseModel):
 
     method: Method = Field("bundle", description="bundle over raw axis points, or the paper's iteration")
     model: Model = Field(
-        "scp", description="what is estimated beside the SCP: nothing, joint offsets, all DH parameters"
+        "auto",
+        description="what is estimated beside the SCP, within its priors: nothing, joint offsets, all DH parameters, "
+        "the sensor's own; auto: all DH parameters where joint readings and a robot allow it, else nothing",
     )
 
     # surface to axis and labels
@@ -99,6 +101,17 @@ class CalibConfig(BaseModel):
     )
 
     # verdict
-    misfit_chi2: float = Field(1.5, gt=1, description="χ² per degree of freedom above this is a misfit of the model")
+    misfit_chi2: float = Field(
+        2.5,
+        gt=1,
+        description="χ² per degree of freedom above this is a misfit of the model; below it the σ stated of the points "
+        "may be too small by 1.6, which weights and σ then follow",
+    )
+    pull_limit: float = Field(
+        4.0,
+        gt=0,
+        description="σ of a pull from which a number of the files is contradicted: among the some 45 pulls of a sound "
+        "cell one is beyond it by chance in 0.3 %",
+    )
     min_rotation_deg: float = Field(3.0, gt=0, description="rotation between frames of a location that is too small")
     weak_condition: float = Field(1e3, gt=1, description="scaled condition number above which the answer is weak")

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
+from calib.configurations import standing
 from geometry import Arm, Frame, InputError, Pose, Robot, inverse_kinematics, stack_poses
+
+Array = NDArray[np.float64]
 
 REACHED_MM, REACHED_RAD = 0.5, 1e-3  # files round their poses; farther off, they are not of this table
 
@@ -17,29 +21,52 @@ FLOOR_NOTE = (
 )
 INFERRED_NOTE = (
     "the frames give hand poses: joint readings were found from them by the robot's nominal table, so that σ carry "
-    "[uncertainty] of robot.toml"
+    "[uncertainty] of robot.toml; of the arm's configurations one was chosen for all frames: status and turn columns, "
+    "or joint readings, would tell which"
+)
+
+STANDING_NOTE = (
+    "the frames give hand poses: joint readings were found from them by the robot's nominal table, in the arm's "
+    "configuration that the status columns name"
 )
 
 
 def with_joints(frames: Sequence[Frame], robot: Robot | None) -> tuple[Frame, ...]:
-    """The frames with ``joints_rad`` where only a hand pose is known, marked as inferred.
+    """The frames with ``joints_rad`` where only a hand pose is known.
 
-    A pose can have several solutions; all frames take the one reached from the first frame's, since errors of the table
-    are common to them. Unchanged where there is no robot or a pose is not one that its table reaches.
+    A pose can have several solutions. Where the controller's status columns leave one for every frame, the frames are
+    those of joint readings. Else all take the one reached from the first frame's, since errors of the table are common
+    to them, and are marked as inferred. Unchanged where there is no robot or a pose is not one that its table reaches.
     """
     bare = {i: f.T_base_hand for i, f in enumerate(frames) if f.joints_rad is None and f.T_base_hand is not None}
     if not isinstance(robot, Arm) or not bare:
         return tuple(frames)
+    out, rng = list(frames), np.random.default_rng(0)
+    known = _standing(frames, bare, robot)
+    if known is not None:
+        for i, q in known.items():
+            out[i] = replace(frames[i], joints_rad=q, T_base_hand=None)
+        return tuple(out)
     goals = stack_poses(list(bare.values()))
-    rng = np.random.default_rng(0)
     first = inverse_kinematics(robot, goals[:1], rng).joints[0]
     found = inverse_kinematics(robot, goals, rng, seeds=first)
     if np.any(found.position_error_mm > REACHED_MM) or np.any(found.rotation_error_rad > REACHED_RAD):
         return tuple(frames)
-    out = list(frames)
     for i, q in zip(bare, found.joints, strict=True):
         out[i] = replace(frames[i], joints_rad=q, joints_inferred=True)
     return tuple(out)
+
+
+def _standing(frames: Sequence[Frame], bare: Mapping[int, Pose], robot: Arm) -> dict[int, Array] | None:
+    """Joint readings of the frames by their status columns; None where these leave a frame's open."""
+    found: dict[int, Array] = {}
+    for i, pose in bare.items():
+        configuration = frames[i].configuration
+        q = None if not configuration else standing(robot, pose, configuration, np.random.default_rng(0))
+        if q is None:
+            return None
+        found[i] = q
+    return found
 
 
 def placed(frames: Sequence[Frame], robot: Robot | None) -> tuple[Frame, ...]:
@@ -73,6 +100,8 @@ def chain_poses(frames: Sequence[Frame], robot: Robot | None) -> Pose:
 
 def hand_pose_notes(frames: Sequence[Frame], floor_mm: float, floor_deg: float) -> tuple[str, ...]:
     """What is to be said of σ where hand poses were given in place of joints."""
+    if any(f.configuration for f in frames) and all(f.T_base_hand is None for f in frames):
+        return (STANDING_NOTE,)
     if any(f.joints_rad is None for f in frames):
         return (FLOOR_NOTE.format(mm=floor_mm, deg=floor_deg),)
     return (INFERRED_NOTE,) if any(f.joints_inferred for f in frames) else ()

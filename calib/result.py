@@ -10,14 +10,19 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.prediction import prediction_jacobian
 from calib.printed import printed_sigmas
-from geometry import Frame, Pose, Robot, Role, Target
+from calib.sensor_errors import SensorErrors
+from calib.summary import summary
+from geometry import Frame, InputError, Pose, Robot, Role, Target
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Code = Literal[
     "ok",
     "model_misfit",
+    "priors_contradict",
+    "sensor_suspect",
     "weak",
     "too_few_poses",
     "rotation_too_small",
@@ -29,7 +34,7 @@ Code = Literal[
     "not_converged",
     "frames_contradict",
 ]
-TRUSTWORTHY: frozenset[Code] = frozenset({"ok", "model_misfit", "weak"})
+TRUSTWORTHY: frozenset[Code] = frozenset({"ok", "model_misfit", "priors_contradict", "sensor_suspect", "weak"})
 SIGMA_HOLDS: frozenset[Code] = TRUSTWORTHY | {
     "not_observable"
 }  # verdicts whose covariance says how wrong the answer is
@@ -37,23 +42,62 @@ SIGMA_HOLDS: frozenset[Code] = TRUSTWORTHY | {
 
 @dataclass(frozen=True)
 class Verdict:
-    """The judgement on a calibration: a code, and words with advice."""
+    """The judgement on a calibration: a code, and words with advice.
+
+    withheld: a fault is seen that no σ can be given for, whatever the code.
+    """
 
     code: Code
     text: str
+    withheld: bool = False
 
     @property
     def trustworthy(self) -> bool:
         """Whether the answer may be used (exit code 0), with care where the code is not "ok"."""
-        return self.code in TRUSTWORTHY
+        return self.code in TRUSTWORTHY and not self.withheld
+
+
+@dataclass(frozen=True)
+class Pull:
+    """How far a number of the files is pulled from where its file has it.
+
+    block: "robot", "jig" or "sensor". parameter, row: the number, and the joint whose row it stands in. size: what
+    the data would have added to it, in ``unit``. pull_sigma: that over what is expected by chance.
+    """
+
+    block: str
+    parameter: str
+    row: int | None
+    size: float
+    unit: str
+    pull_sigma: float
+
+
+@dataclass(frozen=True)
+class Culprit(Pull):
+    """The number that is most likely wrong; same_as: those that the data can not tell from it, best first."""
+
+    same_as: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Nominal:
+    """The SCP that goes with the robot's table as given, and its covariance (6, 6) with the table's errors."""
+
+    T_hand_sensor: Pose
+    covariance: Array
 
 
 @dataclass(frozen=True)
 class DesignSolved:
-    """One figure with the design SCP and nominal robot, and with what was solved; None where it can not be formed."""
+    """One figure with the design SCP and nominal robot, and with what was solved; None where it can not be formed.
+
+    nominal: with the solved SCP that goes with the nominal robot.
+    """
 
     design: float | None
     solved: float | None
+    nominal: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,6 +130,37 @@ class LocationResult:
 
 
 @dataclass(frozen=True, eq=False)
+class LeftOutPart:
+    """One location or frame (its number), solved from the others: rms of its points, and how the SCP moves.
+
+    shift (6,): ξ of T̂·Exp(ξ), sensor axes [mm, rad].
+    """
+
+    name: str
+    point_rms_mm: float
+    shift: Array
+
+    @property
+    def shift_mm(self) -> float:
+        """How far the SCP is shifted."""
+        return float(np.linalg.norm(self.shift[:3]))
+
+    @property
+    def shift_deg(self) -> float:
+        """How far it is turned."""
+        return float(np.rad2deg(np.linalg.norm(self.shift[3:])))
+
+
+@dataclass(frozen=True, eq=False)
+class LeftOut:
+    """Parts left out in turn, by "location" or by "frame", and the rms of all of their points."""
+
+    by: str
+    point_rms_mm: float
+    parts: tuple[LeftOutPart, ...]
+
+
+@dataclass(frozen=True, eq=False)
 class Estimate:
     """What a method says of SCP, robot and shape, and which frames and points it left out.
 
@@ -114,6 +189,20 @@ class Estimate:
         Its outlying points, by its number.
     weak_directions, notes : tuple of str
         In words.
+    nominal : Nominal or None
+        What goes with the nominal robot.
+    joint_covariance : ndarray (6 + P + K, 6 + P + K) or None
+        Of SCP, robot and the sensor's ``errors`` together.
+    errors : SensorErrors or None
+        The sensor's own errors (K,).
+    sensor_delta : dict of str to float
+        What was estimated of the sensor, to be added to its file's numbers.
+    pulls : tuple of Pull
+        The largest, first.
+    culprit : tuple of Culprit
+        What contradicts the data.
+    prior_cost, prior_expected : float
+        Squared departures from all priors in σ, and their expectation.
     """
 
     T_hand_sensor: Pose
@@ -136,6 +225,26 @@ class Estimate:
     outliers: dict[int, Mask] = field(default_factory=dict)
     weak_directions: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    nominal: Nominal | None = None
+    joint_covariance: Array | None = None
+    errors: SensorErrors | None = None
+    sensor_delta: dict[str, float] = field(default_factory=dict)
+    pulls: tuple[Pull, ...] = ()
+    culprit: tuple[Culprit, ...] = ()
+    prior_cost: float = 0.0
+    prior_expected: float = 0.0
+
+    def predicted_covariance(self, joints_rad: Array, yz_mm: Array) -> Array:
+        """Covariance (F, M, 3, 3) [mm²] of where points (F, M, 2), measured at readings (F, n), are in the base."""
+        J = self.prediction_jacobian(joints_rad, yz_mm)
+        joint = np.zeros((0, 0)) if self.joint_covariance is None else self.joint_covariance
+        return np.asarray(J @ joint @ np.swapaxes(J, -1, -2))
+
+    def prediction_jacobian(self, joints_rad: Array, yz_mm: Array) -> Array:
+        """Motions (F, M, 3, 6 + P + K) [mm] of these by SCP, robot and sensor, as ``joint_covariance`` has them."""
+        if self.robot is None or self.joint_covariance is None:
+            raise InputError("what is predicted of points elsewhere needs joint readings and a robot's table")
+        return prediction_jacobian(self.T_hand_sensor, self.robot, self.errors, joints_rad, yz_mm)
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,6 +255,8 @@ class CalibrationResult:
     ----------
     method, model : str
         As solved.
+    model_asked : str
+        As asked for.
     verdict : Verdict
     T_hand_sensor_design : Pose
         The SCP that was given.
@@ -158,6 +269,8 @@ class CalibrationResult:
         What the method says; None where the data were refused before solving. Where the verdict says that its σ would
         not be true, T_hand_sensor and covariance below withhold it, and the figures of ``locations`` show the fit for
         diagnosis alone.
+    left_out : LeftOut or None
+        How well points are predicted by a solution that they had no part in.
     left_out_rms_mm : dict of str to float
         Rms distance of points at locations left out, by model.
     """
@@ -170,13 +283,34 @@ class CalibrationResult:
     frames: tuple[Frame, ...]
     nominal_robot: Robot | None
     estimate: Estimate | None = None
+    left_out: LeftOut | None = None
     left_out_rms_mm: dict[str, float] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
+    model_asked: str = ""
+
+    def __str__(self) -> str:
+        """The answer on a screen: what `print` shows."""
+        return summary(self)
 
     @property
     def trusted(self) -> Estimate | None:
         """The estimate, unless its covariance would not say how wrong it is."""
-        return self.estimate if self.verdict.code in SIGMA_HOLDS else None
+        return self.estimate if self.verdict.code in SIGMA_HOLDS and not self.verdict.withheld else None
+
+    @property
+    def nominal(self) -> Nominal | None:
+        """The SCP that goes with the robot's table as given; None where none is to be trusted."""
+        return None if self.trusted is None else self.trusted.nominal
+
+    @property
+    def pulls(self) -> tuple[Pull, ...]:
+        """The largest pulls of numbers of the files, largest first; also where nothing else is to be trusted."""
+        return () if self.estimate is None else self.estimate.pulls
+
+    @property
+    def culprit(self) -> tuple[Culprit, ...]:
+        """The numbers of the files that contradict the data."""
+        return () if self.estimate is None else self.estimate.culprit
 
     @property
     def T_hand_sensor(self) -> Pose | None:

@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 MAX_GRAIN_PX = 1.7  # a coarser grain is correlated beyond the distances that the error budget tells apart
 
 Direction = Literal["auto", "columns", "rows"]
-Selection = Literal["strongest", "first", "last", "continuous", "all"]
+Selection = Literal["stripe", "strongest", "first", "last", "continuous", "all"]
 
 
 class _Section(BaseModel):
@@ -147,7 +147,10 @@ class StripeConfig(_Section):
     along_normal: bool = Field(
         default=False, description="localise once more along the stripe's own normal, for steep stripes"
     )
-    select: Selection = Field(default="strongest", description="which of several peaks of one section is the stripe")
+    select: Selection = Field(
+        default="stripe",
+        description="which of several stripes gives a section's point; stripe: the brightest, of two near ones both",
+    )
     min_amplitude_dn: float = Field(default=1.0, ge=0, description="smallest peak above its local background")
     # the stripe as a whole is what is found; a section only has to say something
     min_snr: float = Field(default=2.0, ge=0, description="smallest amplitude of a section over its own σ")

@@ -51,6 +51,7 @@ def check_image(image: object, sensor: Sensor) -> Image:
 
 
 _PLATEAU = 4.0  # times the levels below, that the highest level must be met to be a clipping level
+_TOP, _LEVELS = 0.8, 12  # of the highest level, and how many of the levels in use, that are looked at
 _FEWEST_CLIPPED = 24  # pixels that make a plateau
 _NEIGHBOURS = 0.5  # of them, that have another of the same level beside them: noise has no plateaus
 
@@ -77,36 +78,19 @@ def clipping_level(image: NDArray[Any], stated: float | None = None) -> float:
     top = int(image.max())
     if top >= level:
         return level
-    step, count = _top_levels(image, top)
-    plateau = 0
-    while plateau < 3 and count[plateau + 1] > 0.2 * count[0]:  # a noisy plateau takes its neighbours with it
+    if np.count_nonzero(image == top) < _FEWEST_CLIPPED:
+        return level
+    used, count = np.unique(image[image >= _TOP * top], return_counts=True)
+    used, count = used[::-1][:_LEVELS].astype(float), count[::-1][:_LEVELS].astype(float)
+    plateau = 0  # lower levels that belong to it: a noisy plateau takes its neighbours with it
+    while plateau < min(3, len(used) - 2) and count[plateau + 1] > 0.2 * count[0]:
         plateau += 1
     own = float(count[: plateau + 1].sum())
-    below = float(count[plateau + 1 :].mean())
+    below = float(count[plateau + 1 :].mean()) if len(count) > plateau + 1 else 0.0
     if own < _FEWEST_CLIPPED or own / (plateau + 1) < _PLATEAU * max(below, 1.0):
         return level
-    return float(top - step * (plateau + 0.5)) if _touching(image, top - step * plateau) >= _NEIGHBOURS else level
-
-
-def _top_levels(image: NDArray[np.generic], top: int) -> tuple[int, NDArray[np.int64]]:
-    """Pixels at the highest twelve levels that the image uses, and the spacing of its levels."""
-    some = np.unique(image[:: max(1, image.shape[0] // 64)].ravel()[-4096:])
-    step = int(np.gcd.reduce(np.diff(some.astype(np.int64)))) if len(some) > 1 else 1
-    step = max(step, 1)
-    counts = np.zeros(12, np.int64)
-    _count_below(image, top, step, counts)
-    return step, counts
-
-
-@kernel
-def _count_below(image: NDArray[np.generic], top: int, step: int, counts: NDArray[np.int64]) -> None:
-    """Pixels at top, top - step, … into counts."""
-    floor = top - step * (len(counts) - 1)
-    for r in range(image.shape[0]):
-        for c in range(image.shape[1]):
-            value = int(image[r, c])
-            if value >= floor:
-                counts[(top - value) // step] += 1
+    lowest = float(used[plateau])
+    return lowest - 0.5 if _touching(image, int(lowest)) >= _NEIGHBOURS else level
 
 
 @kernel

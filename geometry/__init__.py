@@ -1,5 +1,6 @@
 """Ground floor: poses, lines, the sensor, the robot, measured points and errors (numpy and scipy only)."""
 
+from geometry.board import BOARD_KINDS, Board
 from geometry.configuration import ArmConfiguration, parse_bits, parse_letters
 from geometry.errors import (
     LONGEST_WORD,
@@ -50,6 +51,7 @@ from geometry.unknowns import Block, Linearised, State, Step, Term, Unknowns
 from geometry.writing import toml_value, write_bytes, write_text
 
 __all__ = [
+    "BOARD_KINDS",
     "CONVENTIONS",
     "DH_ROWS",
     "LONGEST_WORD",
@@ -59,6 +61,7 @@ __all__ = [
     "ArmConfiguration",
     "AxisPoints",
     "Block",
+    "Board",
     "Camera",
     "ChainJoint",
     "Compliance",

@@ -51,9 +51,9 @@ def read_bytes(path: str | os.PathLike[str], limit: int = MAX_TEXT_BYTES, what: 
     try:
         mode = os.stat(path).st_mode
         if stat.S_ISDIR(mode):
-            raise InputError(f"{path}: is a folder, a {what} is needed here")
+            raise InputError(f"{path}: is a folder, {_a(what)} is needed here")
         if not stat.S_ISREG(mode):
-            raise InputError(f"{path}: is a device or a pipe, a {what} on disk is needed here")
+            raise InputError(f"{path}: is a device or a pipe, {_a(what)} on disk is needed here")
         with open(path, "rb") as stream:
             data = stream.read(limit + 1)
     except FileNotFoundError:
@@ -65,6 +65,10 @@ def read_bytes(path: str | os.PathLike[str], limit: int = MAX_TEXT_BYTES, what: 
     if not data:
         raise InputError(f"{path}: the {what} is empty (0 bytes)")
     return data
+
+
+def _a(what: str) -> str:
+    return f"{'an' if what[0] in 'aeiou' else 'a'} {what}"
 
 
 def read_text(path: str | os.PathLike[str], limit: int = MAX_TEXT_BYTES) -> str:

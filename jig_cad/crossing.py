@@ -12,11 +12,18 @@ Index = NDArray[np.intp]
 
 
 def predict_crossings(
-    anchors_mm: Array, start: Index, end: Index, T_sensor_target: Pose, shifts: Array, points: SheetPoints
+    anchors_mm: Array,
+    start: Index,
+    end: Index,
+    T_sensor_target: Pose,
+    shifts: Array,
+    points: SheetPoints,
+    motions: Array | None = None,
 ) -> Prediction:
     """Crossings less measured points (F, M, 2) [mm], with their Jacobians.
 
     anchors_mm (A, 3): nominal. start, end (S,): anchors of every string. shifts (2A,): of the anchors' y and z [mm].
+    motions (K, A, 3): further shape unknowns that move the anchors so, behind the shifts' columns.
     A point carried by a twist (v, ω) moves by v + ω × c, and its string then slides along itself back into the plane:
     row r of the Jacobian is (g, c × g) with g = e_r - slope_r e_x, in sensor axes.
     """
@@ -39,6 +46,10 @@ def predict_crossings(
     weight = (1 - share) * (first[..., None] == anchor) + share * (second[..., None] == anchor)  # (F, M, A)
     across = g @ T_sensor_target.R[:, None, :, 1:]  # (F, M, 2, 2): by y and z of a shift, target axes
     by_shape = (weight[..., None, :, None] * across[..., :, None, :]).reshape(*twist.shape[:3], 2 * len(anchor))
+    if motions is not None:
+        along_all = g @ T_sensor_target.R[:, None]  # (F, M, 2, 3): by a motion in target axes
+        moved_by = np.einsum("fma,kac->fmck", weight, motions)
+        by_shape = np.concatenate([by_shape, along_all @ moved_by], -1)
     residual = (crossing[..., 1:] - points.yz_mm) * seen
     return Prediction(residual, twist, by_shape)
 

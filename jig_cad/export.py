@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import trimesh
 
 from geometry import InputError, did_you_mean, write_bytes
 from jig_cad.drawing import drawing_svg
@@ -42,11 +41,15 @@ def export_jig(jig: Jig, path: str | os.PathLike[str], design: PillarDesign | No
 
 
 def _stl(jig: Jig, design: PillarDesign | None) -> bytes:
+    import trimesh  # a quarter of a second, and most commands build no mesh
+
     whole: Any = trimesh.util.concatenate(list(jig_solids(jig, design).values()))
     return bytes(whole.export(file_type="stl"))
 
 
 def _glb(jig: Jig, design: PillarDesign | None) -> bytes:
+    import trimesh
+
     scene: Any = trimesh.Scene()
     scene.graph.update(frame_to="jig", frame_from=scene.graph.base_frame, matrix=_GLTF_JIG)
     for name, mesh in jig_solids(jig, design).items():

@@ -22,7 +22,6 @@ Point = Annotated[list[Finite], Field(min_length=3, max_length=3)]
 Ends = Annotated[list[str], Field(min_length=2, max_length=2)]
 
 KINDS = ("strings", "sphere", "balls", "plane", "edge", "wedge")  # of targets, as target.toml calls them
-READ_KINDS = ("strings",)
 
 
 class AnchorsTable(BaseModel):
@@ -97,8 +96,8 @@ def jig_from_table(table: Mapping[str, Any], where: str = "jig.toml") -> Jig:
 def table_model(table: Mapping[str, Any], where: str) -> type[JigTable] | type[LinesTable]:
     """The model of a jig's file: lines where [strings] is a table; InputError where it is a target of another kind."""
     kind = table.get("kind", "strings")
-    if kind in KINDS and kind not in READ_KINDS:
-        raise InputError(f'{where}: kind = "{kind}": targets of this kind are not read yet, only kind = "strings" is')
+    if kind in KINDS and kind != "strings":
+        raise InputError(f'{where}: kind = "{kind}": a string jig is needed here')
     if kind not in KINDS:
         instead = did_you_mean(str(kind), KINDS) or f"; known are {', '.join(KINDS)}"
         raise InputError(f"{where}: kind = {kind!r}{instead}")

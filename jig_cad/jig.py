@@ -17,6 +17,7 @@ from jig_cad.symmetry import symmetries_of
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
+LEAST_TOLERANCE_MM = 1e-6  # less is none: nothing is made or measured so
 MIN_SLENDERNESS = 10.0  # a string is at least this many diameters long, a side at least this many tolerances
 FORBIDDEN = ',;"`'  # in names: they are columns of CSV files, where a backtick is read as a prime
 MAX_NAME = 40  # characters that a label may take of a table or a picture
@@ -143,7 +144,8 @@ class Jig:
     @cached_property
     def shape(self) -> Shape:
         """Shifts of every anchor in y and z: uniform within ± half of the tolerance, none where they were measured."""
-        sigma = 0.0 if self.measured else self.tolerance_mm / np.sqrt(12)
+        exact = self.measured or self.tolerance_mm < LEAST_TOLERANCE_MM
+        sigma = 0.0 if exact else self.tolerance_mm / np.sqrt(12)
         labels = tuple(f"{a}.{axis}" for a in self.anchors for axis in ("y", "z"))
         return Shape(labels, np.full(len(labels), float(sigma)))
 

@@ -15,7 +15,6 @@ Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
 SIZES = ("side_mm", "height_mm")
-_STEP_MM = 1e-3  # of the derivatives by central differences; crossings are all but linear in a size
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,12 +56,10 @@ class SizedJig:
     def predict(self, T_sensor_target: Pose, shape: Array, points: SheetPoints) -> Prediction:
         """See Target."""
         shifts, sizes = shape[: -len(SIZES)], shape[-len(SIZES) :]
-        found = self._crossings(T_sensor_target, shifts, sizes, points)
-        by_size = []
-        for unit in np.eye(len(SIZES)) * _STEP_MM:
-            above, below = (self._crossings(T_sensor_target, shifts, sizes + s * unit, points) for s in (1, -1))
-            by_size.append((above.residual - below.residual) / (2 * _STEP_MM))
-        return replace(found, by_shape=np.concatenate([found.by_shape, np.stack(by_size, -1)], -1))
+        j = self.jig
+        side, height = j.anchors_mm * [0, 1, 1] / j.side_mm, j.anchors_mm * [1, 0, 0] / j.height_mm
+        anchors, motions = self._anchors(sizes), np.stack([side, height])
+        return predict_crossings(anchors, j.start_index, j.end_index, T_sensor_target, shifts, points, motions)
 
     def offset(self, points_mm: Array, feature: Index) -> tuple[Array, Array]:
         """See Target."""
@@ -71,6 +68,3 @@ class SizedJig:
     def _anchors(self, sizes: Array) -> Array:
         across, along = 1 + sizes[0] / self.jig.side_mm, 1 + sizes[1] / self.jig.height_mm
         return np.asarray(self.jig.anchors_mm * np.array([along, across, across]))
-
-    def _crossings(self, T: Pose, shifts: Array, sizes: Array, points: SheetPoints) -> Prediction:
-        return predict_crossings(self._anchors(sizes), self.jig.start_index, self.jig.end_index, T, shifts, points)

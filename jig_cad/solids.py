@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import shapely
-import trimesh
 from numpy.typing import NDArray
 
 from geometry import InputError
 from jig_cad.jig import Jig
 from jig_cad.pillar import UPRIGHT, nominal_anchors
+
+if TYPE_CHECKING:
+    import trimesh
 
 Array = NDArray[np.float64]
 
@@ -95,6 +97,8 @@ def block_edge_mm(jig: Jig) -> float:
 
 def _blocks(jig: Jig) -> dict[str, trimesh.Trimesh]:
     """A cube about every place at which strings end; anchors nearer to each other than half its edge share one."""
+    import trimesh  # a quarter of a second, and most commands build no mesh
+
     edge, blocks, taken = block_edge_mm(jig), dict[str, trimesh.Trimesh](), list[Array]()
     for k in jig.used_anchors:
         place = jig.anchors_mm[k]
@@ -115,6 +119,8 @@ def _strings(jig: Jig, design: PillarDesign) -> dict[str, trimesh.Trimesh]:
 
 
 def _plate(jig: Jig, design: PillarDesign, *, top: bool) -> trimesh.Trimesh:
+    import trimesh  # a quarter of a second, and most commands build no mesh
+
     outline, radius = design.plate(jig), design.hole_mm(jig) / 2
     for i in jig.used_anchors:
         if (jig.nominal_anchors_mm[i, 0] > jig.height_mm / 2) == top:
@@ -140,6 +146,8 @@ def _beyond_anchor(label: str, jig: Jig, design: PillarDesign) -> float:
 
 
 def _rod(start: object, end: object, diameter_mm: float, sections: int) -> trimesh.Trimesh:
+    import trimesh  # a quarter of a second, and most commands build no mesh
+
     ends = np.array([start, end], dtype=float)
     rod: trimesh.Trimesh = trimesh.creation.cylinder(diameter_mm / 2, segment=ends, sections=sections)
     return rod

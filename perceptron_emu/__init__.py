@@ -8,13 +8,14 @@ beside it `gl`, a second renderer by OpenGL and pictures of the cell, and `scene
 from perceptron_emu.check import check_optics, check_scene
 from perceptron_emu.chip import gain_dn_per_e
 from perceptron_emu.config import EmulatorConfig
+from perceptron_emu.image import contrast as speckle_contrast
 from perceptron_emu.image import grain_px
 from perceptron_emu.lens import project
 from perceptron_emu.light import cylinders, faces_in_sheet, hidden_by_strings
 from perceptron_emu.pipeline import mean_electrons, render
 from perceptron_emu.scene import ALUMINIUM, BLACK_PLATE, MATTE, WALL, Material, Scene, Solid, panel
 from perceptron_emu.scene_file import SceneFile, Surroundings, read_scene, read_surroundings
-from perceptron_emu.solids import hidden_by_solid
+from perceptron_emu.solids import hidden_by_solid, profile_strip
 from perceptron_emu.truth import RenderedFrame, RenderedTruth, SheetCurve, StringTruth
 
 __all__ = [
@@ -42,8 +43,10 @@ __all__ = [
     "hidden_by_strings",
     "mean_electrons",
     "panel",
+    "profile_strip",
     "project",
     "read_scene",
     "read_surroundings",
     "render",
+    "speckle_contrast",
 ]

@@ -81,6 +81,14 @@ class SpeckleConfig(Section):
     ] = 20.0
 
 
+class LightConfig(Section):
+    """[light]: what the laser's light does after it was scattered once."""
+
+    bounces: Annotated[
+        bool, Field(description="light that a lit surface sends to another: mirrored lines, mirror images, glow")
+    ] = False
+
+
 class AmbientConfig(Section):
     """[ambient]: room light that shows the scene dimly."""
 
@@ -152,6 +160,8 @@ class EmulatorConfig(Section):
         The strings' thread.
     speckle : SpeckleConfig
         Interference on a rough surface.
+    light : LightConfig
+        What is scattered twice.
     ambient : AmbientConfig
         Room light.
     noise : NoiseConfig
@@ -171,6 +181,7 @@ class EmulatorConfig(Section):
     optics: OpticsConfig = OpticsConfig()
     surface: ThreadConfig = ThreadConfig()
     speckle: SpeckleConfig = SpeckleConfig()
+    light: LightConfig = LightConfig()
     ambient: AmbientConfig = AmbientConfig()
     noise: NoiseConfig = NoiseConfig()
     exposure: ExposureConfig = ExposureConfig()

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-import trimesh
 
 from geometry import InputError, read_bytes
+
+if TYPE_CHECKING:
+    import trimesh
 
 UNITS = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "inch": 25.4}
 FORMATS = (".stl", ".obj", ".ply", ".glb")
 SMALLEST_MM, LARGEST_MM = 1.0, 10_000.0  # a part beyond these is in another unit than it says
+FARTHEST = 1e9  # of a vertex, in any unit
 MAX_MESH_BYTES = 512 * 2**20  # ten million triangles as a binary STL
 OUT_OF_RANGE = "a face of the mesh names a vertex that is not there"
 
@@ -47,9 +50,11 @@ def read_mesh(path: Path, unit: Unit | None = None, *, allow_open: bool = False)
     if path.suffix.lower() == ".stl":
         _check_stl(path, data)
     mesh = _loaded(path)
-    if len(mesh.vertices) and not np.all(np.isfinite(mesh.vertices)):
-        at = int(np.flatnonzero(~np.isfinite(mesh.vertices).all(axis=1))[0])
-        raise InputError(f"{path}: vertex {at + 1} of the mesh is not a finite point")
+    beyond = ~(np.abs(mesh.vertices) < FARTHEST).all(axis=1)
+    if np.any(beyond):
+        at = int(np.flatnonzero(beyond)[0])
+        what = "lies beyond all parts" if np.all(np.isfinite(mesh.vertices[at])) else "is not a finite point"
+        raise InputError(f"{path}: vertex {at + 1} of the mesh {what}")
     if len(mesh.faces) == 0:
         raise InputError(f"{path}: the mesh has no faces")
     if not 0 <= mesh.faces.min() <= mesh.faces.max() < len(mesh.vertices):
@@ -82,12 +87,16 @@ def _check_stl(path: Path, data: bytes) -> None:
 
 def _loaded(path: Path) -> trimesh.Trimesh:
     """As the file has it, nothing merged or dropped."""
+    import trimesh  # a quarter of a second, and most commands build no mesh
+
     try:
         mesh: Any = trimesh.load(path, force="mesh", process=False)
     except IndexError:
         raise InputError(f"{path}: {OUT_OF_RANGE}") from None
-    except Exception as error:  # noqa: BLE001 - whatever a third party's parser meets in a damaged file
-        raise InputError(f"{path}: is not a readable {path.suffix[1:].upper()} ({type(error).__name__})") from None
+    except MemoryError:
+        raise
+    except Exception:  # noqa: BLE001 - whatever a third party's parser meets in a damaged file
+        raise InputError(f"{path}: is no {path.suffix[1:].upper()}, or damaged: it can not be parsed") from None
     if not isinstance(mesh, trimesh.Trimesh):
         raise InputError(f"{path}: the mesh has no faces")
     return mesh

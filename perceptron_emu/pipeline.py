@@ -13,7 +13,7 @@ from geometry import InputError, Sensor
 from perceptron_emu.check import check_optics
 from perceptron_emu.chip import expose, expose_hdr
 from perceptron_emu.config import EmulatorConfig
-from perceptron_emu.image import ambient_electrons, draw
+from perceptron_emu.image import ambient_electrons, draw, ghost_electrons
 from perceptron_emu.light import LitScene, Moment, light_scene, moments, moved, thread_of
 from perceptron_emu.scene import Scene
 from perceptron_emu.truth import RenderedFrame, RenderedTruth, label_names, pixel_labels, sheet_curve, string_truths
@@ -140,6 +140,9 @@ def _electrons_at(scene: Scene, lit: LitScene, moment: Moment, config: EmulatorC
         electrons = np.zeros(scene.camera.shape, np.float32)
     if config.exposure.laser_on:
         draw(electrons, lit.samples, scene.sensor, config, speckle_key, moment.drift)
+        ghosts = ghost_electrons(scene, lit.strings, thread_of(scene, config), config) if config.light.bounces else None
+        if ghosts is not None:
+            electrons += ghosts
     return electrons
 
 
@@ -151,4 +154,4 @@ def _truth(
     if not full:
         return RenderedTruth(pose, strings)
     labels, curve = pixel_labels(scene, now, config), sheet_curve(scene, now, config)
-    return RenderedTruth(pose, strings, labels, label_names(scene), curve)
+    return RenderedTruth(pose, strings, labels, label_names(scene, config), curve)

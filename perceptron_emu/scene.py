@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 
 from geometry import Camera, InputError, Pose, Sensor
 from jig_cad import Jig
+
+if TYPE_CHECKING:
+    import trimesh
 
 Array = NDArray[np.float64]
 
@@ -43,6 +46,11 @@ class Material:
             value = getattr(self, name)
             if not low <= value <= 1:
                 raise InputError(f"material {name} = {value:g}: must lie in {low:g} … 1")
+        if self.diffuse + self.specular > 1 + 1e-9:
+            raise InputError(
+                f"material diffuse = {self.diffuse:g} and specular = {self.specular:g}: together above 1, it would "
+                f"send back more light than falls on it; lower one"
+            )
 
 
 # measured on no sample: albedos of plain paint, black anodised plate, milled aluminium (GGX's F0 of some 0.9, fine
@@ -138,6 +146,8 @@ def panel(
     Solid
         Two triangles.
     """
+    import trimesh  # a quarter of a second, and most commands build no mesh
+
     w, h = width_mm / 2, height_mm / 2
     corners = [[-w, -h, 0.0], [w, -h, 0.0], [w, h, 0.0], [-w, h, 0.0]]
     return Solid(trimesh.Trimesh(corners, [[0, 1, 2], [0, 2, 3]], process=False), material, T_sensor_panel, name)

@@ -11,9 +11,17 @@ from numpy.typing import NDArray
 from geometry import Pose, Sensor
 from geometry.compiled import kernel
 from perceptron_emu.config import EmulatorConfig
-from perceptron_emu.image import draw
+from perceptron_emu.image import draw, ghost_electrons
 from perceptron_emu.lens import project
-from perceptron_emu.light import OFF_SURFACE_MM, LightNodes, LitScene, faces_in_sheet, hidden_by_strings, lit_pieces
+from perceptron_emu.light import (
+    OFF_SURFACE_MM,
+    LightNodes,
+    LitScene,
+    faces_in_sheet,
+    hidden_by_strings,
+    lit_pieces,
+    thread_of,
+)
 from perceptron_emu.scene import Scene
 from perceptron_emu.solids import hidden_by_solid
 
@@ -21,6 +29,7 @@ Array = NDArray[np.float64]
 
 # sums over a string's nodes: light [e⁻], and light times the coordinates
 SUMS = np.dtype([(name, float) for name in ("electrons", "y", "z", "u", "v")])
+GHOST = "ghost"  # the label of light that two surfaces have scattered one after the other
 MIN_ELECTRONS = 1.0  # a pixel with less mean laser light than this belongs to nothing
 
 
@@ -89,7 +98,7 @@ class RenderedTruth:
         (H, W) uint8, which surface gives a pixel most of its laser light, an index into label_names (0: none); only
         where `render` was asked for it.
     label_names : tuple of str
-        "" for none, the strings, the solids.
+        "" for none, the strings, the solids, "ghost" where [light] bounces is on.
     curve : SheetCurve, optional
         Where the sheet meets the solids; only where `render` was asked for it.
     """
@@ -175,14 +184,17 @@ def _string_truth(label: str, axis: Array, sums: np.void, unhidden: float) -> St
     return StringTruth(label, axis, surface, image, fraction, total)
 
 
-def label_names(scene: Scene) -> tuple[str, ...]:
-    """Names of the labels: "" for none, the strings, the solids."""
+def label_names(scene: Scene, config: EmulatorConfig) -> tuple[str, ...]:
+    """Names of the labels: "" for none, the strings, the solids, and where light bounces the ghosts."""
     strings = scene.jig.strings if scene.jig else ()
-    return ("", *strings, *(s.name or f"solid {i}" for i, s in enumerate(scene.solids)))
+    ghost = (GHOST,) if config.light.bounces else ()
+    return ("", *strings, *(s.name or f"solid {i}" for i, s in enumerate(scene.solids)), *ghost)
 
 
 def pixel_labels(scene: Scene, lit: LitScene, config: EmulatorConfig) -> NDArray[np.uint8]:
-    """The label (H, W) of the surface that brings most laser light to each pixel, speckle apart."""
+    """The label (H, W) of the surface that brings most laser light to each pixel, speckle apart; of ghosts, whatever
+    surface shows them, where light scattered twice is more than that of any surface scattered once.
+    """
     samples, plain = lit.samples, config.off("speckle")
     owner = samples.surface(len(scene.jig.strings) if scene.jig else 0) + 1
     shape = scene.camera.shape
@@ -193,6 +205,10 @@ def pixel_labels(scene: Scene, lit: LitScene, config: EmulatorConfig) -> NDArray
         draw(own, part, scene.sensor, plain, 0)
         larger = own > most
         labels[larger], most[larger] = label, own[larger]
+    if config.light.bounces and config.exposure.laser_on:
+        ghosts = ghost_electrons(scene, lit.strings, thread_of(scene, config), config)
+        if ghosts is not None:
+            labels[ghosts > most] = len(label_names(scene, config)) - 1
     return labels
 
 

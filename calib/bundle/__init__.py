@@ -11,25 +11,27 @@ from calib.bundle.information import (
     scp_covariance,
 )
 from calib.bundle.on_target import OnTargetLinearised
-from calib.bundle.problem import Bundle, estimated_parameters
+from calib.bundle.problem import Bundle, estimated_parameters, estimates_sensor
 from calib.bundle.robust import solve_robust
-from calib.bundle.sensor_errors import SensorErrors
-from calib.bundle.solution import Mask, Solution, make_bundle, solve_problem
+from calib.bundle.solution import Explained, Mask, Solution, answered, explain, make_bundle, solve_problem
 from calib.bundle.solve import solve_bundle
 from calib.bundle.starts import chain_start
 
 __all__ = [
     "Bundle",
+    "Explained",
     "FrameInformation",
     "Hands",
     "Mask",
     "Model",
     "OnTargetLinearised",
-    "SensorErrors",
     "Solution",
+    "answered",
     "chain_start",
     "covariances_with",
     "estimated_parameters",
+    "estimates_sensor",
+    "explain",
     "frame_information",
     "make_bundle",
     "observability",

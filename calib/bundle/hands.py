@@ -18,7 +18,7 @@ class Hands:
     """A robot at F readings.
 
     robot: nominal. readings (F, n): of its joints. inferred: the readings follow from hand poses by the nominal table,
-    which they can therefore not correct.
+    in a configuration of the arm that was chosen.
     """
 
     robot: Robot

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.bundle.hands import Hands
-from calib.bundle.sensor_errors import SensorErrors
+from calib.sensor_errors import SensorErrors
 from geometry import Linearised, Pose, Prediction, SheetPoints, State, Target
 
 Array = NDArray[np.float64]

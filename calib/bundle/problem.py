@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from calib.bundle.hands import Hands
 from calib.bundle.on_target import OnTarget
-from calib.bundle.sensor_errors import SensorErrors
+from calib.sensor_errors import SensorErrors
 from geometry import AxisPoints, Block, InputError, Pose, SheetPoints, State, Target, Unknowns, stack_poses, target_at
 
 Array = NDArray[np.float64]
@@ -239,7 +239,7 @@ class Bundle:
 
 def estimated_groups(model: str) -> Collection[str] | None:
     """Groups of the robot's parameters that a model estimates; None for all of them."""
-    return {"scp": (), "scp+offsets": ("theta",), "full": None}[robot_part(model)]
+    return {"scp": (), "scp+offsets": ("theta",), "full": None, "auto": None}[robot_part(model)]
 
 
 def robot_part(model: str) -> str:
@@ -257,7 +257,7 @@ def estimated_parameters(hands: Hands, model: str) -> Mask:
     groups = estimated_groups(model)
     if groups == ():
         return np.zeros(len(hands.groups), dtype=bool)
-    if hands.poses_only or hands.inferred:
+    if hands.poses_only:
         raise InputError(
             f"model {model} corrects the robot's table and needs joint readings j1_deg …, but these frames give hand "
             "poses T_base_hand only: use model scp"

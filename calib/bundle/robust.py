@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2 as chi2_law
+from scipy.special import chdtri
 
 from calib.bundle.problem import Bundle
 from calib.bundle.solve import hand_twists, linearisations, solve_bundle
@@ -74,7 +74,7 @@ def _judge(bundle: Bundle, result: Result, outlier: Mask, frame_outlier: Mask, p
         return out, frame_outlier | few
     judged = [frame_chi2(t, lin, noise[t.frame]) for t, lin in zip(bundle.without(out).terms, lins, strict=True)]
     chi2, dof = (bundle.by_frame([found[k] for found in judged]) for k in (0, 1))
-    excess = chi2 / chi2_law.isf(_FRAME_TAIL, np.maximum(dof, 1))
+    excess = chi2 / chdtri(np.maximum(dof, 1), _FRAME_TAIL)
     frames = few | (frame_outlier & (excess > 1))
     kept = np.where(frames, 0.0, excess)
     if np.max(kept, initial=0.0) > 1:

@@ -9,15 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.bundle.hands import Hands
-from calib.bundle.noise import stated_cost, weigh
+from calib.bundle.noise import Weighed, stated_cost, weigh
 from calib.bundle.problem import Bundle, estimated_parameters, estimates_sensor
 from calib.bundle.robust import RobustResult, solve_robust
-from calib.bundle.sensor_errors import SensorErrors
 from calib.bundle.solve import solve_bundle
 from calib.bundle.starts import chain_start, hand_eye_start
 from calib.config import CalibConfig
 from calib.engine import Covariance, Result, covariance, scaled_condition
 from calib.figures import pose_distance
+from calib.sensor_errors import SensorErrors
 from geometry import Frame, Pose, Robot, Sensor, State, Surface, Target, stack_poses, with_beta_prior
 
 Array = NDArray[np.float64]
@@ -38,13 +38,14 @@ class Solution:
     (P,) that its robot takes over. outlier (F, M), frame_outlier (F,): what was left out. Ts_sensor_target: each
     frame's own pose, of its candidates the one that agrees with the others. chi2_per_dof: of the model's own fit, by
     the noise of points and joints and the tolerance of the target's shape. explained, nominal: the same with all robot
-    errors free within their priors, and with none. noise: the σ that made the weights.
+    errors free within their priors, and with none; alone: the solve with none. noise: the σ that made the weights.
     rival: how much larger the χ² of the next best answer is (other poses from the same points); infinite where none.
     """
 
     bundle: Bundle
     every: Result
     result: Result
+    alone: Result
     applied: Mask
     outlier: Mask
     frame_outlier: Mask
@@ -112,6 +113,39 @@ def _hand_noise(config: CalibConfig) -> Array:
     return np.diag(np.square([mm] * 3 + [np.deg2rad(deg)] * 3))
 
 
+@dataclass(frozen=True, eq=False)
+class Explained:
+    """The frames solved with robot and sensor free within their priors, outliers out, noise weighed.
+
+    kept: the problem without outliers. cost: by the noise stated. own: each frame's pose that agrees with the others.
+    """
+
+    kept: Bundle
+    robust: RobustResult
+    weighed: Weighed
+    every: Result
+    own: Pose
+
+    @property
+    def cost(self) -> float:
+        """By the noise stated."""
+        return stated_cost(self.weighed.stated, self.every)
+
+
+def explain(
+    bundle: Bundle, candidates: Sequence[Pose], T_hand_sensor: Pose, config: CalibConfig, start: State | None = None
+) -> Explained:
+    """Find outliers and noise with all errors free within their priors, from an SCP or from a ``start`` nearby."""
+    robust, own = _robust(bundle, candidates, T_hand_sensor, config, start)
+    kept, every = bundle.without(robust.left_out), robust.result
+    if bundle.hands.inferred:
+        every = solve_bundle(kept.estimating(np.ones_like(bundle.estimated), sensor=True), every.state)
+    weighed = weigh(kept, every, config)
+    if weighed.changed:
+        every = solve_bundle(weighed.bundle.estimating(every.unknowns.block("robot").free, sensor=True), every.state)
+    return Explained(kept, robust, weighed, every, own)
+
+
 def solve_problem(bundle: Bundle, candidates: Sequence[Pose], T_hand_sensor: Pose, config: CalibConfig) -> Solution:
     """Solve the bundle from the SCP given or, where that fails, from a closed form.
 
@@ -119,36 +153,38 @@ def solve_problem(bundle: Bundle, candidates: Sequence[Pose], T_hand_sensor: Pos
     their priors, so that a misfit of the nominal robot is not taken for either. χ² is by the stated noise of the
     points.
     """
+    explained = explain(bundle, candidates, T_hand_sensor, config)
+    rival = _rival(explained.kept, candidates, explained.own, explained.robust)
+    return answered(bundle, explained, rival, config)
+
+
+def answered(bundle: Bundle, explained: Explained, rival: float, config: CalibConfig) -> Solution:
+    """The solution of the model asked for, and that of the nominal robot, with the noise and outliers found."""
     applied = estimated_parameters(bundle.hands, config.model)
-    robust, own = _robust(bundle, candidates, T_hand_sensor, config)
-    kept, every = bundle.without(robust.left_out), robust.result
-    if bundle.hands.inferred:
-        every = solve_bundle(kept.estimating(np.ones_like(applied), sensor=True), every.state)
-    weighed = weigh(kept, every, config)
-    if weighed.changed:
-        every = solve_bundle(weighed.bundle.estimating(every.unknowns.block("robot").free, sensor=True), every.state)
-    sensor = estimates_sensor(config.model) or bundle.errors is None
+    robust, weighed, every = explained.robust, explained.weighed, explained.every
+    sensor = estimates_sensor(config.model) or not np.any(bundle.unknowns.block("sensor").sigma > 0)
     model = every if np.all(applied) and sensor else _fit_model(weighed.bundle, every, applied, sensor=sensor)
     none = np.zeros_like(applied)
     nominal = _fit_model(weighed.bundle, every, none) if np.any(applied) or estimates_sensor(config.model) else model
-    dof = kept.degrees_of_freedom
-    chi2, explained, alone = (stated_cost(weighed.stated, fit) / max(dof, 1) for fit in (model, every, nominal))
+    dof = explained.kept.degrees_of_freedom
+    chi2, nominal_chi2 = (stated_cost(weighed.stated, fit) / max(dof, 1) for fit in (model, nominal))
     return Solution(
         bundle=weighed.bundle,
         every=every,
         result=model,
+        alone=nominal,
         applied=applied,
         outlier=robust.outlier,
         frame_outlier=robust.frame_outlier,
         covariance=covariance(model),
         condition=scaled_condition(model, "scp"),
-        Ts_sensor_target=own,
+        Ts_sensor_target=explained.own,
         dof=dof,
         chi2_per_dof=chi2,
-        explained=explained,
-        nominal=alone,
+        explained=explained.cost / max(dof, 1),
+        nominal=nominal_chi2,
         noise=weighed.noise,
-        rival=_rival(kept, candidates, own, robust),
+        rival=rival,
     )
 
 
@@ -175,13 +211,13 @@ def _rival(kept: Bundle, candidates: Sequence[Pose], own: Pose, best: RobustResu
 
 
 def _robust(
-    bundle: Bundle, candidates: Sequence[Pose], T_hand_sensor: Pose, config: CalibConfig
+    bundle: Bundle, candidates: Sequence[Pose], T_hand_sensor: Pose, config: CalibConfig, near: State | None
 ) -> tuple[RobustResult, Pose]:
     # of a pose's several joint solutions the wrong one may be taken: its robot errors are then its own, in the gates
     every = bundle.estimating(np.full(len(bundle.estimated), not bundle.hands.inferred), sensor=True)
     start, own = chain_start(bundle, T_hand_sensor, candidates)
-    robust = solve_robust(every, start, config.outlier_chi2, config.max_outlier_share)
-    if not _doubtful(robust):
+    robust = solve_robust(every, near or start, config.outlier_chi2, config.max_outlier_share)
+    if near is not None or not _doubtful(robust):
         return robust, own
     nominal = bundle.hands.pose(start.vector("robot"))
     posed = not any(isinstance(t.target, Surface) for t in bundle.terms)  # one curve tells no pose of a surface

@@ -42,8 +42,12 @@ class ClosureFit:
     """A solved closure: the tool's point in the hand, the sockets in the base [mm], the robot.
 
     residual_mm (N, 3), rms_mm: between the tool's point and its socket. parameters (P,): corrections of the robot.
-    weight (N,): robust weights, 1 where a configuration is trusted. chi2_per_dof: by the noise of seat and joints.
-    tool_covariance (3, 3) [mm²]: of the point, with the noise that the residuals show where chi2_per_dof is above 1.
+    weight (N,): robust weights, 1 where a configuration is trusted. cost: squared residuals by the noise of seat,
+    joints and distance, with the squared departures from the priors; chi2_per_dof: the same by its degrees of freedom.
+    covariance (3 + P, 3 + P): of the tool's point and the robot's parameters, those that were not estimated with their
+    priors; with the noise that the residuals show where the robot was estimated and chi2_per_dof is above 1. seat_mm: σ
+    of the ball in its socket, likewise. distance_mm: of two sockets, with its σ where it was tried. learnt: how many of
+    the robot's parameters the data replaced their priors of.
     evidence: minus twice the log marginal likelihood, comparable between priors and models on the same data.
     """
 
@@ -54,10 +58,26 @@ class ClosureFit:
     residual_mm: Array
     rms_mm: float
     evidence: float
-    tool_covariance: Array
+    covariance: Array
+    cost: float
     chi2_per_dof: float
+    prior_sigma: Array
     weight: Array
+    seat_mm: float
+    distance_mm: tuple[float, float] | None
+    learnt: float
     converged: bool
+
+    @property
+    def tool_covariance(self) -> Array:
+        """Of the tool's point (3, 3) [mm²]."""
+        return self.covariance[:3, :3]
+
+    @property
+    def pulls(self) -> Array:
+        """How far the robot's parameters (P,) are from their priors' mean, in the priors' σ."""
+        known = self.prior_sigma > 0
+        return np.where(known, self.parameters / np.where(known, self.prior_sigma, 1.0), 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +113,10 @@ class Seated:
 
 @dataclass(frozen=True, eq=False)
 class KnownDistance:
-    """The evidence that the two sockets of each ``paired`` (L,) location are ``distance_mm`` apart."""
+    """The evidence that the two sockets of each ``paired`` (L,) location are ``distance_mm`` apart.
+
+    Unknown: "excess" (1,), what the distance is more than that, common to all, where it is tried; and "sockets".
+    """
 
     paired: Mask
     distance_mm: float
@@ -104,9 +127,13 @@ class KnownDistance:
         between = places[:, 1] - places[:, 0]
         length = np.linalg.norm(between, axis=1)
         unit = between / np.maximum(length, 1e-9)[:, None] * self.paired[:, None]
-        residual = ((length - self.distance_mm) * self.paired)[:, None]
+        apart = self.distance_mm + state.vector("excess")[0]
+        residual = ((length - apart) * self.paired)[:, None]
         variance = np.full((len(length), 1, 1), _DISTANCE_SIGMA_MM**2)
-        jacobian = {"sockets": np.concatenate([-unit, unit], 1)[:, None, :]}
+        jacobian = {
+            "sockets": np.concatenate([-unit, unit], 1)[:, None, :],
+            "excess": -1.0 * self.paired[:, None, None],
+        }
         return Linearised(residual, jacobian, variance, {"sockets": np.arange(len(length))})
 
 
@@ -151,19 +178,23 @@ def closure_problem(
     return ClosureProblem(seated, places, paired, distance_mm, prior_scale * hands.sigma)
 
 
-def solve_closure(problem: ClosureProblem, estimated: Mask) -> ClosureFit:
-    """Tool, sockets and the ``estimated`` (P,) robot parameters from all configurations, the trusted ones most."""
+def solve_closure(problem: ClosureProblem, estimated: Mask, free_distance: bool = False) -> ClosureFit:
+    """Tool, sockets and the ``estimated`` (P,) robot parameters from all configurations, the trusted ones most.
+
+    free_distance: the distance between two sockets is the same everywhere, but not known.
+    """
     p = problem
     unknowns = Unknowns(
         (
             Block.vector("tool", np.full(3, np.inf)),
             Block.vector("robot", p.prior_sigma, free=estimated),
+            Block.vector("excess", np.array([np.inf if free_distance else 0.0]), free=free_distance),
             Block.vector("sockets", np.full(6, np.inf), members=p.places),
         )
     )
     values = np.zeros(len(p.prior_sigma))
     sockets = socket_means(p, p.seated.hands.pose(values).t)
-    start = State({"tool": np.zeros(3), "robot": values, "sockets": sockets.reshape(-1, 6)})
+    start = State({"tool": np.zeros(3), "robot": values, "excess": np.zeros(1), "sockets": sockets.reshape(-1, 6)})
     known = [] if p.distance_mm is None else [KnownDistance(p.paired, p.distance_mm)]
     result = engine.solve(
         [p.seated, *known],
@@ -191,10 +222,42 @@ def socket_means(p: ClosureProblem, points_mm: Array) -> Array:
     return out
 
 
+def predicted_covariance(fit: ClosureFit, joints_rad: Array) -> Array:
+    """Covariance (3N, 3N) [mm²] of where the tool's point is, less its mean over readings (N, n) of one socket.
+
+    Of tool and robot as the fit knows them, and of each configuration's own seat and joints.
+    """
+    n = len(joints_rad)
+    hands = Hands(fit.robot, joints_rad)
+    zero = np.zeros(len(fit.parameters))
+    hand = hands.pose(zero)
+    by_hand = np.concatenate([hand.R, -hand.R @ skew(np.broadcast_to(fit.tool_mm, hand.t.shape))], -1)
+    J = np.concatenate([hand.R, by_hand @ hands.jacobian(zero)], -1)  # (N, 3, 3 + P)
+    J = (J - J.mean(axis=0)).reshape(3 * n, -1)
+    own = by_hand @ fit.robot.joint_noise(joints_rad, zero) @ np.swapaxes(by_hand, -1, -2)
+    own += fit.seat_mm**2 * np.eye(3)
+    noise = np.zeros((n, 3, n, 3))
+    noise[np.arange(n), :, np.arange(n)] = own
+    centre = np.kron(np.eye(n) - 1 / n, np.eye(3))
+    return np.asarray(J @ fit.covariance @ J.T + centre @ noise.reshape(3 * n, 3 * n) @ centre)
+
+
 def _fit(p: ClosureProblem, result: engine.Result) -> ClosureFit:
     state, residual, n = result.state, result.linearised[0].residual, len(p.seated.location)
-    white = (result.whites[0] @ residual[..., None])[..., 0]
-    chi2 = float(np.sum(white**2)) / max(3 * n - 3 - 3 * (len(p.paired) + int(p.paired.sum())), 1)
+    known = int(p.paired.sum()) if p.distance_mm is not None else 0
+    freedom = 3 * n + known - 3 - 3 * (len(p.paired) + int(p.paired.sum()))  # what has a prior costs none
+    chi2 = result.cost / max(freedom, 1)
+    found = engine.covariance(result)
+    i, j = result.unknowns["tool"], result.unknowns["robot"]
+    index = np.r_[i, j]
+    corrected = np.any(result.unknowns.block("robot").free)
+    widened = max(1.0, chi2) if corrected else 1.0  # the nominal robot's misfit is no noise: its priors say it
+    prior = np.where(p.prior_sigma > 0, p.prior_sigma, 1.0) ** 2
+    replaced = 1 - np.diag(found.total)[j] / prior
+    distance = None
+    if p.distance_mm is not None:
+        sigma = float(np.sqrt(found.of("excess")[0, 0] * max(1.0, chi2)))
+        distance = p.distance_mm + float(state.vector("excess")[0]), sigma
     return ClosureFit(
         tool_mm=state.vector("tool"),
         sockets_mm=state.vector("sockets").reshape(-1, 2, 3),
@@ -203,8 +266,13 @@ def _fit(p: ClosureProblem, result: engine.Result) -> ClosureFit:
         residual_mm=residual,
         rms_mm=float(np.sqrt(np.mean(np.sum(residual**2, axis=1)))),
         evidence=engine.evidence(result),
-        tool_covariance=engine.covariance(result).noise_of("tool") * max(1.0, chi2),
+        covariance=found.total[np.ix_(index, index)] * widened,
+        cost=result.cost,
         chi2_per_dof=chi2,
+        prior_sigma=p.prior_sigma,
         weight=result.weights[0],
+        seat_mm=p.seated.seat_mm * float(np.sqrt(widened)),
+        distance_mm=distance,
+        learnt=float(np.sum(replaced[p.prior_sigma > 0])) if corrected else 0.0,
         converged=result.converged,
     )

@@ -4,20 +4,26 @@ from calib.judge.contradiction import frames_contradict
 from calib.judge.culprits import culprit
 from calib.judge.culprits_jig import wrong_jig
 from calib.judge.facts import bundle_estimate, bundle_facts
-from calib.judge.model_choice import choose_model, left_out_rms
+from calib.judge.finding import find
+from calib.judge.model_choice import UNCHECKED, table_advice
+from calib.judge.parts import at_least_jackknife, left_out, weak_by_jackknife
 from calib.judge.verdict import Facts, frames_motion, judge, judge_motion, misfit_limit
 
 __all__ = [
+    "UNCHECKED",
     "Facts",
+    "at_least_jackknife",
     "bundle_estimate",
     "bundle_facts",
-    "choose_model",
     "culprit",
+    "find",
     "frames_contradict",
     "frames_motion",
     "judge",
     "judge_motion",
-    "left_out_rms",
+    "left_out",
     "misfit_limit",
+    "table_advice",
+    "weak_by_jackknife",
     "wrong_jig",
 ]

@@ -2,25 +2,38 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
 from calib.bundle import Solution
 from calib.config import CalibConfig
+from calib.engine import Result, covariance
+from calib.judge.finding import UNCERTAINTY, Finding, widened
 from calib.judge.identifiability import weak_directions
-from calib.judge.verdict import Facts
-from calib.result import Estimate
+from calib.judge.suspects import FILE_BLOCK, Trial
+from calib.judge.verdict import Contradiction, Facts
+from calib.result import Culprit, Estimate, Nominal, Pull
 from geometry import Frame, Surface, Target
 
+Array = NDArray[np.float64]
 
-def bundle_estimate(solution: Solution, used: tuple[Frame, ...], config: CalibConfig) -> Estimate:
-    """What the bundle says of SCP, robot, shape, and the ``used`` frames and their points."""
+LARGEST_PULLS = 8  # that are shown
+
+
+def bundle_estimate(
+    solution: Solution, used: tuple[Frame, ...], config: CalibConfig, finding: Finding | None = None
+) -> Estimate:
+    """What the bundle says of SCP, robot, shape, and the ``used`` frames and their points.
+
+    finding: what contradicts the data; covariances then carry it.
+    """
     result, found = solution.result, solution.covariance
     numbers = [f.number for f in used]
-    floor = hand_floor(config) if solution.bundle.hands.poses_only else np.zeros((6, 6))
-    return Estimate(
+    estimate = Estimate(
         T_hand_sensor=solution.T_hand_sensor,
-        covariance=found.of("scp") + floor,
+        covariance=found.of("scp") + _floor(solution, config),
         robot=solution.robot,
         robot_delta=solution.parameters,
         robot_sigma=found.sigma("robot"),
@@ -39,6 +52,67 @@ def bundle_estimate(solution: Solution, used: tuple[Frame, ...], config: CalibCo
         outliers={k: out for k, out in zip(numbers, solution.outlier, strict=True) if np.any(out)},
         weak_directions=weak_directions(solution),
     )
+    return estimate if finding is None else _with_finding(estimate, finding, config)
+
+
+def _with_finding(estimate: Estimate, finding: Finding, config: CalibConfig) -> Estimate:
+    """The estimate with what is said of its priors, and with covariances that allow for what may be wrong."""
+    solution, floor = finding.solution, _floor(finding.solution, config)
+    joint = _joint(finding, solution.covariance.total, solution.result, config)
+    alone = _joint(finding, covariance(solution.alone).total, solution.alone, config)
+    errors = finding.evidence.bundle.errors
+    pulls = sorted((t for t in finding.trials if t.seen), key=lambda t: -t.gain)[:LARGEST_PULLS]
+    named = () if finding.culprit is None else (_culprit(finding),)
+    sensor = solution.result.unknowns.block("sensor")
+    known = solution.bundle.errors
+    estimated = known is not None and bool(np.any(sensor.free))
+    return replace(
+        estimate,
+        covariance=joint[:6, :6] + floor,
+        nominal=Nominal(solution.alone.state.pose("scp"), alone[:6, :6] + floor),
+        joint_covariance=joint,
+        errors=errors,
+        sensor_delta=known.parameters(solution.result.state.vector("sensor")) if known and estimated else {},
+        pulls=tuple(_pull(t) for t in pulls),
+        culprit=named,
+        prior_cost=finding.prior_cost,
+        prior_expected=finding.prior_expected,
+    )
+
+
+def _joint(finding: Finding, total: Array, result: Result, config: CalibConfig) -> Array:
+    """Covariance of SCP, robot and sensor together, with what may be wrong."""
+    mine, all_of = result.unknowns, finding.evidence.bundle.unknowns
+    place = np.concatenate([all_of.indices(b.name)[: b.size] for b in mine.common])
+    embedded = np.zeros((all_of.size, all_of.size))
+    embedded[np.ix_(place, place)] = total
+    free = np.zeros(all_of.size, dtype=bool)
+    free[place] = mine.free
+    every = widened(finding, free, embedded, config.pull_limit)
+    kept = np.concatenate([all_of.indices(name) for name in ("scp", "robot", "sensor")])
+    return np.asarray(every[np.ix_(kept, kept)])
+
+
+def _floor(solution: Solution, config: CalibConfig) -> Array:
+    return hand_floor(config) if solution.bundle.hands.poses_only else np.zeros((6, 6))
+
+
+def _pull(trial: Trial) -> Pull:
+    """A trial in the words and units of files; of several components the length."""
+    s = trial.suspect
+    if s.parameter == UNCERTAINTY:
+        size = s.per_unit
+    else:
+        length = s.block != "sensor" and len(trial.size) > 1
+        size = s.per_unit * float(np.linalg.norm(trial.size) if length else trial.size[0])
+    return Pull(FILE_BLOCK[s.block], s.parameter, s.row, size, s.unit, trial.pull)
+
+
+def _culprit(finding: Finding) -> Culprit:
+    if finding.culprit is None:
+        raise ValueError("nothing contradicts the data")
+    alike = tuple(t.suspect.parameter for t in finding.alike)
+    return Culprit(**vars(_pull(finding.culprit)), same_as=alike)
 
 
 def _as_solved(solution: Solution, location: str) -> Target:
@@ -54,8 +128,13 @@ def hand_floor(config: CalibConfig) -> NDArray[np.float64]:
     return np.diag(np.square(sigma))
 
 
-def bundle_facts(solution: Solution, used: tuple[Frame, ...], refused: tuple[Frame, ...]) -> Facts:
+def bundle_facts(
+    solution: Solution, used: tuple[Frame, ...], refused: tuple[Frame, ...], finding: Finding | None = None
+) -> Facts:
     """What the bundle is judged by; ``refused`` are calibrate frames whose given labels no pose explains."""
+    contradiction = None
+    if finding is not None and finding.culprit is not None:
+        contradiction = Contradiction(_culprit(finding), finding.rest, finding.culprit.gross)
     out = (solution.outlier | solution.frame_outlier[:, None])[solution.bundle.present]
     lost = sum(len(f.axis) for f in refused)
     return Facts(
@@ -70,6 +149,9 @@ def bundle_facts(solution: Solution, used: tuple[Frame, ...], refused: tuple[Fra
         outlying_strings=_outlying_features(solution, used),
         rival=solution.rival,
         locations=len(solution.bundle.locations),
+        contradiction=contradiction,
+        largest_pull=0.0 if finding is None else finding.rest,
+        inferred=bool(solution.bundle.hands.inferred),
     )
 
 

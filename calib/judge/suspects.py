@@ -20,8 +20,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.bundle import Bundle, SensorErrors, Solution
+from calib.bundle import Bundle, Solution
 from calib.engine import departure, reduced, reduced_gradient, total_normal
+from calib.sensor_errors import SensorErrors
 from geometry import Sensor, State
 from geometry.sensor import AGAINST
 from jig_cad import SIZES, Jig, SizedJig
@@ -33,11 +34,15 @@ Index = NDArray[np.intp]
 GROSS = {"theta": np.deg2rad(0.5), "d": 2.0, "a": 2.0, "alpha": np.deg2rad(0.5), "beta": np.deg2rad(0.5)}
 GROSS_TIMES = 10.0  # a prior's σ, for kinds of parameters that are not listed
 GROSS_ANCHOR_MM, GROSS_SIZE_MM = 0.5, 1.0
+GROSSER = 6.0  # times these: 12 mm, 3°, 6 mm of a jig; what was linearised and labelled is not what is there
 SEEN = 1.0  # pull that an error of gross size makes at least, if its number can be suspected from the data at all
+MORE_COMPONENTS = 4.0  # gain that chance gives for each component beyond the first, at the tail that matters
 SAME_CHI2 = 9.0  # suspects whose gains are this near are told apart by nothing: a likelihood ratio of 90
+FILE_BLOCK = {"robot": "robot", "shape": "jig", "sensor": "sensor"}  # blocks by the file that states them
 FOCAL = "focal scale (fx_px, fy_px)"
 # what a sensor's number is off by where it is wrong, whatever its file states
 SOURCE_GROSS = {"cx_px": 5.0, "cy_px": 5.0, "fx_px": 15.0, "k1": 0.1, "plane_shift_mm": 0.5, "scale_y": 0.01}
+SHIFT, SHIFTED, SHIFTED_TIMES = "plane_shift_mm", ("plane_tilt_y_rad",), 3.0
 SOURCE_GROSS |= {"plane_tilt_y_rad": 3e-3, "plane_tilt_z_rad": 3e-3, "scale_z": 0.01}
 
 
@@ -73,6 +78,11 @@ class Trial:
     sigma: Array
     pull: float
     seen: bool
+
+    @property
+    def gross(self) -> bool:
+        """Whether it is off by much more than a number that is wrong usually is."""
+        return bool(np.any(np.abs(self.size) > GROSSER * self.suspect.gross))
 
     @property
     def gain(self) -> float:
@@ -122,8 +132,24 @@ class Evidence:
     def relaxed(self, trial: Trial) -> Array:
         """Variances (C,) with the prior of a suspect as wide as an error of its size."""
         out = self.variance.copy()
-        out[trial.where] = np.maximum(trial.suspect.gross, float(np.linalg.norm(trial.size))) ** 2
+        out[trial.where] = np.maximum(trial.suspect.gross, np.abs(trial.size)) ** 2
         return out
+
+    def gain(self, variance: Array) -> float:
+        """Twice the logarithm of how much likelier priors of ``variance`` (C,) make the data than those stated."""
+        return self._log(variance) - self._log(self.variance)
+
+    def unscaled(self) -> Array:
+        """S (C, C) in the blocks' own units."""
+        return self.S / np.outer(self.scale, self.scale)
+
+    def _log(self, variance: Array) -> float:
+        V = variance / self.scale**2
+        active = np.flatnonzero(V > 0)
+        H = self.S[np.ix_(active, active)] + np.diag(1 / V[active])
+        known = V[active][np.isfinite(V[active])]
+        occam = float(np.linalg.slogdet(H)[1]) + float(np.sum(np.log(known)))
+        return float(self.b[active] @ np.linalg.solve(H, self.b[active])) - occam
 
     def _scaled(self, variance: Array) -> tuple[Array, Array]:
         V = variance / self.scale**2
@@ -141,7 +167,7 @@ class Evidence:
             return Trial(suspect, where, np.zeros(len(where)), np.full(len(where), np.inf), 0.0, seen)
         inverse = np.linalg.inv(information)
         size = inverse @ c[where]
-        pull = float(np.sqrt(max(float(c[where] @ size), 0.0)))
+        pull = float(np.sqrt(max(float(c[where] @ size) - MORE_COMPONENTS * (len(where) - 1), 0.0)))
         sign = -1.0 if len(where) == 1 and size[0] < 0 else 1.0
         gross = self.scale[where]
         return Trial(suspect, where, size * gross, np.sqrt(np.diag(inverse)) * gross, sign * pull, seen)
@@ -151,11 +177,7 @@ def evidence_of(solution: Solution, sensor: Sensor | None) -> Evidence:
     """All that could be wrong, linearised where everything was free within its prior."""
     bundle = suspected_bundle(solution.bundle, sensor)
     every, u = solution.every, bundle.unknowns
-    grown = {n: np.zeros(u.block(n).size) for n in (*bundle.shape_blocks, "sensor")}
-    for name, value in grown.items():
-        old = every.state.vector(name)
-        value[: len(old)] = old
-    state = State({**every.state.values, **grown})
+    state = grown(bundle, every.state)
     normal = total_normal(
         u, state, [t.linearise(state) for t in bundle.terms], every.whites, np.ones(u.size, dtype=bool)
     )
@@ -170,11 +192,20 @@ def evidence_of(solution: Solution, sensor: Sensor | None) -> Evidence:
     return Evidence(bundle, data * np.outer(scale, scale), b * scale, scale, u.sigma**2)
 
 
+def grown(bundle: Bundle, state: State) -> State:
+    """The state with what the problem of suspects knows more of shapes and sensor at rest."""
+    more = {n: np.zeros(bundle.unknowns.block(n).size) for n in (*bundle.shape_blocks, "sensor")}
+    for name, value in more.items():
+        old = state.vector(name)
+        value[: len(old)] = old
+    return State({**state.values, **more})
+
+
 def suspected_bundle(bundle: Bundle, sensor: Sensor | None) -> Bundle:
     """The bundle with unknowns for what its files take for exact: sizes of a jig, parameters of the sensor."""
     jig = bundle.target if len(bundle.terms) == 1 else None
     out = bundle.of_target(SizedJig(jig)) if isinstance(jig, Jig) else bundle
-    if sensor is not None:
+    if sensor is not None and (out.errors is None or not out.errors.complete):
         out = out.of_sensor(SensorErrors.suspected(sensor, bundle.errors))
     return out.estimating(np.ones(len(out.estimated), dtype=bool), sensor=True)
 
@@ -185,6 +216,8 @@ def suspects_of(bundle: Bundle) -> tuple[Suspect, ...]:
 
 
 def _of_robot(bundle: Bundle) -> Iterator[Suspect]:
+    if bundle.hands.inferred:  # of a pose's several joint solutions the wrong one may be taken: no number's fault
+        return
     for i, p in enumerate(bundle.hands.robot.parameters):
         if p.sigma > 0:
             gross = max(float(GROSS.get(p.group, GROSS_TIMES * p.sigma)), 3 * p.sigma)
@@ -219,7 +252,11 @@ def _of_sensor(bundle: Bundle) -> Iterator[Suspect]:
         moved = abs(errors.basis[main, k])
         parameter = FOCAL if label == "fx_px, fy_px" else label.replace("_rad", "_deg")
         gross = max(usual / moved if errors.sigma[k] else 1.0, 3 * errors.sigma[k])
-        yield Suspect("sensor", parameter, None, unit, per * errors.basis[main, k], np.array([k]), np.array([gross]))
+        where, sizes = [k], [gross]
+        if names[main] in SHIFTED and SHIFT in errors.labels:  # a plane turns about wherever it is held
+            where.append(errors.labels.index(SHIFT))
+            sizes.append(max(SHIFTED_TIMES, gross))
+        yield Suspect("sensor", parameter, None, unit, per * errors.basis[main, k], np.array(where), np.array(sizes))
 
 
 def _unit_of(name: str) -> str:

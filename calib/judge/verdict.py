@@ -7,10 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2 as chi2_law
+from scipy.special import chdtri
 
 from calib.config import CalibConfig
-from calib.result import Verdict
+from calib.judge.words import accusation
+from calib.result import Code, Culprit, Verdict
 from geometry import Frame, Pose, log_so3, stack_poses
 
 Array = NDArray[np.float64]
@@ -22,6 +23,7 @@ _LEVER_MM = 5.0  # over 300 mm of stand-off a degree: less turns positions by no
 _RIVAL_CHI2 = 12.0  # a likelihood ratio of 400: what is nearer is called ambiguous
 _GROSS_CHI2 = 30.0  # with all robot errors free within their priors; sound cells stay below 2
 _UNOBSERVABLE_MM, _UNOBSERVABLE_DEG = 20.0, 5.0  # σ from noise alone: worse than any mounting drawing
+REST_SLACK = 1.0  # σ that the largest of all other pulls may be beyond the limit once a number is allowed for
 _WEAK_MM, _WEAK_DEG = 1.0, 0.3  # σ from noise alone: ten times that of seven ordinary views at three places
 
 
@@ -112,7 +114,19 @@ def judge_motion(m: Motion, config: CalibConfig) -> Verdict | None:
 
 def misfit_limit(dof: int, least: float) -> float:
     """χ² per degree of freedom above which chance is no explanation, and never below ``least``."""
-    return max(least, float(chi2_law.isf(_MISFIT_TAIL, max(dof, 1))) / max(dof, 1))
+    return max(least, float(chdtri(max(dof, 1), _MISFIT_TAIL)) / max(dof, 1))
+
+
+@dataclass(frozen=True)
+class Contradiction:
+    """A number of the files that does not go with the data.
+
+    rest: the largest pull once it is allowed for. gross: it is off by more than typing errors and mounts account for.
+    """
+
+    culprit: Culprit
+    rest: float
+    gross: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +135,8 @@ class Facts:
 
     explained: χ² per degree of freedom with all robot errors free within their priors.
     noise_covariance (6, 6): of the SCP from noise alone. outlier_share: of the points. outlying_strings: whose points
-    are mostly outliers. rival: how much larger the χ² of another answer is.
+    are mostly outliers. rival: how much larger the χ² of another answer is. contradiction: what of the files does not
+    go with the data; largest_pull: of all other numbers. inferred: the joints follow from hand poses.
     """
 
     converged: bool
@@ -135,6 +150,9 @@ class Facts:
     outlying_strings: tuple[str, ...]
     rival: float
     locations: int
+    contradiction: Contradiction | None = None
+    largest_pull: float = 0.0
+    inferred: bool = False
 
 
 def judge(f: Facts, moved: Motion, config: CalibConfig) -> Verdict:
@@ -145,9 +163,10 @@ def judge(f: Facts, moved: Motion, config: CalibConfig) -> Verdict:
         or _outliers(f, config)
         or _ambiguous(f)
         or _not_observable(f)
+        or _contradiction(f, config)
         or _misfit(f, config)
         or _weak(f, config)
-        or Verdict("ok", _ok_text(f, moved))
+        or Verdict("ok", _ok_text(f, moved, config))
     )
 
 
@@ -218,22 +237,47 @@ def _not_observable(f: Facts) -> Verdict | None:
     )
 
 
+def _contradiction(f: Facts, config: CalibConfig) -> Verdict | None:
+    """What of the files is contradicted, and whether allowing for it explains the data."""
+    if f.contradiction is None:
+        return None
+    c, rest = f.contradiction.culprit, f.contradiction.rest
+    code: Code = "sensor_suspect" if c.block == "sensor" else "priors_contradict"
+    words = accusation(c)
+    if f.contradiction.gross:
+        return Verdict(
+            code,
+            f"{words}. An error of that size is none that σ can be given for: correct it and calibrate again",
+            withheld=True,
+        )
+    if f.explained > misfit_limit(f.dof, config.misfit_chi2) or rest > config.pull_limit + REST_SLACK:
+        return Verdict(
+            code,
+            f"{words}. Even so the data do not fit together (χ² {f.explained:.3g} per degree of freedom, another "
+            f"number is pulled by {rest:.1f} σ): more than one number is wrong, so no σ can be given, and none is",
+            withheld=True,
+        )
+    return Verdict(code, f"{words}. The σ given allow for it; correct the number and calibrate again for smaller ones")
+
+
 def _misfit(f: Facts, config: CalibConfig) -> Verdict | None:
     limit = misfit_limit(f.dof, config.misfit_chi2)
-    if f.chi2_per_dof <= limit:
-        return None
-    if config.method == "paper":
-        advice = "--method bundle with --model full can tell robot errors from noise"
-    elif f.explained <= limit and config.model != "full":
-        advice = (
-            f"robot errors explain it (χ² {f.explained:.3g} with DH parameters free in their priors): try --model full"
+    paper = config.method == "paper"
+    if (paper or f.inferred) and f.chi2_per_dof > limit:
+        advice = "give joint readings" if f.inferred else "--method bundle"
+        return Verdict(
+            "model_misfit",
+            f"χ² per degree of freedom is {f.chi2_per_dof:.3g}, far from 1: the residuals exceed the noise of points "
+            f"and joints; with {advice} robot errors can be told from noise. The σ given carry the robot's uncertainty",
         )
-    else:
-        advice = "robot errors of the stated size do not explain it: check the jig's size and the noise given"
+    if paper or f.inferred or (f.explained <= limit and f.largest_pull <= config.pull_limit + REST_SLACK):
+        return None
     return Verdict(
         "model_misfit",
-        f"χ² per degree of freedom is {f.chi2_per_dof:.3g}, far from 1: the residuals exceed the noise of points and "
-        f"joints; {advice}. The σ given carry the robot's uncertainty",
+        f"χ² per degree of freedom is {f.explained:.3g} even with every number of the robot's table free within its "
+        f"prior (the largest pull is {f.largest_pull:.1f} σ), and no single number of the files explains it: check the "
+        "noise given, then the frames with the largest residuals. No σ can be given, and none is",
+        withheld=True,
     )
 
 
@@ -249,10 +293,16 @@ def _weak(f: Facts, config: CalibConfig) -> Verdict | None:
     )
 
 
-def _ok_text(f: Facts, moved: Motion) -> str:
-    return (
+def _ok_text(f: Facts, moved: Motion, config: CalibConfig) -> str:
+    text = (
         f"{moved.frames} frames at {f.locations} locations, rotations up to {moved.rotation_deg:.0f}°: "
-        f"the residuals agree with the noise (χ² {f.chi2_per_dof:.2f} per degree of freedom)"
+        f"the residuals agree with the noise (χ² {f.explained:.2f} per degree of freedom)"
+    )
+    if f.chi2_per_dof <= misfit_limit(f.dof, config.misfit_chi2):
+        return text
+    return (
+        f"{text} once errors of the robot's table of the stated size are allowed for; with the model asked for it is "
+        f"{f.chi2_per_dof:.3g}, and the σ carry these errors"
     )
 
 

@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2 as chi2_distribution
+from scipy.special import chdtri
 
 from calib.config import CalibConfig
 from calib.label.evidence import SAME_CHI2, Prior
@@ -104,7 +104,7 @@ class _Part:
 
 @lru_cache
 def _chi2_limit(probability: float, dof: int) -> float:
-    return float(chi2_distribution.isf(probability, dof))
+    return float(chdtri(dof, probability))
 
 
 def _without_worst(part: _Part, labels: IntArray, axis: AxisPoints) -> tuple[AxisPoints, JigPoseFit]:

@@ -6,6 +6,9 @@ on x = 0: its centroid along s is the point c(φ) = X₀ + r (n - d nₓ/dₓ), 
 Seen from the camera, φ counts with w(φ) = f(n, l, v) (n·l)₊ (n·v)₊: cosine of incidence, reflectance f,
 foreshortening. Over one string the projection is affine to r/distance ≈ 1e-3, so the spot's centroid is the image of
 Σ w c / Σ w, and the camera's ray through it meets the sheet in that very point. The offset is that mean less X₀.
+
+A sensor that gives profiles samples the lit arc evenly along y: φ counts with |dy/dφ| wherever the sensor sees it.
+Up to which incidence it does is not known; some limits are averaged, their spread is a σ.
 """
 
 from __future__ import annotations
@@ -33,6 +36,7 @@ THREADS = np.array(
         [0.20, 0.02, 0.60, 0.2],
     ]
 )
+LEAST_COSINES = np.array([0.15, 0.3, 0.45, 0.6])  # of incidence, down to which a profile sensor may see a thread
 NODES = 32  # Gauss-Legendre; the narrowest lobe above spans several nodes
 MEAN_COSINE = 0.86  # of the lit and seen arc about its middle, for a matte string
 
@@ -63,9 +67,13 @@ def surface_offset(
 
     yz_mm: spots (..., 2). directions: of the strings in {P} (..., 3), unit length, either sense.
     """
-    threads = np.array([[1.0, surface.diffuse, surface.specular, surface.roughness]]) if surface.known else THREADS
-    each = centroid_offsets(yz_mm, directions, sensor, threads[:, 1:]) * radius_mm  # (..., K, 2)
-    weight = threads[:, 0] / threads[:, 0].sum()
+    if sensor.camera is None:
+        each = sampled_offsets(yz_mm, directions, sensor) * radius_mm
+        weight = np.full(len(LEAST_COSINES), 1 / len(LEAST_COSINES))
+    else:
+        threads = np.array([[1.0, surface.diffuse, surface.specular, surface.roughness]]) if surface.known else THREADS
+        each = centroid_offsets(yz_mm, directions, sensor, threads[:, 1:]) * radius_mm  # (..., K, 2)
+        weight = threads[:, 0] / threads[:, 0].sum()
     mean = np.einsum("...ki,k->...i", each, weight)
     rest = each - mean[..., None, :]
     spread = np.einsum("...ki,...kj,k->...ij", rest, rest, weight)
@@ -75,11 +83,8 @@ def surface_offset(
 def rough_offset(yz_mm: Array, direction: Array, radius_mm: float, sensor: Sensor) -> Array:
     """Lit-surface centroid less axis (..., 2) [mm], to a third of a radius, for a string near ``direction`` (3,)."""
     point = np.concatenate([np.zeros_like(yz_mm[..., :1]), yz_mm], -1)
-    across = [
-        _unit(u - u @ direction[:, None] * direction)
-        for u in (sensor.sheet.origin_mm - point, sensor.require_camera().centre_mm - point)
-    ]
-    middle = _unit(across[0] + across[1])
+    across = [_unit(u - u @ direction[:, None] * direction) for u in (eye - point for eye in sensor.viewpoints_mm)]
+    middle = _unit(np.sum(across, axis=0))
     slope = direction[1:] / direction[0]
     return np.asarray(MEAN_COSINE * radius_mm * (middle[..., 1:] - slope * middle[..., :1]))
 
@@ -101,6 +106,26 @@ def centroid_offsets(yz_mm: Array, directions: Array, sensor: Sensor, threads: A
     slope = directions[..., 1:] / np.where(np.abs(dx) < 1e-6, 1e-6, dx)
     in_sheet = n[..., 1:] - slope[..., None, :] * n[..., :1]
     return np.asarray(w @ in_sheet / np.maximum(w.sum(-1)[..., None], 1e-300))
+
+
+def sampled_offsets(yz_mm: Array, directions: Array, sensor: Sensor) -> Array:
+    """Middle of a profile's points on a string less axis (..., K, 2) in radii, for each of LEAST_COSINES."""
+    point = np.concatenate([np.zeros_like(yz_mm[..., :1]), yz_mm], -1)
+    light = _unit(sensor.sheet.origin_mm - point)
+    toward = _unit(light - np.sum(light * directions, -1, keepdims=True) * directions)
+    side = cross(directions, toward)
+    nodes, weights = _nodes()
+    # the light's part across the string makes the incidence: cos = |across| · cos φ
+    slant = np.sqrt(np.maximum(1 - np.sum(light * directions, -1) ** 2, 1e-12))
+    most = np.arccos(np.minimum(LEAST_COSINES / slant[..., None], 1.0 - 1e-9))  # (..., K)
+    phi = most[..., None] * nodes  # (..., K, Q)
+    n = np.cos(phi)[..., None] * toward[..., None, None, :] + np.sin(phi)[..., None] * side[..., None, None, :]
+    turned = np.cos(phi)[..., None] * side[..., None, None, :] - np.sin(phi)[..., None] * toward[..., None, None, :]
+    dx = directions[..., :1]
+    slope = (directions[..., 1:] / np.where(np.abs(dx) < 1e-6, 1e-6, dx))[..., None, None, :]
+    in_sheet = n[..., 1:] - slope * n[..., :1]
+    step = np.abs(turned[..., 1] - slope[..., 0] * turned[..., 0]) * weights  # |dy/dφ|
+    return np.asarray(np.sum(step[..., None] * in_sheet, -2) / np.maximum(step.sum(-1)[..., None], 1e-300))
 
 
 @lru_cache(maxsize=1)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.stats import chi2 as chi2_law
+from scipy.special import chdtri
 
 from calib.result import Estimate, Verdict
 
@@ -22,7 +22,7 @@ def checked(verdict: Verdict, paper: Estimate, bundle_verdict: Verdict, bundle: 
         return bundle_verdict
     xi = (paper.T_hand_sensor.inverse() @ bundle.T_hand_sensor).log()
     distance = float(xi @ np.linalg.lstsq(paper.covariance, xi, rcond=None)[0])
-    if distance <= float(chi2_law.isf(_TAIL, 6)):
+    if distance <= float(chdtri(6, _TAIL)):
         return verdict
     return Verdict(
         "not_converged",

@@ -23,7 +23,10 @@ Index = NDArray[np.intp]
 
 _FEWEST = {"line": 4, "circle": 6}  # points of a curve that are worth condensing
 _STEPS = 20  # of Gauss and Newton on a circle; from the algebraic one it settles in three to five
-_SETTLED_MM = 1e-9
+_SETTLED_MM = 1e-7
+_WEIGHED = 2  # of these steps find the weights
+_FLAT_ARC = 1e12  # condition of the moments of points that make no arc
+_LARGEST = 1e4  # radius, of the points' spread: a larger circle is a line
 _ALONG_MM = 1e-3  # σ of a node along its curve, where it may lie anywhere
 _FEWEST_FREE = 40  # residuals that tell the scale of the noise; with fewer the stated one stays
 _LAGS = 400  # of the correlation along a profile, at most; never more than a quarter of a curve's points
@@ -174,30 +177,45 @@ def _fitted_circle(yz: Array, cov: Array) -> tuple[Array, float, Array] | None:
     if size <= 0:
         return None
     p = p / size
-    rows = np.column_stack([2 * p, np.ones(len(p))])
-    solution, _, rank, _ = np.linalg.lstsq(rows, np.sum(p**2, axis=1), rcond=1e-12)
+    y, z = p.T
+    rows = np.stack([2 * y, 2 * z, np.ones(len(p))])
+    moments = rows @ rows.T
+    if np.linalg.cond(moments) > _FLAT_ARC:
+        return None
+    solution = np.linalg.solve(moments, rows @ (y**2 + z**2))
     square = float(solution[2] + solution[:2] @ solution[:2])
-    if rank < 3 or not 0 < square < 1e8:
+    if not 0 < square < _LARGEST**2:
         return None
     centre, radius = solution[:2], float(np.sqrt(square))
+    cyy, cyz, czz = cov[:, 0, 0], 2 * cov[:, 0, 1], cov[:, 1, 1]
     weight = np.ones(len(p))
-    for _ in range(_STEPS):
-        away = p - centre
-        distance = np.maximum(np.hypot(*away.T), 1e-12)
-        n = away / distance[:, None]
-        weight = 1 / np.maximum(np.einsum("ni,nij,nj->n", n, cov, n), 1e-12)
-        rows = np.column_stack([n, np.ones(len(p))])
-        weighted = rows.T * weight
+    for k in range(_STEPS):
+        dy, dz = y - centre[0], z - centre[1]
+        distance = np.maximum(np.hypot(dy, dz), 1e-12)
+        ny, nz = dy / distance, dz / distance
+        if k < _WEIGHED:  # the weights need the normals, and hardly change with them
+            weight = 1 / np.maximum(ny * ny * cyy + ny * nz * cyz + nz * nz * czz, 1e-12)
+        rows = np.stack([ny, nz, np.ones(len(p))])
+        weighted = rows * weight
         try:
-            step = np.linalg.solve(weighted @ rows, weighted @ (distance - radius))
+            step = np.linalg.solve(weighted @ rows.T, weighted @ (distance - radius))
         except np.linalg.LinAlgError:
             return None
         centre, radius = centre + step[:2], radius + float(step[2])
-        if not 0 < radius < 1e4:
+        if not 0 < radius < _LARGEST:
             return None
         if np.max(np.abs(step)) * size < _SETTLED_MM:
             break
     return middle + size * centre, size * radius, weight
+
+
+def _products(curves: Sequence[_Curve], longest: int, lags: int) -> Array:
+    """Sums (lags,) of the products of residuals that stand 1, 2, … places apart, over all curves."""
+    padded = np.zeros((len(curves), 2 * longest))
+    for row, c in zip(padded, curves, strict=True):
+        row[: len(c.whitened)] = c.whitened
+    power = np.sum(np.abs(np.fft.rfft(padded, axis=1)) ** 2, axis=0)
+    return np.asarray(np.fft.irfft(power, n=2 * longest)[1 : lags + 1])
 
 
 def _noise(curves: Sequence[_Curve]) -> tuple[float, float, int]:
@@ -210,7 +228,7 @@ def _noise(curves: Sequence[_Curve]) -> tuple[float, float, int]:
         return 1.0, 1.0, dof
     longest = max(len(c.whitened) for c in curves)
     lags = range(1, min(_LAGS, longest // 4) + 1)
-    shares = [sum(float(c.whitened[k:] @ c.whitened[:-k]) for c in curves if len(c.whitened) > k) / total for k in lags]
+    shares = _products(curves, longest, len(lags)) / total
     taken = sum(c.p for c in curves) / sum(len(c.whitened) for c in curves)
     inflation = 1.0
     for _ in range(_ROUNDS):  # what a fit takes away is as much more as neighbours are alike, and hides it

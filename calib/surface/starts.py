@@ -30,6 +30,7 @@ _EDGE_ROUNDS = 4  # of direction and place of an edge in turn
 _LEAST_TURN = 0.03  # sine of the angle between two lines of a face that still span its plane
 _RIDGE = 1e-9  # share of the diagonal that closes what is open
 _ITERATIONS = 40
+_GROSS = 300.0  # cost of a row at a false minimum: as built, an arm of the usual priors gives some 25
 _SAME_COST = 1e-6  # share by which a later candidate must be better, so that rounding chooses none
 
 
@@ -75,13 +76,17 @@ def surface_start(
     surfaces = [f for f in frames if _placeable(target_at(target, f.location)) and len(f.axis)]
     if not surfaces:
         return None
-    if design is not None:
-        named = _renamed(frames, target, design)
-        return SurfaceStart(design, _places(named, target, design), named, found=False)
     solved = [f for f in surfaces if f.role == "calibrate"]
+    best: tuple[float, Pose] | None = None
+    if design is not None:
+        best = None if bundle is None else _solved(solved, target, bundle, design)
+        rows = 0 if bundle is None else int(sum(np.sum(t.points.present) for t in bundle.terms))
+        if best is None or bundle is None or best[0] < _GROSS * rows:
+            T = design if best is None else best[1]
+            named = _renamed(frames, target, T)
+            return SurfaceStart(T, _places(named, target, T), named, found=False)
     if len(solved) < 3 or bundle is None:
         return None
-    best: tuple[float, Pose] | None = None
     for T in _candidates(solved, target):
         end = _solved(solved, target, bundle, T)
         if end is not None and (best is None or end[0] < best[0] * (1 - _SAME_COST)):

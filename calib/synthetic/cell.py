@@ -25,6 +25,7 @@ from geometry import (
     cross_plane_x0,
     draw_errors,
     exp_so3,
+    inside_polygon,
     stack_poses,
 )
 from geometry.robot import Compliance, deflection
@@ -34,6 +35,10 @@ Array = NDArray[np.float64]
 
 DESIGN = Pose.from_fixed_xyz_deg([0.0, 0.0, 20.0], [-17.0, -76.0, 117.0])  # the paper's Table 1
 TRUTH = Pose.from_fixed_xyz_deg([-1.5241, 1.5871, 22.5287], [-16.8786, -75.5423, 116.5369])
+_MOST_ROUNDS = 100  # of drawing views; one in ten or so crosses every string
+_MOST_VIEWS = 2000  # of which not one fits the field: none will
+_MOST_SWINGS = 60  # first readings around which the last joints were swung in vain
+_TRIED = 4000  # readings of the last joints, of which one in some hundred sees every string
 DEFAULT_PLACES: tuple[tuple[str, Role, int], ...] = (
     ("A", "calibrate", 7),
     ("B", "calibrate", 7),
@@ -42,9 +47,13 @@ DEFAULT_PLACES: tuple[tuple[str, Role, int], ...] = (
 )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Layout:
-    """Where the jig stands and how the sensor looks at it; ranges are uniform [low, high]."""
+    """Where the jig stands and how the sensor looks at it; ranges are uniform [low, high].
+
+    moving: how many of the last joints move between the frames of a place, None for all. swing_joint_deg: how far, at
+    most, each of these. field_mm (N, 2): polygon (y, z) of the sheet in which the strings must be crossed then.
+    """
 
     places: tuple[tuple[str, Role, int], ...] = DEFAULT_PLACES
     standoff_mm: tuple[float, float] = (270.0, 310.0)
@@ -53,6 +62,9 @@ class Layout:
     half_turns: bool = True  # also views with the sensor rolled by 180 degrees
     radius_mm: tuple[float, float] = (1300.0, 1800.0)
     height_mm: tuple[float, float] = (500.0, 1200.0)
+    moving: int | None = None
+    swing_joint_deg: float = 40.0
+    field_mm: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -192,9 +204,15 @@ def pose_cell(
 def views(rng: np.random.Generator, layout: Layout, jig: Jig, count: int) -> Pose:
     """Poses T_jig_sensor (count) from which the sheet crosses every string well between its anchors."""
     found = _views(rng, layout, jig, 4 * count)
-    while len(found) < count:
+    for _ in range(_MOST_ROUNDS):
+        if len(found) >= count:
+            break
         more = _views(rng, layout, jig, 4 * count)
         found = Pose(np.concatenate([found.R, more.R]), np.concatenate([found.t, more.t]))
+    if len(found) < count:
+        raise NoAnswerError(
+            "no view of this layout's crosses every string of the jig within the sensor's field of view"
+        )
     return found[:count]
 
 
@@ -219,6 +237,7 @@ def _place(
     rng: np.random.Generator, layout: Layout, jig: Jig, robot: DhRobot, T_hand_sensor: Pose, count: int
 ) -> tuple[Pose, list[Array]]:
     """One place of the jig, upright on a random heading, and ``count`` configurations that see it."""
+    tried = swings = 0
     for _ in range(100):
         heading, radius = rng.uniform(-1.0, 1.0), rng.uniform(*layout.radius_mm)
         t = np.array([radius * np.cos(heading), radius * np.sin(heading), rng.uniform(*layout.height_mm)])
@@ -227,15 +246,64 @@ def _place(
         z = np.array([np.cos(outward), np.sin(outward), 0.0])
         x = np.array([0.0, 0.0, 1.0])
         place = Pose(np.column_stack([x, np.cross(z, x), z]) @ exp_so3(rng.uniform(-0.3, 0.3, 3)), t)
-        targets = place @ views(rng, layout, jig, 10 * count) @ T_hand_sensor.inverse()
+        seen = _in_field(views(rng, layout, jig, 10 * count), layout, jig)
+        tried += 10 * count
+        if not len(seen) and tried > _MOST_VIEWS:
+            raise NoAnswerError(
+                "the jig does not fit into the sensor's field of view: choose a larger one, or another jig"
+            )
+        targets = place @ seen @ T_hand_sensor.inverse()
         readings: list[Array] = []
         for i in range(len(targets)):
             q = _reach(robot, targets[i], rng)
-            if q is not None:
+            if q is not None and layout.moving is not None:
+                readings = _last_joints(rng, layout, jig, robot, (place, T_hand_sensor), q, count)
+                swings += 1
+                if not readings and swings > _MOST_SWINGS:
+                    raise NoAnswerError(
+                        f"moving the last {layout.moving} joints alone leaves too few views of the whole jig: let more "
+                        "joints move, or choose a sensor that sees more"
+                    )
+            elif q is not None:
                 readings.append(q)
             if len(readings) == count:
                 return place, readings
     raise NoAnswerError("no place of the jig can be reached with this layout")
+
+
+def _in_field(T_jig_sensor: Pose, layout: Layout, jig: Jig) -> Pose:
+    """The views whose strings the sheet crosses within the sensor's field, where that counts."""
+    if layout.field_mm is None or layout.moving is None:
+        return T_jig_sensor
+    points = axis_points(T_jig_sensor.inverse(), jig)
+    return T_jig_sensor[np.flatnonzero(np.all(inside_polygon(points, layout.field_mm), axis=1))]
+
+
+def _last_joints(
+    rng: np.random.Generator,
+    layout: Layout,
+    jig: Jig,
+    robot: DhRobot,
+    chain: tuple[Pose, Pose],
+    first: Array,
+    count: int,
+) -> list[Array]:
+    """``first`` and further readings that differ from it in the last joints alone and see every string; [] if too few.
+
+    chain: T_base_jig, T_hand_sensor.
+    """
+    place, T_hand_sensor = chain
+    swing = np.zeros((_TRIED, robot.n_joints))
+    swing[1:, -(layout.moving or 0) :] = rng.uniform(-1, 1, (_TRIED - 1, layout.moving or 0))
+    q = first + np.deg2rad(layout.swing_joint_deg) * swing
+    to_sensor = (robot.pose(q) @ T_hand_sensor).inverse() @ place
+    starts, ends = (to_sensor @ np.broadcast_to(p, (_TRIED, *p.shape)) for p in (jig.starts, jig.ends))
+    points, fraction = cross_plane_x0(starts, ends - starts)
+    seen = np.all((fraction > 0.05) & (fraction < 0.95), axis=1) & robot.within_limits(q)
+    if layout.field_mm is not None:
+        seen &= np.all(inside_polygon(points[..., 1:], layout.field_mm), axis=1)
+    found = np.flatnonzero(seen)
+    return [q[i] for i in found[:count]] if seen[0] and len(found) >= count else []
 
 
 def _reach(robot: DhRobot, target: Pose, rng: np.random.Generator) -> Array | None:

@@ -1,7 +1,8 @@
 """The paper's experiment again and again: Table 1 and Fig. 7 with spreads, and what each source of error explains.
 
 Every run makes a cell as the paper describes it (Table 1's design and calibrated SCP, a jig of 0.1 mm tolerance at
-three places, seven configurations each), draws its errors anew, and calibrates by the paper's method and the bundle.
+three places, seven configurations each that differ in the last three joints), draws its errors anew, and calibrates by
+the paper's method and the bundle.
 """
 
 from __future__ import annotations
@@ -13,13 +14,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.config import CalibConfig
-from calib.synthetic.cell import Layout, Noise, SyntheticCell, calibrated, made_cell, observe, random_cell
-from geometry import NoAnswerError, Pose
+from calib.synthetic.cell import (
+    DESIGN,
+    TRUTH,
+    Layout,
+    Noise,
+    SyntheticCell,
+    calibrated,
+    default_sensor,
+    industrial_arm,
+    made_cell,
+    observe,
+    random_cell,
+)
+from geometry import DhRobot, NoAnswerError, Pose, Role, Sensor, field_of_view
 from geometry.robot import Compliance
+from jig_cad import Jig
 
 Array = NDArray[np.float64]
 
-PLACES = Layout(places=(("A", "calibrate", 7), ("B", "calibrate", 7), ("C", "calibrate", 7)))
+PLACES: tuple[tuple[str, Role, int], ...] = (("A", "calibrate", 7), ("B", "calibrate", 7), ("C", "calibrate", 7))
+LAST_JOINTS = 3  # that the paper's robot moved between the configurations of a place
+_DEPTH_SHARE = 0.07  # of the stand-off, to either side of the field's middle
 METHODS = {
     "paper": CalibConfig(method="paper"),
     "bundle scp": CalibConfig(model="scp"),
@@ -54,19 +70,81 @@ class EnsembleRow:
     verdict: str
 
 
+@dataclass(frozen=True, eq=False)
+class PaperSetting:
+    """Whose experiment is repeated.
+
+    moving: how many of the last joints move between the configurations of a place, None for all. robot, jig, sensor:
+    None for the defaults. design, truth: T_hand_sensor by the drawing and as mounted.
+    """
+
+    moving: int | None = LAST_JOINTS
+    robot: DhRobot | None = None
+    jig: Jig | None = None
+    sensor: Sensor | None = None
+    design: Pose = DESIGN
+    truth: Pose = TRUTH
+
+    @staticmethod
+    def mounted(design: Pose) -> Pose:
+        """T_hand_sensor as mounted, off its ``design`` by what Table 1 is."""
+        return design @ DESIGN.inverse() @ TRUTH
+
+    @property
+    def seen_by(self) -> Sensor:
+        """The sensor."""
+        return self.sensor or default_sensor()
+
+    @property
+    def layout(self) -> Layout:
+        """Where the jig stands to the sensor: about the middle of its field of view."""
+        field = field_of_view(self.seen_by)
+        plain = Layout(places=PLACES, moving=self.moving, field_mm=field)
+        if self.sensor is not None:
+            middle = float(np.mean([field[:, 1].min(), field[:, 1].max()]))
+            near, far = middle * (1 - _DEPTH_SHARE), middle * (1 + _DEPTH_SHARE)
+            plain = replace(plain, standoff_mm=(near, far))
+        if self.robot is None:
+            return plain
+        share = _links_mm(self.robot) / _links_mm(industrial_arm())
+        low, high = ((a * share, b * share) for a, b in (plain.radius_mm, plain.height_mm))
+        return replace(plain, radius_mm=low, height_mm=high)
+
+
+def _compliance(robot: DhRobot) -> Compliance:
+    """The assumed compliance of an arm of another size or number of joints, whose joints give way by like angles."""
+    plain, share = Compliance(), _links_mm(robot) / _links_mm(industrial_arm())
+    like = np.round(np.linspace(0, len(plain.stiffness) - 1, robot.n_joints)).astype(int)
+    return Compliance(
+        stiffness=tuple(plain.stiffness[i] * share**4 for i in like),
+        mass_kg=tuple(plain.mass_kg[i] * share**3 for i in like),
+        payload_kg=plain.payload_kg * share**3,
+        balanced=tuple(plain.balanced[i] for i in like),
+    )
+
+
+def _links_mm(robot: DhRobot) -> float:
+    """All links of an arm in a row."""
+    return float(np.sum(np.hypot(robot.a, robot.d)))
+
+
 def paper_ensemble(
     rng: np.random.Generator,
     runs: int,
     sources: dict[str, Noise] | None = None,
     progress: Callable[[int, int], None] | None = None,
+    setting: PaperSetting | None = None,
 ) -> tuple[EnsembleRow, ...]:
     """Rows of all runs, sources and methods; the same cells stand under every source."""
-    sources = SOURCES if sources is None else sources
+    sources, setting = SOURCES if sources is None else sources, setting or PaperSetting()
     rows: list[EnsembleRow] = []
     for run in range(runs):
-        cell = random_cell(rng, PLACES)
+        drawn = random_cell(rng, setting.layout, setting.jig, setting.robot, setting.truth)
+        cell = replace(drawn, design=setting.design)
         for name, noise in sources.items():
-            rows += _run(cell, name, noise, rng)
+            bends = noise.compliance is not None and setting.robot is not None
+            drawn_noise = replace(noise, compliance=_compliance(cell.robot)) if bends else noise
+            rows += _run(cell, name, drawn_noise, rng, setting.seen_by)
         if progress:
             progress(run + 1, runs)
     return tuple(rows)
@@ -87,9 +165,9 @@ def poses(rows: tuple[EnsembleRow, ...], method: str) -> list[Pose]:
     return [r.T_hand_sensor for r in rows if r.source == first and r.method == method and r.T_hand_sensor is not None]
 
 
-def _run(cell: SyntheticCell, source: str, noise: Noise, rng: np.random.Generator) -> list[EnsembleRow]:
+def _run(cell: SyntheticCell, source: str, noise: Noise, rng: np.random.Generator, sensor: Sensor) -> list[EnsembleRow]:
     made = made_cell(cell, rng, noise)
-    observed = observe(cell, made, rng, noise)
+    observed = replace(observe(cell, made, rng, noise), sensor=sensor)
     out = []
     for method, config in METHODS.items():
         result = calibrated(observed, cell.jig, cell.robot, config)

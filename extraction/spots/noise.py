@@ -9,6 +9,7 @@ import numpy as np
 from scipy.special import ndtr
 
 from extraction.config import SpotNoiseConfig
+from extraction.image import clipping_level
 from extraction.noise import QUANTISATION_VARIANCE
 from extraction.spots.detect import BLOCK_PX, ROW_STEP, Image32, Prepared
 from geometry import Sensor
@@ -65,7 +66,7 @@ def noise_model(prepared: Prepared, sensor: Sensor, config: SpotNoiseConfig) -> 
         weight = min(weight, 4.0 / 3.0 * config.speckle_contrast)
     return FrameNoise(
         max(variance, QUANTISATION_VARIANCE), gain, weight, config.speckle_contrast, config.speckle_grain_px,
-        float(camera.saturation_dn), config.model_error,
+        clipping_level(prepared.image, camera.saturation_dn), config.model_error,
     )  # fmt: skip
 
 

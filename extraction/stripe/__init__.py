@@ -1,10 +1,11 @@
 """A laser stripe's profile: image → peaks section by section → points of the sheet with covariance; files of them."""
 
-from extraction.stripe.files import read_profile_csv, write_profile_csv, write_profile_ply
+from extraction.stripe.files import read_profile_csv, write_peaks_csv, write_profile_csv, write_profile_ply
 from extraction.stripe.pipeline import depth_direction, detect_stripe, extract_profile
-from extraction.stripe.profile import EDGE, SATURATED, SHAPE, Profile, StripePeaks, flag_bits, flag_names
+from extraction.stripe.profile import AMBIGUOUS, EDGE, SATURATED, SHAPE, Profile, StripePeaks, flag_bits, flag_names
 
 __all__ = [
+    "AMBIGUOUS",
     "EDGE",
     "SATURATED",
     "SHAPE",
@@ -16,6 +17,7 @@ __all__ = [
     "flag_bits",
     "flag_names",
     "read_profile_csv",
+    "write_peaks_csv",
     "write_profile_csv",
     "write_profile_ply",
 ]

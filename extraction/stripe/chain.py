@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
+import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +19,8 @@ GATE = 2.6  # level pixels per section that a link may climb: an arc's end at 70
 _SKIP = 2  # sections that a link may span
 _FALLS = 0.22  # of a chain's larger mean fall: both flanks must fall; a step's bright side does not
 _LEAST_SIGNIFICANCE = 16.0  # Σ response / σ over √n: what no tail of few chains is trusted to tell from noise
+_PART = 0.005  # of the light of a level's brightest chain, below which one is not looked at
+_ROUGH = 5.0  # contrast of a ridge, below which its sections are measured together
 _TAIL = 0.2  # of a chain's brighter half, below which nodes at its ends are none of it
 _NOISE_CONTRAST = 4.0  # mean response over σ of a chain that may be noise; maxima of noise above 1.5 σ have 2.2
 _FALSE = 1e-3  # chains of noise that may pass, per image and level
@@ -39,19 +44,29 @@ class Chain:
     light: float
     contrast: float
 
-    @property
+    @cached_property
     def length(self) -> float:
         """Sections of the image that it spans."""
         return float(self.section[-1] - self.section[0] + self.step)
 
     @property
+    def rough(self) -> bool:
+        """Whether its ground is so rough that a section alone says little."""
+        return self.step > self.scale or self.contrast < _ROUGH
+
+    @cached_property
+    def box(self) -> tuple[float, float, float, float]:
+        """First and last section, least and largest place."""
+        return float(self.section[0]), float(self.section[-1]), float(self.place.min()), float(self.place.max())
+
+    @cached_property
     def evidence(self) -> float:
         """Its light times its length along its course: a stripe has more of it than what a lamp lights."""
-        some = np.linspace(0, len(self.section) - 1, max(2, len(self.section) // 8)).astype(int)
-        climb = float(np.abs(np.diff(self.place[some])).sum())
-        return self.light * float(np.hypot(self.length, climb))
+        some = self.place[:: max(1, min(8, len(self.place) - 1))].tolist()
+        climb = sum(abs(b - a) for a, b in itertools.pairwise(some))
+        return self.light * math.hypot(self.length, climb)
 
-    @property
+    @cached_property
     def significance(self) -> float:
         """Root of the sum of squared signal to noise ratios: comparable between scales."""
         return float(self.score / np.sqrt(len(self.section)))
@@ -72,14 +87,19 @@ def follow(nodes: Nodes, scale: int, step: int) -> list[Chain]:
     score = np.add.reduceat(ratio, start)
     near, far = (np.add.reduceat(v[order].astype(np.float64), start) for v in (nodes.near, nodes.far))
     faint = score < _NOISE_CONTRAST * 1.5 * count  # maxima of noise fall by themselves, to either side
+    light = np.add.reduceat(nodes.response[order].astype(np.float64), start)
+    faint = score < _NOISE_CONTRAST * 1.5 * count  # maxima of noise fall by themselves, to either side
     falls = np.minimum(near, far) >= np.where(faint, 2 * _FALLS, _FALLS) * np.maximum(near, far)
     threshold = tail_threshold(score, count)
+    significant = (score > threshold) & (score > _LEAST_SIGNIFICANCE * np.sqrt(count)) & falls
+    if not significant.any():
+        return []
+    worth = significant & (light >= _PART * light[significant].max())
     out = []
-    significant = (score > threshold) & (score > _LEAST_SIGNIFICANCE * np.sqrt(count))
-    for k in np.flatnonzero(significant & falls):
+    for k in np.flatnonzero(worth):
         own = order[start[k] : start[k] + count[k]]
         own = own[_lit(nodes.response[own])]
-        own_ratio = nodes.response[own].astype(np.float64) / nodes.noise[own]
+        ratios = nodes.response[own].astype(np.float64) / nodes.noise[own]
         out.append(
             Chain(
                 section=(nodes.section[own].astype(np.float64) + 0.5) * step - 0.5,
@@ -87,9 +107,9 @@ def follow(nodes: Nodes, scale: int, step: int) -> list[Chain]:
                 response=nodes.response[own].astype(np.float64),
                 scale=scale,
                 step=step,
-                score=float(own_ratio.sum()),
+                score=float(ratios.sum()),
                 light=float(nodes.response[own].mean()),
-                contrast=float(np.median(own_ratio)),
+                contrast=float(np.partition(ratios, len(ratios) // 2)[len(ratios) // 2]),
             )
         )
     return out
@@ -97,8 +117,9 @@ def follow(nodes: Nodes, scale: int, step: int) -> list[Chain]:
 
 def _lit(response: NDArray[np.float32]) -> slice:
     """The nodes without those at either end that are noise which the ridge was linked to."""
-    bright = np.flatnonzero(response >= _TAIL * np.median(np.sort(response)[len(response) // 2 :]))
-    return slice(int(bright[0]), int(bright[-1]) + 1)
+    bright = np.partition(response, len(response) * 3 // 4)[len(response) * 3 // 4]
+    lit = np.flatnonzero(response >= _TAIL * bright)
+    return slice(int(lit[0]), int(lit[-1]) + 1)
 
 
 def tail_threshold(score: Array, count: IntArray) -> float:
@@ -111,7 +132,9 @@ def tail_threshold(score: Array, count: IntArray) -> float:
     least = 30.0  # chains of clean noise above 1.5 σ: five sections of 6 σ
     if len(score) < 30:
         return least
-    low, middle = np.quantile(score, (0.8, 0.9))
+    k, m = int(0.8 * len(score)), int(0.9 * len(score))
+    part = np.partition(score, (k, m))
+    low, middle = float(part[k]), float(part[m])
     scale = (middle - low) / np.log(2)
     return max(least, float(low + scale * np.log(0.2 * len(score) / _FALSE)))
 
@@ -130,14 +153,24 @@ def _best(
     section: IntArray, place: NDArray[np.float32], response: NDArray[np.float32], first: IntArray, i: int, step: int
 ) -> int:
     sections = len(first) - 1
+    here = place[i]
     for gap in range(1, _SKIP + 1):
         c = section[i] + step * gap
         if c < 0 or c >= sections:
             return -1
         best, worth = -1, 0.0
         reach = GATE * gap
-        for k in range(first[c], first[c + 1]):
-            off = abs(place[k] - place[i]) / reach
+        low, high = first[c], first[c + 1]
+        while low < high:  # the first place within reach: places of a section are in order
+            half = (low + high) // 2
+            if place[half] < here - reach:
+                low = half + 1
+            else:
+                high = half
+        for k in range(low, first[c + 1]):
+            off = abs(place[k] - here) / reach
+            if place[k] > here + reach:
+                break
             if off < 1:
                 w = min(response[k], 2 * response[i]) * (1 - off * off)
                 if w > worth:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from extraction.stripe.profile import Profile, StripePeaks, flag_bits, flag_names
-from geometry import InputError, write_text
+from geometry import InputError, read_text, write_text
 from geometry.errors import did_you_mean
 
 Array = NDArray[np.float64]
@@ -18,6 +18,7 @@ COLUMNS = (
     "section,u_px,v_px,sigma_px,normal_u,normal_v,amplitude_dn,width_px,background_dn,chi2_per_dof,"
     "y_mm,z_mm,sigma_y_mm,sigma_z_mm,cov_yz_mm2,flag"
 )
+PIXEL_COLUMNS = "section,u_px,v_px,sigma_px,flag"
 _LEAST_SCATTER_MM = 1e-4  # of points that lie on a line exactly: no sensor is better
 
 
@@ -45,6 +46,27 @@ def write_profile_csv(profile: Profile, path: str | Path) -> None:
     lines = [COLUMNS]
     for section, row, flag in zip(p.section, numbers, p.flag, strict=True):
         lines.append(f"{section},{','.join(f'{x:.9g}' for x in row)},{flag_names(int(flag))}")
+    write_text(path, "\n".join(lines) + "\n")
+
+
+def write_peaks_csv(peaks: StripePeaks, path: str | Path) -> None:
+    """Write a stripe's peaks as CSV, one row a point, in pixels: what there is without a sensor.
+
+    Parameters
+    ----------
+    peaks
+        Of `detect_stripe`.
+    path
+        Where to; the file appears whole or not at all. Columns: PIXEL_COLUMNS.
+
+    Raises
+    ------
+    InputError
+        Where it can not be written.
+    """
+    lines = [PIXEL_COLUMNS]
+    for section, (u, v), sigma, flag in zip(peaks.section, peaks.uv_px, peaks.sigma_px, peaks.flag, strict=True):
+        lines.append(f"{section},{u:.9g},{v:.9g},{sigma:.9g},{flag_names(int(flag))}")
     write_text(path, "\n".join(lines) + "\n")
 
 
@@ -99,11 +121,7 @@ def read_profile_csv(path: str | Path) -> Profile:
     InputError
         With file, line and column of what can not be used.
     """
-    try:
-        text = Path(path).read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: not a readable profile: {error}") from None
-    rows = csv.reader(text.splitlines())
+    rows = csv.reader(read_text(path).splitlines())
     columns = [name.strip() for name in next(rows, [])]
     known = COLUMNS.split(",")
     for name in columns:
@@ -125,9 +143,10 @@ def _value(name: str, text: str, where: str) -> float:
     try:
         value = float(flag_bits(text)) if name == "flag" else float(text)
     except ValueError as error:
-        raise InputError(f"{where}: {error}") from None
+        what = str(error) if name == "flag" else f'"{text}" is not a number'
+        raise InputError(f"{where}: {what[:120]}") from None
     if not np.isfinite(value):
-        raise InputError(f"{where}: {text} is not finite")
+        raise InputError(f"{where}: {text[:40]} is not finite")
     return value
 
 

@@ -5,21 +5,25 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from extraction.config import StripeConfig
 from extraction.stripe.fit import IntArray
 from extraction.stripe.judge import Stripe, Verdict, judge
-from extraction.stripe.search import Pyramid, Search, search, search_faint
+from extraction.stripe.search import Pyramid, Search, each_once, search, search_faint
 from extraction.stripe.view import StripeView, turn
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 SCALES = (2, 4, 8)  # pixels of the levels: Gaussian σ from half a pixel to sixteen
-FAINT = 10.0  # contrast of the best ridge, below which narrow rows are searched too
+FAINT = 80.0  # significance of the best ridge, below which narrow rows are searched too
+CLEAR = 12.0  # contrast of a coarse ridge, and times the other direction's claim, from which nothing is in doubt
+WHOLE = 0.85  # of the columns that a ridge spans, over which columns must follow it too
 COLUMNS_FIRST = 3.0  # times the light in ridges, that rows must show more than columns
+MOSTLY = 0.6  # of all places, from which a doubt is one of the whole image
 ALONE = 0.3  # of all stripes' light: a refused ridge with that much makes every point doubtful
 _NOTHING = np.zeros(0)
 
@@ -67,11 +71,10 @@ class Places:
 
 @dataclass(frozen=True, eq=False)
 class StripeFacts:
-    """What selection asks of a stripe: its light, sections, mean place, and whether it is a ghost."""
+    """What selection asks of a stripe: whether it is a ghost, and the number of the first of its pair, or its own."""
 
-    light: float
-    sections: int
     ghost: bool
+    pair: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,20 +93,49 @@ def find(view: StripeView, config: StripeConfig) -> Found:
     pyramid = Pyramid(grey)
     scales = tuple(s for s in SCALES if s <= 2 or 0.5 * s <= config.max_width_px)
     directions = (False,) if config.direction != "auto" else (False, True)
-    searches = [search(pyramid, scales, turned) for turned in directions]
-    best = max(searches, key=_claim)
-    if not best.chains or best.chains[0].contrast < FAINT:
-        best = max((search_faint(pyramid, s) for s in searches), key=_claim)
+    best = _search(pyramid, scales, directions)
     if best.turned:
-        view, grey = turn(view), np.ascontiguousarray(grey.T)
+        view, grey = turn(view), _turned(grey)
     verdict = judge(grey, best.chains, view.clip_dn, config.max_width_px, config.min_run)
     places, facts = _places(verdict, grey.shape[0], grey.shape[1])
     return Found(view, places, facts, verdict.refused)
 
 
+def _search(pyramid: Pyramid, scales: tuple[int, ...], directions: tuple[bool, ...]) -> Search:
+    """The ridges along the direction that shows more: coarse ones of both, then fine ones of what is left in doubt."""
+    coarse = [search(pyramid, scales[1:], turned) for turned in directions]
+    order = sorted((Search(each_once(c), t) for c, t in zip(coarse, directions, strict=True)), key=_claim, reverse=True)
+    first = order[0]
+    clear = first.chains and first.chains[0].contrast > CLEAR and _claim(first) > CLEAR * _claim(order[-1])
+    open_still = [first] if clear else order
+    full = [Search(each_once(s.chains + search(pyramid, scales[:1], s.turned)), s.turned) for s in open_still]
+    best = _direction(full)
+    if not best.chains or max(c.significance for c in best.chains) < FAINT:
+        best = _direction([Search(each_once(search_faint(pyramid, scales, t)), t) for t in directions])
+    return best
+
+
 def _claim(s: Search) -> float:
-    """What speaks for a direction; columns are taken where both show a stripe as well."""
-    return round(s.evidence * (1.0 if s.turned else COLUMNS_FIRST), 3)
+    """What speaks for a direction."""
+    return round(s.evidence, 3)
+
+
+def _direction(searches: list[Search]) -> Search:
+    """The search that is believed: columns where rows do not show far more, and they follow the ridge as far.
+
+    A section sees a stripe wider by the secant of its slope: a steep one that is wide is followed along rows only.
+    """
+    best = max(searches, key=_claim)
+    others = [s for s in searches if not s.turned and s is not best and s.chains]
+    if not best.turned or not others:
+        return best
+    rows, columns = best.chains[0], others[0].chains[0]
+    seen = columns.length >= WHOLE * abs(float(rows.place[-1] - rows.place[0]))
+    return others[0] if seen and COLUMNS_FIRST * _claim(others[0]) > _claim(best) else best
+
+
+def _turned(grey: NDArray[Any]) -> NDArray[Any]:
+    return cv2.transpose(np.ascontiguousarray(grey))
 
 
 def _without(view: StripeView) -> NDArray[Any]:
@@ -111,9 +143,8 @@ def _without(view: StripeView) -> NDArray[Any]:
     if view.left_out.size == 0 or not view.left_out.any():
         return view.grey
     grey: NDArray[Any] = view.grey.copy()
-    masked = view.left_out & (grey < view.clip_dn) if np.isfinite(view.clip_dn) else view.left_out
     rest = grey[~view.left_out]
-    grey[masked] = np.median(rest) if rest.size else 0
+    grey[view.left_out] = np.median(rest) if rest.size else 0
     return grey
 
 
@@ -126,8 +157,8 @@ def _places(verdict: Verdict, rows: int, sections: int) -> tuple[Places, list[St
         pair = s.bumps.peaks == 2
         doubt, number = _doubt(s, verdict) | pair, len(facts)
         for k, offset in enumerate((s.bumps.first, s.bumps.second) if pair else (0.0,)):
-            facts.append(StripeFacts(s.light, n, s.ghost))
-            own = (number + k, number + 1 - k if pair else -1, s.chain.step > s.chain.scale, s.ghost)
+            facts.append(StripeFacts(s.ghost, number))
+            own = (number + k, number + 1 - k if pair else -1, s.chain.rough, s.ghost)
             parts.append((section, s.track.place + offset, s.track.width, *(np.full(n, x) for x in own), doubt))
     if not parts:
         parts.append((_NOTHING,) * 8)
@@ -138,12 +169,16 @@ def _places(verdict: Verdict, rows: int, sections: int) -> tuple[Places, list[St
     order = order[(centre[order] >= 0) & (centre[order] <= rows - 1)]
     own_section, own_stripe, own_other = (v[order].astype(np.int32) for v in (section, stripe, other))
     centre = centre[order]
+    doubt = doubt.astype(bool)
+    real = order[ghost[order] == 0]
+    if len(real) and np.mean(doubt[real]) > MOSTLY:
+        doubt[:] = True
     low, high = np.zeros(len(order), np.int32), np.full(len(order), rows, np.int32)
     same = own_section[1:] == own_section[:-1]
     middle = np.ceil((centre[1:] + centre[:-1]) / 2).astype(np.int32)
     low[1:][same], high[:-1][same] = middle[same], middle[same]
     partner = _partners(own_section, own_stripe, own_other, sections)
-    flags = (faint[order].astype(bool), ghost[order].astype(bool), doubt[order].astype(bool))
+    flags = (faint[order].astype(bool), ghost[order].astype(bool), doubt[order])
     return Places(own_section, centre, low, high, width[order], own_stripe, partner, *flags), facts
 
 

@@ -31,11 +31,12 @@ IntArray = NDArray[np.int32]
 HALF_SIGMA, HALF_PX, LEAST_HALF_PX = 3.5, 2.5, 4  # half a section's window: so many σ and pixels more, at least
 WINDOWS = 4  # tried of a section, as its width and centre become known
 
-# one fitted section: the peak [px, DN]; variance of the centre [px²]; amplitude over its σ; χ² with its degrees of
-# freedom; clipped pixels; whether it settled; the rows low … high - 1 of its window
+# one fitted section: the peak [px, DN]; variance of the centre, and the part of it that neighbours share [px²];
+# amplitude over its σ; χ² with its degrees of freedom; clipped pixels; whether it settled; the rows low … high - 1 of
+# its window
 SECTION = np.dtype(
     [
-        *((name, np.float64) for name in (*Peak._fields, "variance", "snr", "chi2", "dof")),
+        *((name, np.float64) for name in (*Peak._fields, "variance", "floor", "snr", "chi2", "dof")),
         *((name, np.int64) for name in ("clipped", "low", "high")),
         ("converged", np.bool_),
     ],
@@ -112,6 +113,7 @@ def _report(found: Climb, low: int, high: int, row: Any) -> None:
     peak, fisher = found.peak, found.fisher
     row.low, row.high, row.centre, row.amplitude = low, high, low + peak.centre, peak.amplitude
     row.width, row.background = peak.width, peak.background
+    row.floor = 0.0
     row.variance, row.chi2, row.snr = centre_variance(fisher), found.chi2, peak.amplitude * math.sqrt(fisher.a11)
 
 

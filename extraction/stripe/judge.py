@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -19,7 +20,9 @@ from extraction.stripe.track import (
     light_on_rough_ground,
     likeliest_ends,
     lit_pieces,
+    lit_reach,
     mean_profile,
+    one_bump,
     secant,
     walk_out,
 )
@@ -27,22 +30,27 @@ from extraction.stripe.track import (
 Array = NDArray[np.float64]
 
 # A ridge is held against the one with the most light (its light times its length) of the image.
-PART = 0.06  # of that light, below which a ridge is texture, glare or a scratch
+PART = 0.09  # of that light, below which a ridge is texture, glare or a scratch
 PART_JOINED = 0.004  # the same for one that goes on where the other ends
 DIMMER = 0.22  # of the best ridge's own height, below which a ridge elsewhere is no stripe of the same laser
-LEAST_CONTRAST, ENOUGH_CONTRAST = 0.55, 12.0  # of the best's response over its noise, that counted up to the second
-LEAST_ASPECT = 4.0  # its length over its full width
-FLAT = 0.72  # flatness of an unclipped profile from which it is a lit face with borders, not a pulse of light
-FLAT_FROM_PX = 2.0  # Gaussian σ from which flatness shows: blur rounds what is narrower
+LEAST_CONTRAST, ENOUGH_CONTRAST = 0.65, 12.0  # of the best's response over its noise, that counted up to the second
+LEAST_ASPECT = 6.0  # its length over its full width
+FLAT = 0.6  # flatness of an unclipped profile from which it is a lit face with borders, not a pulse of light
+FLAT_FROM_PX = 2.6  # Gaussian σ from which flatness shows: blur rounds what is narrower
 CROWD = 2.6  # ridges of like light beside one another, on average: a pattern, not stripes
 CROWD_PART = 0.15  # of the best's height times length, that such a ridge has at least
-LEAST_JOINED = 3.0  # contrast of a ridge that goes on where a stripe ends
+DARK_MARGIN = 3  # sections between a lit piece and the dark one beside it
+DARK_WIDTH = 1.0  # of the stripe's width, at most, where it is dark: less light is narrower; a border's glow is not
+LEAST_JOINED, ASKED_JOINED = 3.0, 0.8  # contrast of a ridge that goes on where a stripe ends; of that asked elsewhere
 LIKE = 0.45  # of a ridge's light and height, from which another is its like
 GHOST_LIGHT = 0.2  # of a brighter ridge's height, from which a longer one is the stripe and the brighter its ghost
 GHOST_TOTAL = 0.6  # of the brighter one's height times length, that the longer one has at least
 GHOST_LONGER = 0.1  # of the shorter ridge's length, that the longer one goes on for
 CLEAR, WALK_NODES = 8.0, 3  # contrast from which a ridge is followed to its ends; level sections inside, to begin
+SAME_PX = 1.0  # beside a stripe's σ, within which another track is the same
 JOIN_GAP, JOIN_PX = 60.0, 3.0  # sections between two pieces of one stripe, and how far off their lines may pass
+JOIN_ABOUT_PX = 24.0  # between two ends that may be one stripe's, beside twice the gap
+PAIR_APART = 0.2  # of two peaks' distance, that it may differ between a ridge's halves
 PROFILE_STEP_PX = 0.5
 PROFILE_SECTIONS = 96  # over which a ridge's mean profile is taken
 
@@ -53,8 +61,9 @@ class Stripe:
 
     track: at every section from its first to its last. chain: the ridge it came from. bumps: of its mean profile; with
     two, the track runs between or on one of them. height: of the mean profile [DN]. light: height times sections.
-    least: sections from which it may stand alone. rivals: whether another of like light shares its sections. ghost:
-    whether a longer one does.
+    dark: whether it lies between two lit pieces of
+    one ridge. least: sections from which it may stand alone. rivals: whether another of like light shares its
+    sections. ghost: whether a longer one does.
     """
 
     track: Track
@@ -65,6 +74,7 @@ class Stripe:
     ghost: bool = False
     joined: bool = False
     least: int = 20
+    dark: bool = False
 
     @property
     def light(self) -> float:
@@ -95,7 +105,8 @@ def judge(grey: NDArray[Any], chains: list[Chain], clip: float, max_width: float
     measured: list[Stripe] = []
     flat: list[Stripe] = []
     for chain in chains:
-        if chain.evidence < least:
+        weak = chain.evidence < PART * chains[0].evidence and chain.light < chains[0].light
+        if chain.evidence < least or (weak and not any(_near_end(chain, k.chain) for k in measured)):
             refuse("faint")
             continue
         pieces = _measure(grey, chain, clip, least_sections)
@@ -109,9 +120,9 @@ def judge(grey: NDArray[Any], chains: list[Chain], clip: float, max_width: float
                 flat.append(piece)
             else:
                 measured.append(piece)
-    measured.sort(key=lambda s: (-round(s.light, 3), s.track.first))
+    measured = _each_once(sorted(measured, key=lambda s: (-round(s.light, 3), s.track.first)))
     measured = _ghosts(measured)
-    best = next((s for s in measured if not s.ghost and _stands_alone(s)), None)
+    best = next((s for s in measured if not (s.ghost or s.dark) and _stands_alone(s)), None)
     if best is None:
         refuse("short", len(measured))
         return Verdict([], [], refused)
@@ -127,12 +138,27 @@ def judge(grey: NDArray[Any], chains: list[Chain], clip: float, max_width: float
         for s in list(waiting):
             joined = any(_continues(s, k) for k in kept if not k.ghost)
             bright = s.light >= PART * best.light and s.height >= DIMMER * best.height and s.chain.contrast >= asked
-            if (joined and s.chain.contrast >= LEAST_JOINED) or (bright and _stands_alone(s)):
+            joined &= not s.dark or (s.bumps.peaks == 1 and s.bumps.width <= DARK_WIDTH * best.bumps.width)
+            bright &= not s.dark
+            if (joined and s.chain.contrast >= max(LEAST_JOINED, ASKED_JOINED * asked)) or (
+                bright and _stands_alone(s)
+            ):
                 kept.append(replace(s, joined=joined))
                 waiting.remove(s)
                 changed = True
     refuse("weak_beside_the_stripe", len(waiting))
     return Verdict(sorted(_rivalry(kept), key=lambda s: -s.light), waiting + flat, refused)
+
+
+def _near_end(chain: Chain, k: Chain) -> bool:
+    """Whether a chain begins or ends about where a longer one does: worth a look whether it goes on there."""
+    if k.evidence < chain.evidence:
+        return False
+    for a, b in ((chain, k), (k, chain)):
+        gap = float(b.section[0] - a.section[-1])
+        if -2 * b.step <= gap <= JOIN_GAP and abs(float(b.place[0] - a.place[-1])) <= JOIN_ABOUT_PX + 2 * abs(gap):
+            return True
+    return False
 
 
 def _asked_contrast(best: Stripe) -> float:
@@ -163,10 +189,12 @@ def _measure(grey: NDArray[Any], chain: Chain, clip: float, least: int) -> list[
     out = np.empty(2 * int(2.2 * reach / PROFILE_STEP_PX) + 1)
     inside = slice(max(int(chain.section[0]) - track.first, 0), int(chain.section[-1]) - track.first + 1)
     found = _profile_of(grey, track, _brightest(chain, track, inside), out, reach, clip)
+    if found.peaks == 2 and not _pair_throughout(grey, track, inside, found, out, reach, clip):
+        found = one_bump(found)
     if found.peaks == 0:
         return []
     place = track.place + (found.first if found.peaks == 1 else 0.0)
-    if found.peaks == 1 and chain.contrast > CLEAR:
+    if found.peaks == 1 and chain.contrast > CLEAR and not chain.rough:
         sigma = found.width / float(np.mean(track.width[_brightest(chain, track, inside)]))
         skip = min(WALK_NODES * chain.step, (inside.stop - inside.start) // 2)
         walk_out(grey, track.first, place, inside.start + skip, -1, sigma, found.height)
@@ -178,25 +206,46 @@ def _measure(grey: NDArray[Any], chain: Chain, clip: float, least: int) -> list[
     half = along_normal if found.peaks == 1 else 0.5 * (found.second - found.first) + found.width
     light_along(grey, track.first, place, np.maximum(0.5, half * track.width), light)
     pieces = []
-    rough = chain.step > chain.scale
+    rough = chain.rough
     if rough:
         light = light_on_rough_ground(grey, track, place, found.width)
     lit_all = [inside] if rough else lit_pieces(light, inside)
+    ends = []
     for k, lit in enumerate(lit_all):
-        low = lit_all[k - 1].stop if k else 0
-        high = lit_all[k + 1].start if k + 1 < len(lit_all) else len(light)
+        reached = lit_reach(light, lit)
+        low = max(lit_all[k - 1].stop if k else 0, reached.start)
+        high = min(lit_all[k + 1].start if k + 1 < len(lit_all) else len(light), reached.stop)
         start, stop = likeliest_ends(light[low:high], slice(lit.start - low, lit.stop - low), rough)
-        start, stop = start + low, stop + low
-        if stop - start >= 3:
-            own = Track(track.first + start, place[start:stop], track.width[start:stop])
-            shape = found
-            if lit != inside:
-                shape = _profile_of(grey, own, _part(0, stop - start), out, reach, clip)
-            if shape.peaks:
-                middle = _part(0, stop - start)
-                width = own.width * (shape.width / float(np.mean(own.width[middle])))
-                pieces.append(Stripe(own._replace(width=width), chain, shape, shape.height, least=least))
+        ends.append(slice(start + low, stop + low))
+    between = [slice(a.stop + DARK_MARGIN, b.start - DARK_MARGIN) for a, b in itertools.pairwise(ends)]
+    for part in ends + between:
+        if part.stop - part.start < 3:
+            continue
+        own = Track(track.first + part.start, place[part], track.width[part])
+        shape = found
+        if part != inside:
+            shape = _profile_of(grey, own, _part(0, part.stop - part.start), out, reach, clip)
+            if shape.peaks == 2 and found.peaks == 1:
+                shape = one_bump(shape)
+        if shape.peaks:
+            middle = _part(0, part.stop - part.start)
+            width = own.width * (shape.width / float(np.mean(own.width[middle])))
+            dark = any(part is d for d in between)
+            pieces.append(Stripe(own._replace(width=width), chain, shape, shape.height, least=least, dark=dark))
     return pieces
+
+
+def _pair_throughout(
+    grey: NDArray[Any], track: Track, inside: slice, found: Bumps, out: Array, reach: float, clip: float
+) -> bool:
+    """Whether both halves of a ridge show two peaks as far apart: speckle shows two here and there."""
+    middle = (inside.start + inside.stop) // 2
+    for start, stop in ((inside.start, middle), (middle, inside.stop)):
+        half = _profile_of(grey, track, _part(start, stop), out, reach, clip)
+        apart = found.second - found.first
+        if half.peaks != 2 or abs(half.second - half.first - apart) > PAIR_APART * apart:
+            return False
+    return True
 
 
 def _profile_of(grey: NDArray[Any], track: Track, part: slice, out: Array, reach: float, clip: float) -> Bumps:
@@ -228,6 +277,22 @@ def _stands_alone(s: Stripe) -> bool:
 
 def _overlap(a: Stripe, b: Stripe) -> int:
     return max(0, min(a.track.stop, b.track.stop) - max(a.track.first, b.track.first))
+
+
+def _each_once(stripes: list[Stripe]) -> list[Stripe]:
+    """Without those that lie on a brighter one's track over half of their sections: their chains met only in part."""
+    out: list[Stripe] = []
+    for s in stripes:
+        on = 0
+        for k in out:
+            start, stop = max(s.track.first, k.track.first), min(s.track.stop, k.track.stop)
+            if stop > start:
+                mine = s.track.place[start - s.track.first : stop - s.track.first]
+                theirs = k.track.place[start - k.track.first : stop - k.track.first]
+                on += int(np.count_nonzero(np.abs(mine - theirs) < SAME_PX + max(s.bumps.width, k.bumps.width)))
+        if on < 0.5 * len(s.track.place):
+            out.append(s)
+    return out
 
 
 def _ghosts(stripes: list[Stripe]) -> list[Stripe]:

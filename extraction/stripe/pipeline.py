@@ -21,9 +21,10 @@ from extraction.stripe.normal import localise_along_normal
 from extraction.stripe.pair import fit_pairs
 from extraction.stripe.profile import AMBIGUOUS, EDGE, SATURATED, SHAPE, Profile, StripePeaks
 from extraction.stripe.select import select
-from extraction.stripe.sigma import true_sigma
+from extraction.stripe.sigma import STEP_PX, true_sigma
 from extraction.stripe.view import StripeView, stripe_view
 from geometry import Sensor
+from geometry.compiled import kernel
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -254,19 +255,25 @@ def _peaks(view: StripeView, places: Places, fits: Records, config: StripeConfig
         background_dn=fits["background"].copy(),
         chi2_per_dof=chi2,
         flag=flag.astype(np.uint8),
-        piece=_pieces(section, places.stripe),
+        piece=_pieces(section, places.stripe, fits["centre"].copy()),
     )
 
 
-def _pieces(section: NDArray[np.int32], stripe: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Pieces in the order in which they begin: runs of sections of one stripe (N,)."""
+@kernel
+def _pieces(section: NDArray[np.int32], stripe: NDArray[np.int32], centre: Array) -> NDArray[np.int32]:
+    """Pieces in the order in which they begin: runs of sections of one stripe without a step (N,)."""
     out = np.zeros(len(section), np.int32)
-    begun: dict[int, tuple[int, int]] = {}
-    count = 0
-    for i, (s, k) in enumerate(zip(section.tolist(), stripe.tolist(), strict=True)):
-        last, number = begun.get(k, (-10, -1))
-        if s - last > _PIECE_GAP:
-            number, count = count, count + 1
-        begun[k] = (s, number)
-        out[i] = number
+    stripes = 0
+    for k in stripe:
+        stripes = max(stripes, k + 1)
+    last, number, count = np.full(stripes, -1000), np.zeros(stripes, np.int32), 0
+    place = np.zeros(stripes)
+    for i in range(len(section)):
+        k = stripe[i]
+        gap = section[i] - last[k]
+        if gap > _PIECE_GAP or abs(centre[i] - place[k]) > STEP_PX * gap:
+            number[k] = count
+            count += 1
+        last[k], place[k] = section[i], centre[i]
+        out[i] = number[k]
     return out

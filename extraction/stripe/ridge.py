@@ -7,6 +7,7 @@ answers once, at the level where it is two rows wide.
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,11 +21,12 @@ IntArray = NDArray[np.int32]
 
 FLANK = 3  # rows from the centre to either flank
 _APART = 2  # rows on either side that a peak must not fall short of
-_SAMPLES = 12_000  # of a level's response, for its noise
+_SAMPLES = 3_000  # of a level's response, for its noise
 _BINS = 12  # of the background's brightness: texture and shot noise grow with it
-_FEWEST = 48  # samples of a bin that say something
+_FEWEST = 24  # samples of a bin that say something
 _LAG = 12  # level pixels along the sections, beyond the correlation of blur and speckle
 _ROUGHER = 2.0  # times as rough in proportion, that bright ground may be: beside a stripe its own light is no noise
+_BLOCK = 64  # pixels of a row that are looked at together
 _QUANTISATION = (
     0.5  # σ of the response to rounding, of whole grey levels over 2 × 2 pixels … at 1 px; less with the level
 )
@@ -61,12 +63,12 @@ def halve(image: NDArray[Any]) -> Level:
     return out
 
 
-def find_nodes(level: Level, scale: int, threshold_sigma: float) -> Nodes:
+def find_nodes(level: Level, scale: float, threshold_sigma: float) -> Nodes:
     """Peaks along the columns of a level (H, W) whose response is that many σ. scale: pixels to a level pixel."""
     response, background = np.empty_like(level), np.empty_like(level)
     _respond(level, response, background)
     table = _noise(response, background, _QUANTISATION / scale)
-    room = max(level.size // 4, 16)
+    room = max(level.size // (4 if threshold_sigma < 2 else 8), 64)
     section, place = np.empty(room, np.int32), np.empty(room, np.float32)
     values = np.empty((4, room), np.float32)
     first = np.zeros(level.shape[1] + 1, np.int32)
@@ -108,47 +110,85 @@ def _noise(response: Level, background: Level, least: float) -> NoiseTable:
     The least of the robust spread and of that of differences along the sections: in a region that is mostly stripe the
     first is the stripe's own.
     """
-    columns = response.shape[1]
+    sigma = np.empty(_BINS)
+    dark, width = _noise_by_brightness(response, background, least, sigma)
+    return NoiseTable(dark, width, sigma)
+
+
+@kernel
+def _noise_by_brightness(response: Level, background: Level, least: float, sigma: Array) -> tuple[float, float]:
+    """Fill ``sigma`` (B,); returns the background's least grey level and the bins' width in its root."""
+    rows, columns = response.shape
     lag = min(_LAG, max(columns // 4, 1))
-    step = max(1, int(np.sqrt(response.size / _SAMPLES)))
+    step = max(1, int(math.sqrt(response.size / _SAMPLES)))
     wide = max(columns - lag, 1)
-    r = response[::step, :wide:step].ravel()
-    ahead = response[::step, lag : lag + wide : step].ravel() if columns > lag else r
-    b = background[::step, :wide:step].ravel()
-    dark, light = float(b.min()), float(b.max())
-    width = np.sqrt(max(light - dark, 1.0)) / _BINS
-    bins = np.minimum(np.sqrt(b - np.float32(dark)) / np.float32(width), _BINS - 1).astype(np.int64)
-    spread = np.full(_BINS, np.nan)
-    order = np.argsort(bins, kind="stable")
-    edges = np.searchsorted(bins[order], np.arange(_BINS + 1))
+    most = ((rows - 1) // step + 1) * ((wide - 1) // step + 1)
+    value, change, ground = np.empty(most, np.float32), np.empty(most, np.float32), np.empty(most, np.float32)
+    n, dark, light = 0, np.inf, -np.inf
+    for r in range(0, rows, step):
+        for c in range((r // step) % step, wide, step):
+            value[n], ground[n] = response[r, c], background[r, c]
+            change[n] = response[r, min(c + lag, columns - 1)] - response[r, c]
+            dark, light = min(dark, float(ground[n])), max(light, float(ground[n]))
+            n += 1
+    width = math.sqrt(max(light - dark, 1.0)) / _BINS
+    counts, bins = np.zeros(_BINS, np.int64), np.empty(n, np.int64)
+    for i in range(n):
+        bins[i] = min(int(math.sqrt(ground[i] - dark) / width), _BINS - 1)
+        counts[bins[i]] += 1
+    own, bulk, known = np.empty(n, np.float32), 0, -1
     for k in range(_BINS):
-        own = order[edges[k] : edges[k + 1]]
-        if len(own) >= _FEWEST:
-            x, d = r[own], ahead[own] - r[own]
-            spread[k] = 1.4826 * min(
-                float(np.median(np.abs(x - np.median(x)))), float(np.median(np.abs(d))) / np.sqrt(2)
-            )
-    known = np.flatnonzero(np.isfinite(spread))
-    if len(known) == 0:
-        return NoiseTable(dark, float(width), np.full(_BINS, max(least, float(np.std(r)))))
-    filled = np.maximum(np.interp(np.arange(_BINS), known, spread[known]), least)
-    bulk = int(np.argmax(np.diff(edges)))  # what most of the image is: brighter ground may be as rough in proportion
-    ground = dark + ((np.arange(_BINS) + 0.5) * width) ** 2
-    filled = np.minimum(filled, np.maximum(_ROUGHER * filled[bulk] * ground / max(ground[bulk], 1.0), filled[bulk]))
-    return NoiseTable(dark, float(width), np.asarray(filled, dtype=np.float64))
+        sigma[k] = np.nan
+        if counts[k] > counts[bulk]:
+            bulk = k
+        if counts[k] < _FEWEST:
+            continue
+        m = 0
+        for i in range(n):
+            if bins[i] == k:
+                own[m] = value[i]
+                m += 1
+        middle = np.median(own[:m])
+        for j in range(m):
+            own[j] = abs(own[j] - middle)
+        spread, m = float(np.median(own[:m])), 0
+        for i in range(n):
+            if bins[i] == k:
+                own[m] = abs(change[i])
+                m += 1
+        sigma[k] = max(1.4826 * min(spread, float(np.median(own[:m])) / math.sqrt(2)), least)
+        for j in range(known + 1, k):  # bins between two known ones, or before the first
+            t = (j - known) / (k - known)
+            sigma[j] = sigma[k] if known < 0 else (1 - t) * sigma[known] + t * sigma[k]
+        known = k
+    for j in range(known + 1, _BINS):
+        sigma[j] = sigma[known] if known >= 0 else max(least, float(np.std(value[:n])))
+    # what most of the image is: brighter ground may be as rough in proportion, and some
+    level = dark + ((bulk + 0.5) * width) ** 2
+    for k in range(_BINS):
+        here = dark + ((k + 0.5) * width) ** 2
+        sigma[k] = min(sigma[k], max(_ROUGHER * sigma[bulk] * here / max(level, 1.0), sigma[bulk]))
+    return dark, width
 
 
 @kernel
 def _peaks(
     level: Level, response: Level, background: Level, table: NoiseTable, threshold: float,
-    section: IntArray, place: Level, values: Level, first: IntArray,
+    section: IntArray, where: Level, values: Level, first: IntArray,
 ) -> int:  # fmt: skip
     """Local maxima above the threshold, row by row; counts per section in first[1:]; returns their number."""
     rows, columns = response.shape
-    least = threshold * table.sigma.min()
+    least = np.float32(threshold * table.sigma.min())
     n = 0
-    for r in range(rows):
-        for c in range(columns):
+    for place in range(rows * ((columns - 1) // _BLOCK + 1)):
+        r, start = place // ((columns - 1) // _BLOCK + 1), place % ((columns - 1) // _BLOCK + 1) * _BLOCK
+        stop = min(start + _BLOCK, columns)
+        largest = response[r, start]
+        for c in range(start, stop):
+            largest = max(largest, response[r, c])
+        if largest <= least:
+            continue
+        for c in range(start, stop):
             here = response[r, c]
             if here <= least:
                 continue
@@ -170,7 +210,7 @@ def _peaks(
             centre = 0.5 * (level[r, c] + level[min(r + 1, rows - 1), c])
             near = 0.5 * (level[max(r - FLANK, 0), c] + level[max(r + 1 - FLANK, 0), c])
             far = 0.5 * (level[min(r + FLANK, rows - 1), c] + level[min(r + 1 + FLANK, rows - 1), c])
-            section[n], place[n] = c, r + 0.5 + min(max(shift, -0.5), 0.5)
+            section[n], where[n] = c, r + 0.5 + min(max(shift, -0.5), 0.5)
             values[0, n], values[1, n], values[2, n], values[3, n] = (
                 here,
                 centre - near,

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,10 +16,12 @@ from geometry.compiled import kernel
 
 Array = NDArray[np.float64]
 
-NODE_SIGMA = 1.5  # of a node: the chain decides, not the node
+NODE_SIGMA, FAINT_NODE_SIGMA = 2.5, 1.5  # of a node: the chain decides, not the node
+_NARROW = 4  # sections by one row
 _LEAST_ROWS = 6  # of a level that can show a ridge
 _SAME = 1.5  # level pixels between two chains on one ridge
 _SHARE = 0.5  # of a chain's sections on another's ridge, from which it is the same
+_LEAST_PART = 0.004  # of the most light of a ridge, below which one is not looked at
 MOST_CHAINS = 48  # looked at, most light first; a lamp-lit board has a hundred
 
 
@@ -41,11 +45,12 @@ class Pyramid:
         self._grey = grey
         self._levels: list[Level] = []
 
-    def level(self, scale: int) -> Level:
-        """The means of scale × scale pixels."""
+    def level(self, scale: int, turned: bool) -> Level:
+        """The means of scale × scale pixels, sections as columns."""
         while 2 ** len(self._levels) < scale:
             self._levels.append(halve(self._levels[-1] if self._levels else self._grey))
-        return self._levels[scale.bit_length() - 2]
+        level = self._levels[scale.bit_length() - 2]
+        return np.asarray(cv2.transpose(level), dtype=np.float32) if turned and level.size else level
 
     def narrow(self, step: int, turned: bool) -> Level:
         """The means of ``step`` sections, row by row: for faint stripes on a ground that is rough at larger scales."""
@@ -55,24 +60,21 @@ class Pyramid:
         return out
 
 
-def search(pyramid: Pyramid, scales: tuple[int, ...], turned: bool) -> Search:
-    """The ridges of these scales along one direction, each once."""
-    chains: list[Chain] = []
-    for scale in scales:
-        level = pyramid.level(scale)
-        chains += _of_level(np.ascontiguousarray(level.T) if turned else level, scale, scale)
-    return Search(each_once(chains), turned)
+def search(pyramid: Pyramid, scales: tuple[int, ...], turned: bool, threshold: float = NODE_SIGMA) -> list[Chain]:
+    """The ridges of these scales along one direction."""
+    return [chain for scale in scales for chain in _of_level(pyramid.level(scale, turned), scale, scale, threshold)]
 
 
-def search_faint(pyramid: Pyramid, found: Search) -> Search:
-    """The same with chains at one row by some sections, where that shows more than squares do."""
-    return Search(each_once(found.chains + _of_level(pyramid.narrow(4, found.turned), 1, 4)), found.turned)
+def search_faint(pyramid: Pyramid, scales: tuple[int, ...], turned: bool) -> list[Chain]:
+    """The same down to nodes in the noise, and at one row by some sections, which shows more on a rough ground."""
+    squares = search(pyramid, scales, turned, FAINT_NODE_SIGMA)
+    return squares + _of_level(pyramid.narrow(_NARROW, turned), 1, _NARROW, FAINT_NODE_SIGMA)
 
 
-def _of_level(level: Level, scale: int, step: int) -> list[Chain]:
+def _of_level(level: Level, scale: int, step: int, threshold: float) -> list[Chain]:
     if level.shape[0] < _LEAST_ROWS or level.shape[1] < 1:
         return []
-    return follow(find_nodes(level, np.sqrt(scale * step), NODE_SIGMA), scale, step)
+    return follow(find_nodes(level, math.sqrt(scale * step), threshold), scale, step)
 
 
 def each_once(chains: list[Chain]) -> list[Chain]:
@@ -83,15 +85,21 @@ def each_once(chains: list[Chain]) -> list[Chain]:
     """
     kept: list[Chain] = []
     most = sorted(chains, key=lambda c: (-round(c.evidence, 6), c.scale, c.section[0], c.place[0]))[:MOST_CHAINS]
+    most = [c for c in most if c.evidence >= _LEAST_PART * most[0].evidence]
     for chain in sorted(most, key=lambda c: (-round(c.light * c.significance, 6), c.scale, c.section[0], c.place[0])):
         free = np.ones(len(chain.section), dtype=bool)
+        first, last, lowest, highest = chain.box
         for other in kept:
+            a, b, c, d = other.box
+            reach = _SAME * (1 + 0.25 * FLANK) * max(chain.scale, other.scale)
+            if first > b + other.step or last < a - other.step or lowest > d + reach or highest < c - reach:
+                continue
             inside = (chain.section >= other.section[0] - other.step) & (
                 chain.section <= other.section[-1] + other.step
             )
             if inside.any():
                 off = np.abs(chain.place - np.interp(chain.section, other.section, other.place))
-                free &= ~inside | (off > _SAME * (1 + 0.25 * FLANK) * max(chain.scale, other.scale))
+                free &= ~inside | (off > reach)
         if free.mean() > _SHARE:
             kept.append(chain)
     return sorted(kept, key=lambda c: -round(c.evidence, 6))

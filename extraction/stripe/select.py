@@ -15,7 +15,7 @@ _ALIKE = 0.05  # of the longest stripe, that two lengths may differ
 
 
 def select(config: StripeConfig, stripes: list[StripeFacts], places: Places, place: Array, height: Array) -> Indices:
-    """Indices of the chosen points, at most one a section unless the rule is "all".
+    """Indices of the chosen points: one a section, or both of a pair with "stripe", or all with "all".
 
     place: position along the section [px]. height: amplitude [DN]. A whole stripe is preferred to another, not a point
     to a point, and a ghost never: it is chosen where nothing else is.
@@ -31,7 +31,11 @@ def select(config: StripeConfig, stripes: list[StripeFacts], places: Places, pla
         key = _order(stripes, places, height, longest=rule == "continuous")[places.stripe]
     order = np.lexsort((key, ghost, places.section))
     first = np.r_[True, places.section[order][1:] != places.section[order][:-1]]
-    return np.asarray(order[first])
+    if rule != "stripe":
+        return np.asarray(order[first])
+    pair = np.array([s.pair for s in stripes])[places.stripe]
+    best = pair[order[first]][np.cumsum(first) - 1]  # that of the section's best, for each in order
+    return np.asarray(np.sort(order[pair[order] == best]))
 
 
 def _order(stripes: list[StripeFacts], places: Places, height: Array, longest: bool) -> Array:

@@ -6,6 +6,8 @@ themselves: residuals about a line over some forty sections, against the σ that
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,60 +19,92 @@ from geometry.compiled import kernel
 Array = NDArray[np.float64]
 
 WINDOW = 41  # sections of a line
+STEP_PX = 5.0  # per section, from which the stripe has gone to another surface
 FEWEST = 60  # points from which anything is learnt
 SIGNIFICANT = 3.0  # of the excess, in its own σ
-MOST_LAGS = 12
-_ROBUST = 3.5  # residuals beyond so many robust σ are edges of the profile
+MOST_LAGS = 7
+_LEAST_RATIO = 0.04  # of a variance, that scatter may take it down to
+_ROBUST = 3.5  # residuals beyond so many σ are edges of the profile
+_MOST = 3.0  # times the middle window's excess: more is an edge or a bend of the profile
+WINDOWS_ABOUT = 2  # on either side, that say with a point's own what it scatters
+
+
+class Residuals(NamedTuple):
+    """Of each point (N,): its residual, the share of white noise's variance left in it (0: none is known), how many
+    points follow it in its window, and the window's number.
+    """
+
+    residual: Array
+    share: Array
+    after: NDArray[np.int64]
+    window: NDArray[np.int64]
 
 
 def true_sigma(places: Places, fits: Records) -> float:
     """Raise the variances of ``fits`` (N,) in place to what the points scatter; returns the correlation length.
 
-    In sections; 0 where neighbours are independent. The excess is one variance a stripe, beside the pixels' own; pieces
-    too short to say theirs take what the others have on average.
+    In sections; 0 where neighbours are independent. The excess is a variance beside the pixels' own, from the windows
+    about each point; pieces too short to say theirs take what the others have in the middle.
     """
-    lengths, excesses, weights, short = [], [], [], []
-    for k in np.unique(places.stripe):
+    lengths, middles, weights, short = [], [], [], []
+    for k in range(int(places.stripe.max()) + 1 if len(places) else 0):
         own = np.flatnonzero(places.stripe == k)
-        residual, share, after = _residuals(places.section[own].astype(np.int64), fits["centre"][own].copy())
-        known = share > 0
-        if known.sum() < FEWEST:
+        if len(own) == 0:
+            continue
+        r = _residuals(places.section[own].astype(np.int64), fits["centre"][own].copy())
+        if np.count_nonzero(r.share) < FEWEST:
             short.append(own)
             continue
         variance = fits["variance"][own].copy()
-        excess = _excess(residual[known] / np.sqrt(share[known]), variance[known])
-        fits["variance"][own] += excess
-        lengths.append(_correlation(residual, share, after, variance + excess, excess))
-        excesses.append(excess)
+        excess = _excess(r, variance)
+        if places.faint[own[0]]:  # neighbours share pixels: a line takes some of what they scatter with it
+            excess = np.maximum(excess, 0.0)
+        fits["variance"][own] = np.maximum(variance + excess, fits["floor"][own])
+        lengths.append(_correlation(r, variance + excess, bool(np.any(excess > 0))))
+        middles.append(float(np.median(excess)))
         weights.append(0 if places.ghost[own[0]] else len(own))
     if not lengths or sum(weights) == 0:
         return 0.0
     for own in short:
-        fits["variance"][own] += np.average(excesses, weights=weights)
+        fits["variance"][own] += max(float(np.average(middles, weights=weights)), 0.0)
     return float(np.average(lengths, weights=weights))
 
 
-def _excess(residual: Array, variance: Array) -> float:
-    """The variance beside the points' own, by maximum likelihood; 0 unless significant."""
-    ratio = residual**2 / variance
-    robust = np.median(np.abs(residual)) * 1.4826
-    usual = np.abs(residual) <= _ROBUST * max(robust, float(np.sqrt(np.median(variance))))
-    r2, v = residual[usual] ** 2, variance[usual]
-    if len(r2) < FEWEST // 2 or np.mean(ratio[usual]) <= 1 + SIGNIFICANT * np.sqrt(2 / len(r2)) * 1.5:
-        return 0.0
-    q = max(float(np.mean(r2 - v)), 0.0)
-    for _ in range(30):  # Σ w² (r² - v - q) = 0 with w = 1 / (v + q)
-        w2 = 1 / (v + q) ** 2
-        q = max(float(np.sum(w2 * (r2 - v)) / np.sum(w2)), 0.0)
-    return q
+def _excess(r: Residuals, variance: Array) -> Array:
+    """The variance beside the points' own (N,): that of the windows about each; 0 unless together they say otherwise.
+
+    A window with an edge of the profile in it says no more than _MOST times the middle one.
+    """
+    known = r.share > 0
+    window = r.window[known]
+    n = np.bincount(window).astype(float)
+    square = np.bincount(window, weights=r.residual[known] ** 2 / r.share[known]) / np.maximum(n, 1)
+    own = np.bincount(window, weights=variance[known]) / np.maximum(n, 1)
+    full = n > 0
+    square, own, n = square[full], own[full], n[full]
+    usual = square / own <= _MOST * np.median(square / own)
+    freedom = float(np.sum(n[usual]))
+    ratio = float(np.sum(n[usual] * square[usual] / own[usual]) / freedom)
+    doubt = SIGNIFICANT * np.sqrt(2 / freedom)
+    if abs(ratio - 1) <= doubt:
+        return np.zeros(len(variance))
+    if ratio < 1:  # the pixels' noise claims more than there is: clipped flanks, a noise measured on other things
+        return np.asarray((max(ratio, _LEAST_RATIO) - 1) * variance)
+    excess = np.clip(square - own, 0, _MOST * max(float(np.median(square - own)), 0.0))
+    reach = min(WINDOWS_ABOUT, len(excess) // 2)
+    padded = np.pad(excess, reach, mode="edge")
+    smooth = np.convolve(padded, np.ones(2 * reach + 1) / (2 * reach + 1), mode="valid")
+    number = np.cumsum(full) - 1
+    nearest = np.minimum(r.window, len(number) - 1)
+    return np.asarray(smooth[np.maximum(number[nearest], 0)])
 
 
-def _correlation(residual: Array, share: Array, after: NDArray[np.int64], variance: Array, excess: float) -> float:
+def _correlation(r: Residuals, variance: Array, more: bool) -> float:
     """Length of exp(-k / L) whose sum is that of the neighbours' correlation, of what scatters more than the pixels."""
-    if excess <= 0:
+    if not more:
         return 0.0
-    z = residual / np.sqrt(variance)
-    total = 0.0
+    z, share, after = r.residual / np.sqrt(variance), r.share, r.after
+    total, taken = 0.0, 0
     for lag in range(1, MOST_LAGS + 1):
         pairs = np.flatnonzero((after >= lag) & (share > 0))
         pairs = pairs[(pairs + lag < len(z))]
@@ -81,27 +115,29 @@ def _correlation(residual: Array, share: Array, after: NDArray[np.int64], varian
         rho = float(np.mean(a * b) / np.mean(0.5 * (a * a + b * b)))
         if rho < 2 / np.sqrt(len(pairs)):
             break
-        total += rho
+        total, taken = total + rho, lag
     if total <= 0:
         return 0.0
-    return float(0.5 / np.arctanh(1 / (1 + 2 * total)))
+    together = (1 + 2 * total) / (1 - (2 * taken + 1) * 2 / WINDOW)  # the line has taken as much from every lag
+    return float(0.5 / np.arctanh(1 / together))
 
 
 @kernel
-def _residuals(section: NDArray[np.int64], place: Array) -> tuple[Array, Array, NDArray[np.int64]]:
+def _residuals(section: NDArray[np.int64], place: Array) -> Residuals:
     """Each point less the line through the WINDOW of its piece that it is in, the stripe's course taken off before.
 
-    The course is a cubic over three windows: a ball's arc is none of the noise. Returns residuals (N,), the share of a
-    white noise's variance that is left in each, 0 where a window has too few, and how many points follow it in its
-    window (N,).
+    The course is a cubic over three windows: a ball's arc is none of the noise.
     """
     n = len(section)
-    residual, share, after = np.zeros(n), np.zeros(n), np.zeros(n, np.int64)
+    residual, share, after, window = np.zeros(n), np.zeros(n), np.zeros(n, np.int64), np.zeros(n, np.int64)
+    number = 0
     flat = np.zeros(n)
     start = 0
     while start < n:
         stop = start + 1
         while stop < n and section[stop] - section[stop - 1] <= 2:
+            if abs(place[stop] - place[stop - 1]) > STEP_PX * (section[stop] - section[stop - 1]):
+                break
             stop += 1
         m = stop - start
         windows = max(1, int(m / WINDOW + 0.5)) if m >= WINDOW // 2 else 0
@@ -115,9 +151,10 @@ def _residuals(section: NDArray[np.int64], place: Array) -> tuple[Array, Array, 
                     flat[i] = place[i] - place[a]
             _less_line(section, flat, a, b, residual)
             for i in range(a, b):
-                share[i], after[i] = 1 - 2.0 / (b - a), b - 1 - i
+                share[i], after[i], window[i] = 1 - 2.0 / (b - a), b - 1 - i, number
+            number += 1
         start = stop
-    return residual, share, after
+    return Residuals(residual, share, after, window)
 
 
 @kernel

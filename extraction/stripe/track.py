@@ -7,20 +7,23 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import medfilt
 
 from extraction.stripe.chain import Chain
 from geometry.compiled import kernel
 
 Array = NDArray[np.float64]
 
+# beyond the ends of a ridge that stands very clear: it is followed, whatever ended the chain at its level
+_FOLLOWED, _VERY_CLEAR = 160, 20.0
 _EXTENSION = 28  # sections beyond a chain's ends that are looked at: a level's section and links lost in noise
 _END_SECTIONS = 40  # inside, whose light is compared with that beyond
+_LEAST_END = 0.5  # of a ridge's median light, that its light at an end is taken for at least
 _NEAR_END, _END_SHIFT = 8, 4  # sections on either side of an end that give its levels; how far it may still move
 _CLEAR = 8.0  # contrast of such a ridge
-_SHADOW, _SHADOW_SECTIONS = 0.12, 15  # share of a stripe's light, and sections in a row, that make a shadow in it
+_SHADOW, _SHADOW_SECTIONS = 0.3, 15  # share of a stripe's light, and sections in a row, that make a shadow in it
 _SLOPE_SECTIONS, _SLOPE_CLEAR = 24, 10  # that give the direction beyond an end; of a ridge that stands clear
 _GROUND_WIDTHS, _GROUND_PX = 4.0, 4.0  # of the window in which a rough ground is a polynomial
+_VALLEY = 0.12  # of a peak's height, below it; a quarter at 1.2 full widths, before the track's own jitter
 _WALK_SECTIONS, _WALK_PULL, _STEEPEST = 4, 0.6, 4.0  # that point the way; a centre's pull; px a section at most
 _SECANT_SECTIONS = 6  # on either side, that give the slope at a section
 
@@ -45,7 +48,8 @@ def dense(chain: Chain, sections: int) -> Track:
     place = _smooth(chain.section, place, half)
     low = int(np.ceil(chain.section[0] - chain.step / 2))
     high = int(np.floor(chain.section[-1] + chain.step / 2))
-    s = np.arange(max(low - _EXTENSION, 0), min(high + _EXTENSION, sections - 1) + 1)
+    more = _FOLLOWED if chain.contrast > _VERY_CLEAR else _EXTENSION
+    s = np.arange(max(low - more, 0), min(high + more, sections - 1) + 1)
     inside = np.interp(s, chain.section, place)
     reach = max(3, (_SLOPE_CLEAR if chain.contrast > _CLEAR else _SLOPE_SECTIONS) // chain.step)
     for end, index in ((0, slice(None, reach)), (-1, slice(-reach, None))):
@@ -196,11 +200,17 @@ class Bumps(NamedTuple):
     flat: float
 
 
+def one_bump(two: Bumps) -> Bumps:
+    """Two peaks taken for one: as wide as both, midway."""
+    middle = 0.5 * (two.first + two.second)
+    return Bumps(1, middle, 0.0, two.width + (two.second - two.first) / 2.3548, two.height, 0.0)
+
+
 @kernel
 def bumps(profile: Array, step: float, reach: float, clip: float) -> Bumps:
     """What stands in a mean profile within ``reach`` of its middle.
 
-    Two peaks count where the valley between is a tenth below the lower. flat: the width at four fifths of the height
+    Two peaks count where the valley between is _VALLEY below the lower. flat: the width at four fifths of the height
     over that at three tenths; 0.43 for a Gaussian, 1 for a box.
     """
     n, middle = len(profile), len(profile) // 2
@@ -224,7 +234,7 @@ def bumps(profile: Array, step: float, reach: float, clip: float) -> Bumps:
         while low <= k <= high:
             valley = min(valley, profile[k])
             peak = profile[k] >= profile[k - 1] and profile[k] >= profile[k + 1]
-            apart = profile[k] - base > 0.35 * height and profile[k] - valley > 0.1 * (profile[k] - base)
+            apart = profile[k] - base > 0.35 * height and profile[k] - valley > _VALLEY * (profile[k] - base)
             if peak and apart and (best < 0 or profile[k] > profile[best]):
                 best = k
             k += side
@@ -265,13 +275,14 @@ def likeliest_ends(light: Array, inside: slice, on_nothing: bool = False) -> tup
     ground is not nothing, unless ``on_nothing`` says so.
     """
     n, length = len(light), inside.stop - inside.start
-    stop = n - _likeliest_start(light[::-1], n - inside.stop, length, on_nothing)
-    return _likeliest_start(light, inside.start, length, on_nothing), stop
+    least = _LEAST_END * float(np.median(light[inside]))
+    stop = n - _likeliest_start(light[::-1], n - inside.stop, length, least, on_nothing)
+    return _likeliest_start(light, inside.start, length, least, on_nothing), stop
 
 
-def _likeliest_start(light: Array, start: int, length: int, on_nothing: bool) -> int:
+def _likeliest_start(light: Array, start: int, length: int, least: float, on_nothing: bool) -> int:
     depth = min(_END_SECTIONS, max(length, 1))
-    height = float(np.median(light[start : start + depth]))
+    height = max(float(np.median(light[start : start + depth])), least)
     run = np.cumsum((light[: start + depth] - 0.5 * height)[::-1])[::-1]
     k = int(np.argmax(np.round(run, 6)))
     for _ in range(0 if on_nothing else 2):
@@ -285,6 +296,17 @@ def _likeliest_start(light: Array, start: int, length: int, on_nothing: bool) ->
     return k
 
 
+def lit_reach(light: Array, inside: slice) -> slice:
+    """The track as far as it stays lit beyond ``inside``, and the first dark stretch: the next piece is another's."""
+    height = float(np.median(light[inside]))
+    start, stop = inside.start, inside.stop
+    while stop < len(light) and float(np.mean(light[stop : stop + _SHADOW_SECTIONS])) >= _SHADOW * height:
+        stop += 1
+    while start > 0 and float(np.mean(light[max(start - _SHADOW_SECTIONS, 0) : start])) >= _SHADOW * height:
+        start -= 1
+    return slice(max(start - _SHADOW_SECTIONS, 0), min(stop + _SHADOW_SECTIONS, len(light)))
+
+
 def lit_pieces(light: Array, inside: slice) -> list[slice]:
     """The stretches of a track that are lit: where the light, a median over some sections, is not far below its own.
 
@@ -293,6 +315,8 @@ def lit_pieces(light: Array, inside: slice) -> list[slice]:
     part = light[inside]
     height = float(np.median(np.sort(part)[len(part) // 2 :]))
     half = min(_SHADOW_SECTIONS // 2, (len(part) - 1) // 2)
+    from scipy.signal import medfilt  # with all of scipy's statistics behind it: only where a line is followed
+
     smooth = np.asarray(medfilt(part, 2 * half + 1)) if half else part
     lit = np.concatenate([[False], smooth > _SHADOW * height, [False]])
     turns = np.flatnonzero(lit[1:] != lit[:-1])

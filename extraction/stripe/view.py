@@ -74,8 +74,8 @@ def stripe_view(
     left_out = _NO_MASK if mask is None else ~mask[part]
     if laser_off is not None:
         bright = np.greater_equal(grey, clip)
-        left_out = bright if mask is None else left_out | bright
-        grey, clip, black_dn = grey.astype(np.int32) - laser_off[part].astype(np.int32), np.inf, 0.0
+        grey, black_dn = grey.astype(np.int32) - laser_off[part].astype(np.int32), 0.0
+        grey[bright] = np.ceil(clip)  # a clipped core stays one plateau; less the other image it would be hollow
     elif grey.dtype != np.uint8:
         grey = grey.astype(np.int32)  # the kernels are compiled for two kinds of image, not for four
     turned = config.direction == "rows"

@@ -9,18 +9,18 @@ from numpy.typing import ArrayLike, NDArray
 
 from geometry.errors import InputError
 from geometry.pose import Pose
+from geometry.robot.around import AroundRobot
 from geometry.robot.dh import DhRobot
-from geometry.robot.model import Robot, require_arm
+from geometry.robot.model import require_arm
 from geometry.robot.parameter import Parameter
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Corrected:
+class Corrected(AroundRobot):
     """``robot`` with ``values`` (P,) added to its parameters; further corrections count from there."""
 
-    robot: Robot
     values: Array
 
     def __post_init__(self) -> None:
@@ -29,16 +29,6 @@ class Corrected:
             raise InputError(
                 f"{np.size(self.values)} corrections for a robot of {len(self.parameters)} uncertain parameters"
             )
-
-    @property
-    def name(self) -> str:
-        """The robot's."""
-        return self.robot.name
-
-    @property
-    def n_joints(self) -> int:
-        """The robot's."""
-        return self.robot.n_joints
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -64,10 +54,6 @@ class Corrected:
     def joint_noise(self, joints_rad: ArrayLike, values: ArrayLike | None = None) -> Array:
         """See Robot."""
         return self.robot.joint_noise(joints_rad, self._sum(values))
-
-    def within_limits(self, joints_rad: ArrayLike) -> NDArray[np.bool_]:
-        """See Robot."""
-        return self.robot.within_limits(joints_rad)
 
     def link_poses(self, joints_rad: ArrayLike, values: ArrayLike | None = None) -> Pose:
         """See Arm."""

@@ -16,9 +16,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from geometry.errors import InputError
 from geometry.pose import Pose
+from geometry.robot.around import AroundRobot
 from geometry.robot.corrected import Corrected
 from geometry.robot.dh import DhRobot
-from geometry.robot.model import Robot, require_arm
+from geometry.robot.model import require_arm
 from geometry.robot.parameter import Parameter
 
 Array = NDArray[np.float64]
@@ -28,7 +29,7 @@ _STEP_SIGMA = 1e-2  # in units of a parameter's own σ; exact where δ is linear
 
 
 @dataclass(frozen=True, eq=False)
-class JointDeviation(ABC):
+class JointDeviation(AroundRobot, ABC):
     """A Robot that is ``robot`` with its readings off by ``deviation``; a frozen dataclass to be derived from.
 
     A subclass gives ``own_parameters`` and ``deviation``; its derivatives are taken numerically unless the subclass
@@ -39,8 +40,6 @@ class JointDeviation(ABC):
     robot
         The robot inside: any, also one that is a JointDeviation itself.
     """
-
-    robot: Robot
 
     @property
     @abstractmethod
@@ -66,16 +65,6 @@ class JointDeviation(ABC):
             difference = self.deviation(joints_rad, values + step) - self.deviation(joints_rad, values - step)
             columns.append(difference / (2 * step[k]))
         return np.stack(columns, -1) if columns else np.zeros((*joints_rad.shape, 0))
-
-    @property
-    def name(self) -> str:
-        """The name of the robot inside."""
-        return self.robot.name
-
-    @property
-    def n_joints(self) -> int:
-        """The number of joints."""
-        return self.robot.n_joints
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -106,10 +95,6 @@ class JointDeviation(ABC):
         """See Robot; joints scatter about where the error has turned them."""
         at = self._at(joints_rad, values)
         return self.robot.joint_noise(at.turned, at.inner)
-
-    def within_limits(self, joints_rad: ArrayLike) -> NDArray[np.bool_]:
-        """See Robot; limits are of the readings."""
-        return self.robot.within_limits(joints_rad)
 
     def link_poses(self, joints_rad: ArrayLike, values: ArrayLike | None = None) -> Pose:
         """See Arm."""

@@ -7,11 +7,12 @@ from geometry.sensor.optics import Optics
 from geometry.sensor.profile import AUTO, PROFILE_FORMATS, ProfileOutput
 from geometry.sensor.sensor import Sensor
 from geometry.sensor.sheet import Sheet
-from geometry.sensor.uncertainty import AGAINST, SENSOR_PARAMETERS, SOURCES, SensorUncertainty
+from geometry.sensor.uncertainty import AGAINST, CAMERA_PARAMETERS, SENSOR_PARAMETERS, SOURCES, SensorUncertainty
 
 __all__ = [
     "AGAINST",
     "AUTO",
+    "CAMERA_PARAMETERS",
     "CHANNELS",
     "PROFILE_FORMATS",
     "SENSOR_PARAMETERS",

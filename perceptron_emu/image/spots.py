@@ -54,6 +54,9 @@ def draw(
     if len(samples.electrons) == 0:
         return
     spots, group = _defocused(samples, sensor, config)
+    if not config.speckle.enabled:
+        deposit(electrons, spots)
+        return
     order = np.argsort(group, kind="stable")
     spots, group = spots.part(order), group[order]
     bounds = [0, *(np.flatnonzero(np.diff(group)) + 1), len(group)]
@@ -111,9 +114,6 @@ def _draw_piece(
     if first_u > last_u or first_v > last_v:
         return
     target = electrons[first_v : last_v + 1, first_u : last_u + 1]
-    if not config.speckle.enabled:
-        deposit(target, spots.seen_from(first_u, first_v))
-        return
     q = oversampling(config, sensor)
     fine = _on_grid(((v1 - v0 + 1) * q, (u1 - u0 + 1) * q), spots.seen_from(u0, v0).on_sub_pixels(q))
     moved = np.round(shift_px * q).astype(int)

@@ -58,7 +58,7 @@ def faces_in_sheet(scene: Scene, config: EmulatorConfig) -> Faces:
     Faces
         None of them where nothing reaches the sheet.
     """
-    reach = SHEET_REACH * _widest_mm(scene.sensor, config) / 2
+    reach = SHEET_REACH * widest_mm(scene.sensor, config) / 2
     triangles, facing, normals = [np.zeros((0, 3, 3))], [np.zeros((0, 3))], [np.zeros((0, 3, 3))]
     owner = [np.zeros(0, dtype=np.int64)]
     for number, solid in enumerate(scene.solids):
@@ -82,7 +82,7 @@ def sheet_planes(faces: Faces, sensor: Sensor, config: EmulatorConfig) -> tuple[
     distance = np.linalg.norm(faces.triangles[..., 1:] - sensor.sheet.origin_mm[1:], axis=-1)
     ends = np.array([distance.min(), distance.max(), axis_meets_sheet_mm(sensor)])
     width = half_width_mm(config.laser, sensor, ends)
-    thin, thick = float(width.min()) / 2, float(min(width.max(), _widest_mm(sensor, config))) / 2
+    thin, thick = float(width.min()) / 2, float(min(width.max(), widest_mm(sensor, config))) / 2
     blur = sharp_sigma_px(config.optics, sensor, config.laser.wavelength_nm) / _image_spread(faces, sensor)
     n = int(np.clip(np.ceil(2 * SHEET_REACH * thick / (STEP * min(thin, blur))), 9, MAX_PLANES)) | 1
     planes = np.linspace(-SHEET_REACH * thick, SHEET_REACH * thick, n)
@@ -108,7 +108,7 @@ def _image_spread(faces: Faces, sensor: Sensor) -> float:
     return float(np.max(moved)) if len(moved) else 1.0
 
 
-def _widest_mm(sensor: Sensor, config: EmulatorConfig) -> float:
+def widest_mm(sensor: Sensor, config: EmulatorConfig) -> float:
     """A half-width [mm] that the sheet does not exceed within twice the working distance."""
     middle = axis_meets_sheet_mm(sensor)
     return float(np.max(half_width_mm(config.laser, sensor, np.array([0.0, middle / 2, 2 * middle]))))

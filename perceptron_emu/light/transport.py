@@ -80,12 +80,12 @@ class Light:
         """The same at points (N, 3) of several materials, which[n] of them at point n."""
         out = np.empty(len(xyz_mm))
         points, normals = (np.ascontiguousarray(a, dtype=float) for a in (xyz_mm, normal))
-        surfaces = np.array([(m.diffuse, m.specular, m.roughness) for m in materials], SURFACE)
-        _electrons(points, normals, surfaces, which, self._path, out)
+        _electrons(points, normals, surfaces_of(materials), which, self.path, out)
         return out
 
     @cached_property
-    def _path(self) -> LightPath:
+    def path(self) -> LightPath:
+        """All of it in numbers, for compiled code."""
         laser, sensor = self.config.laser, self.sensor
         scale = laser.power_mw * self.electrons_per_mw(laser.wavelength_nm)
         T_sensor_camera = sensor.require_camera().T_sensor_camera
@@ -98,6 +98,11 @@ class Light:
         """Photo-electrons of one exposure per mW on the chip: t · η · λ/(hc)."""
         photons_per_mj = 1e-3 * wavelength_nm / PLANCK_C_J_NM
         return self.config.exposure.time_ms * 1e-3 * photons_per_mj * self.config.noise.quantum_efficiency
+
+
+def surfaces_of(materials: Sequence[Material]) -> Surfaces:
+    """Materials as a table, for compiled code."""
+    return np.array([(m.diffuse, m.specular, m.roughness) for m in materials], SURFACE)
 
 
 @kernel

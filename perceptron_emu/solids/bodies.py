@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import weakref
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 
 from geometry.compiled import kernel
 from perceptron_emu.scene import Solid
 from perceptron_emu.solids.bvh import Bvh, blocked, build_bvh
 from perceptron_emu.solids.flat_faces import facets
+
+if TYPE_CHECKING:
+    import trimesh
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]

@@ -256,7 +256,7 @@ def _meets(bvh: Bvh, origin: Array, way: Array, half: Array, exact: bool, stack:
         if not exact:
             return True
         for i in range(-1 - first, second - 1 - first):
-            if _cuts(bvh.triangles, bvh.members[i], (ox, oy, oz), (dx, dy, dz)):
+            if cuts(bvh.triangles, bvh.members[i], (ox, oy, oz), (dx, dy, dz)):
                 return True
     return False
 
@@ -271,7 +271,7 @@ def _into(place: MeshPose, point: Array, out: Array) -> None:
 
 
 @kernel(inline=True)
-def _cuts(triangles: Array, i: int, origin: Vector, way: Vector) -> bool:
+def cuts(triangles: Array, i: int, origin: Vector, way: Vector) -> bool:
     """Möller & Trumbore 1997; closed at the edges, so that no ray slips between two triangles."""
     (ox, oy, oz), (dx, dy, dz) = origin, way
     ax, ay, az = triangles[i, 0, 0], triangles[i, 0, 1], triangles[i, 0, 2]

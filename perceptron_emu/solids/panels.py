@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 
 from geometry import Pose
 from perceptron_emu.scene import Material, Solid
+
+if TYPE_CHECKING:
+    import trimesh
 
 Array = NDArray[np.float64]
 
@@ -47,8 +50,8 @@ class PanelPair:
         left = self._outline(self.radii_mm[0]) + np.array([-self.gap_mm / 2, 0.0])
         right = self._outline(self.radii_mm[1]) * [-1.0, 1.0] + np.array([self.gap_mm / 2, -self.flush_mm])
         return (
-            Solid(_strip(left), material, T_sensor_panels, "left panel"),
-            Solid(_strip(right[::-1]), material, T_sensor_panels, "right panel"),
+            Solid(profile_strip(left), material, T_sensor_panels, "left panel"),
+            Solid(profile_strip(right[::-1]), material, T_sensor_panels, "right panel"),
         )
 
     def _outline(self, radius_mm: float) -> Array:
@@ -81,10 +84,25 @@ def random_panels(rng: np.random.Generator) -> tuple[PanelPair, Pose]:
     return PanelPair(float(gap), float(flush), (float(radii[0]), float(radii[1]))), pose
 
 
-def _strip(outline: Array) -> trimesh.Trimesh:
-    """The surface that an outline (n, 2) sweeps along x; open, for only its outside is ever lit."""
+def profile_strip(outline: Array, half_length_mm: float = HALF_LENGTH_MM) -> trimesh.Trimesh:
+    """The surface that an outline sweeps along x; open, for only its outside is ever lit.
+
+    Parameters
+    ----------
+    outline : Array
+        (n, 2) as (y, z) [mm].
+    half_length_mm : float
+        To either side of x = 0.
+
+    Returns
+    -------
+    trimesh.Trimesh
+        In {P} where the outline is.
+    """
+    import trimesh  # a quarter of a second, and most commands build no mesh
+
     n = len(outline)
-    vertices = np.vstack([np.column_stack([np.full(n, x), outline]) for x in (-HALF_LENGTH_MM, HALF_LENGTH_MM)])
+    vertices = np.vstack([np.column_stack([np.full(n, x), outline]) for x in (-half_length_mm, half_length_mm)])
     i = np.arange(n - 1)
     faces = np.vstack([np.column_stack([i, i + 1, i + n]), np.column_stack([i + 1, i + n + 1, i + n])])
     return trimesh.Trimesh(vertices, faces, process=False)

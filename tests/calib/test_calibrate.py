@@ -43,7 +43,8 @@ def test_truth_lies_within_sigma(cell: SyntheticCell, made: SyntheticCell, obser
     assert result.T_hand_sensor is not None
     assert result.covariance is not None
     assert nees(made.T_hand_sensor, result.T_hand_sensor, result.covariance) < NEES_LIMIT
-    assert result.verdict.code == ("ok" if model == "full" else "model_misfit")
+    assert result.verdict.code == "ok"  # errors of the robot's stated size are no misfit
+    assert ("σ carry these errors" in result.verdict.text) == (model == "scp")
 
 
 def test_full_model_beats_scp_at_the_verify_location(cell: SyntheticCell, observed: CellFrames) -> None:
@@ -59,7 +60,7 @@ def test_full_model_beats_scp_at_the_verify_location(cell: SyntheticCell, observ
 
 def test_figures_are_what_they_are_defined_as(cell: SyntheticCell, observed: CellFrames) -> None:
     """Fig. 7's deviation and the spread again from each frame's own pose, the rms again from the residuals."""
-    result = calibrated(observed, cell.jig, cell.robot)
+    result = calibrated(observed, cell.jig, cell.robot, CalibConfig(model="scp"))
     assert result.T_hand_sensor is not None
     for name, location in result.locations.items():
         frames = [f for f in result.frames if f.location == name]
@@ -184,3 +185,19 @@ def test_unidentifiable_parameters_are_named(cell: SyntheticCell, observed: Cell
     words = " | ".join(calibrated(observed, cell.jig, cell.robot, CalibConfig(model="full")).weak_directions)
     for names in ("θ1, d1", "θ6, d6, a6, α6", "d2, d3"):
         assert names in words
+
+
+def test_a_result_prints_on_a_screen(cell: SyntheticCell, observed: CellFrames) -> None:
+    """The numbers are those of the record; where none is to be trusted none is shown."""
+    result = calibrated(observed, cell.jig, cell.robot, CalibConfig(model="scp"))
+    text = str(result)
+    lines = text.splitlines()
+    assert len(lines) <= 30
+    assert max(map(len, lines)) <= 110
+    assert result.T_hand_sensor is not None
+    for value in (*result.T_hand_sensor.t, *result.T_hand_sensor.fixed_xyz_deg):
+        assert f"{value:.4f} ± " in text
+    assert result.verdict.code in lines[0]
+    assert all(name in text for name in result.locations)
+    few = calibrated(replace(observed, frames=observed.frames[:2]), cell.jig, cell.robot, CalibConfig(model="scp"))
+    assert "none that can be trusted" in str(few)

@@ -98,3 +98,58 @@ def test_recorded_panda_gains_everywhere() -> None:
     result = closure(recorded("panda_3"), panda(), 50.0)
     assert result.gains
     assert max(h.calibrated_mm for h in result.held_out) < 0.27
+
+
+@pytest.fixture(scope="module")
+def seated() -> list[Socket]:
+    """Sockets of an arm with errors of its stated size, joints that repeat to 0.003° and seats of 0.1 mm."""
+    rng = np.random.default_rng(8)
+    made = industrial_arm().corrected(draw_errors(industrial_arm(), rng))
+    exact = synthetic(rng, made, np.array([10.0, -20.0, 140.0]))
+    return [Socket(s.location, s.name, s.joints_rad + rng.normal(size=s.joints_rad.shape) * 1e-4) for s in exact]
+
+
+@pytest.mark.parametrize(("distance_mm", "right"), [(50.0, True), (55.0, False), (49.0, False)])
+def test_a_wrong_distance_is_named(seated: list[Socket], distance_mm: float, right: bool) -> None:
+    """It pulls the robot's lengths by many σ while the sockets still close."""
+    result = closure(seated, industrial_arm(), distance_mm)
+    assert result.trustworthy == right
+    if not right:
+        assert result.code == "distance_contradicts"
+        assert f"not {distance_mm:g}" in result.text
+        assert result.found_distance_mm is not None
+        assert abs(result.found_distance_mm[0] - 50.0) < 4 * result.found_distance_mm[1]
+
+
+def test_priors_count_in_chi2(seated: list[Socket]) -> None:
+    """Departures from the priors are part of the cost, and cost no degree of freedom."""
+    problem = closure_problem(seated, industrial_arm(), 55.0, 3.0, 0.1)
+    fit = solve_closure(problem, np.ones(len(problem.prior_sigma), dtype=bool))
+    assert fit.cost > np.sum(fit.pulls**2) > 1000
+    assert fit.chi2_per_dof > 2
+
+
+def test_a_table_of_another_arm_is_named(seated: list[Socket]) -> None:
+    """Another arm does not close at all; a length that is 30 mm wrong only by a pull."""
+    other = industrial_arm().with_changes(a=np.array([0, 400.0, 0, 0, 0, 0]))
+    assert closure(seated, other, 50.0).code == "robot_contradicts"
+    wrong = industrial_arm().with_changes(a=np.array([0, 30.0, 0, 0, 0, 0]))
+    result = closure(seated, wrong, 50.0)
+    assert result.code == "priors_contradict"
+    assert "the sockets close only if a2 is changed by -" in result.text
+
+
+def test_sigma_of_predicted_positions_is_seen_at_locations_left_out(seated: list[Socket]) -> None:
+    """Of both models, without what the locations left out widen; three locations tell a factor of two."""
+    result = closure(seated, industrial_arm(), 50.0)
+    for seen, expected in (("nominal_mm", "nominal_sigma_mm"), ("calibrated_mm", "calibrated_sigma_mm")):
+        rms, sigma = (np.sqrt(np.mean([getattr(h, k) ** 2 for h in result.held_out])) for k in (seen, expected))
+        assert 0.5 < rms / sigma < 2.0
+    assert result.predicted_sigma_mm is not None
+
+
+@pytest.mark.parametrize("name", ["panda_3", "panda_4"])
+def test_sigma_of_predicted_positions_on_recorded_arms(name: str) -> None:
+    result = closure(recorded(name), panda(), 50.0)
+    assert result.code == "ok"
+    assert result.widened < 1.3

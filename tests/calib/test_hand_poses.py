@@ -9,11 +9,12 @@ import pytest
 from scipy.stats import chi2
 
 from calib import CalibConfig
+from calib.configurations import standing
 from calib.hands import with_joints
 from calib.printed import gimbal_note, nees
 from calib.synthetic.cell import CellFrames, Noise, SyntheticCell, calibrated, made_cell, observe, random_cell
 from calib.synthetic.problem import CALIBRATE_ONLY
-from geometry import InputError, Pose
+from geometry import ArmConfiguration, InputError, Pose
 
 RUNS = 60
 ATOL_MM = 1e-6
@@ -60,11 +61,17 @@ def test_joints_found_again_give_the_poses() -> None:
         np.testing.assert_allclose(cell.robot.pose(f.joints_rad).matrix, f.T_base_hand.matrix, atol=ATOL_MM)
 
 
-def test_models_beyond_scp_are_refused_with_a_table_too() -> None:
+def test_models_beyond_scp_need_a_table() -> None:
+    """With one they answer, also where the arm's configuration was chosen; poses alone are refused."""
     cell = random_cell(np.random.default_rng(4), CALIBRATE_ONLY)
-    _, poses = _draw(np.random.default_rng(5), cell)
+    made, poses = _draw(np.random.default_rng(5), cell)
+    result = calibrated(poses, cell.jig, cell.robot, CalibConfig(model="full"))
+    assert result.verdict.trustworthy
+    assert result.T_hand_sensor is not None
+    assert result.covariance is not None
+    assert nees(made.T_hand_sensor, result.T_hand_sensor, result.covariance) < chi2.isf(1e-4, 6)
     with pytest.raises(InputError, match="joint readings"):
-        calibrated(poses, cell.jig, cell.robot, CalibConfig(model="full"))
+        calibrated(poses, cell.jig, None, CalibConfig(model="full"))
 
 
 def test_without_a_table_sigma_have_a_floor_that_is_said() -> None:
@@ -89,3 +96,57 @@ def test_gimbal_lock_is_one_line_with_the_matrix() -> None:
     assert "X - Z = -20.0000 ± 0.0200°" in words
     assert f"{T.R[0, 1]:.7f}" in words
     assert gimbal_note(Pose.from_fixed_xyz_deg([10.0, 60.0, 30.0], [0.0, 0.0, 0.0]), np.eye(6)) == ()
+
+
+def _columns(cell: SyntheticCell, q: np.ndarray, kind: str) -> ArmConfiguration:
+    """What a controller writes of readings: KUKA's turn bits and status, ABB's quarter turns, FANUC's letters."""
+    turn = sum(1 << i for i in range(6) if q[i] < 0)
+    links = cell.robot.link_poses(q)
+    heading, wrist = links.R[1][:, 0], links.t[5] - links.t[0]
+    behind = bool(wrist @ heading < 0)
+    bent = bool(np.cross(links.t[2] - links.t[1], links.t[5] - links.t[1]) @ links.R[1][:, 2] > 0)
+    if kind == "abb":
+        return ArmConfiguration(quadrants=(*(int(np.floor(q[i] / (np.pi / 2))) for i in (0, 3, 5)), 0))
+    if kind == "fanuc":
+        up = bent != behind
+        return ArmConfiguration(letters=("N" if q[4] < 0 else "F") + ("U" if up else "D") + ("B" if behind else "T"))
+    return ArmConfiguration(status=int(behind) + 2 * int(bent), turn=turn)
+
+
+@pytest.mark.parametrize("kind", ["kuka", "fanuc"])
+def test_status_columns_give_the_joints_and_the_same_answer(kind: str) -> None:
+    """Joints and poses of the same frames: the same verdict, the same numbers, with every model."""
+    cell = random_cell(np.random.default_rng(4), CALIBRATE_ONLY)
+    made = made_cell(cell, np.random.default_rng(5), Noise())
+    joints = observe(cell, made, np.random.default_rng(6), Noise())
+    frames = tuple(
+        replace(p, configuration=_columns(cell, f.joints_rad, kind))
+        for f, p in zip(joints.frames, _poses(cell, joints).frames, strict=True)
+        if f.joints_rad is not None
+    )
+    for f, g in zip(joints.frames, with_joints(frames, cell.robot), strict=True):
+        assert not g.joints_inferred
+        apart = (np.array(g.joints_rad) - f.joints_rad + np.pi) % (2 * np.pi) - np.pi
+        np.testing.assert_allclose(apart, 0, atol=1e-6)
+    config = CalibConfig(model="full")
+    a = calibrated(joints, cell.jig, cell.robot, config)
+    b = calibrated(replace(joints, frames=frames), cell.jig, cell.robot, config)
+    assert b.verdict == a.verdict
+    assert a.T_hand_sensor is not None
+    assert b.T_hand_sensor is not None
+    np.testing.assert_allclose(b.T_hand_sensor.t, a.T_hand_sensor.t, atol=1e-4)
+    assert any("status columns" in n for n in b.notes)
+
+
+def test_columns_that_leave_it_open_do_not_decide() -> None:
+    """ABB's quarter turns of three axes leave the elbow open for some poses; those of no solution decide nothing."""
+    cell = random_cell(np.random.default_rng(4), CALIBRATE_ONLY)
+    decided = 0
+    for q in cell.joints_rad:
+        pose, rng = cell.robot.pose(q), np.random.default_rng(0)
+        found = standing(cell.robot, pose, _columns(cell, q, "abb"), rng)
+        if found is not None:
+            decided += 1
+            np.testing.assert_allclose((found - q + np.pi) % (2 * np.pi) - np.pi, 0, atol=1e-6)
+    assert decided > 0
+    assert standing(cell.robot, pose, ArmConfiguration(quadrants=(7, 7, 7, 0)), rng) is None

@@ -9,10 +9,10 @@ import pytest
 
 from calib.bundle.hands import Hands
 from calib.bundle.problem import Bundle
-from calib.bundle.sensor_errors import SensorErrors
 from calib.closure.terms import KnownDistance, Seated
 from calib.figures import OffsetsFromTarget
 from calib.pose.own import SeenAlone
+from calib.sensor_errors import SensorErrors
 from calib.synthetic.cell import Noise, default_sensor, industrial_arm
 from calib.synthetic.problem import made_problem, true_jigs
 from geometry import DhRobot, Pose, State, Step, exp_so3

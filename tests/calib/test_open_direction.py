@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from calib.engine import Normal, normal_step, scaled_solve
-from calib.synthetic.cell import calibrated, made_cell, observe, random_cell
+from calib.synthetic.cell import Layout, calibrated, made_cell, observe, random_cell
 from calib.synthetic.ensemble import NONE, PLACES
 
 
@@ -31,6 +31,6 @@ def test_open_direction_is_uncertain_and_leaves_the_others_alone(left: float) ->
 def test_exact_points_do_not_take_the_noise_out_of_range() -> None:
     """The search for the noise of points that have none stays where numbers are finite (warnings are errors)."""
     rng = np.random.default_rng(1)
-    cell = random_cell(rng, PLACES)
+    cell = random_cell(rng, Layout(places=PLACES))
     result = calibrated(observe(cell, made_cell(cell, rng, NONE), rng, NONE), cell.jig, cell.robot)
     assert result.verdict.code == "ok"

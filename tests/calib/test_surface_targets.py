@@ -188,3 +188,18 @@ def test_neighbours_that_share_their_noise_count_less() -> None:
     few = condensed(seen.frames, cell.target)
     assert few.inflation == pytest.approx((1 + 0.8) / (1 - 0.8), rel=0.15)
     assert few.scale == pytest.approx(1.0, rel=0.1)
+
+
+@pytest.mark.parametrize("stated", [39.8, 40.3])
+def test_a_diameter_that_the_data_contradict_is_said_in_sigma(stated: float) -> None:
+    """Too small a ball contradicts its sections at once, too large a one only the views together."""
+    cell = _cell("sphere")
+    seen = observe_surface(cell, np.random.default_rng(4), ProfileNoise(), points=120, labelled=False)
+    config = CalibConfig(model="full")
+    result = calibrate(seen.frames, Sphere(stated), cell.robot, seen.sensor, seen.design, config=config)
+    assert result.verdict.code == "priors_contradict"
+    assert f"{stated:g} mm by target.toml" in result.verdict.text
+    assert result.T_hand_sensor is not None
+    assert result.covariance is not None
+    assert nees(cell.T_hand_sensor, result.T_hand_sensor, result.covariance) < NEES_LIMIT
+    assert _result("sphere", True).verdict.code == "ok"

@@ -78,6 +78,8 @@ def test_sampled_designs_stay_inside_and_repeat(design: str) -> None:
         ("keep_images = nan", ["line 1", "keep_images"]),
         ("[base.jig]\nside = 3", ["line 2", "unknown key", "side_mm"]),
         ('[factors]\n"jig.side_mm" = [1.0, 2.0]\n[base]\nclutter = 3', ["line 4", "clutter"]),
+        ('[base.robot]\npreset = "no such arm"', ["line 2", "robot.preset", "no such arm"]),
+        ('[factors]\n"sensor.preset" = ["none.toml"]', ["line 2", "sensor.preset", "none.toml"]),
     ],
 )
 def test_bad_plans_are_refused_in_one_sentence(tmp_path: Path, text: str, words: list[str]) -> None:

@@ -22,6 +22,7 @@ from geometry import InputError
 from tests.campaign.plans import end, group, shards_of, start_sweep, tables, wait_until, write_plan
 from workbench.campaign import Plan, read_plan, read_run, run_campaign
 from workbench.campaign.store.store import ShardResult, opened_store
+from workbench.campaign.work.trusted import check_cache
 
 KILLS = 100
 
@@ -201,3 +202,41 @@ def test_a_hundred_kills_end_with_the_same_table(tmp_path: Path) -> None:
     kept = sorted(p.relative_to(out) for p in (out / "images").rglob("*"))
     assert kept == sorted(p.relative_to(calm) for p in (calm / "images").rglob("*"))
     assert all((out / p).read_bytes() == (calm / p).read_bytes() for p in kept if p.suffix == ".png")
+
+
+def test_a_changed_robot_file_is_another_campaign(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The plan's text is the same; a URDF that its robot names counts too."""
+    monkeypatch.chdir(tmp_path)
+    link = '<link name="{0}"/>'
+    ends = '<parent link="a"/><child link="b"/><axis xyz="0 0 1"/>'
+    joint = f'<joint name="j" type="revolute">{ends}<origin xyz="{{0}} 0 0"/></joint>'
+    arm = '<robot name="r">' + link.format("a") + link.format("b") + joint + "</robot>"
+    Path("arm.urdf").write_text(arm.format(0.1))
+    Path("robot.toml").write_text('urdf = "arm.urdf"\nbase = "a"\ntip = "b"\n')
+    Path("plan.toml").write_text('[base.robot]\npreset = "robot.toml"\n')
+    with opened_store(tmp_path / "run", read_plan(Path("plan.toml"))):
+        pass
+    with opened_store(tmp_path / "run", read_plan(Path("plan.toml"))):
+        pass
+    Path("arm.urdf").write_text(arm.format(0.2))
+    with (
+        pytest.raises(InputError, match=r"robot\.preset = robot\.toml was changed since"),
+        opened_store(tmp_path / "run", read_plan(Path("plan.toml"))),
+    ):
+        pass
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="rights are told in another way there")
+def test_a_cache_that_others_can_write_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Before the folder of the run is made."""
+    plan = tmp_path / "plan.toml"
+    plan.write_text("seed = 1\n")
+    cache = tmp_path / "cache"
+    cache.mkdir()
+    cache.chmod(0o777)
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(cache))
+    with pytest.raises(InputError, match="everybody can write there"):
+        run_campaign(read_plan(plan), tmp_path / "run", workers=1)
+    assert not (tmp_path / "run").exists()
+    cache.chmod(0o755)
+    check_cache()

@@ -15,6 +15,7 @@ from extraction import ExtractionConfig, GapFlushConfig, StripeConfig
 from jig_cad.files import JigTable, LinesTable
 from perceptron_emu import EmulatorConfig, SceneFile
 from workbench.files import Truth
+from workbench.files.board_file import BoardFile
 from workbench.files.cell import CellFile
 from workbench.files.frames_csv import POSE_COLUMNS
 from workbench.files.points_csv import COLUMNS
@@ -26,7 +27,7 @@ PAGE = (Path(__file__).parents[2] / "docs" / "formats.md").read_text(encoding="u
 WORDS = set(re.findall(r"\w+", PAGE))
 CELL = (CellFile, SensorFile, EmulatorConfig, JigTable, LinesTable, RobotFile, Truth)
 SETTINGS = (ExtractionConfig, CalibConfig, StripeConfig, GapFlushConfig)
-OTHERS = (SceneFile, Thresholds)
+OTHERS = (SceneFile, Thresholds, BoardFile)
 
 
 def models_within(annotation: Any) -> Iterator[type[BaseModel]]:

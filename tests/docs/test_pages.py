@@ -103,3 +103,13 @@ def test_every_dependency_has_its_reason() -> None:
     table = "\n".join(x for x in (ROOT / "docs/decisions.md").read_text("utf-8").splitlines() if x.startswith("|"))
     told = set(re.findall(r"[\w-]+", "\n".join(" ".join(row.split("|")[1:3]) for row in table.splitlines())))
     assert names <= told
+
+
+def test_the_readme_s_lines_run_as_written() -> None:
+    """Each of them stands in the example that the tests run, up to its comment."""
+    block = re.search(r"```python\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), re.DOTALL)
+    assert block is not None
+    example = {line.strip() for line in (ROOT / "examples/quick_start.py").read_text(encoding="utf-8").splitlines()}
+    lines = [line.partition("  #")[0] for line in block[1].splitlines()]
+    assert len(lines) == 3
+    assert set(lines) <= example

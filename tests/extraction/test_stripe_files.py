@@ -64,7 +64,7 @@ def test_failed_write_leaves_the_old_file(tmp_path):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda t: "", "line 1"),
+        (lambda t: "", "empty"),
         (lambda t: t.replace("y_mm", "why", 1), "line 1"),
         (lambda t: t.replace(t.splitlines()[3], "1,2,3"), "line 4"),
         (lambda t: t.replace(t.splitlines()[2].split(",")[1], "nan"), "line 3"),

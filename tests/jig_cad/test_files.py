@@ -113,7 +113,7 @@ def test_further_lines_between_a_pillars_anchors() -> None:
     [
         (LINES.replace("tolerance", "tolerence"), r'unknown key "tolerence_mm": did you mean "tolerance_mm"'),
         (LINES.replace("tolerance_mm = 0.1\n", ""), 'the key "tolerance_mm" is missing'),
-        (LINES.replace('"strings"', '"sphere"'), 'kind = "sphere": targets of this kind are not read yet'),
+        (LINES.replace('"strings"', '"sphere"'), 'kind = "sphere": a string jig is needed here'),
         (LINES.replace('"strings"', '"string"'), 'did you mean "strings"'),
         (LINES.replace('"strings"', "3"), "kind = 3; known are strings, sphere"),
         (LINES.replace('["right", "low"]', '["right", "lo"]'), 'string "left-over" ends at an anchor "lo"'),

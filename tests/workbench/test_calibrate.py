@@ -36,7 +36,7 @@ def test_json_has_what_the_format_names(answer: Any) -> None:
     assert list(answer["locations"]) == ["A", "B", "C", "D"]
     for location in answer["locations"].values():
         for figure in ("max_deviation_mm", "spread_3d_mm", "point_rms_mm"):
-            assert set(location[figure]) == {"design", "solved"}
+            assert set(location[figure]) == {"design", "solved", "nominal"}
     assert answer["locations"]["D"]["role"] == "verify"
     frame = answer["frames"][0]
     assert {"frame", "location", "role", "used", "reason", "points"} <= set(frame)
@@ -154,7 +154,7 @@ def test_points_stand_in_place_of_images(cli: Cli, dataset: Path, answer: Any) -
 
 
 def test_hand_poses_stand_in_place_of_joints(cli: Cli, dataset: Path) -> None:
-    """Poses are accepted for the SCP alone; a larger model is refused with its reason."""
+    """Without a table that the readings are known by, the default is the SCP alone, and the notes say so."""
     from geometry import quaternion_wxyz
     from workbench.files import read_cell
 
@@ -169,9 +169,8 @@ def test_hand_poses_stand_in_place_of_joints(cli: Cli, dataset: Path) -> None:
     assert result.code == 0, result.err
     assert np.all(np.isfinite(result.json["T_hand_sensor"]))
     assert [f["frame"] for f in result.json["frames"] if f["reason"] == "outlier"] == []
-    refused = cli("calibrate", dataset, "--model", "full")
-    assert refused.code == 2
-    assert "joint" in refused.err
+    assert (result.json["model"], result.json["model_asked"]) == ("scp", "auto")
+    assert any("the SCP alone was solved" in note for note in result.json["notes"])
 
 
 def test_duplicate_image_content_does_not_crash(cli: Cli, dataset: Path) -> None:

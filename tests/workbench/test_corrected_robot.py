@@ -12,6 +12,7 @@ from calib import CalibConfig
 from calib.result import CalibrationResult
 from calib.synthetic.cell import Noise, calibrated, made_cell, observe, random_cell
 from calib.synthetic.problem import CALIBRATE_ONLY
+from geometry import Compliance, Compliant
 from tests.workbench.helpers import Cli
 from tests.workbench.test_urdf import SIX, urdf_text
 from workbench.files import Cell, read_cell, read_robot
@@ -36,6 +37,20 @@ def test_a_table_is_written_as_a_table(recording: Path, tmp_path: Path) -> None:
     assert result.robot is not None
     np.testing.assert_allclose(again.pose(q).matrix, result.robot.pose(q).matrix, rtol=0, atol=ATOL)
     assert np.abs(again.pose(q).t - result.robot.corrected(-result.robot_delta).pose(q).t).max() > 0.01
+
+
+def test_what_has_no_place_in_a_table_is_named(recording: Path, tmp_path: Path) -> None:
+    """A compliant arm's stiffness: the table can still be read, and says that it is not the whole."""
+    cell, result = read_cell(recording), _result("scp")
+    arm = Compliant(cell.arm, Compliance(), sigma=1e-7)
+    delta = np.zeros(len(arm.parameters))
+    delta[-1] = 2.5e-8
+    assert result.estimate is not None
+    made = replace(result, estimate=replace(result.estimate, robot=arm, robot_delta=delta))
+    write_corrected_robot(tmp_path, cell, made)
+    text = (tmp_path / "robot_corrected.toml").read_text()
+    assert f"# {arm.parameters[-1].name} +2.5e-08 rad/Nm" in text
+    assert read_robot(tmp_path / "robot_corrected.toml").n_joints == 6
 
 
 def test_a_urdf_is_written_as_a_urdf(recording: Path, tmp_path: Path) -> None:

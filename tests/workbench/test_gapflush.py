@@ -109,11 +109,11 @@ def test_points_of_another_make(cli: Cli, picture: Path, tmp_path: Path) -> None
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("y_mm,x_mm\n1,2\n", "line 1: column 'x_mm' is unknown"),
-        ("y_mm,sigma_y_mm\n1,2\n", "needs the columns y_mm and z_mm"),
-        ("y_mm,z_mm\n1,2\n1\n", "line 3: 1 values for 2 columns"),
-        ("y_mm,z_mm\n1,nan\n", "line 2, column z_mm: nan is not finite"),
-        ("", "needs the columns"),
+        ("y_mm,x_mm\n1,2\n", 'line 1: the column "z_mm" is missing'),
+        ("z_mm,sigma_z_mm\n1,2\n", "line 1: a profile needs the column y_mm"),
+        ("y_mm,z_mm\n1,2\n1,x\n", 'line 3, column z_mm: "x" is not a number'),
+        ("y_mm,z_mm\n1,nan\n", "all points of its profile are missing"),
+        ("", "is empty"),
     ],
 )
 def test_profiles_that_can_not_be_read(cli: Cli, tmp_path: Path, text: str, words: str) -> None:

@@ -160,7 +160,7 @@ def test_a_view_without_the_jig_is_refused(cli: Cli, plan: Path, folder: Path) -
     (folder / "views.csv").write_text("\n".join([lines[0], lines[2], ",".join(cells)]) + "\n")
     result = cli("render", plan, "--out", folder / "out", "--joints", folder / "views.csv")
     assert result.code == 2
-    assert "frame 1 at location A" in result.err
+    assert "frame 0 at location A" in result.err
     assert not (folder / "out").exists()
 
 

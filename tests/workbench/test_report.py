@@ -21,7 +21,7 @@ def test_the_report_stands_alone(cli: Cli, dataset: Path, tmp_path: Path) -> Non
     assert "&lt;script&gt;" in html
     assert not re.findall(r"""(?:src|href)=["'](?!data:)""", html)
     assert "image_unreadable" in html
-    for heading in ("Fig. 7", "95 % interval", "Each place predicted by the others", "Worst frames", "KUKA"):
+    for heading in ("Fig. 7", "95 % interval", "Each location predicted by the others", "Worst frames", "KUKA"):
         assert heading in html
 
 

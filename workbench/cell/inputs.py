@@ -54,7 +54,7 @@ def read_inputs(
             raise InputError(f"{first} is a dataset; give one dataset, or images only")
         cell = read_cell(first)
         cell = cell if sensor is None else replace(cell, sensor=find_sensor(str(sensor)))
-        return cell if jig is None else replace(cell, jig=find_jig(str(jig)))
+        return cell if jig is None else replace(cell, target=find_jig(str(jig)))
     if sensor is None:
         raise InputError(f"{first} is no cell dataset (no cell.toml); bare images need --sensor FILE")
     seen_by, given = find_sensor(str(sensor)), find_jig(str(jig)) if jig is not None else None

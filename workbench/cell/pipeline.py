@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
 from calib import CalibConfig, CalibrationResult, calibrate
-from extraction import ExtractionConfig, extract
-from geometry import Frame, InputError, Sensor
+from extraction import ExtractionConfig, Profile, TargetPoints, extract, extract_profile
+from extraction.features import string_points
+from geometry import Frame, InputError, Sensor, Surface, SurfacePoints, Target, target_at
+from jig_cad import Jig
+from workbench.cell.on_surface import OnSurface, dataset_remarks, on_surface
 from workbench.cell.remarks import merged, out_of_limits, remarks, with_complaints
 from workbench.cell.speckle import dataset_config
 from workbench.files import Cell, read_image
+from workbench.profiles import frame_profiles
 
 Progress = Callable[[int, int], None]
+FEWEST_TO_SEARCH = 20  # given points of a surface; fewer were chosen by whoever wrote them
 WORKERS = 2  # decoding and OpenCV release the interpreter's lock; more threads than cores would only wait
 
 
@@ -31,7 +36,8 @@ class Observed:
 
 
 def observe(cell: Cell, config: ExtractionConfig | None = None, progress: Progress | None = None) -> Observed:
-    """Measure every frame of ``cell``: its image's spots, or its rows of points.csv.
+    """Measure every frame of ``cell``: the spots of its image, the points of its profile on the target, or its rows
+    of points.csv.
 
     Parameters
     ----------
@@ -51,14 +57,16 @@ def observe(cell: Cell, config: ExtractionConfig | None = None, progress: Progre
     frames: list[Frame] = []
     complaints: dict[int, str] = {}
     said: list[str] = []
+    found: list[TargetPoints] = []
     for measured in _measured(cell, config or ExtractionConfig()):
         frames.append(measured.frame)
         said += measured.remarks
+        found += [] if measured.found is None else [measured.found]
         if measured.complaint:
             complaints[measured.frame.number] = measured.complaint
         if progress:
             progress(len(frames), len(cell.frames))
-    return Observed(tuple(frames), complaints, merged(said))
+    return Observed(tuple(frames), complaints, (*merged(said), *dataset_remarks(found, cell.sensor)))
 
 
 def solve(cell: Cell, observed: Observed, config: CalibConfig | None = None) -> CalibrationResult:
@@ -81,16 +89,22 @@ def solve(cell: Cell, observed: Observed, config: CalibConfig | None = None) -> 
     """
     result = calibrate(
         observed.frames,
-        cell.jig,
+        cell.target,
         cell.robot,
         cell.sensor,
         cell.T_hand_sensor_design,
-        cell.T_base_jig,
+        # what is given of a surface's place decides nothing: it has no half turn
+        {n: T for n, T in cell.T_base_jig.items() if isinstance(_target(cell, n), Jig)},
         config,
     )
     verdict = with_complaints(result.verdict, observed.complaints, cell.folder)
     notes = (*remarks(result), *out_of_limits(cell), *cell.remarks, *observed.remarks, *result.remarks)
     return replace(result, verdict=verdict, remarks=notes)
+
+
+def _target(cell: Cell, location: str) -> Target | None:
+    known = not isinstance(cell.target, Mapping) or location in cell.target
+    return target_at(cell.target, location) if known else None
 
 
 def _readable(cell: Cell, frames: list[int]) -> Iterator[object]:
@@ -104,6 +118,7 @@ class _Measured:
     frame: Frame
     complaint: str = ""
     remarks: tuple[str, ...] = ()
+    found: TargetPoints | None = None
 
 
 def _measured(cell: Cell, config: ExtractionConfig) -> Iterator[_Measured]:
@@ -111,8 +126,12 @@ def _measured(cell: Cell, config: ExtractionConfig) -> Iterator[_Measured]:
         for frame in cell.frames:
             yield _Measured(_from_points(cell, frame))
         return
+    if cell.sensor.profile is not None:
+        yield from _from_profiles(cell)
+        return
     cell.sensor.require_camera()  # said once, not as every frame's complaint
-    config = dataset_config(cell.sensor, config, len(cell.frames), lambda frames: _readable(cell, frames))
+    if any(isinstance(target, Jig) for target in cell.targets):
+        config = dataset_config(cell.sensor, config, len(cell.frames), lambda frames: _readable(cell, frames))
     with ThreadPoolExecutor(WORKERS) as pool:
         jobs = pool.map(lambda frame: _from_image(cell, frame, config), cell.frames)
         yield from jobs
@@ -126,6 +145,9 @@ def _from_image(cell: Cell, frame: Frame, config: ExtractionConfig) -> _Measured
         if not frame.image:
             raise InputError(f"line {frame.line} of the frames' file names no image")
         image = read_image(cell.folder / frame.image, sensor, said.append)
+        target = target_at(cell.target, frame.location)
+        if isinstance(target, Surface):
+            return _found(on_surface(frame, extract_profile(image, sensor), target, sensor), said)
         points = extract(image, sensor, config)
     except (InputError, MemoryError) as error:
         why = str(error) or f"{frame.image}: not enough memory"
@@ -133,9 +155,51 @@ def _from_image(cell: Cell, frame: Frame, config: ExtractionConfig) -> _Measured
     return _Measured(replace(frame, points=points), remarks=tuple(said))
 
 
+def _from_profiles(cell: Cell) -> Iterator[_Measured]:
+    """A profile sensor's frames: files read once, then the target found in each profile."""
+    output = cell.sensor.profile
+    if output is None:
+        raise TypeError("the sensor gives no profiles")
+    read = frame_profiles(cell.folder, cell.frames, output)
+    said = read.remarks
+    for frame in cell.frames:
+        if frame.number not in read.profiles:
+            yield _Measured(replace(frame, reason="no_profile"), read.complaints.get(frame.number, ""), said)
+        else:
+            yield _on_target(cell, frame, read.profiles[frame.number].profile, list(said))
+        said = ()
+
+
+def _on_target(cell: Cell, frame: Frame, profile: Profile, said: list[str]) -> _Measured:
+    target = target_at(cell.target, frame.location)
+    if isinstance(target, Surface):
+        return _found(on_surface(frame, profile, target, cell.sensor), said)
+    if not isinstance(target, Jig):
+        raise InputError(f"location {frame.location}: this kind of target can not be found in a profile")
+    return _Measured(replace(frame, points=string_points(profile, target.string_diameter_mm)), remarks=tuple(said))
+
+
+def _found(on: OnSurface, said: Sequence[str]) -> _Measured:
+    """What is wrong is the frame's complaint, what is doubtful a remark."""
+    if on.frame.reason is not None:
+        return _Measured(on.frame, on.text, tuple(said), on.found)
+    doubts = [f"frame {on.frame.number}: {on.text}"] if on.text else []
+    return _Measured(on.frame, "", (*said, *doubts), on.found)
+
+
 def _from_points(cell: Cell, frame: Frame) -> Frame:
     given = (cell.points or {}).get(frame.number)
     if given is None:
         return replace(frame, reason="no_spots")
+    target = target_at(cell.target, frame.location)
+    if isinstance(target, Surface) and given.axis is None:
+        return _surface_points(frame, given.points, target, cell.sensor)
     measured = replace(frame, points=given.points)
     return measured if given.axis is None else replace(measured, axis=given.axis, labels_given=True)
+
+
+def _surface_points(frame: Frame, points: SurfacePoints, target: Surface, sensor: Sensor) -> Frame:
+    """Given points of a surface: what of them is the target where they are many, else all of them."""
+    if len(points) < FEWEST_TO_SEARCH or target.kind == "edge":
+        return replace(frame, points=points, n_points=len(points))
+    return on_surface(frame, Profile.of_points(points.yz_mm, points.cov_yz_mm2), target, sensor).frame

@@ -9,8 +9,12 @@ from pathlib import Path
 from pydantic import Field
 
 from extraction import GapFlushConfig, Profile, StripeConfig, extract_profile, read_profile_csv
-from geometry import InputError, Remark, no_remark
-from workbench.files import FileSection, read_image, read_sensor, read_toml, validate
+from geometry import InputError, Remark, no_remark, read_bytes
+from geometry.sensor import AUTO, ProfileOutput
+from workbench.files import LOSSY_SUFFIXES, SUFFIXES, FileSection, read_image, read_sensor, read_toml, validate
+from workbench.profiles import Told, checked_profile, read_scan_lines
+
+MAX_OWN_BYTES = 64 * 2**20  # a profile of ours has some kilobytes
 
 
 class ProfileFile(FileSection):
@@ -22,7 +26,7 @@ class ProfileFile(FileSection):
 
 @dataclass(frozen=True)
 class ProfileSource:
-    """Where a profile comes from: an image with its sensor, laser-off frame and mask, or a profile's CSV."""
+    """Where a profile comes from: an image with its sensor, laser-off frame and mask, or a profile file."""
 
     path: Path
     sensor: Path | None = None
@@ -40,16 +44,42 @@ def read_profile_settings(paths: Sequence[Path]) -> ProfileFile:
     return ProfileFile.model_validate(tables)
 
 
+def is_profile_file(path: Path) -> bool:
+    """Whether a file is no image by its name, nor a folder of them."""
+    return path.suffix.lower() not in (*SUFFIXES, *LOSSY_SUFFIXES) and not path.is_dir()
+
+
 def read_profile(source: ProfileSource, remark: Remark = no_remark) -> Profile:
-    """The profile of an image, or of a CSV that `profile` wrote; InputError says what is missing."""
-    if source.path.suffix.lower() == ".csv":
-        if source.sensor or source.laser_off or source.mask:
-            raise InputError(f"{source.path} is a profile already: --sensor, --laser-off and --mask belong to an image")
-        return read_profile_csv(source.path)
+    """The profile of an image, or of a profile file; InputError says what is missing."""
+    if is_profile_file(source.path):
+        if source.laser_off or source.mask:
+            raise InputError(f"{source.path} is a profile already: --laser-off and --mask belong to an image")
+        return _profile_of_file(source, remark)
     if source.sensor is None:
-        raise InputError(f"{source.path} is an image, not a profile's CSV: it needs --sensor FILE")
+        raise InputError(f"{source.path} is an image, not a profile's file: it needs --sensor FILE")
     sensor = read_sensor(source.sensor)
     image = read_image(source.path, sensor, remark, lossy=True)
     off = None if source.laser_off is None else read_image(source.laser_off, sensor, remark, lossy=True)
     mask = None if source.mask is None else read_image(source.mask, sensor, lossy=True) > 0
     return extract_profile(image, sensor, source.settings.stripe, off, mask)
+
+
+def _profile_of_file(source: ProfileSource, remark: Remark) -> Profile:
+    """A profile by its maker's file, with what a profile sensor's file says of it; our own CSV has the stripe's too."""
+    sensor = None if source.sensor is None else read_sensor(source.sensor)
+    output = ProfileOutput() if sensor is None or sensor.profile is None else sensor.profile
+    if output.format == AUTO and source.path.suffix.lower() == ".csv" and _has_stripe(source.path):
+        return read_profile_csv(source.path)
+    told = Told(output.format, output.pitch_mm, output.start_mm, output.unit, output.width, remark)
+    lines = read_scan_lines(source.path, told)
+    if len(lines) > 1:
+        raise InputError(f"{source.path}: holds {len(lines)} profiles; a file of one is needed here")
+    checked = checked_profile(lines[0], output, source.path)
+    for sentence in checked.remarks:
+        remark(sentence)
+    return checked.profile
+
+
+def _has_stripe(path: Path) -> bool:
+    """Whether `profile` wrote the file: its points' widths in the image stand there."""
+    return b"width_px" in read_bytes(path, MAX_OWN_BYTES, "profile")[:4096]

@@ -31,7 +31,7 @@ def remarks(result: CalibrationResult) -> tuple[str, ...]:
 def out_of_limits(cell: Cell) -> Iterator[str]:
     """A sentence for every joint that reads outside a stated limit, with the frames."""
     frames = [f for f in cell.frames if f.joints_rad is not None and f.T_base_hand is None]
-    if not frames:
+    if not frames or cell.robot is None:
         return
     readings = np.rad2deg([f.joints_rad for f in frames if f.joints_rad is not None])
     low, high = (np.rad2deg(limits) for limits in cell.arm.stated_limits)

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from geometry import DhRobot, InputError, Pose, Role, Sensor, toml_value
+from geometry import DhRobot, InputError, Pose, Role, Sensor, did_you_mean, toml_value
 from workbench.cell.presets import DESIGN_SCP, preset_path
-from workbench.files import read_robot, read_sensor, write_bytes
+from workbench.files import read_robot, read_sensor, read_target, write_bytes
 
 REACH_OF_PLACES_MM = 2550.0  # the places below suit an arm of this reach; others get them in proportion
 PLACES: dict[str, tuple[Role, tuple[float, float, float], float]] = {
@@ -24,9 +24,9 @@ CELL = """\
 # `perceptron-emu calibrate FOLDER` solves it, `perceptron-emu render FOLDER --out OTHER` makes images of it.
 name = {name}
 sensor = "sensor.toml"   # camera, laser and (for emulation) light, optics, noise
-jig = "jig.toml"         # the string jig
+{target}
 robot = "robot.toml"     # the arm's Denavit-Hartenberg table, or urdf = "arm.urdf", base = …, tip = …
-frames = "frames.csv"    # one row an image: location, role, joint readings in degrees
+frames = "frames.csv"    # one row {an_image}: location, role, joint readings in degrees
 
 [scp_initial]            # where the sensor sits on the hand by design: T_hand_sensor
 rotation_deg = {rotation}           # about fixed X, Y, Z: R = Rz Ry Rx
@@ -36,27 +36,62 @@ translation_mm = {translation}
 # role: "calibrate" places are solved with, "verify" places only check the solution.
 """
 FRAMES = """\
-# frame: a number; image: PNG or TIFF; location: one name for each place of the jig; role: calibrate or verify
+# frame: a number; {what}; location: one name for each place of the target; role: calibrate or verify
 # joint readings in degrees; or x_mm, y_mm, z_mm, qw, qx, qy, qz of T_base_hand in their place
 """
 
 
-def write_starter(folder: Path, robot: str, sensor: str, jig: str) -> None:
-    """Write cell.toml, sensor.toml, jig.toml, robot.toml, frames.csv and images/ into a new or empty folder."""
+TARGETS = {
+    "sphere": "diameter_mm = 40.0      # leave it out where it is not known: it is then estimated\n",
+    "balls": "".join(
+        f"[[ball]]\nname = {toml_value(name)}\ndiameter_mm = 30.0\ncentre_mm = [{x}, {y}, 0.0] # their own frame\n"
+        for name, x, y in (("first", -40.0, 0.0), ("second", 40.0, 0.0), ("third", 0.0, 50.0))
+    ),
+    "plane": "width_mm = 180.0\nheight_mm = 140.0\n",
+    "edge": "# a plate's straight border, where the profile ends or jumps\n",
+    "wedge": "angle_deg = 90.0        # leave it out where it is not known: it is then estimated\n",
+}
+_FACING = np.array([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])  # a surface's z towards the robot, x level
+
+
+def write_starter(folder: Path, robot: str, sensor: str, jig: str, target: str | None = None) -> str:
+    """Write cell.toml, sensor.toml, jig.toml or target.toml, robot.toml and frames.csv into a new or empty folder.
+
+    target: a kind of TARGETS or a target.toml, in place of the jig. Returns the folder beside them that is to be
+    filled: images or profiles.
+    """
     files = {"robot": preset_path("robots", robot), "sensor": preset_path("sensors", sensor)}
-    files["jig"] = preset_path("jigs", jig)
+    if target is None:
+        files["jig"] = preset_path("jigs", jig)
     arm, model = read_robot(files["robot"]), read_sensor(files["sensor"])
-    columns = ",".join(["frame", "image", "location", "role", *(f"j{i + 1}_deg" for i in range(arm.n_joints))])
+    measured = "images" if model.profile is None and target is None else "profiles"
+    columns = ",".join(["frame", measured[:-1], "location", "role", *(f"j{i + 1}_deg" for i in range(arm.n_joints))])
     content = {f"{name}.toml": path.read_bytes() for name, path in files.items()}
-    content |= {"frames.csv": f"{FRAMES}{columns}\n".encode(), "cell.toml": _cell_text(arm, model).encode()}
+    if target is not None:
+        content["target.toml"] = _target_bytes(target)
+    what = "image: PNG or TIFF" if measured == "images" else "profile: a file, or one for many rows"
+    head = FRAMES.format(what=what)
+    content |= {"frames.csv": f"{head}{columns}\n".encode(), "cell.toml": _cell_text(arm, model, target).encode()}
     if not _is_free(folder, content):
         raise InputError(f"{folder}: is not empty; a starter dataset needs a new or an empty folder")
     try:
-        (folder / "images").mkdir(parents=True, exist_ok=True)
+        (folder / measured).mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"{folder}: can not be written ({error.strerror})") from None
     for name, data in content.items():
         write_bytes(folder / name, data)
+    return measured
+
+
+def _target_bytes(target: str) -> bytes:
+    if target in TARGETS:
+        return f"kind = {toml_value(target)}\n{TARGETS[target]}".encode()
+    path = Path(target)
+    if not path.is_file():
+        near = did_you_mean(target, TARGETS) or f"; {', '.join(TARGETS)} or a file are right"
+        raise InputError(f'--target "{target}" is no file and no kind of target{near}')
+    read_target(path)
+    return path.read_bytes()
 
 
 def _is_free(folder: Path, content: dict[str, bytes]) -> bool:
@@ -66,7 +101,7 @@ def _is_free(folder: Path, content: dict[str, bytes]) -> bool:
     if not folder.is_dir():
         return False
     for path in folder.iterdir():
-        empty = path.is_dir() and path.name == "images" and not any(path.iterdir())
+        empty = path.is_dir() and path.name in ("images", "profiles") and not any(path.iterdir())
         ours = path.is_file() and path.name in content and path.name != "cell.toml"
         part = path.name.endswith(".part") and path.name.startswith(tuple(f".{name}." for name in content))
         if not (empty or part or (ours and content[path.name] == path.read_bytes())):
@@ -85,17 +120,25 @@ def reach_mm(robot: DhRobot) -> float:
     return float(np.sum(np.abs(robot.a[1:])) + np.sum(np.abs(robot.d[1:])) + abs(robot.a[0]))
 
 
-def _cell_text(arm: DhRobot, sensor: Sensor) -> str:
+def _cell_text(arm: DhRobot, sensor: Sensor, target: str | None) -> str:
     rotation, translation = (np.round(v, 9) + 0.0 for v in (DESIGN_SCP.fixed_xyz_deg, DESIGN_SCP.t))
     numbers = {"rotation": toml_value(rotation.tolist()), "translation": toml_value(translation.tolist())}
-    return CELL.format(name=toml_value(_name(arm, sensor)), **numbers) + _locations(arm)
+    named = 'jig = "jig.toml"         # the string jig'
+    if target is not None:
+        named = 'target = "target.toml"   # what is measured'
+    row = "an image" if target is None and sensor.profile is None else "a profile"
+    text = CELL.format(name=toml_value(_name(arm, sensor)), target=named, an_image=row, **numbers)
+    return text + _locations(arm, jig=target is None)
 
 
-def _locations(arm: DhRobot) -> str:
+def _locations(arm: DhRobot, *, jig: bool) -> str:
     scale = min(1.0, reach_mm(arm) / REACH_OF_PLACES_MM)
     lines = []
     for name, (role, origin, turn) in PLACES.items():
-        rows = np.round(place_of_jig(origin, turn, scale).matrix, 9) + 0.0
+        place = place_of_jig(origin, turn, scale)
+        if not jig:
+            place = Pose(place.R @ _UPRIGHT.T @ _FACING, place.t)
+        rows = np.round(place.matrix, 9) + 0.0
         lines += [f"[locations.{name}]", f"role = {toml_value(role)}", f"T_base_jig = {toml_value(rows.tolist())}"]
     return "\n".join(lines) + "\n"
 

@@ -32,10 +32,10 @@ def verify_cell(cell: Cell, observed: Observed, saved: SavedResult | None, confi
         Where the result has no SCP, or belongs to another sensor.toml.
 
     """
-    T, words = (cell.T_hand_sensor_design, "the SCP judged is [scp_initial]") if saved is None else _scp(cell, saved)
+    T, words = (cell.design, "the SCP judged is [scp_initial]") if saved is None else _scp(cell, saved)
     found = verify(
         observed.frames,
-        cell.jig,
+        cell.target,
         cell.robot,
         cell.sensor,
         T,

@@ -14,11 +14,13 @@ COMMANDS = {
     "verify": "Judge an SCP on a dataset without solving: figures by location, with a limit for your own CI.",
     "compare": "The difference of two calibrations with its σ: did anything move?",
     "extract": "Find string points in images and write them as CSV.",
-    "profile": "Measure the laser stripe of an image: points in mm with covariance, as CSV or PLY.",
+    "profile": "Measure the laser stripe of images: points in mm, or in px without a sensor; CSV, PLY, overlays.",
     "convert": "Convert profile files from one maker's format to another's.",
     "gapflush": "Measure gap, flush and edge radii of two panels in a profile or an image.",
     "tune": "Tune detection on saved stripe images: the process window in the browser, or a search with --auto.",
     "pose": "All jig poses that fit the points of a frame, with their likelihoods.",
+    "twin": "Fit a sensor's emulation keys to its recorded stripe images, and show what still differs.",
+    "calibrate-sensor": "Calibrate a self-built sensor from pictures of a board with the stripe on it.",
     "validate": "Measure point extraction against truth, with thresholds for your own CI.",
     "plan": "Propose the most telling next configurations and predict the SCP's σ.",
     "render": "Record a cell in emulation: plan configurations and render images with truth.",
@@ -26,9 +28,10 @@ COMMANDS = {
     "paper": "Repeat the paper's experiment as an ensemble: Table 1, Fig. 7, and what explains them.",
     "jig": "Show a string jig, or export it as STL, GLB or drawing.",
     "init": "Write a commented starter dataset to fill in.",
+    "datasheet": "Write the sensor.toml of a line profiler from its data sheet alone.",
     "sweep": "Run a campaign of many pixel-to-transform trials from a plan; resumes.",
     "report": "One HTML page of a campaign: accuracy against every factor.",
-    "doctor": "Check the installation and say what is missing and how to get it.",
+    "doctor": "Check the installation, or a dataset file by file, and say what is missing.",
 }
 
 
@@ -47,7 +50,7 @@ class LazyGroup(TyperGroup):
 
 def load(name: str) -> Any:
     """The command ``name``, made of ``command`` in its module."""
-    module = importlib.import_module(f"workbench.cli.commands.{name}")
+    module = importlib.import_module(f"workbench.cli.commands.{name.replace('-', '_')}")
     single = typer.Typer(add_completion=False, rich_markup_mode="rich")
     single.command(name, help=getattr(module.command, "__doc__", None))(module.command)
     return typer.main.get_command(single)

@@ -23,13 +23,12 @@ Bar = Callable[[str, int], AbstractContextManager[Callable[[int, int], None]]]
 class DemoResult:
     """What the demo shows.
 
-    full: the same frames with the arm's own errors solved too. remark: what could not be drawn, and why.
+    remark: what could not be drawn, and why.
     """
 
     cell: Cell
     observed: Observed
     result: CalibrationResult
-    full: CalibrationResult
     remark: str = ""
 
 
@@ -44,7 +43,6 @@ def run_demo(out: Path, seed: int, settings: Settings, bar: Bar) -> DemoResult:
         observed = observe(cell, settings.extraction, progress)
     with bar("calibrating", 1):
         result = solve(cell, observed, settings.calib)
-        full = solve(cell, observed, settings.calib.model_copy(update={"model": "full"}))
         write_results(out, cell, observed, result, settings)
     tables = label_dataset(cell, observed, settings.calib, result)
     with bar("report", 1):
@@ -54,7 +52,7 @@ def run_demo(out: Path, seed: int, settings: Settings, bar: Bar) -> DemoResult:
         write_report(out / "report.html", ReportInput(cell, observed, result, settings, picture))
     with bar("overlays", len(tables)) as progress:
         _overlays(out / "overlays", cell, tables, progress)
-    return DemoResult(cell, observed, result, full, remark)
+    return DemoResult(cell, observed, result, remark)
 
 
 def _overlays(folder: Path, cell: Cell, tables: tuple[Frame, ...], progress: Callable[[int, int], None]) -> None:

@@ -69,7 +69,7 @@ def paper_experiment(seed: int) -> Experiment:
     cell = Cell(
         folder=Path(),
         sensor=sensor,
-        jig=jig,
+        target=jig,
         robot=robot,
         frames=(),
         T_hand_sensor_design=DESIGN_SCP,

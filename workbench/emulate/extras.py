@@ -74,7 +74,7 @@ def _write_full_truth(folder: Path, number: str, truth: RenderedTruth, scene: Sc
     write_png(folder / f"{number}_labels.png", truth.labels)
     names = [(i, name or "none") for i, name in enumerate(truth.label_names)]
     write_text(folder / f"{number}_labels.csv", _table(("label", "surface"), names))
-    first = len(truth.label_names) - len(scene.solids)
+    first = 1 + len(truth.strings)
     curve = truth.curve
     rows = [
         (truth.label_names[first + k], *map(_number, (*yz.ravel(), *uv.ravel())), int(seen))

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 from pydantic import BaseModel
 
@@ -40,6 +39,8 @@ def recipe_name(*things: object) -> str:
 
 def _words(thing: Any) -> Iterator[bytes]:
     """The content in words, in an order that does not hang on how it was put together."""
+    import trimesh  # a quarter of a second, and most commands build no mesh
+
     if isinstance(thing, np.ndarray):
         yield from _array_words(thing)
     elif isinstance(thing, float | np.floating):

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import Frame, InputError, Pose, Role, draw_errors
+from geometry import Arm, DhRobot, Frame, InputError, Pose, Role, draw_errors
 from jig_cad import sample_tolerance
 from perceptron_emu import Solid, Surroundings
 from workbench.cell import around_jig, jig_bodies, sees_all_strings
@@ -62,15 +62,25 @@ def draw_truth(cell: Cell, errors: Errors, rng: np.random.Generator, around: Sur
         raise InputError(
             f"{cell.folder / 'cell.toml'}: [locations.NAME] T_base_jig is missing: where does the jig stand?"
         )
-    robot = cell.arm.corrected(draw_errors(cell.arm, rng)) if errors.built else cell.arm
+    robot = built_arm(cell, errors, rng)
     jig = sample_tolerance(cell.jig, rng) if errors.built and not cell.jig.measured else cell.jig
-    turn = np.deg2rad(errors.mounting_deg) * rng.standard_normal(3)
-    shift = errors.mounting_mm * rng.standard_normal(3)
-    mounted = cell.T_hand_sensor_design @ Pose.exp(np.concatenate([shift, turn]))
+    mounted = mounting(cell, errors, rng)
     bodies: tuple[Solid, ...] = jig_bodies(cell.jig)  # as drawn: the strings have room in the holes
     solids = {name: (*bodies, *around_jig(around, place)) for name, place in cell.T_base_jig.items()}
     carried = around.standing_in("sensor")
     return TrueCell(robot, jig, mounted, cell.T_base_jig, solids, carried, around.string_material)
+
+
+def built_arm(cell: Cell, errors: Errors, rng: np.random.Generator) -> DhRobot:
+    """The arm as built: its table off by [uncertainty]."""
+    return cell.arm.corrected(draw_errors(cell.arm, rng)) if errors.built else cell.arm
+
+
+def mounting(cell: Cell, errors: Errors, rng: np.random.Generator) -> Pose:
+    """T_hand_sensor as mounted: the design off by the mounting's σ."""
+    turn = np.deg2rad(errors.mounting_deg) * rng.standard_normal(3)
+    shift = errors.mounting_mm * rng.standard_normal(3)
+    return cell.design @ Pose.exp(np.concatenate([shift, turn]))
 
 
 def planned_views(
@@ -81,7 +91,7 @@ def planned_views(
     for name, place in cell.T_base_jig.items():
         bodies = (*jig_bodies(cell.jig), *around_jig(around, place))
         sees_all = sees_all_strings(cell.sensor, cell.jig, bodies, around.standing_in("sensor"))
-        problem = ViewProblem(cell.arm, cell.sensor, cell.jig, place, cell.T_hand_sensor_design, sees_all=sees_all)
+        problem = ViewProblem(cell.arm, cell.sensor, cell.jig, place, cell.design, sees_all=sees_all)
         planned = plan_views(problem, per_location, rng)
         views += [(name, cell.roles.get(name, "calibrate"), joints) for joints in planned.joints_rad]
     return views
@@ -100,10 +110,10 @@ def given_views(cell: Cell, rows: Sequence[Frame]) -> list[tuple[str, Role, Arra
 
 
 def configurations(
-    views: Sequence[tuple[str, Role, Array]], true: TrueCell, errors: Errors, rng: np.random.Generator
+    views: Sequence[tuple[str, Role, Array]], robot: Arm, errors: Errors, rng: np.random.Generator
 ) -> tuple[Configuration, ...]:
     """What is recorded: readings as the controller shows them, true angles off by the joints' σ."""
-    drawn = with_joint_noise(views, true.robot, rng)
+    drawn = with_joint_noise(views, robot, rng)
     if errors.built:
         return drawn
     return tuple(Configuration(c.frame, c.location, c.role, c.reading_rad, c.reading_rad) for c in drawn)

@@ -1,12 +1,15 @@
 """The files of a cell dataset: strict models that say in one sentence what is wrong, where, and what is right."""
 
 from workbench.files.atomic import sha256_of, write_bytes, write_text
+from workbench.files.board_file import board_text, read_board
+from workbench.files.board_views import ViewFiles, find_views, picture_sensor
 from workbench.files.cell import Cell, read_cell, read_jig_file
 from workbench.files.cell_writer import cell_text, write_cell
 from workbench.files.controller import CONTROLLERS, controller_text
 from workbench.files.controller_poses import ControllerPoses, PosesSection, controller_poses
+from workbench.files.examined import FileFinding, examine_cell
 from workbench.files.frames_csv import frames_text, read_frames
-from workbench.files.images import LOSSY_SUFFIXES, SUFFIXES, Image, is_whole, read_image, write_png
+from workbench.files.images import LOSSY_SUFFIXES, SUFFIXES, Image, is_whole, read_image, sensor_of_picture, write_png
 from workbench.files.points_csv import GivenPoints, points_text, read_points
 from workbench.files.result_file import SavedResult, SavedScp, read_result, saved_result
 from workbench.files.robot_file import read_robot, robot_text, urdf_of
@@ -23,6 +26,7 @@ from workbench.files.settings_file import (
 from workbench.files.sockets_csv import read_sockets
 from workbench.files.strict import FileSection, NotNegative, Positive, Real, Text, Whole, sentence, suggestion, validate
 from workbench.files.table import Row, Table, read_table, read_table_text
+from workbench.files.target_file import read_target, target_text
 from workbench.files.toml_text import TomlSource, read_toml
 from workbench.files.truth_file import Truth, TruthFrame, TruthPoint, read_truth, write_truth
 from workbench.files.urdf_write import write_urdf
@@ -33,6 +37,7 @@ __all__ = [
     "SUFFIXES",
     "Cell",
     "ControllerPoses",
+    "FileFinding",
     "FileSection",
     "GivenPoints",
     "Image",
@@ -50,15 +55,21 @@ __all__ = [
     "Truth",
     "TruthFrame",
     "TruthPoint",
+    "ViewFiles",
     "Whole",
+    "board_text",
     "carried_calib",
     "cell_text",
     "controller_poses",
     "controller_text",
+    "examine_cell",
+    "find_views",
     "frames_text",
     "is_whole",
     "parse_settings",
+    "picture_sensor",
     "points_text",
+    "read_board",
     "read_cell",
     "read_emulator",
     "read_frames",
@@ -72,12 +83,14 @@ __all__ = [
     "read_sockets",
     "read_table",
     "read_table_text",
+    "read_target",
     "read_toml",
     "read_truth",
     "robot_text",
     "rounded",
     "rounded_number",
     "saved_result",
+    "sensor_of_picture",
     "sensor_text",
     "sentence",
     "settings_text",
@@ -85,6 +98,7 @@ __all__ = [
     "sha256_of",
     "stated_optics",
     "suggestion",
+    "target_text",
     "urdf_of",
     "validate",
     "write_bytes",

@@ -26,6 +26,9 @@ def write_text(path: Path, text: str) -> None:
 def sha256_of(path: Path) -> str:
     """SHA-256 of a file's bytes, as hexadecimal digits; InputError where it can not be read."""
     try:
-        return hashlib.sha256(path.read_bytes()).hexdigest()
+        if not path.is_file():
+            raise InputError(f"{path}: is no file on disk")
+        with path.open("rb") as stream:
+            return hashlib.file_digest(stream, "sha256").hexdigest()
     except OSError as error:
         raise InputError(f"{path}: can not be read ({error.strerror or error})") from None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
@@ -11,17 +11,30 @@ import numpy as np
 from pydantic import Field, field_validator
 
 import assets
-from geometry import DhRobot, Frame, InputError, Pose, Remark, Role, Sensor, did_you_mean
-from jig_cad import Jig, jig_from_table
-from jig_cad.files import table_model, without_names
+from geometry import (
+    DhRobot,
+    Frame,
+    InputError,
+    Pose,
+    Remark,
+    Role,
+    Sensor,
+    Surface,
+    Target,
+    did_you_mean,
+    target_at,
+)
+from jig_cad import Jig
+from jig_cad.files import table_model
 from perceptron_emu import EmulatorConfig
 from workbench.files.controller_poses import ControllerPoses, PosesSection, controller_poses
-from workbench.files.frames_csv import read_frames
+from workbench.files.frames_csv import LONGEST_NAME, read_frames
 from workbench.files.points_csv import GivenPoints, read_points
 from workbench.files.robot_file import read_robot
 from workbench.files.sensor_file import ATOL_ROTATION, read_emulator, read_sensor
 from workbench.files.strict import FileSection, Matrix4, Text, Vector3, suggestion, validate
-from workbench.files.toml_text import TomlSource, read_toml
+from workbench.files.target_file import read_target
+from workbench.files.toml_text import Location, TomlSource, read_toml
 from workbench.files.truth_file import Truth, read_truth
 
 
@@ -33,9 +46,13 @@ class ScpSection(FileSection):
 
 
 class LocationSection(FileSection):
-    """[locations.NAME]: where the jig stands, if known; decides the half turn. role: of views to be planned."""
+    """[locations.NAME]: where the target stands, if known; decides the half turn. role: of views to be planned.
 
-    T_base_jig: Matrix4
+    target: a file in place of cell.toml's.
+    """
+
+    T_base_jig: Matrix4 | None = None
+    target: Text | None = None
     role: Literal["calibrate", "verify"] | None = None
 
 
@@ -48,7 +65,7 @@ class CellFile(FileSection):
     robot: Text | None = None
     frames: Text | None = None
     points: Text | None = None
-    scp_initial: ScpSection
+    scp_initial: ScpSection | None = None
     poses: PosesSection | None = None
     locations: dict[str, LocationSection] = Field(default_factory=dict)
 
@@ -73,10 +90,10 @@ class Cell:
 
     folder: Path
     sensor: Sensor
-    jig: Jig
+    target: Target | Mapping[str, Target]
     robot: DhRobot | None
     frames: tuple[Frame, ...]
-    T_hand_sensor_design: Pose
+    T_hand_sensor_design: Pose | None
     T_base_jig: dict[str, Pose] = field(default_factory=dict)
     points: dict[int, GivenPoints] | None = None
     truth: Truth | None = None
@@ -87,6 +104,33 @@ class Cell:
     emulator: EmulatorConfig = field(default_factory=EmulatorConfig)
     remarks: tuple[str, ...] = ()
     files: tuple[Path, ...] = ()
+
+    @property
+    def jig(self) -> Jig:
+        """The string jig; InputError where other targets were measured."""
+        if isinstance(self.target, Jig):
+            return self.target
+        kinds = {t.kind if isinstance(t, Surface) else "strings" for t in self.targets}
+        raise InputError(
+            f"{self.folder / 'cell.toml'}: this needs a string jig at all locations, and the target is "
+            f"{' and '.join(sorted(kinds))}"
+        )
+
+    @property
+    def targets(self) -> tuple[Target, ...]:
+        """All targets, each once."""
+        if not isinstance(self.target, Mapping):
+            return (self.target,)
+        return tuple({id(t): t for t in self.target.values()}.values())
+
+    @property
+    def design(self) -> Pose:
+        """The SCP by design; InputError where cell.toml gives none."""
+        if self.T_hand_sensor_design is None:
+            raise InputError(
+                f"{self.folder / 'cell.toml'}: [scp_initial] is missing: this needs the sensor's place by its drawing"
+            )
+        return self.T_hand_sensor_design
 
     @property
     def arm(self) -> DhRobot:
@@ -130,16 +174,17 @@ def read_cell(path: Path, *, recorded: bool = True) -> Cell:
     if frames:
         _check_location_names(file, frames, source)
     truth = folder / "truth.json"
-    jig = _read_target(folder, file, source)
+    target = _read_targets(folder, file, source, frames)
+    scp = file.scp_initial
     return Cell(
         folder=folder,
         sensor=read_sensor(sensor_path),
-        jig=jig,
+        target=target,
         robot=robot,
         frames=frames,
-        T_hand_sensor_design=Pose.from_fixed_xyz_deg(file.scp_initial.rotation_deg, file.scp_initial.translation_mm),
-        T_base_jig={name: _pose(source, name, given) for name, given in file.locations.items()},
-        points=_points(folder, file, frames, frames_path, jig, remarks.append) if recorded else None,
+        T_hand_sensor_design=None if scp is None else Pose.from_fixed_xyz_deg(scp.rotation_deg, scp.translation_mm),
+        T_base_jig={n: _pose(source, n, g.T_base_jig) for n, g in file.locations.items() if g.T_base_jig is not None},
+        points=_points(folder, file, frames, frames_path, target, remarks.append) if recorded else None,
         truth=read_truth(truth) if truth.exists() else None,
         roles={name: given.role for name, given in file.locations.items() if given.role},
         name=file.name,
@@ -154,7 +199,8 @@ def read_cell(path: Path, *, recorded: bool = True) -> Cell:
 def _files(source: TomlSource, file: CellFile, read: Sequence[Path | None]) -> tuple[Path, ...]:
     """cell.toml and the files that it names, and a points.csv that stands in place of images."""
     folder = source.path.parent
-    named = [folder / name for name in (file.jig, file.target, file.points or "points.csv") if name]
+    targets = [given.target for given in file.locations.values()]
+    named = [folder / n for n in dict.fromkeys((file.jig, file.target, *targets, file.points or "points.csv")) if n]
     return tuple(p for p in (source.path, *read, *named) if p is not None and p.is_file())
 
 
@@ -184,12 +230,35 @@ def _controller_poses(section: PosesSection, source: TomlSource) -> ControllerPo
 def read_jig_file(path: Path) -> Jig:
     """The jig of a jig.toml, or of a target.toml of kind "strings"; InputError names file, line and key."""
     source = read_toml(path)
-    validate(table_model(source.data, source.where(("kind",))), source, without_names(source.data))
-    return jig_from_table(source.data, str(path))
+    table_model(source.data, source.where(("kind",)))
+    target = read_target(path)
+    if not isinstance(target, Jig):
+        raise InputError(f"{path}: a string jig is needed here")
+    return target
 
 
-def _read_target(folder: Path, file: CellFile, source: TomlSource) -> Jig:
-    """The jig of the file that cell.toml names as ``jig`` or as ``target``."""
+def _read_targets(
+    folder: Path, file: CellFile, source: TomlSource, frames: tuple[Frame, ...]
+) -> Target | Mapping[str, Target]:
+    """The target that cell.toml names as ``jig`` or ``target``, or by location where locations name their own."""
+    own = {name: given.target for name, given in file.locations.items() if given.target is not None}
+    if not own:
+        return _read_target(folder, file, source)
+    read: dict[str, Target] = {}
+    for name, target in own.items():
+        if target not in read:
+            read[target] = read_target(_named(folder, target, source, "target", ("locations", name, "target")))
+    out = {name: read[target] for name, target in own.items()}
+    others = {f.location for f in frames if f.location not in out} | (set(file.locations) - set(out))
+    if others:
+        common = _read_target(folder, file, source)
+        out |= dict.fromkeys(sorted(others), common)
+    kinds = {id(t): t for t in out.values()}
+    return next(iter(kinds.values())) if len(kinds) == 1 else out
+
+
+def _read_target(folder: Path, file: CellFile, source: TomlSource) -> Target:
+    """The target of the file that cell.toml names as ``jig`` or as ``target``."""
     if file.jig is not None and file.target is not None:
         raise InputError(f"{source.where(('target',))}: the keys jig and target name one thing twice: keep one of them")
     if file.target is None:
@@ -199,7 +268,7 @@ def _read_target(folder: Path, file: CellFile, source: TomlSource) -> Jig:
     path = _named(folder, file.target, source, "target")
     if "kind" not in read_toml(path).data:
         raise InputError(f'{path}: the key kind is missing: kind = "strings" for lines between anchors')
-    return read_jig_file(path)
+    return read_target(path)
 
 
 def _cell_path(path: Path) -> Path:
@@ -210,12 +279,14 @@ def _cell_path(path: Path) -> Path:
     return path
 
 
-def _named(folder: Path, name: str, source: TomlSource, key: str) -> Path:
+def _named(folder: Path, name: str, source: TomlSource, key: str, where: Location = ()) -> Path:
     path = folder / name
+    if any(len(part.encode()) > LONGEST_NAME for part in path.parts):
+        raise InputError(f"{source.where(where or (key,))}: {key} is too long for the name of a file")
     if not name or not path.is_file():
         near = did_you_mean(name, [p.name for p in folder.iterdir() if p.is_file()])
         raise InputError(
-            f'{source.where((key,))}: {key} = "{name}", but {path} is no file' + (near or _preset(name, key))
+            f'{source.where(where or (key,))}: {key} = "{name}", but {path} is no file' + (near or _preset(name, key))
         )
     return path
 
@@ -227,11 +298,11 @@ def _preset(name: str, key: str) -> str:
     return f": it is a preset, and `perceptron-emu init --{key} {name} FOLDER` writes a cell with its file"
 
 
-def _pose(source: TomlSource, name: str, given: LocationSection) -> Pose:
+def _pose(source: TomlSource, name: str, T_base_jig: Sequence[Sequence[float]]) -> Pose:
     try:
-        if not np.allclose(given.T_base_jig[3], (0, 0, 0, 1), rtol=0, atol=1e-9):
+        if not np.allclose(T_base_jig[3], (0, 0, 0, 1), rtol=0, atol=1e-9):
             raise InputError("the last row of a 4 × 4 transform is 0, 0, 0, 1")
-        return Pose.from_matrix(given.T_base_jig, ATOL_ROTATION)
+        return Pose.from_matrix(T_base_jig, ATOL_ROTATION)
     except InputError as error:
         raise InputError(
             f"{source.where(('locations', name, 'T_base_jig'))}: [locations.{name}] T_base_jig: {error}"
@@ -249,7 +320,12 @@ def _check_location_names(file: CellFile, frames: tuple[Frame, ...], source: Tom
 
 
 def _points(
-    folder: Path, file: CellFile, frames: tuple[Frame, ...], frames_path: Path, jig: Jig, remark: Remark
+    folder: Path,
+    file: CellFile,
+    frames: tuple[Frame, ...],
+    frames_path: Path,
+    target: Target | Mapping[str, Target],
+    remark: Remark,
 ) -> dict[int, GivenPoints] | None:
     """Points in place of images: named in cell.toml, or points.csv where not one of the images exists."""
     path = folder / (file.points or "points.csv")
@@ -258,7 +334,10 @@ def _points(
         if frames and not any(row.image or row.profile for row in frames):
             raise InputError(f"{frames_path}: the columns image and profile are empty, and there is no points.csv")
         return None
-    points = read_points(path, jig.strings, remark)
+    at = {row.number: target_at(target, row.location) for row in frames}
+    features = tuple(dict.fromkeys(name for t in at.values() for name in t.features))
+    surfaces = frozenset(number for number, t in at.items() if isinstance(t, Surface))
+    points = read_points(path, features, remark, surfaces)
     known = {row.number for row in frames}
     strangers = sorted(set(points) - known)
     if strangers:

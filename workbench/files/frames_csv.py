@@ -24,6 +24,7 @@ _JOINT = re.compile(r"(?:J|A|Joint|joint|Axis|axis)[ _]?([1-9][0-9]?)(?:[ _]?deg
 MAX_FRAMES = 100_000  # of one dataset: more is a recording that was never cut into frames
 LARGEST_READING_DEG = 36_000.0  # a hundred turns: no joint counts so far
 LARGEST_COORDINATE_MM = 100_000.0  # of the hand in the base: beyond any arm, track or crane
+LONGEST_NAME = 255  # bytes, of one part of a path
 ATOL_QUATERNION = 1e-2  # length of a quaternion as written; digits cut in the file stay far below
 
 
@@ -144,8 +145,8 @@ def _check_motion_columns(table: Table, n_joints: int | None, pose_columns: Sequ
 def _row(row: Row, n_joints: int, columns: Sequence[str], poses: ControllerPoses | None) -> Frame:
     common = {
         "number": row.whole("frame"),
-        "image": row.cells.get("image", ""),
-        "profile": row.cells.get("profile", ""),
+        "image": _file(row, "image"),
+        "profile": _file(row, "profile"),
         "configuration": configuration_of(row),
         "location": row.text("location"),
         "role": row.choice("role", ROLES),
@@ -166,6 +167,14 @@ def _row(row: Row, n_joints: int, columns: Sequence[str], poses: ControllerPoses
         raise row.fail("qw … qz", f"the quaternion has length {np.linalg.norm(q):.4g}, a rotation's is 1")
     pose = Pose.from_quaternion_wxyz(q, [_within(row, c, LARGEST_COORDINATE_MM) for c in POSE_COLUMNS[:3]])
     return Frame(**common, T_base_hand=pose)  # type: ignore[arg-type]
+
+
+def _file(row: Row, column: str) -> str:
+    """A file's name, or nothing; no part of it is longer than what systems take."""
+    name = row.cells.get(column, "")
+    if any(len(part.encode()) > LONGEST_NAME for part in Path(name).parts):
+        raise row.fail(column, f'"{name[:40]}…" is too long for the name of a file')
+    return name
 
 
 def _within(row: Row, column: str, limit: float) -> float:
@@ -208,13 +217,14 @@ def frames_text(rows: tuple[Frame, ...], decimals: int = 6) -> str:
     """The rows as the text of a frames.csv; joints in degrees with ``decimals`` digits."""
     joints = rows[0].joints_rad
     columns = POSE_COLUMNS if joints is None else [f"j{i}_deg" for i in range(1, len(joints) + 1)]
-    lines = [",".join(["frame", "image", "location", "role", *columns])]
+    what = "profile" if any(row.profile for row in rows) else "image"
+    lines = [",".join(["frame", what, "location", "role", *columns])]
     for row in rows:
         if row.joints_rad is not None:
             numbers = [f"{v:.{decimals}f}" for v in np.rad2deg(row.joints_rad)]
         else:
             numbers = [f"{float(v):.12g}" for v in _pose_numbers(row)]
-        lines.append(",".join([str(row.number), row.image, row.location, row.role, *numbers]))
+        lines.append(",".join([str(row.number), getattr(row, what), row.location, row.role, *numbers]))
     return "\n".join(lines) + "\n"
 
 

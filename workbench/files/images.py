@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from extraction import MAX_PIXELS
-from geometry import Camera, InputError, Remark, Sensor, no_remark, read_bytes
+from geometry import Camera, InputError, Pose, Remark, Sensor, Sheet, no_remark, read_bytes
 from workbench.files.atomic import write_bytes
 from workbench.files.image_header import ImageHeader, read_header
 
@@ -64,6 +64,42 @@ def read_image(path: Path, sensor: Sensor, remark: Remark = no_remark, *, lossy:
     image = _grey(path, _decode(path, data, header), camera, remark)
     _check_size(path, image.shape[::-1], camera)
     return _check_levels(path, image, header, camera, remark)
+
+
+def sensor_of_picture(path: Path, channel: str | None = None) -> Sensor:
+    """A sensor whose images are like this file, where no sensor is known.
+
+    Parameters
+    ----------
+    path
+        An image file.
+    channel
+        Of colour images; the largest where None.
+
+    Returns
+    -------
+    sensor
+        Its size and bits are the file's; its camera's pose and focal length stand for nothing.
+
+    Raises
+    ------
+    InputError
+        Where the file can not be read.
+    """
+    header = read_header(path, read_bytes(path, MAX_FILE_BYTES, "image file"), lossy=True)
+    depth = header.significant_bits or header.bits
+    camera = Camera(
+        width_px=header.width,
+        height_px=header.height,
+        bit_depth=depth if depth in (8, 10, 12, 14, 16) else 16,
+        fx_px=float(header.width),
+        fy_px=float(header.width),
+        cx_px=(header.width - 1) / 2,
+        cy_px=(header.height - 1) / 2,
+        T_sensor_camera=Pose(np.array([[0.0, 0, -1], [1, 0, 0], [0, -1, 0]]), np.array([100.0, 0, 0])),
+        channel=channel,
+    )
+    return Sensor(Sheet(), camera)
 
 
 def is_whole(path: Path) -> bool:

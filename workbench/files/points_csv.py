@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -49,7 +50,9 @@ class _CsvPoint:
     flag: str
 
 
-def read_points(path: Path, strings: Sequence[str], remark: Remark = no_remark) -> dict[int, GivenPoints]:
+def read_points(
+    path: Path, strings: Sequence[str], remark: Remark = no_remark, surfaces: frozenset[int] = frozenset()
+) -> dict[int, GivenPoints]:
     """Points by frame number of a points.csv.
 
     Parameters
@@ -60,6 +63,9 @@ def read_points(path: Path, strings: Sequence[str], remark: Remark = no_remark) 
         The names that a label may be.
     remark
         Told of columns that are ignored and of rows that hold no point.
+    surfaces
+        Numbers of frames of a surface: their unlabelled y_mm, z_mm are the surface's own points, and many may have one
+        label.
 
     Returns
     -------
@@ -82,15 +88,16 @@ def read_points(path: Path, strings: Sequence[str], remark: Remark = no_remark) 
     without: list[int] = []
     for row in table.rows:
         points = frames.setdefault(row.whole("frame"), [])
-        point = _point(row, strings)
+        on_surface = row.whole("frame") in surfaces
+        point = _point(row, strings, on_surface=on_surface)
         if point is None:
             without.append(row.line)
             continue
-        if point.label and any(point.label == other.label for other in points):
+        if point.label and not on_surface and any(point.label == other.label for other in points):
             raise row.fail("label", f'frame {row.cells["frame"]} has a second point "{point.label}"')
         points.append(point)
     if without and not any(frames.values()):
-        raise InputError(f"{path}: not one of its {len(without)} rows holds a point")
+        raise InputError(f"{path}, line {without[0]}: holds no point, nor does any of its {len(without)} rows")
     if without:
         remark(f"{path}, line {without[0]}: no point there, nor in {len(without) - 1} further rows; they are left out")
     return {frame: _collect(sorted(points, key=lambda p: _place(p, strings))) for frame, points in frames.items()}
@@ -102,7 +109,7 @@ def _place(point: _CsvPoint, strings: Sequence[str]) -> tuple[int, float, tuple[
     return (strings.index(point.label) if point.label else len(strings), -point.score, known)
 
 
-def _point(row: Row, strings: Sequence[str]) -> _CsvPoint | None:
+def _point(row: Row, strings: Sequence[str], *, on_surface: bool = False) -> _CsvPoint | None:
     """None where the row holds no point: empty cells, NaN, or what loggers write for no value."""
     given = row.cells.get("label", "")
     label = given if given in strings else given.translate(_PRIMES)
@@ -111,6 +118,8 @@ def _point(row: Row, strings: Sequence[str]) -> _CsvPoint | None:
     surface, axis = _pair(row, "y_surface_mm", "z_surface_mm"), _pair(row, "y_mm", "z_mm")
     if surface is None and axis is None:
         return None
+    if on_surface and not label and surface is None:
+        surface = axis
     if axis is not None and not label and surface is None:
         raise row.fail(
             "label", "is empty beside y_mm and z_mm; an unlabelled point goes into y_surface_mm and z_surface_mm"
@@ -129,7 +138,9 @@ def _point(row: Row, strings: Sequence[str]) -> _CsvPoint | None:
 def _pair(row: Row, first: str, second: str) -> tuple[float, float] | None:
     a, b = row.measured(first), row.measured(second)
     if (a is None) != (b is None):
-        raise row.fail(first if a is None else second, f"holds no value beside {second if a is None else first}")
+        missing, other = (first, second) if a is None else (second, first)
+        what = "holds no value" if row.cells.get(missing) else "is empty"
+        raise row.fail(missing, f"{what} beside {other}")
     return None if a is None or b is None else (a, b)
 
 
@@ -145,7 +156,12 @@ def _covariance(row: Row) -> tuple[tuple[float, float], tuple[float, float]]:
         raise row.fail(
             "cov_yz_mm2", f"{cross:g} must be smaller than sigma_y_mm · sigma_z_mm = {sigma[0] * sigma[1]:g}"
         )
-    return ((sigma[0] ** 2, cross), (cross, sigma[1] ** 2))
+    return _shared((sigma[0] ** 2, cross, sigma[1] ** 2))
+
+
+@lru_cache(maxsize=4096)  # most rows of a long table have the same few: they are kept once
+def _shared(upper: tuple[float, float, float]) -> tuple[tuple[float, float], tuple[float, float]]:
+    return (upper[:2], upper[1:])
 
 
 def _collect(points: list[_CsvPoint]) -> GivenPoints:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import InputError, Pose
+from geometry import InputError, Pose, read_bytes
 
 Array = NDArray[np.float64]
 
@@ -62,13 +62,11 @@ def read_result(path: Path) -> SavedResult:
 
     """
     path = path / "result.json" if path.is_dir() else path
+    if not path.exists():
+        raise InputError(f"{path}: no such file; a result of `perceptron-emu calibrate --json` is right")
     try:
-        if path.stat().st_size > MAX_BYTES:
-            raise InputError(f"{path}: is larger than {MAX_BYTES // 10**6} MB, which no result is")
-        data = json.loads(path.read_bytes())
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file; a result of `perceptron-emu calibrate --json` is right") from None
-    except (OSError, ValueError, RecursionError) as error:
+        data = json.loads(read_bytes(path, MAX_BYTES))
+    except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: is no JSON of `perceptron-emu calibrate --json` ({_short(error)})") from None
     return saved_result(path, data)
 

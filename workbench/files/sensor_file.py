@@ -30,6 +30,7 @@ from workbench.files.toml_text import TomlSource, read_toml
 
 OPTICS_KEYS = tuple(f.name for f in fields(Optics))
 GEOMETRY_OF_LASER = ("origin_mm", "fan_deg")
+USUAL_STANDOFF_MM = 200.0  # of line profilers that suit a jig, from the face to the field; the fan is nearly parallel
 ATOL_ROTATION = 1e-4  # files are written with as few as four decimals; the rotation is made orthogonal on reading
 
 
@@ -119,6 +120,13 @@ SIGMAS = tuple(
 )
 
 
+class DirectSection(FileSection):
+    """[direct]: a map from pixels to the laser plane without a camera; carried, acted on by nothing yet."""
+
+    homography: Matrix3 | None = None
+    polynomial: tuple[tuple[Real, Real, Real, Real], ...] | None = None
+
+
 class SensorFile(FileSection):
     """The part of sensor.toml that every room needs."""
 
@@ -127,9 +135,16 @@ class SensorFile(FileSection):
     profile: ProfileSection | None = None
     laser: LaserSection = Field(default_factory=LaserSection)
     uncertainty: SensorUncertaintySection | None = None
+    direct: DirectSection | None = None
 
 
-SHARED_TABLES = ("image", "camera", "profile", "uncertainty")  # of no concern to the emulator; [laser] is both's
+SHARED_TABLES = (
+    "image",
+    "camera",
+    "profile",
+    "uncertainty",
+    "direct",
+)  # of no concern to the emulator; [laser] is both's
 
 
 def read_sensor(path: Path) -> Sensor:
@@ -193,7 +208,7 @@ def stated_optics(emulator: EmulatorConfig) -> Optics | None:
 
 
 def _sensor(file: SensorFile) -> Sensor:
-    sheet = Sheet(np.array(file.laser.origin_mm), float(np.deg2rad(file.laser.fan_deg)))
+    sheet = Sheet(np.array(_emitter(file)), float(np.deg2rad(file.laser.fan_deg)))
     uncertainty = None if file.uncertainty is None else _uncertainty(file.uncertainty)
     if file.profile is not None:
         for name, table in (("image", file.image), ("camera", file.camera)):
@@ -204,6 +219,16 @@ def _sensor(file: SensorFile) -> Sensor:
         missing = "image" if file.image is None else "camera"
         raise InputError(f"the table [{missing}] is missing; a sensor without a camera has [profile]")
     return Sensor(sheet, _camera(file.image, file.camera), uncertainty=uncertainty, name=file.name)
+
+
+def _emitter(file: SensorFile) -> Vector3:
+    """Where the fan opens: as stated; of a profile sensor that counts z towards itself, beyond its field."""
+    profile = file.profile
+    if profile is None or not profile.z_towards_sensor or "origin_mm" in file.laser.model_fields_set:
+        return file.laser.origin_mm
+    if profile.field_of_view_mm is None:
+        return (0.0, 0.0, USUAL_STANDOFF_MM)
+    return (0.0, 0.0, max(z for _, z in profile.field_of_view_mm) + USUAL_STANDOFF_MM)
 
 
 def _camera(image: ImageSection, camera: CameraSection) -> Camera:

@@ -9,6 +9,10 @@ import numpy as np
 
 from calib.closure import Socket
 from geometry import InputError
+from workbench.files.table import read_table_text
+
+MOST_RADIANS = 4 * np.pi  # two turns either way: no reading of an arm is larger
+LEAST_ROWS = 3
 
 
 def read_sockets(paths: Sequence[Path], n_joints: int, *, degrees: bool) -> list[Socket]:
@@ -17,21 +21,30 @@ def read_sockets(paths: Sequence[Path], n_joints: int, *, degrees: bool) -> list
 
 
 def _read(path: Path, n_joints: int, *, degrees: bool) -> np.ndarray:
-    try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: can not be read as text ({error})") from error
+    text = read_table_text(path)
+    separator = next((mark for mark in "\t;" if mark in text), ",")
     rows = []
-    for number, line in enumerate(lines, start=1):
-        if not line.strip():
+    for number, line in enumerate(text.splitlines(), start=1):
+        cells = [cell.strip() for cell in line.split(separator)]
+        if not any(cells):
             continue
+        while not cells[-1]:
+            cells.pop()
         try:
-            row = [float(x) for x in line.split(",")]
+            row = [float(cell if separator == "," else cell.replace(",", ".", 1)) for cell in cells]
         except ValueError as error:
-            raise InputError(f"{path}, line {number}: a value is not a number ({error})") from error
+            raise InputError(f"{path}, line {number}: a value is not a number ({str(error)[:80]})") from None
         if len(row) != n_joints or not np.all(np.isfinite(row)):
             raise InputError(f"{path}, line {number}: {len(row)} values, where {n_joints} finite joint readings belong")
         rows.append(row)
     if not rows:
         raise InputError(f"{path}: holds no joint readings")
-    return np.deg2rad(rows) if degrees else np.array(rows)
+    values = np.array(rows)
+    largest = float(np.max(np.abs(values)))
+    if not degrees and largest > MOST_RADIANS:
+        raise InputError(
+            f"{path}: reads up to {largest:.4g}, more than two turns in radians: say --degrees, if they are"
+        )
+    if degrees and len(values) >= LEAST_ROWS and 0.01 < largest <= 2 * np.pi:
+        raise InputError(f"{path}: no joint reads more than {largest:.3g}°, as if in radians: leave --degrees away")
+    return np.deg2rad(values) if degrees else values

@@ -7,20 +7,36 @@ import re
 from collections.abc import Iterable, Mapping
 from typing import Annotated, Any, TypeVar, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
 from geometry import LONGEST_WORD, InputError
 from workbench.files.toml_text import Location, TomlSource
 
-Real = Annotated[float, Field(strict=True, allow_inf_nan=False)]
-Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0)]
-NotNegative = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0)]
+LARGEST = 1e9  # of any quantity in any unit of a file
+LEAST = 1e-12  # of a size or a standard deviation that is not nothing: its inverse square must stay a number
+FARTHEST_MM = 1e5  # of anything in a cell
+
+
+def _not_next_to_nothing(value: float) -> float:
+    if 0 < value < LEAST:
+        raise ValueError(f"is {value:g}, too small to be meant: 0 is nothing, the least size {LEAST:g}")
+    return value
+
+
+Real = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-LARGEST, le=LARGEST)]
+Coordinate = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-FARTHEST_MM, le=FARTHEST_MM)]
+Positive = Annotated[
+    float, Field(strict=True, allow_inf_nan=False, gt=0, le=LARGEST), AfterValidator(_not_next_to_nothing)
+]
+NotNegative = Annotated[
+    float, Field(strict=True, allow_inf_nan=False, ge=0, le=LARGEST), AfterValidator(_not_next_to_nothing)
+]
 Whole = Annotated[int, Field(strict=True)]
 Text = Annotated[str, Field(strict=True)]
 YesNo = Annotated[bool, Field(strict=True)]
-Vector3 = tuple[Real, Real, Real]
+Vector3 = tuple[Coordinate, Coordinate, Coordinate]
 Matrix3 = tuple[Vector3, Vector3, Vector3]
-Row4 = tuple[Real, Real, Real, Real]
+Row4 = tuple[Coordinate, Coordinate, Coordinate, Coordinate]
 Matrix4 = tuple[Row4, Row4, Row4, Row4]
 
 Names = Mapping[Location, Iterable[str]]
@@ -106,7 +122,7 @@ def _shown(value: object) -> str:
 
 def _spell(location: Location) -> str:
     """``[camera.pose] rotation`` for ("camera", "pose", "rotation"); list positions count from 1."""
-    names = [str(p) for p in location if isinstance(p, str)]
+    names = [p if len(p) <= LONGEST_WORD else f"{p[:40]}…" for p in location if isinstance(p, str)]
     text = f"[{'.'.join(names[:-1])}] {names[-1]}" if len(names) > 1 else names[0] if names else "the file"
     numbers = [p for p in location if isinstance(p, int)]
     return text + (f" (number {numbers[0] + 1})" if numbers and isinstance(location[-1], str) else "")

@@ -169,7 +169,7 @@ def candidates(
     roles = [_role(cell, name) for name in names]
     if all(role == VERIFY for role in roles):
         raise InputError(f"{file}: every location has role verify; one must calibrate")
-    sensor, design = cell.sensor, cell.T_hand_sensor_design
+    sensor, design = cell.sensor, cell.design
     space = ViewSpace.of(sensor, cell.jig, limits)
     sees_all = sees_all_strings(sensor, cell.jig, jig_bodies(cell.jig))
     problems = {
@@ -261,7 +261,7 @@ def _proposal(cell: Cell, found: ViewPools, plan: Planned, criterion: str, rando
         for k, (n, i) in enumerate(zip(count(first), plan.location, strict=False))
     )
     rotations = plan.views.T_sensor_jig.R
-    sigma_deg, sigma_mm = printed_sigmas(cell.T_hand_sensor_design, covariance)
+    sigma_deg, sigma_mm = printed_sigmas(cell.design, covariance)
     return Proposal(
         rows,
         np.rad2deg(plan.views.joints_rad),

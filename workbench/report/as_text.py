@@ -10,16 +10,17 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from calib import CalibrationResult, DesignSolved
+from calib import CalibrationResult, DesignSolved, printed_sigmas
 from geometry import CONVENTIONS, Pose, express
 
 AXES = ("X", "Y", "Z")
-COLOURS = {"ok": "green", "model_misfit": "yellow", "weak": "yellow"}
+COLOURS = {"ok": "green"} | dict.fromkeys(("model_misfit", "priors_contradict", "sensor_suspect", "weak"), "yellow")
 
 
 def print_calibration(console: Console, result: CalibrationResult, complaints: dict[int, str] | None = None) -> None:
     """Print the whole result."""
     console.print(_scp_table(result))
+    _print_nominal(console, result)
     if result.T_hand_sensor is not None:
         _print_conventions(console, result.T_hand_sensor)
     console.print(_location_table(result))
@@ -33,6 +34,8 @@ def print_calibration(console: Console, result: CalibrationResult, complaints: d
 def print_verdict(console: Console, result: CalibrationResult) -> None:
     """Print the verdict with its advice."""
     colour = COLOURS.get(result.verdict.code, "red")
+    if not result.verdict.trustworthy:
+        colour = "red"
     misfit = "" if result.chi2_per_dof is None else f"   (χ² per degree of freedom {result.chi2_per_dof:.2f})"
     console.print(Text.assemble(("verdict: ", "bold"), (result.verdict.code, f"bold {colour}"), misfit))
     console.print(Text(result.verdict.text), soft_wrap=True)
@@ -60,6 +63,19 @@ def _scp_rows(table: Table, what: str, unit: str, design: object, solved: object
     for i, axis in enumerate(AXES):
         cells = [number(d[i], 4), number(s[i], 4), number(e[i], 4), number(s[i] - d[i], 4, sign=True)]
         table.add_row(f"{what} {axis} [{unit}]".replace("[", "\\["), *cells)
+
+
+def _print_nominal(console: Console, result: CalibrationResult) -> None:
+    """The SCP that goes with the nominal table, where that is another."""
+    nominal = result.nominal
+    if nominal is None or not np.any(result.robot_delta):
+        return
+    rotation, translation = nominal.T_hand_sensor.fixed_xyz_deg, nominal.T_hand_sensor.t
+    sigma = printed_sigmas(nominal.T_hand_sensor, nominal.covariance)
+    numbers = [f"{a:.4f} ± {s:.4f}" for a, s in zip([*rotation, *translation], np.concatenate(sigma), strict=True)]
+    console.print(
+        f"with the robot's nominal table: {', '.join(numbers[:3])} °, {', '.join(numbers[3:])} mm", soft_wrap=True
+    )
 
 
 def _print_conventions(console: Console, pose: Pose) -> None:
@@ -107,7 +123,7 @@ def _print_points(console: Console, result: CalibrationResult) -> None:
     flagged = sum(bool(flag) for f in used for flag in f.axis.flag)
     residuals = np.concatenate([f.residual_mm for f in used]) if used else np.zeros(0)
     finite = residuals[np.isfinite(residuals)]
-    rms = f", rms distance from their strings {np.sqrt(np.mean(finite**2)):.3f} mm" if len(finite) else ""
+    rms = f", rms distance from the target {np.sqrt(np.mean(finite**2)):.3f} mm" if len(finite) else ""
     console.print(f"{len(used)} of {len(result.frames)} frames used, {n} points ({flagged} flagged){rms}")
 
 

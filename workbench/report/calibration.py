@@ -10,21 +10,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib import CalibrationResult
-from geometry import CONVENTIONS, Frame, express
+from geometry import CONVENTIONS, Frame, Surface, express, target_at
 from workbench.cell import Observed
 from workbench.files import Cell, Settings, read_image, settings_text, write_text
 from workbench.report.as_text import AXES
 from workbench.report.fig7 import draw_fig7
-from workbench.report.left_out import leave_one_location_out
 from workbench.report.overlays import overlay
 from workbench.report.page import jpeg, render_page, svg
-from workbench.report.residuals import draw_residuals
+from workbench.report.residuals import draw_residuals, draw_section
 
 Array = NDArray[np.float64]
 
 QUANTILE_95 = 1.96  # of the normal distribution, both sides
 WORST = 3  # used frames that are shown beside those left out
-BANNER = {"ok": "good", "model_misfit": "care", "weak": "care"}
+BANNER = {"ok": "good"} | dict.fromkeys(("model_misfit", "priors_contradict", "sensor_suspect", "weak"), "care")
 TANGENT = ("tx", "ty", "tz", "rx", "ry", "rz")
 
 
@@ -55,7 +54,6 @@ def write_report(path: Path, given: ReportInput) -> None:
 
 def _content(given: ReportInput) -> dict[str, Any]:
     result, cell = given.result, given.cell
-    left_out = leave_one_location_out(cell, result, given.settings.calib)
     return {
         "title": cell.name or cell.folder.resolve().name,
         "result": result,
@@ -66,7 +64,7 @@ def _content(given: ReportInput) -> dict[str, Any]:
         "picture": None if given.picture is None else jpeg(given.picture[..., ::-1]),
         "fig7": svg(draw_fig7(result)),
         "residuals": svg(draw_residuals(result)),
-        "left_out_places": left_out,
+        "left_out": result.left_out,
         "correlations": _correlations(result),
         "tangent": TANGENT,
         "frames": [_frame_row(f) for f in result.frames],
@@ -134,7 +132,11 @@ def _worst(cell: Cell, result: CalibrationResult) -> list[dict[str, Any]]:
     order = sorted(result.frames, key=lambda f: -rms[f.number])[: WORST + sum(np.isinf(v) for v in rms.values())]
     out = []
     for frame in order[: 2 * WORST]:
-        if frame.reason != "image_unreadable":
+        surface = isinstance(target_at(cell.target, frame.location), Surface)
+        if surface and len(frame.residual_mm):
+            why = "not used" if np.isinf(rms[frame.number]) else f"rms {rms[frame.number]:.3f} mm"
+            out.append({"frame": frame.number, "why": why, "image": svg(draw_section(frame))})
+        elif not surface and frame.image and frame.reason != "image_unreadable":
             picture = overlay(read_image(cell.folder / frame.image, cell.sensor), cell.sensor, frame)
             why = "not used" if np.isinf(rms[frame.number]) else f"rms {rms[frame.number]:.3f} mm"
             out.append({"frame": frame.number, "why": why, "image": jpeg(picture)})

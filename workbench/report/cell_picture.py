@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib import CalibrationResult
-from geometry import Frame, MissingDependencyError, Pose, require_arm
+from geometry import Frame, MissingDependencyError, Pose, require_arm, target_at
+from jig_cad import Jig
 from perceptron_emu.gl import CellView, cell_picture
 from workbench.files import Cell
 
@@ -15,6 +16,9 @@ Picture = NDArray[np.uint8]
 
 def cell_image(cell: Cell, result: CalibrationResult) -> tuple[Picture | None, str]:
     """The picture (H, W, 3), RGB, and ""; or None and the one line that says why there is none."""
+    output = cell.sensor.profile
+    if output is not None and output.field_of_view_mm is None:
+        return None, "no picture of the cell: [profile] field_of_view_mm of its sensor is not known"
     view = cell_view(cell, result)
     if view is None:
         return None, "no picture of the cell: no frame of it was used"
@@ -38,7 +42,9 @@ def cell_view(cell: Cell, result: CalibrationResult) -> CellView | None:
     T_hand_sensor = result.T_hand_sensor or result.T_hand_sensor_design
     if T_hand_sensor is None:
         return None
-    return CellView(cell.sensor, hand @ T_hand_sensor, tuple((cell.jig, p) for p in jigs.values()), links)
+    strings = ((target_at(cell.target, name), place) for name, place in jigs.items())
+    drawn = tuple((target, place) for target, place in strings if isinstance(target, Jig))
+    return CellView(cell.sensor, hand @ T_hand_sensor, drawn, links)
 
 
 def _arm(cell: Cell, result: CalibrationResult, row: Frame) -> tuple[Pose | None, Pose | None]:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
-from scipy.stats import chi2, norm
+from scipy.special import chdtrc, ndtri
 
 from calib import printed_sigmas
 from workbench.files import SavedResult, SavedScp
@@ -112,7 +112,7 @@ def _in_sigmas(motion: Array, covariance: Array) -> float:
     correlation = covariance / np.outer(scale, scale)
     z = motion / scale
     distance2 = float(z @ np.linalg.lstsq(correlation, z, rcond=1e-9)[0])
-    return float(norm.isf(max(float(chi2.sf(distance2, 6)), 1e-300) / 2))
+    return float(-ndtri(max(float(chdtrc(6, distance2)), 1e-300) / 2))
 
 
 def _judged(sigmas: float | None, length_mm: float, max_mm: float | None) -> tuple[Code, str]:

@@ -22,11 +22,23 @@ def write_corrected_robot(out: Path, cell: Cell, result: CalibrationResult) -> N
     table = _rounded(require_arm(result.robot).dh_part())
     urdf = None if cell.robot_path is None else urdf_of(cell.robot_path)
     if urdf is None:
-        write_text(out / "robot_corrected.toml", robot_text(table))
+        write_text(out / "robot_corrected.toml", _beside_the_table(result) + robot_text(table))
         return
     from workbench.files import write_urdf
 
     write_urdf(urdf.path, urdf.base, urdf.tip, table, out / "robot_corrected.urdf")
+
+
+def _beside_the_table(result: CalibrationResult) -> str:
+    """Comments that name what was estimated of the robot and has no place in a table, such as its stiffness."""
+    in_table = {row.group for row in DH_ROWS}
+    parameters = () if result.robot is None else result.robot.parameters
+    rest = [(p, v) for p, v in zip(parameters, result.robot_delta, strict=True) if p.group not in in_table and v]
+    if not rest:
+        return ""
+    lines = ["# The answer holds more than this table, which without it is not the robot that was solved:"]
+    lines += [f"# {p.name} {v:+.6g} {p.unit}" for p, v in rest]
+    return "\n".join(lines) + "\n"
 
 
 def _rounded(robot: DhRobot) -> DhRobot:

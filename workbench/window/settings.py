@@ -30,6 +30,8 @@ def read(folder: Path, name: str) -> str:
     try:
         if path.stat().st_size > MAX_TOML_BYTES:
             raise InputError(f"{name}: is larger than {MAX_TOML_BYTES // 1024} kB, which no settings file is")
+        if not path.is_file():
+            raise InputError(f"{name}: is no file")
         return path.read_text("utf-8-sig")
     except FileNotFoundError:
         raise InputError(f"{name}: no such file in the opened folder") from None

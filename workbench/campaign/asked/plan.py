@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from geometry import InputError
+from workbench.campaign.asked.named import check_named
 from workbench.campaign.asked.settings import TrialSettings, leaf_paths, with_values
 from workbench.files import FileSection, Real, Text, TomlSource, read_toml, sentence, suggestion, validate
 
@@ -87,6 +88,7 @@ def read_plan(path: Path) -> Plan:
         raise InputError(f"{source.where(('samples',))}: samples goes with a random design; a grid has its own size")
     if plan.design != "grid" and plan.samples is None:
         raise InputError(f'{path}: design = "{plan.design}" needs samples = the number of design points')
+    check_named(plan, source)
     return plan
 
 

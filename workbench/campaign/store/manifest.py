@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 from geometry import InputError
+from workbench.campaign.asked.named import contents
 from workbench.campaign.asked.plan import Plan, plan_of
 from workbench.files import write_text
 
@@ -18,6 +19,7 @@ def write_manifest(folder: Path, plan: Plan, trials: int) -> None:
         return
     record = {
         "fingerprint": plan.fingerprint,
+        "files": contents(plan),
         "trials": trials,
         "plan": plan.model_dump(mode="json", exclude_unset=True),
     }
@@ -26,11 +28,28 @@ def write_manifest(folder: Path, plan: Plan, trials: int) -> None:
 
 def check_manifest(folder: Path, plan: Plan) -> None:
     """InputError where the folder belongs to another plan."""
-    if _record(folder)["fingerprint"] != plan.fingerprint:
+    record = _record(folder)
+    if record["fingerprint"] != plan.fingerprint:
         raise InputError(
             f"{folder}: belongs to another plan, or this plan was changed since the run began; nothing was "
             "touched: give a new folder, or the plan as it was (run.json holds it)"
         )
+    _check_files(folder, plan, record)
+
+
+def check_files_of_run(folder: Path, plan: Plan) -> None:
+    """InputError where a file that the plan of a run names is not what it was when the run began."""
+    _check_files(folder, plan, _record(folder))
+
+
+def _check_files(folder: Path, plan: Plan, record: dict[str, object]) -> None:
+    before, now = record.get("files"), contents(plan)
+    for name, digest in before.items() if isinstance(before, dict) else ():
+        if now.get(name) != digest:
+            raise InputError(
+                f"{folder}: the file of {name} was changed since the run began; nothing was touched: give a new "
+                "folder, or the file as it was"
+            )
 
 
 def plan_of_run(folder: Path) -> Plan:

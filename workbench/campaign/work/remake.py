@@ -7,7 +7,7 @@ from pathlib import Path
 from geometry import InputError, NoAnswerError
 from workbench.campaign.asked.plan import Plan, read_plan
 from workbench.campaign.asked.trials import n_trials, trial_seed, trial_settings
-from workbench.campaign.store.manifest import plan_of_run
+from workbench.campaign.store.manifest import check_files_of_run, plan_of_run
 from workbench.campaign.trial.trial import image_name, png, trial_frames
 from workbench.files import write_bytes
 
@@ -33,4 +33,8 @@ def remake_trial(plan_or_run: Path, trial: int, out: Path) -> int:
 
 
 def _plan(path: Path) -> Plan:
-    return plan_of_run(path) if path.is_dir() else read_plan(path)
+    if not path.is_dir():
+        return read_plan(path)
+    plan = plan_of_run(path)
+    check_files_of_run(path, plan)
+    return plan

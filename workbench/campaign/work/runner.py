@@ -8,10 +8,12 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
+from workbench.campaign.asked.named import check_named
 from workbench.campaign.asked.plan import Plan
 from workbench.campaign.store.store import Store, opened_store
 from workbench.campaign.work.engines import default_workers, run_dask, run_local
 from workbench.campaign.work.shard import run_shard
+from workbench.campaign.work.trusted import check_cache
 
 Progress = Callable[[int, int], None]
 
@@ -50,10 +52,14 @@ def run_campaign(
 
     Raises
     ------
+    InputError
+        Where a preset or file that the plan names is not there, or others can write into numba's cache folder.
     KeyboardInterrupt
         With a sentence that says what is safe.
 
     """
+    check_cache()
+    check_named(plan)
     with opened_store(folder, plan) as store:
         try:
             return _run(store, workers, dask, progress)

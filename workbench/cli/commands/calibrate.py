@@ -37,9 +37,13 @@ class Controller(StrEnum):
 class CalibrateModel(StrEnum):
     """What is estimated."""
 
+    AUTO = "auto"
     SCP = "scp"
     OFFSETS = "scp+offsets"
     FULL = "full"
+    AUTO_SENSOR = "auto+sensor"
+    OFFSETS_SENSOR = "scp+offsets+sensor"
+    FULL_SENSOR = "full+sensor"
 
 
 def command(
@@ -49,7 +53,10 @@ def command(
     ] = None,
     model: Annotated[
         CalibrateModel | None,
-        typer.Option(help="The SCP alone (default), with joint offsets, or with the full DH table."),
+        typer.Option(
+            help="The SCP with the robot's errors under their priors (auto, the default), alone, with joint offsets, "
+            "with the full DH table; +sensor: with the sensor's own errors, too."
+        ),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
     out: Annotated[
@@ -118,8 +125,10 @@ def _export(path: Path, maker: str, cell: Cell, result: CalibrationResult) -> No
     """Write the SCP that goes with the controller's own table."""
     from workbench.files import controller_text, write_text
 
-    pose = result.T_hand_sensor
+    nominal = result.nominal
+    pose = result.T_hand_sensor if nominal is None else nominal.T_hand_sensor
     if pose is None:
         return
-    about = f"calibrate {cell.folder.resolve().name}: model {result.model}, verdict {result.verdict.code}"
+    which = "" if nominal is None else ", T_hand_sensor_nominal: it goes with the controller's own, nominal table"
+    about = f"calibrate {cell.folder.resolve().name}: model {result.model}, verdict {result.verdict.code}{which}"
     write_text(path, controller_text(pose, maker, about))

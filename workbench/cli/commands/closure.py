@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -9,12 +10,14 @@ import numpy as np
 import typer
 from rich.table import Table
 
+from workbench.cli import exit_codes
 from workbench.cli.console import say_on_stdout, standard_output
 
 if TYPE_CHECKING:
-    from calib.closure import ClosureResult
+    from calib.closure import ClosureResult, Socket
 
-MIN_LOCATIONS = 2  # one alone can not be left out
+CLOSES_BETTER = 0.2  # of the rms that the stated robot leaves: another preset is named
+SHOWN_PULLS = 5
 
 
 def command(
@@ -32,61 +35,100 @@ def command(
     ] = None,
     degrees: Annotated[bool, typer.Option("--degrees", help="The files hold degrees, not radians.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
+    out: Annotated[Path | None, typer.Option(help="File for the robot that is kept, as robot.toml.")] = None,
 ) -> None:
     """Fit tool and robot to a point that stands still, and judge the robot on locations that it did not see."""
     from calib.closure import closure
+    from geometry import require_arm
     from workbench.cell import find_robot
-    from workbench.files import read_sockets
+    from workbench.files import read_sockets, robot_text
     from workbench.report import json_text
 
     arm = find_robot(robot)
-    result = closure(read_sockets(joints, arm.n_joints, degrees=degrees), arm, distance_mm)
+    sockets = read_sockets(joints, arm.n_joints, degrees=degrees)
+    result = closure(sockets, arm, distance_mm)
+    text = result.text
+    if result.code == "robot_contradicts":
+        text += _better(sockets, result.nominal.rms_mm, arm.n_joints)
+    kept = require_arm(result.keep.robot).dh_part()
+    if out is not None and result.trustworthy:
+        from workbench.files import write_text
+
+        write_text(out, robot_text(kept))
     if as_json:
-        say_on_stdout(json_text(_object(result)))
+        say_on_stdout(json_text(_object(result, text) | {"robot": tomllib.loads(robot_text(kept))}))
     else:
-        _show(result)
+        _show(result, text)
+    if not result.trustworthy:
+        raise typer.Exit(exit_codes.NO_ANSWER)
 
 
-def _object(result: ClosureResult) -> dict[str, Any]:
+def _better(sockets: list[Socket], rms_mm: float, n_joints: int) -> str:
+    """The preset that closes the sockets far better, if there is one."""
+    import assets
+    from calib.closure import closing_rms
+    from workbench.cell import find_robot
+
+    arms = {name: find_robot(name) for name in assets.list_presets("robots")}
+    rms = {name: closing_rms(sockets, arm) for name, arm in arms.items() if arm.n_joints == n_joints}
+    best = min(rms, key=lambda name: rms[name], default="")
+    return (
+        f"; the preset {best} closes them to {rms[best]:.2f} mm" if best and rms[best] < CLOSES_BETTER * rms_mm else ""
+    )
+
+
+def _object(result: ClosureResult, text: str) -> dict[str, Any]:
+    keep = result.keep
     held_out = [
-        {"location": h.location, "nominal_rms_mm": h.nominal_mm, "calibrated_rms_mm": h.calibrated_mm}
+        {
+            "location": h.location,
+            "nominal_rms_mm": h.nominal_mm,
+            "calibrated_rms_mm": h.calibrated_mm,
+            "predicted_sigma_mm": result.widened * (h.calibrated_sigma_mm if result.gains else h.nominal_sigma_mm),
+        }
         for h in result.held_out
     ]
+    distance = result.found_distance_mm
     return {
-        "verdict": {"code": _verdict(result), "text": result.text},
-        "text": result.text,
+        "verdict": {"code": result.code, "text": text},
+        "text": text,
         "gains": result.gains,
         "gain_mm2": {"mean": result.gain_mm2[0], "standard_error": result.gain_mm2[1]},
         "rms_mm": {"nominal": result.nominal.rms_mm, "calibrated": result.calibrated.rms_mm},
         "held_out": held_out,
         "kept": "calibrated" if result.gains else "nominal",
-        "chi2_per_dof": result.keep.chi2_per_dof,
-        "tool_mm": result.keep.tool_mm,
-        "tool_sigma_mm": np.sqrt(np.diag(result.keep.tool_covariance)),
-        "tool_covariance_mm2": result.keep.tool_covariance,
+        "chi2_per_dof": keep.chi2_per_dof,
+        "pulls": [
+            {"block": "robot", "parameter": p.parameter, "size": p.size, "unit": p.unit, "pull_sigma": p.pull_sigma}
+            for p in result.pulls[:SHOWN_PULLS]
+        ],
+        "found_distance_mm": None if distance is None else {"value": distance[0], "sigma": distance[1]},
+        "tool_mm": keep.tool_mm if result.trustworthy else None,
+        "tool_sigma_mm": np.sqrt(np.diag(result.tool_covariance)) if result.trustworthy else None,
+        "tool_covariance_mm2": result.tool_covariance if result.trustworthy else None,
+        "predicted_sigma_mm": result.predicted_sigma_mm if result.trustworthy else None,
+        "sigma_widened": result.widened,
     }
 
 
-def _show(result: ClosureResult) -> None:
+def _show(result: ClosureResult, text: str) -> None:
     console = standard_output()
     table = Table("held-out location", "nominal rms, mm", "calibrated rms, mm", title="Predicted from the others")
     for h in result.held_out:
         table.add_row(h.location, f"{h.nominal_mm:.3f}", f"{h.calibrated_mm:.3f}")
     console.print(table)
     console.print(f"all sockets: {result.nominal.rms_mm:.3f} → {result.calibrated.rms_mm:.3f} mm", markup=False)
-    sigmas = np.sqrt(np.diag(result.keep.tool_covariance))
-    numbers = ", ".join(f"{v:.2f} ± {e:.2f}" for v, e in zip(result.keep.tool_mm, sigmas, strict=True))
-    which = "calibrated" if result.gains else "nominal"
-    console.print(f"tool in the hand, {which} robot: {numbers} mm (σ)", markup=False, soft_wrap=True)
+    if result.trustworthy:
+        sigmas = np.sqrt(np.diag(result.tool_covariance))
+        numbers = ", ".join(f"{v:.2f} ± {e:.2f}" for v, e in zip(result.keep.tool_mm, sigmas, strict=True))
+        which = "calibrated" if result.gains else "nominal"
+        console.print(f"tool in the hand, {which} robot: {numbers} mm (σ)", markup=False, soft_wrap=True)
+        if result.predicted_sigma_mm is not None:
+            console.print(f"σ of positions predicted elsewhere: {result.predicted_sigma_mm:.3f} mm", markup=False)
+    pulls = ", ".join(
+        f"{p.parameter} {p.size:+.3g} {p.unit} ({p.pull_sigma:+.1f} σ)" for p in result.pulls[:SHOWN_PULLS]
+    )
+    console.print(f"largest corrections: {pulls}", markup=False, soft_wrap=True)
     console.print(f"χ² per degree of freedom {result.keep.chi2_per_dof:.1f}", markup=False)
-    console.print(f"verdict: {_verdict(result)}", markup=False)
-    console.print(result.text, markup=False, soft_wrap=True)
-
-
-def _verdict(result: ClosureResult) -> str:
-    """ok: the calibrated robot is to be used; no_gain: the nominal one; too_few_locations: nothing could be judged."""
-    if not result.keep.converged:
-        return "not_converged"
-    if len(result.held_out) < MIN_LOCATIONS:
-        return "too_few_locations"
-    return "ok" if result.gains else "no_gain"
+    console.print(f"verdict: {result.code}", markup=False)
+    console.print(text, markup=False, soft_wrap=True)

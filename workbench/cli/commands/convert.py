@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from workbench.cli.console import standard_error
+from workbench.cli.console import say_remark
 
 
 def command(
@@ -37,4 +37,4 @@ def command(
     remarks: list[str] = []
     done = convert(source, out, to_format, from_format, pitch_mm, start_mm, unit, width, remarks.append)
     for line in (*remarks, done):
-        standard_error().print(line, soft_wrap=True, markup=False)
+        say_remark(line)

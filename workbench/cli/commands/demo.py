@@ -31,7 +31,7 @@ def command(
     if as_json:
         say_on_stdout(json_text(calibration_object(demo.result, demo.observed.complaints, demo.cell)))
     elif demo.cell.truth is not None:
-        print_demo(standard_output(), demo.result, demo.full, demo.cell.truth, out)
+        print_demo(standard_output(), demo.result, demo.cell.truth, out)
     if not demo.result.verdict.trustworthy:
         standard_error().print("no trustworthy answer")
         raise typer.Exit(exit_codes.NO_ANSWER)

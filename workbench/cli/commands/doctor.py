@@ -1,27 +1,55 @@
-"""Check the installation."""
+"""Check the installation, or a dataset."""
 
 from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from workbench.cli import exit_codes
 from workbench.cli.console import standard_output
 
-MARKS = {"ok": "[green]ok     [/]", "absent": "[yellow]absent [/]", "broken": "[red]broken [/]"}
+if TYPE_CHECKING:
+    from workbench.cli.diagnosis import Finding
+    from workbench.files import FileFinding
+
+MARKS = {
+    "ok": "[green]ok      [/]",
+    "absent": "[yellow]absent  [/]",
+    "doubtful": "[yellow]doubtful[/]",
+    "missing": "[red]missing [/]",
+    "broken": "[red]broken  [/]",
+}
 
 
-def command() -> None:
-    """Check the installation and say what is missing and how to get it.
+def command(
+    dataset: Annotated[
+        Path | None, typer.Argument(help="A dataset's folder, to be looked through in place of the installation.")
+    ] = None,
+) -> None:
+    """Check the installation, or a dataset file by file: what is missing or doubtful, and what each frame is good for.
 
-    Exit code 0 unless something that the default path needs is broken; what is absent and optional does not count.
+    Exit code 0 unless something is broken that the default path needs, or that `calibrate` could not use; what is
+    absent and optional does not count.
     """
-    from workbench.cli.diagnosis import diagnose
-
     console = standard_output()
     broken = False
-    for finding in diagnose():
-        broken |= finding.state == "broken"
-        console.print(f"{MARKS[finding.state]} [bold]{finding.what}[/]  ", end="")
+    for finding in _findings(dataset):
+        broken |= finding.state in ("broken", "missing")
+        console.print(f"{MARKS[finding.state]} ", end="")
+        console.print(f"{finding.what}  ", style="bold", end="", markup=False)
         console.print(finding.detail, markup=False, soft_wrap=True)
     if broken:
         raise typer.Exit(exit_codes.INPUT)
+
+
+def _findings(dataset: Path | None) -> Iterator[Finding | FileFinding]:
+    if dataset is None:
+        from workbench.cli.diagnosis import diagnose
+
+        return diagnose()
+    from workbench.files import examine_cell
+
+    return examine_cell(dataset)

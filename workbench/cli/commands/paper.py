@@ -11,7 +11,7 @@ from rich.table import Table
 from workbench.cli.console import say_on_stdout, standard_output
 
 if TYPE_CHECKING:
-    from calib.synthetic import EnsembleRow
+    from calib.synthetic import EnsembleRow, PaperSetting
 
 PAPER_MM = {"design": 5.0, "paper": 1.4}  # Fig. 7's largest deviations as printed
 METHOD_WORDS = {"paper": "the paper's method", "bundle scp": "bundle, scp", "bundle full": "bundle, full"}
@@ -20,6 +20,20 @@ METHOD_WORDS = {"paper": "the paper's method", "bundle scp": "bundle, scp", "bun
 def command(
     runs: Annotated[int, typer.Option(min=1, help="Cells to draw and calibrate.")] = 10,
     seed: Annotated[int, typer.Option(min=0, help="Seed of all that is drawn.")] = 1,
+    moving: Annotated[
+        str, typer.Option(help="Joints that move between the configurations of a place: how many of the last, or all.")
+    ] = "3",
+    robot: Annotated[str | None, typer.Option(help="robot.toml or preset; without it a six-axis arm of 2.5 m.")] = None,
+    sensor: Annotated[str | None, typer.Option(help="sensor.toml or preset; without it one at 290 mm.")] = None,
+    jig: Annotated[str | None, typer.Option(help="jig.toml or preset; without it the paper's pillar.")] = None,
+    mounting: Annotated[
+        tuple[float, float, float, float, float, float] | None,
+        typer.Option(
+            metavar="X Y Z RX RY RZ",
+            help="T_hand_sensor by design in mm and degrees about fixed X, Y, Z; without it Table 1's. The sensor is "
+            "mounted as far off as there.",
+        ),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
 ) -> None:
     """Repeat the paper's experiment with errors drawn anew: Table 1 and Fig. 7 with spreads, and what explains them."""
@@ -27,12 +41,38 @@ def command(
     from workbench.cli.console import progress_bar
     from workbench.report import json_text
 
+    setting = _setting(moving, robot, sensor, jig, mounting)
     with progress_bar("calibrating", runs) as progress:
-        rows = paper_ensemble(np.random.default_rng(seed), runs, progress=progress)
+        rows = paper_ensemble(np.random.default_rng(seed), runs, progress=progress, setting=setting)
     if as_json:
-        say_on_stdout(json_text(_object(rows, runs)))
+        say_on_stdout(json_text(_object(rows, runs) | {"moving_joints": setting.moving}))
     else:
-        _show(rows, runs)
+        _show(rows, runs, setting)
+
+
+def _setting(
+    moving: str, robot: str | None, sensor: str | None, jig: str | None, mounting: tuple[float, ...] | None
+) -> PaperSetting:
+    from calib.synthetic import DESIGN, PaperSetting, industrial_arm
+    from geometry import InputError, Pose
+    from workbench.cell import find_jig, find_robot, find_sensor
+
+    arm = None if robot is None else find_robot(robot)
+    joints = (arm or industrial_arm()).n_joints
+    known = {"all": None} | {str(n): n for n in range(1, joints + 1)}
+    if moving not in known:
+        raise InputError(f'--moving "{moving}": how many of the last joints, 1 to {joints}, or all is right')
+    if mounting is not None and not all(np.isfinite(mounting)):
+        raise InputError("--mounting takes six finite numbers: x y z in mm, then rotations about X, Y, Z in degrees")
+    design = DESIGN if mounting is None else Pose.from_fixed_xyz_deg(mounting[3:], mounting[:3])
+    return PaperSetting(
+        known[moving],
+        arm,
+        None if jig is None else find_jig(jig),
+        None if sensor is None else find_sensor(sensor),
+        design,
+        PaperSetting.mounted(design),
+    )
 
 
 def _object(rows: tuple[EnsembleRow, ...], runs: int) -> dict[str, Any]:
@@ -61,10 +101,10 @@ def _factor(deviations: np.ndarray) -> float | None:
     return PAPER_MM["paper"] / float(np.mean(deviations)) if len(deviations) else None
 
 
-def _show(rows: tuple[EnsembleRow, ...], runs: int) -> None:
+def _show(rows: tuple[EnsembleRow, ...], runs: int, setting: PaperSetting) -> None:
     console = standard_output()
     console.print(_fig7(rows, runs))
-    console.print(_table1(rows))
+    console.print(_table1(rows, setting))
     console.print(_explained(rows), soft_wrap=True, markup=False)
 
 
@@ -81,11 +121,11 @@ def _fig7(rows: tuple[EnsembleRow, ...], runs: int) -> Table:
     return table
 
 
-def _table1(rows: tuple[EnsembleRow, ...]) -> Table:
-    from calib.synthetic import DESIGN, METHODS, TRUTH, poses
+def _table1(rows: tuple[EnsembleRow, ...], setting: PaperSetting) -> Table:
+    from calib.synthetic import METHODS, poses
 
     table = Table("six numbers, all sources", title="Table 1: mean ± spread")
-    for heading in ("design", "the paper, printed (truth here)", *(METHOD_WORDS[m] for m in METHODS)):
+    for heading in ("design", "truth here (the paper's, if not --mounting)", *(METHOD_WORDS[m] for m in METHODS)):
         table.add_column(heading, justify="right")
     known = {m: poses(rows, m) for m in METHODS}
     for i in range(6):
@@ -97,8 +137,8 @@ def _table1(rows: tuple[EnsembleRow, ...]) -> Table:
         solved = [_spread(np.array([number(p) for p in known[m]]), digits) for m in METHODS]
         table.add_row(
             f"{what} {'XYZ'[i % 3]}, {('°', 'mm')[i // 3]}",
-            f"{number(DESIGN) + 0.0:.{digits}f}",
-            f"{number(TRUTH):.4f}",
+            f"{number(setting.design) + 0.0:.{digits}f}",
+            f"{number(setting.truth):.4f}",
             *solved,
         )
     return table

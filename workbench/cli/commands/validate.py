@@ -19,6 +19,9 @@ def command(
     ] = None,
     sensor: Annotated[str, typer.Option(help="sensor.toml or preset of the frames to render.")] = defaults.SENSOR,
     jig: Annotated[str, typer.Option(help="jig.toml or preset of the frames to render.")] = defaults.JIG,
+    twin: Annotated[
+        Path | None, typer.Option(help="A sensor's twin, as `twin` wrote it: its frames in place of --sensor's.")
+    ] = None,
     frames: Annotated[
         int, typer.Option(min=2, max=100_000, help="Frames as the files say; as many again under varied conditions.")
     ] = 60,
@@ -33,6 +36,7 @@ def command(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
 ) -> None:
     """Measure point extraction against truth: detection, false points, labels, bias, scatter, honest σ, the bound."""
+    from geometry import InputError
     from workbench.files import read_settings
     from workbench.validate import (
         WORDS,
@@ -45,6 +49,12 @@ def command(
         write_pages,
     )
 
+    if twin is not None:
+        if dataset is not None:
+            raise InputError(
+                f"{dataset} and --twin {twin}: frames are either recorded or rendered of the twin; give one"
+            )
+        sensor = _of_a_twin(twin)
     settings = read_settings(config or [])
     limits = read_thresholds(thresholds) if thresholds is not None else Thresholds()
     with progress_bar("validating", 1) as progress:
@@ -65,6 +75,18 @@ def command(
         standard_error().print(f"threshold {failure.key} = {failure.limit:g} not held: {shown}", markup=False)
     if failed:
         raise typer.Exit(exit_codes.THRESHOLD)
+
+
+def _of_a_twin(path: Path) -> str:
+    """The sensor file of a twin, refused where it states no light: any sensor file would be emulated by defaults."""
+    from geometry import InputError
+    from workbench.files import read_emulator
+
+    if not read_emulator(path).speckle.model_fields_set:
+        raise InputError(
+            f"{path} is no twin: it states no [speckle]; make one by `perceptron-emu twin FOLDER --sensor`"
+        )
+    return str(path)
 
 
 def _show(result: dict[str, float | None], words: dict[str, str]) -> None:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 def command(
     dataset: Annotated[Path, typer.Argument(help="Folder of a cell dataset, or its cell.toml.")],
     scp: Annotated[
-        Path | None, typer.Option(help="A result of calibrate --json whose SCP is judged; else [scp_initial].")
+        Path | None, typer.Option(help="A result of calibrate --json whose SCP is judged; else \\[scp_initial].")
     ] = None,
     max_rms_mm: Annotated[
         float | None, typer.Option(min=0.0, max=1e6, help="Largest point rms of a location; exit code 1 above it.")

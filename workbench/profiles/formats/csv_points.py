@@ -35,12 +35,14 @@ _DIGITS = 6  # after the point: a nanometre
 
 
 def recognises(source: Source) -> bool:
-    """By a header that names z_mm or a column like it."""
+    """By a header that names a coordinate in millimetres, or a column like it."""
     if source.is_binary:
         return False
     first = next((line for line in source.head.splitlines() if line.strip() and not line.startswith("#")), "")
     words = [w.strip().strip('"').casefold() for w in first.replace(";", ",").replace("\t", ",").split(",")]
-    return len(words) > 1 and any(w.startswith("z") and ("mm" in w or w in ("z_m", "z_um")) for w in words)
+    return len(words) > 1 and any(
+        w[:1] in ("x", "y", "z") and w[1:].strip(" _[]()") in ("mm", "m", "um") for w in words
+    )
 
 
 def read(source: Source, told: Told) -> tuple[ScanLine, ...]:

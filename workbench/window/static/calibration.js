@@ -6,7 +6,7 @@ import { listen, state, text } from "./state.js";
 import { go } from "./strip.js";
 import { onTab, selectTab } from "./tabs.js";
 
-const GOOD = ["ok"], WARN = ["model_misfit", "weak"];
+const GOOD = ["ok"], WARN = ["model_misfit", "priors_contradict", "sensor_suspect", "weak"];
 let shown = null, timer = 0;
 
 const whenShown = () => { if (state.view === "calibration") render(); };

@@ -19,13 +19,15 @@ UNSTATED = "drawing"  # how little is known of a sensor whose file is silent, wh
 class SensorErrors:
     """Independent errors (K,), by name, and the parameters (P, K) of the deviation that a unit of each moves.
 
-    sigma (K,): 1 for what the file states, 0 for what it takes for exact.
+    sigma (K,): 1 for what the file states, 0 for what it takes for exact. complete: whether all that could be wrong is
+    among them.
     """
 
     deviation: SensorDeviation
     labels: tuple[str, ...]
     basis: Array
     sigma: Array
+    complete: bool = False
     _last: dict[str, tuple[tuple[bytes, int], object]] = field(default_factory=dict, repr=False)
 
     @staticmethod
@@ -51,7 +53,9 @@ class SensorErrors:
         usual = SensorUncertainty.by_source(UNSTATED, None if camera is None else (camera.fx_px, camera.fy_px))
         if stated is None:
             labels, basis = usual.independent()
-            return SensorErrors(SensorDeviation(sensor, usual.parameters), labels, basis, np.zeros(len(labels)))
+            return SensorErrors(
+                SensorDeviation(sensor, usual.parameters), labels, basis, np.zeros(len(labels)), complete=True
+            )
         known = stated.deviation.names
         rest = [i for i, name in enumerate(usual.parameters) if name not in known]
         names = (*known, *(usual.parameters[i] for i in rest))
@@ -60,7 +64,7 @@ class SensorErrors:
         basis[: len(known), : len(stated.labels)] = stated.basis
         basis[len(known) :, len(stated.labels) :] = more[1]
         sigma = np.concatenate([stated.sigma, np.zeros(len(more[0]))])
-        return SensorErrors(SensorDeviation(sensor, names), (*stated.labels, *more[0]), basis, sigma)
+        return SensorErrors(SensorDeviation(sensor, names), (*stated.labels, *more[0]), basis, sigma, complete=True)
 
     def parameters(self, values: Array) -> dict[str, float]:
         """Corrections of the sensor's parameters by name, of errors (K,)."""

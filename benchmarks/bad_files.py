@@ -1,0 +1,422 @@
+"""Faults on bad files: mutations of every format, kills at random moments, and machines that are full, locked or small.
+
+A fault is anything but an answer or one sentence: another exception, a sentence of several lines, no end within the
+patience, a result that differs after a kill, a file that is neither whole nor absent. Prints counts and every fault's
+seed; the exit code is 1 where there is one. Mutations: bytes flipped, set, cut, doubled, moved and filled, words
+replaced by numbers and words that programs stumble over; a file may be hit several times.
+Run: python benchmarks/bad_files.py [mutations, default 5000] [kills, default 30] [seed]; a release takes 200000 500.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import io
+import json
+import os
+import re
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import trimesh
+
+import assets
+from extraction import read_profile_csv
+from geometry import InputError, NoAnswerError
+from jig_cad import read_jig
+from perceptron_emu import read_scene
+from perceptron_emu.mesh_file import read_mesh
+from workbench.campaign import read_plan
+from workbench.cell import read_profile_settings
+from workbench.cli.main import run
+from workbench.files import (
+    is_whole,
+    read_cell,
+    read_emulator,
+    read_image,
+    read_points,
+    read_robot,
+    read_sensor,
+    read_settings,
+    read_truth,
+    write_png,
+)
+from workbench.files.urdf import read_urdf
+from workbench.profiles import read_scan_lines, write_scan_lines
+from workbench.profiles.scan_line import ScanLine, Told
+
+PATIENCE_S = 20.0
+MEMORY_BYTES = 6 * 2**30  # of address space: what a mutation makes a reader ask for beyond it is a MemoryError
+WORDS = (
+    b"nan", b"inf", b"-inf", b"1e300", b"-1e308", b"1e-320", b"0", b"-0.0", b"-1", b"9" * 400, b"1e", b"0x", b"true",
+    b"99999999999", b"2147483648", b"4294967295", b"-32768", b"", b" ", b"\n", b"\r", b"\t", b";", b",", b'"', b"'",
+    b"[", b"]", b"{", b"}", b"[[", b"=", b"#", b"\\", b"\x00", b"\xff\xfe", b"\xef\xbb\xbf", "°σ→".encode(), b"../../x",
+    b"/dev/zero", b"%s%n", b"<!--", b"<", b"&lol;", b"name", b"1.2.3", b"1,5", b"-9999", b"[" * 3000,
+    b"a." * 5000 + b"a = 1\n", b"\xc3", b"x" * 3000,
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Format:
+    """A good file and what reads it."""
+
+    name: str
+    file: str
+    read: Callable[[Path], object]
+    said: list[str] = field(default_factory=list)
+
+
+def main() -> None:
+    """Run all parts and print their counts."""
+    mutations, kills, seed = ([int(a) for a in sys.argv[1:4]] + [5000, 30, 0][len(sys.argv[1:4]) :])[:3]
+    faults: list[str] = []
+    with tempfile.TemporaryDirectory() as folder:
+        faults += mutate(Path(folder), mutations, seed)
+        faults += kill(Path(folder), kills, seed)
+        faults += corner(Path(folder))
+    for fault in faults:
+        print("FAULT", fault)
+    print(f"{len(faults)} faults")
+    sys.exit(1 if faults else 0)
+
+
+def mutate(folder: Path, count: int, seed: int) -> list[str]:
+    """Mutate each format's file in turn; a reader has to answer or to say one sentence."""
+    formats = good_files(folder)
+    counts: Counter[tuple[str, str]] = Counter()
+    faults: list[str] = []
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, resource.RLIM_INFINITY))
+    signal.signal(signal.SIGALRM, _too_long)
+    start = time.perf_counter()
+    whole = {form.name: _outcome(form, folder / form.file) for form in formats}
+    faults += [f"{name}: the good file is not read: {outcome}" for name, outcome in whole.items() if outcome != "read"]
+    for i in range(count):
+        form = formats[i % len(formats)]
+        path = folder / form.file
+        good = path.read_bytes()
+        rng = np.random.default_rng([seed, i])
+        path.write_bytes(mutated(good, rng))
+        outcome = _outcome(form, path)
+        if outcome not in ("read", "a sentence"):
+            faults.append(f"{form.name}, seed {seed}, mutation {i}: {outcome}")
+            shutil.copy(path, Path(tempfile.gettempdir()) / f"bad_files_{seed}_{i}{path.suffix}")
+        counts[form.name, outcome if outcome in ("read", "a sentence") else "fault"] += 1
+        path.write_bytes(good)
+    resource.setrlimit(resource.RLIMIT_AS, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
+    print(f"{count} mutations in {time.perf_counter() - start:.0f} s")
+    for form in formats:
+        shown = ", ".join(f"{counts[form.name, o]} {o}" for o in ("read", "a sentence", "fault"))
+        print(f"  {form.name:24s} {shown}")
+    return faults
+
+
+def mutated(data: bytes, rng: np.random.Generator) -> bytes:
+    """One to three injuries."""
+    out = bytearray(data)
+    text = b"\0" not in data[:500] and rng.random() < 0.8  # mostly stays text, or nothing else would be met
+    low, high = (32, 127) if text else (0, 256)
+    for _ in range(int(rng.integers(1, 4))):
+        n = len(out)
+        at, other = (int(v) for v in rng.integers(0, max(n, 1), 2))
+        what = rng.integers(0, 10)
+        if what == 0 and n:
+            out[at] ^= 1 << int(rng.integers(5 if text else 8))
+        elif what == 1 and n:
+            out[at] = int(rng.integers(low, high))
+        elif what == 2:
+            del out[at:]
+        elif what == 3:
+            del out[min(at, other) : max(at, other)][: int(rng.integers(1, 2000))]
+        elif what == 4:
+            out[at:at] = out[at : at + int(rng.integers(1, 200))]
+        elif what == 5:
+            lines = bytes(out).split(b"\n")
+            rng.shuffle(lines)  # type: ignore[arg-type]
+            out = bytearray(b"\n".join(lines))
+        elif what == 6:
+            out[at : at + 4] = bytes(rng.integers(low, high, 4, dtype=np.uint8))
+        else:
+            words = [m.span() for m in re.finditer(rb"[\w.+\-\"]+", bytes(out[:200_000]))]
+            start, end = words[int(rng.integers(len(words)))] if words else (at, at)
+            out[start:end] = WORDS[int(rng.integers(len(WORDS)))]
+    return bytes(out)
+
+
+def _outcome(form: Format, path: Path) -> str:
+    said = io.StringIO()
+    signal.setitimer(signal.ITIMER_REAL, PATIENCE_S)
+    try:
+        with contextlib.redirect_stderr(said), contextlib.redirect_stdout(said):
+            form.read(path)
+        outcome = "read"
+    except (InputError, NoAnswerError) as error:
+        text = str(error)
+        form.said.append(text)
+        outcome = "a sentence" if "\n" not in text and 0 < len(text) < 1500 else f"no sentence: {text[:300]!r}"
+    except MemoryError:
+        outcome = "a sentence"  # the command line says it: not enough memory
+    except BaseException as error:  # noqa: BLE001 - that is what is looked for
+        outcome = f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+    return outcome
+
+
+def _too_long(*_: object) -> None:
+    raise TimeoutError(f"no end within {PATIENCE_S:.0f} s")
+
+
+def good_files(folder: Path) -> list[Format]:
+    """A file of every format, of small size, and what reads it."""
+    sample = folder / "cell"
+    shutil.copytree(assets.path("samples", "cell_a"), sample)
+    with contextlib.redirect_stdout(io.StringIO()):
+        run(["extract", str(sample), "--csv", str(sample / "points.csv")])
+    cell = read_cell(sample)
+    sensor = cell.sensor
+    image = read_image(sample / cell.frames[0].image, sensor)
+    write_png(folder / "a.png", image)
+    for suffix in ("tif", "bmp", "jpg"):
+        cv2.imwrite(str(folder / f"a.{suffix}"), image)
+    box = trimesh.creation.box((40, 30, 20))
+    for suffix in ("stl", "obj", "ply", "glb"):
+        (box.copy().apply_scale(0.001) if suffix == "glb" else box).export(folder / f"a.{suffix}")
+    (folder / "arm.urdf").write_text(_URDF)
+    (folder / "arm.toml").write_text('urdf = "arm.urdf"\nbase = "a"\ntip = "c"\n')
+    (folder / "plan.toml").write_text(_PLAN)
+    (folder / "settings.toml").write_text(
+        "[detect]\nthreshold = 5.0\n[calib]\nmodel = 'scp'\n[localise]\nmethod = 'ml'\n"
+    )
+    (folder / "stripe.toml").write_text("[stripe]\nmin_snr = 5.0\n[gapflush]\nmin_gap_mm = 0.5\n")
+    (folder / "scene.toml").write_text(
+        "[[mesh]]\nfile = 'a.stl'\nmaterial = 'aluminium'\nrotation_deg = [10, 20, 30]\ntranslation_mm = [0, 0, 300]\n"
+    )
+    (folder / "truth.json").write_text(_truth(cell))
+    y = np.linspace(-20, 20, 60)
+    told = Told(pitch_mm=float(y[1] - y[0]), start_mm=-20.0)
+    line = ScanLine(y, 250 + np.abs(y) / 4)
+    forms = [
+        Format("cell.toml", "cell/cell.toml", read_cell),
+        Format("frames.csv", "cell/frames.csv", lambda p: read_cell(p.parent)),
+        Format("points.csv", "cell/points.csv", lambda p: read_points(p, cell.jig.strings)),
+        Format("sensor.toml", "cell/sensor.toml", lambda p: (read_sensor(p), read_emulator(p))),
+        Format("robot.toml", "cell/robot.toml", read_robot),
+        Format("jig.toml", "cell/jig.toml", read_jig),
+        Format("urdf", "arm.urdf", lambda p: read_urdf(p, "a", "c")),
+        Format("robot.toml of a urdf", "arm.toml", read_robot),
+        Format("truth.json", "truth.json", read_truth),
+        Format("settings", "settings.toml", lambda p: read_settings([p])),
+        Format("settings of stripes", "stripe.toml", lambda p: read_profile_settings([p])),
+        Format("plan", "plan.toml", read_plan),
+        Format("scene", "scene.toml", lambda p: read_scene(p, sensor)),
+        *(Format(s, f"a.{s}", read_mesh) for s in ("stl", "obj", "ply", "glb")),
+        *(Format(s, f"a.{s}", lambda p: read_image(p, sensor, lossy=True)) for s in ("png", "tif", "bmp", "jpg")),
+    ]
+    for kind in ("csv", "gocator", "keyence_csv", "ply", "npy"):
+        name = f"profile_{kind}.{kind if kind in ('npy', 'ply') else 'csv'}"
+        write_scan_lines(folder / name, [line], replace(told, format=kind))
+        forms.append(Format(f"profile {kind}", name, lambda p: read_scan_lines(p, told)))
+    forms.append(Format("profile csv, stripes", "profile_csv.csv", read_profile_csv))
+    return forms
+
+
+_URDF = (
+    '<?xml version="1.0"?>\n<robot name="r"><link name="a"/><link name="b"/><link name="c"/>\n'
+    '<joint name="j" type="revolute"><parent link="a"/><child link="b"/><origin xyz="0.1 0 0.3" rpy="0 1.5707963 0"/>'
+    '<axis xyz="0 0 1"/><limit lower="-3" upper="3"/></joint>\n'
+    '<joint name="k" type="continuous"><parent link="b"/><child link="c"/><origin xyz="0.4 0 0"/><axis xyz="0 1 0"/>'
+    "</joint></robot>\n"
+)
+_PLAN = """seed = 3
+run = "extract"
+design = "random"
+samples = 4
+[base.jig]
+side_mm = 90.0
+[factors]
+"jig.string_diameter_mm" = { low = 0.2, high = 0.5 }
+"emulator.noise.read_noise_e" = [10.0, 20.0]
+"""
+
+
+def _truth(cell: object) -> str:
+    point = {
+        "label": "A",
+        "axis_mm": [1.0, 2.0],
+        "surface_mm": [1.0, 2.0],
+        "image_px": [3.0, 4.0],
+        "visible_fraction": 1.0,
+    }
+    eye = np.eye(4).tolist()
+    return json.dumps(
+        {
+            "name": "recipe",
+            "T_hand_sensor": eye,
+            "dh": [{"theta_offset_deg": 0, "d_mm": 1, "a_mm": 2, "alpha_deg": 90, "beta_deg": 0}],
+            "anchors_mm": {"Ab": [0, 0, 0]},
+            "locations": {"A": eye},
+            "frames": [{"frame": 0, "T_sensor_jig": eye, "points": [point]}],
+        }
+    )
+
+
+def kill(folder: Path, count: int, seed: int) -> list[str]:
+    """Kill or interrupt commands at random moments, run them again, compare with an undisturbed run byte by byte."""
+    rng = np.random.default_rng(seed)
+    sample = folder / "kill"
+    shutil.copytree(assets.path("samples", "cell_a"), sample)
+    plan = folder / "small.toml"
+    plan.write_text("run = 'extract'\nrepeats = 6\nshard_trials = 2\n")
+    commands: dict[str, list[str]] = {
+        "init": ["init", "OUT"],
+        "render": ["render", str(folder / "start"), "--out", "OUT", "--per-location", "1", "--seed", "1"],
+        "calibrate": ["calibrate", str(sample), "--out", "OUT"],
+        "extract": ["extract", str(sample), "--csv", "OUT/points.csv"],
+        "sweep": ["sweep", str(plan), "--out", "OUT", "--workers", "1"],
+    }
+    _command(["init", str(folder / "start")])
+    whole, seconds = {}, {}
+    for name, words in commands.items():
+        start = time.perf_counter()
+        _command([w.replace("OUT", str(folder / "whole" / name)) for w in words])
+        seconds[name] = time.perf_counter() - start
+        whole[name] = _digest(folder / "whole" / name)
+    faults, counts = [], Counter[str]()
+    for i in range(count):
+        name = list(commands)[i % len(commands)]
+        out = folder / f"killed{i}"
+        words = [w.replace("OUT", str(out)) for w in commands[name]]
+        hard = bool(rng.integers(2))
+        moment = float(rng.uniform(0.05, 1.0)) * seconds[name]
+        code, text = _killed(words, moment, hard=hard)
+        again, text_again = _command(words)
+        label = f"kill {i}, {name}, {'SIGKILL' if hard else 'SIGINT'} after {moment:.2f} s"
+        expected = (0, 3, -signal.SIGKILL) if hard else (0, 3, 130, -signal.SIGINT)
+        before_us = code == -signal.SIGINT  # while the interpreter itself starts nobody can look after it
+        if code not in expected or ("Traceback" in text and not before_us):
+            faults.append(f"{label}: code {code}, {text[-300:]!r}")
+        refused = name == "init" and again == 2 and _digest(out) == whole[name]  # it had ended: nothing is left to do
+        if again not in (0, 3) and not refused:
+            faults.append(f"{label}: run again it ends with {again}, {text_again[-300:]!r}")
+        elif (digest := _digest(out)) != whole[name]:
+            other = sorted(n for n in {*digest, *whole[name]} if digest.get(n) != whole[name].get(n))
+            faults.append(f"{label}: run again it gives other bytes: {', '.join(other[:6])}")
+        counts[f"{name} {'killed' if hard else 'interrupted'}" if code else f"{name} done before"] += 1
+        shutil.rmtree(out, ignore_errors=True)
+    print(f"{count} kills: " + ", ".join(f"{n} {what}" for what, n in sorted(counts.items())))
+    return faults
+
+
+def corner(folder: Path) -> list[str]:
+    """A full disk, a folder that can not be written, two runs at once, little memory: a sentence or an answer."""
+    sample = assets.path("samples", "cell_a")
+    start = folder / "start"
+    if not start.exists():
+        _command(["init", str(start)])
+    render = ["render", str(start), "--per-location", "1", "--seed", "1", "--out"]
+    faults = []
+
+    def look(what: str, code: int, text: str) -> None:
+        print(f"  {what}: code {code}, {' '.join(text.split())[-160:]}")
+        if code not in (0, 2, 3) or "Traceback" in text:
+            faults.append(f"{what}: code {code}, {text[-300:]!r}")
+
+    def full() -> None:  # what a full disk answers to a write, without one
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
+
+    def little() -> None:
+        resource.setrlimit(resource.RLIMIT_AS, (1_600 * 2**20,) * 2)
+
+    print("corners")
+    look("full disk, render", *_command([*render, str(folder / "full")], before=full))
+    left = list((folder / "full").rglob("*.part"))
+    halves = [p for p in (folder / "full").rglob("*.png") if not is_whole(p)]
+    if left or halves:
+        faults.append(f"full disk: {left + halves} are left")
+    look("full disk, calibrate", *_command(["calibrate", str(sample), "--out", str(folder / "full2")], before=full))
+    locked = Path("/sys/kernel") if os.geteuid() == 0 else folder / "locked"  # root may write where rights forbid it
+    if os.geteuid() != 0:
+        locked.mkdir()
+        locked.chmod(0o555)
+    for words in ([*render, str(locked / "out")], ["calibrate", str(sample), "--out", str(locked / "out")],
+                  ["init", str(locked / "out")], ["extract", str(sample), "--csv", str(locked / "a.csv")]):  # fmt: skip
+        code, text = _command(words)
+        look(f"read-only, {words[0]}", code, text)
+        if code == 0:
+            faults.append(f"read-only, {words[0]}: wrote all the same")
+    look("little memory, calibrate", *_command(["calibrate", str(sample)], before=little))
+    twice = [_started([*render, str(folder / "twice")]) for _ in range(2)]
+    for process in twice:
+        text = process.communicate()[0]
+        look("two renders at once", process.returncode, text)
+    code, text = _command([*render, str(folder / "twice")])
+    look("after two renders at once", code, text)
+    if (
+        code == 0
+        and (folder / "whole" / "render").exists()
+        and _digest(folder / "twice") != _digest(folder / "whole" / "render")
+    ):
+        faults.append("two renders at once: other bytes")
+    return faults
+
+
+def _environment() -> dict[str, str]:
+    return {**os.environ, "PYTHONPATH": str(Path(__file__).resolve().parents[1]), "PYTHONUNBUFFERED": "1"}
+
+
+def _started(words: list[str], before: Callable[[], None] | None = None) -> subprocess.Popen[str]:
+    return subprocess.Popen(  # noqa: S603 - our own command
+        [sys.executable, "-m", "workbench", *words],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        env=_environment(),
+        preexec_fn=before,  # noqa: PLW1509 - one thread here
+        start_new_session=True,
+    )
+
+
+def _command(words: list[str], before: Callable[[], None] | None = None) -> tuple[int, str]:
+    process = _started(words, before)
+    text = process.communicate()[0]
+    return process.returncode, text
+
+
+def _killed(words: list[str], moment: float, *, hard: bool) -> tuple[int, str]:
+    process = _started(words)
+    with contextlib.suppress(subprocess.TimeoutExpired):
+        process.wait(moment)
+    if process.poll() is None:
+        os.killpg(process.pid, signal.SIGKILL if hard else signal.SIGINT)
+    text = process.communicate()[0]
+    return process.returncode, text
+
+
+def _digest(folder: Path) -> dict[str, str]:
+    """By name the content of what a run leaves; times and places of the run do not count."""
+    return dict(sorted(_digests(folder)))
+
+
+def _digests(folder: Path) -> Iterator[tuple[str, str]]:
+    for path in folder.rglob("*"):
+        name = str(path.relative_to(folder))
+        if path.is_file() and path.suffix != ".part" and "timings" not in name and "shards" not in name:
+            if path.name in ("run.lock", "environment.json"):
+                continue
+            yield name, hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,245 @@
+"""Which number of the files contradicts the data, what can not be told from it, and which σ then hold.
+
+A suspect is named where dropping its prior, and solving anew with outliers sought anew, saves more cost than chance
+does. It then keeps a prior of the size it was found to have. What else explains the data nearly as well stays possible:
+covariances are those of the mixture over all that could be wrong, each by its likelihood, nothing wrong among them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.bundle import Bundle, Explained, Solution, answered, estimated_parameters, estimates_sensor, explain
+from calib.config import CalibConfig
+from calib.judge.suspects import Evidence, Suspect, Trial, evidence_of, grown, suspected_bundle
+from geometry import Pose, Sensor
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+MORE = 5  # and so many more where none of these explains all
+TRIED = 3  # suspects that are solved for anew, those of the largest pulls
+LOOK = 3.2  # a pull from which that is worth while: one sound cell in ten or so has it
+LOOK_CHI2 = 1.3  # and the χ² per degree of freedom from which it is, whatever the pulls
+BEYOND_CHI2 = 300.0  # beyond this no small error of one number is the cause, and nothing that was linearised holds
+TIMES = (3.0, 10.0, 30.0)  # by which [uncertainty] of a robot is tried
+EVIDENCE = 4.0  # by which that must be better than one number alone: a likelihood ratio of 7
+POSSIBLE = 1e-4  # a hypothesis less probable than this widens nothing
+UNCERTAINTY = "[uncertainty]"
+LEFT_OUT = 25.0  # cost of a point that is left out: the gate that it failed
+
+
+@dataclass(frozen=True, eq=False)
+class Finding:
+    """What a solution's priors and the data say of each other.
+
+    solution: with the culprit's prior widened, where there is one. evidence: about it, its variances those stated.
+    trials: of every suspect. culprit, alike: what is wrong, and what the data can not tell from it. rest: the largest
+    pull that is left once it is allowed for. allowed (C,): variances with that. prior_cost, prior_expected: squared
+    departures from the stated priors, and what they are expected to be.
+    """
+
+    solution: Solution
+    evidence: Evidence
+    trials: tuple[Trial, ...]
+    culprit: Trial | None
+    alike: tuple[Trial, ...]
+    rest: float
+    allowed: Array
+    prior_cost: float
+    prior_expected: float
+
+    def hypotheses(self, limit: float) -> list[tuple[Trial | None, float]]:
+        """What could be wrong with its probability, most probable first; None stands for nothing."""
+        gains = [(None, limit**2), *((t, t.gain) for t in self.trials if t.seen)]
+        if self.culprit is not None and self.culprit.suspect.parameter == UNCERTAINTY:
+            return [(self.culprit, 1.0)]
+        top = max(gain for _, gain in gains)
+        weights = [(t, float(np.exp((gain - top) / 2))) for t, gain in gains]
+        total = sum(w for _, w in weights)
+        return sorted(((t, w / total) for t, w in weights if w / total > POSSIBLE), key=lambda h: -h[1])
+
+
+def find(
+    bundle: Bundle,
+    candidates: Sequence[Pose],
+    solution: Solution,
+    sensor: Sensor | None,
+    config: CalibConfig,
+) -> Finding:
+    """Try what could be wrong and keep what explains the data, or nothing."""
+    first = evidence_of(solution, sensor)
+    trials = first.trials()
+    gain, culprit, found = config.pull_limit**2, None, None
+    every = suspected_bundle(bundle, sensor)
+    for k, trial in enumerate(_tried(first, trials) if _worth_while(solution, trials) else ()):
+        if k >= TRIED and found is not None and _fits(found[1], config):
+            break
+        relaxed = _relaxed(every, first, trial, config)
+        explained = _explained(relaxed, candidates, solution, config)
+        if explained is None:
+            continue
+        saved = trial.gain if trial.suspect.parameter == UNCERTAINTY else _gain(solution, explained)
+        if saved > gain:
+            gain, culprit, found = saved, trial, (relaxed, explained)
+    plain = _finding(None, solution, first, sensor)
+    if culprit is None or found is None:
+        return plain
+    accused = _finding(culprit, answered(*found, solution.rival, config), first, sensor)
+    return accused if accused.culprit is not None and abs(accused.culprit.pull) > config.pull_limit else plain
+
+
+def _fits(explained: Explained, config: CalibConfig) -> bool:
+    """Whether nothing is left to be explained: no outliers, and χ² as noise has it."""
+    whole = not np.any(explained.robust.left_out[explained.kept.present])
+    return whole and explained.cost <= LOOK_CHI2 * max(explained.kept.degrees_of_freedom, 1)
+
+
+def _worth_while(solution: Solution, trials: tuple[Trial, ...]) -> bool:
+    if not solution.every.converged or solution.explained > BEYOND_CHI2:
+        return False
+    removed = np.any(solution.outlier) or np.any(solution.frame_outlier)
+    largest = max((abs(t.pull) for t in trials), default=0.0)
+    return bool(removed) or largest > LOOK or solution.explained > LOOK_CHI2
+
+
+def _tried(evidence: Evidence, trials: tuple[Trial, ...]) -> list[Trial]:
+    """The suspects of the largest pulls, and the robot's stated uncertainty as a whole."""
+    single = sorted((t for t in trials if t.seen), key=lambda t: -t.gain)[: TRIED + MORE]
+    whole = _uncertainty(evidence)
+    if whole is None:
+        return single
+    alone = max((evidence.gain(evidence.relaxed(t)) for t in single), default=0.0)
+    return [whole, *single] if whole.gain > alone + EVIDENCE else single
+
+
+def _uncertainty(evidence: Evidence) -> Trial | None:
+    """All priors of the robot wider by a factor, as one suspect whose size is the factor."""
+    robot = evidence.bundle.unknowns.block("robot")
+    if bool(evidence.bundle.hands.inferred) or not np.any(robot.sigma > 0):
+        return None
+    where = evidence.bundle.unknowns.indices("robot")
+    gains = {}
+    for times in TIMES:
+        variance = evidence.variance.copy()
+        variance[where] *= times**2
+        gains[times] = evidence.gain(variance)
+    times = max(gains, key=lambda t: gains[t])
+    suspect = Suspect("robot", UNCERTAINTY, None, "times", times, np.arange(len(where)), times * robot.sigma)
+    pull = float(np.sqrt(max(gains[times], 0.0)))
+    return Trial(suspect, where, np.zeros(len(where)), times * robot.sigma, pull, seen=True)
+
+
+def _explained(
+    relaxed: Bundle, candidates: Sequence[Pose], solution: Solution, config: CalibConfig
+) -> Explained | None:
+    """The frames explained with a suspect's prior as wide as its size; None where that settles nowhere."""
+    start = grown(relaxed, solution.every.state) if solution.every.converged else None
+    try:
+        found = explain(relaxed, candidates, solution.T_hand_sensor, config, start)
+    except np.linalg.LinAlgError:
+        return None
+    return found if found.every.converged else None
+
+
+def _relaxed(bundle: Bundle, evidence: Evidence, trial: Trial, config: CalibConfig) -> Bundle:
+    """The problem of all suspects, one of them with a prior of its size."""
+    suspect, u = trial.suspect, bundle.unknowns
+    sigma = {b: u.block(b).sigma.copy() for b in ("robot", *bundle.shape_blocks, "sensor")}
+    wide = np.sqrt(evidence.relaxed(trial)[trial.where])
+    if not _estimated(suspect, bundle, config) and suspect.parameter != UNCERTAINTY:
+        wide = np.maximum(np.abs(trial.size), sigma[suspect.block][suspect.index])
+    sigma[suspect.block][suspect.index] = wide
+    return bundle.knowing(**sigma)
+
+
+def _estimated(suspect: Suspect, bundle: Bundle, config: CalibConfig) -> bool:
+    """Whether the model estimates the suspect: else its σ is all that is carried."""
+    if suspect.block == "robot":
+        return bool(np.all(estimated_parameters(bundle.hands, config.model)[suspect.index]))
+    return suspect.block in bundle.shape_blocks or estimates_sensor(config.model)
+
+
+def _gain(before: Solution, after: Explained) -> float:
+    """Cost saved, points brought back included, in units of the noise that is left."""
+    left = after.cost / max(after.kept.degrees_of_freedom, 1)
+    gone = LEFT_OUT * (float(_gone(before.outlier, before) - after.robust.left_out[before.bundle.present].sum()))
+    return (before.explained * before.dof - after.cost + gone) / max(1.0, left)
+
+
+def _gone(outlier: Mask, solution: Solution) -> float:
+    return float((outlier | solution.frame_outlier[:, None])[solution.bundle.present].sum())
+
+
+def _finding(culprit: Trial | None, solution: Solution, first: Evidence, sensor: Sensor | None) -> Finding:
+    about = evidence_of(solution, sensor)
+    allowed = about.variance
+    if culprit is None:
+        trials = about.trials()
+        return Finding(solution, about, trials, None, (), _largest(trials, None), allowed, *_priors(about))
+    stated = replace(about, variance=first.variance)
+    trials = stated.trials()
+    rest = _largest(about.trials(), culprit)
+    if culprit.suspect.parameter == UNCERTAINTY:
+        return Finding(solution, stated, trials, culprit, (), rest, allowed, *_priors(stated))
+    same = {t.suspect.parameter: t for t in trials}
+    named = same.get(culprit.suspect.parameter, culprit)
+    named = named if named.seen else culprit
+    alike = stated.alike(named, trials)
+    return Finding(solution, stated, trials, named, alike, rest, allowed, *_priors(stated))
+
+
+def _largest(trials: tuple[Trial, ...], but: Trial | None) -> float:
+    name = None if but is None else but.suspect.parameter
+    return max((abs(t.pull) for t in trials if t.seen and t.suspect.parameter != name), default=0.0)
+
+
+def _priors(evidence: Evidence) -> tuple[float, float]:
+    """Squared departures from the priors in σ, and their expectation."""
+    found = evidence.solve()
+    known = np.isfinite(evidence.variance) & (evidence.variance > 0)
+    V = evidence.variance[known]
+    return float(np.sum(found.z[known] ** 2 / V)), float(np.sum(1 - np.diag(found.covariance)[known] / V))
+
+
+def widened(finding: Finding, estimated: Mask, total: Array, limit: float) -> Array:
+    """Covariance (C, C) of all common unknowns with what could be wrong beside what was allowed for.
+
+    estimated (C,): what the answer estimates; the rest it leaves at rest. total (C, C): with the priors allowed.
+    """
+    hypotheses = finding.hypotheses(limit)
+    ev, allowed = finding.evidence, finding.allowed
+    out, considered = total.copy(), np.zeros(len(allowed))
+    free = np.where(estimated, allowed, 0.0)
+    base = ev.solve(free)
+    for trial, probability in hypotheses:
+        if trial is None and finding.culprit is None:
+            continue
+        variance = ev.variance.copy()
+        if trial is not None and trial.suspect.parameter != UNCERTAINTY:
+            variance = ev.relaxed(trial)
+        elif trial is not None:
+            continue
+        if trial is not None and not np.all(estimated[trial.where]):
+            size = np.sum(trial.size**2) / len(trial.size)
+            considered[trial.where] += probability * np.maximum(size - allowed[trial.where], 0.0)
+            continue
+        other = ev.solve(np.where(estimated, variance, 0.0))
+        shift = other.z - base.z
+        out += probability * _positive(other.covariance - base.covariance + np.outer(shift, shift), base.covariance)
+    if np.any(considered):
+        bias = -base.covariance @ (ev.unscaled()[:, considered > 0])
+        bias[considered > 0] += np.eye(int(np.sum(considered > 0)))
+        out += bias @ np.diag(considered[considered > 0]) @ bias.T
+    return out
+
+
+def _positive(matrix: Array, base: Array) -> Array:
+    """The part of a symmetric matrix that widens; ``base`` gives the scale of its components."""
+    scale = np.sqrt(np.where(np.diag(base) > 0, np.diag(base), 1.0))
+    values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
+    return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T * np.outer(scale, scale))

@@ -1,0 +1,23 @@
+"""A sensor's own calibration from views of a board with the laser's stripe on it: camera, laser plane, uncertainty."""
+
+from calib.sensor.calibrate import SensorSettings, calibrate_sensor
+from calib.sensor.choice import Tried
+from calib.sensor.direct import DirectMap, DirectModel, fit_direct
+from calib.sensor.result import SensorCalibration, SensorSolution, SensorVerdict, ViewResult
+from calib.sensor.views import BoardView, Corners, Stripe
+
+__all__ = [
+    "BoardView",
+    "Corners",
+    "DirectMap",
+    "DirectModel",
+    "SensorCalibration",
+    "SensorSettings",
+    "SensorSolution",
+    "SensorVerdict",
+    "Stripe",
+    "Tried",
+    "ViewResult",
+    "calibrate_sensor",
+    "fit_direct",
+]

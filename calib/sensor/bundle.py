@@ -1,0 +1,166 @@
+"""The bundle of camera, board poses and laser plane, and its start."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib import engine
+from calib.engine import Covariance, Result, covariance
+from calib.sensor.lens import PINHOLE, TERMS, undistort
+from calib.sensor.start import board_poses, fitted_plane, focal_length, view_homographies
+from calib.sensor.terms import BOARD, CAMERA, PLANE, BoardCorners, StripeNoise, StripeOnBoard
+from calib.sensor.views import Views
+from geometry import Block, Pose, State, Unknowns, exp_so3
+from geometry.sensor import CAMERA_PARAMETERS
+
+Array = NDArray[np.float64]
+
+_FOCAL_GRID = (0.7, 1.2, 2.0, 3.5, 6.0)  # of the image's width: from a wide lens to a long one
+_MAX_STEPS = 30
+_SETTLED_SIGMA = (
+    0.03  # a step shorter than this many σ: a tilt's valley is so long and bent that shorter ones never end
+)
+_MORE = 4  # times that many, before a set of terms is given up
+# what no lens exceeds: keeps a term that the views hardly tell from running away; far beyond what is usual
+PRIOR_SIGMA = dict(zip(TERMS, (1.0, 5.0, 0.05, 0.05, 20.0, 5.0, 20.0, 50.0, 0.1, 0.5, 0.1, 0.5, 0.5, 0.5), strict=True))
+
+
+# beside a tilt, with which they trade places: what decentred elements of a lens leave
+TANGENTIAL_BESIDE_TILT = 3e-3
+CENTRE_BESIDE_TILT = 0.03  # of the image's width: how far off its middle chips are mounted, which the tilt goes about
+
+
+@dataclass(frozen=True, eq=False)
+class SensorBundle:
+    """Views with the terms of the lens that are free, and the noise that their residuals have.
+
+    All pixels are counted from the image's centre, so that priors have their mean at zero; width_px is the image's.
+    """
+
+    views: Views
+    terms: tuple[str, ...]
+    width_px: float
+    corner_scale: float = 1.0
+    stripe_noise: StripeNoise = field(default_factory=StripeNoise)
+
+    @property
+    def unknowns(self) -> Unknowns:
+        """Camera, plane and boards."""
+        tilted = {"p1", "p2"} if "tau_x" in self.terms else set()
+        lens = [TANGENTIAL_BESIDE_TILT if name in tilted else PRIOR_SIGMA[name] for name in TERMS]
+        middle = CENTRE_BESIDE_TILT * self.width_px if tilted else np.inf
+        sigma = [np.inf, np.inf, middle, middle, *lens]
+        free = [name in PINHOLE or name in self.terms for name in CAMERA_PARAMETERS]
+        blocks = [
+            Block.vector(CAMERA, np.where(free, sigma, 0.0), free, labels=CAMERA_PARAMETERS),
+            Block.pose(BOARD, self.views.names),
+        ]
+        return Unknowns((*blocks, Block.vector(PLANE, [np.inf] * 3)) if self.has_plane else tuple(blocks))
+
+    @property
+    def has_plane(self) -> bool:
+        """Whether any stripe was seen."""
+        return len(self.views.stripe) > 0
+
+    @property
+    def corner_term(self) -> BoardCorners:
+        """The corners' evidence."""
+        return BoardCorners(self.views, self.corner_scale)
+
+    @property
+    def stripe_term(self) -> StripeOnBoard:
+        """The stripes' evidence."""
+        return StripeOnBoard(self.views, self.stripe_noise)
+
+    @property
+    def evidence(self) -> tuple[BoardCorners] | tuple[BoardCorners, StripeOnBoard]:
+        """The terms that are summed."""
+        return (self.corner_term, self.stripe_term) if self.has_plane else (self.corner_term,)
+
+    def solve(self, start: State) -> Result:
+        """The least-squares solution from a start, where every block has a value."""
+        known = State({b.name: start.values[b.name] for b in self.unknowns.blocks})
+        begin = self.held(known)
+        with np.errstate(over="ignore", invalid="ignore"):  # a trial step too far is refused by its cost
+            return engine.solve(self.evidence, self.unknowns, begin, None, _MAX_STEPS, _SETTLED_SIGMA)
+
+    def settle(self, start: State) -> Result:
+        """As ``solve``, gone on with while the iteration has not settled: a tilt's valley is long."""
+        result = self.solve(start)
+        for _ in range(_MORE):
+            if result.converged:
+                break
+            result = self.solve(result.state)
+        return result
+
+    def held(self, state: State) -> State:
+        """The state with all terms that are not free at zero."""
+        kept = np.array([name in PINHOLE or name in self.terms for name in CAMERA_PARAMETERS])
+        return state.with_value(CAMERA, np.where(kept, state.vector(CAMERA), 0.0))
+
+    def covariance(self, result: Result) -> Covariance:
+        """Of camera and plane."""
+        return covariance(result)
+
+    def without_stripes(self) -> SensorBundle:
+        """The bundle of the boards alone."""
+        empty = tuple(replace(v, stripe=v.stripe[np.zeros(0, dtype=np.intp)]) for v in self.views.views)
+        return replace(self, views=Views(empty))
+
+
+def camera_start(views: Views, width_px: float) -> State:
+    """Camera and boards from corners alone: closed form, then the bundle with one term of the lens."""
+    closed = focal_length(view_homographies(views.views))
+    tries = [closed] if 0.2 * width_px < closed < 20 * width_px else [k * width_px for k in _FOCAL_GRID]
+    bundle = SensorBundle(views, ("k1",), width_px).without_stripes()
+    best: Result | None = None
+    for focal in tries:
+        result = bundle.solve(_pinhole(views, focal))
+        if np.isfinite(result.cost) and (best is None or result.cost < 0.999 * best.cost):
+            best = result
+    assert best is not None  # noqa: S101 - the grid is never empty
+    return best.state
+
+
+def tilted_start(state: State) -> State:
+    """The same pictures, to first order, of a camera whose principal point is the image's centre, its chip tilted.
+
+    Tilt τ, a turn of the camera by (τx, τy, 0) and a shift of the principal point by f (-τy, τx) cancel.
+    """
+    camera = state.vector(CAMERA).copy()
+    off = camera[2:4] / camera[:2]
+    tau = np.array([-off[1], off[0]])
+    camera[2:4] = 0.0
+    camera[[CAMERA_PARAMETERS.index(name) for name in ("tau_x", "tau_y")]] = tau
+    camera[[CAMERA_PARAMETERS.index(name) for name in ("p1", "p2")]] = 0.0
+    turn = Pose(exp_so3(np.array([tau[0], tau[1], 0.0])), np.zeros(3))
+    moved = state.with_value(CAMERA, camera).with_value(BOARD, turn @ state.pose(BOARD))
+    return moved.with_value(PLANE, turn.R @ state.vector(PLANE)) if PLANE in state.values else moved
+
+
+def _pinhole(views: Views, focal: float) -> State:
+    camera = np.zeros(len(CAMERA_PARAMETERS))
+    camera[:2] = focal
+    return State({CAMERA: camera, BOARD: board_poses(views, focal)})
+
+
+def plane_start(views: Views, state: State) -> State:
+    """The state with the plane through what the boards make of the stripes' points."""
+    return state.with_value(PLANE, fitted_plane(stripe_points(views, state)))
+
+
+def stripe_points(views: Views, state: State) -> Array:
+    """Points (M, 3) [mm] where the stripes' rays meet their boards, in the camera's frame."""
+    board, member = state.pose(BOARD), views.view_of_stripe
+    return on_board(state.vector(CAMERA), Pose(board.R[member], board.t[member]), views.stripe.uv_px)
+
+
+def on_board(camera: Array, board: Pose, uv_px: Array) -> Array:
+    """Where the rays of pixels (M, 2) meet the plane z = 0 of boards (M or one), in the camera's frame (M, 3) [mm]."""
+    q = np.concatenate([undistort(camera, uv_px).value, np.ones((len(uv_px), 1))], 1)
+    normal = board.R[..., :, 2]
+    reach = np.sum(normal * board.t, -1) / np.sum(normal * q, -1)
+    return np.asarray(reach[:, None] * q)

@@ -1,0 +1,313 @@
+"""A sensor's calibration from views of a board with the laser's stripe on it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.engine import Covariance, Result
+from calib.sensor.bundle import SensorBundle, camera_start
+from calib.sensor.choice import Choice, choose_terms
+from calib.sensor.left_out import left_out
+from calib.sensor.noise import with_noise
+from calib.sensor.on_line import MIN_POINTS, on_one_line
+from calib.sensor.result import SensorCalibration, SensorSolution, SensorVerdict, ViewResult
+from calib.sensor.sheet_frame import SheetFrame, camera_rows, sheet_deviations, sheet_frame, to_sheet
+from calib.sensor.terms import BOARD, CAMERA, PLANE
+from calib.sensor.verdict import judge, too_few
+from calib.sensor.views import BoardView, Views
+from geometry import State
+from geometry.sensor import CAMERA_PARAMETERS, SensorUncertainty
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+FEWEST_VIEWS = 3
+COARSE_PX, FINE_PX = 3.0, 1.0  # from a board's line, before and after the lens is known
+CORNER_SIGMAS, STRIPE_SIGMAS = 5.0, 4.5  # beyond which a point is none; of robust σ: one in a million by chance
+VIEW_RATIO = 3.0  # reprojection of a left-out view over the usual: beyond what tilt and focus make
+OFFSET_SIGMAS, OFFSET_RATIO = 5.0, 5.0  # of a left-out view's stripe: its own σ, and robust σ of all views'
+MAX_LEFT_OUT = 1 / 3  # share of views without which there is no answer
+_ROUNDS = 2  # of dropping points and solving again
+
+
+@dataclass(frozen=True, eq=False)
+class SensorSettings:
+    """How a sensor is calibrated.
+
+    Parameters
+    ----------
+    max_terms : int
+        Longest vector of OpenCV's distortion terms that may be used, 0 to 14.
+    origin_yz_mm : (float, float)
+        Where {P}'s origin stands, from the foot of the camera's centre.
+    """
+
+    max_terms: int = 14
+    origin_yz_mm: tuple[float, float] = (0.0, 0.0)
+
+
+def calibrate_sensor(
+    views: Sequence[BoardView], size_px: tuple[int, int], settings: SensorSettings | None = None
+) -> SensorCalibration:
+    """Camera, board poses and laser plane in one bundle.
+
+    Parameters
+    ----------
+    views
+        Corners and stripe points of every view, pixels from the top-left pixel's centre.
+    size_px
+        Width and height of the image.
+    settings
+        The defaults where None.
+
+    Returns
+    -------
+    calibration
+        With a verdict; the solution is None where none could be computed.
+
+    References
+    ----------
+    docs/sensor.md tells the stages and what they reach.
+    """
+    settings = settings or SensorSettings()
+    centre = (np.array(size_px) - 1) / 2
+    given = tuple(_centred(v, centre) for v in views)
+    if len(given) < FEWEST_VIEWS:
+        return SensorCalibration(too_few(len(given)), tuple(ViewResult(v.name, True, None) for v in views))
+    attempt = _Attempt.start(given, size_px, settings)
+    while True:
+        worst = attempt.worst()
+        if worst is None or len(attempt.dropped) + 1 > MAX_LEFT_OUT * len(given):
+            break
+        attempt = attempt.without(*worst)
+    return attempt.answer(centre, contradicted=worst is not None)
+
+
+@dataclass(frozen=True, eq=False)
+class _Attempt:
+    """The solution from the views that are still trusted."""
+
+    given: tuple[BoardView, ...]
+    size_px: tuple[int, int]
+    settings: SensorSettings
+    dropped: dict[str, str]
+    choice: Choice | None
+    state: State
+
+    @staticmethod
+    def start(given: tuple[BoardView, ...], size_px: tuple[int, int], settings: SensorSettings) -> _Attempt:
+        return _Attempt._of(given, size_px, settings, {})
+
+    def without(self, name: str, reason: str) -> _Attempt:
+        """The same with one view left out."""
+        return _Attempt._of(self.given, self.size_px, self.settings, {**self.dropped, name: reason})
+
+    @staticmethod
+    def _of(
+        given: tuple[BoardView, ...], size_px: tuple[int, int], settings: SensorSettings, dropped: dict[str, str]
+    ) -> _Attempt:
+        views = Views(tuple(v for v in given if v.name not in dropped))
+        width = float(size_px[0])
+        state = camera_start(views, width)
+        views = _on_lines(views, state, COARSE_PX)
+        if not len(views.stripe):
+            return _Attempt(given, size_px, settings, dropped, None, state)
+        choice = choose_terms(SensorBundle(views, (), width), state, settings.max_terms)
+        for _ in range(_ROUNDS):
+            cleaned = _without_outliers(_on_lines(views, choice.result.state, FINE_PX), choice)
+            bundle = replace(choice.bundle, views=cleaned)
+            result = bundle.settle(choice.result.state)
+            bundle = with_noise(bundle, result)
+            result = bundle.settle(result.state)
+            choice = replace(choice, bundle=bundle, result=result, left_out=left_out(bundle, result))
+        return _Attempt(given, size_px, settings, dropped, choice, choice.result.state)
+
+    def worst(self) -> tuple[str, str] | None:
+        """The view that the others contradict most, and why; None where none stands out."""
+        if self.choice is None:
+            return None
+        out, names = self.choice.left_out, self.choice.bundle.views.names
+        ratio = np.sqrt(out.corner_deviance / np.maximum(out.corner_dof, 1))
+        ratio = ratio / np.median(ratio) / VIEW_RATIO
+        offset = _offset_ratio(self.choice)
+        if max(ratio.max(), offset.max()) <= 1:
+            return None
+        if ratio.max() >= offset.max():
+            i = int(np.argmax(ratio))
+            return names[i], f"its corners are {out.corner_px[i]:.2f} px off where the other views expect them"
+        i = int(np.argmax(offset))
+        return names[i], (
+            f"its stripe lies {out.stripe_mm[i]:.3f} mm off the plane of the others "
+            f"(the board moved between the two pictures?)"
+        )
+
+    def answer(self, centre: Array, contradicted: bool) -> SensorCalibration:
+        """Everything that is told."""
+        results = {n: ViewResult(n, False, reason) for n, reason in self.dropped.items()}
+        choice = self.choice
+        if choice is None:
+            every = tuple(results.get(v.name, ViewResult(v.name, True, None)) for v in self.given)
+            return SensorCalibration(
+                SensorVerdict("plane_not_determined", "no view shows a stripe on its board: the laser plane is open"),
+                every,
+            )
+        bundle, result = choice.bundle, choice.result
+        cov = bundle.covariance(result)
+        frame = sheet_frame(result.state.vector(CAMERA), result.state.vector(PLANE), self.settings.origin_yz_mm)
+        results |= _view_results(choice, frame, centre)
+        distances = bundle.stripe_term.distances(result.state).residual
+        errors = bundle.corner_term.errors(result.state).residual
+        solution = _solution(bundle, result, cov, frame, centre)
+        depth, sigma = _depth_sigma(bundle, result, cov, self.settings.origin_yz_mm)
+        verdict = judge(choice, solution, len(self.given), len(self.dropped), contradicted)
+        whitened = bundle.corner_term.independent_rows(result.state).residual * bundle.corner_scale
+        return (
+            SensorCalibration(
+                verdict=verdict,
+                views=tuple(results[v.name] for v in self.given),
+                solution=solution,
+                reprojection_rms_px=float(np.sqrt(np.mean(np.sum(errors**2, axis=1)))),
+                plane_rms_mm=float(np.sqrt(np.mean(distances**2))),
+                left_out_px=choice.left_out.reprojection_rms_px,
+                left_out_mm=choice.left_out.plane_rms_mm,
+                corner_scale=bundle.corner_scale,
+                stripe_scale=float(np.median(bundle.stripe_noise.scale)),
+                offset_px=bundle.stripe_noise.offset_px,
+                chi2_per_dof=_chi2(choice),
+                sigma_z_mm=sigma,
+                depth_mm=depth,
+                tried=choice.tried,
+            )
+            if len(whitened)
+            else SensorCalibration(verdict, tuple(results.values()))
+        )
+
+
+def _chi2(choice: Choice) -> float:
+    """Of all residuals with the noise found, per degree of freedom."""
+    r = choice.result
+    rows = sum(term.independent_rows(r.state).residual.size for term in choice.bundle.evidence)
+    dof = rows - 6 * len(choice.bundle.views) - int(r.unknowns.free.sum())
+    return r.cost / max(dof, 1)
+
+
+def _centred(view: BoardView, centre: Array) -> BoardView:
+    return replace(
+        view,
+        corners=replace(view.corners, uv_px=view.corners.uv_px - centre),
+        stripe=replace(view.stripe, uv_px=view.stripe.uv_px - centre),
+    )
+
+
+def _on_lines(views: Views, state: State, tolerance_px: float) -> Views:
+    return Views(tuple(on_one_line(v, state, i, tolerance_px) for i, v in enumerate(views.views)))
+
+
+def _without_outliers(views: Views, choice: Choice) -> Views:
+    """The views without corners and stripe points that lie far off all others of their kind."""
+    bundle = replace(choice.bundle, views=views)
+    state = choice.result.state
+    white = bundle.corner_term.independent_rows(state).residual.reshape(-1, 2)
+    size = np.linalg.norm(white, axis=1)
+    fine = size < CORNER_SIGMAS * max(float(np.median(size)) / 1.177, 1e-12)  # the median of two normal numbers' length
+    along = bundle.stripe_term.errors(state).residual
+    out = []
+    for i, v in enumerate(views.views):
+        mine = views.view_of_stripe == i
+        z = along[mine] / views.stripe.sigma_px[mine]
+        z = z - (np.median(z) if len(z) else 0.0)
+        good = np.abs(z) < STRIPE_SIGMAS * max(1.4826 * float(np.median(np.abs(z))) if len(z) else 1.0, 1e-12)
+        stripe = v.stripe[good] if good.sum() >= MIN_POINTS else v.stripe[:0]
+        kept = fine[views.view_of_corner == i]
+        corners = v.corners[kept] if kept.sum() >= 4 else v.corners
+        out.append(replace(v, corners=corners, stripe=stripe))
+    return Views(tuple(out))
+
+
+def _offset_ratio(choice: Choice) -> Array:
+    """How far each left-out view's stripe is off, over what is allowed (V,)."""
+    out = choice.left_out
+    offset = np.abs(np.nan_to_num(out.offset_px))
+    seen = out.stripe_count > 0
+    if seen.sum() < FEWEST_VIEWS + 1:
+        return np.zeros(len(offset))
+    usual = 1.4826 * float(np.median(offset[seen]))
+    sigma = np.sqrt(np.maximum(out.offset_sigma_px**2 - choice.bundle.stripe_noise.offset_px**2, 0.0))
+    allowed = np.maximum(OFFSET_SIGMAS * np.nan_to_num(sigma, nan=np.inf), OFFSET_RATIO * usual)
+    return np.asarray(offset / np.maximum(allowed, 1e-12))
+
+
+def _view_results(choice: Choice, frame: SheetFrame, centre: Array) -> dict[str, ViewResult]:
+    bundle, state, out = choice.bundle, choice.result.state, choice.left_out
+    views = bundle.views
+    errors = bundle.corner_term.errors(state).residual
+    distances = bundle.stripe_term.distances(state).residual
+    yz = to_sheet(state.vector(CAMERA), frame, views.stripe.uv_px)
+    board = state.pose(BOARD)
+    results = {}
+    for i, v in enumerate(views.views):
+        mine, on = views.view_of_corner == i, views.view_of_stripe == i
+        results[v.name] = ViewResult(
+            v.name,
+            True,
+            None if on.any() else "no stripe was found on its board: its corners are used",
+            float(np.sqrt(np.mean(np.sum(errors[mine] ** 2, axis=1)))),
+            float(np.sqrt(np.mean(distances[on] ** 2))) if on.any() else float("nan"),
+            float(out.corner_px[i]),
+            float(out.stripe_mm[i]),
+            v.corners.uv_px + centre,
+            errors[mine],
+            v.stripe.uv_px + centre,
+            yz[on],
+            distances[on],
+            float(np.rad2deg(np.arccos(min(1.0, abs(board.R[i, 2, 2]))))),
+        )
+    return results
+
+
+def _solution(
+    bundle: SensorBundle, result: Result, cov: Covariance, frame: SheetFrame, centre: Array
+) -> SensorSolution:
+    state, u = result.state, result.unknowns
+    plane = state.vector(PLANE)
+    rows = camera_rows(bundle.terms)
+    to_named = np.zeros((len(rows) + 3, u.size))
+    to_named[np.arange(len(rows)), np.array(u.indices(CAMERA))[list(rows)]] = 1.0
+    to_named[len(rows) :, u[PLANE]] = sheet_deviations(frame, plane)
+    named = to_named @ cov.total @ to_named.T
+    names = (*(CAMERA_PARAMETERS[i] for i in rows), "plane_tilt_y_rad", "plane_tilt_z_rad", "plane_shift_mm")
+    camera = state.vector(CAMERA).copy()
+    camera[2:4] += centre
+    distance = float(1 / np.linalg.norm(plane))
+    uncertainty = SensorUncertainty(names, (named + named.T) / 2, "calibrated")
+    return SensorSolution(camera, bundle.terms, plane * distance, distance, frame, uncertainty, state.pose(BOARD))
+
+
+def _depth_sigma(
+    bundle: SensorBundle, result: Result, cov: Covariance, origin: tuple[float, float]
+) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+    """Z [mm] near, middle and far where the stripes were seen, and σ of z there by the sensor's own uncertainty."""
+    state, u = result.state, result.unknowns
+    uv = bundle.views.stripe.uv_px
+    frame = sheet_frame(state.vector(CAMERA), state.vector(PLANE), origin)
+    z = to_sheet(state.vector(CAMERA), frame, uv)[:, 1]
+    order = np.argsort(z, kind="stable")
+    chosen = uv[order[[0, len(order) // 2, -1]]]
+    sigma = np.sqrt(np.diag(cov.total))
+    jac = np.zeros((3, u.size))
+    for j in np.flatnonzero(sigma > 0):
+        step = np.zeros(u.size)
+        step[j] = 0.05 * sigma[j]
+        ends = []
+        for sign in (1.0, -1.0):
+            camera = state.vector(CAMERA) + sign * step[u[CAMERA]]
+            plane = state.vector(PLANE) + sign * step[u[PLANE]]
+            ends.append(to_sheet(camera, sheet_frame(camera, plane, origin), chosen)[:, 1])
+        jac[:, j] = (ends[0] - ends[1]) / (2 * step[j])
+    s = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", jac, cov.total, jac), 0.0))
+    zz = z[order[[0, len(order) // 2, -1]]]
+    return (float(zz[0]), float(zz[1]), float(zz[2])), (float(s[0]), float(s[1]), float(s[2]))

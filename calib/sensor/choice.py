@@ -1,0 +1,128 @@
+"""Which terms the lens has: those with which the views predict one another best.
+
+A term that only fits lowers the residuals of the views that it was fitted to and none of the others. Sets that predict
+alike are told apart by their size: tilt, tangential terms and principal point trade places.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.engine import Result
+from calib.sensor.bundle import SensorBundle, plane_start, tilted_start
+from calib.sensor.left_out import LeftOut, left_out
+from calib.sensor.noise import first_noise, with_noise
+from geometry import State
+
+Array = NDArray[np.float64]
+
+# two radial terms and the tangential ones are always there: one that is left out because the views hardly tell it makes
+# the σ of those that trade with it ten times too small
+RADIAL: tuple[tuple[str, ...], ...] = (("k1", "k2"), ("k1", "k2", "k3"))
+RATIONAL = ("k1", "k2", "k3", "k4", "k5", "k6")
+TANGENTIAL, TILT = ("p1", "p2"), ("p1", "p2", "tau_x", "tau_y")
+EXTRAS = (TANGENTIAL, TILT)  # of a tilt the tangential terms have a prior; prism terms no lens has shown
+LENGTH = {"k1": 4, "k2": 4, "p1": 4, "p2": 4, "k3": 5, "k4": 8, "k5": 8, "k6": 8}
+LENGTH |= dict.fromkeys(("tau_x", "tau_y"), 14)  # of OpenCV's vector that holds a term
+
+# χ² of left-out views that each further term must save: what a needless one saves by chance, at most, in one of
+# twenty sensors (benchmarks/calibrate_sensor.py)
+PRICE = 3.0
+POINTS = 60  # of a view's stripe, which tell terms apart as well as all
+_ROUNDS = 2  # radial terms and the others in turn
+MAX_CONTRADICTED = 1.0  # standard errors of the views' own gains: one view alone is no evidence
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """The set of terms that was chosen, its solution, and what every set that was tried reached."""
+
+    bundle: SensorBundle
+    result: Result
+    left_out: LeftOut
+    tried: tuple[Tried, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Tried:
+    """A set of terms and how it predicts views left out: squared errors in σ, over all."""
+
+    terms: tuple[str, ...]
+    deviance: float
+    reprojection_rms_px: float
+    plane_rms_mm: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    bundle: SensorBundle
+    result: Result
+    out: LeftOut
+
+    @property
+    def score(self) -> float:
+        """Deviance of the views left out and the terms' price."""
+        return float(self.out.deviance.sum()) + PRICE * len(self.bundle.terms)
+
+    def beats(self, other: _Fit) -> bool:
+        """Whether this set is to be preferred; a larger one needs a gain that not one view alone gives."""
+        if not self.result.converged or self.score >= other.score:
+            return False
+        each = other.out.deviance - self.out.deviance
+        error = float(np.sqrt(len(each)) * np.std(each))
+        return len(self.bundle.terms) <= len(other.bundle.terms) or float(each.sum()) > MAX_CONTRADICTED * error
+
+
+def choose_terms(bundle: SensorBundle, start: State, max_terms: int = 14) -> Choice:
+    """The set of terms out of those that fit into ``max_terms`` of OpenCV's vector."""
+    bundle = replace(bundle, views=bundle.views.thinned(POINTS))
+    usual = tuple(t for t in (*RADIAL[0], *TANGENTIAL) if LENGTH[t] <= max_terms)
+    first = replace(bundle, terms=usual)
+    corners = first.without_stripes().solve(start)
+    first = first_noise(first, replace(corners, state=plane_start(first.views, corners.state)))
+    upright = first.solve(plane_start(first.views, corners.state))
+    widest, result = first, upright
+    if LENGTH[TILT[-1]] <= max_terms:
+        wider = replace(first, terms=(*RADIAL[0], *TILT))
+        tilted = _tilted(wider, (plane_start(first.views, start), upright.state))
+        better = tilted.cost < upright.cost
+        widest, result = (wider, tilted) if better else (first, upright)
+    noise = with_noise(widest, result)
+    fits: dict[tuple[str, ...], _Fit] = {}
+
+    def best_of(best: _Fit | None, sets: Sequence[tuple[str, ...]]) -> _Fit:
+        for terms in sets:
+            if any(LENGTH[t] > max_terms for t in terms):
+                continue
+            if terms not in fits:
+                mine = replace(noise, terms=terms)
+                found = mine.settle((result if TILT[-1] in terms and widest is not first else upright).state)
+                fits[terms] = _Fit(mine, found, left_out(mine, found))
+            best = fits[terms] if best is None or fits[terms].beats(best) else best
+        return best or best_of(None, [()])
+
+    best = best_of(None, [(*RADIAL[0], *extra) for extra in EXTRAS])
+    for _ in range(_ROUNDS):
+        extra = tuple(t for t in best.bundle.terms if t not in RATIONAL)
+        best = best_of(best, [(*radial, *extra) for radial in (*RADIAL, RATIONAL)])
+        radial = tuple(t for t in best.bundle.terms if t in RATIONAL)
+        best = best_of(best, [(*radial, *extra) for extra in EXTRAS])
+    tried = tuple(
+        Tried(t, float(f.out.deviance.sum()), f.out.reprojection_rms_px, f.out.plane_rms_mm) for t, f in fits.items()
+    )
+    return Choice(best.bundle, best.result, best.out, tried)
+
+
+def _tilted(bundle: SensorBundle, starts: Sequence[State]) -> Result:
+    """The best solution with a tilted chip, from several solutions without.
+
+    A tilt moves the principal point of the camera without tilt that fits best, and the valley between the two is long:
+    the start is at its far end.
+    """
+    found = [bundle.solve(tilted_start(start)) for start in starts] + [bundle.solve(starts[-1])]
+    best = min(found, key=lambda r: round(r.cost, 3))
+    return best if best.converged else bundle.settle(best.state)

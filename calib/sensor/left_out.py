@@ -1,0 +1,150 @@
+"""Views left out one at a time: what the others predict of them, to second order about the common solution.
+
+The solution without a view is one Gauss-Newton step away from that with it; the left-out view's pose is fitted anew to
+its corners alone, so that its stripe tells of the plane of the others.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.engine import Result, scaled_solve
+from calib.sensor.bundle import SensorBundle
+from calib.sensor.terms import BOARD, Rows
+from geometry import Unknowns
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+BOARD_FREEDOM = 6
+
+
+@dataclass(frozen=True, eq=False)
+class LeftOut:
+    """Of every view (V,), predicted by the others.
+
+    Parameters
+    ----------
+    corner_px : ndarray (V,)
+        Root mean square reprojection error of its corners.
+    corner_deviance : ndarray (V,)
+        Squared whitened reprojection errors.
+    corner_dof : ndarray (V,)
+        Their number less the pose's six.
+    stripe_mm : ndarray (V,)
+        Root mean square distance of its stripe's points from the plane; NaN where there is no stripe.
+    stripe_deviance : ndarray (V,)
+        Squared whitened distances.
+    offset_px, offset_sigma_px : ndarray (V,)
+        Weighted mean of the stripe's errors along its normal and its standard deviation.
+    """
+
+    corner_px: Array
+    corner_deviance: Array
+    corner_dof: Array
+    stripe_mm: Array
+    stripe_deviance: Array
+    offset_px: Array
+    offset_sigma_px: Array
+    corner_count: Array
+    stripe_count: Array
+
+    @property
+    def deviance(self) -> Array:
+        """Of corners and stripe together (V,)."""
+        return np.asarray(self.corner_deviance + np.nan_to_num(self.stripe_deviance))
+
+    @property
+    def reprojection_rms_px(self) -> float:
+        """Over all views."""
+        return float(np.sqrt(np.sum(self.corner_px**2 * self.corner_count) / np.sum(self.corner_count)))
+
+    @property
+    def plane_rms_mm(self) -> float:
+        """Over all views with a stripe."""
+        seen = self.stripe_count > 0
+        total = np.sum(self.stripe_count[seen])
+        return float(np.sqrt(np.sum(self.stripe_mm[seen] ** 2 * self.stripe_count[seen]) / total)) if total else np.nan
+
+
+def left_out(bundle: SensorBundle, result: Result) -> LeftOut:
+    """What the others predict of each view."""
+    u, views = result.unknowns, bundle.views
+    free = u.free
+    rows = [_rows(term.independent_rows(result.state), u, free) for term in bundle.evidence]
+    corners = bundle.corner_term.errors(result.state)
+    by_corner = _common(corners.jacobian, u, free)
+    raw = bundle.stripe_term.distances(result.state) if bundle.has_plane else None
+    reduced = [_reduced([r.of(v) for r in rows]) for v in range(len(views))]
+    hessian = sum((s for s, _ in reduced), np.diag(u.prior_weight[free]))
+    ones = bundle.stripe_term.independent(np.ones((len(raw.residual), 1)))[:, 0] if raw is not None else None
+    table = np.full((len(views), 9), np.nan)
+    for v, (own, gradient) in enumerate(reduced):
+        rest = hessian - own
+        step = scaled_solve(rest, gradient)  # of the common unknowns: the others' gradient is minus this view's
+        a, b, r = rows[0].of(v)
+        moved = r + a @ step
+        pose = np.linalg.lstsq(b, -moved, rcond=None)[0]
+        white = moved + b @ pose
+        mine = views.view_of_corner == v
+        pixels = corners.residual[mine] + by_corner[mine] @ step + corners.jacobian[BOARD][mine] @ pose
+        n = int(mine.sum())
+        table[v, :3] = np.sqrt(np.mean(np.sum(pixels**2, axis=1))), white @ white, 2 * n - BOARD_FREEDOM
+        table[v, 7:] = n, 0
+        seen = views.view_of_stripe == v
+        if raw is not None and ones is not None and np.any(seen):
+            a_s, b_s, r_s = rows[1].of(v)
+            predicted = r_s + a_s @ step + b_s @ pose
+            distance = (
+                raw.residual[seen] + _common(raw.jacobian, u, free)[seen] @ step + raw.jacobian[BOARD][seen] @ pose
+            )
+            one = ones[seen]
+            gain = one / (one @ one)  # the mean's weights, for independent rows
+            by_pose = gain @ b_s
+            from_pose = np.linalg.lstsq(b.T @ b, by_pose, rcond=None)[0]
+            by_common = gain @ a_s - (a.T @ b) @ from_pose
+            variance = 1 / (one @ one) + by_pose @ from_pose + by_common @ scaled_solve(rest, by_common)
+            table[v, 3:7] = (
+                np.sqrt(np.mean(distance**2)),
+                predicted @ predicted,
+                gain @ predicted,
+                np.sqrt(max(float(variance), 0.0)),
+            )
+            table[v, 8] = seen.sum()
+    return LeftOut(*table.T)
+
+
+@dataclass(frozen=True, eq=False)
+class _WhiteRows:
+    """Whitened rows (R, C), (R, 6), (R,) of a term, and whose view each is."""
+
+    common: Array
+    pose: Array
+    residual: Array
+    view: NDArray[np.intp]
+
+    def of(self, view: int) -> tuple[Array, Array, Array]:
+        mine = self.view == view
+        return self.common[mine], self.pose[mine], self.residual[mine]
+
+
+def _rows(rows: Rows, unknowns: Unknowns, free: Mask) -> _WhiteRows:
+    return _WhiteRows(_common(rows.jacobian, unknowns, free), rows.jacobian[BOARD], rows.residual, rows.view)
+
+
+def _common(jacobian: dict[str, Array], unknowns: Unknowns, free: Mask) -> Array:
+    """Columns (…, C) by the free common unknowns."""
+    shape = jacobian[BOARD].shape[:-1]
+    columns = [jacobian.get(b.name, np.zeros((*shape, b.size))) for b in unknowns.common]
+    return np.asarray(np.concatenate(columns, -1)[..., free])
+
+
+def _reduced(parts: list[tuple[Array, Array, Array]]) -> tuple[Array, Array]:
+    """Information and gradient of the common unknowns by one view, its pose eliminated."""
+    a, b, r = (np.concatenate(p) for p in zip(*parts, strict=True))
+    q = np.linalg.qr(b)[0]
+    a, r = a - q @ (q.T @ a), r - q @ (q.T @ r)
+    return a.T @ a, a.T @ r

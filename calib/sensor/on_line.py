@@ -1,0 +1,66 @@
+"""Which stripe points lie on the board: its plane and the laser's meet in a straight line on the board."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter
+
+from calib.sensor.bundle import on_board
+from calib.sensor.terms import BOARD, CAMERA
+from calib.sensor.views import BoardView, Stripe
+from geometry import Pose, State
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+_TRIES = 300  # pairs of points: a stripe that makes up a fifth of all is met with certainty
+_ALIKE = 101  # points, over which the stripe's light changes little
+_SEED = 20  # the same pairs every time
+MIN_POINTS = 12  # of a stripe that counts
+
+
+def on_one_line(view: BoardView, state: State, index: int, tolerance_px: float) -> BoardView:
+    """The view with those points of its stripe that lie on the best supported straight line of the board."""
+    stripe = view.stripe
+    if len(stripe) < MIN_POINTS:
+        return replace(view, stripe=stripe[:0])
+    board = state.pose(BOARD)
+    T = Pose(board.R[index], board.t[index])
+    xy = (T.inverse() @ on_board(state.vector(CAMERA), T, stripe.uv_px))[:, :2]
+    depth = float(np.median(np.linalg.norm(on_board(state.vector(CAMERA), T, stripe.uv_px), axis=1)))
+    tolerance = tolerance_px * depth / float(state.vector(CAMERA)[0])
+    good = _largest_line(xy, tolerance)
+    for _ in range(3):
+        good = _off_line(xy, good) < tolerance
+    return replace(view, stripe=_steadied(stripe[good]) if good.sum() >= MIN_POINTS else stripe[:0])
+
+
+def _steadied(stripe: Stripe) -> Stripe:
+    """The stripe with σ as its neighbours have it: errors that neighbours share do not follow each point's own σ."""
+    return replace(stripe, sigma_px=median_filter(stripe.sigma_px, size=_ALIKE, mode="nearest"))
+
+
+def _largest_line(xy: Array, tolerance: float) -> Mask:
+    """The points (N,) near that line through two of them which has most of them near it; ties to the first."""
+    pairs = np.random.default_rng(_SEED).integers(0, len(xy), (_TRIES, 2))
+    a, b = xy[pairs[:, 0]], xy[pairs[:, 1]]
+    along = b - a
+    length = np.linalg.norm(along, axis=1)
+    fine = length > 20 * tolerance
+    if not np.any(fine):
+        return np.ones(len(xy), dtype=bool)
+    normal = np.stack([-along[fine, 1], along[fine, 0]], -1) / length[fine, None]
+    near = np.abs((xy[None] - a[fine][:, None]) @ normal[..., None])[..., 0] < tolerance
+    return np.asarray(near[int(np.argmax(near.sum(axis=1)))])
+
+
+def _off_line(xy: Array, good: Mask) -> Array:
+    """Distances (N,) from the straight line through the ``good`` points."""
+    if good.sum() < 2:
+        return np.full(len(xy), np.inf)
+    middle = xy[good].mean(axis=0)
+    normal = np.linalg.svd(xy[good] - middle, full_matrices=False)[2][-1]
+    return np.asarray(np.abs((xy - middle) @ normal))

@@ -1,0 +1,7 @@
+"""Calibration boards in pictures: corners or dots localised with covariance, and a laser's stripe on them."""
+
+from extraction.board.find import find_board
+from extraction.board.found import BoardCorners, NoBoard
+from extraction.board.stripe import room_light_in_both, stripe_on_board
+
+__all__ = ["BoardCorners", "NoBoard", "find_board", "room_light_in_both", "stripe_on_board"]

@@ -1,0 +1,108 @@
+"""The laser's stripe on a board: where it can be trusted, away from the borders of the squares."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from extraction.board.checkered import board_homography
+from extraction.board.found import BoardCorners
+from extraction.config import StripeConfig
+from extraction.image import Image
+from extraction.stripe import EDGE, SHAPE, StripePeaks, detect_stripe
+from geometry import Board
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+REACH = 10.0  # pitches beyond the corners, in which a board's plane is followed: a plate larger than its print
+BORDER_WIDTHS, BORDER_PX = 3.0, 1.0  # distance from a border between squares: Gaussian σ of the stripe, and pixels
+ALIKE_SHARE = 0.5  # slope of laser-on over laser-off levels from which the room light is in both
+WIDEST_PX = 24.0  # Gaussian σ of a stripe that floods a board made bright for its corners
+
+
+def stripe_on_board(
+    image: Image, laser_off: Image | None, board: Board, corners: BoardCorners, config: StripeConfig | None = None
+) -> StripePeaks:
+    """The stripe's points on and about a board.
+
+    Parameters
+    ----------
+    image
+        Grey levels (H, W) with the stripe.
+    laser_off
+        The same view without it; subtracted where the room light is in both.
+    board, corners
+        The board and where it was found.
+    config
+        Settings of the stripe.
+
+    Returns
+    -------
+    peaks
+        Points that are one peak, not cut by the border, and not beside a border between squares, where a step of
+        reflectance under the stripe draws its centre aside.
+    """
+    config = config or StripeConfig()
+    h = board_homography(corners.uv_px, corners.xy_mm)
+    mask = _near(image.shape, h, board, corners)
+    off = laser_off if laser_off is not None and _lit_alike(image, laser_off, mask) else None
+    settings = config.model_copy(update={"along_normal": True, "max_width_px": max(config.max_width_px, WIDEST_PX)})
+    peaks = detect_stripe(image, settings, off, mask)
+    peaks = peaks[(peaks.flag & (EDGE | SHAPE)) == 0]
+    return peaks[_clear(peaks, h, board, corners)] if len(peaks) else peaks
+
+
+def room_light_in_both(image: Image, laser_off: Image, board: Board, corners: BoardCorners) -> bool:
+    """Whether the picture with the stripe shows the board as the one without does."""
+    h = board_homography(corners.uv_px, corners.xy_mm)
+    return _lit_alike(image, laser_off, _near(image.shape, h, board, corners))
+
+
+def _lit_alike(image: Image, laser_off: Image, mask: Mask) -> bool:
+    """By the slope of levels with over levels without, from the darker three quarters of the pixels."""
+    off, on = laser_off[mask].astype(float)[::7], image[mask].astype(float)[::7]
+    if len(off) < 100 or np.ptp(off) < 4:
+        return True
+    dark, bright = off <= np.percentile(off, 30), off >= np.percentile(off, 60)
+    step_off = np.median(off[bright]) - np.median(off[dark])
+    step_on = np.median(on[bright]) - np.median(on[dark])
+    return bool(step_on > ALIKE_SHARE * step_off)
+
+
+def _near(shape: tuple[int, ...], h: Array, board: Board, corners: BoardCorners) -> Mask:
+    """Pixels of the board and of its surroundings."""
+    low, high = corners.xy_mm.min(axis=0), corners.xy_mm.max(axis=0)
+    margin = (REACH + 1.0) * board.pitch_mm
+    box = np.array([[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]])
+    box = box + margin * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+    p = np.column_stack([box, np.ones(4)]) @ np.linalg.inv(h).T
+    if np.any(p[:, 2] * p[0, 2] <= 0):  # the surroundings reach behind the camera
+        return np.ones(shape, dtype=bool)
+    polygon = np.round(np.clip(p[:, :2] / p[:, 2:], -30_000, 30_000)).astype(np.int32)
+    out = np.zeros(shape, dtype=np.uint8)
+    cv2.fillConvexPoly(out, polygon, 1)
+    return out.astype(bool)
+
+
+def _clear(peaks: StripePeaks, h: Array, board: Board, corners: BoardCorners) -> Mask:
+    """Which points stand clear of the borders between squares."""
+    if not board.is_checkered:
+        return np.ones(len(peaks), dtype=bool)
+    p = np.column_stack([peaks.uv_px, np.ones(len(peaks))]) @ h.T
+    xy = p[:, :2] / p[:, 2:]
+    px_per_mm = np.sqrt(np.abs(p[:, 2]) ** 3 / np.abs(np.linalg.det(h)))
+    distance_mm = _border_distance(xy, board, corners)
+    need = (BORDER_WIDTHS * peaks.width_px + BORDER_PX) / px_per_mm
+    return np.asarray(distance_mm > need)
+
+
+def _border_distance(xy: Array, board: Board, corners: BoardCorners) -> Array:
+    """Distance [mm] from the nearest border between squares, the board as large as it may be."""
+    pitch = board.pitch_mm
+    low, high = corners.xy_mm.min(axis=0) - pitch, corners.xy_mm.max(axis=0) + pitch
+    inside = np.clip(xy, low, high)
+    off = np.linalg.norm(xy - inside, axis=1)
+    grid = np.abs(inside - pitch * np.round(inside / pitch)).min(axis=1)
+    return np.asarray(np.where(off > 0, off, grid))

@@ -1,0 +1,285 @@
+"""Ghosts: what the camera sees of light that has been scattered twice, drawn where it shows and as finely as it wants.
+
+The scene is looked at through the pixels' own rays. A square of pixels whose corners show one surface and whose middle
+is what its corners say is filled between them; others are halved, down to single pixels.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from geometry import Sensor
+from geometry.compiled import kernel
+from perceptron_emu.config import EmulatorConfig, OpticsConfig
+from perceptron_emu.image.blurred import gaussian_taps
+from perceptron_emu.image.deposit import convolved
+from perceptron_emu.lens import Gather, gather, gathered, sharp_sigma_px
+from perceptron_emu.light import IN_A_GROUP, Cylinders, Room, Sources, bounce_sources, radiance
+from perceptron_emu.scene import Material, Scene
+from perceptron_emu.solids import World, first_met, normal_at, world_of
+
+Array = NDArray[np.float64]
+Float32 = NDArray[np.float32]
+
+COLUMNS = 40  # first squares in a row, a power of two wide; half as wide for narrow lobes, a quarter for mirrors
+MARGIN_PX = 64  # squares reach beyond the image
+BROAD, NARROW = 0.15, 0.05  # α of lobes so called
+FLAT = 0.03  # of the light there, by which a square's middle may differ from what its corners say
+FAINT = 0.002  # of the brightest light among the first squares' corners: what is less is not refined
+FAINT_E = 0.25  # electrons a pixel: squares with less at all corners and the middle are left; noise is 50 times as much
+SAME_SURFACE = 0.9  # cosine between faces that go over into one another
+PIXEL_VARIANCE = 1 / 12  # of a square pixel's own blur [px²]
+BLUR_REACH = 4.0  # σ
+
+
+class PixelRays(NamedTuple):
+    """What a camera's pixels look along: x/z and y/z of their rays, and the electrons per radiance (H', W').
+
+    One square more than the image to the right and below.
+    """
+
+    x: Float32
+    y: Float32
+    of_radiance: Float32
+
+
+class View(NamedTuple):
+    """The camera in {P} for compiled code: rotation (3, 3), centre (3,) [mm], its pixels' rays."""
+
+    R: Array
+    t: Array
+    rays: PixelRays
+
+
+def ghost_electrons(
+    scene: Scene, strings: Cylinders | None, thread: Material, config: EmulatorConfig
+) -> Float32 | None:
+    """Mean electrons of light scattered by two surfaces one after the other, free of speckle.
+
+    Parameters
+    ----------
+    scene : Scene
+        A sensor with a camera, and what stands before it.
+    strings : Cylinders or None
+        They send light on to solids; what is sent to them is left out.
+    thread : Material
+        Theirs.
+    config : EmulatorConfig
+        Laser and lens.
+
+    Returns
+    -------
+    Float32 or None
+        (H, W) [e⁻]; None where there is no such light.
+    """
+    sources = bounce_sources(scene, strings, thread, config)
+    if sources is None:
+        return None
+    camera = scene.camera
+    glossy = [m.roughness for m in (s.material for s in scene.solids) if m.specular > 0]
+    side = first_side_px(camera.width_px, min(glossy, default=1.0))
+    rays = pixel_rays(scene.sensor, config.optics, config.laser.wavelength_nm)
+    view = View(np.array(camera.T_sensor_camera.R, order="C"), np.array(camera.centre_mm, dtype=float), rays)
+    light = np.zeros(camera.shape, np.float32)
+    canvas = Canvas(np.zeros(rays.x.shape, np.float32), np.full(rays.x.shape, -2, np.int32))
+    first, last = _draw(light, canvas, view, world_of(scene.solids), sources, side)
+    if first > last:
+        return None
+    sigma = math.sqrt(sharp_sigma_px(config.optics, scene.sensor, config.laser.wavelength_nm) ** 2 + PIXEL_VARIANCE)
+    _blur(light, gaussian_taps(sigma, math.ceil(BLUR_REACH * sigma)), first, last)
+    return light
+
+
+def first_side_px(width_px: int, lobe: float) -> int:
+    """Side of the first squares for a scene whose narrowest lobe has that α."""
+    whole = 2 ** max(2, round(math.log2(width_px / COLUMNS)))
+    return int(min(max(whole // (1 if lobe >= BROAD else 2 if lobe >= NARROW else 4), 2), MARGIN_PX))
+
+
+@lru_cache(maxsize=4)
+def pixel_rays(sensor: Sensor, optics: OpticsConfig, wavelength_nm: float) -> PixelRays:
+    """The rays of a camera's pixels through its lens and chip.
+
+    A pixel sees the solid angle J cos³α, J the Jacobian of its ray's (x/z, y/z), of a surface at any distance, and
+    `gathered` says what of its radiance reaches the chip.
+    """
+    camera = sensor.require_camera()
+    height, width = camera.height_px + MARGIN_PX + 1, camera.width_px + MARGIN_PX + 1
+    u, v = np.meshgrid(np.arange(width, dtype=np.float64), np.arange(height, dtype=np.float64))
+    pixels = np.stack([u.ravel(), v.ravel()], -1)[:, None]
+    undistorted = cv2.undistortPoints(pixels, camera.matrix, camera.distortion14)[:, 0]
+    x, y = (np.asarray(undistorted[:, a], float).reshape(height, width) for a in range(2))
+    jacobian = np.abs(np.gradient(x, axis=1) * np.gradient(y, axis=0) - np.gradient(x, axis=0) * np.gradient(y, axis=1))
+    cosine = 1 / np.sqrt(1 + x * x + y * y)
+    solid = np.empty(cosine.size)
+    _gathered(gather(optics, sensor, wavelength_nm), cosine.ravel(), solid)
+    of_radiance = jacobian * cosine * cosine * cosine * solid.reshape(cosine.shape)
+    return PixelRays(*(a.astype(np.float32) for a in (x, y, of_radiance)))
+
+
+@kernel
+def _gathered(lens: Gather, cosine: Array, out: Array) -> None:
+    """What of a radiance reaches the chip, times distance² (N,)."""
+    for i in range(len(out)):
+        out[i] = gathered(lens, cosine[i], 1.0)
+
+
+class Canvas(NamedTuple):
+    """Electrons known at pixels (H', W'), and which face each shows (-1: nothing, -2: not yet asked)."""
+
+    light: Float32
+    face: NDArray[np.int32]
+
+
+@kernel
+def _draw(light: Float32, canvas: Canvas, view: View, world: World, sources: Sources, side: int) -> tuple[int, int]:
+    """Set the light (H, W) square by square; the first and the last row that have any."""
+    height, width = light.shape
+    room = Room(np.empty(256, np.int64), np.empty((3, 3)), np.empty(IN_A_GROUP))
+    most = np.float32(0)
+    for j in range(0, height + side, side):
+        for i in range(0, width + side, side):
+            _ask(canvas, view, world, sources, room, j, i)
+            most = max(most, canvas.light[j, i])
+    faint = max(np.float32(FAINT_E), np.float32(FAINT) * most)
+    todo = np.empty((64, 3), np.int64)
+    first, last = height, -1
+    for j in range(0, height, side):
+        for i in range(0, width, side):
+            todo[0, 0], todo[0, 1], todo[0, 2] = j, i, side
+            left = 1
+            while left > 0:
+                left -= 1
+                top, begin, n = todo[left]
+                if n == 1:
+                    _ask(canvas, view, world, sources, room, top, begin)
+                    if top < height and begin < width:
+                        light[top, begin] = canvas.light[top, begin]
+                        if light[top, begin] > 0:
+                            first, last = min(first, top), max(last, top)
+                    continue
+                if top >= height or begin >= width:
+                    continue
+                if _is_even(canvas, view, world, sources, room, faint, (top, begin, n)):
+                    if _fill(light, canvas.light, top, begin, n):
+                        first, last = min(first, top), max(last, min(top + n, height) - 1)
+                    continue
+                half = n // 2
+                for k in range(4):
+                    todo[left, 0], todo[left, 1], todo[left, 2] = top + half * (k // 2), begin + half * (k % 2), half
+                    left += 1
+    return first, last
+
+
+@kernel
+def _is_even(
+    canvas: Canvas,
+    view: View,
+    world: World,
+    sources: Sources,
+    room: Room,
+    faint: np.float32,
+    square: tuple[int, int, int],
+) -> bool:
+    """Whether a square's corners say what it shows; they are known afterwards."""
+    top, left, n = square
+    most, mean, half = np.float32(0), np.float32(0), n // 2
+    one_surface = True
+    for k in range(4):
+        j, i = top + n * (k // 2), left + n * (k % 2)
+        _ask(canvas, view, world, sources, room, j, i)
+        most, mean = max(most, canvas.light[j, i]), mean + canvas.light[j, i] / np.float32(4)
+        one_surface = one_surface and _one_surface(world, canvas.face[top, left], canvas.face[j, i])
+    _ask(canvas, view, world, sources, room, top + half, left + half)
+    middle = canvas.light[top + half, left + half]
+    one_surface = one_surface and _one_surface(world, canvas.face[top, left], canvas.face[top + half, left + half])
+    if max(most, middle) < faint:
+        return True
+    limit = max(faint, np.float32(FLAT) * max(most, middle))
+    return bool(one_surface and abs(middle - mean) <= limit)
+
+
+@kernel
+def _one_surface(world: World, one: int, other: int) -> bool:
+    """Whether two faces are of one surface: neighbours in direction, on one solid."""
+    if one == other:
+        return True
+    if one < 0 or other < 0:
+        return False
+    for k in range(len(world.first) - 1):
+        if (one < world.first[k + 1]) != (other < world.first[k + 1]):
+            return False
+    cosine = 0.0
+    for a in range(3):
+        cosine += world.outwards[one, a] * world.outwards[other, a]
+    return cosine > SAME_SURFACE
+
+
+@kernel
+def _ask(canvas: Canvas, view: View, world: World, sources: Sources, room: Room, j: int, i: int) -> None:
+    """What the pixel shows, where it is not known yet."""
+    if canvas.face[j, i] > -2:
+        return
+    x, y = float(view.rays.x[j, i]), float(view.rays.y[j, i])
+    way, element = np.empty(3), np.empty((3, 3))
+    for a in range(3):
+        way[a] = view.R[a, 0] * x + view.R[a, 1] * y + view.R[a, 2]
+    hit = first_met(world, view.t, way, room.stack, room.points)
+    canvas.face[j, i] = hit.triangle
+    if hit.solid < 0:
+        return
+    normal_at(world, hit, element[1])
+    size = math.sqrt(way[0] * way[0] + way[1] * way[1] + way[2] * way[2])
+    towards = 0.0
+    for a in range(3):
+        element[0, a] = view.t[a] + hit.distance * way[a]
+        element[2, a] = -way[a] / size
+        towards += element[1, a] * element[2, a]
+    if towards < 0:
+        if world.closed[hit.solid]:
+            return
+        for a in range(3):
+            element[1, a] = -element[1, a]
+    light = radiance(sources, world, element, hit.solid, room)
+    canvas.light[j, i] = light * view.rays.of_radiance[j, i]
+
+
+@kernel
+def _fill(light: Float32, known: Float32, top: int, left: int, n: int) -> bool:
+    """Fill a square between its corners, linearly; whether there is any light in it."""
+    height, width = light.shape
+    a, b, c, d = known[top, left], known[top, left + n], known[top + n, left], known[top + n, left + n]
+    if a <= 0 and b <= 0 and c <= 0 and d <= 0:
+        return False
+    for j in range(top, min(top + n, height)):
+        t = np.float32((j - top) / n)
+        before, after = a + t * (c - a), b + t * (d - b)
+        for i in range(left, min(left + n, width)):
+            light[j, i] = before + np.float32((i - left) / n) * (after - before)
+    return True
+
+
+@kernel(fastmath=True)
+def _blur(light: Float32, taps: Float32, first: int, last: int) -> None:
+    """Blur rows first to last of the light (H, W), and those that it reaches, in place; nothing is outside."""
+    reach = len(taps) // 2
+    height, width = light.shape
+    low, high = max(first - reach, 0), min(last + reach, height - 1)
+    line = np.zeros(width + 2 * reach, np.float32)
+    rows = np.zeros((last - first + 1, width), np.float32)
+    for j in range(first, last + 1):
+        line[reach : reach + width] = light[j]
+        convolved(line, taps, rows[j - first])
+    for j in range(low, high + 1):
+        out = light[j]
+        out[:] = 0
+        for k in range(max(first, j - reach), min(last, j + reach) + 1):
+            weight, row = taps[reach + k - j], rows[k - first]
+            for i in range(width):
+                out[i] += weight * row[i]

@@ -1,0 +1,103 @@
+"""One wrong number in a file is named, and the answer's σ hold all the same; sound cells accuse nobody.
+
+Few cells, points with labels; benchmarks/calib_faults.py has the rates over many cells and kinds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from calib import CalibConfig
+from calib.bundle import solve_problem
+from calib.judge.suspects import evidence_of
+from calib.printed import nees
+from calib.synthetic.cell import Noise, SyntheticCell, calibrated, made_cell, observe, random_cell
+from calib.synthetic.problem import CALIBRATE_ONLY, problem_of, true_candidates
+from geometry import DhRobot
+from jig_cad import Jig
+
+NEES_LIMIT = 30.0  # a sound covariance exceeds it in 4 of 100,000 runs
+
+
+def _wrong(**rows: list[float]) -> Callable[[SyntheticCell], tuple[DhRobot, Jig]]:
+    return lambda cell: (cell.robot.with_changes(**rows), cell.jig)
+
+
+FAULTS: dict[str, Callable[[SyntheticCell], tuple[DhRobot, Jig]]] = {
+    "a2": _wrong(a=[0, 2.0, 0, 0, 0, 0]),
+    "theta5": _wrong(theta=[0, 0, 0, 0, float(np.deg2rad(0.5)), 0]),
+    "side_mm": lambda cell: (cell.robot, Jig.nominal(side_mm=cell.jig.side_mm + 0.5)),
+}
+
+
+@pytest.mark.parametrize("name", FAULTS)
+@pytest.mark.parametrize("model", ["auto", "scp"])
+def test_wrong_number_is_named_and_sigma_hold(name: str, model: str) -> None:
+    rng = np.random.default_rng(12)
+    cell = random_cell(rng, CALIBRATE_ONLY)
+    made = made_cell(cell, rng, Noise())
+    observed = observe(cell, made, rng, Noise())
+    robot, jig = FAULTS[name](cell)
+    result = calibrated(observed, jig, robot, CalibConfig(model=model))
+    assert result.verdict.code == "priors_contradict"
+    (culprit,) = result.culprit
+    assert name in (culprit.parameter, *culprit.same_as)
+    assert culprit.parameter in result.verdict.text or f"of joint {culprit.row}" in result.verdict.text
+    if result.verdict.trustworthy:
+        assert result.T_hand_sensor is not None
+        assert result.covariance is not None
+        assert nees(made.T_hand_sensor, result.T_hand_sensor, result.covariance) < NEES_LIMIT
+    else:
+        assert result.covariance is None
+
+
+def test_sound_cell_accuses_nobody_and_holds_both_answers() -> None:
+    rng = np.random.default_rng(5)
+    cell = random_cell(rng, CALIBRATE_ONLY)
+    made = made_cell(cell, rng, Noise())
+    result = calibrated(observe(cell, made, rng, Noise()), cell.jig, cell.robot)
+    assert (result.model, result.model_asked) == ("full", "auto")
+    assert result.verdict.code == "ok"
+    assert result.culprit == ()
+    assert result.nominal is not None
+    assert nees(made.T_hand_sensor, result.nominal.T_hand_sensor, result.nominal.covariance) < NEES_LIMIT
+
+
+def test_pulls_of_sound_cells_are_standard_normal() -> None:
+    """The mean square of all seen pulls of eight cells; pulls of one cell depend on one another."""
+    squares = []
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        cell = random_cell(rng, CALIBRATE_ONLY)
+        made = made_cell(cell, rng, Noise())
+        observed = observe(cell, made, rng, Noise())
+        solution = solve_problem(
+            problem_of(observed, cell), true_candidates(made), cell.design, CalibConfig(model="full")
+        )
+        trials = evidence_of(solution, observed.sensor).trials()
+        squares += [t.pull**2 for t in trials if t.seen and len(t.where) == 1]
+    assert 0.7 < np.mean(squares) < 1.4
+    assert np.max(squares) < 4.0**2
+
+
+def test_sensor_errors_by_its_file_widen_the_covariance() -> None:
+    from geometry.sensor import SensorUncertainty
+
+    rng = np.random.default_rng(6)
+    cell = random_cell(rng, CALIBRATE_ONLY)
+    observed = observe(cell, made_cell(cell, rng, Noise()), rng, Noise())
+    stated = SensorUncertainty.from_sigma({"fx_px": 10.0, "plane_tilt_y_rad": 1e-3})
+    doubtful = replace(observed, sensor=replace(observed.sensor, uncertainty=stated))
+    plain, wide = (calibrated(o, cell.jig, cell.robot) for o in (observed, doubtful))
+    estimated = calibrated(doubtful, cell.jig, cell.robot, CalibConfig(model="full+sensor"))
+    assert plain.covariance is not None
+    assert wide.covariance is not None
+    assert estimated.covariance is not None
+    assert np.trace(wide.covariance[:3, :3]) > np.trace(plain.covariance[:3, :3])
+    assert estimated.trusted is not None
+    assert set(estimated.trusted.sensor_delta) == {"fx_px", "plane_tilt_y_rad"}
+    assert np.trace(estimated.covariance[:3, :3]) < np.trace(wide.covariance[:3, :3])

@@ -1,0 +1,190 @@
+"""A sensor's calibration against truth that OpenCV's projection made."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from calib.sensor import SensorCalibration, calibrate_sensor, fit_direct
+from calib.sensor.bundle import stripe_points
+from calib.sensor.lens import project, undistort
+from calib.sensor.sheet_frame import sheet_frame
+from calib.sensor.start import fitted_plane
+from calib.sensor.terms import BOARD, CAMERA, PLANE, BoardCorners, StripeNoise, StripeOnBoard
+from calib.sensor.views import Views
+from geometry import Pose, State
+from geometry.sensor import CAMERA_PARAMETERS
+from tests.calib.sensor_views import SIZE, made_views, true_camera, true_plane
+
+STEP = 1e-30
+ATOL_PX = 1e-9
+ATOL_MM = 0.02
+CENTRE = (np.array(SIZE) - 1) / 2
+
+
+def _solved(seed: int, tilted: bool, **more: float) -> tuple[SensorCalibration, np.ndarray]:
+    rng = np.random.default_rng([seed, tilted])
+    camera = true_camera(rng, tilted)
+    return calibrate_sensor(made_views(rng, camera, **more), SIZE), camera
+
+
+def _whole_lens() -> np.ndarray:
+    return np.array(
+        [2300, 2310, 11, -7, -0.15, 0.2, 1e-3, -8e-4, 0.1, 0.01, 0.02, -0.03, 1e-3, -1e-3, 2e-3, 1e-3, 0.05, -0.08]
+    )
+
+
+def test_the_lens_is_opencvs_and_its_inverse_comes_back():
+    import cv2
+
+    camera, xy = _whole_lens(), np.random.default_rng(0).uniform(-0.28, 0.28, (40, 2))
+    K = np.array([[camera[0], 0, camera[2]], [0, camera[1], camera[3]], [0, 0, 1.0]])
+    reference = cv2.projectPoints(np.c_[xy, np.ones(40)], np.zeros(3), np.zeros(3), K, camera[4:])[0][:, 0]
+    np.testing.assert_allclose(project(camera, xy).value, reference, rtol=0, atol=ATOL_PX)
+    np.testing.assert_allclose(undistort(camera, reference).value, xy, rtol=0, atol=1e-12)
+
+
+def _scene() -> tuple[Views, State]:
+    rng = np.random.default_rng(3)
+    views = Views(tuple(made_views(rng, true_camera(rng, True), count=3, step=12)))
+    shifted = (
+        replace(
+            v,
+            corners=replace(v.corners, uv_px=v.corners.uv_px - CENTRE),
+            stripe=replace(v.stripe, uv_px=v.stripe.uv_px - CENTRE),
+        )
+        for v in views.views
+    )
+    views = Views(tuple(shifted))
+    boards = Pose(np.broadcast_to(np.eye(3), (3, 3, 3)).copy(), np.zeros((3, 3)))
+    boards = boards @ Pose.exp(rng.normal(0, 0.3, (3, 6)))
+    boards = Pose(boards.R, boards.t + np.array([-40.0, -25.0, 290.0]))
+    state = State({CAMERA: _whole_lens(), BOARD: boards})
+    return views, state.with_value(PLANE, fitted_plane(stripe_points(views, state)))
+
+
+@pytest.mark.parametrize("kind", ["corners", "stripe", "distance"])
+def test_jacobians_are_those_of_the_complex_step(kind: str):
+    views, state = _scene()
+    corners, stripe = BoardCorners(views), StripeOnBoard(views)
+    rows = {"corners": corners.errors, "stripe": stripe.errors, "distance": stripe.distances}[kind]
+    found = rows(state)
+    for name in found.jacobian:
+        size = found.jacobian[name].shape[-1]
+        for j in range(size):
+            d = np.zeros(size, dtype=complex)
+            d[j] = 1j * STEP
+            if name == BOARD:
+                board = state.pose(BOARD)
+                w = np.array([[0, -d[5], d[4]], [d[5], 0, -d[3]], [-d[4], d[3], 0]])
+                moved = Pose(board.R + board.R @ w, board.t + board.R @ d[:3])
+            else:
+                moved = state.vector(name) + d
+            expected = rows(state.with_value(name, moved)).residual.imag / STEP
+            scale = max(np.abs(expected).max(), 1e-6)
+            np.testing.assert_allclose(found.jacobian[name][..., j] / scale, expected / scale, rtol=0, atol=2e-7)
+
+
+def test_the_noise_of_a_stripe_is_made_independent():
+    views, _ = _scene()
+    noise = StripeNoise(np.array([2.0]), 7.0, 0.1)
+    term = StripeOnBoard(views, noise)
+    mine = views.view_of_stripe == 0
+    uv, sigma = views.stripe.uv_px[mine], 2.0 * views.stripe.sigma_px[mine]
+    step = np.linalg.norm(np.diff(uv, axis=0), axis=1)
+    place = np.concatenate([[0.0], np.cumsum(step)])
+    covariance = np.exp(-np.abs(place[:, None] - place) / 7.0) * np.outer(sigma, sigma)
+    along = np.linalg.norm(uv - uv[0], axis=1)
+    turn = (along - along.mean()) / np.std(along)
+    covariance = covariance + 0.1**2 * (1 + np.outer(turn, turn))
+    table = np.zeros((len(mine), int(mine.sum())))
+    table[mine] = np.eye(int(mine.sum()))
+    white = term.independent(table)[mine]
+    np.testing.assert_allclose(white @ covariance @ white.T, np.eye(len(white)), rtol=0, atol=1e-9)
+
+
+def test_exact_views_give_the_true_sensor():
+    found, camera = _solved(1, tilted=False, corner_px=1e-6, stripe_px=1e-6)
+    assert found.solution is not None
+    normal, distance = true_plane()
+    np.testing.assert_allclose(found.solution.camera[:4], camera[:4], rtol=0, atol=0.05)
+    np.testing.assert_allclose(found.solution.plane_normal, normal, rtol=0, atol=1e-5)
+    assert abs(found.solution.plane_mm - distance) < ATOL_MM
+    assert found.plane_rms_mm < 1e-3
+
+
+def test_the_frame_follows_the_convention():
+    camera = np.zeros(18)
+    camera[:2] = 2300.0
+    normal, distance = true_plane()
+    T = sheet_frame(camera, normal / distance).T_sensor_camera
+    x, y, z = T.R
+    np.testing.assert_allclose(np.cross(z, x), y, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(T.t, [distance, 0, 0], rtol=0, atol=1e-9)  # towards the camera, whose foot is the origin
+    axis = np.array([0, 0, 1.0]) - normal[2] * normal
+    np.testing.assert_allclose(z, axis / np.linalg.norm(axis), rtol=0, atol=1e-12)
+    moved = sheet_frame(camera, normal / distance, (3.0, 7.0)).T_sensor_camera
+    np.testing.assert_allclose(moved.t, [distance, -3, -7], rtol=0, atol=1e-9)
+    facing = sheet_frame(camera, np.array([0.02, 0.05, 1.0]) / 300)
+    assert facing.z_is_image_v
+    assert facing.T_sensor_camera.R[2] @ [0, 1, 0] > 0.99
+
+
+def nees(found: SensorCalibration, camera: np.ndarray) -> tuple[float, int]:
+    """Squared error of all stated parameters over their covariance, and their number."""
+    s = found.solution
+    assert s is not None
+    normal, distance = true_plane()
+    _, y, z = s.frame.T_sensor_camera.R
+    error = [
+        camera[CAMERA_PARAMETERS.index(n)] - s.camera[CAMERA_PARAMETERS.index(n)] for n in s.uncertainty.parameters[:-3]
+    ]
+    error += [(z @ normal), -(y @ normal), s.plane_mm - distance]
+    e = np.array(error)
+    return float(e @ np.linalg.solve(s.uncertainty.covariance, e)), len(e)
+
+
+def test_sigmas_are_true_for_upright_and_tilted_chips():
+    total = dof = 0.0
+    for seed in range(1):
+        for tilted in (False, True):
+            found, camera = _solved(seed, tilted)
+            assert ("tau_x" in found.solution.terms) == tilted
+            value, count = nees(found, camera)
+            total, dof = total + value, dof + count
+    assert 0.4 * dof < total < 1.9 * dof
+
+
+def test_a_board_that_moved_is_left_out_by_name():
+    rng = np.random.default_rng(5)
+    views = made_views(rng, true_camera(rng, False), count=9)
+    moved = views[4]
+    views[4] = replace(moved, stripe=replace(moved.stripe, uv_px=moved.stripe.uv_px + np.array([0.0, 12.0])))
+    found = calibrate_sensor(views, SIZE)
+    assert [v.name for v in found.views if not v.used] == [moved.name]
+    assert found.verdict.code == "ok"
+
+
+def test_parallel_boards_and_too_few_views_are_named():
+    rng = np.random.default_rng(6)
+    camera = true_camera(rng, False)
+    assert calibrate_sensor(made_views(rng, camera, count=6, tilt=0.0), SIZE).verdict.code == "boards_parallel"
+    one = calibrate_sensor(made_views(rng, camera, count=1), SIZE)
+    assert one.verdict.code == "too_few_views"
+    assert not one.verdict.is_answer
+
+
+def test_without_stripes_the_plane_is_open():
+    rng = np.random.default_rng(7)
+    views = [replace(v, stripe=v.stripe[:0]) for v in made_views(rng, true_camera(rng, False), count=5)]
+    assert calibrate_sensor(views, SIZE).verdict.code == "plane_not_determined"
+
+
+def test_a_direct_map_follows_the_bundle():
+    found, _ = _solved(2, tilted=False, count=8)
+    plain, bent = fit_direct(found, "homography", SIZE), fit_direct(found, "polynomial", SIZE)
+    assert plain.homography is not None
+    assert len(bent.polynomial) == 15
+    assert bent.rms_mm < 0.01 < plain.rms_mm  # the lens is in the polynomial, not in the homography

@@ -1,0 +1,174 @@
+"""calibrate-sensor on files: what is found, what is refused, and in which words."""
+
+from __future__ import annotations
+
+import json
+from functools import lru_cache
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from extraction.board import NoBoard, find_board
+from geometry import Board, Pose
+from workbench.cli.main import run
+from workbench.emulate import board_solids
+from workbench.files import board_text, find_views, read_board, read_sensor
+from workbench.sensor import exported
+
+BOARD = Board("checkerboard", 5, 4, 10.0)
+ATOL_PX = 0.02
+
+
+@lru_cache
+def _drawn(tilt: float, shift: float = 0.0, stripe: bool = False) -> tuple[np.ndarray, np.ndarray]:
+    """A picture (240, 320) of the board by an exact homography, eight times oversampled, and its corners."""
+    h = np.array([[3.6, 0.5 * tilt, 85 + shift], [-0.4, 3.4, 70], [4e-4 * tilt, 1e-3 * tilt, 1.0]])
+    v, u = np.mgrid[0:1920, 0:2560]
+    p = np.stack([(u + 0.5) / 8 - 0.5, (v + 0.5) / 8 - 0.5, np.ones(u.shape)], -1) @ np.linalg.inv(h).T
+    x, y = p[..., 0] / p[..., 2], p[..., 1] / p[..., 2]
+    on = (x > -10) & (x < 50) & (y > -10) & (y < 40)
+    dark = on & ((np.floor(x / 10) + np.floor(y / 10)) % 2 == 0)
+    grey = np.where(dark, 30.0, 170.0)
+    if stripe:
+        grey = 10 + 180 * np.exp(-0.5 * ((y - 15 - 0.2 * x) / 0.5) ** 2) * np.where(dark, 0.2, 1.0)
+    grey = cv2.GaussianBlur(grey, None, 7).reshape(240, 8, 320, 8).mean(axis=(1, 3))
+    noisy = grey + np.random.default_rng(0).normal(0, 1.0, grey.shape)
+    at = np.column_stack([BOARD.points_mm, np.ones(20)]) @ h.T
+    return np.clip(noisy, 0, 255).astype(np.uint8), at[:, :2] / at[:, 2:]
+
+
+def drawn(tilt: float, shift: float = 0.0, stripe: bool = False) -> tuple[np.ndarray, np.ndarray]:
+    """The picture and its corners, to be changed at will."""
+    image, corners = _drawn(tilt, shift, stripe)
+    return image.copy(), corners
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "board.toml").write_text(board_text(BOARD))
+    (tmp_path / "pictures").mkdir()
+    return tmp_path
+
+
+def called(folder: Path, capsys: pytest.CaptureFixture[str], *more: str) -> tuple[int, str, str]:
+    arguments = ["calibrate-sensor", str(folder / "pictures"), "--board", str(folder / "board.toml")]
+    code = run([*arguments, "--out", str(folder / "sensor.toml"), *more])
+    said = capsys.readouterr()
+    return code, said.out, said.err
+
+
+def test_corners_are_found_to_the_pixels_noise() -> None:
+    image, corners = drawn(1.0)
+    found = find_board(image, BOARD)
+    assert not isinstance(found, NoBoard)
+    assert len(found) == 20
+    nearest = np.linalg.norm(found.uv_px[:, None] - corners, axis=-1).min(axis=1)
+    assert nearest.max() < 4 * ATOL_PX
+    assert np.sqrt(np.mean(nearest**2)) < 2 * ATOL_PX
+
+
+def test_a_hidden_part_costs_its_corners_alone() -> None:
+    image, corners = drawn(1.0)
+    image[:, :118] = 170
+    found = find_board(image, BOARD)
+    assert not isinstance(found, NoBoard)
+    assert 12 <= len(found) < 20
+    assert np.linalg.norm(found.uv_px[:, None] - corners, axis=-1).min(axis=1).max() < 5 * ATOL_PX
+
+
+def test_no_pictures_is_a_sentence(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    code, _, err = called(folder, capsys)
+    assert code == 2
+    assert "NAME_off.png and NAME_on.png" in err
+
+
+def test_one_view_is_a_verdict(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    cv2.imwrite(str(folder / "pictures" / "a_off.png"), drawn(1.0)[0])
+    cv2.imwrite(str(folder / "pictures" / "a_on.png"), drawn(1.0, stripe=True)[0])
+    code, out, _ = called(folder, capsys, "--json", "--report", str(folder / "r.html"))
+    answer = json.loads(out)
+    assert code == 3
+    assert answer["verdict"]["code"] == "too_few_views"
+    assert not (folder / "sensor.toml").exists()
+    assert "caliper" in " ".join(answer["notes"])
+    assert "too_few_views" in (folder / "r.html").read_text(encoding="utf-8")
+
+
+def test_mixed_sizes_name_the_file(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for name in ("a_off", "a_on", "b_off"):
+        cv2.imwrite(str(folder / "pictures" / f"{name}.png"), drawn(1.0)[0])
+    cv2.imwrite(str(folder / "pictures" / "b_on.png"), drawn(1.0)[0][:200])
+    code, _, err = called(folder, capsys)
+    assert code == 2
+    assert "b_on.png: is 320 × 200 px, most others are 320 × 240 px" in err
+
+
+def test_a_board_counted_wrongly_is_named(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (folder / "board.toml").write_text(board_text(Board("checkerboard", 9, 8, 10.0)))
+    cv2.imwrite(str(folder / "pictures" / "a_off.png"), drawn(1.0)[0])
+    code, out, _ = called(folder, capsys, "--json")
+    answer = json.loads(out)
+    assert code == 3
+    assert answer["views"][0]["reason"] is not None or answer["n_corners"] <= 20
+
+
+def test_a_moved_board_is_noticed_by_its_corners(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    lit = drawn(1.0, shift=4.0)[0]
+    cv2.imwrite(str(folder / "pictures" / "a_off.png"), drawn(1.0)[0])
+    cv2.imwrite(str(folder / "pictures" / "a_on.png"), lit)
+    _, out, _ = called(folder, capsys, "--json")
+    assert "a: the board moved by 3.9 px between laser off and on" in " ".join(json.loads(out)["notes"])
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ('kind = "checkerbord"\n', "checkerbord"),
+        ('kind = "checkerboard"\ncorners = [9, 6]\n', "square_mm is missing"),
+        ('kind = "circles"\ncorners = [9, 6]\nsquare_mm = 1.0\npitch_mm = 1.0\n', "square_mm is no key"),
+        ('kind = "checkerboard"\ncorners = [1, 6]\nsquare_mm = 1.0\n', "1 columns"),
+    ],
+)
+def test_a_wrong_board_file_is_a_sentence(
+    folder: Path, capsys: pytest.CaptureFixture[str], text: str, words: str
+) -> None:
+    (folder / "board.toml").write_text(text)
+    code, _, err = called(folder, capsys)
+    assert code == 2
+    assert words in err
+
+
+def test_views_are_paired_by_name(folder: Path) -> None:
+    pictures = folder / "pictures"
+    for name in ("a_off", "a_on", "b_off", "c_on", "_d_off"):
+        (pictures / f"{name}.png").write_bytes(b"x")
+    said: list[str] = []
+    views = find_views(pictures, said.append)
+    assert [(v.name, v.stripe is not None) for v in views] == [("a", True), ("b", False)]
+    assert any("c_on" in s for s in said)
+
+
+def test_a_board_file_comes_back(folder: Path) -> None:
+    board = Board("charuco", 6, 4, 12.0, 9.0, "DICT_4X4_50")
+    (folder / "c.toml").write_text(board_text(board))
+    assert read_board(folder / "c.toml") == board
+
+
+def test_the_drawn_squares_cover_the_board_once() -> None:
+    bright, dark = board_solids(BOARD, Pose.identity())
+    assert dark.mesh.area == pytest.approx(15 * 100)
+    assert bright.mesh.area + dark.mesh.area == pytest.approx(80 * 70)
+
+
+def test_exports_hold_the_camera() -> None:
+    sensor = read_sensor(Path(__file__).parents[2] / "assets" / "sensors" / "nominal.toml")
+    camera = sensor.require_camera()
+    plain = json.loads(exported(sensor, "json"))
+    normal, distance = np.array(plain["laser_plane_camera"]["normal"]), plain["laser_plane_camera"]["distance_mm"]
+    on_sheet = camera.T_sensor_camera.inverse() @ np.array([0.0, 20.0, 300.0])
+    assert normal @ on_sheet == pytest.approx(distance, abs=1e-4)
+    assert "camera_matrix" in exported(sensor, "ros")
+    storage = cv2.FileStorage(exported(sensor, "opencv"), cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
+    np.testing.assert_allclose(storage.getNode("camera_matrix").mat(), camera.matrix, rtol=0, atol=1e-9)

@@ -1,0 +1,182 @@
+"""The answer of calibrate-sensor as JSON, and the sensor.toml that it writes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from calib.sensor import DirectMap, SensorCalibration, SensorSolution
+from geometry import Camera, Sensor, Sheet, toml_value
+from perceptron_emu import EmulatorConfig
+from workbench.files import sensor_text
+
+FAN_MARGIN = 1.15  # of the fan that the stripes filled: boards do not reach its ends
+FAN_DEG = (10.0, 170.0)
+UNSEEN = (
+    "a wrong square size scales everything and can not be seen in the pictures: measure the board with a caliper",
+    "mirrored pictures of a checkerboard can not be told from right ones: check that lettering reads the right way",
+)
+
+
+def answer_object(
+    result: SensorCalibration, n_corners: int, lost: tuple[tuple[str, str], ...], remarks: tuple[str, ...]
+) -> dict[str, Any]:
+    """The JSON of a calibration; lost: views without a board and why."""
+    s = result.solution
+    views: list[dict[str, Any]] = [
+        {
+            "view": v.name,
+            "used": v.used,
+            "reason": v.reason,
+            "reprojection_rms_px": v.reprojection_rms_px,
+            "plane_rms_mm": v.plane_rms_mm,
+            "left_out_reprojection_rms_px": v.left_out_px,
+            "left_out_plane_rms_mm": v.left_out_mm,
+        }
+        for v in result.views
+    ]
+    nothing = {"used": False, "reprojection_rms_px": None, "plane_rms_mm": None}
+    views += [{"view": name, "reason": reason} | nothing for name, reason in lost]
+    return {
+        "n_views": result.n_views,
+        "n_corners": n_corners,
+        "n_stripe_points": sum(len(v.stripe_mm) for v in result.views if v.stripe_mm is not None),
+        "reprojection_rms_px": result.reprojection_rms_px,
+        "plane_rms_mm": result.plane_rms_mm,
+        "left_out": {"by": "view", "reprojection_rms_px": result.left_out_px, "plane_rms_mm": result.left_out_mm},
+        "camera": None if s is None else camera_object(s),
+        "laser_plane_camera": None if s is None else {"normal": s.plane_normal, "distance_mm": s.plane_mm},
+        "T_sensor_camera": None if s is None else s.frame.T_sensor_camera.matrix,
+        "sigma_z_mm": _by_depth(result.sigma_z_mm),
+        "depth_mm": _by_depth(result.depth_mm),
+        "chi2_per_dof": result.chi2_per_dof,
+        "noise": {
+            "corner_scale": result.corner_scale,
+            "stripe_scale": result.stripe_scale,
+            "view_offset_px": result.offset_px,
+        },
+        "terms_tried": [
+            {
+                "terms": t.terms,
+                "left_out_reprojection_rms_px": t.reprojection_rms_px,
+                "left_out_plane_rms_mm": t.plane_rms_mm,
+            }
+            for t in result.tried
+        ],
+        "verdict": {"code": result.verdict.code, "text": result.verdict.text},
+        "views": sorted(views, key=lambda v: str(v["view"])),
+        "notes": [*result.notes, *remarks, *UNSEEN],
+    }
+
+
+def _by_depth(values: tuple[float, float, float] | None) -> dict[str, float] | None:
+    return None if values is None else dict(zip(("near", "middle", "far"), values, strict=True))
+
+
+def camera_object(s: SensorSolution) -> dict[str, Any]:
+    """Camera of a solution with σ of each number."""
+    sigma = s.uncertainty.sigma
+    names = ("fx_px", "fy_px", "cx_px", "cy_px")
+    out: dict[str, Any] = {name: float(v) for name, v in zip(names, s.camera, strict=False)}
+    out["distortion"] = list(s.distortion)
+    out["terms"] = list(s.terms)
+    return out | {"sigma": {name: value for name, value in sigma.items() if not name.startswith("plane")}}
+
+
+def calibrated_sensor(result: SensorCalibration, pictures: Sensor) -> Sensor | None:
+    """The sensor of a calibration; its emitter and fan are assumed. None where there is no solution."""
+    s = result.solution
+    if s is None:
+        return None
+    seen = pictures.require_camera()
+    fx, fy, cx, cy = (float(v) for v in s.camera[:4])
+    camera = Camera(
+        seen.width_px,
+        seen.height_px,
+        fx,
+        fy,
+        cx,
+        cy,
+        s.frame.T_sensor_camera,
+        s.distortion,
+        seen.bit_depth,
+        channel=seen.channel,
+    )
+    return Sensor(Sheet(np.zeros(3), np.deg2rad(_fan_deg(result))), camera, uncertainty=s.uncertainty)
+
+
+def _fan_deg(result: SensorCalibration) -> float:
+    """A fan from {P}'s origin that holds all stripes."""
+    points = np.concatenate([v.stripe_yz_mm for v in result.views if v.stripe_yz_mm is not None])
+    widest = float(np.max(np.abs(np.arctan2(points[:, 0], points[:, 1]))))
+    return float(np.clip(np.ceil(np.rad2deg(2 * widest) * FAN_MARGIN), *FAN_DEG))
+
+
+def calibrated_text(sensor: Sensor, result: SensorCalibration, direct: DirectMap | None = None) -> str:
+    """The sensor.toml of a calibration, with a direct map where one was asked for."""
+    facing = result.solution is not None and result.solution.frame.z_is_image_v
+    axis = (
+        "the image's v direction, for the optical axis stands near the plane's normal" if facing else "the optical axis"
+    )
+    head = [
+        "# calibrated from views of a board with the stripe on it",
+        f"# {{P}}: x = 0 the laser plane, x towards the camera, z {axis} in the plane, y = z × x;",
+        "# its origin is the foot of the camera's centre, unless it was moved",
+        "# [laser] origin_mm and fan_deg are assumed: a board does not show where the light comes from",
+        f"# verdict {result.verdict.code}: left-out views {result.left_out_px:.4f} px, {result.left_out_mm:.4f} mm off",
+    ]
+    return "\n".join(head) + "\n" + sensor_text(sensor, EmulatorConfig()) + direct_text(direct)
+
+
+def direct_text(direct: DirectMap | None) -> str:
+    """[direct] of a sensor.toml."""
+    if direct is None:
+        return ""
+    if direct.homography is not None:
+        return f"[direct]   # u v 1 -> y z 1\nhomography = {toml_value(direct.homography.tolist())}\n"
+    rows = ", ".join(f"[{i}, {j}, {y!r}, {z!r}]" for i, j, y, z in direct.polynomial)
+    return (
+        f"[direct]   # i, j, y, z of u^i v^j, from the image's centre over its half diagonal\npolynomial = [{rows}]\n"
+    )
+
+
+def exported(sensor: Sensor, kind: str) -> str:
+    """The camera for other software: "opencv" YAML, "ros" camera_info, or plain "json" with the laser plane."""
+    c = sensor.require_camera()
+    k, d = c.matrix, list(c.distortion) or [0.0] * 5
+    if kind == "opencv":
+        rows = [("camera_matrix", 3, 3, k.ravel().tolist()), ("distortion_coefficients", 1, len(d), d)]
+        normal = (-c.T_sensor_camera.R[0] * np.sign(c.centre_mm[0])).tolist()
+        plane = [*normal, float(abs(c.centre_mm[0]))]
+        rows.append(("laser_plane", 1, 4, plane))
+        body = [f"image_width: {c.width_px}", f"image_height: {c.height_px}"]
+        for name, r, n, data in rows:
+            body += [f"{name}: !!opencv-matrix", f"   rows: {r}", f"   cols: {n}", "   dt: d", f"   data: {data!r}"]
+        return "%YAML:1.0\n---\n" + "\n".join(body) + "\n"
+    if kind == "ros":
+        model = "plumb_bob" if len(d) <= 5 else "rational_polynomial"
+        lines = [f"image_width: {c.width_px}", f"image_height: {c.height_px}", "camera_name: line_sensor"]
+        lines += ["camera_matrix:", "  rows: 3", "  cols: 3", f"  data: {k.ravel().tolist()!r}"]
+        lines += [f"distortion_model: {model}", "distortion_coefficients:", "  rows: 1"]
+        five = (d + [0.0] * 5)[:5] if model == "plumb_bob" else d
+        lines += [f"  cols: {len(five)}", f"  data: {five!r}"]
+        lines += ["rectification_matrix:", "  rows: 3", "  cols: 3", f"  data: {np.eye(3).ravel().tolist()!r}"]
+        p = np.column_stack([k, np.zeros(3)])
+        lines += ["projection_matrix:", "  rows: 3", "  cols: 4", f"  data: {p.ravel().tolist()!r}"]
+        return "\n".join(lines) + "\n"
+    from workbench.report import json_text
+
+    T = c.T_sensor_camera
+    return (
+        json_text(
+            {
+                "image_size": [c.width_px, c.height_px],
+                "camera_matrix": k,
+                "distortion": d,
+                "T_sensor_camera": T.matrix,
+                "laser_plane_camera": {"normal": -T.R[0] * np.sign(T.t[0]), "distance_mm": float(abs(T.t[0]))},
+            }
+        )
+        + "\n"
+    )

@@ -1,0 +1,148 @@
+"""From pictures to numbers: the board and the stripe of every view."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib.sensor import BoardView, Corners, Stripe
+from extraction.board import BoardCorners, NoBoard, find_board, room_light_in_both, stripe_on_board
+from geometry import Board, InputError, Sensor
+from workbench.files import Image, ViewFiles, picture_sensor, read_image
+
+FULL_SHARE = 0.03  # of a board's pixels at full level: its white squares are flooded, corners and stripe with them
+SOFT_BLUR_PX = 3.0  # Gaussian σ of a square's edge beyond which a board is out of focus
+MOVED_PX = 0.5  # of a corner between the two pictures of a view, beside five of its σ
+FLOODED = "board and stripe are both saturated, with laser on and off: nothing is left to measure; expose shorter"
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """The views of a folder as numbers, and what was seen on the way.
+
+    lost: (name, why) of views without a board.
+    """
+
+    sensor: Sensor
+    board: Board
+    views: tuple[BoardView, ...]
+    lost: tuple[tuple[str, str], ...]
+    remarks: tuple[str, ...]
+    pictures: dict[str, Image]
+
+
+def read_recording(
+    files: Sequence[ViewFiles],
+    board: Board,
+    channel: str | None = None,
+    progress: Callable[[int, int], None] = lambda done, of: None,
+) -> Recording:
+    """Find board and stripe in every view.
+
+    Parameters
+    ----------
+    files
+        As `find_views` gives them.
+    board
+        What was recorded.
+    channel
+        Of colour pictures; the largest of the channels where None.
+    progress
+        Told how many of how many views are done.
+
+    Returns
+    -------
+    Recording
+        Views with a board; those without are named with the reason.
+
+    Raises
+    ------
+    InputError
+        Where a file can not be read, or pictures differ in size or depth.
+
+    """
+    paths = tuple(dict.fromkeys(p for f in files for p in (f.board, f.stripe) if p is not None))
+    sensor = picture_sensor(paths, channel)
+    said: list[str] = []
+    views, lost, pictures = [], [], {}
+    for i, file in enumerate(files):
+        image = read_image(file.board, sensor, said.append, lossy=True)
+        lit = image
+        if file.stripe is not None and file.stripe != file.board:
+            lit = read_image(file.stripe, sensor, said.append, lossy=True)
+        found = find_board(image, board)
+        if isinstance(found, NoBoard):
+            lost.append((file.name, found.reason))
+        else:
+            view, more = _view(file, board, image, lit, found)
+            said += more
+            views.append(view)
+            pictures[file.name] = image
+        progress(i + 1, len(files))
+    if not views and files:
+        said += _other_counts(read_image(files[0].board, sensor, lossy=True), board)
+    return Recording(sensor, board, tuple(views), tuple(lost), tuple(dict.fromkeys(said)), pictures)
+
+
+def _view(file: ViewFiles, board: Board, image: Image, lit: Image, found: BoardCorners) -> tuple[BoardView, list[str]]:
+    corners = Corners(found.xy_mm, found.uv_px, found.covariance_px2)
+    said = []
+    if found.blur_px > SOFT_BLUR_PX:
+        said.append(
+            f"{file.name}: the board is out of focus (its edges are blurred by {found.blur_px:.1f} px): stop down, or "
+            "keep it within the depth of field"
+        )
+    if file.stripe is None:
+        return BoardView(file.name, corners, Stripe.nothing()), said
+    single = file.stripe == file.board
+    if _flooded(image, found) and (single or _flooded(lit, found)):
+        return BoardView(file.name, corners, Stripe.nothing()), [*said, f"{file.name}: {FLOODED}"]
+    if not single and room_light_in_both(lit, image, board, found):
+        moved = _moved(lit, board, found)
+        if moved is not None:
+            text = f"{file.name}: the board moved by {moved:.1f} px between laser off and on: its stripe is left out"
+            return BoardView(file.name, corners, Stripe.nothing()), [*said, text]
+    peaks = stripe_on_board(lit, None if single else image, board, found)
+    return BoardView(file.name, corners, Stripe(peaks.uv_px, peaks.normal, peaks.sigma_px)), said
+
+
+def _flooded(image: Image, found: BoardCorners) -> bool:
+    """Whether the bright squares of a board are at full level."""
+    low, high = np.floor(found.uv_px.min(axis=0)).astype(int), np.ceil(found.uv_px.max(axis=0)).astype(int) + 1
+    cut = image[max(low[1], 0) : high[1], max(low[0], 0) : high[0]]
+    full = 255 if image.dtype == np.uint8 else int(image.max())
+    return bool(cut.size) and float((cut >= full).mean()) > FULL_SHARE + 0.25
+
+
+def _moved(lit: Image, board: Board, found: BoardCorners) -> float | None:
+    """How far [px] the corners stand elsewhere in the picture with the stripe; None where they do not."""
+    again = find_board(lit, board)
+    if isinstance(again, NoBoard):
+        return None
+    distance = np.linalg.norm(again.uv_px[:, None] - found.uv_px[None], axis=-1)
+    nearest = distance.min(axis=1)
+    sigma = np.sqrt(np.median(np.trace(found.covariance_px2, axis1=1, axis2=2)))
+    shift = float(np.median(nearest))
+    return shift if shift > MOVED_PX + 5 * sigma else None
+
+
+def _other_counts(image: Image, board: Board) -> list[str]:
+    """Whether a board of other counts is seen where the stated one is not."""
+    if board.kind != "checkerboard":
+        return []
+    for columns in range(board.columns - 2, board.columns + 3):
+        for rows in range(board.rows - 2, board.rows + 3):
+            if (columns, rows) == (board.columns, board.rows) or min(columns, rows) < 3:
+                continue
+            try:
+                other = find_board(image, Board("checkerboard", columns, rows, board.pitch_mm), quick=True)
+            except InputError:
+                continue
+            if not isinstance(other, NoBoard):
+                return [
+                    f"a board of {columns} × {rows} inner corners is seen where board.toml says "
+                    f"{board.columns} × {board.rows}: count the corners between squares, not the squares"
+                ]
+    return []

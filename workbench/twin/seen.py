@@ -1,0 +1,182 @@
+"""What extraction sees of stripe images, in numbers that change with the sensor's light, lens and chip."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from extraction import Profile, StripeConfig, extract_profile
+from geometry import Sensor
+
+Array = NDArray[np.float64]
+Image = NDArray[np.uint8] | NDArray[np.uint16]
+
+PARTS = 4  # of each image's stripe: the scatter of their figures gives the σ of the means
+MIN_SECTIONS = 60  # of a part
+SMOOTH_SECTIONS = 15  # half-width of the running parabola that stands for the smooth line
+LEVELS = (0.08, 0.2, 0.4, 0.6, 0.85)  # of the stripe's height: edges of bins of mean light
+BAND_WIDTHS = 4.0  # of the stripe: its own light lies within
+ROOM_PX = (25, 45)  # from the stripe: the surface beside it in room light
+CLEAR_PX = 60  # from the stripe: no laser light
+DARKEST = 5.0  # percentile of blocks that stands for the black level
+BLOCK_PX = 32
+
+NAMES = (
+    "height", "width", "fan", "line_rms", "line_lag1", "line_lag2", "height_rms", "height_lag1", "height_lag2",
+    "width_rms", "noise_0", "noise_1", "noise_2", "noise_3", "room", "black", "dark_noise",
+)  # fmt: skip
+_LOG = {
+    "height",
+    "width",
+    "line_rms",
+    "height_rms",
+    "width_rms",
+    "noise_0",
+    "noise_1",
+    "noise_2",
+    "noise_3",
+    "dark_noise",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """What extraction sees of one image.
+
+    image: grey levels. profile: its points, those in doubt left out. residual_px: of each point from the smooth line
+    (N,), NaN near ends. parts: figures (P, len(NAMES)) of its parts, NaN where a part can not tell.
+    """
+
+    image: Image
+    profile: Profile
+    residual_px: Array
+    parts: Array
+
+
+def see(image: Image, sensor: Sensor, config: StripeConfig) -> Seen:
+    """Extract an image's stripe and take its figures."""
+    profile = extract_profile(image, sensor, config)
+    profile = profile[profile.peaks.flag == 0]
+    peaks = profile.peaks
+    across = peaks.uv_px[:, 1] if _along_u(profile) else peaks.uv_px[:, 0]
+    line = smooth(peaks.section, across)
+    residual = np.abs(peaks.normal[:, 1 if _along_u(profile) else 0]) * (across - line)
+    count = max(1, min(PARTS, len(profile) // MIN_SECTIONS))
+    bounds = np.linspace(0, len(profile), count + 1).astype(int)
+    rows = [
+        _figures(image, sensor, profile, residual, slice(a, b)) for a, b in pairwise(bounds) if b - a >= MIN_SECTIONS
+    ]
+    return Seen(image, profile, residual, np.array(rows).reshape(-1, len(NAMES)))
+
+
+def gaps(seen: Seen) -> int:
+    """Sections without a point between the stripe's first and last."""
+    section = seen.profile.peaks.section
+    return int(np.ptp(section) + 1 - len(np.unique(section))) if len(section) else 0
+
+
+def smooth(section: NDArray[np.int32], values: Array) -> Array:
+    """Running parabola through values at sections (N,); NaN where fewer than half of the sections have one."""
+    out = np.full(len(values), np.nan)
+    if len(values) < SMOOTH_SECTIONS:
+        return out
+    first = int(section.min())
+    n = int(section.max()) - first + 1
+    line, there = np.zeros(n), np.zeros(n)
+    line[section - first], there[section - first] = values - values.mean(), 1.0
+    x = np.arange(-SMOOTH_SECTIONS, SMOOTH_SECTIONS + 1, dtype=float)
+    m0, m1, m2, m3, m4 = (np.convolve(there, (x**k)[::-1], "same") for k in range(5))
+    b0, b1, b2 = (np.convolve(line, (x**k)[::-1], "same") for k in range(3))
+    matrix = np.stack([np.stack([m0, m1, m2], -1), np.stack([m1, m2, m3], -1), np.stack([m2, m3, m4], -1)], -2)
+    good = m0 > SMOOTH_SECTIONS
+    fitted = np.full(n, np.nan)
+    fitted[good] = np.linalg.solve(matrix[good], np.stack([b0, b1, b2], -1)[good][..., None])[:, 0, 0]
+    out = fitted[section - first] + values.mean()
+    return np.asarray(out)
+
+
+def _along_u(profile: Profile) -> bool:
+    return len(profile) == 0 or bool(np.median(np.abs(profile.peaks.normal[:, 1])) > np.sqrt(0.5))
+
+
+def _figures(image: Image, sensor: Sensor, profile: Profile, residual: Array, here: slice) -> Array:
+    part, own = profile[np.arange(*here.indices(len(profile)))], residual[here]
+    peaks, values = part.peaks, dict.fromkeys(NAMES, np.nan)
+    values["height"], values["width"] = (float(np.median(v)) for v in (peaks.amplitude_dn, peaks.width_px))
+    angle = np.arctan2(part.yz_mm[:, 0] - sensor.sheet.origin_mm[1], part.yz_mm[:, 1] - sensor.sheet.origin_mm[2])
+    off = np.abs(angle) / (sensor.sheet.fan_rad / 2)
+    values["fan"] = float(np.mean(np.log(peaks.amplitude_dn) * (off - off.mean())) / max(np.var(off), 1e-6))
+    section = peaks.section
+    values["line_rms"], values["line_lag1"], values["line_lag2"] = _scatter(section, own)
+    height = np.log(np.maximum(peaks.amplitude_dn, 1e-3))
+    values["height_rms"], values["height_lag1"], values["height_lag2"] = _scatter(
+        section, height - smooth(section, height)
+    )
+    values["width_rms"] = _scatter(section, np.log(peaks.width_px) - smooth(section, np.log(peaks.width_px)))[0]
+    values.update(_noise_of_levels(image, part))
+    values.update(_surroundings(image, part))
+    return np.array([np.log(max(values[n], 1e-9)) if n in _LOG else values[n] for n in NAMES])
+
+
+def _scatter(section: NDArray[np.int32], residual: Array) -> tuple[float, float, float]:
+    """Robust rms of residuals, and their correlation from one section to the next and to the one after it."""
+    good = np.isfinite(residual)
+    if good.sum() < MIN_SECTIONS // 2:
+        return np.nan, np.nan, np.nan
+    rms = 1.4826 * float(np.median(np.abs(residual[good])))
+    line = np.full(int(np.ptp(section)) + 1, np.nan)
+    line[section - section.min()] = np.clip(residual, -4 * rms, 4 * rms)
+    products = [line[k:] * line[:-k] for k in (1, 2)]
+    if any(np.isfinite(p).sum() < MIN_SECTIONS // 4 for p in products):
+        return rms, np.nan, np.nan
+    power = max(float(np.nanmean(line**2)), 1e-12)
+    return rms, float(np.nanmean(products[0])) / power, float(np.nanmean(products[1])) / power
+
+
+def _noise_of_levels(image: Image, part: Profile) -> dict[str, float]:
+    """Variance of second differences along the stripe, over 6, in bins of mean light."""
+    peaks = part.peaks
+    grey = image if _along_u(part) else image.T
+    along, across = (0, 1) if _along_u(part) else (1, 0)
+    reach = int(np.ceil(BAND_WIDTHS * float(np.median(peaks.width_px))))
+    u = peaks.uv_px[:, along].round().astype(int)
+    v = peaks.uv_px[:, across].round().astype(int)
+    keep = (u > 0) & (u < grey.shape[1] - 1) & (v - reach > 0) & (v + reach < grey.shape[0] - 1)
+    rows = v[keep, None] + np.arange(-reach, reach + 1)
+    left, middle, right = (grey[rows, (u[keep] + k)[:, None]].astype(float) for k in (-1, 0, 1))
+    background = peaks.background_dn[keep][:, None]
+    level = ((left + middle + right) / 3 - background) / peaks.amplitude_dn[keep][:, None]
+    second = (left - 2 * middle + right) ** 2 / 6
+    out = {}
+    for k, (low, high) in enumerate(pairwise(LEVELS)):
+        inside = (level >= low) & (level < high)
+        out[f"noise_{k}"] = float(np.mean(second[inside])) if inside.sum() > MIN_SECTIONS else np.nan
+    return out
+
+
+def _surroundings(image: Image, part: Profile) -> dict[str, float]:
+    """Room light beside the stripe, the black level and the noise where no laser light is."""
+    mask = np.ones(image.shape, np.uint8)
+    at = part.peaks.uv_px.round().astype(int)
+    mask[np.clip(at[:, 1], 0, image.shape[0] - 1), np.clip(at[:, 0], 0, image.shape[1] - 1)] = 0
+    distance = cv2.distanceTransform(mask, cv2.DIST_L2, 3)
+    beside = (distance > ROOM_PX[0]) & (distance < ROOM_PX[1])
+    room = np.nan
+    if beside.any():  # a median of whole grey levels is whole: the mean about it is not
+        middle = float(np.median(image[beside]))
+        room = float(np.mean(np.clip(image[beside], middle - 3, middle + 3)))
+    height, width = (n // BLOCK_PX * BLOCK_PX for n in image.shape)
+    shape = height // BLOCK_PX, BLOCK_PX, width // BLOCK_PX, BLOCK_PX
+    blocks = image[:height, :width].reshape(shape).swapaxes(1, 2).reshape(-1, BLOCK_PX, BLOCK_PX).astype(float)
+    clear = distance[:height, :width].reshape(shape).swapaxes(1, 2).reshape(-1, BLOCK_PX**2).min(1) > CLEAR_PX
+    blocks = blocks[clear]
+    if len(blocks) == 0:
+        return {"room": room}
+    means = blocks.mean((1, 2))
+    dark = blocks[means <= np.percentile(means, DARKEST)]
+    second = np.diff(dark, 2, axis=2) ** 2 / 6
+    return {"room": room, "black": float(dark.mean()), "dark_noise": float(second.mean())}
