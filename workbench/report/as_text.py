@@ -92,7 +92,7 @@ def _short(label: str) -> str:
 
 
 def _location_table(result: CalibrationResult) -> Table:
-    table = Table(title="Jig locations, design → solved, in mm", title_justify="left")
+    table = Table(title="Locations, design → solved, in mm", title_justify="left")
     table.add_column("location", no_wrap=True)
     table.add_column("role", no_wrap=True)
     for heading in ("frames", "distance deviation, max (Fig. 7)", "3-D spread, max", "point rms"):
