@@ -170,7 +170,9 @@ class Evidence:
         pull = float(np.sqrt(max(float(c[where] @ size) - MORE_COMPONENTS * (len(where) - 1), 0.0)))
         sign = -1.0 if len(where) == 1 and size[0] < 0 else 1.0
         gross = self.scale[where]
-        return Trial(suspect, where, size * gross, np.sqrt(np.maximum(np.diag(inverse), 0.0)) * gross, sign * pull, seen)
+        return Trial(
+            suspect, where, size * gross, np.sqrt(np.maximum(np.diag(inverse), 0.0)) * gross, sign * pull, seen
+        )
 
 
 def evidence_of(solution: Solution, sensor: Sensor | None) -> Evidence:
