@@ -16,7 +16,6 @@ from calib.synthetic.cell import CellFrames, Noise, SyntheticCell, calibrated, m
 from calib.synthetic.problem import CALIBRATE_ONLY
 from geometry import ArmConfiguration, InputError, Pose
 
-RUNS = 60
 ATOL_MM = 1e-6
 
 
@@ -31,13 +30,14 @@ def _draw(rng: np.random.Generator, cell: SyntheticCell) -> tuple[SyntheticCell,
     return made, _poses(cell, observe(cell, made, rng, Noise()))
 
 
-def test_sigma_is_true_with_a_robot_table() -> None:
-    """Mean NEES of 60 draws within the 99.9 % interval of chi² (n = 6); no sound data set is refused.
+@pytest.mark.parametrize("runs", [18, pytest.param(90, marks=pytest.mark.slow)])
+def test_sigma_is_true_with_a_robot_table(runs: int) -> None:
+    """Mean NEES of the draws within the 99.9 % interval of chi² (n = 6); no sound data set is refused.
 
     The cells' joints are drawn among all arm configurations, so that many frames get another solution's joints.
     """
     rng, errors = np.random.default_rng(21), []
-    for i in range(RUNS):
+    for i in range(runs):
         if i % 6 == 0:
             cell = random_cell(rng, CALIBRATE_ONLY)
         made, poses = _draw(rng, cell)
@@ -46,9 +46,9 @@ def test_sigma_is_true_with_a_robot_table() -> None:
         assert result.T_hand_sensor is not None
         assert result.covariance is not None
         errors.append(nees(made.T_hand_sensor, result.T_hand_sensor, result.covariance))
-    low, high = chi2.ppf([0.0005, 0.9995], 6 * RUNS) / RUNS
+    low, high = chi2.ppf([0.0005, 0.9995], 6 * runs) / runs
     assert low < np.mean(errors) < high
-    assert np.mean(np.array(errors) > chi2.isf(0.05, 6)) < 0.15
+    assert np.mean(np.array(errors) > chi2.isf(0.05, 6)) < 0.15 + 1 / runs
 
 
 def test_joints_found_again_give_the_poses() -> None:

@@ -139,7 +139,7 @@ def test_closure_jacobians_equal_the_complex_step() -> None:
     robot, q = industrial_arm(), rng.uniform(-1, 1, (4, 6))
     seated = Seated(Hands(robot, q), np.array([0, 0, 1, 1]), np.array([0, 1, 0, 0]), 0.1)
     values, tool, sockets = rng.normal(size=24) * 1e-3, rng.normal(size=3) * 50, rng.normal(size=(2, 6)) * 100
-    state = State({"tool": tool, "robot": values, "sockets": sockets})
+    state = State({"tool": tool, "robot": values, "excess": np.array([0.3]), "sockets": sockets})
     lin = seated.linearise(state)
     rows = {row.group: i for i, row in enumerate(DH_ROWS)}
     for name, size in (("tool", 3), ("robot", 24)):

@@ -37,7 +37,7 @@ def test_unusable_images_are_refused_in_one_sentence(image, words):
 def test_a_huge_image_is_refused_before_anything_is_computed():
     image = np.lib.stride_tricks.as_strided(np.zeros(1, np.uint8), (60_000, 60_000), (0, 0))
     with pytest.raises(InputError, match="at most"):
-        extract(image, make_sensor(60_000, 60_000))
+        extract(image, make_sensor(60_000, 60_000, fx_px=90_000.0, fy_px=90_000.0))
 
 
 def test_eight_bit_image_for_a_deeper_sensor_is_refused():
@@ -69,7 +69,7 @@ def test_images_without_spots_are_empty_and_say_why(image, words):
 def test_tiny_sensors_do_not_crash(size):
     width, height = size
     image = np.random.default_rng(3).integers(0, 255, (height, width)).astype(np.uint8)
-    extract(image, make_sensor(width, height))
+    extract(image, make_sensor(width, height, fx_px=2.0 * max(size), fy_px=2.0 * max(size)))
 
 
 def corrupted(rng: np.random.Generator, image: np.ndarray) -> np.ndarray:

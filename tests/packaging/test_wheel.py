@@ -39,6 +39,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return built
 
 
+@pytest.mark.packaging
 def test_wheel_installs_in_an_empty_environment_and_runs_the_demo(wheel: Path, tmp_path: Path) -> None:
     venv.create(tmp_path / "env", with_pip=True)
     bin_dir = tmp_path / "env" / ("Scripts" if os.name == "nt" else "bin")

@@ -45,7 +45,7 @@ def cell_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     cell = Cell(
         folder=folder,
         sensor=sensor,
-        jig=jig,
+        target=jig,
         robot=robot,
         frames=(),
         T_hand_sensor_design=DESIGN_SCP,
