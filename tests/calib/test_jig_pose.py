@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from calib.pose.crossing import anchor_jacobian, crossings, crossings_jacobian
@@ -68,6 +68,7 @@ def test_jig_pose_recovers_exact_points_of_any_jig(seed):
 
 
 @given(seeds)
+@example(366388)
 @settings(max_examples=30, deadline=None)
 def test_all_minima_are_found(seed):
     """No start out of 60 random ones reaches a minimum, possible for the strings, below any that jig_pose lists."""
@@ -84,7 +85,8 @@ def test_all_minima_are_found(seed):
     for i in np.flatnonzero(good):
         distance = [off(dense.T_sensor_jig[int(i)], c.T_sensor_jig) for c in result.candidates]
         assert min(shift + 100 * turn for shift, turn in distance) < 2.0
-    assert result.best.cost <= np.min(dense.cost[good], initial=np.inf) + 1e-3
+    # the best is the most likely, with the anchors' tolerance: of two mirror poses it may be the one of higher cost
+    assert min(c.cost for c in result.candidates) <= np.min(dense.cost[good], initial=np.inf) + 1e-3
 
 
 @given(seeds)
