@@ -38,7 +38,7 @@ _MAX_PULL = 20.0  # of the prior's σ, three times [uncertainty]: 1.8° of a θ,
 
 
 @dataclass(frozen=True)
-class Pull:
+class Correction:
     """What a fit corrects of one of the robot's parameters, in ``unit``, and in the σ of its prior."""
 
     parameter: str
@@ -80,7 +80,7 @@ class ClosureResult:
     code: Code
     text: str
     found_distance_mm: tuple[float, float] | None
-    pulls: tuple[Pull, ...]
+    pulls: tuple[Correction, ...]
 
     @property
     def gain_mm2(self) -> tuple[float, float]:
@@ -211,7 +211,7 @@ def _judged(
     calibrated: ClosureFit,
     tried: ClosureFit | None,
     held_out: Sequence[HeldOut],
-    pulls: Sequence[Pull],
+    pulls: Sequence[Correction],
 ) -> tuple[Code, str]:
     """The gravest first. tried: the calibrated robot with the distance of two sockets free."""
     if nominal.rms_mm > _GROSS_MM or calibrated.chi2_per_dof > _MAX_CHI2:
@@ -245,15 +245,15 @@ def _judged(
     return ("ok" if _shown(*_gain(held_out), len(held_out)) else "no_gain"), _text(held_out)
 
 
-def _pulls(fit: ClosureFit, robot: Robot) -> tuple[Pull, ...]:
+def _pulls(fit: ClosureFit, robot: Robot) -> tuple[Correction, ...]:
     rows = []
     for p, value, pull in zip(robot.parameters, fit.parameters, fit.pulls, strict=False):
         size, unit = (np.rad2deg(value), "deg") if p.unit == "rad" else (value, p.unit)
-        rows.append(Pull(p.name, float(size), unit, float(pull)))
+        rows.append(Correction(p.name, float(size), unit, float(pull)))
     return tuple(sorted(rows, key=lambda row: (-round(abs(row.pull_sigma), 6), row.parameter)))
 
 
-def _in_words(pulls: Sequence[Pull]) -> str:
+def _in_words(pulls: Sequence[Correction]) -> str:
     return ", ".join(f"{p.parameter} is changed by {p.size:+.3g} {p.unit} ({abs(p.pull_sigma):.0f} σ)" for p in pulls)
 
 

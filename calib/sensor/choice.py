@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from calib.engine import Result
 from calib.sensor.bundle import SensorBundle, plane_start, tilted_start
-from calib.sensor.left_out import LeftOut, left_out
+from calib.sensor.left_out import LeftOutViews, left_out
 from calib.sensor.noise import first_noise, with_noise
 from geometry import State
 
@@ -43,7 +43,7 @@ class Choice:
 
     bundle: SensorBundle
     result: Result
-    left_out: LeftOut
+    left_out: LeftOutViews
     tried: tuple[Tried, ...]
 
 
@@ -61,7 +61,7 @@ class Tried:
 class _Fit:
     bundle: SensorBundle
     result: Result
-    out: LeftOut
+    out: LeftOutViews
 
     @property
     def score(self) -> float:

@@ -23,7 +23,7 @@ BOARD_FREEDOM = 6
 
 
 @dataclass(frozen=True, eq=False)
-class LeftOut:
+class LeftOutViews:
     """Of every view (V,), predicted by the others.
 
     Parameters
@@ -70,7 +70,7 @@ class LeftOut:
         return float(np.sqrt(np.sum(self.stripe_mm[seen] ** 2 * self.stripe_count[seen]) / total)) if total else np.nan
 
 
-def left_out(bundle: SensorBundle, result: Result) -> LeftOut:
+def left_out(bundle: SensorBundle, result: Result) -> LeftOutViews:
     """What the others predict of each view."""
     u, views = result.unknowns, bundle.views
     free = u.free
@@ -114,7 +114,7 @@ def left_out(bundle: SensorBundle, result: Result) -> LeftOut:
                 np.sqrt(max(float(variance), 0.0)),
             )
             table[v, 8] = seen.sum()
-    return LeftOut(*table.T)
+    return LeftOutViews(*table.T)
 
 
 @dataclass(frozen=True, eq=False)
