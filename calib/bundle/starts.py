@@ -17,6 +17,7 @@ Mask = NDArray[np.bool_]
 _STRAY_MM, _STRAY_TIMES = 200.0, 8.0  # beyond any mounting's error, and times the median of the location's frames
 _STRAY_LEAST = 4  # frames of a location, of which most agree
 
+
 def chain_start(bundle: Bundle, T_hand_sensor: Pose, candidates: Sequence[Pose]) -> tuple[State, Pose]:
     """A start from an SCP: each location's target where its frames agree; with the chosen Ts_sensor_target (F).
 

@@ -5,7 +5,7 @@ Each suspicion is tried alone, without any solution: it is named where motions t
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from itertools import combinations, product
 
 import numpy as np
@@ -48,6 +48,21 @@ def culprit(labelled: tuple[Frame, ...], jig: Jig, robot: Robot | None) -> str:
         or _frames(v, apart.min(axis=0), jig)
         or (_turned(v, (apart[0] >= 1.0) & agree, jig) if agree.mean() >= SOUND else "")
     )
+
+
+def strangers(labelled: tuple[Frame, ...], jig: Jig, gone: Collection[int]) -> str:
+    """A sentence on the frames ``gone`` (their numbers) that were left out, where they move as none of their location.
+
+    "" where there is nothing to be said of them.
+    """
+    used = tuple(s for s in labelled if s.role == "calibrate" and s.usable)[:MOST_FRAMES]
+    v = views_of(used, jig)
+    if len(v.pairs) < LEAST_PAIRS:
+        return ""
+    apart = disagreement(v, stack_poses([s.at for s in used])).min(axis=0)
+    named = {i for i, f in enumerate(v.frames) if f.number in gone}
+    off = np.array([bool({int(i), int(j)} & named) for i, j in v.pairs])
+    return _frames(v, np.where(off, apart, 0.0), jig)
 
 
 def _turned(v: Views, only: Mask, jig: Jig) -> str:

@@ -58,7 +58,7 @@ class SensorDeviation:
         twists = self._plane_twists(T, change.get("plane_tilt_z_rad", 0.0))
         lengths = np.array([1 + change.get("scale_y", 0.0), 1 + change.get("scale_z", 0.0)])
         flat = (self.seen(yz_mm, values).yz_mm / lengths).reshape(-1, 2)
-        out = np.zeros((len(flat), 2, len(self.names)))
+        out: Array = np.zeros((len(flat), 2, len(self.names)))
         if self.sensor.camera is not None:
             seen_by = _Pinhole.of(self.sensor.camera, change, T)
             points = np.column_stack([np.zeros(len(flat)), flat])
@@ -167,7 +167,7 @@ def _on_plane(sensor: Sensor, yz_mm: Array, change: dict[str, float], T_sensor_s
 
 @dataclass(frozen=True, eq=False)
 class _Pinhole:
-    """The corrected camera in the corrected plane's frame: its turn R (3, 3), centre (3,), focal lengths (2,), lens (14,)."""
+    """The corrected camera in the corrected plane's frame: turn R (3, 3), centre (3,), focals (2,), lens (14,)."""
 
     R: Array
     centre_mm: Array
@@ -189,7 +189,7 @@ class _Pinhole:
         seen = (points_mm - self.centre_mm) @ self.R
         xy, depth = seen[:, :2] / seen[:, 2:], seen[:, 2]
         bent, h = (distort(xy, self.lens) if np.any(self.lens) else xy), 1e-6
-        out = np.zeros((len(xy), 2, len(names)))  # what the bent coordinates must make good
+        out: Array = np.zeros((len(xy), 2, len(names)))  # what the bent coordinates must make good
         for j, name in enumerate(names):
             if name in _LENS:
                 step = np.zeros(len(self.lens))
@@ -203,5 +203,5 @@ class _Pinhole:
                 out[:, k, j] = -1 / self.focal_px[k]
         if np.any(self.lens):
             by = [(distort(xy + h * e, self.lens) - distort(xy - h * e, self.lens)) / (2 * h) for e in np.eye(2)]
-            out = np.linalg.solve(np.stack(by, -1), out)
+            out[:] = np.linalg.solve(np.stack(by, -1), out)
         return np.asarray(depth[:, None, None] * (np.swapaxes(out, 1, 2) @ self.R[:, :2].T))
