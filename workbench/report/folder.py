@@ -25,7 +25,9 @@ def write_results(out: Path, cell: Cell, observed: Observed, result: Calibration
 
     """
     write_text(out / "result.json", json_text(calibration_object(result, observed.complaints, cell)) + "\n")
-    write_text(out / "points.csv", points_text(rows(label_dataset(cell, observed, settings.calib, result))))
+    write_text(
+        out / "points.csv", points_text(rows(label_dataset(cell, observed, settings.calib, result), cell.sensor))
+    )
     write_fig7(out / "fig7.png", result)
     write_text(out / "settings.toml", settings_text(settings))
     write_corrected_robot(out, cell, result)
