@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geometry import Sensor
-from geometry.sensor import SensorDeviation, SensorUncertainty, SheetSeen
+from geometry.sensor import SensorDeviation, SensorUncertainty, SheetSeen, stated_uncertainty
 
 Array = NDArray[np.float64]
 
@@ -35,14 +35,12 @@ class SensorErrors:
         """What is not known of a sensor; None where its file takes itself for exact and nothing is to be estimated."""
         if sensor is None:
             return None
-        camera = sensor.camera
-        focal = None if camera is None else (camera.fx_px, camera.fy_px)
-        known = sensor.uncertainty
+        known = stated_uncertainty(sensor)
+        if sensor.uncertainty is None and estimated:
+            camera = sensor.camera
+            known = SensorUncertainty.by_source(UNSTATED, None if camera is None else (camera.fx_px, camera.fy_px))
         if known is None:
-            known = SensorUncertainty.by_source(UNSTATED, focal) if estimated else None
-        if known is None or not np.any(known.completed(focal).covariance):
             return None
-        known = known.completed(focal)
         labels, basis = known.independent()
         return SensorErrors(SensorDeviation(sensor, known.parameters), labels, basis, np.ones(len(labels)))
 

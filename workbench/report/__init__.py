@@ -1,6 +1,7 @@
 """Results for people and programs: JSON, tables in the terminal, pictures."""
 
-from workbench.report.as_json import calibration_object, clean, frame_object, inputs_of, json_text, location_object
+from geometry import json_text
+from workbench.report.as_json import calibration_object, inputs_of
 from workbench.report.as_text import AXES, arrow, number, print_calibration, print_verdict
 from workbench.report.calibration import ReportInput, write_report
 from workbench.report.cell_picture import cell_image
@@ -18,15 +19,12 @@ __all__ = [
     "arrow",
     "calibration_object",
     "cell_image",
-    "clean",
     "difference",
     "difference_object",
     "draw_gap_flush",
-    "frame_object",
     "inputs_of",
     "jpeg",
     "json_text",
-    "location_object",
     "new_figure",
     "number",
     "overlay",
