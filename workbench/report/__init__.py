@@ -6,6 +6,7 @@ from workbench.report.as_text import AXES, arrow, number, print_calibration, pri
 from workbench.report.calibration import ReportInput, write_report
 from workbench.report.cell_picture import cell_image
 from workbench.report.comparison import Difference, difference, difference_object, print_difference
+from workbench.report.fig7 import draw_fig7
 from workbench.report.folder import write_results
 from workbench.report.gapflush_picture import draw_gap_flush
 from workbench.report.overlays import overlay, save_overlays
@@ -21,6 +22,7 @@ __all__ = [
     "cell_image",
     "difference",
     "difference_object",
+    "draw_fig7",
     "draw_gap_flush",
     "inputs_of",
     "jpeg",
