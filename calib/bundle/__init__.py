@@ -15,7 +15,7 @@ from calib.bundle.problem import Bundle, estimated_parameters, estimates_sensor
 from calib.bundle.robust import solve_robust
 from calib.bundle.solution import Explained, Mask, Solution, answered, explain, make_bundle, solve_problem
 from calib.bundle.solve import solve_bundle
-from calib.bundle.starts import chain_start
+from calib.bundle.starts import chain_start, hand_eye_start
 
 __all__ = [
     "Bundle",
@@ -33,6 +33,7 @@ __all__ = [
     "estimates_sensor",
     "explain",
     "frame_information",
+    "hand_eye_start",
     "make_bundle",
     "observability",
     "scaled",

@@ -1,5 +1,6 @@
 """The judgement on data and answer: verdicts, culprits, which model predicts, what can not be told apart."""
 
+from calib.judge.causes import cause_of
 from calib.judge.contradiction import frames_contradict
 from calib.judge.culprits import culprit, strangers
 from calib.judge.culprits_jig import wrong_jig
@@ -15,6 +16,7 @@ __all__ = [
     "at_least_jackknife",
     "bundle_estimate",
     "bundle_facts",
+    "cause_of",
     "culprit",
     "find",
     "frames_contradict",
