@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize
 
 from calib.bundle.problem import Bundle
 from calib.bundle.solve import hand_twists, linearisations
@@ -136,6 +135,7 @@ def contradiction(bundle: Bundle, result: Result, variances: Variances) -> float
 
 def estimate_noise(bundle: Bundle, result: Result, variances: Variances) -> Array:
     """Variances (1 + K,) that make the residuals most likely, the solution's linearisation held."""
+    from scipy.optimize import minimize  # a third of a second, and most commands need none of it
 
     def of(log_free: Array) -> float:
         return _deviance(variances.bundle(bundle, log_free), result)
