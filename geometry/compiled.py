@@ -23,7 +23,7 @@ from typing import Any, TypeVar, overload
 import numba
 import numpy as np
 from numba.core.caching import FunctionCache, InTreeCacheLocator, UserProvidedCacheLocator, UserWideCacheLocator
-from numba.core.runtime import rtsys
+from numba.core.runtime.nrt import rtsys
 
 # LLVM's leave to take values for finite; none to reorder sums, to divide by reciprocals or to fuse products with sums,
 # which gives other last bits on a processor of another width or with other instructions
@@ -87,14 +87,19 @@ def kernel(
     return compiled if function is None else compiled(function)
 
 
-class _KernelCache(FunctionCache):  # type: ignore[misc]
+class _KernelCache(FunctionCache):
     """numba's cache, which loads what was kept without setting up the compiler: that costs every process 0.4 CPU-s."""
+
+    def __init__(self, function: Callable[..., object]) -> None:
+        begin: Any = super().__init__
+        begin(function)
 
     def load_overload(self, sig: object, target_context: Any) -> object:
         """The kept code for these types, or None. numba's own sets up the compiler first; compiling does so itself."""
         rtsys.initialize(target_context)  # what allocates arrays in compiled code
         with self._guard_against_spurious_io_errors():
-            return self._load_overload(sig, target_context)
+            load: Any = self._load_overload
+            return load(sig, target_context)
 
 
 class KernelCacheLocator:

@@ -8,6 +8,9 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from calib import CalibConfig, CalibrationResult, calibrate
 from extraction import ExtractionConfig, Profile, TargetPoints, extract, extract_profile
 from extraction.features import string_points
@@ -111,7 +114,7 @@ def _target(cell: Cell, location: str) -> Target | None:
 class _Picture(NamedTuple):
     """A frame's image as read, and what is doubtful of its file."""
 
-    image: object
+    image: NDArray[np.generic]
     said: list[str]
 
 
