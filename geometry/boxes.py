@@ -82,7 +82,7 @@ def box_corners(box: Array) -> Array:
 
 def box_edges(box: Array) -> Array:
     """The ends (12, 2, 3) of the edges of a box (2, 3)."""
-    return box_corners(box)[_EDGES]
+    return np.asarray(box_corners(box)[_EDGES])
 
 
 def _outside(points: Array, boxes: Array) -> Array:

@@ -163,8 +163,8 @@ def target_boxes(target: Target) -> Array:
     if isinstance(target, Plane):
         half = np.array([(target.width_mm or PLATE_SIDE_MM) / 2, (target.height_mm or PLATE_SIDE_MM) / 2])
         return np.array([[[*-half, -PLATE_MM], [*half, 0.0]]])
-    half = PLATE_SIDE_MM / 4 if isinstance(target, Surface) else 0.0
-    return np.array([[[-half, -half, -half], [half, half, 0.0]]])
+    edge = PLATE_SIDE_MM / 4 if isinstance(target, Surface) else 0.0
+    return np.array([[[-edge, -edge, -edge], [edge, edge, 0.0]]])
 
 
 def _around(centres: Array, radius: Array) -> Array:
