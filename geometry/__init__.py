@@ -46,6 +46,7 @@ from geometry.robot import (
     table,
     with_beta_prior,
 )
+from geometry.rounding import clean, json_text, rounded, rounded_number
 from geometry.sensor import Camera, Sensor, Sheet, field_of_view, inside_polygon
 from geometry.target import Prediction, Section, Shape, Surface, Symmetry, Target, target_at
 from geometry.unknowns import Block, Linearised, State, Step, Term, Unknowns
@@ -105,6 +106,7 @@ __all__ = [
     "box_corners",
     "box_edges",
     "box_to_boxes_mm",
+    "clean",
     "corrected_origins",
     "cross",
     "cross_plane_x0",
@@ -118,6 +120,7 @@ __all__ = [
     "inside_polygon",
     "interpret",
     "inverse_kinematics",
+    "json_text",
     "locations_of",
     "log_so3",
     "nearest_rotation",
@@ -131,6 +134,8 @@ __all__ = [
     "require_arm",
     "robot_from_axes",
     "robot_from_chain",
+    "rounded",
+    "rounded_number",
     "segments_to_boxes_mm",
     "skew",
     "stack_poses",
