@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+
 from calib.answer import answer, location_pose
 from calib.bundle import Solution, make_bundle, solve_problem
 from calib.config import CalibConfig, Model
@@ -12,14 +14,17 @@ from calib.copies import copy_notes, in_order, without_copies
 from calib.given_places import given_place_notes
 from calib.hands import hand_pose_notes, placed, with_joints
 from calib.judge import (
+    FEWEST_LEFT_OUT,
     UNCHECKED,
-    at_least_jackknife,
+    at_least,
     bundle_estimate,
     bundle_facts,
     culprit,
+    equal_weights,
     find,
     frames_contradict,
     frames_motion,
+    jackknife_covariance,
     judge,
     judge_motion,
     left_out,
@@ -58,7 +63,6 @@ NAMED = (
     "outliers",
 )  # verdicts that the views of surfaces can be the cause of
 ACCUSING = ("priors_contradict", "sensor_suspect")
-FEWEST_LEFT_OUT = 8  # frames whose scatter says something of six numbers
 CONTRADICTED = ("not_converged", "outliers", "rotation_too_small", "too_few_poses")
 
 
@@ -150,7 +154,7 @@ def calibrate(
         result = _answer(setup, labelled, judged)
         if judged.verdict.trustworthy and judged.solution is not None:
             parts, scores, words = _left_out(setup, judged.solution, judged.used, labelled)
-            result = _by_jackknife(setup, result, parts, judged.solution)
+            result = _by_jackknife(setup, result, parts, judged, labelled)
             result = replace(result, left_out=parts, left_out_rms_mm=scores, remarks=(words, *_lonely(given)))
     result = replace(result, model_asked=asked.model, remarks=(*decided, *result.remarks))
     named = _named(result.verdict, setup, labelled)
@@ -403,16 +407,19 @@ def _left_out(
 
 
 def _by_jackknife(
-    setup: Setup, result: CalibrationResult, parts: LeftOut | None, solution: Solution
+    setup: Setup, result: CalibrationResult, parts: LeftOut | None, solved: Solved, labelled: tuple[Frame, ...]
 ) -> CalibrationResult:
     """Of hand poses on one surface: σ no smaller than what frames left out in turn say, and weak where that is much."""
+    solution = solved.solution
+    if solution is None or parts is None or parts.by != "frame" or not solution.bundle.hands.poses_only:
+        return result
     surface = all(isinstance(t.target, Surface) for t in solution.bundle.terms)
-    if parts is None or parts.by != "frame" or not solution.bundle.hands.poses_only or not surface:
+    if not surface or result.estimate is None or len(parts.parts) < FEWEST_LEFT_OUT:
         return result
-    if result.estimate is None or len(parts.parts) < FEWEST_LEFT_OUT:
-        return result
-    cov = at_least_jackknife(result.estimate.covariance, parts)
-    result = replace(result, estimate=replace(result.estimate, covariance=cov))
+    alike = equal_weights(solution, solved.used, {f.number: f for f in labelled})
+    cov = at_least(result.estimate.covariance, jackknife_covariance(np.array([p.shift for p in parts.parts])))
+    cov = cov if alike is None else at_least(cov, alike.covariance)
+    result = replace(result, estimate=replace(result.estimate, covariance=cov), equal_weights=alike)
     cut = sum(p.centres_left_out for p in result.locations.values() if p.role == "calibrate")
     weak = weak_by_jackknife(cov, cut)
     return replace(result, verdict=weak) if weak is not None and result.verdict.code == "ok" else result

@@ -10,7 +10,8 @@ from calib.bundle.information import (
     scaled,
     scp_covariance,
 )
-from calib.bundle.on_target import OnTargetLinearised
+from calib.bundle.noise import given_noise, reweighed
+from calib.bundle.on_target import OnTarget, OnTargetLinearised
 from calib.bundle.problem import Bundle, estimated_parameters, estimates_sensor
 from calib.bundle.robust import solve_robust
 from calib.bundle.solution import Explained, Mask, Solution, answered, explain, make_bundle, solve_problem
@@ -24,6 +25,7 @@ __all__ = [
     "Hands",
     "Mask",
     "Model",
+    "OnTarget",
     "OnTargetLinearised",
     "Solution",
     "answered",
@@ -33,8 +35,10 @@ __all__ = [
     "estimates_sensor",
     "explain",
     "frame_information",
+    "given_noise",
     "make_bundle",
     "observability",
+    "reweighed",
     "scaled",
     "scp_covariance",
     "solve_bundle",
