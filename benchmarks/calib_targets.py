@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import sys
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -28,7 +29,7 @@ import numpy as np
 from calib import CalibConfig, calibrate
 from calib.printed import nees
 from calib.synthetic.surfaces import ProfileNoise, SurfaceCell, observe_surface, surface_cell
-from geometry import Pose, Surface, draw_errors, exp_so3, inverse_kinematics, stack_poses
+from geometry import Pose, Role, Surface, draw_errors, exp_so3, inverse_kinematics, stack_poses
 from geometry.robot import RobotUncertainty
 from jig_cad import Edge, Plane, Sphere, Wedge
 from workbench.files import read_robot
@@ -91,7 +92,7 @@ def solve_ms(kind: str, runs: int = 7) -> float:
     return float(np.median(spent))
 
 
-def _solve(bundle: object, T: object, places: list[object]) -> None:
+def _solve(bundle: object, T: object, places: Sequence[object]) -> None:
     from calib.bundle import solve_bundle
     from calib.engine import covariance
     from geometry import stack_poses
@@ -121,7 +122,8 @@ def posed_cell(rng: np.random.Generator) -> SurfaceCell:
     count = len(hands)
     built = robot.corrected(draw_errors(robot, rng))
     place = {"A": Pose(np.eye(3), ball)}
-    return SurfaceCell(Sphere(80.0), robot, built, tool, place, ("A",) * count, ("calibrate",) * count, found.joints)
+    roles: tuple[Role, ...] = tuple("calibrate" for _ in range(count))
+    return SurfaceCell(Sphere(80.0), robot, built, tool, place, ("A",) * count, roles, found.joints)
 
 
 def poses_alone(cells: int) -> None:

@@ -10,11 +10,12 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.as_json import result_object
 from calib.prediction import prediction_jacobian
 from calib.printed import printed_sigmas
 from calib.sensor_errors import SensorErrors
 from calib.summary import summary
-from geometry import Frame, InputError, Pose, Robot, Role, Target
+from geometry import Frame, InputError, Pose, Robot, Role, Target, json_text
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -308,6 +309,10 @@ class CalibrationResult:
     def __str__(self) -> str:
         """The answer on a screen: what `print` shows."""
         return summary(self)
+
+    def to_json(self, indent: int | None = 1) -> str:
+        """The answer as JSON text, with the keys of ``calibrate --json`` (docs/formats.md)."""
+        return json_text(result_object(self), indent)
 
     @property
     def trusted(self) -> Estimate | None:

@@ -45,6 +45,7 @@ from geometry.robot import (
     table,
     with_beta_prior,
 )
+from geometry.rounding import clean, json_text, rounded, rounded_number
 from geometry.sensor import Camera, Sensor, Sheet, field_of_view, inside_polygon
 from geometry.target import Prediction, Section, Shape, Surface, Symmetry, Target, target_at
 from geometry.unknowns import Block, Linearised, State, Step, Term, Unknowns
@@ -99,6 +100,7 @@ __all__ = [
     "Term",
     "Unknowns",
     "all_solutions",
+    "clean",
     "corrected_origins",
     "cross",
     "cross_plane_x0",
@@ -112,6 +114,7 @@ __all__ = [
     "inside_polygon",
     "interpret",
     "inverse_kinematics",
+    "json_text",
     "locations_of",
     "log_so3",
     "nearest_rotation",
@@ -125,6 +128,8 @@ __all__ = [
     "require_arm",
     "robot_from_axes",
     "robot_from_chain",
+    "rounded",
+    "rounded_number",
     "skew",
     "stack_poses",
     "table",

@@ -1,7 +1,7 @@
 """The judgement on data and answer: verdicts, culprits, which model predicts, what can not be told apart."""
 
 from calib.judge.contradiction import frames_contradict
-from calib.judge.culprits import culprit
+from calib.judge.culprits import culprit, strangers
 from calib.judge.culprits_jig import wrong_jig
 from calib.judge.equal_weights import equal_weights
 from calib.judge.facts import bundle_estimate, bundle_facts
@@ -28,6 +28,7 @@ __all__ = [
     "judge_motion",
     "left_out",
     "misfit_limit",
+    "strangers",
     "table_advice",
     "weak_by_jackknife",
     "wrong_jig",

@@ -1,7 +1,7 @@
 """The sensor: laser sheet, camera or profile output, stated optics, uncertainty, and what of the sheet is measured."""
 
 from geometry.sensor.camera import CHANNELS, Camera, project
-from geometry.sensor.deviation import SensorDeviation, SheetSeen
+from geometry.sensor.deviation import SensorDeviation, SheetSeen, calibration_covariance, stated_uncertainty
 from geometry.sensor.field_of_view import field_of_view, inside_polygon
 from geometry.sensor.optics import Optics
 from geometry.sensor.profile import AUTO, PROFILE_FORMATS, ProfileOutput
@@ -25,7 +25,9 @@ __all__ = [
     "SensorUncertainty",
     "Sheet",
     "SheetSeen",
+    "calibration_covariance",
     "field_of_view",
     "inside_polygon",
     "project",
+    "stated_uncertainty",
 ]

@@ -13,7 +13,6 @@ from workbench.files.images import LOSSY_SUFFIXES, SUFFIXES, Image, is_whole, re
 from workbench.files.points_csv import GivenPoints, points_text, read_points
 from workbench.files.result_file import SavedResult, SavedScp, read_result, saved_result
 from workbench.files.robot_file import read_robot, robot_text, urdf_of
-from workbench.files.rounding import rounded, rounded_number
 from workbench.files.sensor_file import read_emulator, read_sensor, sensor_text, stated_optics
 from workbench.files.settings_file import (
     Settings,
@@ -87,8 +86,6 @@ __all__ = [
     "read_toml",
     "read_truth",
     "robot_text",
-    "rounded",
-    "rounded_number",
     "saved_result",
     "sensor_of_picture",
     "sensor_text",
