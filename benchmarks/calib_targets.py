@@ -48,7 +48,7 @@ AS_BUILT = ProfileNoise(correlation=0.5)
 EXACT = ProfileNoise(joint_rad=1e-9, robot=False)
 NO_ERRORS = RobotUncertainty(1e-9, 0.0, 0.0, 0.0, 0.0)
 POINTS = 300
-CALIBRATE = (("A", "calibrate", 9), ("B", "calibrate", 9), ("C", "calibrate", 9))
+CALIBRATE: tuple[tuple[str, Role, int], ...] = (("A", "calibrate", 9), ("B", "calibrate", 9), ("C", "calibrate", 9))
 
 
 def errors(kind: str, seed: int, noise: ProfileNoise, model: str) -> tuple[float, float, float, str]:

@@ -3,13 +3,13 @@
 from calib.judge.contradiction import frames_contradict
 from calib.judge.culprits import culprit, strangers
 from calib.judge.culprits_jig import wrong_jig
-from calib.judge.equal_weights import equal_weights
 from calib.judge.facts import bundle_estimate, bundle_facts
 from calib.judge.finding import find
 from calib.judge.jackknife import FEWEST_LEFT_OUT, at_least, jackknife_covariance, weak_by_jackknife
 from calib.judge.model_choice import UNCHECKED, table_advice
 from calib.judge.parts import left_out
 from calib.judge.verdict import Facts, frames_motion, judge, judge_motion, misfit_limit
+from calib.judge.weighted_alike import equal_weights
 
 __all__ = [
     "FEWEST_LEFT_OUT",
