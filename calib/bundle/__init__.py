@@ -1,5 +1,6 @@
 """All frames at once: SCP, places of the target, robot and shape, with outliers, noise and covariance."""
 
+from calib.bundle.free_start import free_start, rotation_grid
 from calib.bundle.hands import Hands
 from calib.bundle.information import (
     FrameInformation,
@@ -35,10 +36,12 @@ __all__ = [
     "estimates_sensor",
     "explain",
     "frame_information",
+    "free_start",
     "given_noise",
     "make_bundle",
     "observability",
     "reweighed",
+    "rotation_grid",
     "scaled",
     "scp_covariance",
     "solve_bundle",

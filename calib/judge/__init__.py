@@ -1,5 +1,6 @@
 """The judgement on data and answer: verdicts, culprits, which model predicts, what can not be told apart."""
 
+from calib.judge.alike import equal_weights
 from calib.judge.contradiction import frames_contradict
 from calib.judge.culprits import culprit, strangers
 from calib.judge.culprits_jig import wrong_jig
@@ -9,7 +10,6 @@ from calib.judge.jackknife import FEWEST_LEFT_OUT, at_least, jackknife_covarianc
 from calib.judge.model_choice import UNCHECKED, table_advice
 from calib.judge.parts import left_out
 from calib.judge.verdict import Facts, frames_motion, judge, judge_motion, misfit_limit
-from calib.judge.weighted_alike import equal_weights
 
 __all__ = [
     "FEWEST_LEFT_OUT",
