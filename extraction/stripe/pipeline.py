@@ -60,8 +60,8 @@ def extract_profile(
     Returns
     -------
     profile
-        Peaks in the image, their points (y, z) in {P} [mm] and covariance of rank one. Points whose rays miss the sheet
-        are left out.
+        Peaks in the image, their points (y, z) in {P} [mm] and covariance of rank one; beside it what the sensor's own
+        calibration leaves unknown. Points whose rays miss the sheet are left out.
 
     Raises
     ------
@@ -82,7 +82,7 @@ def extract_profile(
         peaks = detect_stripe(image, config, *light)
     yz, jacobian = sheet_table(sensor).lookup(peaks.uv_px)
     seen: Mask = np.asarray(np.isfinite(yz).all(axis=1))
-    return Profile(peaks, yz, propagate(jacobian, peaks.cov_uv_px2))[seen]
+    return Profile(peaks, yz, propagate(jacobian, peaks.cov_uv_px2))[seen].with_sensor(sensor)
 
 
 def depth_direction(sensor: Sensor) -> str:

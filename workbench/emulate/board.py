@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import Board, InputError, Pose, Sensor, exp_so3, field_of_view
+from geometry import Board, InputError, Pose, Sensor, exp_so3, field_of_view, rounded
 from geometry.sensor import project
 from perceptron_emu import EmulatorConfig, Material, Scene, Solid, mean_electrons, render
-from workbench.files import board_text, rounded, sensor_text, write_png, write_text
+from workbench.files import board_text, sensor_text, write_png, write_text
 
 if TYPE_CHECKING:
     import trimesh
