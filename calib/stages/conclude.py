@@ -8,7 +8,7 @@ from calib.answer import location_pose
 from calib.copies import copy_notes
 from calib.given_places import given_place_notes
 from calib.hands import hand_pose_notes
-from calib.judge import culprit, frames_contradict, wrong_jig
+from calib.judge import culprit, frames_contradict, strangers, wrong_jig
 from calib.printed import gimbal_note
 from calib.result import CalibrationResult, Verdict
 from calib.stages.setup import CONTRADICTED, Prepared, Setup
@@ -45,4 +45,19 @@ def _remarks(setup: Setup, labelled: tuple[Frame, ...], result: CalibrationResul
     hands = hand_pose_notes(labelled, setup.config.hand_floor_mm, setup.config.hand_floor_deg)
     T, covariance = result.T_hand_sensor, result.covariance
     locked = () if T is None or covariance is None else gimbal_note(T, covariance)
-    return (*given_place_notes(setup.places, found, setup.target), *hands, *copy_notes(labelled), *locked)
+    return (
+        *given_place_notes(setup.places, found, setup.target),
+        *hands,
+        *copy_notes(labelled),
+        *locked,
+        *_left_out_notes(setup, labelled, result),
+    )
+
+
+def _left_out_notes(setup: Setup, labelled: tuple[Frame, ...], result: CalibrationResult) -> tuple[str, ...]:
+    """What whole frames that the answer does without have against them."""
+    gone = {f.number for f in result.frames if f.reason == "outlier" and f.role == "calibrate"}
+    if not gone or not result.verdict.trustworthy or not isinstance(setup.target, Jig):
+        return ()
+    words = strangers(labelled, setup.target, gone)
+    return (f"{words}. The answer does without {'it' if len(gone) == 1 else 'them'}",) if words else ()

@@ -8,7 +8,15 @@ from workbench.cell.locating import located
 from workbench.cell.pipeline import Observed, Progress, observe, solve
 from workbench.cell.points_table import rows
 from workbench.cell.posing import FramePose, frame_poses
-from workbench.cell.presets import DESIGN_SCP, find_emulator, find_jig, find_robot, find_sensor, preset_path
+from workbench.cell.presets import (
+    DESIGN_SCP,
+    find_emulator,
+    find_jig,
+    find_robot,
+    find_sensor,
+    find_target,
+    preset_path,
+)
 from workbench.cell.profiling import ProfileSource, is_profile_file, read_profile, read_profile_settings
 from workbench.cell.speckle import dataset_config, with_known_grain
 from workbench.cell.starter import PLACES, place_of_jig, write_starter
@@ -45,6 +53,7 @@ __all__ = [
     "find_jig",
     "find_robot",
     "find_sensor",
+    "find_target",
     "flag_counts",
     "frame_poses",
     "is_profile_file",
