@@ -66,6 +66,7 @@ def result_object(
                 for frame in result.frames
             ],
             "left_out": _left_out(result),
+            "equal_weights": _equal_weights(result),
             "solution": _solution(result),
             "inputs": list(inputs),
             "weak_directions": result.weak_directions,
@@ -113,6 +114,25 @@ def _left_out(result: CalibrationResult) -> dict[str, Any] | None:
     if found.by == "location":
         return out | {"locations": parts}
     return out | {"frames": [{"frame": int(name), **row} for name, row in parts.items()]}
+
+
+def _equal_weights(result: CalibrationResult) -> dict[str, Any] | None:
+    """The answer with all points weighted alike, with σ by the jackknife."""
+    alike = result.equal_weights
+    if alike is None:
+        return None
+    pose = alike.T_hand_sensor
+    sigma = printed_sigmas(pose, alike.covariance)
+    return {
+        "T_hand_sensor": pose.matrix,
+        "rotation_deg": pose.fixed_xyz_deg,
+        "translation_mm": pose.t,
+        "sigma_rotation_deg": sigma[0],
+        "sigma_translation_mm": sigma[1],
+        "covariance": alike.covariance,
+        "point_rms_mm": alike.point_rms_mm,
+        "left_out_rms_mm": alike.left_out_rms_mm,
+    }
 
 
 def _solution(result: CalibrationResult) -> dict[str, Any]:

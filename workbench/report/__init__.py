@@ -11,6 +11,7 @@ from workbench.report.folder import write_results
 from workbench.report.gapflush_picture import draw_gap_flush
 from workbench.report.overlays import overlay, save_overlays
 from workbench.report.page import jpeg, new_figure, png, render_page, svg
+from workbench.report.plan_picture import draw_plan, save_plan_picture, write_plan_report
 from workbench.report.stage_pictures import save_stages
 
 __all__ = [
@@ -24,6 +25,8 @@ __all__ = [
     "difference_object",
     "draw_fig7",
     "draw_gap_flush",
+    "draw_plan",
+    "frame_object",
     "inputs_of",
     "jpeg",
     "json_text",
@@ -36,8 +39,10 @@ __all__ = [
     "print_verdict",
     "render_page",
     "save_overlays",
+    "save_plan_picture",
     "save_stages",
     "svg",
+    "write_plan_report",
     "write_report",
     "write_results",
 ]
