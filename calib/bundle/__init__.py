@@ -17,7 +17,7 @@ from calib.bundle.problem import Bundle, estimated_parameters, estimates_complia
 from calib.bundle.robust import solve_robust
 from calib.bundle.solution import Explained, Mask, Solution, answered, explain, make_bundle, solve_problem
 from calib.bundle.solve import solve_bundle
-from calib.bundle.starts import chain_start
+from calib.bundle.starts import chain_start, hand_eye_start
 
 __all__ = [
     "Bundle",
@@ -39,6 +39,7 @@ __all__ = [
     "frame_information",
     "free_start",
     "given_noise",
+    "hand_eye_start",
     "make_bundle",
     "observability",
     "reweighed",
