@@ -4,7 +4,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 from jig_cad.files import jig_from_table, jig_text, read_jig, write_jig
-from jig_cad.flat import Edge, Plane, Wedge
+from jig_cad.flat import Edge, Plane, Wedge, frame_with_x
 from jig_cad.jig import Jig, sample_tolerance
 from jig_cad.pillar import ANCHORS, DEFAULT_STRINGS, STRINGS, Pillar, nominal_anchors
 from jig_cad.sized import SIZES, SizedJig
@@ -31,6 +31,7 @@ __all__ = [
     "Wedge",
     "drawing_svg",
     "export_jig",
+    "frame_with_x",
     "jig_from_table",
     "jig_solids",
     "jig_text",

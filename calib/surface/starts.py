@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 
 from calib.bundle import Bundle, rotation_grid, solve_bundle
 from calib.figures import pose_distance
+from calib.surface.constellation import balls_place, renamed_by_place, told_alone, with_names
 from geometry import Frame, Pose, State, Surface, Target, log_so3, stack_poses, target_at
-from jig_cad import Sphere, Wedge
+from jig_cad import Balls, Sphere, Wedge
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -87,7 +88,7 @@ def surface_start(
             return SurfaceStart(T, _places(named, target, T), named, found=False)
     if len(solved) < 3 or bundle is None:
         return None
-    for T in _candidates(solved, target):
+    for T in _candidates(_told(solved, target), target):
         end = _solved(solved, target, bundle, T)
         if end is not None and (best is None or end[0] < best[0] * (1 - _SAME_COST)):
             best = end
@@ -95,6 +96,18 @@ def surface_start(
         return None
     named = _renamed(frames, target, best[1])
     return SurfaceStart(best[1], _places(named, target, best[1]), named, found=True)
+
+
+def _told(frames: Sequence[Frame], target: Target | Mapping[str, Target]) -> list[Frame]:
+    """The frames of which it is known what their points lie on: equal balls are told apart by a chain alone."""
+    out = []
+    for f in frames:
+        own = target_at(target, f.location)
+        if not isinstance(own, Balls) or f.labels_given:
+            out.append(f)
+        elif (names := told_alone(f, own)) is not None:
+            out.append(with_names(f, names))
+    return out
 
 
 def begun(target: Target, frames: Sequence[Frame]) -> Target:
@@ -118,7 +131,11 @@ def _places(frames: Sequence[Frame], target: Target | Mapping[str, Target], T_ha
     out = {}
     for name in dict.fromkeys(f.location for f in frames):
         own, group = target_at(target, name), [f for f in frames if f.location == name]
-        if isinstance(own, Surface) and _placeable(own):
+        if isinstance(own, Balls):
+            place = balls_place(group, own, T_hand_sensor)
+            if place is not None:
+                out[name] = place
+        elif isinstance(own, Surface) and _placeable(own):
             place = own.place(*base_points(group, own, T_hand_sensor))
             if place is not None:
                 out[name] = place
@@ -133,17 +150,22 @@ def base_points(frames: Sequence[Frame], target: Surface, T_hand_sensor: Pose) -
 
 
 def _renamed(frames: Sequence[Frame], target: Target | Mapping[str, Target], T_hand_sensor: Pose) -> tuple[Frame, ...]:
-    """The frames with a wedge's faces exchanged where the sensor looks at it the other way round.
+    """The frames with a wedge's faces, and balls, named as the frames of a location together have them.
 
-    Faces are named in the order of y; a roll of the sensor may turn the order about.
+    Faces are named in the order of y; a roll of the sensor may turn the order about. Balls are named in any order.
     """
-    turned: set[int] = set()
+    out = {f.number: f for f in frames}
     for name in dict.fromkeys(f.location for f in frames):
         own = target_at(target, name)
         group = [f for f in frames if f.location == name and not f.labels_given and len(f.axis)]
         if isinstance(own, Wedge):
-            turned |= _other_way_round(group, own, T_hand_sensor)
-    return tuple(exchanged(f) if f.number in turned else f for f in frames)
+            turned = _other_way_round(group, own, T_hand_sensor)
+            out |= {f.number: exchanged(f) for f in group if f.number in turned}
+        elif isinstance(own, Balls):
+            place = balls_place(group, own, T_hand_sensor)
+            if place is not None:
+                out |= {f.number: f for f in renamed_by_place(group, own, T_hand_sensor, place)}
+    return tuple(out[f.number] for f in frames)
 
 
 def _other_way_round(group: Sequence[Frame], target: Wedge, T_hand_sensor: Pose) -> set[int]:
