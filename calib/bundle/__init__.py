@@ -16,7 +16,7 @@ from calib.bundle.problem import Bundle, estimated_parameters, estimates_sensor
 from calib.bundle.robust import solve_robust
 from calib.bundle.solution import Explained, Mask, Solution, answered, explain, make_bundle, solve_problem
 from calib.bundle.solve import solve_bundle
-from calib.bundle.starts import chain_start
+from calib.bundle.starts import chain_start, hand_eye_start
 from calib.bundle.unknown_mount import free_start, rotation_grid
 
 __all__ = [
@@ -38,6 +38,7 @@ __all__ = [
     "frame_information",
     "free_start",
     "given_noise",
+    "hand_eye_start",
     "make_bundle",
     "observability",
     "reweighed",

@@ -6,12 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize
 
 from calib.bundle.problem import Bundle
 from calib.bundle.solve import hand_twists, linearisations
 from calib.config import CalibConfig
-from calib.engine import Result, deviance, total_cost
+from calib.engine import Result, deviance, lowest, total_cost
 from geometry import Arm
 
 Array = NDArray[np.float64]
@@ -19,6 +18,7 @@ Mask = NDArray[np.bool_]
 
 _MAX_EVALUATIONS = 80  # of the deviance; two variances settle in some forty
 _LOG_TOLERANCE = 0.02  # of a variance; far below its own uncertainty
+_DEVIANCE_TOLERANCE = 1e-2  # 4.6 would be one percent by chance
 _SCORE_STEP = 0.3  # of a variance's logarithm, for the score test's differences
 _MAX_LOG = 14.0  # a variance a million times smaller or larger than at the start: a σ a thousand times so
 _SIMPLEX = -0.7  # first steps of the search, in the logarithm of a variance
@@ -141,9 +141,8 @@ def estimate_noise(bundle: Bundle, result: Result, variances: Variances) -> Arra
         return _deviance(variances.bundle(bundle, log_free), result)
 
     start = np.log(variances.value[variances.free])
-    simplex = np.vstack([start, start + _SIMPLEX * np.eye(len(start))])  # scipy's own is 0.00025 wide at zero
-    options = {"maxfev": _MAX_EVALUATIONS, "xatol": _LOG_TOLERANCE, "fatol": 1e-2, "initial_simplex": simplex}
-    return variances.at(minimize(of, start, method="Nelder-Mead", options=options).x)
+    simplex = np.vstack([start, start + _SIMPLEX * np.eye(len(start))])
+    return variances.at(lowest(of, simplex, _LOG_TOLERANCE, _DEVIANCE_TOLERANCE, _MAX_EVALUATIONS))
 
 
 def _deviance(noisy: Bundle, result: Result) -> float:

@@ -10,11 +10,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations, permutations, product
+from itertools import combinations, islice, permutations, product
 
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.figures import pose_distance
 from geometry import Frame, Pose, stack_poses
 from jig_cad import Balls, frame_with_x
 
@@ -23,6 +24,7 @@ Index = NDArray[np.intp]
 
 _SLACK = 0.01  # share of a radius by which a section's radius may be wrong: what a fit to a short arc leaves open
 _CAP_MM = 25.0  # of a section's misfit: an SCP by its drawing is wrong by less at the balls
+_OTHER_MM, _REACH_MM = 30.0, 50.0  # places nearer than this, 50 mm from the middle of the balls, are one
 _AT_ONCE = 500  # places compared with all sections
 _TRIPLES = 24  # of sections that places are made from, evenly over all
 _MOST_PLACES = 4000  # made of these
@@ -91,27 +93,34 @@ def told_alone(f: Frame, target: Balls) -> Mapping[str, str] | None:
     return {s.label: target.names[k] for s, k in zip(sections, fits[0], strict=True)}
 
 
-def balls_place(group: Sequence[Frame], target: Balls, T_hand_sensor: Pose) -> Pose | None:
-    """T_base_target of one location by an SCP: the place that explains most sections; None where none is to be made."""
+def balls_places(group: Sequence[Frame], target: Balls, T_hand_sensor: Pose, count: int = 1) -> list[Pose]:
+    """T_base_target of one location by an SCP: the places that explain most sections, at most ``count``, best first.
+
+    An SCP that is wrong by what a drawing is may leave several that are about as good: a plate of balls seen from the
+    other side. They differ by more than _OTHER_MM.
+    """
     every = [(k, s) for k, f in enumerate(group) for s in sections_of(f)]
     if not every:
-        return None
+        return []
     sensors = stack_poses([f.at @ T_hand_sensor for f in group])
     frame = np.array([k for k, _ in every], dtype=np.intp)
     centre, radius = np.array([s.centre for _, s in every]), np.array([s.radius for _, s in every])
-    made = []
-    for place in _places(sensors, frame, centre, radius, target):
-        made.append(place)
-        if len(made) == _MOST_PLACES:
-            break
+    made = list(islice(_places(sensors, frame, centre, radius, target), _MOST_PLACES))
     if not made:
-        return None
+        return []
     places = stack_poses(made)
     cost = np.concatenate([
         np.sum(np.min(_misfits(places[k : k + _AT_ONCE], sensors[frame], centre, radius, target), axis=2), axis=1)
         for k in range(0, len(places), _AT_ONCE)
     ])  # fmt: skip
-    return places[int(np.argmin(np.round(cost / _SAME) * _SAME))]
+    out: list[Pose] = []
+    for k in np.argsort(np.round(cost / _SAME), kind="stable"):
+        here = places[int(k)]
+        if all(float(pose_distance(here, other, _REACH_MM)) > _OTHER_MM for other in out):
+            out.append(here)
+        if len(out) == count:
+            break
+    return out
 
 
 def renamed_by_place(group: Sequence[Frame], target: Balls, T_hand_sensor: Pose, place: Pose) -> list[Frame]:

@@ -27,7 +27,7 @@ COMMANDS = {
     "render": "Record a cell in emulation: plan configurations and render images with truth.",
     "closure": "Fit a robot to a point that stands still, joint readings alone; judged on unseen locations.",
     "paper": "Repeat the paper's experiment as an ensemble: Table 1, Fig. 7, and what explains them.",
-    "jig": "Show a string jig, or export it as STL, GLB or drawing.",
+    "jig": "Show a target, draw it for a workshop, export it, or take in its measured anchors.",
     "init": "Write a commented starter dataset to fill in.",
     "datasheet": "Write the sensor.toml of a line profiler from its data sheet alone.",
     "sweep": "Run a campaign of many pixel-to-transform trials from a plan; resumes.",

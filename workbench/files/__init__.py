@@ -1,5 +1,6 @@
 """The files of a cell dataset: strict models that say in one sentence what is wrong, where, and what is right."""
 
+from workbench.files.anchors_csv import lay_onto
 from workbench.files.atomic import sha256_of, write_bytes, write_text
 from workbench.files.board_file import board_text, read_board
 from workbench.files.board_views import ViewFiles, find_views, picture_sensor
@@ -65,6 +66,7 @@ __all__ = [
     "find_views",
     "frames_text",
     "is_whole",
+    "lay_onto",
     "parse_settings",
     "picture_sensor",
     "points_text",
