@@ -18,7 +18,7 @@ from starlette.routing import Route
 
 from extraction import image_to_sheet
 from geometry import InputError, PerceptronEmuError
-from workbench.files import carried_calib, write_text
+from workbench.files import write_text
 from workbench.window import settings
 from workbench.window.jobs import Job
 from workbench.window.overview import overview
@@ -206,7 +206,7 @@ class _Api:
 
     def toml(self, body: Body) -> Response:
         """The settings file's text and the equivalent command."""
-        text = self.opened.to_toml(parse(self.model, _text(body, "config")).model, {})
+        text = self.opened.to_toml(parse(self.model, _text(body, "config")).model)
         name = str(body.get("name") or "extraction.toml")
         settings.inside(self.opened.settings_folder, name)
         return JSONResponse({"toml": text, "command": self.opened.command(name)})
@@ -228,23 +228,21 @@ class _Api:
         configuration = parse(self.model, _text(body, "config"))
         name = _text(body, "name")
         path = settings.inside(self.opened.settings_folder, name)
-        carried = {}
         if path.exists():
-            carried = self._carried(name)
+            self._is_a_recipe(name)
             if body.get("overwrite") is not True:
                 return JSONResponse({"exists": True, "name": name}, 409)
-        write_text(path, self.opened.to_toml(configuration.model, carried))
+        write_text(path, self.opened.to_toml(configuration.model))
         found = settings.names(self.opened.settings_folder)
         return JSONResponse({"name": name, "names": found, "command": self.opened.command(name)})
 
-    def _carried(self, name: str) -> dict[str, Any]:
-        """The tables of an older settings file that are not the window's own; InputError where it is something else."""
+    def _is_a_recipe(self, name: str) -> None:
+        """InputError where a file that would be written over is something else."""
         text = settings.read(self.opened.settings_folder, name)
         try:
             self.opened.from_toml(text, name)
         except PerceptronEmuError:
             raise InputError(f"{name}: is not a settings file and is not overwritten, choose another name") from None
-        return carried_calib(text, name)
 
     def _parameters(self, text: str, name: str) -> Response:
         return JSONResponse({"parameters": self.opened.from_toml(text, name).model_dump(mode="json"), "name": name})

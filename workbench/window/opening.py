@@ -8,10 +8,10 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from extraction import ExtractionConfig
-from workbench.files import parse_settings, settings_toml
+from workbench.files import Recipe, parse_settings, settings_toml
 from workbench.opened import NO_CHAIN, ImageRequest, ImageSet, open_images
 from workbench.report import calibration_object, clean
+from workbench.window.boards import Boards
 from workbench.window.detector import Detector
 from workbench.window.session import Opened
 
@@ -20,13 +20,18 @@ def open_session(request: ImageRequest) -> Opened:
     """The session of a dataset (folder with cell.toml, or that file) or of images; InputError says what is missing."""
     images = open_images(request)
     dataset = images.cell is not None
+    boards = None
+    if images.board is not None:
+        boards = Boards(images.board, images.board_of or {}, images.pictures.read)
     return Opened(
         title=images.title,
         pictures=images.pictures,
-        engine=Detector(images.labeller),
+        engine=Detector(images.labeller, boards=boards, plane_known=images.plane_known),
         frames=images.images,
         truth=images.truth,
-        start=images.settings.extraction,
+        start=images.recipe,
+        skipped=images.skipped,
+        plane_known=images.plane_known,
         settings_folder=images.folder,
         to_toml=settings_toml,
         from_toml=parse_settings,
@@ -40,7 +45,7 @@ def open_session(request: ImageRequest) -> Opened:
 
 def _calibration(images: ImageSet) -> Callable[[BaseModel], dict[str, Any]]:
     def run(config: BaseModel) -> dict[str, Any]:
-        observed, result = images.calibrate(ExtractionConfig.model_validate(config.model_dump()))
+        observed, result = images.calibrate(Recipe.model_validate(config.model_dump()))
         answer: dict[str, Any] = clean(calibration_object(result, observed.complaints))
         return answer
 

@@ -10,6 +10,7 @@ from typing import Any
 
 from workbench.compare import Comparison, summarise
 from workbench.window.parameters import HashedConfig
+from workbench.window.profile_view import brief_stripe
 from workbench.window.session import Session
 from workbench.window.truth import statistics_json
 
@@ -129,7 +130,10 @@ def _brief(row: dict[str, Any]) -> dict[str, Any]:
     spots = [{key: spot[key] for key in ("u", "v", "label", "flag", "peak", "cov")} for spot in row["spots"]]
     truth = row["truth"] and {"statistics": row["truth"]["statistics"]}
     rejected = sum(bool(c["reason"]) for c in row["candidates"])
-    return row | {"spots": spots, "truth": truth, "candidates": rejected, "measures": []}
+    brief = row | {"spots": spots, "truth": truth, "candidates": rejected, "measures": []}
+    if "stripe" not in row:
+        return brief
+    return brief | {"stripe": brief_stripe(row["stripe"]), "feature": None, "gap": None, "board": None}
 
 
 class _Set:

@@ -73,10 +73,12 @@ def command(
         typer.Option(metavar="MAKER FILE", help="Write the tool frame as kuka, fanuc, abb, yaskawa or ur takes it."),
     ] = None,
     report: Annotated[Path | None, typer.Option(help="File for a self-contained HTML report.")] = None,
-    config: Annotated[list[Path] | None, typer.Option(help="Settings TOML; may be given more than once.")] = None,
+    config: Annotated[
+        list[Path] | None, typer.Option("--config", "--recipe", help="The recipe of all tools, TOML; may be repeated.")
+    ] = None,
 ) -> None:
     """Solve the sensor's pose in the hand (SCP) from a cell dataset, emulated or recorded."""
-    from workbench.cell import observe, solve
+    from workbench.cell import ProfileSettings, observe, solve
     from workbench.files import read_cell, read_result, read_settings
     from workbench.report import calibration_object, json_text, print_calibration
 
@@ -84,7 +86,7 @@ def command(
     settings = read_settings(config or [], method=method and method.value, model=model and model.value)
     cell = read_cell(dataset)
     with progress_bar("extracting", len(cell.frames)) as progress:
-        observed = observe(cell, settings.extraction, progress)
+        observed = observe(cell, settings.extraction, progress, ProfileSettings.of(settings))
     result = solve(cell, observed, settings.calib)
     if out is not None:
         from workbench.report import write_results
