@@ -80,7 +80,7 @@ MEANINGS: dict[Reason, Meaning] = {
         "stands {over_noise:.1f} × above the noise around it, {config.detect.threshold:g} × are needed",
         "detect.threshold",
     ),
-    Reason.OUTSIDE_REGION: Meaning("lies outside the region that is looked at", "region"),
+    Reason.OUTSIDE_REGION: Meaning("lies outside the region that is looked at", "region.keep"),
     Reason.LOW_SCORE: Meaning(
         "score {seen.score:.3f}: below the least score {config.localise.min_score:g}", "localise.min_score"
     ),

@@ -37,6 +37,22 @@ def write_profile_csv(profile: Profile, path: str | Path) -> None:
     InputError
         Where it can not be written.
     """
+    write_text(path, profile_text(profile))
+
+
+def profile_text(profile: Profile) -> str:
+    """A profile as the text of a CSV, one row a point.
+
+    Parameters
+    ----------
+    profile
+        Points (y, z) in {P}.
+
+    Returns
+    -------
+    text
+        Columns: COLUMNS.
+    """
     p, cov = profile.peaks, profile.cov_yz_mm2
     sigma = np.sqrt(np.maximum(np.diagonal(cov, axis1=1, axis2=2), 0))
     more = (profile.yz_mm, sigma, cov[:, 0, 1])
@@ -46,7 +62,7 @@ def write_profile_csv(profile: Profile, path: str | Path) -> None:
     lines = [COLUMNS]
     for section, row, flag in zip(p.section, numbers, p.flag, strict=True):
         lines.append(f"{section},{','.join(f'{x:.9g}' for x in row)},{flag_names(int(flag))}")
-    write_text(path, "\n".join(lines) + "\n")
+    return "\n".join(lines) + "\n"
 
 
 def write_peaks_csv(peaks: StripePeaks, path: str | Path) -> None:
@@ -64,10 +80,26 @@ def write_peaks_csv(peaks: StripePeaks, path: str | Path) -> None:
     InputError
         Where it can not be written.
     """
+    write_text(path, peaks_text(peaks))
+
+
+def peaks_text(peaks: StripePeaks) -> str:
+    """A stripe's peaks as the text of a CSV, one row a point, in pixels.
+
+    Parameters
+    ----------
+    peaks
+        Of `detect_stripe`.
+
+    Returns
+    -------
+    text
+        Columns: PIXEL_COLUMNS.
+    """
     lines = [PIXEL_COLUMNS]
     for section, (u, v), sigma, flag in zip(peaks.section, peaks.uv_px, peaks.sigma_px, peaks.flag, strict=True):
         lines.append(f"{section},{u:.9g},{v:.9g},{sigma:.9g},{flag_names(int(flag))}")
-    write_text(path, "\n".join(lines) + "\n")
+    return "\n".join(lines) + "\n"
 
 
 def write_profile_ply(profile: Profile, path: str | Path) -> None:

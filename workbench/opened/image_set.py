@@ -119,13 +119,31 @@ class ImageSet:
         if self.cell is None:
             raise InputError(NO_CHAIN)
         settings = Settings.of(recipe) if isinstance(recipe, Recipe) else replace(self.settings, extraction=recipe)
-        observed = observe(self.cell, settings.extraction, None, ProfileSettings.of(settings))
+        observed = self.observe(settings)
         result = solve(self.cell, observed, settings.calib)
+        self.learn(result)
+        return observed, result
+
+    def observe(self, settings: Settings) -> Observed:
+        """Measure every frame of the dataset."""
+        if self.cell is None:
+            raise InputError(NO_CHAIN)
+        return observe(self.cell, settings.extraction, None, ProfileSettings.of(settings))
+
+    def learn(self, result: CalibrationResult) -> None:
+        """Have labels follow the robot, where the solution can be trusted."""
         poses = poses_in_sensor(result) if self.labeller.strings else {}
         if poses:
             index = {image.frame: i for i, image in enumerate(self.images)}
             self.labeller.learn({index[frame]: pose for frame, pose in poses.items()})
-        return observed, result
+
+    @property
+    def target_words(self) -> dict[str, str]:
+        """What stands at each location, in a word."""
+        if self.cell is None:
+            return {}
+        found = {row.location: target_at(self.cell.target, row.location) for row in self.cell.frames}
+        return {name: t.kind if isinstance(t, Surface) else "strings" for name, t in found.items()}
 
     def learn_chain(self) -> None:
         """Solve the chain once with the parameters as opened; does nothing for bare images and other targets."""

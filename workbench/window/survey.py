@@ -32,6 +32,14 @@ class Survey:
         self._queue: list[_Set] = []
         self._thread: threading.Thread | None = None
         self._asked = 0.0
+        self._closed = False
+
+    def close(self) -> None:
+        """End the thread: another folder was opened."""
+        with self._wake:
+            self._closed = True
+            self._queue = []
+            self._wake.notify()
 
     def ask(self, wanted: list[HashedConfig]) -> None:
         """Have these sets processed, the first one first; sets asked for earlier and not now are given up."""
@@ -75,8 +83,7 @@ class Survey:
 
     def _run(self) -> None:
         self._prepare()
-        while True:
-            one = self._next()
+        while (one := self._next()) is not None:
             while self._session.idle_for() < QUIET_SECONDS:
                 time.sleep(0.02)
             if one is self._next():  # the parameters may have changed while waiting
@@ -90,9 +97,11 @@ class Survey:
             with suppress(Exception):  # the images themselves will show what is wrong
                 prepare()
 
-    def _next(self) -> _Set:
+    def _next(self) -> _Set | None:
         with self._wake:
             while True:
+                if self._closed:
+                    return None
                 if time.monotonic() - self._asked > AWAY_SECONDS:
                     self._wake.wait()
                 for one in self._queue:

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
 if TYPE_CHECKING:
-    from workbench.opened import ImageRequest
+    from collections.abc import Callable
+
+    from workbench.files import Recipe
+    from workbench.opened import ImageRequest, ImageSet
+    from workbench.window import Search
 
 What = Literal["strings", "stripe"]
 
@@ -53,6 +57,17 @@ def command(
     _serve(request, port, browser)
 
 
+def _search(images: ImageSet) -> Search:
+    """The search of the page, without its library until it is asked for."""
+
+    def run(recipe: Recipe, trials: int, progress: Callable[[int, int, float], None]) -> dict[str, Any]:
+        from workbench.cli.tune_auto import page_search
+
+        return page_search(images)(recipe, trials, progress)
+
+    return run
+
+
 def _serve(request: ImageRequest, port: int, browser: bool) -> None:
     from workbench.cli.console import say_on_stdout
     from workbench.window import open_session
@@ -62,4 +77,4 @@ def _serve(request: ImageRequest, port: int, browser: bool) -> None:
         say_on_stdout(f"process window: {address}  (Ctrl+C ends it)")
         sys.stdout.flush()
 
-    serve(open_session(request), port, browser, announce)
+    serve(open_session(request, _search), port, browser, announce)
