@@ -45,7 +45,7 @@ from workbench.profiles import SUFFIXES as PROFILE_SUFFIXES
 
 MAX_IMAGES = 20_000  # of one window: its strip and its survey hold a row each
 BOARD_FILE = "board.toml"
-PROFILE_ENDS = (*dict.fromkeys(PROFILE_SUFFIXES.values()), ".yaml", ".pcd", ".dat", ".txt")
+PROFILE_ENDS = (*dict.fromkeys(PROFILE_SUFFIXES.values()), ".yaml", ".pcd", ".dat")
 
 
 @dataclass(frozen=True)

@@ -157,11 +157,13 @@ def as_json(outcome: ImageAnswer, strings: tuple[str, ...]) -> dict[str, Any]:
         "labelled": 0,
         "reason": "",
         "values": [asdict(v) for v in outcome.values],
+        "found": 0,
     }
     if outcome.profile is not None:
-        return answer | {"reason": outcome.profile.reason} | view_json(outcome.profile)
+        return answer | {"reason": outcome.profile.reason, "found": outcome.profile.found} | view_json(outcome.profile)
     if outcome.view is None:
         return answer
+    answer["found"] = len(outcome.view.points)
     answer["candidates"] = [_candidate(c) for c in outcome.view.candidates]
     answer["measures"] = outcome.view.measures
     answer["spots"] = _spots(outcome.view.points, outcome.labels)

@@ -34,6 +34,15 @@ class ProfileView:
     board: BoardCorners | None = None
     board_text: str = ""
 
+    @property
+    def found(self) -> int:
+        """How many points there are; of a board without a stripe how many corners."""
+        if self.peaks is not None:
+            return len(self.peaks)
+        if self.board is not None:
+            return len(self.board)
+        return 0 if self.profile is None else len(self.profile)
+
 
 def view_json(view: ProfileView) -> dict[str, Any]:
     """The view for the page: columns of points, and what is drawn over them."""

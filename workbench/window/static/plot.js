@@ -2,7 +2,7 @@
 
 import { el, clear, fitCanvas, style } from "./dom.js";
 import { LABEL_FONT, colourOf, nameOf, pillarName, tag } from "./overlay.js";
-import { drawProfilePoints } from "./stripe.js";
+import { drawProfilePoints, sigmaGain } from "./stripe.js";
 import { number, t as words } from "./words.js";
 
 export const SIGMA_GAIN = 200, ERROR_GAIN = 200;
@@ -134,7 +134,7 @@ function trueString(context, view, t) {
 
 export function plotLegend(node, hasTruth, stripe) {
   const spots = words`○ lit surface  • string axis  ellipse: σ × ${SIGMA_GAIN}` + (hasTruth ? `  ${words`+ truth, error × ${ERROR_GAIN}`}` : "");
-  clear(node, el("em", {}, stripe ? words`▪ point of the stripe  bar: σ × ${SIGMA_GAIN}` : spots));
+  clear(node, el("em", {}, stripe ? words`▪ point of the stripe  bar: σ × ${sigmaGain()}` : spots));
 }
 
 export function hitPlot(view, answer, [a, b]) {

@@ -12,9 +12,9 @@ const lamps = new Map(); // tool → its lamp and values
 let answered = null;
 
 const TOOLS = [
-  { id: "exposure", title: "Exposure", tables: ["noise"], head: histogram, when: () => state.session.has_images },
+  { id: "exposure", title: "Exposure", tables: [], head: histogram, when: () => state.session.has_images },
   { id: "region", title: "Region", tables: [], head: buildRegion, when: () => state.session.has_images && !state.session.board },
-  { id: "strings", title: "Strings", tables: ["detect", "localise"], head: searchButton, when: () => state.session.has_images && !state.session.board && state.session.plane, shown: () => state.parameters.what === "strings" },
+  { id: "strings", title: "Strings", tables: ["detect", "localise", "noise"], head: searchButton, when: () => state.session.has_images && !state.session.board && state.session.plane, shown: () => state.parameters.what === "strings" },
   { id: "board", title: "Board", tables: [], when: () => state.session.board },
   { id: "stripe", title: "Stripe", tables: ["stripe"], when: () => true, shown: () => state.parameters.what === "stripe", head: counts },
   { id: "feature", title: "Features", tables: ["feature"], head: feature, when: () => state.session.plane && !state.session.board, shown: () => state.parameters.what === "stripe" },

@@ -43,7 +43,11 @@ async function poll() {
     if (survey.savedText !== saved) Object.assign(survey, { savedText: saved, saved: [], savedAt: 0, before: null });
     const answer = await post("survey", { config, saved, since: survey.at, since_saved: survey.savedAt });
     await take(answer, config, saved);
-  } catch { /* wrong parameters or a lost server: the picture says so */ }
+  } catch { // wrong parameters or a lost server: the picture says so
+    busy = false;
+    poke(text() !== config ? 0 : 2000);
+    return;
+  }
   busy = false;
   const done = survey.now.length >= survey.total && survey.saved.length >= survey.total;
   poke(text() !== config ? 0 : done ? 3000 : 220);
@@ -105,7 +109,7 @@ function summary() {
   const counted = now.filter((r) => r.badge === "count");
   if (counted.length) {
     const n = counted.reduce((sum, r) => sum + found(r), 0);
-    chip("", counted[0].board ? t`${n} corners in ${counted.length} images` : counted[0].stripe ? t`${n} points in ${counted.length} images` : t`${n} spots in ${counted.length} images`);
+    chip("", state.session.board ? t`${n} corners and points in ${counted.length} images` : counted[0].stripe ? t`${n} points in ${counted.length} images` : t`${n} spots in ${counted.length} images`);
   }
   if (now.length < total) chip("", t`${now.length} of ${total} images`);
   if (count(now, "all")) chip("good", t`${count(now, "all")} all found`);

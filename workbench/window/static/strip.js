@@ -78,7 +78,7 @@ export function badgeText(row) {
 }
 
 // How many spots, points or corners there are.
-export const found = (row) => (row.board ? row.board.u.length || row.stripe.n : row.stripe?.n ?? row.spots.length);
+export const found = (row) => row.found ?? 0;
 
 export function setBadge(row) {
   const button = $("strip").children[row.index];

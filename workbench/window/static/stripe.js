@@ -5,7 +5,16 @@ import { number, t } from "./words.js";
 
 const SATURATED = 1, AMBIGUOUS = 8;
 export const GOOD = "#4de08a", DOUBT = "#58aefb", CLIPPED = "#ff5d5d", RIVAL = "#ffb84d", FEATURE = "#ff8df0", CORNER = "#ffd166";
-export const SIGMA_GAIN = 200, SIGMA_GAIN_PX = 20;
+export const SIGMA_GAIN_PX = 20;
+const GAINS = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000], TYPICAL_PX = 14;
+let gain = 100; // of σ in the laser plane: so that a usual one is some pixels long on the screen
+
+export const sigmaGain = () => gain;
+
+function chooseGain([a, , d], n, scale) {
+  const typical = Math.sqrt(Math.max(a[n >> 1] + d[n >> 1], 1e-12)) * scale;
+  gain = GAINS.findLast((g) => g * typical <= TYPICAL_PX) ?? 1;
+}
 
 export const colourOfFlag = (flag) => (flag & AMBIGUOUS ? RIVAL : flag & SATURATED ? CLIPPED : flag ? DOUBT : GOOD);
 const inkOfFlag = (flag, dark) => (dark ? colourOfFlag(flag) : flag & AMBIGUOUS ? "#b06500" : flag & SATURATED ? "#c0232c" : flag ? "#0b6bcb" : "#14773a");
@@ -65,6 +74,7 @@ export function drawProfilePoints(context, view, answer, show) {
   const s = answer?.stripe;
   if (!s?.y || !show.points) return;
   const on = new Set(answer.feature?.points ?? []), theme = dark(), feature = theme ? FEATURE : "#b01aa0";
+  if (s.n) chooseGain(s.cov, s.n, view.scale);
   for (let i = 0; i < s.n; i++) {
     const flag = s.flag?.[i] ?? 0;
     if (flag && !show.doubtful) continue;
@@ -84,11 +94,20 @@ export function drawProfilePoints(context, view, answer, show) {
   if (answer.gap && !answer.gap.text) gap(context, view, answer.gap, answer.values);
 }
 
-// σ along its long axis: a stripe's covariance has rank one.
+// σ along its long axis, as a stripe's covariance has rank one; where it has not, its ellipse.
 function sigma(context, x, y, [a, b, d], i, scale) {
-  const half = Math.hypot((a[i] - d[i]) / 2, b[i]), long = Math.sqrt(Math.max((a[i] + d[i]) / 2 + half, 0)) * scale * SIGMA_GAIN;
+  const half = Math.hypot((a[i] - d[i]) / 2, b[i]), mean = (a[i] + d[i]) / 2;
+  const long = Math.sqrt(Math.max(mean + half, 0)) * scale * gain, thin = Math.sqrt(Math.max(mean - half, 0)) * scale * gain;
   if (!(long > 2) || long > 4000) return;
   const turn = 0.5 * Math.atan2(2 * b[i], a[i] - d[i]), dx = Math.cos(turn) * long, dy = Math.sin(turn) * long;
+  if (thin > 0.3 * long) {
+    context.globalAlpha = 0.12;
+    context.beginPath();
+    context.ellipse(x, y, long, thin, turn, 0, 2 * Math.PI);
+    context.fill();
+    context.globalAlpha = 1;
+    return;
+  }
   context.globalAlpha = 0.22;
   context.lineWidth = 1;
   context.beginPath();
