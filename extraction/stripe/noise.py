@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import nnls
 
 from extraction.config import StripeConfig
 from extraction.linalg import Symmetric4, Vector4, factor4, solve4
@@ -149,6 +148,8 @@ def _add_square(f: Symmetric4, j: Vector4) -> Symmetric4:
 
 def _non_negative(terms: Array, squares: Array, pixels: Array, variances: Array, free: list[int]) -> Array:
     """The free variances ≥ 0; a squared Gaussian residual has variance 2 v²."""
+    from scipy.optimize import nnls  # a third of a second, and most commands need none of it
+
     out = variances.copy()
     weight = np.sqrt(pixels)
     goal = squares - terms @ variances

@@ -10,7 +10,15 @@ from workbench.cell.on_surface import field_of_view_of
 from workbench.cell.pipeline import Observed, ProfileSettings, Progress, observe, solve
 from workbench.cell.points_table import rows
 from workbench.cell.posing import FramePose, frame_poses
-from workbench.cell.presets import DESIGN_SCP, find_emulator, find_jig, find_robot, find_sensor, preset_path
+from workbench.cell.presets import (
+    DESIGN_SCP,
+    find_emulator,
+    find_jig,
+    find_robot,
+    find_sensor,
+    find_target,
+    preset_path,
+)
 from workbench.cell.profiling import ProfileSource, is_profile_file, read_profile, usable
 from workbench.cell.speckle import dataset_config, with_known_grain
 from workbench.cell.starter import PLACES, place_of_jig, write_starter
@@ -25,7 +33,7 @@ from workbench.cell.stripes import (
     why_no_stripe,
 )
 from workbench.cell.surroundings import SeesAll, around_jig, jig_bodies, sees_all_strings, wall_behind
-from workbench.cell.verifying import verify_cell
+from workbench.cell.verifying import scp_of, verify_cell
 
 __all__ = [
     "DESIGN_SCP",
@@ -52,6 +60,7 @@ __all__ = [
     "find_jig",
     "find_robot",
     "find_sensor",
+    "find_target",
     "flag_counts",
     "frame_poses",
     "is_profile_file",
@@ -71,6 +80,7 @@ __all__ = [
     "read_inputs",
     "read_profile",
     "rows",
+    "scp_of",
     "sees_all_strings",
     "solve",
     "stripe_images",

@@ -9,8 +9,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from calib import CalibrationResult
-from geometry import InputError
+from calib import CalibrationResult, location_object
+from geometry import InputError, clean, json_text
 from workbench.cell import Observed, Value, judged, solve, verify_cell
 from workbench.files import Cell, Recipe, SavedResult, Settings, saved_result
 from workbench.opened import ImageSet
@@ -18,11 +18,8 @@ from workbench.report import (
     ReportInput,
     calibration_object,
     cell_image,
-    clean,
     difference,
     difference_object,
-    json_text,
-    location_object,
     report_page,
     scene_object,
     scp_rows,
