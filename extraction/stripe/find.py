@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from extraction.config import StripeConfig
+from extraction.stripe.chain import each_once, together
 from extraction.stripe.fit import IntArray
 from extraction.stripe.judge import Stripe, Verdict, judge
-from extraction.stripe.chain import each_once, together
 from extraction.stripe.search import Pyramid, Search, search, search_faint
 from extraction.stripe.view import StripeView, turn
 
@@ -109,9 +109,7 @@ def _search(pyramid: Pyramid, scales: tuple[int, ...], directions: tuple[bool, .
     first = order[0]
     clear = first.chains and first.chains[0].contrast > CLEAR and _claim(first) > CLEAR * _claim(order[-1])
     turns = [s.turned for s in ([first] if clear else order)]
-    best = _direction(
-        [Search(each_once(together(coarse[t] + search(pyramid, scales[:1], t))), t) for t in turns]
-    )
+    best = _direction([Search(each_once(together(coarse[t] + search(pyramid, scales[:1], t))), t) for t in turns])
     if not best.chains or max(c.significance for c in best.chains) < FAINT:
         best = _direction([Search(each_once(together(search_faint(pyramid, scales, t))), t) for t in directions])
     return best

@@ -222,7 +222,9 @@ def _spread(values: Level, middle: float) -> float:
 
 
 @kernel(fastmath=True)
-def _candidates(level: Level, r: int, around: tuple[Level, Level, Level], least: Limits, out: NDArray[np.uint8]) -> None:
+def _candidates(
+    level: Level, r: int, around: tuple[Level, Level, Level], least: Limits, out: NDArray[np.uint8]
+) -> None:
     """Mark the pixels of a row (W,) that may be peaks: above the least, and no less than both rows beside it."""
     last = level.shape[0] - 1
     a, b, d = level[max(r - FLANK, 0)], level[max(r + 1 - FLANK, 0)], level[min(r + FLANK, last)]
@@ -235,9 +237,7 @@ def _candidates(level: Level, r: int, around: tuple[Level, Level, Level], least:
 
 
 @kernel
-def _peaks(
-    level: Level, table: NoiseTable, threshold: float, section: IntArray, values: Level, first: IntArray
-) -> int:
+def _peaks(level: Level, table: NoiseTable, threshold: float, section: IntArray, values: Level, first: IntArray) -> int:
     """Local maxima above the threshold, row by row; counts per section in first[1:]; returns their number.
 
     values (N, 5): place, response, near, far, noise. Of the response only the rows that a peak is compared with are
