@@ -38,3 +38,18 @@ def kth_smallest(values: NDArray[Any], k: int) -> float:
         if k < equal:
             return float(pivot)
         low = equal
+
+
+@kernel
+def median(values: NDArray[Any]) -> float:
+    """The median of finite values (N,), which are left in another order; 0 of none."""
+    n = len(values)
+    if n == 0:
+        return 0.0
+    upper = kth_smallest(values, n // 2)
+    if n % 2:
+        return upper
+    lower = values[0]
+    for i in range(n // 2):  # those before the upper one are no larger
+        lower = max(lower, values[i])
+    return 0.5 * (float(lower) + upper)

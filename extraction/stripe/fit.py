@@ -113,7 +113,8 @@ def _fit_sections(pixels: Pixels, places: SectionPlaces, task: Task, table: Reco
                 if going or following == total:
                     break
                 window[k].place, window[k].tried, going = following, 0, True
-                window[k].centre, window[k].half = int(start[following] + 0.5), _half(expected[following])
+                window[k].centre = int(start[following] + 0.5)
+                window[k].half = min(_half(expected[following]), task.widest)
                 following += 1
             if going:
                 k += 1
