@@ -297,10 +297,10 @@ def _before(a: Any, b: Any, key_a: float, key_b: float) -> bool:
     if key_a != key_b:
         return key_a > key_b
     if a.scale != b.scale:
-        return a.scale < b.scale
+        return bool(a.scale < b.scale)
     if a.first != b.first:
-        return a.first < b.first
-    return a.lowest < b.lowest
+        return bool(a.first < b.first)
+    return bool(a.lowest < b.lowest)
 
 
 @kernel

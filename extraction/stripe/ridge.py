@@ -271,7 +271,7 @@ def _peaks(level: Level, table: NoiseTable, threshold: float, section: IntArray,
                 here = response[c]
                 near, far = _flanks(level, r, c)
                 ground = np.float32(0.25) * (near + far)
-                bright = min(int(math.sqrt(max(ground - dark, 0.0)) / step), len(sigma) - 1)
+                bright = min(int(math.sqrt(max(float(ground - dark), 0.0)) / step), len(sigma) - 1)
                 peak = here > threshold * sigma[bright] and n < len(section)
                 for k in range(2, _APART + 1):
                     peak = peak and ring[(r - k) % _RING, c] < here and ring[(r + k) % _RING, c] <= here
