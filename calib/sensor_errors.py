@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geometry import Sensor
-from geometry.sensor import SensorDeviation, SensorUncertainty, SheetSeen
+from geometry.sensor import SensorDeviation, SensorUncertainty, SheetSeen, stated_uncertainty
 
 Array = NDArray[np.float64]
 
@@ -28,21 +28,19 @@ class SensorErrors:
     basis: Array
     sigma: Array
     complete: bool = False
-    _last: dict[str, tuple[tuple[bytes, int], object]] = field(default_factory=dict, repr=False)
+    _last: dict[str, tuple[bytes, Array, object]] = field(default_factory=dict, repr=False)
 
     @staticmethod
     def of(sensor: Sensor | None, estimated: bool) -> SensorErrors | None:
         """What is not known of a sensor; None where its file takes itself for exact and nothing is to be estimated."""
         if sensor is None:
             return None
-        camera = sensor.camera
-        focal = None if camera is None else (camera.fx_px, camera.fy_px)
-        known = sensor.uncertainty
+        known = stated_uncertainty(sensor)
+        if sensor.uncertainty is None and estimated:
+            camera = sensor.camera
+            known = SensorUncertainty.by_source(UNSTATED, None if camera is None else (camera.fx_px, camera.fy_px))
         if known is None:
-            known = SensorUncertainty.by_source(UNSTATED, focal) if estimated else None
-        if known is None or not np.any(known.completed(focal).covariance):
             return None
-        known = known.completed(focal)
         labels, basis = known.independent()
         return SensorErrors(SensorDeviation(sensor, known.parameters), labels, basis, np.ones(len(labels)))
 
@@ -80,15 +78,15 @@ class SensorErrors:
 
     def _of(self, what: str, yz_mm: Array, values: Array) -> object:
         # most steps leave the sensor where it is, and its rays are dear
-        key = (values.tobytes(), id(yz_mm))
+        key = values.tobytes()
         known = self._last.get(what)
-        if known is None or known[0] != key:
+        if known is None or known[0] != key or known[1] is not yz_mm:
             changes = self.basis @ values
             if what == "seen":
                 found: object = self.deviation.seen(yz_mm, changes)
             else:
                 twists, motions = self.deviation.derivatives(yz_mm, changes)
                 found = twists @ self.basis, motions @ self.basis
-            known = key, found
+            known = key, yz_mm, found  # the points are held: another array may come to lie where they did
             self._last[what] = known
-        return known[1]
+        return known[2]

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib.answer import LEAST_FRAMES, figured, location_pose, measured
-from calib.calibrate import by_target
 from calib.config import CalibConfig
 from calib.copies import copy_notes, in_order, without_copies
 from calib.figures import OffsetsFromTarget, agreeing_pose, fit_location
 from calib.hands import chain_poses, placed, with_joints
 from calib.label import label_frames, relabel
 from calib.result import LocationResult
+from calib.stages import by_target
 from calib.surface import begin_on_surfaces
 from geometry import Frame, InputError, Pose, Robot, Sensor, SheetPoints, State, Target, locations_of, target_at
 

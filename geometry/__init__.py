@@ -1,6 +1,7 @@
 """Ground floor: poses, lines, the sensor, the robot, measured points and errors (numpy and scipy only)."""
 
 from geometry.board import BOARD_KINDS, Board
+from geometry.boxes import box_corners, box_edges, box_to_boxes_mm, segments_to_boxes_mm
 from geometry.configuration import ArmConfiguration, parse_bits, parse_letters
 from geometry.errors import (
     LONGEST_WORD,
@@ -45,9 +46,11 @@ from geometry.robot import (
     table,
     with_beta_prior,
 )
+from geometry.rounding import clean, json_text, rounded, rounded_number
 from geometry.sensor import Camera, Sensor, Sheet, field_of_view, inside_polygon
 from geometry.target import Prediction, Section, Shape, Surface, Symmetry, Target, target_at
 from geometry.unknowns import Block, Linearised, State, Step, Term, Unknowns
+from geometry.workspace import Workspace
 from geometry.writing import toml_value, write_bytes, write_text
 
 __all__ = [
@@ -98,7 +101,12 @@ __all__ = [
     "Target",
     "Term",
     "Unknowns",
+    "Workspace",
     "all_solutions",
+    "box_corners",
+    "box_edges",
+    "box_to_boxes_mm",
+    "clean",
     "corrected_origins",
     "cross",
     "cross_plane_x0",
@@ -112,6 +120,7 @@ __all__ = [
     "inside_polygon",
     "interpret",
     "inverse_kinematics",
+    "json_text",
     "locations_of",
     "log_so3",
     "nearest_rotation",
@@ -125,6 +134,9 @@ __all__ = [
     "require_arm",
     "robot_from_axes",
     "robot_from_chain",
+    "rounded",
+    "rounded_number",
+    "segments_to_boxes_mm",
     "skew",
     "stack_poses",
     "table",

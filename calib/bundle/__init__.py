@@ -1,5 +1,6 @@
 """All frames at once: SCP, places of the target, robot and shape, with outliers, noise and covariance."""
 
+from calib.bundle.free_start import free_start, rotation_grid
 from calib.bundle.hands import Hands
 from calib.bundle.information import (
     FrameInformation,
@@ -10,12 +11,13 @@ from calib.bundle.information import (
     scaled,
     scp_covariance,
 )
-from calib.bundle.on_target import OnTargetLinearised
+from calib.bundle.noise import given_noise, reweighed
+from calib.bundle.on_target import OnTarget, OnTargetLinearised
 from calib.bundle.problem import Bundle, estimated_parameters, estimates_sensor
 from calib.bundle.robust import solve_robust
 from calib.bundle.solution import Explained, Mask, Solution, answered, explain, make_bundle, solve_problem
 from calib.bundle.solve import solve_bundle
-from calib.bundle.starts import chain_start
+from calib.bundle.starts import chain_start, hand_eye_start
 
 __all__ = [
     "Bundle",
@@ -24,6 +26,7 @@ __all__ = [
     "Hands",
     "Mask",
     "Model",
+    "OnTarget",
     "OnTargetLinearised",
     "Solution",
     "answered",
@@ -33,8 +36,13 @@ __all__ = [
     "estimates_sensor",
     "explain",
     "frame_information",
+    "free_start",
+    "given_noise",
+    "hand_eye_start",
     "make_bundle",
     "observability",
+    "reweighed",
+    "rotation_grid",
     "scaled",
     "scp_covariance",
     "solve_bundle",

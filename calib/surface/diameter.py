@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from calib.bundle import Solution, solve_bundle
 from calib.engine import covariance
-from geometry import Target
+from geometry import Target, target_at
 from jig_cad import Sphere
 
 Targets = Target | Mapping[str, Target]
@@ -70,8 +70,10 @@ def contradicted_diameter(solution: Solution) -> Diameter | None:
     return None
 
 
-def with_free_diameters(target: Targets) -> Targets:
-    """The targets with nothing known of any ball's diameter."""
+def with_free_diameters(target: Targets, locations: Collection[str]) -> Targets | None:
+    """The targets with nothing known of any ball's diameter; None where no location has a ball."""
+    if not any(isinstance(target_at(target, name), Sphere) for name in locations):
+        return None
     if isinstance(target, Mapping):
         new = {id(t): _freed(t) for t in target.values()}
         return {name: new[id(t)] for name, t in target.items()}

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.bundle import Bundle, solve_bundle
+from calib.bundle import Bundle, rotation_grid, solve_bundle
 from calib.figures import pose_distance
 from geometry import Frame, Pose, State, Surface, Target, log_so3, stack_poses, target_at
 from jig_cad import Sphere, Wedge
@@ -370,28 +370,6 @@ def _radius(target: Target, feature: str) -> float:
         return target.diameter_mm / 2 if target.known else np.nan
     diameters = getattr(target, "diameters_mm", None)
     return np.nan if diameters is None else float(diameters[target.features.index(feature)]) / 2
-
-
-def rotation_grid(count: int) -> Array:
-    """Rotations (N, 3, 3) spread evenly over all of them.
-
-    References
-    ----------
-    Alexa, Super-Fibonacci spirals: fast, low-discrepancy sampling of SO(3), 2022.
-    """
-    i = np.arange(count) + 0.5
-    phi, psi = np.sqrt(2.0), 1.533751168755204288118041
-    inner, outer = np.sqrt(i / count), np.sqrt(1 - i / count)
-    a, b = 2 * np.pi * i / phi, 2 * np.pi * i / psi
-    x, y, z, w = inner * np.sin(a), inner * np.cos(a), outer * np.sin(b), outer * np.cos(b)
-    return np.stack(
-        [
-            np.stack([1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)], -1),
-            np.stack([2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)], -1),
-            np.stack([2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)], -1),
-        ],
-        -2,
-    )
 
 
 def far_from(design: Pose, found: Pose, mm: float, deg: float) -> bool:

@@ -18,6 +18,9 @@ COLUMNS = (
     "section,u_px,v_px,sigma_px,normal_u,normal_v,amplitude_dn,width_px,background_dn,chi2_per_dof,"
     "y_mm,z_mm,sigma_y_mm,sigma_z_mm,cov_yz_mm2,flag"
 )
+SENSOR_COLUMNS = (
+    "sigma_sensor_y_mm,sigma_sensor_z_mm,cov_sensor_yz_mm2"  # behind them, where the sensor's file states σ
+)
 PIXEL_COLUMNS = "section,u_px,v_px,sigma_px,flag"
 _LEAST_SCATTER_MM = 1e-4  # of points that lie on a line exactly: no sensor is better
 
@@ -30,23 +33,31 @@ def write_profile_csv(profile: Profile, path: str | Path) -> None:
     profile
         Points (y, z) in {P}.
     path
-        Where to; the file appears whole or not at all. Columns: COLUMNS; σ and covariance in mm and mm².
+        Where to; the file appears whole or not at all. Columns: COLUMNS; σ and covariance in mm and mm². Where the
+        uncertainty of the sensor's own calibration is known, its part stands beside them: SENSOR_COLUMNS.
 
     Raises
     ------
     InputError
         Where it can not be written.
     """
-    p, cov = profile.peaks, profile.cov_yz_mm2
-    sigma = np.sqrt(np.maximum(np.diagonal(cov, axis1=1, axis2=2), 0))
-    more = (profile.yz_mm, sigma, cov[:, 0, 1])
+    p, own = profile.peaks, profile.sensor_cov_yz_mm2
+    random = _sigma_columns(profile.cov_yz_mm2)
     numbers = np.column_stack(
-        [p.uv_px, p.sigma_px, p.normal, p.amplitude_dn, p.width_px, p.background_dn, p.chi2_per_dof, *more]
+        [p.uv_px, p.sigma_px, p.normal, p.amplitude_dn, p.width_px, p.background_dn, p.chi2_per_dof, profile.yz_mm]
     )
-    lines = [COLUMNS]
-    for section, row, flag in zip(p.section, numbers, p.flag, strict=True):
-        lines.append(f"{section},{','.join(f'{x:.9g}' for x in row)},{flag_names(int(flag))}")
+    common = np.zeros((len(p), 0)) if own is None else _sigma_columns(own)
+    lines = [COLUMNS if own is None else f"{COLUMNS},{SENSOR_COLUMNS}"]
+    for section, row, flag, more in zip(p.section, np.hstack([numbers, random]), p.flag, common, strict=True):
+        shown = [f"{x:.9g}" for x in row]
+        lines.append(",".join([str(section), *shown, flag_names(int(flag)), *(f"{x:.9g}" for x in more)]))
     write_text(path, "\n".join(lines) + "\n")
+
+
+def _sigma_columns(covariance: Array) -> Array:
+    """σ of y, σ of z and their covariance (N, 3)."""
+    sigma = np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 0))
+    return np.column_stack([sigma, covariance[:, 0, 1]])
 
 
 def write_peaks_csv(peaks: StripePeaks, path: str | Path) -> None:
@@ -76,7 +87,8 @@ def write_profile_ply(profile: Profile, path: str | Path) -> None:
     Parameters
     ----------
     profile
-        Points (y, z) in {P}; written as (0, y, z) [mm] with the grey level as intensity, and their σ [mm].
+        Points (y, z) in {P}; written as (0, y, z) [mm] with the grey level as intensity, and their σ [mm]; where the
+        uncertainty of the sensor's own calibration is known, its part as sigma_sensor_y and sigma_sensor_z.
     path
         Where to; the file appears whole or not at all.
 
@@ -85,6 +97,9 @@ def write_profile_ply(profile: Profile, path: str | Path) -> None:
     InputError
         Where it can not be written.
     """
+    own = profile.sensor_cov_yz_mm2
+    sigmas = [_sigma_columns(c)[:, :2] for c in (profile.cov_yz_mm2, own) if c is not None]
+    more = [] if own is None else ["sigma_sensor_y", "sigma_sensor_z"]
     header = [
         "ply",
         "format ascii 1.0",
@@ -92,12 +107,10 @@ def write_profile_ply(profile: Profile, path: str | Path) -> None:
         f"element vertex {len(profile)}",
         *(f"property double {name}" for name in "xyz"),
         "property float intensity",
-        "property float sigma_y",
-        "property float sigma_z",
+        *(f"property float {name}" for name in ("sigma_y", "sigma_z", *more)),
         "end_header",
     ]
-    sigma = np.sqrt(np.maximum(np.diagonal(profile.cov_yz_mm2, axis1=1, axis2=2), 0))
-    numbers = np.column_stack([profile.yz_mm, profile.peaks.amplitude_dn, sigma])
+    numbers = np.column_stack([profile.yz_mm, profile.peaks.amplitude_dn, *sigmas])
     rows = ["0 " + " ".join(f"{x:.9g}" for x in row) for row in numbers]
     write_text(path, "\n".join([*header, *rows]) + "\n")
 
@@ -123,7 +136,7 @@ def read_profile_csv(path: str | Path) -> Profile:
     """
     rows = csv.reader(read_text(path).splitlines())
     columns = [name.strip() for name in next(rows, [])]
-    known = COLUMNS.split(",")
+    known = [*COLUMNS.split(","), *SENSOR_COLUMNS.split(",")]
     for name in columns:
         if name not in known or columns.count(name) > 1:
             hint = did_you_mean(name, known)
@@ -169,11 +182,16 @@ def _profile(table: dict[str, Array]) -> Profile:
         chi2_per_dof=column("chi2_per_dof"),
         flag=column("flag").astype(np.uint8),
     )
-    cov = np.zeros((n, 2, 2))
-    cov[:, 0, 0] = column("sigma_y_mm") ** 2
-    cov[:, 1, 1] = (table["sigma_z_mm"] if "sigma_z_mm" in table else np.full(n, _scatter_mm(yz))) ** 2
-    cov[:, 0, 1] = cov[:, 1, 0] = column("cov_yz_mm2")
-    return Profile(peaks, yz, cov)
+    sigma_z = table["sigma_z_mm"] if "sigma_z_mm" in table else np.full(n, _scatter_mm(yz))
+    cov = _covariances(column("sigma_y_mm"), sigma_z, column("cov_yz_mm2"))
+    y, z, yz_cov = (column(name) for name in SENSOR_COLUMNS.split(","))
+    own = _covariances(y, z, yz_cov) if np.any(y + z) else None
+    return Profile(peaks, yz, cov, own)
+
+
+def _covariances(sigma_y: Array, sigma_z: Array, across: Array) -> Array:
+    """Matrices (N, 2, 2) of σ and covariance."""
+    return np.stack([np.stack([sigma_y**2, across], -1), np.stack([across, sigma_z**2], -1)], 1)
 
 
 def _scatter_mm(yz: Array) -> float:

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
 
 from extraction.config import StripeConfig
 from extraction.image import check_image
@@ -61,8 +60,8 @@ def extract_profile(
     Returns
     -------
     profile
-        Peaks in the image, their points (y, z) in {P} [mm] and covariance of rank one. Points whose rays miss the sheet
-        are left out.
+        Peaks in the image, their points (y, z) in {P} [mm] and covariance of rank one; beside it what the sensor's own
+        calibration leaves unknown. Points whose rays miss the sheet are left out.
 
     Raises
     ------
@@ -83,7 +82,7 @@ def extract_profile(
         peaks = detect_stripe(image, config, *light)
     yz, jacobian = sheet_table(sensor).lookup(peaks.uv_px)
     seen: Mask = np.asarray(np.isfinite(yz).all(axis=1))
-    return Profile(peaks, yz, propagate(jacobian, peaks.cov_uv_px2))[seen]
+    return Profile(peaks, yz, propagate(jacobian, peaks.cov_uv_px2))[seen].with_sensor(sensor)
 
 
 def depth_direction(sensor: Sensor) -> str:
@@ -178,6 +177,8 @@ def _look_ahead(view: StripeView, places: Places, config: StripeConfig) -> tuple
     some = alone[:: max(1, len(alone) // _SAMPLE)]
     first = PixelNoise(1.0, 0.0, view.black_dn, 0.0)  # equal weights
     fits = _fit(view, places.take(some), places.width_px[some], np.inf, first, config)
+    from scipy.ndimage import median_filter  # a tenth of a second, and most commands need none of it
+
     good = fits["converged"] & _near(fits, places.take(some), config)
     section, stripe = places.section[some[good]], places.stripe[some[good]]
     noise = estimate_noise(view, section, fits[good], config, _DARK_DN2)

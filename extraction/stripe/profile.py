@@ -9,6 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from geometry import Sensor
+from geometry.sensor import calibration_covariance
+
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
@@ -76,11 +79,16 @@ class StripePeaks:
 
 @dataclass(frozen=True, eq=False)
 class Profile:
-    """A stripe in the laser plane: peaks, their points (y, z) in {P} (N, 2) [mm] and covariance (N, 2, 2), rank one."""
+    """A stripe in the laser plane: peaks, their points (y, z) in {P} (N, 2) [mm] and covariance (N, 2, 2), rank one.
+
+    sensor_cov_yz_mm2 (N, 2, 2): what the uncertainty of the sensor's own calibration adds, common to all points; None
+    where its file states none.
+    """
 
     peaks: StripePeaks
     yz_mm: Array
     cov_yz_mm2: Array
+    sensor_cov_yz_mm2: Array | None = None
 
     def __len__(self) -> int:
         """The number of points."""
@@ -97,7 +105,13 @@ class Profile:
 
     def __getitem__(self, chosen: NDArray[np.intp] | Mask) -> Profile:
         """The chosen points, in that order."""
-        return Profile(self.peaks[chosen], self.yz_mm[chosen], self.cov_yz_mm2[chosen])
+        own = self.sensor_cov_yz_mm2
+        own = None if own is None else own[chosen]
+        return Profile(self.peaks[chosen], self.yz_mm[chosen], self.cov_yz_mm2[chosen], own)
+
+    def with_sensor(self, sensor: Sensor) -> Profile:
+        """The profile with what the uncertainty of ``sensor``'s own calibration adds to its points."""
+        return replace(self, sensor_cov_yz_mm2=calibration_covariance(sensor, self.yz_mm))
 
 
 def flag_names(flag: int) -> str:

@@ -1,8 +1,9 @@
 """The sensor: laser sheet, camera or profile output, stated optics, uncertainty, and what of the sheet is measured."""
 
 from geometry.sensor.camera import CHANNELS, Camera, project
-from geometry.sensor.deviation import SensorDeviation, SheetSeen
+from geometry.sensor.deviation import SensorDeviation, SheetSeen, calibration_covariance, stated_uncertainty
 from geometry.sensor.field_of_view import field_of_view, inside_polygon
+from geometry.sensor.housing import housing_box
 from geometry.sensor.optics import Optics
 from geometry.sensor.profile import AUTO, PROFILE_FORMATS, ProfileOutput
 from geometry.sensor.sensor import Sensor
@@ -25,7 +26,10 @@ __all__ = [
     "SensorUncertainty",
     "Sheet",
     "SheetSeen",
+    "calibration_covariance",
     "field_of_view",
+    "housing_box",
     "inside_polygon",
     "project",
+    "stated_uncertainty",
 ]

@@ -18,7 +18,7 @@ from workbench.files import Truth
 from workbench.files.board_file import BoardFile
 from workbench.files.cell import CellFile
 from workbench.files.frames_csv import POSE_COLUMNS
-from workbench.files.points_csv import COLUMNS
+from workbench.files.points_csv import COLUMNS, SENSOR_COLUMNS
 from workbench.files.robot_file import RobotFile
 from workbench.files.sensor_file import SensorFile
 from workbench.validate import Thresholds
@@ -52,7 +52,7 @@ def test_every_key_is_described(model: type[BaseModel]) -> None:
 
 
 def test_every_column_is_described() -> None:
-    assert {*POSE_COLUMNS, *COLUMNS} <= WORDS
+    assert {*POSE_COLUMNS, *COLUMNS, *SENSOR_COLUMNS} <= WORDS
 
 
 def test_every_setting_and_column_of_a_campaign_is_described() -> None:

@@ -1,5 +1,7 @@
 """Profiles on disk: round trip, whole or nothing, and one sentence for what can not be read."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -83,3 +85,21 @@ def test_flags_round_trip():
     assert flag_names(0) == ""
     assert flag_names(SATURATED | EDGE) == "saturated+edge"
     assert all(flag_bits(flag_names(k)) == k for k in range(8))
+
+
+def test_the_sensors_own_part_stands_behind_the_columns_and_comes_back(tmp_path):
+    """Only where the sensor's file states σ; other files keep their header."""
+    plain = profile()
+    write_profile_csv(plain, tmp_path / "plain.csv")
+    assert "sensor" not in (tmp_path / "plain.csv").read_text()
+    own = np.broadcast_to(np.array([[4e-4, 1e-4], [1e-4, 9e-4]]), plain.cov_yz_mm2.shape)
+    write_profile_csv(replace(plain, sensor_cov_yz_mm2=own), tmp_path / "own.csv")
+    header = (tmp_path / "own.csv").read_text().splitlines()[0]
+    assert header.endswith(",flag,sigma_sensor_y_mm,sigma_sensor_z_mm,cov_sensor_yz_mm2")
+    back = read_profile_csv(tmp_path / "own.csv")
+    np.testing.assert_allclose(back.sensor_cov_yz_mm2, own, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(back.cov_yz_mm2, plain.cov_yz_mm2, rtol=0, atol=1e-10)
+    write_profile_ply(back, tmp_path / "own.ply")
+    text = (tmp_path / "own.ply").read_text().splitlines()
+    assert "property float sigma_sensor_z" in text
+    assert text[text.index("end_header") + 1].split()[-1] == "0.03"

@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
 
 from calib.synthetic.cell import default_sensor
-from geometry import Pose, exp_so3
-from geometry.sensor import SensorDeviation, SensorUncertainty
+from geometry import Pose, Sensor, exp_so3
+from geometry.sensor import (
+    SENSOR_PARAMETERS,
+    SensorDeviation,
+    SensorUncertainty,
+    calibration_covariance,
+    project,
+    stated_uncertainty,
+)
 
 ATOL_PX = 1e-8
 CHANGES = {
@@ -52,6 +61,52 @@ def test_derivatives_are_those_of_the_plane_and_of_the_points() -> None:
     here, there = deviation.seen(yz, values), deviation.seen(yz, values + step)
     np.testing.assert_allclose(motions @ step, there.yz_mm - here.yz_mm, atol=1e-9)
     np.testing.assert_allclose((here.T_sensor_sheet.inverse() @ there.T_sensor_sheet).log(), twists @ step, atol=1e-11)
+
+
+EVERY = SENSOR_PARAMETERS
+LENS = (-0.12, 0.2, 1e-3, -5e-4, 0.02, 0.01, 0.0, 0.0, 1e-3, 0.0, -1e-3, 0.0, 0.04, -0.06)
+
+
+def test_motions_in_closed_form_are_the_derivatives() -> None:
+    sensor = default_sensor().with_camera(distortion=LENS)
+    deviation = SensorDeviation(sensor, EVERY)
+    yz = np.random.default_rng(3).uniform([-40, 250], [40, 330], (30, 2))
+    motions = deviation.derivatives(yz, np.zeros(len(EVERY)))[1]
+    scale = np.abs(motions).max(axis=(0, 1))
+    np.testing.assert_allclose(deviation.motions(yz) / scale, motions / scale, rtol=0, atol=1e-4)  # of differences
+
+
+def test_the_sensor_as_it_really_is_sees_its_points_where_the_file_expects_others() -> None:
+    """The corrected sensor's points in its own plane lie on the pixels in which the file sees the measured ones."""
+    sensor = default_sensor().with_camera(distortion=LENS)
+    names = ("fx_px", "cy_px", "k1", "tau_x", "plane_tilt_y_rad", "plane_tilt_z_rad", "plane_shift_mm")
+    values = np.array([8.0, -3.0, 0.02, 0.01, 3e-3, -2e-3, 0.3])
+    deviation = SensorDeviation(sensor, names)
+    yz = np.random.default_rng(4).uniform([-40, 250], [40, 330], (20, 2))
+    true_yz = deviation.seen(yz, values).yz_mm
+
+    def pixels(of: Sensor, points: np.ndarray) -> np.ndarray:
+        return project(of.require_camera(), np.column_stack([np.zeros(len(points)), points]))
+
+    np.testing.assert_allclose(pixels(deviation.really(values), true_yz), pixels(sensor, yz), atol=1e-7)
+
+
+def test_the_covariance_of_points_is_what_drawn_sensors_scatter() -> None:
+    sensor = replace(default_sensor(), uncertainty=SensorUncertainty((), np.zeros((0, 0)), "data sheet"))
+    known = stated_uncertainty(sensor)
+    assert known is not None
+    yz = np.array([[-30.0, 260.0], [0.0, 290.0], [35.0, 320.0]])
+    stated = calibration_covariance(sensor, yz)
+    rng, deviation = np.random.default_rng(5), SensorDeviation(sensor, known.parameters)
+    drawn = rng.multivariate_normal(np.zeros(len(known.parameters)), known.covariance, 400)
+    moved = np.stack([deviation.seen(yz, values).yz_mm - yz for values in drawn])
+    for k in range(len(yz)):
+        ratio = np.linalg.eigvals(np.linalg.solve(stated[k], np.cov(moved[:, k].T))).real
+        assert np.all((ratio > 0.75) & (ratio < 1.3))
+
+
+def test_a_sensor_that_states_nothing_has_no_covariance() -> None:
+    assert calibration_covariance(default_sensor(), np.zeros((2, 2))) is None
 
 
 def test_profile_sensor_has_scales_alone() -> None:

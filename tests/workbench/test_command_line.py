@@ -41,9 +41,10 @@ def test_every_command_explains_itself(cli: Cli, name: str) -> None:
 def test_help_keeps_square_brackets(name: str) -> None:
     """Square brackets are markup to the help's printer: unescaped, `[uncertainty]` vanishes from the sentence."""
     command = load(name)
-    for text in (command.help, *(getattr(p, "help", None) for p in command.params)):
-        written = (text or "").replace("\\[", "[")
-        assert Text.from_markup(text or "").plain == written
+    for one in (command, *getattr(command, "commands", {}).values()):
+        for text in (one.help, *(getattr(p, "help", None) for p in one.params)):
+            written = (text or "").replace("\\[", "[")
+            assert Text.from_markup(text or "").plain == written
 
 
 @pytest.mark.parametrize(

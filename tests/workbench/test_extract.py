@@ -9,7 +9,9 @@ from typing import Any
 import cv2
 import numpy as np
 
+from geometry.sensor import calibration_covariance
 from tests.workbench.helpers import Cli
+from workbench.files import read_points, read_sensor
 
 COLUMNS = "frame,label,u_px,v_px,y_surface_mm,z_surface_mm,y_mm,z_mm,sigma_y_mm,sigma_z_mm,cov_yz_mm2,score,flag"
 LABELS = {"A", "B", "C", "B'", "C'"}
@@ -33,6 +35,26 @@ def test_a_dataset_with_overlays(cli: Cli, recording: Path, tmp_path: Path, answ
     pictures = sorted((tmp_path / "pictures").iterdir())
     assert len(pictures) == len(answer["frames"])
     assert cv2.imread(str(pictures[0])).shape[0] == 1024
+
+
+def test_the_sensors_own_part_stands_beside_the_random_one(cli: Cli, dataset: Path, tmp_path: Path) -> None:
+    """And `calibrate` reads the file back without a remark: it takes that part from sensor.toml."""
+    sensor = dataset / "sensor.toml"
+    sensor.write_text(sensor.read_text() + '[uncertainty]\nsource = "calibrated"\n')
+    image = dataset / "images" / "000.png"
+    result = cli("extract", image, "--sensor", sensor, "--jig", dataset / "jig.toml", "--csv", tmp_path / "p.csv")
+    assert result.code == 0, result.err
+    text = (tmp_path / "p.csv").read_text()
+    assert text.splitlines()[0] == COLUMNS + ",sigma_sensor_y_mm,sigma_sensor_z_mm,cov_sensor_yz_mm2"
+    rows = list(csv.DictReader(text.splitlines()))
+    yz = np.array([[float(r["y_mm"] or r["y_surface_mm"]), float(r["z_mm"] or r["z_surface_mm"])] for r in rows])
+    expected = calibration_covariance(read_sensor(sensor), yz)
+    stated = [[float(r["sigma_sensor_y_mm"]), float(r["sigma_sensor_z_mm"])] for r in rows]
+    np.testing.assert_allclose(stated, np.sqrt(np.diagonal(expected, axis1=1, axis2=2)), rtol=1e-4)
+    assert len(rows) >= 5
+    said: list[str] = []
+    read_points(tmp_path / "p.csv", tuple(LABELS), said.append)
+    assert not said
 
 
 def test_every_stage_can_be_looked_at(cli: Cli, recording: Path, tmp_path: Path) -> None:

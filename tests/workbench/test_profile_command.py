@@ -6,8 +6,11 @@ import cv2
 import numpy as np
 import pytest
 
+from calib.synthetic.cell import default_sensor
 from extraction.stripe.pictures import draw
+from perceptron_emu import EmulatorConfig
 from workbench.cell.stripes import is_mosaic
+from workbench.files import read_sensor, sensor_text
 
 
 @pytest.fixture(scope="module")
@@ -36,6 +39,29 @@ def test_a_folder_without_a_sensor_gives_pixels(cli, folder, tmp_path):
     assert len(lines) == 641
     seen = cv2.imread(str(tmp_path / "seen" / "a.png"))
     assert np.count_nonzero(np.all(seen == (0, 255, 0), axis=2)) > 640
+
+
+def test_a_sensor_that_knows_its_uncertainty_tells_it_beside_the_random_part(cli, folder, tmp_path):
+    image, exact, sensor = folder / "a.png", tmp_path / "exact.toml", tmp_path / "sensor.toml"
+    height, width = cv2.imread(str(image), cv2.IMREAD_GRAYSCALE).shape
+    small = default_sensor().with_camera(width_px=width, height_px=height, cx_px=width / 2, cy_px=height / 2)
+    exact.write_text(sensor_text(small, EmulatorConfig()))
+    sensor.write_text(exact.read_text() + "[uncertainty]\nplane_shift_mm = 0.1\n")
+    done = cli("profile", image, "--sensor", sensor, "--csv", tmp_path / "p.csv", "--json")
+    assert done.code == 0, done.err
+    points = json.loads(done.out)["images"][0]["points"]
+    camera = read_sensor(sensor).require_camera()
+    for point in points[:: len(points) // 7]:  # along the camera's ray, the plane shifted by 0.1 mm
+        slope = (np.array([point["y_mm"], point["z_mm"]]) - camera.centre_mm[1:]) / -camera.centre_mm[0]
+        own = [point["sigma_sensor_y_mm"], point["sigma_sensor_z_mm"]]
+        np.testing.assert_allclose(own, np.abs(0.1 * slope), rtol=1e-3, atol=1e-6)
+    plain = cli("profile", image, "--sensor", exact, "--csv", tmp_path / "q.csv", "--json")
+    assert "sigma_sensor_y_mm" not in plain.out
+    header, known = ((tmp_path / name).read_text().splitlines()[0] for name in ("q.csv", "p.csv"))
+    assert known == header + ",sigma_sensor_y_mm,sigma_sensor_z_mm,cov_sensor_yz_mm2"
+    again = cli("profile", tmp_path / "q.csv", "--sensor", sensor, "--csv", tmp_path / "r.csv")
+    assert again.code == 0, again.err
+    assert (tmp_path / "r.csv").read_text().splitlines()[0] == known
 
 
 def test_colour_takes_the_channel_that_is_asked(cli, tmp_path):

@@ -37,6 +37,27 @@ def test_rendered_frames(cli: Cli, tmp_path: Path) -> None:
     assert "http" not in html.replace("http-equiv", "")
 
 
+def test_drawn_sensors_err_as_their_file_says(cli: Cli, tmp_path: Path) -> None:
+    """Six sensors tell a grossly wrong σ only; with the random part alone the ratio would be a hundredth."""
+    sensor, out = tmp_path / "sensor.toml", tmp_path / "out"
+    nominal = (Path(__file__).parents[2] / "assets" / "sensors" / "nominal.toml").read_text()
+    sensor.write_text(nominal + '[uncertainty]\nsource = "drawing"\n')
+    call = ("validate", "--sensor", sensor, "--frames", 2, "--out", out, "--json")
+    result = cli(*call, "--draw-sensor", 6)
+    assert result.code == 0, result.err
+    figures = result.json["figures"]
+    assert figures["sensors"] == 6
+    assert figures["sensor_rms_z_mm"] > 10 * figures["scatter_z_mm"]
+    assert 0.4 < figures["sensor_sigma_ratio"] < 2.5
+    rows = list(csv.DictReader((out / "drawn_sensors.csv").read_text().splitlines()))
+    assert {r["sensor"] for r in rows} == {str(i) for i in range(6)}
+    assert "sensors drawn from" in (out / "report.html").read_text(encoding="utf-8")
+    sensor.write_text(nominal)
+    refused = cli(*call, "--draw-sensor", 6)
+    assert refused.code == 2
+    assert "states no [uncertainty]" in refused.err
+
+
 def test_a_dataset_fails_an_impossible_threshold(cli: Cli, recording: Path, tmp_path: Path) -> None:
     (tmp_path / "thresholds.toml").write_text("max_scatter_y_mm = 1e-6\nmin_detection_rate = 0.5\n")
     thresholds = ("--thresholds", tmp_path / "thresholds.toml", "--out", tmp_path / "out")

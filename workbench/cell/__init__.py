@@ -8,7 +8,15 @@ from workbench.cell.locating import located
 from workbench.cell.pipeline import Observed, Progress, observe, solve
 from workbench.cell.points_table import rows
 from workbench.cell.posing import FramePose, frame_poses
-from workbench.cell.presets import DESIGN_SCP, find_emulator, find_jig, find_robot, find_sensor, preset_path
+from workbench.cell.presets import (
+    DESIGN_SCP,
+    find_emulator,
+    find_jig,
+    find_robot,
+    find_sensor,
+    find_target,
+    preset_path,
+)
 from workbench.cell.profiling import ProfileSource, is_profile_file, read_profile, read_profile_settings
 from workbench.cell.speckle import dataset_config, with_known_grain
 from workbench.cell.starter import PLACES, place_of_jig, write_starter
@@ -22,7 +30,7 @@ from workbench.cell.stripes import (
     stripe_record,
 )
 from workbench.cell.surroundings import SeesAll, around_jig, jig_bodies, sees_all_strings, wall_behind
-from workbench.cell.verifying import verify_cell
+from workbench.cell.verifying import scp_of, verify_cell
 
 __all__ = [
     "DESIGN_SCP",
@@ -45,6 +53,7 @@ __all__ = [
     "find_jig",
     "find_robot",
     "find_sensor",
+    "find_target",
     "flag_counts",
     "frame_poses",
     "is_profile_file",
@@ -61,6 +70,7 @@ __all__ = [
     "read_profile",
     "read_profile_settings",
     "rows",
+    "scp_of",
     "sees_all_strings",
     "solve",
     "stripe_images",

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from calib import CalibConfig, CalibrationResult, calibrate
 from extraction import ExtractionConfig, Profile, TargetPoints, extract, extract_profile
@@ -107,10 +111,27 @@ def _target(cell: Cell, location: str) -> Target | None:
     return target_at(cell.target, location) if known else None
 
 
-def _readable(cell: Cell, frames: list[int]) -> Iterator[object]:
-    for k in frames:
+class _Picture(NamedTuple):
+    """A frame's image as read, and what is doubtful of its file."""
+
+    image: NDArray[np.generic]
+    said: list[str]
+
+
+def _picture(cell: Cell, frame: Frame) -> _Picture:
+    said: list[str] = []
+    if not frame.image:
+        raise InputError(f"line {frame.line} of the frames' file names no image")
+    return _Picture(read_image(cell.folder / frame.image, cell.sensor, said.append), said)
+
+
+def _readable(cell: Cell, some: list[int], pool: Executor, read: dict[int, _Picture]) -> Iterator[object]:
+    """The images of some frames that can be read, decoded ahead and kept: a file is decoded once."""
+    jobs = {k: pool.submit(_picture, cell, cell.frames[k]) for k in some}
+    for k, job in jobs.items():
         with suppress(InputError):
-            yield read_image(cell.folder / cell.frames[k].image, cell.sensor)
+            read[k] = job.result()
+            yield read[k].image
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,21 +151,21 @@ def _measured(cell: Cell, config: ExtractionConfig) -> Iterator[_Measured]:
         yield from _from_profiles(cell)
         return
     cell.sensor.require_camera()  # said once, not as every frame's complaint
-    if any(isinstance(target, Jig) for target in cell.targets):
-        config = dataset_config(cell.sensor, config, len(cell.frames), lambda frames: _readable(cell, frames))
+    read: dict[int, _Picture] = {}
     with ThreadPoolExecutor(WORKERS) as pool:
-        jobs = pool.map(lambda frame: _from_image(cell, frame, config), cell.frames)
-        yield from jobs
+        if any(isinstance(target, Jig) for target in cell.targets):
+            total = len(cell.frames)
+            config = dataset_config(cell.sensor, config, total, lambda some: _readable(cell, some, pool, read))
+        yield from pool.map(
+            lambda k: _from_image(cell, cell.frames[k], config, read.pop(k, None)), range(len(cell.frames))
+        )
 
 
-def _from_image(cell: Cell, frame: Frame, config: ExtractionConfig) -> _Measured:
-    """Whatever an image holds, it does not end the run of the others."""
+def _from_image(cell: Cell, frame: Frame, config: ExtractionConfig, read: _Picture | None) -> _Measured:
+    """Whatever an image holds, it does not end the run of the others. read: its image, where it was decoded before."""
     sensor: Sensor = cell.sensor
-    said: list[str] = []
     try:
-        if not frame.image:
-            raise InputError(f"line {frame.line} of the frames' file names no image")
-        image = read_image(cell.folder / frame.image, sensor, said.append)
+        image, said = read or _picture(cell, frame)
         target = target_at(cell.target, frame.location)
         if isinstance(target, Surface):
             return _found(on_surface(frame, extract_profile(image, sensor), target, sensor), said)

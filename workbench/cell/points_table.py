@@ -6,16 +6,25 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from geometry import Frame, SurfacePoints
+from geometry import Frame, Sensor, SurfacePoints
+from geometry.sensor import calibration_covariance, stated_uncertainty
 
 
-def rows(tables: Sequence[Frame]) -> list[dict[str, object]]:
-    """Rows by column name, frame by frame: labelled points in the jig's order, then unlabelled spots by score."""
+def rows(tables: Sequence[Frame], sensor: Sensor | None = None) -> list[dict[str, object]]:
+    """Rows by column name, frame by frame: labelled points in the jig's order, then unlabelled spots by score.
+
+    sensor: whose own uncertainty is told beside the points' random part, where its file states it.
+    """
     out: list[dict[str, object]] = []
     for frame in tables:
         taken = {int(i) for i in frame.axis.spot}
-        out += [_labelled(frame, i) for i in range(len(frame.axis))]
-        out += [_unlabelled(frame, i) for i in range(len(frame.points)) if i not in taken]
+        rest = [i for i in range(len(frame.points)) if i not in taken]
+        mine = [_labelled(frame, i) for i in range(len(frame.axis))] + [_unlabelled(frame, i) for i in rest]
+        if sensor is not None and stated_uncertainty(sensor) is not None:
+            at = np.concatenate([frame.axis.yz_mm.reshape(-1, 2), frame.points.yz_mm.reshape(-1, 2)[rest]])
+            own = calibration_covariance(sensor, at)
+            mine = [row | _sensor_sigmas(c) for row, c in zip(mine, own if own is not None else (), strict=True)]
+        out += mine
     return out
 
 
@@ -49,4 +58,12 @@ def _sigmas(covariance: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> di
         "sigma_y_mm": float(np.sqrt(covariance[0, 0])),
         "sigma_z_mm": float(np.sqrt(covariance[1, 1])),
         "cov_yz_mm2": float(covariance[0, 1]),
+    }
+
+
+def _sensor_sigmas(covariance: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> dict[str, object]:
+    return {
+        "sigma_sensor_y_mm": float(np.sqrt(covariance[0, 0])),
+        "sigma_sensor_z_mm": float(np.sqrt(covariance[1, 1])),
+        "cov_sensor_yz_mm2": float(covariance[0, 1]),
     }

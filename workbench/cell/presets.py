@@ -6,10 +6,10 @@ from pathlib import Path
 
 import assets
 from calib.synthetic import DESIGN
-from geometry import DhRobot, Sensor
+from geometry import DhRobot, Sensor, Target
 from jig_cad import Jig
 from perceptron_emu import EmulatorConfig
-from workbench.files import read_emulator, read_jig_file, read_robot, read_sensor
+from workbench.files import read_emulator, read_jig_file, read_robot, read_sensor, read_target
 
 DESIGN_SCP = DESIGN  # T_hand_sensor by design of the paper's Table 1: emulated cells and starters mount their sensor so
 
@@ -25,6 +25,11 @@ def preset_path(kind: str, name: str) -> Path:
 def find_jig(name: str) -> Jig:
     """A jig by file or preset."""
     return read_jig_file(preset_path("jigs", name))
+
+
+def find_target(name: str) -> Target:
+    """A target of any kind by file, or a jig by preset."""
+    return read_target(preset_path("jigs", name))
 
 
 def find_sensor(name: str) -> Sensor:

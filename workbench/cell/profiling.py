@@ -69,7 +69,8 @@ def _profile_of_file(source: ProfileSource, remark: Remark) -> Profile:
     sensor = None if source.sensor is None else read_sensor(source.sensor)
     output = ProfileOutput() if sensor is None or sensor.profile is None else sensor.profile
     if output.format == AUTO and source.path.suffix.lower() == ".csv" and _has_stripe(source.path):
-        return read_profile_csv(source.path)
+        own = read_profile_csv(source.path)
+        return own if sensor is None or own.sensor_cov_yz_mm2 is not None else own.with_sensor(sensor)
     told = Told(output.format, output.pitch_mm, output.start_mm, output.unit, output.width, remark)
     lines = read_scan_lines(source.path, told)
     if len(lines) > 1:
@@ -77,7 +78,7 @@ def _profile_of_file(source: ProfileSource, remark: Remark) -> Profile:
     checked = checked_profile(lines[0], output, source.path)
     for sentence in checked.remarks:
         remark(sentence)
-    return checked.profile
+    return checked.profile if sensor is None else checked.profile.with_sensor(sensor)
 
 
 def _has_stripe(path: Path) -> bool:

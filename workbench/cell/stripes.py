@@ -181,6 +181,9 @@ def stripe_record(measured: MeasuredStripe) -> dict[str, object]:
             sigma = np.sqrt(np.maximum(np.diag(profile.cov_yz_mm2[i]), 0))
             point |= {"y_mm": float(profile.yz_mm[i, 0]), "z_mm": float(profile.yz_mm[i, 1])}
             point |= {"sigma_y_mm": float(sigma[0]), "sigma_z_mm": float(sigma[1])}
+            if profile.sensor_cov_yz_mm2 is not None:
+                y, z = np.sqrt(np.diag(profile.sensor_cov_yz_mm2[i])).tolist()
+                point |= {"sigma_sensor_y_mm": y, "sigma_sensor_z_mm": z}
         points.append(point)
     rows = len(peaks) > 0 and abs(peaks.normal[0, 0]) > abs(peaks.normal[0, 1])
     return {

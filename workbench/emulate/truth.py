@@ -91,7 +91,9 @@ def planned_views(
     for name, place in cell.T_base_jig.items():
         bodies = (*jig_bodies(cell.jig), *around_jig(around, place))
         sees_all = sees_all_strings(cell.sensor, cell.jig, bodies, around.standing_in("sensor"))
-        problem = ViewProblem(cell.arm, cell.sensor, cell.jig, place, cell.design, sees_all=sees_all)
+        problem = ViewProblem(
+            cell.arm, cell.sensor, cell.jig, place, cell.design, sees_all=sees_all, workspace=cell.workspace
+        )
         planned = plan_views(problem, per_location, rng)
         views += [(name, cell.roles.get(name, "calibrate"), joints) for joints in planned.joints_rad]
     return views

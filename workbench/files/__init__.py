@@ -1,5 +1,6 @@
 """The files of a cell dataset: strict models that say in one sentence what is wrong, where, and what is right."""
 
+from workbench.files.anchors_csv import lay_onto
 from workbench.files.atomic import sha256_of, write_bytes, write_text
 from workbench.files.board_file import board_text, read_board
 from workbench.files.board_views import ViewFiles, find_views, picture_sensor
@@ -13,7 +14,6 @@ from workbench.files.images import LOSSY_SUFFIXES, SUFFIXES, Image, is_whole, re
 from workbench.files.points_csv import GivenPoints, points_text, read_points
 from workbench.files.result_file import SavedResult, SavedScp, read_result, saved_result
 from workbench.files.robot_file import read_robot, robot_text, urdf_of
-from workbench.files.rounding import rounded, rounded_number
 from workbench.files.sensor_file import read_emulator, read_sensor, sensor_text, stated_optics
 from workbench.files.settings_file import (
     Settings,
@@ -66,6 +66,7 @@ __all__ = [
     "find_views",
     "frames_text",
     "is_whole",
+    "lay_onto",
     "parse_settings",
     "picture_sensor",
     "points_text",
@@ -87,8 +88,6 @@ __all__ = [
     "read_toml",
     "read_truth",
     "robot_text",
-    "rounded",
-    "rounded_number",
     "saved_result",
     "sensor_of_picture",
     "sensor_text",

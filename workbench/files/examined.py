@@ -78,7 +78,7 @@ def examine_cell(path: Path) -> Iterator[FileFinding]:
     robot = None
     if file.robot is not None:
         robot = _look(found, "robot", folder, file.robot, read_robot, _robot_words)
-    found.extend(_about_start(file, target))
+    found.extend(_about_start(file))
     found.extend(_about_frames(folder, file, robot, sensor, target))
     found.extend(_about_truth(folder))
     yield from found
@@ -132,12 +132,13 @@ def _target_words(target: Target) -> str:
     return f"kind {getattr(target, 'kind', 'own')}"
 
 
-def _about_start(file: CellFile, target: Target | None) -> Iterator[FileFinding]:
+def _about_start(file: CellFile) -> Iterator[FileFinding]:
     if file.scp_initial is None:
-        without = (
-            "a first value is found in closed form" if target is None or isinstance(target, Jig) else "none is found"
+        yield FileFinding(
+            "doubtful",
+            "[scp_initial]",
+            "is absent: a start is found from the data, and the figures of the design are null",
         )
-        yield FileFinding("doubtful", "[scp_initial]", f"is absent: {without}, and the figures of the design are null")
     else:
         t = ", ".join(f"{v:g}" for v in file.scp_initial.translation_mm)
         yield FileFinding("ok", "[scp_initial]", f"the sensor at {t} mm in the hand by design")

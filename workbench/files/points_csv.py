@@ -27,6 +27,8 @@ COLUMNS = (
     "score",
     "flag",
 )
+# behind them where the sensor's file states σ of its own calibration; `calibrate` takes that part from the file
+SENSOR_COLUMNS = ("sigma_sensor_y_mm", "sigma_sensor_z_mm", "cov_sensor_yz_mm2")
 DEFAULT_SIGMA_MM = 0.03  # where a file gives no σ: a string point's usual scatter with speckle
 _PRIMES = str.maketrans({"′": "'", "’": "'", "`": "'"})
 
@@ -78,7 +80,7 @@ def read_points(
         Naming line and column.
 
     """
-    table = read_table(path, COLUMNS, ("frame",), remark=remark)
+    table = read_table(path, (*COLUMNS, *SENSOR_COLUMNS), ("frame",), remark=remark)
     if not {"y_mm", "z_mm"} <= set(table.columns) and not {"y_surface_mm", "z_surface_mm"} <= set(table.columns):
         raise InputError(
             f"{path}, line {table.header_line}: needs the columns y_mm and z_mm of the axis "
@@ -195,8 +197,11 @@ def _collect(points: list[_CsvPoint]) -> GivenPoints:
 
 def points_text(rows: Iterable[dict[str, object]]) -> str:
     """Rows by column name as the text of a points.csv; numbers with 6 digits after the point, NaN and None as empty."""
-    lines = [",".join(COLUMNS)]
-    lines += [",".join(_cell(row.get(column)) for column in COLUMNS) for row in rows]
+    table = list(rows)
+    known = any(SENSOR_COLUMNS[0] in row for row in table)
+    columns = (*COLUMNS, *SENSOR_COLUMNS) if known else COLUMNS
+    lines = [",".join(columns)]
+    lines += [",".join(_cell(row.get(column)) for column in columns) for row in table]
     return "\n".join(lines) + "\n"
 
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from calib import CalibrationResult
+from geometry import json_text
 from workbench.cell import Observed, label_dataset, rows
 from workbench.files import Cell, Settings, points_text, settings_text, write_text
-from workbench.report.as_json import calibration_object, json_text
+from workbench.report.as_json import calibration_object
 from workbench.report.fig7 import write_fig7
 from workbench.report.robot import write_corrected_robot
 
@@ -24,7 +25,9 @@ def write_results(out: Path, cell: Cell, observed: Observed, result: Calibration
 
     """
     write_text(out / "result.json", json_text(calibration_object(result, observed.complaints, cell)) + "\n")
-    write_text(out / "points.csv", points_text(rows(label_dataset(cell, observed, settings.calib, result))))
+    write_text(
+        out / "points.csv", points_text(rows(label_dataset(cell, observed, settings.calib, result), cell.sensor))
+    )
     write_fig7(out / "fig7.png", result)
     write_text(out / "settings.toml", settings_text(settings))
     write_corrected_robot(out, cell, result)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from geometry import Pose, Sensor
+from geometry.sensor import SensorDeviation, stated_uncertainty
 from jig_cad import Jig
 from perceptron_emu import EmulatorConfig, Scene, Solid
 from workbench.cell import jig_bodies, wall_behind
@@ -20,7 +21,11 @@ FACTORS = ("exposure_ms", "ambient", "speckle", "diameter_mm", "gloss", "tilt_de
 
 @dataclass(frozen=True, eq=False)
 class Drawn:
-    """One frame to render. guess: of T_sensor_jig, as a robot gives it. factors: by the names of FACTORS."""
+    """One frame to render. guess: of T_sensor_jig, as a robot gives it. factors: by the names of FACTORS.
+
+    by_file: what sensor.toml says of the sensor, where the scene's was drawn from its uncertainty; else None.
+    scale (2,): of its y and z, which no camera has.
+    """
 
     number: int
     nominal: bool
@@ -30,6 +35,8 @@ class Drawn:
     guess: Pose
     factors: dict[str, float]
     seed: tuple[int, int]
+    by_file: Sensor | None = None
+    scale: tuple[float, float] = (1.0, 1.0)
 
 
 def draw_frames(sensor: Sensor, emulator: EmulatorConfig, jig: Jig, count: int, seed: int) -> Iterator[Drawn]:
@@ -56,6 +63,30 @@ def draw_frames(sensor: Sensor, emulator: EmulatorConfig, jig: Jig, count: int, 
             Pose.exp(xi) @ pose,
             factors,
             (seed, number),
+        )
+
+
+def with_drawn_sensors(frames: Sequence[Drawn], count: int, seed: int) -> Iterator[Drawn]:
+    """``count`` nominal frames anew, each by a sensor whose errors are drawn from its file's uncertainty.
+
+    Nothing where the file takes itself for exact.
+    """
+    nominal = [f for f in frames if f.nominal]
+    file = nominal[0].scene.sensor
+    known = stated_uncertainty(file)
+    if known is None:
+        return
+    rng = np.random.default_rng([seed, 2**30])
+    _, basis = known.independent()
+    deviation = SensorDeviation(file, known.parameters)
+    for i in range(count):
+        frame = nominal[i % len(nominal)]
+        values = basis @ rng.standard_normal(basis.shape[1])
+        change = dict(zip(known.parameters, values.tolist(), strict=True))
+        scale = (1 + change.get("scale_y", 0.0), 1 + change.get("scale_z", 0.0))
+        scene = replace(frame.scene, sensor=deviation.really(values))
+        yield replace(
+            frame, number=len(frames) + i, scene=scene, seed=(seed, len(frames) + i), by_file=file, scale=scale
         )
 
 

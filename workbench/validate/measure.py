@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from calib import CalibConfig
 from calib.label import label_frame
 from extraction import extract
 from geometry import Frame
+from geometry.sensor import calibration_covariance
 from perceptron_emu import render
 from workbench.compare import VISIBLE, Comparison, KnownString, Match, match, named_points, true_strings
 from workbench.files import Settings
@@ -25,10 +26,38 @@ Progress = Callable[[int, int], None]
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """All frames. strings: a row for each string; counts: a row for each frame. worst: errors [mm] by frame."""
+    """All frames. strings: a row for each string; counts: a row for each frame.
+
+    by_drawn_sensors: rows of strings that sensors with errors of their own saw, read by the file's numbers.
+    """
 
     strings: list[dict[str, Any]]
     counts: list[dict[str, Any]]
+    by_drawn_sensors: list[dict[str, Any]] = field(default_factory=list)
+
+
+def measure_drawn_sensors(frames: Sequence[Drawn], settings: Settings, progress: Progress) -> list[dict[str, Any]]:
+    """Rows of strings as sensors saw them that differ from their file, each beside its truth."""
+    rows: list[dict[str, Any]] = []
+    for done, frame in enumerate(frames, start=1):
+        rendered = render(frame.scene, frame.config, np.random.default_rng(list(frame.seed)))
+        table = label_drawn(frame, rendered.image, settings)
+        own = calibration_covariance(frame.by_file or frame.scene.sensor, table.axis.yz_mm)
+        own = np.zeros((len(table.axis), 2, 2)) if own is None else own
+        for row in score(table, rendered.truth.strings)[0]:
+            more: dict[str, Any] = {}
+            if row["found"]:
+                k = table.axis.label.index(row["label"])
+                error = np.array([row["error_y_mm"], row["error_z_mm"]])
+                both = table.axis.cov_yz_mm2[k] + own[k]
+                more = {
+                    "sigma_sensor_y_mm": float(np.sqrt(own[k, 0, 0])),
+                    "sigma_sensor_z_mm": float(np.sqrt(own[k, 1, 1])),
+                }
+                more |= {"chi2_with_sensor": float(error @ np.linalg.solve(both, error))}
+            rows.append({"sensor": done - 1} | row | more)
+        progress(done, len(frames))
+    return rows
 
 
 def measure_drawn(frames: Sequence[Drawn], settings: Settings, progress: Progress) -> Measured:
@@ -52,8 +81,11 @@ def measure_drawn(frames: Sequence[Drawn], settings: Settings, progress: Progres
 
 def label_drawn(frame: Drawn, image: NDArray[Any], settings: Settings) -> Frame:
     """The labelled spots of one drawn frame."""
-    points = extract(image, frame.scene.sensor, settings.extraction)
-    labelled = label_frame(points, frame.jig, frame.scene.sensor, frame.guess, settings.calib or CalibConfig())
+    sensor = frame.by_file or frame.scene.sensor
+    points = extract(image, sensor, settings.extraction)
+    if frame.scale != (1.0, 1.0):
+        points = replace(points, yz_mm=points.yz_mm / frame.scale)
+    labelled = label_frame(points, frame.jig, sensor, frame.guess, settings.calib or CalibConfig())
     return Frame(frame.number, "", points=points, axis=labelled.axis, reason=labelled.reason)
 
 

@@ -31,6 +31,12 @@ WORDS = {
     "scatter_px": "scatter of the spot [px]",
     "sigma_ratio": "claimed over empirical σ (1 is honest)",
     "bound_ratio": "error over the camera's Cramér-Rao bound (speckle is not in it)",
+    "sensors": "sensors drawn from sensor.toml's uncertainty, a frame by each",
+    "sensor_bias_y_mm": "their mean error of the axis point, y [mm]",
+    "sensor_bias_z_mm": "their mean error of the axis point, z [mm]",
+    "sensor_rms_y_mm": "their root mean square error, y [mm]",
+    "sensor_rms_z_mm": "their root mean square error, z [mm]",
+    "sensor_sigma_ratio": "claimed, the sensor's own part in it, over empirical σ (1 is honest)",
 }
 UNITS = {
     "exposure_ms": "exposure time [ms]",
@@ -52,7 +58,7 @@ def write_pages(
     failed: Sequence[Failure],
     worst: Sequence[dict[str, Any]],
 ) -> None:
-    """Write report.html, strings.csv, frames.csv and result.json into ``out``."""
+    """Write report.html, strings.csv, frames.csv, result.json and, of drawn sensors, drawn_sensors.csv into ``out``."""
     curves = {factor: curve(measured, factor) for factor in FACTORS}
     limits = {k: v for k, v in thresholds.model_dump(exclude={"name"}).items() if v is not None}
     content = {
@@ -67,6 +73,8 @@ def write_pages(
     }
     write_text(out / "report.html", render_page("workbench.validate", "page.html.j2", content))
     write_text(out / "strings.csv", _csv(measured.strings))
+    if measured.by_drawn_sensors:
+        write_text(out / "drawn_sensors.csv", _csv(measured.by_drawn_sensors))
     write_text(out / "frames.csv", _csv(measured.counts))
     write_text(out / "result.json", json_text(result_object(result, limits, failed, curves)) + "\n")
 

@@ -9,13 +9,16 @@ from typing import Any
 
 import numpy as np
 
+from geometry import InputError
+from geometry.sensor import stated_uncertainty
 from perceptron_emu import render
 from workbench.cell import Progress, find_emulator, find_jig, find_sensor, label_dataset, observe, with_known_grain
+from workbench.defaults import DRAWN_SENSORS
 from workbench.files import Settings, read_cell, read_image
 from workbench.report import jpeg, overlay
 from workbench.validate.dataset import measure_dataset
-from workbench.validate.drawing import Drawn, draw_frames
-from workbench.validate.measure import Measured, label_drawn, measure_drawn
+from workbench.validate.drawing import Drawn, draw_frames, with_drawn_sensors
+from workbench.validate.measure import Measured, label_drawn, measure_drawn, measure_drawn_sensors
 
 WORST = 4  # frames that are shown
 
@@ -28,7 +31,9 @@ class Validation:
     worst: list[dict[str, Any]]
 
 
-def validate_drawn(sensor: str, jig: str, frames: int, seed: int, settings: Settings, progress: Progress) -> Validation:
+def validate_drawn(
+    sensor: str, jig: str, frames: int, seed: int, settings: Settings, progress: Progress, sensors: int | None = None
+) -> Validation:
     """Hold extraction against the truth of frames that are rendered for it.
 
     Parameters
@@ -43,18 +48,34 @@ def validate_drawn(sensor: str, jig: str, frames: int, seed: int, settings: Sett
         Of extraction and calibration.
     progress
         Told the frames done and the frames in all.
+    sensors
+        So many sensors are drawn from the uncertainty that the sensor's file states, a frame by each; where None,
+        DRAWN_SENSORS, and none of a file that states none.
 
     Returns
     -------
     Validation
         A row for every string, a row for every frame, pictures of the worst frames.
 
+    Raises
+    ------
+    InputError
+        Where sensors are to be drawn from a file that states no uncertainty.
+
     """
     seen_by = find_sensor(sensor)
     seen_by.require_camera()
+    if sensors and stated_uncertainty(seen_by) is None:
+        raise InputError(
+            f"{sensor} states no [uncertainty]: no sensor can be drawn from it (source or σ by name are missing)"
+        )
     settings = replace(settings, extraction=with_known_grain(seen_by, settings.extraction))
     drawn = list(draw_frames(seen_by, find_emulator(sensor), find_jig(jig), frames, seed))
-    measured = measure_drawn(drawn, settings, progress)
+    others = list(with_drawn_sensors(drawn, DRAWN_SENSORS if sensors is None else sensors, seed))
+    total = len(drawn) + len(others)
+    measured = measure_drawn(drawn, settings, lambda done, _: progress(done, total))
+    rows = measure_drawn_sensors(others, settings, lambda done, _: progress(len(drawn) + done, total))
+    measured = replace(measured, by_drawn_sensors=rows)
     worst = [_drawn_picture(drawn[number], why, settings) for number, why in _worst(measured)]
     return Validation(measured, worst)
 

@@ -16,6 +16,7 @@ ERRORS = (
     "bias_y_mm", "bias_z_mm", "scatter_y_mm", "scatter_z_mm", "bias_u_px", "bias_v_px", "scatter_px", "sigma_ratio",
     "bound_ratio",
 )  # fmt: skip
+OF_SENSORS = ("sensor_bias_y_mm", "sensor_bias_z_mm", "sensor_rms_y_mm", "sensor_rms_z_mm", "sensor_sigma_ratio")
 BINS = 5  # points of a curve
 MIN_IN_BIN = 10  # strings; a scatter of fewer is known to worse than a quarter of itself
 
@@ -37,6 +38,10 @@ class Thresholds(FileSection):
     max_bound_ratio: NotNegative | None = None
     min_sigma_ratio: NotNegative | None = None
     max_sigma_ratio: NotNegative | None = None
+    max_sensor_rms_y_mm: NotNegative | None = None
+    max_sensor_rms_z_mm: NotNegative | None = None
+    min_sensor_sigma_ratio: NotNegative | None = None
+    max_sensor_sigma_ratio: NotNegative | None = None
 
 
 @dataclass(frozen=True)
@@ -57,6 +62,8 @@ def figures(measured: Measured) -> dict[str, float | None]:
     """Figures over the nominal frames; errors over visible, rightly labelled points without a flag.
 
     sigma_ratio: claimed over empirical, 1 is honest. bound_ratio: error over the camera's bound, speckle not in it.
+    sensor_…: of sensors that were drawn from the file's uncertainty, their own part in the claimed σ; absent where none
+    was drawn.
     """
     counts = [c for c in measured.counts if c["nominal"]]
     strings = [s for s in measured.strings if s["nominal"] and s["visible"]]
@@ -71,7 +78,22 @@ def figures(measured: Measured) -> dict[str, float | None]:
         "mislabel_rate": _share(total["mislabelled"], total["labelled"]),
         "flagged_rate": _share(len(found) - len(good), len(found)),
         **_errors(good),
+        **_of_sensors(measured.by_drawn_sensors),
     }
+
+
+def _of_sensors(rows: Sequence[dict[str, Any]]) -> dict[str, float | None]:
+    """Figures over drawn sensors; empty without any."""
+    if not rows:
+        return {}
+    good = [r for r in rows if r["visible"] and r["found"] and not r["flag"]]
+    count: dict[str, float | None] = {"sensors": len({r["sensor"] for r in rows})}
+    if len(good) < 2:
+        return count | dict.fromkeys(OF_SENSORS)
+    y, z, chi2 = (np.array([r[k] for r in good]) for k in ("error_y_mm", "error_z_mm", "chi2_with_sensor"))
+    rms_y, rms_z = (float(np.sqrt(np.mean(e**2))) for e in (y, z))
+    ratio = float(1 / np.sqrt(np.mean(chi2) / 2))
+    return count | dict(zip(OF_SENSORS, (float(y.mean()), float(z.mean()), rms_y, rms_z, ratio), strict=True))
 
 
 def _errors(rows: Sequence[dict[str, Any]]) -> dict[str, float | None]:
@@ -102,7 +124,7 @@ def failures(result: dict[str, float | None], thresholds: Thresholds) -> list[Fa
     for key, limit in thresholds.model_dump(exclude={"name"}).items():
         if limit is None:
             continue
-        value = result[key.split("_", 1)[1]]
+        value = result.get(key.split("_", 1)[1])
         size = None if value is None else abs(value)
         if size is None or (size < limit if key.startswith("min") else size > limit):
             out.append(Failure(key, value, limit))

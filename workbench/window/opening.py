@@ -9,9 +9,10 @@ from typing import Any
 from pydantic import BaseModel
 
 from extraction import ExtractionConfig
+from geometry import clean
 from workbench.files import parse_settings, settings_toml
 from workbench.opened import NO_CHAIN, ImageRequest, ImageSet, open_images
-from workbench.report import calibration_object, clean
+from workbench.report import calibration_object
 from workbench.window.detector import Detector
 from workbench.window.session import Opened
 

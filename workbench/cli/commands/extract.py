@@ -36,7 +36,7 @@ def command(
         extracted = extract_inputs(inputs, sensor, jig, settings, progress)
     for line in _remarks(extracted):
         standard_error().print(line, soft_wrap=True, markup=False)
-    text = points_text(rows(extracted.frames))
+    text = points_text(rows(extracted.frames, extracted.sensor))
     if overlay is not None:
         _overlays(extracted, overlay, settings.extraction if stages else None)
     elif stages:

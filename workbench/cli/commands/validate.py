@@ -25,6 +25,14 @@ def command(
     frames: Annotated[
         int, typer.Option(min=2, max=100_000, help="Frames as the files say; as many again under varied conditions.")
     ] = 60,
+    draw_sensor: Annotated[
+        int | None,
+        typer.Option(
+            min=0,
+            max=10_000,
+            help=f"Sensors drawn from the file's \\[uncertainty]; default: {defaults.DRAWN_SENSORS}, where it has one.",
+        ),
+    ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Same seed, same frames.")] = 0,
     config: Annotated[list[Path] | None, typer.Option(help="Settings TOML; may be given more than once.")] = None,
     thresholds: Annotated[
@@ -55,13 +63,15 @@ def command(
                 f"{dataset} and --twin {twin}: frames are either recorded or rendered of the twin; give one"
             )
         sensor = _of_a_twin(twin)
+    if dataset is not None and draw_sensor:
+        raise InputError(f"{dataset} is recorded: --draw-sensor draws sensors for frames that are rendered")
     settings = read_settings(config or [])
     limits = read_thresholds(thresholds) if thresholds is not None else Thresholds()
     with progress_bar("validating", 1) as progress:
         if dataset is not None:
             validation = validate_dataset(dataset, settings, progress)
         else:
-            validation = validate_drawn(sensor, jig, frames, seed, settings, progress)
+            validation = validate_drawn(sensor, jig, frames, seed, settings, progress, draw_sensor)
     result = figures(validation.measured)
     failed = failures(result, limits)
     write_pages(out, validation.measured, result, limits, failed, validation.worst)
@@ -94,7 +104,7 @@ def _show(result: dict[str, float | None], words: dict[str, str]) -> None:
     for key, value in result.items():
         if value is None:
             shown = "–"
-        elif key in ("frames", "points"):
+        elif key in ("frames", "points", "sensors"):
             shown = f"{value:.0f}"
         else:
             shown = f"{100 * value:.2f} %" if key.endswith("_rate") else f"{value:.4f}"

@@ -63,7 +63,7 @@ def _judged(found: Verification, limit_mm: float | None) -> tuple[str, str]:
 
 
 def _object(found: Verification, code: str, text: str, complaints: dict[int, str]) -> dict[str, Any]:
-    from workbench.report import frame_object, location_object
+    from calib import frame_object, location_object
 
     return {
         "verdict": {"code": code, "text": text},
