@@ -30,7 +30,7 @@ from workbench.cell.stripes import (
     stripe_record,
 )
 from workbench.cell.surroundings import SeesAll, around_jig, jig_bodies, sees_all_strings, wall_behind
-from workbench.cell.verifying import verify_cell
+from workbench.cell.verifying import scp_of, verify_cell
 
 __all__ = [
     "DESIGN_SCP",
@@ -70,6 +70,7 @@ __all__ = [
     "read_profile",
     "read_profile_settings",
     "rows",
+    "scp_of",
     "sees_all_strings",
     "solve",
     "stripe_images",

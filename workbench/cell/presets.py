@@ -6,7 +6,7 @@ from pathlib import Path
 
 import assets
 from calib.synthetic import DESIGN
-from geometry import DhRobot, Sensor, Target
+from geometry import Arm, Sensor, Target
 from jig_cad import Jig
 from perceptron_emu import EmulatorConfig
 from workbench.files import read_emulator, read_jig_file, read_robot, read_sensor, read_target
@@ -42,6 +42,6 @@ def find_emulator(name: str) -> EmulatorConfig:
     return read_emulator(preset_path("sensors", name))
 
 
-def find_robot(name: str) -> DhRobot:
+def find_robot(name: str) -> Arm:
     """A robot by file or preset."""
     return read_robot(preset_path("robots", name))
