@@ -6,7 +6,7 @@ from pathlib import Path
 
 import assets
 from calib.synthetic import DESIGN
-from geometry import DhRobot, Sensor, Target
+from geometry import Arm, Sensor, Target
 from jig_cad import Jig
 from perceptron_emu import EmulatorConfig
 from workbench.files import read_emulator, read_jig_file, read_robot, read_sensor, read_target, read_urdf, urdf_ends
@@ -42,7 +42,7 @@ def find_emulator(name: str) -> EmulatorConfig:
     return read_emulator(preset_path("sensors", name))
 
 
-def find_robot(name: str) -> DhRobot:
+def find_robot(name: str) -> Arm:
     """A robot by robot.toml, URDF or preset; of a URDF from its root to tool0, or to its only hand."""
     path = preset_path("robots", name)
     return read_urdf(path, *urdf_ends(path)) if is_urdf(path) else read_robot(path)

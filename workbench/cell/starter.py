@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from geometry import DhRobot, InputError, Pose, Role, Sensor, did_you_mean, toml_value
+from geometry import Arm, InputError, Pose, Role, Sensor, did_you_mean, toml_value
 from workbench.cell.presets import DESIGN_SCP, find_robot, is_urdf, preset_path
 from workbench.files import read_sensor, read_target, urdf_ends, write_bytes
 
@@ -123,12 +123,13 @@ def place_of_jig(origin_mm: tuple[float, float, float], turn_deg: float, scale: 
     return Pose(turn.R @ _UPRIGHT, scale * np.array(origin_mm))
 
 
-def reach_mm(robot: DhRobot) -> float:
+def reach_mm(robot: Arm) -> float:
     """A rough reach of the arm: its links beyond the first joint's height, end to end."""
-    return float(np.sum(np.abs(robot.a[1:])) + np.sum(np.abs(robot.d[1:])) + abs(robot.a[0]))
+    table = robot.dh_part()
+    return float(np.sum(np.abs(table.a[1:])) + np.sum(np.abs(table.d[1:])) + abs(table.a[0]))
 
 
-def _cell_text(arm: DhRobot, sensor: Sensor, target: str | None) -> str:
+def _cell_text(arm: Arm, sensor: Sensor, target: str | None) -> str:
     rotation, translation = (np.round(v, 9) + 0.0 for v in (DESIGN_SCP.fixed_xyz_deg, DESIGN_SCP.t))
     numbers = {"rotation": toml_value(rotation.tolist()), "translation": toml_value(translation.tolist())}
     named = 'jig = "jig.toml"         # the string jig'
@@ -139,7 +140,7 @@ def _cell_text(arm: DhRobot, sensor: Sensor, target: str | None) -> str:
     return text + _locations(arm, jig=target is None)
 
 
-def _locations(arm: DhRobot, *, jig: bool) -> str:
+def _locations(arm: Arm, *, jig: bool) -> str:
     scale = min(1.0, reach_mm(arm) / REACH_OF_PLACES_MM)
     lines = []
     for name, (role, origin, turn) in PLACES.items():
@@ -151,5 +152,5 @@ def _locations(arm: DhRobot, *, jig: bool) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _name(arm: DhRobot, sensor: Sensor) -> str:
+def _name(arm: Arm, sensor: Sensor) -> str:
     return f"{sensor.name or 'sensor'} on {arm.name or 'arm'}"
