@@ -33,6 +33,7 @@ from workbench.files.table import Row, Table, read_table, read_table_text
 from workbench.files.target_file import read_target, target_text
 from workbench.files.toml_text import TomlSource, read_toml
 from workbench.files.truth_file import Truth, TruthFrame, TruthPoint, read_truth, write_truth
+from workbench.files.urdf import read_urdf, urdf_ends
 from workbench.files.urdf_write import write_urdf
 
 __all__ = [
@@ -95,6 +96,7 @@ __all__ = [
     "read_target",
     "read_toml",
     "read_truth",
+    "read_urdf",
     "robot_text",
     "saved_result",
     "sensor_of_picture",
@@ -106,6 +108,7 @@ __all__ = [
     "stated_optics",
     "suggestion",
     "target_text",
+    "urdf_ends",
     "urdf_of",
     "validate",
     "write_bytes",

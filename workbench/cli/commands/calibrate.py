@@ -44,6 +44,12 @@ class CalibrateModel(StrEnum):
     AUTO_SENSOR = "auto+sensor"
     OFFSETS_SENSOR = "scp+offsets+sensor"
     FULL_SENSOR = "full+sensor"
+    AUTO_COMPLIANCE = "auto+compliance"
+    OFFSETS_COMPLIANCE = "scp+offsets+compliance"
+    FULL_COMPLIANCE = "full+compliance"
+    AUTO_BOTH = "auto+sensor+compliance"
+    OFFSETS_BOTH = "scp+offsets+sensor+compliance"
+    FULL_BOTH = "full+sensor+compliance"
 
 
 def command(
@@ -55,7 +61,8 @@ def command(
         CalibrateModel | None,
         typer.Option(
             help="The SCP with the robot's errors under their priors (auto, the default), alone, with joint offsets, "
-            "with the full DH table; +sensor: with the sensor's own errors, too."
+            "with the full DH table; +sensor: with the sensor's own errors, too; +compliance: with how the joints "
+            "give way under gravity."
         ),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
