@@ -12,7 +12,7 @@ from calib.bundle.information import (
 )
 from calib.bundle.noise import given_noise, reweighed
 from calib.bundle.on_target import OnTarget, OnTargetLinearised
-from calib.bundle.problem import Bundle, estimated_parameters, estimates_sensor
+from calib.bundle.problem import Bundle, estimated_parameters, estimates_compliance, estimates_sensor
 from calib.bundle.robust import solve_robust
 from calib.bundle.solution import Explained, Mask, Solution, answered, explain, make_bundle, solve_problem
 from calib.bundle.solve import solve_bundle
@@ -33,6 +33,7 @@ __all__ = [
     "chain_start",
     "covariances_with",
     "estimated_parameters",
+    "estimates_compliance",
     "estimates_sensor",
     "explain",
     "frame_information",

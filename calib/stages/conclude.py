@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from calib.answer import location_pose
+from calib.compliance import compliance_words
 from calib.copies import COPY, copy_notes
 from calib.given_places import given_place_notes
 from calib.hands import hand_pose_notes
@@ -26,7 +27,12 @@ def concluded(result: CalibrationResult, prepared: Prepared, size: str) -> Calib
     )
     if size and verdict.trustworthy:
         verdict = Verdict("priors_contradict", f"{size}. In all, {verdict.text}")
-    return replace(result, verdict=verdict, remarks=(*result.remarks, *_remarks(setup, labelled, result)))
+    bends = result.joint_compliances
+    words = compliance_words(bends)
+    if bends and not any(j.observed for j in bends) and verdict.code == "ok":
+        verdict = Verdict("weak", words)
+    remarks = (*result.remarks, *_remarks(setup, labelled, result), *((words,) if words else ()))
+    return replace(result, verdict=verdict, remarks=remarks)
 
 
 def _cause(result: CalibrationResult, setup: Setup) -> str:

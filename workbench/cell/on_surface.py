@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from extraction import Circle, Profile, TargetPoints, find_target_points
+from extraction import Circle, FeatureConfig, Profile, TargetPoints, find_target_points
 from geometry import AxisPoints, Frame, Sensor, Surface
 from jig_cad import Balls, Sphere
 
@@ -31,7 +31,9 @@ class OnSurface:
     text: str = ""
 
 
-def on_surface(frame: Frame, profile: Profile, target: Surface, sensor: Sensor) -> OnSurface:
+def on_surface(
+    frame: Frame, profile: Profile, target: Surface, sensor: Sensor, config: FeatureConfig | None = None
+) -> OnSurface:
     """A frame's points on a surface.
 
     Parameters
@@ -44,6 +46,8 @@ def on_surface(frame: Frame, profile: Profile, target: Surface, sensor: Sensor) 
         A ball, balls, a plane, an edge or a wedge; of any other surface all points are taken.
     sensor
         Its field of view tells a plate's end from its own.
+    config
+        How the target is found; None: the defaults.
 
     Returns
     -------
@@ -56,7 +60,11 @@ def on_surface(frame: Frame, profile: Profile, target: Surface, sensor: Sensor) 
         axis = AxisPoints(target.features[:1] * n, np.full(n, -1), profile.yz_mm, profile.cov_yz_mm2, ("",) * n)
         return OnSurface(replace(frame, axis=axis, n_points=n))
     found = find_target_points(
-        profile, target.kind, _diameters(target), field_of_view_mm=_field(sensor) if target.kind == "edge" else None
+        profile,
+        target.kind,
+        _diameters(target),
+        field_of_view_mm=field_of_view_of(sensor) if target.kind == "edge" else None,
+        config=config,
     )
     ready = replace(frame, n_points=found.n_points, reason=found.reason)
     if found.reason is not None:
@@ -78,7 +86,8 @@ def _diameters(target: Surface) -> tuple[float | None, ...]:
     return tuple(target.diameters_mm.tolist()) if isinstance(target, Balls) else (None,)
 
 
-def _field(sensor: Sensor) -> Array | None:
+def field_of_view_of(sensor: Sensor) -> Array | None:
+    """Polygon (N, 2) of (y, z) in {P} [mm] that a sensor measures in; None where it is not known."""
     if sensor.profile is not None:
         return sensor.profile.field_of_view_mm
     from geometry import field_of_view
