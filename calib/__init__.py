@@ -1,5 +1,6 @@
 """From points and robot readings to the sensor centre position, with its uncertainty. Knows no image."""
 
+from calib.as_json import frame_object, location_object, result_object
 from calib.calibrate import calibrate
 from calib.config import CalibConfig
 from calib.printed import printed_sigmas
@@ -29,6 +30,9 @@ __all__ = [
     "Verdict",
     "Verification",
     "calibrate",
+    "frame_object",
+    "location_object",
     "printed_sigmas",
+    "result_object",
     "verify",
 ]

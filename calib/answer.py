@@ -71,8 +71,6 @@ def figured(
     own = target if estimate is None else estimate.targets.get(group[0].location, target)
     if isinstance(own, Surface):
         figures = surface_figures(group, _like(own, estimate), design, solved)
-    elif design is None:
-        raise ValueError("strings are never solved without a design")
     else:
         figures = location_figures(group, own, design, solved)
     answered = _answered(group, figures, estimate)
@@ -80,30 +78,32 @@ def figured(
     return figures.result if enough else _without_figures(figures.result), answered
 
 
-def location_figures(group: Sequence[Frame], target: Target, design: Chain, solved: Chain | None) -> Figures:
+def location_figures(group: Sequence[Frame], target: Target, design: Chain | None, solved: Chain | None) -> Figures:
     """All figures of one location from its labelled frames."""
     role = group[0].role
     usable = measured(group)
-    if not usable:
+    chain = solved or design
+    if not usable or chain is None:
         return Figures(LocationResult(role, None, _NONE, _NONE, _NONE, _NO_DISTANCES), None, {})
     points = SheetPoints.of([f.axis for f in usable], target.features)
-    by_design = _sensors(usable, design)
-    sensors = by_design if solved is None else _sensors(usable, solved)
+    sensors = _sensors(usable, chain)
     fit = fit_location(points, sensors, target, _start(usable, sensors))
-    design_fit = fit_location(points, by_design, target, _start(usable, by_design))
+    by_design = None if design is None else _sensors(usable, design)
+    design_fit = None if by_design is None else fit_location(points, by_design, target, _start(usable, by_design))
     own = own_poses(target, usable, sensors.inverse() @ fit.T_base_target)
     complete = [i for i, f in enumerate(usable) if set(f.axis.label) == set(target.features) and f.number in own]
     own_stack = stack_poses([own[usable[i].number] for i in complete])
-    origins = (by_design[complete] @ own_stack).t
+    origins = np.zeros((0, 3)) if by_design is None else (by_design[complete] @ own_stack).t
     solved_origins = np.zeros((0, 3)) if solved is None else (sensors[complete] @ own_stack).t
     length, solved_length = (np.linalg.norm(o, axis=-1) for o in (origins, solved_origins))
+    numbers = tuple(usable[i].number for i in complete)
     result = LocationResult(
         role,
         fit.T_base_target if solved else None,
         DesignSolved(max_deviation(length), max_deviation(solved_length)),
         DesignSolved(spread_3d(origins), spread_3d(solved_origins)),
-        DesignSolved(design_fit.rms_mm, fit.rms_mm if solved else None),
-        Distances(tuple(usable[i].number for i in complete), length, solved_length),
+        DesignSolved(design_fit.rms_mm if design_fit else None, fit.rms_mm if solved else None),
+        Distances(numbers, length if by_design is not None else np.full(len(numbers), np.nan), solved_length),
     )
     return Figures(result, fit, own)
 

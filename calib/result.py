@@ -10,11 +10,13 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.as_json import result_object
+from calib.compliance import JointCompliance, joint_compliances
 from calib.prediction import prediction_jacobian
 from calib.printed import printed_sigmas
 from calib.sensor_errors import SensorErrors
 from calib.summary import summary
-from geometry import Frame, InputError, Pose, Robot, Role, Target
+from geometry import Frame, InputError, Pose, Robot, Role, Target, json_text
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -161,6 +163,20 @@ class LeftOut:
 
 
 @dataclass(frozen=True, eq=False)
+class EqualWeights:
+    """The answer with all points weighted alike: what others quote, and σ that hang on no model of noise.
+
+    covariance (6, 6): of ξ, sensor axes, by the delete-one jackknife. point_rms_mm: of all points in the solution;
+    left_out_rms_mm: of each frame's points by a solution without it.
+    """
+
+    T_hand_sensor: Pose
+    covariance: Array
+    point_rms_mm: float
+    left_out_rms_mm: float
+
+
+@dataclass(frozen=True, eq=False)
 class Estimate:
     """What a method says of SCP, robot and shape, and which frames and points it left out.
 
@@ -273,6 +289,8 @@ class CalibrationResult:
         How well points are predicted by a solution that they had no part in.
     left_out_rms_mm : dict of str to float
         Rms distance of points at locations left out, by model.
+    equal_weights : EqualWeights or None
+        Of hand poses to one surface: the answer with all points weighted alike.
     """
 
     method: str
@@ -285,12 +303,17 @@ class CalibrationResult:
     estimate: Estimate | None = None
     left_out: LeftOut | None = None
     left_out_rms_mm: dict[str, float] = field(default_factory=dict)
+    equal_weights: EqualWeights | None = None
     remarks: tuple[str, ...] = ()
     model_asked: str = ""
 
     def __str__(self) -> str:
         """The answer on a screen: what `print` shows."""
         return summary(self)
+
+    def to_json(self, indent: int | None = 1) -> str:
+        """The answer as JSON text, with the keys of ``calibrate --json`` (docs/formats.md)."""
+        return json_text(result_object(self), indent)
 
     @property
     def trusted(self) -> Estimate | None:
@@ -348,6 +371,13 @@ class CalibrationResult:
         if self.trusted is not None:
             return self.trusted.robot_delta
         return np.zeros(0 if self.nominal_robot is None else len(self.nominal_robot.parameters))
+
+    @property
+    def joint_compliances(self) -> tuple[JointCompliance, ...]:
+        """How the joints give way under gravity, where the model estimates it; empty otherwise."""
+        if self.trusted is None or "compliance" not in self.model.split("+"):
+            return ()
+        return joint_compliances(self.trusted.robot, self.trusted.robot_sigma)
 
     @property
     def weak_directions(self) -> tuple[str, ...]:

@@ -28,7 +28,7 @@ class SensorErrors:
     basis: Array
     sigma: Array
     complete: bool = False
-    _last: dict[str, tuple[tuple[bytes, int], object]] = field(default_factory=dict, repr=False)
+    _last: dict[str, tuple[bytes, Array, object]] = field(default_factory=dict, repr=False)
 
     @staticmethod
     def of(sensor: Sensor | None, estimated: bool) -> SensorErrors | None:
@@ -78,15 +78,15 @@ class SensorErrors:
 
     def _of(self, what: str, yz_mm: Array, values: Array) -> object:
         # most steps leave the sensor where it is, and its rays are dear
-        key = (values.tobytes(), id(yz_mm))
+        key = values.tobytes()
         known = self._last.get(what)
-        if known is None or known[0] != key:
+        if known is None or known[0] != key or known[1] is not yz_mm:
             changes = self.basis @ values
             if what == "seen":
                 found: object = self.deviation.seen(yz_mm, changes)
             else:
                 twists, motions = self.deviation.derivatives(yz_mm, changes)
                 found = twists @ self.basis, motions @ self.basis
-            known = key, found
+            known = key, yz_mm, found  # the points are held: another array may come to lie where they did
             self._last[what] = known
-        return known[1]
+        return known[2]

@@ -1,6 +1,7 @@
 """Ground floor: poses, lines, the sensor, the robot, measured points and errors (numpy and scipy only)."""
 
 from geometry.board import BOARD_KINDS, Board
+from geometry.boxes import box_corners, box_edges, box_to_boxes_mm, segments_to_boxes_mm
 from geometry.configuration import ArmConfiguration, parse_bits, parse_letters
 from geometry.errors import (
     LONGEST_WORD,
@@ -33,6 +34,8 @@ from geometry.robot import (
     Robot,
     RobotUncertainty,
     all_solutions,
+    assumed_compliance,
+    compliant_part,
     corrected_origins,
     deflection,
     draw_errors,
@@ -44,10 +47,13 @@ from geometry.robot import (
     robot_from_chain,
     table,
     with_beta_prior,
+    with_compliance_prior,
 )
+from geometry.rounding import clean, json_text, rounded, rounded_number
 from geometry.sensor import Camera, Sensor, Sheet, field_of_view, inside_polygon
 from geometry.target import Prediction, Section, Shape, Surface, Symmetry, Target, target_at
 from geometry.unknowns import Block, Linearised, State, Step, Term, Unknowns
+from geometry.workspace import Workspace
 from geometry.writing import toml_value, write_bytes, write_text
 
 __all__ = [
@@ -98,7 +104,14 @@ __all__ = [
     "Target",
     "Term",
     "Unknowns",
+    "Workspace",
     "all_solutions",
+    "assumed_compliance",
+    "box_corners",
+    "box_edges",
+    "box_to_boxes_mm",
+    "clean",
+    "compliant_part",
     "corrected_origins",
     "cross",
     "cross_plane_x0",
@@ -112,6 +125,7 @@ __all__ = [
     "inside_polygon",
     "interpret",
     "inverse_kinematics",
+    "json_text",
     "locations_of",
     "log_so3",
     "nearest_rotation",
@@ -125,12 +139,16 @@ __all__ = [
     "require_arm",
     "robot_from_axes",
     "robot_from_chain",
+    "rounded",
+    "rounded_number",
+    "segments_to_boxes_mm",
     "skew",
     "stack_poses",
     "table",
     "target_at",
     "toml_value",
     "with_beta_prior",
+    "with_compliance_prior",
     "write_bytes",
     "write_text",
 ]

@@ -22,7 +22,8 @@ from typing import Any, TypeVar, overload
 
 import numba
 import numpy as np
-from numba.core.caching import InTreeCacheLocator, UserProvidedCacheLocator, UserWideCacheLocator
+from numba.core.caching import FunctionCache, InTreeCacheLocator, UserProvidedCacheLocator, UserWideCacheLocator
+from numba.core.runtime.nrt import rtsys
 
 # LLVM's leave to take values for finite; none to reorder sums, to divide by reciprocals or to fuse products with sums,
 # which gives other last bits on a processor of another width or with other instructions
@@ -77,11 +78,28 @@ def kernel(
         options["fastmath"] = _FINITE if fastmath else False
         options["inline"] = "always" if inline else "never"
         options["no_cfunc_wrapper"] = True  # nobody calls them from C, and it compiles faster
-        with _own_cache(function) as cache:
-            dispatcher: F = numba.njit(**options, cache=cache)(function)
+        dispatcher: F = numba.njit(**options)(function)
+        with _own_cache(function) as can_keep:
+            if can_keep:
+                setattr(dispatcher, "_cache", _KernelCache(function))  # noqa: B010 - as numba's cache=True does
         return dispatcher
 
     return compiled if function is None else compiled(function)
+
+
+class _KernelCache(FunctionCache):
+    """numba's cache, which loads what was kept without setting up the compiler: that costs every process 0.4 CPU-s."""
+
+    def __init__(self, function: Callable[..., object]) -> None:
+        begin: Any = super().__init__
+        begin(function)
+
+    def load_overload(self, sig: object, target_context: Any) -> object:
+        """The kept code for these types, or None. numba's own sets up the compiler first; compiling does so itself."""
+        rtsys.initialize(target_context)  # what allocates arrays in compiled code
+        with self._guard_against_spurious_io_errors():
+            load: Any = self._load_overload
+            return load(sig, target_context)
 
 
 class KernelCacheLocator:
@@ -96,11 +114,8 @@ class KernelCacheLocator:
     @classmethod
     def from_function(cls, function: Callable[..., object], file: str) -> KernelCacheLocator | None:
         """The first of numba's own folders that can be written, or None."""
-        for places in _PLACES:
-            place = places.from_function(function, file)
-            if place is not None:
-                return cls(function, file, place.get_cache_path())
-        return None
+        folder = _folder(function, file)
+        return None if folder is None else cls(function, file, folder)
 
     def get_cache_path(self) -> str:
         """The folder."""
@@ -124,6 +139,18 @@ class KernelCacheLocator:
         What was compiled of other source is not even opened: it may speak of classes that are no more.
         """
         return self._stamp[:16]
+
+
+_folders: dict[tuple[str, str], str | None] = {}  # of a file's folder, and what the user says → where kernels are kept
+
+
+def _folder(function: Callable[..., object], file: str) -> str | None:
+    """The first of numba's own folders that can be written, looked for once for every folder of modules."""
+    key = (str(Path(file).parent), str(_settings.CACHE_DIR))
+    if key not in _folders:
+        places = (place.from_function(function, file) for place in _PLACES)
+        _folders[key] = next((place.get_cache_path() for place in places if place is not None), None)
+    return _folders[key]
 
 
 @contextmanager

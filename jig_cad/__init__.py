@@ -4,15 +4,16 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 from jig_cad.files import jig_from_table, jig_text, read_jig, write_jig
-from jig_cad.flat import Edge, Plane, Wedge
+from jig_cad.flat import Edge, Plane, Wedge, frame_with_x
 from jig_cad.jig import Jig, sample_tolerance
+from jig_cad.measured import Measured, measured_balls, measured_jig
 from jig_cad.pillar import ANCHORS, DEFAULT_STRINGS, STRINGS, Pillar, nominal_anchors
 from jig_cad.sized import SIZES, SizedJig
 from jig_cad.sphere import Balls, Sphere
 
 if TYPE_CHECKING:
-    from jig_cad.drawing import drawing_svg
-    from jig_cad.export import export_jig
+    from jig_cad.drawing import drawing_dxf, drawing_svg
+    from jig_cad.export import export_jig, export_target
     from jig_cad.solids import PillarDesign, jig_solids
 
 __all__ = [
@@ -23,17 +24,23 @@ __all__ = [
     "Balls",
     "Edge",
     "Jig",
+    "Measured",
     "Pillar",
     "PillarDesign",
     "Plane",
     "SizedJig",
     "Sphere",
     "Wedge",
+    "drawing_dxf",
     "drawing_svg",
     "export_jig",
+    "export_target",
+    "frame_with_x",
     "jig_from_table",
     "jig_solids",
     "jig_text",
+    "measured_balls",
+    "measured_jig",
     "nominal_anchors",
     "read_jig",
     "sample_tolerance",
@@ -45,6 +52,8 @@ _LAZY = {
     "PillarDesign": "jig_cad.solids",
     "jig_solids": "jig_cad.solids",
     "export_jig": "jig_cad.export",
+    "export_target": "jig_cad.export",
+    "drawing_dxf": "jig_cad.drawing",
     "drawing_svg": "jig_cad.drawing",
 }
 

@@ -1,4 +1,4 @@
-"""The jig as files: STL and GLB of its solids, SVG drawing for its maker."""
+"""The jig as files: STL and GLB of its solids; drawings of any target for its maker, as SVG and DXF."""
 
 from __future__ import annotations
 
@@ -8,12 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from geometry import InputError, did_you_mean, write_bytes
-from jig_cad.drawing import drawing_svg
+from geometry import InputError, Target, did_you_mean, write_bytes
+from jig_cad.drawing import drawing_dxf, drawing_svg
+from jig_cad.drawing_targets import target_drawing
 from jig_cad.jig import Jig
+from jig_cad.paper import dxf_text, svg_text
 from jig_cad.solids import PillarDesign, jig_solids
 
-FORMATS = (".stl", ".glb", ".svg")
+FORMATS = (".stl", ".glb", ".svg", ".dxf")
+DRAWINGS = (".svg", ".dxf")
 
 # glTF is in metres with +Y up and +Z to the viewer: x of {J} goes up and the front, -z of {J}, faces the viewer
 _GLTF_JIG = np.array([[0, 0.001, 0, 0], [0.001, 0, 0, 0], [0, 0, -0.001, 0], [0, 0, 0, 1]])
@@ -25,19 +28,35 @@ def export_jig(jig: Jig, path: str | os.PathLike[str], design: PillarDesign | No
     """Write the jig to ``path``, whole or not at all; its ending chooses the format.
 
     .stl: all solids in one mesh, {J} [mm]. .glb: a scene of named solids, each in {J} [mm] under a node "jig" that
-    turns and scales them to glTF's metres, Y up. .svg: the drawing with dimensions, at 1:1.
+    turns and scales them to glTF's metres, Y up. .svg, .dxf: the drawing with dimensions and tolerances, on A3.
     """
     goal = Path(path)
     suffix = goal.suffix.lower()
     if suffix not in FORMATS:
         instead = did_you_mean(suffix, FORMATS) or f"; the jig is written as {', '.join(FORMATS)}"
         raise InputError(f'{goal}: unknown ending "{suffix}"{instead}')
-    if suffix == ".svg":
-        write_bytes(goal, drawing_svg(jig, design).encode())
+    if suffix in DRAWINGS:
+        write_bytes(goal, (drawing_svg if suffix == ".svg" else drawing_dxf)(jig, design).encode())
     elif suffix == ".stl":
         write_bytes(goal, _stl(jig, design))
     else:
         write_bytes(goal, _glb(jig, design))
+
+
+def export_target(target: Target, path: str | os.PathLike[str]) -> None:
+    """As `export_jig`, of a target of any kind; surfaces have no solids of their own, so they are drawn alone."""
+    if isinstance(target, Jig):
+        export_jig(target, path)
+        return
+    goal = Path(path)
+    suffix = goal.suffix.lower()
+    if suffix not in DRAWINGS:
+        instead = (
+            did_you_mean(suffix, DRAWINGS) or f"; a target that is no string jig is written as {', '.join(DRAWINGS)}"
+        )
+        raise InputError(f'{goal}: unknown ending "{suffix}"{instead}')
+    paper = target_drawing(target)
+    write_bytes(goal, (svg_text if suffix == ".svg" else dxf_text)(paper).encode())
 
 
 def _stl(jig: Jig, design: PillarDesign | None) -> bytes:

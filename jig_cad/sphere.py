@@ -146,7 +146,7 @@ class Balls(Surface):
         if len(found) < 2:
             return None
         own, there = self.centres_mm[list(found)], np.array(list(found.values()))
-        return _rigid(own, there)
+        return rigid_motion(own, there)
 
 
 def sphere_centre(points_mm: Array, radius_mm: float) -> Array | None:
@@ -176,7 +176,7 @@ def sphere_centre(points_mm: Array, radius_mm: float) -> Array | None:
     return None if best is None else middle + best[1]
 
 
-def _rigid(own: Array, there: Array) -> Pose:
+def rigid_motion(own: Array, there: Array) -> Pose:
     """The motion (least squares) that carries points (N, 3) onto others."""
     a, b = own.mean(axis=0), there.mean(axis=0)
     R = nearest_rotation((there - b).T @ (own - a))

@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field
 class Section(BaseModel):
     """A table of sensor.toml: unknown keys, NaN and infinities are errors."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, defer_build=True)
 
 
 class LaserConfig(Section):
@@ -177,15 +177,15 @@ class EmulatorConfig(Section):
         For unknown keys, values out of range, NaN and infinities.
     """
 
-    laser: LaserConfig = LaserConfig()
-    optics: OpticsConfig = OpticsConfig()
-    surface: ThreadConfig = ThreadConfig()
-    speckle: SpeckleConfig = SpeckleConfig()
-    light: LightConfig = LightConfig()
-    ambient: AmbientConfig = AmbientConfig()
-    noise: NoiseConfig = NoiseConfig()
-    exposure: ExposureConfig = ExposureConfig()
-    motion: MotionConfig = MotionConfig()
+    laser: LaserConfig = Field(default_factory=LaserConfig)
+    optics: OpticsConfig = Field(default_factory=OpticsConfig)
+    surface: ThreadConfig = Field(default_factory=ThreadConfig)
+    speckle: SpeckleConfig = Field(default_factory=SpeckleConfig)
+    light: LightConfig = Field(default_factory=LightConfig)
+    ambient: AmbientConfig = Field(default_factory=AmbientConfig)
+    noise: NoiseConfig = Field(default_factory=NoiseConfig)
+    exposure: ExposureConfig = Field(default_factory=ExposureConfig)
+    motion: MotionConfig = Field(default_factory=MotionConfig)
 
     def off(self, *effects: str) -> EmulatorConfig:
         """The same configuration with the named effects switched off: any of "noise", "speckle", "ambient"."""

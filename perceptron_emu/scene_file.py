@@ -27,7 +27,7 @@ Frame = Literal["sensor", "jig", "base"]
 class Table(BaseModel):
     """A table of scene.toml: unknown keys, NaN and infinities are errors."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, defer_build=True)
     name: str = ""
 
 

@@ -11,5 +11,19 @@ opened     images opened to tune detection on, and the ranges of what is tuned
 report     JSON, tables, pictures, and the kit of all HTML pages
 validate, tune, campaign, demo, window
            the tools, none of which knows another
+answered   a dataset calibrated in one call, for scripts
 cli        commands, imported when they are called
 """
+
+from typing import Any
+
+__all__ = ["CalibratedCell", "calibrate_cell"]
+
+
+def __getattr__(name: str) -> Any:
+    """What scripts take from here, imported when it is asked for: a command's start must not wait for it."""
+    if name not in __all__:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from workbench import answered
+
+    return getattr(answered, name)

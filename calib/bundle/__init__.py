@@ -10,12 +10,14 @@ from calib.bundle.information import (
     scaled,
     scp_covariance,
 )
-from calib.bundle.on_target import OnTargetLinearised
-from calib.bundle.problem import Bundle, estimated_parameters, estimates_sensor
+from calib.bundle.noise import given_noise, reweighed
+from calib.bundle.on_target import OnTarget, OnTargetLinearised
+from calib.bundle.problem import Bundle, estimated_parameters, estimates_compliance, estimates_sensor
 from calib.bundle.robust import solve_robust
 from calib.bundle.solution import Explained, Mask, Solution, answered, explain, make_bundle, solve_problem
 from calib.bundle.solve import solve_bundle
-from calib.bundle.starts import chain_start
+from calib.bundle.starts import chain_start, hand_eye_start
+from calib.bundle.unknown_mount import free_start, rotation_grid
 
 __all__ = [
     "Bundle",
@@ -24,17 +26,24 @@ __all__ = [
     "Hands",
     "Mask",
     "Model",
+    "OnTarget",
     "OnTargetLinearised",
     "Solution",
     "answered",
     "chain_start",
     "covariances_with",
     "estimated_parameters",
+    "estimates_compliance",
     "estimates_sensor",
     "explain",
     "frame_information",
+    "free_start",
+    "given_noise",
+    "hand_eye_start",
     "make_bundle",
     "observability",
+    "reweighed",
+    "rotation_grid",
     "scaled",
     "scp_covariance",
     "solve_bundle",

@@ -6,12 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize
 
 from calib.bundle.problem import Bundle
 from calib.bundle.solve import hand_twists, linearisations
 from calib.config import CalibConfig
-from calib.engine import Result, deviance, total_cost
+from calib.engine import Result, deviance, lowest, total_cost
 from geometry import Arm
 
 Array = NDArray[np.float64]
@@ -19,6 +18,7 @@ Mask = NDArray[np.bool_]
 
 _MAX_EVALUATIONS = 80  # of the deviance; two variances settle in some forty
 _LOG_TOLERANCE = 0.02  # of a variance; far below its own uncertainty
+_DEVIANCE_TOLERANCE = 1e-2  # 4.6 would be one percent by chance
 _SCORE_STEP = 0.3  # of a variance's logarithm, for the score test's differences
 _MAX_LOG = 14.0  # a variance a million times smaller or larger than at the start: a σ a thousand times so
 _SIMPLEX = -0.7  # first steps of the search, in the logarithm of a variance
@@ -141,9 +141,8 @@ def estimate_noise(bundle: Bundle, result: Result, variances: Variances) -> Arra
         return _deviance(variances.bundle(bundle, log_free), result)
 
     start = np.log(variances.value[variances.free])
-    simplex = np.vstack([start, start + _SIMPLEX * np.eye(len(start))])  # scipy's own is 0.00025 wide at zero
-    options = {"maxfev": _MAX_EVALUATIONS, "xatol": _LOG_TOLERANCE, "fatol": 1e-2, "initial_simplex": simplex}
-    return variances.at(minimize(of, start, method="Nelder-Mead", options=options).x)
+    simplex = np.vstack([start, start + _SIMPLEX * np.eye(len(start))])
+    return variances.at(lowest(of, simplex, _LOG_TOLERANCE, _DEVIANCE_TOLERANCE, _MAX_EVALUATIONS))
 
 
 def _deviance(noisy: Bundle, result: Result) -> float:
@@ -187,12 +186,9 @@ def _weigh_poses(bundle: Bundle, result: Result, config: CalibConfig) -> Weighed
     """Hand poses alone: their noise, where it was not given, as one σ of translation and one of rotation."""
     shape = bundle.hand_noise.shape
     sigma = np.sqrt(np.diagonal(bundle.hand_noise[0]))[[0, 3]]
-    given = config.hand_sigma_mm is not None and config.hand_sigma_deg is not None
+    given = given_noise(config)
     if not given:
-        parts = [np.diag([1.0] * 3 + [0.0] * 3), np.diag([0.0] * 3 + [1.0] * 3)]
-        components = tuple(np.broadcast_to(p, shape) for p in parts)
-        start = Variances(components, np.array([1.0, *sigma**2]), np.array([False, True, True]))
-        sigma = np.sqrt(estimate_noise(bundle, result, start)[1:])
+        sigma = np.sqrt(estimate_noise(bundle, result, _of_poses(bundle))[1:])
     noise = {
         "hand_sigma_mm": float(sigma[0]),
         "hand_sigma_deg": float(np.rad2deg(sigma[1])),
@@ -200,3 +196,33 @@ def _weigh_poses(bundle: Bundle, result: Result, config: CalibConfig) -> Weighed
     }
     used = bundle.with_noise(1.0, np.broadcast_to(np.diag(np.repeat(sigma, 3) ** 2), shape).copy())
     return Weighed(used, used, not given, noise)
+
+
+def given_noise(config: CalibConfig) -> bool:
+    """Whether the noise of hand poses was stated, so that it is not estimated."""
+    return config.hand_sigma_mm is not None and config.hand_sigma_deg is not None
+
+
+def reweighed(bundle: Bundle, result: Result) -> Bundle:
+    """The problem of hand poses with their noise found anew from a solution near by: one step of each variance."""
+    start = _of_poses(bundle)
+    x = np.log(start.value[start.free])
+
+    def of(here: Array) -> float:
+        return _deviance(start.bundle(bundle, here), result)
+
+    middle, step = of(x), np.zeros(len(x))
+    for k, e in enumerate(np.eye(len(x)) * _SCORE_STEP):
+        above, below = of(x + e), of(x - e)
+        curvature = max((above + below - 2 * middle) / _SCORE_STEP**2, 1.0)
+        step[k] = -(above - below) / (2 * _SCORE_STEP) / curvature
+    return start.bundle(bundle, x + np.clip(step, -1.0, 1.0))
+
+
+def _of_poses(bundle: Bundle) -> Variances:
+    """The two variances of hand poses alone, of translation and rotation."""
+    shape = bundle.hand_noise.shape
+    variance = np.diagonal(bundle.hand_noise[0])[[0, 3]]
+    parts = [np.diag([1.0] * 3 + [0.0] * 3), np.diag([0.0] * 3 + [1.0] * 3)]
+    components = tuple(np.broadcast_to(p, shape) for p in parts)
+    return Variances(components, np.array([1.0, *variance]), np.array([False, True, True]))

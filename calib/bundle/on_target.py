@@ -23,12 +23,14 @@ class OnTargetLinearised(Linearised):
     """As Linearised, with what outliers and noise are judged by.
 
     by_hand (F, r, 6): by ζ of T_base_hand·Exp(ζ). twists (F, 6, P): ζ by the robot's parameters. by_point
-    (F, M, k, 2): of the target's prediction.
+    (F, M, k, 2): of the target's prediction. offset (F, r): the residuals of all points; those of removed ones are 0 in
+    ``residual``, and so are their Jacobians: a point a metre off would pull however small its weight.
     """
 
     by_hand: Array = field(default_factory=lambda: np.zeros((0, 0, 6)))
     twists: Array = field(default_factory=lambda: np.zeros((0, 6, 0)))
     by_point: Array | None = None
+    offset: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,8 +124,13 @@ class OnTarget:
             jacobian["sensor"] = self.by_plane_and_points(in_sheet, found.by_point, *moved)
         member = {self.place_block: self.member}
         noise = self.covariance(found.by_point, hand)
-        residual = found.residual.reshape(f, m * k)
-        return OnTargetLinearised(residual, jacobian, noise, member, hand, twists, found.by_point)
+        residual = offset = found.residual.reshape(f, m * k)
+        gone = self.removed & self.points.present
+        if np.any(gone):
+            counts = np.repeat(~gone, k, axis=1)
+            residual = offset * counts
+            jacobian = {name: by * counts[..., None] for name, by in jacobian.items()}
+        return OnTargetLinearised(residual, jacobian, noise, member, hand, twists, found.by_point, offset)
 
     def by_plane_and_points(self, in_sheet: Array, by_point: Array | None, twists: Array, motions: Array) -> Array:
         """Residuals (F, r, K) by what turns the plane's frame by ``twists`` (6, K) and moves points (F, M, 2, K) in it.

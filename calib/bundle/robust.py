@@ -36,15 +36,20 @@ class RobustResult:
         return self.outlier | self.frame_outlier[:, None]
 
 
-def solve_robust(bundle: Bundle, start: State, point_chi2: float = 25.0, max_share: float = 0.25) -> RobustResult:
+def solve_robust(
+    bundle: Bundle, start: State, point_chi2: float = 25.0, max_share: float = 0.25, strays: Mask | None = None
+) -> RobustResult:
     """Solve, take out what the rest contradicts beyond its noise, solve again, until nothing changes.
 
     Robot errors that are not estimated widen the gate, so that a misfit of the model is not taken for outliers.
     point_chi2: gate of a point (2 degrees). max_share: stop when more than this share of the points went out.
+    strays (F,): frames that the first solve leaves out; they come back where they fit.
     """
     present = bundle.present
-    outlier, frame_outlier = np.zeros_like(present), np.zeros(len(present), dtype=bool)
-    result = solve_bundle(bundle, start)
+    outlier = np.zeros_like(present)
+    frame_outlier = np.zeros(len(present), dtype=bool) if strays is None else strays
+    first = bundle.without(outlier | frame_outlier[:, None]) if np.any(frame_outlier) else bundle
+    result = solve_bundle(first, start)
     for _ in range(_ROUNDS):
         after, frames_after = _judge(bundle, result, outlier, frame_outlier, point_chi2)
         if np.array_equal(after, outlier) and np.array_equal(frames_after, frame_outlier):

@@ -13,7 +13,7 @@ from calib.bundle.noise import Weighed, stated_cost, weigh
 from calib.bundle.problem import Bundle, estimated_parameters, estimates_sensor
 from calib.bundle.robust import RobustResult, solve_robust
 from calib.bundle.solve import solve_bundle
-from calib.bundle.starts import chain_start, hand_eye_start
+from calib.bundle.starts import chain_start, hand_eye_start, strays
 from calib.config import CalibConfig
 from calib.engine import Covariance, Result, covariance, scaled_condition
 from calib.figures import pose_distance
@@ -216,11 +216,12 @@ def _robust(
     # of a pose's several joint solutions the wrong one may be taken: its robot errors are then its own, in the gates
     every = bundle.estimating(np.full(len(bundle.estimated), not bundle.hands.inferred), sensor=True)
     start, own = chain_start(bundle, T_hand_sensor, candidates)
-    robust = solve_robust(every, near or start, config.outlier_chi2, config.max_outlier_share)
+    posed = not any(isinstance(t.target, Surface) for t in bundle.terms)  # one curve tells no pose of a surface
+    stray = strays(bundle, start, own) if posed else None
+    robust = solve_robust(every, near or start, config.outlier_chi2, config.max_outlier_share, stray)
     if near is not None or not _doubtful(robust):
         return robust, own
     nominal = bundle.hands.pose(start.vector("robot"))
-    posed = not any(isinstance(t.target, Surface) for t in bundle.terms)  # one curve tells no pose of a surface
     other = hand_eye_start(nominal, own, bundle.location) if posed else None
     if other is None:
         return robust, own

@@ -8,10 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.bundle.problem import Bundle
-from calib.figures import agreeing_pose
+from calib.figures import agreeing_pose, pose_distance
 from geometry import Pose, State, log_so3, nearest_rotation, stack_poses
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+_STRAY_MM, _STRAY_TIMES = 200.0, 8.0  # beyond any mounting's error, and times the median of the location's frames
+_STRAY_LEAST = 4  # frames of a location, of which most agree
 
 
 def chain_start(bundle: Bundle, T_hand_sensor: Pose, candidates: Sequence[Pose]) -> tuple[State, Pose]:
@@ -30,6 +34,21 @@ def chain_start(bundle: Bundle, T_hand_sensor: Pose, candidates: Sequence[Pose])
         places.append(place)
     own = stack_poses([c[int(k)] for c, k in zip(candidates, chosen, strict=True)])
     return bundle.with_places(start, stack_poses(places)), own
+
+
+def strays(bundle: Bundle, start: State, own: Pose) -> Mask:
+    """Frames (F,) that stand where most others of their location do not by far: a location's name, or a reading.
+
+    start, own: of chain_start. A solve that carries such a frame settles slowly, or in no place.
+    """
+    Ts_base_sensor = bundle.hands.pose(start.vector("robot")) @ start.pose("scp")
+    apart = pose_distance(Ts_base_sensor @ own, bundle.places(start)[bundle.location])
+    out = np.zeros(len(apart), dtype=bool)
+    for location in range(len(bundle.locations)):
+        mine = np.flatnonzero(bundle.location == location)
+        if len(mine) >= _STRAY_LEAST:
+            out[mine] = apart[mine] > max(_STRAY_MM, _STRAY_TIMES * float(np.median(apart[mine])))
+    return out
 
 
 def hand_eye_start(Ts_base_hand: Pose, Ts_sensor_jig: Pose, location: NDArray[np.intp]) -> Pose | None:

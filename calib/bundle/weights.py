@@ -18,10 +18,10 @@ def deletion_chi2(term: OnTarget, lin: OnTargetLinearised, hand_noise: Array) ->
     by Q_ii⁻¹ (Q r)_i of covariance Q_ii⁻¹.
     """
     f, m = term.removed.shape
-    k = lin.residual.shape[1] // m
+    k = lin.offset.shape[1] // m
     inflation = removal(term.removed)
     Q = np.linalg.inv(term.covariance(lin.by_point, lin.by_hand, hand_noise))
-    q = (Q @ lin.residual[..., None]).reshape(f, m, k)
+    q = (Q @ lin.offset[..., None]).reshape(f, m, k)
     i = np.arange(m)
     blocks = np.swapaxes(Q.reshape(f, m, k, m, k)[:, i, :, i, :], 0, 1)
     covariance = np.linalg.inv(blocks)
@@ -33,7 +33,7 @@ def deletion_chi2(term: OnTarget, lin: OnTargetLinearised, hand_noise: Array) ->
 def frame_chi2(term: OnTarget, lin: OnTargetLinearised, hand_noise: Array) -> tuple[Array, Array]:
     """χ² (F,) of whole frames and their degrees of freedom (F,), k a point that counts."""
     covariance = term.covariance(lin.by_point, lin.by_hand, hand_noise)
-    r = lin.residual[..., None]
+    r = lin.offset[..., None]
     chi2 = (np.swapaxes(r, -1, -2) @ np.linalg.solve(covariance, r))[:, 0, 0]
-    k = lin.residual.shape[1] // term.removed.shape[1]
+    k = lin.offset.shape[1] // term.removed.shape[1]
     return chi2, float(k) * np.sum(term.points.present & ~term.removed, axis=1)

@@ -14,6 +14,7 @@ from calib.engine.normal import (
     scaled_solve,
     total_normal,
 )
+from calib.engine.simplex import lowest
 from calib.engine.solve import Loss, Result, cauchy, solve, total_cost
 
 __all__ = [
@@ -30,6 +31,7 @@ __all__ = [
     "deviance",
     "evidence",
     "group_normals",
+    "lowest",
     "normal_step",
     "reduced",
     "reduced_gradient",

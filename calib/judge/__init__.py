@@ -1,28 +1,36 @@
 """The judgement on data and answer: verdicts, culprits, which model predicts, what can not be told apart."""
 
+from calib.judge.alike import equal_weights
+from calib.judge.causes import cause_of
 from calib.judge.contradiction import frames_contradict
-from calib.judge.culprits import culprit
+from calib.judge.culprits import culprit, strangers
 from calib.judge.culprits_jig import wrong_jig
 from calib.judge.facts import bundle_estimate, bundle_facts
 from calib.judge.finding import find
+from calib.judge.jackknife import FEWEST_LEFT_OUT, at_least, jackknife_covariance, weak_by_jackknife
 from calib.judge.model_choice import UNCHECKED, table_advice
-from calib.judge.parts import at_least_jackknife, left_out, weak_by_jackknife
+from calib.judge.parts import left_out
 from calib.judge.verdict import Facts, frames_motion, judge, judge_motion, misfit_limit
 
 __all__ = [
+    "FEWEST_LEFT_OUT",
     "UNCHECKED",
     "Facts",
-    "at_least_jackknife",
+    "at_least",
     "bundle_estimate",
     "bundle_facts",
+    "cause_of",
     "culprit",
+    "equal_weights",
     "find",
     "frames_contradict",
     "frames_motion",
+    "jackknife_covariance",
     "judge",
     "judge_motion",
     "left_out",
     "misfit_limit",
+    "strangers",
     "table_advice",
     "weak_by_jackknife",
     "wrong_jig",

@@ -5,15 +5,18 @@ Each suspicion is tried alone, without any solution: it is named where motions t
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
+from contextlib import suppress
+from dataclasses import replace
 from itertools import combinations, product
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calib.judge.screws import Views, disagreement, holds, jig_screws, largest_group, numbers_of, share, views_of
-from geometry import Arm, DhRobot, Frame, Robot, stack_poses
-from geometry.robot import DH_ROWS, DhRow
+from geometry import Arm, DhRobot, Frame, InputError, Pose, Robot, stack_poses
+from geometry.robot import DH_ROWS
+from geometry.ties import first_least
 from jig_cad import Jig
 
 Array = NDArray[np.float64]
@@ -30,6 +33,7 @@ ANGLES_RAD = np.deg2rad(np.linspace(-180.0, 175.0, 72))
 FINER = np.linspace(-1.0, 1.0, 9)  # of a step of these
 SYMBOLS = {"theta": "θ", "d": "d", "a": "a", "alpha": "α"}
 ROWS = tuple(row for row in DH_ROWS if row.group in SYMBOLS)  # β is 0 in every maker's table
+NEARNESS_TIE = 1e-9  # of values that bring motions equally near, the first
 EQUAL = 0.03  # suspicions this near in their share are told apart by nothing
 
 
@@ -42,10 +46,25 @@ def culprit(labelled: tuple[Frame, ...], jig: Jig, robot: Robot | None) -> str:
     apart = disagreement(v, stack_poses([s.at for s in used]))
     agree = apart.min(axis=0) < 1.0
     return (
-        (_joints(v, robot, float(agree.mean())) if agree.mean() < SOUND else "")
+        (disturbed_joints(v, robot, float(agree.mean())) if agree.mean() < SOUND else "")
         or _frames(v, apart.min(axis=0), jig)
         or (_turned(v, (apart[0] >= 1.0) & agree, jig) if agree.mean() >= SOUND else "")
     )
+
+
+def strangers(labelled: tuple[Frame, ...], jig: Jig, gone: Collection[int]) -> str:
+    """A sentence on the frames ``gone`` (their numbers) that were left out, where they move as none of their location.
+
+    "" where there is nothing to be said of them.
+    """
+    used = tuple(s for s in labelled if s.role == "calibrate" and s.usable)[:MOST_FRAMES]
+    v = views_of(used, jig)
+    if len(v.pairs) < LEAST_PAIRS:
+        return ""
+    apart = disagreement(v, stack_poses([s.at for s in used])).min(axis=0)
+    named = {i for i, f in enumerate(v.frames) if f.number in gone}
+    off = np.array([bool({int(i), int(j)} & named) for i, j in v.pairs])
+    return _frames(v, np.where(off, apart, 0.0), jig)
 
 
 def _turned(v: Views, only: Mask, jig: Jig) -> str:
@@ -117,7 +136,7 @@ def _fits(v: Views, rest: list[int], kept: list[int], jig: Jig) -> bool:
     return share(across, stack_poses([s.at for s in used])) >= AGREED
 
 
-def _joints(v: Views, robot: Robot | None, given: float) -> str:
+def disturbed_joints(v: Views, robot: Robot | None, given: float) -> str:
     """What in the joint columns or in the robot's table makes the motions agree; "" where nothing does."""
     if not isinstance(robot, Arm) or v.joints is None:
         return ""
@@ -140,6 +159,23 @@ def _other_units(v: Views, robot: Arm) -> Iterator[tuple[float, str]]:
     yield share(v, robot.pose(np.deg2rad(q))), "the joint columns hold degrees, not radians"
     for step, words in ((1, "row before"), (-1, "row after")):
         yield share(v, robot.pose(np.roll(q, step, axis=0))), f"each frame has the joint readings of the {words}"
+    yield from _other_tables(v, robot.dh_part(), q)
+
+
+def _other_tables(v: Views, arm: DhRobot, q: Array) -> Iterator[tuple[float, str]]:
+    """The whole table in another unit, or by the other convention."""
+    other = "modified" if arm.convention == "standard" else "standard"
+    for changed, words in (
+        ({"d": arm.d * 1e3, "a": arm.a * 1e3}, "d_mm and a_mm of robot.toml hold metres"),
+        ({"d": arm.d * 25.4, "a": arm.a * 25.4}, "d_mm and a_mm of robot.toml hold inches"),
+        (
+            {"theta_offset": np.rad2deg(arm.theta_offset), "alpha": np.rad2deg(arm.alpha)},
+            "theta_offset_deg and alpha_deg of robot.toml hold radians",
+        ),
+        ({"convention": other}, f'the table of robot.toml is convention = "{other}"'),
+    ):
+        with suppress(InputError):  # no arm is so large
+            yield share(v, replace(arm, **changed).pose(q)), words
 
 
 def _other_columns(v: Views, robot: Arm) -> Iterator[tuple[float, str]]:
@@ -157,25 +193,21 @@ def _other_columns(v: Views, robot: Arm) -> Iterator[tuple[float, str]]:
 
 def _other_rows(v: Views, robot: Arm) -> Iterator[tuple[float, str]]:
     """One number of the robot's table of another value: the best over a grid, then over a finer one."""
+    q, arm = np.asarray(v.joints), robot.dh_part()
+    hands, twists = arm.pose(q), arm.table_jacobian(q)
     for row, joint in product(ROWS, range(robot.n_joints)):
         grid = ANGLES_RAD if row.unit == "rad" else LENGTHS_MM
-        step = grid[1] - grid[0]
-        coarse = max(grid, key=lambda value: _closeness(v, robot, row, joint, value))
-        value = max(coarse + step * FINER, key=lambda value: _closeness(v, robot, row, joint, value))
+        twist = twists[row.group][..., joint]  # (F, 6): a number of the table turns or shifts about an axis that stays
+        coarse = _best(v, hands, twist, grid)
+        value = _best(v, hands, twist, coarse + (grid[1] - grid[0]) * FINER)
         change = f"{np.rad2deg(value):+.0f}°" if row.unit == "rad" else f"{value:+.0f} mm"
         yield (
-            share(v, _changed(robot, row, joint, value).pose(np.asarray(v.joints))),
+            share(v, hands @ Pose.exp(value * twist)),
             f"{SYMBOLS[row.group]} of joint {joint + 1} in the robot's table is changed by about {change}",
         )
 
 
-def _changed(robot: Arm, row: DhRow, joint: int, value: float) -> DhRobot:
-    change = np.zeros(robot.n_joints)
-    change[joint] = value
-    return robot.dh_part().with_changes(**{row.group: change})
-
-
-def _closeness(v: Views, robot: Arm, row: DhRow, joint: int, value: float) -> float:
-    """Mean nearness in (0, 1] of hand's and jig's motions with the number changed."""
-    apart = disagreement(v, _changed(robot, row, joint, value).pose(np.asarray(v.joints))).min(axis=0)
-    return float(np.mean(1.0 / (1.0 + apart**2)))
+def _best(v: Views, hands: Pose, twist: Array, values: Array) -> float:
+    """The value (V,) with which hand's and jig's motions are nearest: the mean of nearnesses in (0, 1]."""
+    apart = disagreement(v, hands @ Pose.exp(values[:, None, None] * twist)).min(axis=-2)  # (V, P)
+    return float(values[first_least(-np.mean(1.0 / (1.0 + apart**2), axis=-1), NEARNESS_TIE)])

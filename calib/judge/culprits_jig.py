@@ -8,7 +8,6 @@ from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
 
 from calib.pose import fit_pose
 from geometry import AxisPoints, Frame, NoAnswerError
@@ -69,6 +68,8 @@ def _labels(axes: list[AxisPoints], jig: Jig) -> Iterator[tuple[float, str]]:
 
 def _sizes(axes: list[AxisPoints], jig: Jig) -> Iterator[tuple[float, str]]:
     """Another side, or another height."""
+    from scipy.optimize import minimize_scalar  # a third of a second, and most commands need none of it
+
     for key in ("side_mm", "height_mm"):
         size = getattr(jig, key)
 

@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.bundle import Mask, Solution, estimated_parameters, scaled, solve_bundle
+from calib.bundle import Mask, Solution, estimated_parameters, given_noise, reweighed, scaled, solve_bundle
 from calib.config import CalibConfig, Model
 from calib.engine import Result, covariance
 from calib.figures import OffsetsFromTarget, fit_location
-from calib.judge.verdict import direction_in_words, frames_motion, judge_motion
-from calib.result import LeftOut, LeftOutPart, Verdict
+from calib.judge.verdict import frames_motion, judge_motion
+from calib.result import LeftOut, LeftOutPart
 from geometry import Frame, Pose, SheetPoints, State, Surface, Target
 
 Array = NDArray[np.float64]
@@ -21,7 +21,6 @@ Array = NDArray[np.float64]
 _OPEN_MM = 20.0  # σ at 300 mm from noise alone: the rest does not tell the SCP, as of planes of two orientations
 _LEVER_MM = 300.0
 _LEAST_PARTS = 2
-_WEAK_MM, _WEAK_DEG = 0.5, 0.3  # a drawing knows a sensor's place to one or two of these
 
 
 def left_out(
@@ -30,8 +29,8 @@ def left_out(
     """Points predicted by a solution of which they were no part.
 
     By location: SCP and robot from the others, the location's place fitted to its own frames. Where fewer than two
-    locations can be left out, by frame: nothing is fitted to the frame. Weights and outliers are those of the whole
-    solution. None where neither is possible.
+    locations can be left out, by frame: nothing is fitted to the frame. Outliers are those of the whole solution, and
+    weights; of hand poses alone the noise is found anew. None where neither is possible.
 
     Parameters
     ----------
@@ -112,22 +111,6 @@ def _part(name: str, solution: Solution, state: State, squares: Array) -> tuple[
     return LeftOutPart(name, float(np.sqrt(np.mean(squares))), xi), squares
 
 
-def at_least_jackknife(cov: Array, parts: LeftOut) -> Array:
-    """The covariance (6, 6), widened where frames left out in turn scatter more than it says (the jackknife).
-
-    Of few hand poses the noise is estimated from the same residuals, and an arm's own errors are common to
-    neighbouring poses: what leaving a frame out moves is believed before what a model of noise says.
-    """
-    shifts = np.array([p.shift for p in parts.parts])
-    n = len(shifts)
-    off = shifts - shifts.mean(axis=0)
-    root = np.linalg.cholesky(cov)
-    inverse = np.linalg.inv(root)
-    values, vectors = np.linalg.eigh(inverse @ ((n - 1) / n * off.T @ off) @ inverse.T)
-    wide = root @ vectors
-    return np.asarray(wide * np.maximum(values, 1.0) @ wide.T)
-
-
 def _points(
     solution: Solution, used: tuple[Frame, ...], raw: Mapping[int, Frame], state: State, mine: Mask
 ) -> tuple[Target, SheetPoints, Pose]:
@@ -159,6 +142,8 @@ def _without(
         start = start.with_value("robot", np.zeros(len(applied)))
     try:
         found = solve_bundle(smaller.estimating(applied), start)
+        if smaller.hands.poses_only and not given_noise(config):  # it was found from the frame left out, too
+            found = solve_bundle(reweighed(smaller, found).estimating(applied), found.state)
     except np.linalg.LinAlgError:
         return None
     open_mm = np.sqrt(np.linalg.eigvalsh(scaled(covariance(found).noise_of("scp"), _LEVER_MM))[-1])
@@ -168,25 +153,3 @@ def _without(
         b: state.vector(b) for b in bundle.shape_blocks if b not in smaller.shape_blocks
     }  # of what stood there alone
     return replace(found, state=State({**found.state.values, **lost}))
-
-
-def weak_by_jackknife(cov: Array, cut_through_middle: int) -> Verdict | None:
-    """The verdict on hand poses whose σ, widened to the jackknife's, add little to a mounting drawing; else None.
-
-    cut_through_middle: frames that cut a ball nearly through its middle.
-    """
-    mm = float(np.sqrt(np.linalg.eigvalsh(cov[:3, :3])[-1]))
-    deg = float(np.rad2deg(np.sqrt(np.linalg.eigvalsh(cov[3:, 3:])[-1])))
-    if mm < _WEAK_MM and deg < _WEAK_DEG:
-        return None
-    add = "add poses turned by 30° or more about two axes"
-    if cut_through_middle:
-        add = (
-            f"{cut_through_middle} frames cut the ball nearly through its middle: {add}, that cut it half a radius "
-            "beside its middle, to both sides"
-        )
-    return Verdict(
-        "weak",
-        f"small residuals from weak poses: leaving frames out in turn shows a σ of {mm:.2g} mm and {deg:.2g}°, "
-        f"{direction_in_words(cov)}; {add}",
-    )

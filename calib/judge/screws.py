@@ -65,9 +65,9 @@ def screw(motion: Pose) -> Array:
 
 
 def disagreement(v: Views, hands: Pose) -> Array:
-    """How far hand's and jig's screws are apart, over what they may be (1 + K, P): as labelled, turned."""
-    of_hand = screw(hands[v.pairs[:, 1]].inverse() @ hands[v.pairs[:, 0]])
-    return np.asarray(np.linalg.norm((v.screws - of_hand) / [ANGLE_RAD, ADVANCE_MM], axis=-1))
+    """How far screws of hands (..., F) and jig are apart over what they may be (..., 1 + K, P): as labelled, turned."""
+    of_hand = screw(hands[..., v.pairs[:, 1]].inverse() @ hands[..., v.pairs[:, 0]])
+    return np.asarray(np.linalg.norm((v.screws - of_hand[..., None, :, :]) / [ANGLE_RAD, ADVANCE_MM], axis=-1))
 
 
 def share(v: Views, hands: Pose, known: Mask | None = None) -> float:

@@ -9,6 +9,7 @@ from functools import singledispatch
 import numpy as np
 
 from calib.config import CalibConfig
+from calib.label.frame import label_frame
 from calib.label.location import label_location
 from calib.pose import fit_pose
 from geometry import (
@@ -52,6 +53,19 @@ def label_frames(
             labelled = label_group(target, open_ones, sensor, T_hand_sensor, place, config, refined)
             out |= {f.number: f for f in labelled}
     return tuple(out[f.number] for f in frames)
+
+
+def label_alone(frames: Sequence[Frame], jig: Jig, sensor: Sensor, config: CalibConfig) -> tuple[Frame, ...]:
+    """Each frame labelled by itself, with no guess of its pose: five strings are needed, mirrors stay."""
+    out = []
+    for f in frames:
+        if f.labels_given:
+            out.append(with_candidates(jig, f, None))
+            continue
+        found = label_frame(f.points, jig, sensor, None, config)
+        poses = [c.T_sensor_jig for c in found.candidates]
+        out.append(replace(f, axis=found.axis, candidates=stack_poses(poses), reason=found.reason))
+    return tuple(out)
 
 
 @singledispatch

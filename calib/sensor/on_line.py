@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
 
 from calib.sensor.bundle import on_board
 from calib.sensor.terms import BOARD, CAMERA
@@ -40,6 +39,8 @@ def on_one_line(view: BoardView, state: State, index: int, tolerance_px: float) 
 
 def _steadied(stripe: Stripe) -> Stripe:
     """The stripe with σ as its neighbours have it: errors that neighbours share do not follow each point's own σ."""
+    from scipy.ndimage import median_filter  # a tenth of a second, and most commands need none of it
+
     return replace(stripe, sigma_px=median_filter(stripe.sigma_px, size=_ALIKE, mode="nearest"))
 
 

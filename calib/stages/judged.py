@@ -4,16 +4,26 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from calib.answer import answer
 from calib.bundle import Solution
 from calib.config import Model
-from calib.judge import UNCHECKED, at_least_jackknife, left_out, misfit_limit, table_advice, weak_by_jackknife
+from calib.judge import (
+    FEWEST_LEFT_OUT,
+    UNCHECKED,
+    at_least,
+    equal_weights,
+    jackknife_covariance,
+    left_out,
+    misfit_limit,
+    table_advice,
+    weak_by_jackknife,
+)
 from calib.result import CalibrationResult, LeftOut
 from calib.stages.setup import Prepared, Setup, Solved
 from calib.stages.solve import try_suspects
 from geometry import Frame, Surface, locations_of
-
-FEWEST_LEFT_OUT = 8  # frames whose scatter says something of six numbers
 
 
 def judged_answer(prepared: Prepared) -> CalibrationResult:
@@ -24,7 +34,7 @@ def judged_answer(prepared: Prepared) -> CalibrationResult:
     if judged.solution is None or not judged.verdict.trustworthy:
         return result
     parts, scores, words = _left_out(setup, judged.solution, judged.used, labelled)
-    result = _by_jackknife(setup, result, parts, judged.solution)
+    result = _by_jackknife(result, parts, judged, labelled)
     return replace(result, left_out=parts, left_out_rms_mm=scores, remarks=(words, *_lonely(prepared.given)))
 
 
@@ -56,16 +66,19 @@ def _left_out(
 
 
 def _by_jackknife(
-    setup: Setup, result: CalibrationResult, parts: LeftOut | None, solution: Solution
+    result: CalibrationResult, parts: LeftOut | None, judged: Solved, labelled: tuple[Frame, ...]
 ) -> CalibrationResult:
     """Of hand poses on one surface: σ no smaller than what frames left out in turn say, and weak where that is much."""
+    solution = judged.solution
+    if solution is None or parts is None or parts.by != "frame" or not solution.bundle.hands.poses_only:
+        return result
     surface = all(isinstance(t.target, Surface) for t in solution.bundle.terms)
-    if parts is None or parts.by != "frame" or not solution.bundle.hands.poses_only or not surface:
+    if not surface or result.estimate is None or len(parts.parts) < FEWEST_LEFT_OUT:
         return result
-    if result.estimate is None or len(parts.parts) < FEWEST_LEFT_OUT:
-        return result
-    cov = at_least_jackknife(result.estimate.covariance, parts)
-    result = replace(result, estimate=replace(result.estimate, covariance=cov))
+    alike = equal_weights(solution, judged.used, {f.number: f for f in labelled})
+    cov = at_least(result.estimate.covariance, jackknife_covariance(np.array([p.shift for p in parts.parts])))
+    cov = cov if alike is None else at_least(cov, alike.covariance)
+    result = replace(result, estimate=replace(result.estimate, covariance=cov), equal_weights=alike)
     cut = sum(p.centres_left_out for p in result.locations.values() if p.role == "calibrate")
     weak = weak_by_jackknife(cov, cut)
     return replace(result, verdict=weak) if weak is not None and result.verdict.code == "ok" else result

@@ -5,17 +5,19 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
+import numpy as np
+
 from calib.answer import location_pose
-from calib.bundle import Solution
+from calib.bundle import Solution, estimates_compliance, free_start
 from calib.config import Model
 from calib.hands import placed
-from calib.label import label_frames, relabel, settled
+from calib.label import label_alone, label_frames, relabel, settled
 from calib.result import Verdict
 from calib.stages.setup import Prepared, Setup, Solved, by_target
 from calib.stages.solve import solve
 from calib.surface import Begun, begin_on_surfaces, degenerate
-from geometry import Frame, InputError, Pose, Target, locations_of, target_at
-from jig_cad import Jig
+from geometry import Frame, Pose, Target, locations_of, stack_poses, target_at, with_compliance_prior
+from jig_cad import Balls, Jig
 
 
 def prepare(setup: Setup, given: tuple[Frame, ...]) -> Prepared:
@@ -25,6 +27,8 @@ def prepare(setup: Setup, given: tuple[Frame, ...]) -> Prepared:
     """
     model: Model = "scp" if setup.config.method == "paper" else setup.config.model
     begun = _begun(setup, given, setup.design)
+    if begun.T_hand_sensor is None and (free := _by_strings(setup, begun)) is not None:
+        begun = _begun(setup, given, free)
     setup = replace(setup, target=begun.target)
     s = setup.with_config(method="bundle", model=model)
     labelled, solved = _labelled_and_solved(s, begun)
@@ -52,15 +56,38 @@ def _begun(setup: Setup, given: tuple[Frame, ...], design: Pose | None) -> Begun
     return begin_on_surfaces(placed(given, setup.robot), setup.target, setup.robot, design, config)
 
 
+def _by_strings(setup: Setup, begun: Begun) -> Pose | None:
+    """The SCP from what frames on strings tell of their jigs each by itself; None where that does not suffice."""
+    mine = tuple(f for f in begun.frames if f.role == "calibrate" and f.reason is None and _strings_at(setup, f))
+    if not mine:
+        return None
+    alone = by_target(
+        {f.location: target_at(setup.target, f.location) for f in mine},
+        lambda jig, frames: label_alone(frames, jig, setup.sensor, setup.config),
+        mine,
+    )
+    told = [f for f in alone if f.usable and len(f.candidates)]
+    names = list(dict.fromkeys(f.location for f in told))
+    location = np.array([names.index(f.location) for f in told], dtype=np.intp)
+    options = [_with_images(f.candidates, target_at(setup.target, f.location)) for f in told]
+    return free_start(stack_poses([f.at for f in told]), options, location) if len(told) > 2 else None
+
+
+def _strings_at(setup: Setup, f: Frame) -> bool:
+    return isinstance(target_at(setup.target, f.location), Jig)
+
+
+def _with_images(poses: Pose, target: Target) -> Pose:
+    """Poses of a target and what its symmetries make of them: no frame alone tells which it is."""
+    return stack_poses(
+        [p for k in range(len(poses)) for p in (poses[k], *(poses[k] @ s.pose for s in target.symmetries))]
+    )
+
+
 def _labelled_and_solved(s: Setup, begun: Begun) -> tuple[tuple[Frame, ...], Solved]:
     """Labels and a first solution from where a calibration begins."""
     places = {**s.places, **begun.places}
     if begun.T_hand_sensor is None:
-        if any(isinstance(target_at(s.target, f.location), Jig) for f in begun.frames):
-            raise InputError(
-                "[scp_initial] is missing, and strings need it: give the sensor's place by its drawing, some "
-                "millimetres and degrees off"
-            )
         return begun.frames, Solved(_no_start(begun.frames, s.target))
     T: Pose = begun.T_hand_sensor
     used = tuple(f for f in begun.frames if f.role == "calibrate" and f.usable and len(f.axis))
@@ -81,7 +108,13 @@ def _no_start(frames: tuple[Frame, ...], target: Target | Mapping[str, Target]) 
     still = degenerate(used, target, None, {}) if len(used) > 2 else None
     if still is not None:
         return Verdict("rotation_too_small", still.text)
-    seen = sum(len(f.axis) > 0 and f.role == "calibrate" for f in frames)
+    seen = sum(len(f.axis) + len(f.points) > 0 and f.role == "calibrate" for f in frames)
+    if any(isinstance(target_at(target, f.location), Balls) for f in used):
+        return Verdict(
+            "too_few_poses",
+            f"{seen} calibrate frames show balls, and too few of them which: equal balls are told apart by all "
+            "frames together, from [scp_initial] on: give the sensor's place by its drawing, or take other balls",
+        )
     return Verdict(
         "too_few_poses",
         f"{seen} calibrate frames show the target, and without [scp_initial] three or more are needed whose views "
@@ -112,11 +145,18 @@ def with_model(setup: Setup, given: tuple[Frame, ...]) -> tuple[Setup, tuple[str
     """The model that "auto" is here, and a sentence where it is not the robot's errors under their priors."""
     asked = setup.config.model
     if not asked.startswith("auto"):
-        return setup, ()
+        return _with_compliance(setup), ()
     joints = setup.robot is not None and all(f.joints_rad is not None and not f.joints_inferred for f in given)
     model = asked.replace("auto", "full") if joints else "scp"
     words = (
         "the frames give no joint readings that a robot's table turns into poses, so its errors can not be told from "
         "the SCP: the SCP alone was solved (model scp)"
     )
-    return setup.with_config(model=model), () if joints else (words,)
+    return _with_compliance(setup.with_config(model=model)), () if joints else (words,)
+
+
+def _with_compliance(setup: Setup) -> Setup:
+    """The compliance of the joints under a prior, where the model estimates it."""
+    if setup.robot is None or not estimates_compliance(setup.config.model):
+        return setup
+    return replace(setup, robot=with_compliance_prior(setup.robot))

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import OptimizeResult, least_squares
 
 from extraction.config import GapFlushConfig
 from extraction.gapflush.faces import PanelFace, fit_line
 from geometry.ties import first_least
+
+if TYPE_CHECKING:
+    from scipy.optimize import OptimizeResult
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -127,6 +130,8 @@ def _best_of_grid(sd: Array, sigma: Array, end: float, config: GapFlushConfig) -
 
 
 def _solve(start: Array, sd: Array, sigma: Array, end: float, config: GapFlushConfig) -> OptimizeResult:
+    from scipy.optimize import least_squares  # a third of a second, and most commands need none of it
+
     top = config.max_radius_mm
     low, high = [-0.5, -1.0, end - 2 * top, 0.01], [0.5, 1.0, end + top, top]
     start = np.clip(start, np.add(low, 1e-6), np.subtract(high, 1e-6))

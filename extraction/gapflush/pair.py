@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import OptimizeResult, least_squares
 
 from extraction.config import GapFlushConfig
 from extraction.gapflush.edge import PanelEdge
 from extraction.gapflush.light import Sections
 from extraction.gapflush.model import BEYOND, LIGHT, MEAN, SPREAD, TURN, edge_light
+
+if TYPE_CHECKING:
+    from scipy.optimize import OptimizeResult
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -128,6 +131,8 @@ def _weighed(side: _Side, p: Array, blur: float) -> _Side:
 
 
 def _solve(x: Array, sides: list[_Side], expected: Array, config: GapFlushConfig) -> OptimizeResult:
+    from scipy.optimize import least_squares  # a third of a second, and most commands need none of it
+
     top = config.max_radius_mm
     low, high = [], []
     for s in sides:

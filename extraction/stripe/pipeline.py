@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
 
 from extraction.config import StripeConfig
 from extraction.image import check_image
@@ -21,7 +20,7 @@ from extraction.stripe.normal import localise_along_normal
 from extraction.stripe.pair import fit_pairs
 from extraction.stripe.profile import AMBIGUOUS, EDGE, SATURATED, SHAPE, Profile, StripePeaks
 from extraction.stripe.select import select
-from extraction.stripe.sigma import STEP_PX, true_sigma
+from extraction.stripe.sigma import STEP_PX, SigmaPlaces, true_sigma
 from extraction.stripe.view import StripeView, stripe_view
 from geometry import Sensor
 from geometry.compiled import kernel
@@ -160,7 +159,10 @@ def _localise(found: Found, config: StripeConfig) -> StripePeaks:
         refused["no_fit"] = len(places) - len(good)
     fits, places = fits[good], places.take(good)
     noise = _settle(noise, fits, ~places.ghost, config)
-    length = max(true_sigma(places, fits), float(NEIGHBOURS) if places.faint.any() else 0.0)
+    length = max(
+        true_sigma(SigmaPlaces(places.section, places.stripe, places.faint, places.ghost), fits),
+        float(NEIGHBOURS) if places.faint.any() else 0.0,
+    )
     chosen = select(config, found.stripes, places, fits["centre"].copy(), fits["amplitude"].copy())
     peaks = _peaks(view, places.take(chosen), fits[chosen], config)
     peaks = replace(peaks, correlation_sections=length, refused=refused)
@@ -175,6 +177,8 @@ def _look_ahead(view: StripeView, places: Places, config: StripeConfig) -> tuple
     some = alone[:: max(1, len(alone) // _SAMPLE)]
     first = PixelNoise(1.0, 0.0, view.black_dn, 0.0)  # equal weights
     fits = _fit(view, places.take(some), places.width_px[some], np.inf, first, config)
+    from scipy.ndimage import median_filter  # a tenth of a second, and most commands need none of it
+
     good = fits["converged"] & _near(fits, places.take(some), config)
     section, stripe = places.section[some[good]], places.stripe[some[good]]
     noise = estimate_noise(view, section, fits[good], config, _DARK_DN2)

@@ -3,6 +3,7 @@
 from geometry.sensor.camera import CHANNELS, Camera, project
 from geometry.sensor.deviation import SensorDeviation, SheetSeen, calibration_covariance, stated_uncertainty
 from geometry.sensor.field_of_view import field_of_view, inside_polygon
+from geometry.sensor.housing import housing_box
 from geometry.sensor.optics import Optics
 from geometry.sensor.profile import AUTO, PROFILE_FORMATS, ProfileOutput
 from geometry.sensor.sensor import Sensor
@@ -27,6 +28,7 @@ __all__ = [
     "SheetSeen",
     "calibration_covariance",
     "field_of_view",
+    "housing_box",
     "inside_polygon",
     "project",
     "stated_uncertainty",

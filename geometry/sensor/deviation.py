@@ -14,16 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geometry.pose import Pose, exp_so3
-from geometry.sensor.camera import distort, undistort_near
+from geometry.sensor.camera import Camera, distort, undistort_near
 from geometry.sensor.sensor import Sensor
 from geometry.sensor.uncertainty import CAMERA_PARAMETERS, SensorUncertainty
 
 Array = NDArray[np.float64]
 
 _LENS = {name: i for i, name in enumerate(CAMERA_PARAMETERS[4:])}
-# steps of the derivatives by central differences: far above rounding, far below what bends them
-_STEP = {"fx_px": 1e-2, "fy_px": 1e-2, "cx_px": 1e-2, "cy_px": 1e-2} | dict.fromkeys(_LENS, 1e-5)
-_STEP |= {"plane_tilt_y_rad": 1e-5, "plane_tilt_z_rad": 1e-5, "plane_shift_mm": 1e-3, "scale_y": 1e-5, "scale_z": 1e-5}
+_STEP = 1e-5  # of a lens's term, for its derivative: far above rounding, far below what bends it
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,43 +48,47 @@ class SensorDeviation:
         yz = yz_mm if self.sensor.camera is None else _on_plane(self.sensor, yz_mm, change, T)
         return SheetSeen(T, yz * [1 + change.get("scale_y", 0.0), 1 + change.get("scale_z", 0.0)])
 
-    def derivatives(self, yz_mm: Array, values: Array) -> tuple[Array, Array]:
-        """By the parameters: twists (6, P) of the plane's frame, in its own axes, and motions (..., 2, P) in it."""
-        twists, motions = [np.zeros((0, 6))], []
-        for name, unit in zip(self.names, np.eye(len(self.names)), strict=True):
-            step = unit * _STEP[name]
-            above, below = self.seen(yz_mm, values + step), self.seen(yz_mm, values - step)
-            twists.append((below.T_sensor_sheet.inverse() @ above.T_sensor_sheet).log()[None] / (2 * _STEP[name]))
-            motions.append((above.yz_mm - below.yz_mm) / (2 * _STEP[name]))
-        stacked = np.stack(motions, -1) if motions else np.zeros((*yz_mm.shape, 0))
-        return np.concatenate(twists).T, stacked
-
-    def motions(self, yz_mm: Array) -> Array:
-        """By the parameters at the file's own values: motions (N, 2, P) of points (N, 2), as of ``derivatives``.
+    def derivatives(self, yz_mm: Array, values: Sequence[float] | Array) -> tuple[Array, Array]:
+        """By the parameters: twists (6, P) of the plane's frame, in its own axes, and motions (..., 2, P) in it.
 
         In closed form: a pixel's ray turns with the camera's numbers, and meets a plane that turns and shifts.
         """
-        out = np.zeros((*yz_mm.shape, len(self.names)))
+        change = dict(zip(self.names, np.asarray(values, dtype=float).tolist(), strict=True))
+        T = sheet_pose(change)
+        twists = self._plane_twists(T, change.get("plane_tilt_z_rad", 0.0))
+        lengths = np.array([1 + change.get("scale_y", 0.0), 1 + change.get("scale_z", 0.0)])
+        flat = (self.seen(yz_mm, values).yz_mm / lengths).reshape(-1, 2)
+        out: Array = np.zeros((len(flat), 2, len(self.names)))
+        if self.sensor.camera is not None:
+            seen_by = _Pinhole.of(self.sensor.camera, change, T)
+            points = np.column_stack([np.zeros(len(flat)), flat])
+            off = seen_by.motions(points, self.names)
+            off -= twists[:3].T + np.cross(twists[3:].T[None], points[:, None])
+            ray = points - seen_by.centre_mm
+            slope = ray[:, 1:] / ray[:, :1]  # of the point, by how far along x its ray has still to go
+            out = np.swapaxes(off[..., 1:] - off[..., :1] * slope[:, None], 1, 2)
+        out *= lengths[:, None]
         for j, scale in enumerate(("scale_y", "scale_z")):
             if scale in self.names:
-                out[:, j, self.names.index(scale)] = yz_mm[:, j]
-        if self.sensor.camera is None:
-            return out
-        rays = _rays_by_camera(self.sensor, yz_mm, self.names)
-        camera = self.sensor.camera
-        ray = np.column_stack([np.zeros(len(yz_mm)), yz_mm]) - camera.centre_mm
-        slope = ray[:, 1:] / ray[:, :1]  # of the point, by how far along x its ray has still to go
-        turned = rays @ camera.T_sensor_camera.R[:, :2].T  # (N, P, 3), at unit depth before the camera
-        depth = ray @ camera.T_sensor_camera.R[:, 2]
-        off = depth[:, None, None] * turned
-        for name, reach in (
-            ("plane_tilt_y_rad", yz_mm[:, 1]),
-            ("plane_tilt_z_rad", -yz_mm[:, 0]),
-            ("plane_shift_mm", 1.0),
+                out[:, j, self.names.index(scale)] = flat[:, j]
+        return twists, out.reshape(*yz_mm.shape, len(self.names))
+
+    def motions(self, yz_mm: Array) -> Array:
+        """By the parameters at the file's own values: motions (N, 2, P) of points (N, 2), as of ``derivatives``."""
+        return self.derivatives(yz_mm, np.zeros(len(self.names)))[1]
+
+    def _plane_twists(self, T_sensor_sheet: Pose, tilt_z_rad: float) -> Array:
+        """How the corrected plane's frame moves (6, P), in its own axes."""
+        out = np.zeros((6, len(self.names)))
+        about_z = exp_so3(np.array([0.0, 0.0, tilt_z_rad]))
+        for name, rows, axis in (
+            ("plane_tilt_y_rad", slice(3, 6), about_z[1]),
+            ("plane_tilt_z_rad", slice(3, 6), np.eye(3)[2]),
+            ("plane_shift_mm", slice(0, 3), T_sensor_sheet.R[0]),
         ):
             if name in self.names:
-                off[:, self.names.index(name), 0] = np.negative(reach)
-        return np.asarray(out + np.swapaxes(off[..., 1:] - off[..., :1] * slope[:, None], 1, 2))
+                out[rows, self.names.index(name)] = axis
+        return out
 
     def really(self, values: Sequence[float] | Array) -> Sensor:
         """The sensor that it is where the parameters are off by ``values`` (P,); its {P} is that of its own plane.
@@ -152,40 +154,54 @@ def _on_plane(sensor: Sensor, yz_mm: Array, change: dict[str, float], T_sensor_s
     seen = (np.column_stack([np.zeros(len(flat)), flat]) - camera.centre_mm) @ camera.T_sensor_camera.R
     xy = seen[:, :2] / seen[:, 2:]
     file_lens = camera.distortion14
-    lens = file_lens.copy()
-    for name, i in _LENS.items():
-        lens[i] += change.get(name, 0.0)
+    now = _Pinhole.of(camera, change, T_sensor_sheet)
     focal = np.array([camera.fx_px, camera.fy_px])
     bent = distort(xy, file_lens) if np.any(file_lens) else xy
     moved = np.array([change.get("cx_px", 0.0), change.get("cy_px", 0.0)])
-    longer = np.array([change.get("fx_px", 0.0), change.get("fy_px", 0.0)])
-    corrected = (bent * focal - moved) / (focal + longer)
-    straight = undistort_near(xy, corrected, lens)[0] if np.any(lens) else corrected
-    rays = np.column_stack([straight, np.ones(len(flat))]) @ camera.T_sensor_camera.R.T
-    normal = T_sensor_sheet.R[:, 0]
-    along = ((T_sensor_sheet.t - camera.centre_mm) @ normal) / (rays @ normal)
-    points = T_sensor_sheet.inverse() @ (camera.centre_mm + along[:, None] * rays)
+    corrected = (bent * focal - moved) / now.focal_px
+    straight = undistort_near(xy, corrected, now.lens)[0] if np.any(now.lens) else corrected
+    rays = np.column_stack([straight, np.ones(len(flat))]) @ now.R.T
+    points = now.centre_mm - now.centre_mm[0] / rays[:, :1] * rays
     return np.asarray(points[:, 1:].reshape(yz_mm.shape))
 
 
-def _rays_by_camera(sensor: Sensor, yz_mm: Array, names: tuple[str, ...]) -> Array:
-    """How the ray (x, y, 1) of a point's pixel turns (N, P, 2) with the camera's numbers, the pixel held."""
-    camera = sensor.require_camera()
-    lens, focal = camera.distortion14, np.array([camera.fx_px, camera.fy_px])
-    seen = (np.column_stack([np.zeros(len(yz_mm)), yz_mm]) - camera.centre_mm) @ camera.T_sensor_camera.R
-    xy = seen[:, :2] / seen[:, 2:]
-    bent, h = distort(xy, lens), 1e-6
-    by_xy = np.stack([(distort(xy + h * e, lens) - distort(xy - h * e, lens)) / (2 * h) for e in np.eye(2)], -1)
-    out = np.zeros((len(yz_mm), 2, len(names)))  # what the bent coordinates must make good
-    for j, name in enumerate(names):
-        if name in _LENS:
-            step = np.zeros(len(lens))
-            step[_LENS[name]] = _STEP[name]
-            out[:, :, j] = -(distort(xy, lens + step) - distort(xy, lens - step)) / (2 * _STEP[name])
-        elif name in ("fx_px", "fy_px"):
-            k = int(name == "fy_px")
-            out[:, k, j] = -bent[:, k] / focal[k]
-        elif name in ("cx_px", "cy_px"):
-            k = int(name == "cy_px")
-            out[:, k, j] = -1 / focal[k]
-    return np.swapaxes(np.linalg.solve(by_xy, out), 1, 2)
+@dataclass(frozen=True, eq=False)
+class _Pinhole:
+    """The corrected camera in the corrected plane's frame: turn R (3, 3), centre (3,), focals (2,), lens (14,)."""
+
+    R: Array
+    centre_mm: Array
+    focal_px: Array
+    lens: Array
+
+    @staticmethod
+    def of(camera: Camera, change: dict[str, float], T_sensor_sheet: Pose) -> _Pinhole:
+        """Of a file's camera."""
+        lens = camera.distortion14.copy()
+        for name, i in _LENS.items():
+            lens[i] += change.get(name, 0.0)
+        focal = [camera.fx_px + change.get("fx_px", 0.0), camera.fy_px + change.get("fy_px", 0.0)]
+        T = T_sensor_sheet.inverse() @ camera.T_sensor_camera
+        return _Pinhole(T.R, T.t, np.array(focal), lens)
+
+    def motions(self, points_mm: Array, names: tuple[str, ...]) -> Array:
+        """How points (N, 3) move (N, P, 3) with the camera's numbers, pixel and depth before the camera held."""
+        seen = (points_mm - self.centre_mm) @ self.R
+        xy, depth = seen[:, :2] / seen[:, 2:], seen[:, 2]
+        bent, h = (distort(xy, self.lens) if np.any(self.lens) else xy), 1e-6
+        out: Array = np.zeros((len(xy), 2, len(names)))  # what the bent coordinates must make good
+        for j, name in enumerate(names):
+            if name in _LENS:
+                step = np.zeros(len(self.lens))
+                step[_LENS[name]] = _STEP
+                out[:, :, j] = -(distort(xy, self.lens + step) - distort(xy, self.lens - step)) / (2 * _STEP)
+            elif name in ("fx_px", "fy_px"):
+                k = int(name == "fy_px")
+                out[:, k, j] = -bent[:, k] / self.focal_px[k]
+            elif name in ("cx_px", "cy_px"):
+                k = int(name == "cy_px")
+                out[:, k, j] = -1 / self.focal_px[k]
+        if np.any(self.lens):
+            by = [(distort(xy + h * e, self.lens) - distort(xy - h * e, self.lens)) / (2 * h) for e in np.eye(2)]
+            out[:] = np.linalg.solve(np.stack(by, -1), out)
+        return np.asarray(depth[:, None, None] * (np.swapaxes(out, 1, 2) @ self.R[:, :2].T))

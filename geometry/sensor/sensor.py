@@ -36,6 +36,8 @@ class Sensor:
         Of the sensor's own calibration.
     name : str
         As its maker or its file calls it.
+    housing_mm : Array or None
+        Least and largest corner (2, 3) in {P} of the box that its housing fills; None where it is not stated.
 
     Raises
     ------
@@ -49,8 +51,11 @@ class Sensor:
     profile: ProfileOutput | None = None
     uncertainty: SensorUncertainty | None = None
     name: str = ""
+    housing_mm: Array | None = None
 
     def __post_init__(self) -> None:
+        if self.housing_mm is not None and not np.all(self.housing_mm[0] < self.housing_mm[1]):
+            raise InputError("[housing] min_mm must lie below max_mm in x, y and z")
         if self.camera is not None and self.profile is not None:
             raise InputError("a sensor has [camera] or [profile], not both: it gives images or profiles")
         if self.camera is None and self.uncertainty is not None:

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 
 from geometry import Pose, Sensor, field_of_view
@@ -14,6 +13,9 @@ from jig_cad import Jig
 from jig_cad.solids import jig_solids
 from perceptron_emu.gl.context import draw_gl, load_pyrender
 from perceptron_emu.gl.world import two_sided
+
+if TYPE_CHECKING:
+    import trimesh
 
 Array = NDArray[np.float64]
 Picture = NDArray[np.uint8]
@@ -77,6 +79,8 @@ def cell_picture(cell: CellView, width: int = 1280, height: int = 960) -> Pictur
     MissingDependencyError
         Where there is no OpenGL.
     """
+    import trimesh  # a quarter of a second, and most commands build no mesh
+
     parts: list[tuple[trimesh.Trimesh, Colour]] = []
     if cell.links is not None:
         parts += _arm(cell.links)
@@ -90,6 +94,8 @@ def cell_picture(cell: CellView, width: int = 1280, height: int = 960) -> Pictur
 
 
 def _arm(links: Pose) -> list[tuple[trimesh.Trimesh, Colour]]:
+    import trimesh
+
     points = links.t
     parts: list[tuple[trimesh.Trimesh, Colour]] = []
     radius = np.linspace(70, 35, len(points))
@@ -104,8 +110,12 @@ def _arm(links: Pose) -> list[tuple[trimesh.Trimesh, Colour]]:
 
 
 def _sensor(cell: CellView) -> list[tuple[trimesh.Trimesh, Colour]]:
+    import trimesh
+
     sensor, pose = cell.sensor, cell.T_base_sensor
-    ends = np.stack([sensor.sheet.origin_mm, sensor.require_camera().centre_mm])
+    ends = sensor.sheet.origin_mm[None]
+    if sensor.camera is not None:
+        ends = np.stack([*ends, sensor.camera.centre_mm])
     low, high = ends.min(0) - np.array([25, 30, 60]), ends.max(0) + np.array([25, 30, 0])
     body = trimesh.creation.box(bounds=np.stack([low, high]))
     seen = field_of_view(sensor)
@@ -129,6 +139,8 @@ def _working_distance(cell: CellView) -> float:
 
 
 def _jig(jig: Jig, pose: Pose) -> list[tuple[trimesh.Trimesh, Colour]]:
+    import trimesh
+
     solids = [(m.copy().apply_transform(pose.matrix), PLATE) for m in jig_solids(jig, strings=False).values()]
     ends = zip(pose @ jig.starts, pose @ jig.ends, strict=True)
     return [*solids, *((trimesh.creation.cylinder(VISIBLE_STRING_MM / 2, segment=np.stack(e)), STRING) for e in ends)]

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 
 from geometry import Pose
 from perceptron_emu.gl.context import draw_gl, load_pyrender
 from perceptron_emu.light import Cylinders
 from perceptron_emu.scene import Scene
+
+if TYPE_CHECKING:
+    import trimesh
 
 Array = NDArray[np.float64]
 
@@ -113,6 +115,8 @@ def depth_and_identity(world: GlWorld, view: GlView) -> tuple[Array, NDArray[np.
 
 def two_sided(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     """The mesh with each face's reverse beside it: OpenGL leaves out the backs whatever pyrender's flags say."""
+    import trimesh  # a quarter of a second, and most commands build no mesh
+
     return trimesh.Trimesh(mesh.vertices, np.vstack([mesh.faces, mesh.faces[:, ::-1]]), process=False)
 
 
@@ -128,6 +132,8 @@ def back_project(view: GlView, depth: Array) -> Array:
 def _tubes(strings: Cylinders | None) -> list[tuple[trimesh.Trimesh, Array]]:
     if strings is None:
         return []
+    import trimesh
+
     out = []
     for start, direction, length in zip(strings.starts, strings.directions, strings.lengths, strict=True):
         # the polygon's mean radius over its corners' is sin(π/n)/(π/n): made up for, so that the width is right

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -201,3 +202,6 @@ def test_a_result_prints_on_a_screen(cell: SyntheticCell, observed: CellFrames) 
     assert all(name in text for name in result.locations)
     few = calibrated(replace(observed, frames=observed.frames[:2]), cell.jig, cell.robot, CalibConfig(model="scp"))
     assert "none that can be trusted" in str(few)
+    read = json.loads(result.to_json())
+    np.testing.assert_allclose(read["T_hand_sensor"], result.T_hand_sensor.matrix, atol=1e-6)
+    assert json.loads(few.to_json())["T_hand_sensor"] is None

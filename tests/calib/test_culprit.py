@@ -19,6 +19,7 @@ from geometry import DhRobot, Frame
 from jig_cad import Jig
 
 Frames = tuple[Frame, ...]
+ATOL_LEFT_OUT = 1e-6  # mm, rad: a frame that was left out pulls nothing
 
 
 @pytest.fixture(scope="module")
@@ -98,6 +99,19 @@ def test_jig_of_another_size(cell_and_frames: tuple[SyntheticCell, Frames]) -> N
 def test_verdict_says_it_first(cell_and_frames: tuple[SyntheticCell, Frames]) -> None:
     cell, frames = cell_and_frames
     observed = observe(cell, cell, np.random.default_rng(0), Noise())
-    verdict = calibrated(replace(observed, frames=_named(frames, lambda n: n == 3, "C")), cell.jig, cell.robot).verdict
+    turned = _joints(frames, lambda q: q * [1, 1, 1, -1, 1, 1])
+    verdict = calibrated(replace(observed, frames=turned), cell.jig, cell.robot).verdict
     assert not verdict.trustworthy
-    assert verdict.text.startswith("frame 3 does not move")
+    assert "joint 4 counts the other way round" in verdict.text.split("In all")[0]
+
+
+def test_single_misnamed_frames_are_left_out_and_named(cell_and_frames: tuple[SyntheticCell, Frames]) -> None:
+    cell, frames = cell_and_frames
+    observed = observe(cell, cell, np.random.default_rng(0), Noise())
+    without = calibrated(replace(observed, frames=tuple(f for f in frames if f.number != 3)), cell.jig, cell.robot)
+    result = calibrated(replace(observed, frames=_named(frames, lambda n: n == 3, "C")), cell.jig, cell.robot)
+    assert result.verdict.code == "ok"
+    assert [f.number for f in result.frames if f.reason == "outlier"] == [3]
+    assert any("location C" in r and "location A: its location is misnamed" in r for r in result.remarks)
+    apart = without.T_hand_sensor.inverse() @ result.T_hand_sensor
+    assert np.max(np.abs(apart.log())) < ATOL_LEFT_OUT

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import pytest
 import typer
+from typer.core import TyperGroup
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted(ROOT.glob("*.md")) + sorted((ROOT / "docs").glob("*.md"))
@@ -90,6 +91,9 @@ def test_command_lines_are_understood(page: str, line: str) -> None:
     with group.make_context("perceptron-emu", [words[1], "--help"], resilient_parsing=True) as context:
         name, command, _ = group.resolve_command(context, [words[1]])  # type: ignore[attr-defined]
     assert name == words[1], f"{page}: {line}"
+    if isinstance(command, TyperGroup):  # a command of several: the next word says which
+        assert words[2] in command.commands, f"{page}: {line}"
+        command = command.commands[words.pop(2)]
     known = {option for parameter in command.params for option in (*parameter.opts, *parameter.secondary_opts)}
     for word in words[2:]:
         if word.startswith("-") and len(word) > 1:

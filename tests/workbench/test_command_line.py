@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -29,6 +30,16 @@ def test_help_imports_nothing_heavy() -> None:
         assert name in done.stdout
 
 
+@pytest.mark.parametrize(("typed", "offered"), [("calibrate-", ["calibrate-sensor"]), ("compare --m", ["--max-mm"])])
+def test_a_shell_completes_commands_and_options(typed: str, offered: list[str]) -> None:
+    words = f"perceptron-emu {typed}"
+    asked = {"_PERCEPTRON_EMU_COMPLETE": "complete_bash", "COMP_WORDS": words, "COMP_CWORD": str(words.count(" "))}
+    done = subprocess.run(
+        [sys.executable, "-m", "workbench"], env=os.environ | asked, capture_output=True, text=True, check=False
+    )
+    assert done.stdout.split() == offered
+
+
 @pytest.mark.parametrize("name", COMMANDS)
 def test_every_command_explains_itself(cli: Cli, name: str) -> None:
     result = cli(name, "--help")
@@ -41,9 +52,10 @@ def test_every_command_explains_itself(cli: Cli, name: str) -> None:
 def test_help_keeps_square_brackets(name: str) -> None:
     """Square brackets are markup to the help's printer: unescaped, `[uncertainty]` vanishes from the sentence."""
     command = load(name)
-    for text in (command.help, *(getattr(p, "help", None) for p in command.params)):
-        written = (text or "").replace("\\[", "[")
-        assert Text.from_markup(text or "").plain == written
+    for one in (command, *getattr(command, "commands", {}).values()):
+        for text in (one.help, *(getattr(p, "help", None) for p in one.params)):
+            written = (text or "").replace("\\[", "[")
+            assert Text.from_markup(text or "").plain == written
 
 
 @pytest.mark.parametrize(

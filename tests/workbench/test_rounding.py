@@ -4,8 +4,7 @@ import math
 
 import numpy as np
 
-from geometry import Pose
-from workbench.files import rounded
+from geometry import Pose, rounded
 
 NOISE = 1e-12  # relative, of a solved number from one processor to another
 

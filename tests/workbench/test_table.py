@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from geometry import Frame, InputError
-from workbench.files import read_frames, read_points
+from workbench.files import read_frames, read_points, read_table
 
 HEADER = ["frame", "image", "location", "role", *(f"j{i}_deg" for i in range(1, 7))]
 ROWS = [["0", "a.png", "A", "calibrate", *["10.5", "-20.25", "30", "40", "50", "60"]],
@@ -120,3 +120,22 @@ def test_a_long_table_takes_little_memory(tmp_path: Path) -> None:
     grown_mb = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024
     assert sum(len(p.points.yz_mm) for p in points.values()) == 70_000
     assert grown_mb < 60
+
+
+@pytest.mark.parametrize("text", ["y_mm,z_mm\n1.5,2\n-3e-1, 4.25\n\n", "y_mm;z_mm\r\n1.5;2\r\n-3e-1;4.25\r\n"])
+def test_plain_numbers_are_those_of_the_rows(text: str, tmp_path: Path) -> None:
+    path = tmp_path / "p.csv"
+    path.write_bytes(text.encode())
+    table = read_table(path, ("y_mm", "z_mm"), ("z_mm",))
+    plain = table.plain_numbers(["z_mm", "y_mm"])
+    assert plain is not None
+    assert plain.tolist() == [[r.number("z_mm"), r.number("y_mm")] for r in table.rows]
+
+
+@pytest.mark.parametrize(
+    "cells", ["1.5,", "1,nan", "1,-999.9998", "1,inf", "1,2,3", "1_0,2", "x,2", "# remark", '"1",2', "0x10,1", "1,1e3"]
+)
+def test_what_wants_a_closer_look_is_not_taken_at_once(cells: str, tmp_path: Path) -> None:
+    path = tmp_path / "p.csv"
+    path.write_text(f"y_mm,z_mm\n1,2\n{cells}\n")
+    assert read_table(path, ("y_mm", "z_mm"), ("z_mm",)).plain_numbers(["y_mm", "z_mm"]) is None

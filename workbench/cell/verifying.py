@@ -32,7 +32,7 @@ def verify_cell(cell: Cell, observed: Observed, saved: SavedResult | None, confi
         Where the result has no SCP, or belongs to another sensor.toml.
 
     """
-    T, words = (cell.design, "the SCP judged is [scp_initial]") if saved is None else _scp(cell, saved)
+    T, words = (cell.design, "the SCP judged is [scp_initial]") if saved is None else scp_of(cell, saved)
     found = verify(
         observed.frames,
         cell.target,
@@ -46,7 +46,7 @@ def verify_cell(cell: Cell, observed: Observed, saved: SavedResult | None, confi
     return replace(found, notes=(words, *cell.remarks, *observed.remarks, *found.notes))
 
 
-def _scp(cell: Cell, saved: SavedResult) -> tuple[Pose, str]:
+def scp_of(cell: Cell, saved: SavedResult) -> tuple[Pose, str]:
     """The SCP that goes with the cell's robot file, and which it is, in words."""
     theirs = saved.hashes.get("sensor")
     if theirs and cell.sensor_path is not None and theirs != sha256_of(cell.sensor_path):

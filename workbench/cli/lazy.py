@@ -19,6 +19,7 @@ COMMANDS = {
     "gapflush": "Measure gap, flush and edge radii of two panels in a profile or an image.",
     "tune": "Tune detection on saved stripe images: the process window in the browser, or a search with --auto.",
     "pose": "All jig poses that fit the points of a frame, with their likelihoods.",
+    "accept": "Acceptance tests with a record: ball, sphere spacing, flatness, repeatability, gauge R&R.",
     "twin": "Fit a sensor's emulation keys to its recorded stripe images, and show what still differs.",
     "calibrate-sensor": "Calibrate a self-built sensor from pictures of a board with the stripe on it.",
     "validate": "Measure point extraction against truth, with thresholds for your own CI.",
@@ -26,7 +27,7 @@ COMMANDS = {
     "render": "Record a cell in emulation: plan configurations and render images with truth.",
     "closure": "Fit a robot to a point that stands still, joint readings alone; judged on unseen locations.",
     "paper": "Repeat the paper's experiment as an ensemble: Table 1, Fig. 7, and what explains them.",
-    "jig": "Show a string jig, or export it as STL, GLB or drawing.",
+    "jig": "Show a target, draw it for a workshop, export it, or take in its measured anchors.",
     "init": "Write a commented starter dataset to fill in.",
     "datasheet": "Write the sensor.toml of a line profiler from its data sheet alone.",
     "sweep": "Run a campaign of many pixel-to-transform trials from a plan; resumes.",
@@ -49,8 +50,10 @@ class LazyGroup(TyperGroup):
 
 
 def load(name: str) -> Any:
-    """The command ``name``, made of ``command`` in its module."""
+    """The command ``name``, made of ``command`` in its module, or the group ``app`` of a command with several tests."""
     module = importlib.import_module(f"workbench.cli.commands.{name.replace('-', '_')}")
+    if hasattr(module, "app"):
+        return typer.main.get_command(module.app)
     single = typer.Typer(add_completion=False, rich_markup_mode="rich")
     single.command(name, help=getattr(module.command, "__doc__", None))(module.command)
     return typer.main.get_command(single)

@@ -6,15 +6,18 @@ import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 
-from geometry import Board, InputError, Pose, Sensor, exp_so3, field_of_view
+from geometry import Board, InputError, Pose, Sensor, exp_so3, field_of_view, rounded
 from geometry.sensor import project
 from perceptron_emu import EmulatorConfig, Material, Scene, Solid, mean_electrons, render
-from workbench.files import board_text, rounded, sensor_text, write_png, write_text
+from workbench.files import board_text, sensor_text, write_png, write_text
+
+if TYPE_CHECKING:
+    import trimesh
 
 Array = NDArray[np.float64]
 
@@ -79,6 +82,8 @@ def _square(x: float, y: float, width: float, height: float) -> Array:
 
 def _together(squares: list[Array]) -> trimesh.Trimesh:
     """One mesh of all rectangles, two triangles each."""
+    import trimesh  # a quarter of a second, and most commands build no mesh
+
     first = 4 * np.arange(len(squares))[:, None, None]
     faces = (first + np.array([[0, 1, 2], [0, 2, 3]])).reshape(-1, 3)
     return trimesh.Trimesh(np.concatenate(squares), faces, process=False)

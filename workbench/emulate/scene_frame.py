@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from geometry import InputError, Sensor
+from geometry import InputError, Sensor, rounded
 from perceptron_emu import EmulatorConfig, Scene, mean_electrons, read_scene
 from workbench.emulate.extras import Extras, Renderer, truth_points
-from workbench.files import rounded, write_png, write_text
+from workbench.files import write_png, write_text
 
 DARKEST_E = 5.0  # mean electrons of the brightest pixel below which an image shows nothing
 

@@ -12,7 +12,7 @@ from pydantic import Field, field_validator
 
 import assets
 from geometry import (
-    DhRobot,
+    Arm,
     Frame,
     InputError,
     Pose,
@@ -21,6 +21,7 @@ from geometry import (
     Sensor,
     Surface,
     Target,
+    Workspace,
     did_you_mean,
     target_at,
 )
@@ -32,7 +33,7 @@ from workbench.files.frames_csv import LONGEST_NAME, read_frames
 from workbench.files.points_csv import GivenPoints, read_points
 from workbench.files.robot_file import read_robot
 from workbench.files.sensor_file import ATOL_ROTATION, read_emulator, read_sensor
-from workbench.files.strict import FileSection, Matrix4, Text, Vector3, suggestion, validate
+from workbench.files.strict import Coordinate, FileSection, Matrix4, Positive, Text, Vector3, suggestion, validate
 from workbench.files.target_file import read_target
 from workbench.files.toml_text import Location, TomlSource, read_toml
 from workbench.files.truth_file import Truth, read_truth
@@ -56,6 +57,21 @@ class LocationSection(FileSection):
     role: Literal["calibrate", "verify"] | None = None
 
 
+class BoxSection(FileSection):
+    """[[workspace.box]]: a box in the base frame that nothing may enter."""
+
+    min_mm: Vector3
+    max_mm: Vector3
+
+
+class WorkspaceSection(FileSection):
+    """[workspace]: what must not be touched. floor_z_mm = false: there is no floor below."""
+
+    floor_z_mm: Coordinate | Literal[False] = 0.0
+    link_radius_mm: Positive | None = None
+    box: tuple[BoxSection, ...] = ()
+
+
 class CellFile(FileSection):
     """The keys of cell.toml; files are named relative to it."""
 
@@ -67,6 +83,7 @@ class CellFile(FileSection):
     points: Text | None = None
     scp_initial: ScpSection | None = None
     poses: PosesSection | None = None
+    workspace: WorkspaceSection = Field(default_factory=WorkspaceSection)
     locations: dict[str, LocationSection] = Field(default_factory=dict)
 
     @field_validator("locations", mode="before")
@@ -85,13 +102,13 @@ class Cell:
     roles: of the locations in cell.toml that say one. robot: None where hand poses stand in place of joint readings.
     robot_path, sensor_path: the files. files: all that were read, images aside.
     emulator: how images of the cell are made, no knowledge of a recorded one. remarks: a sentence for all that is
-    doubtful in the files and was read nevertheless.
+    doubtful in the files and was read nevertheless. workspace: the floor and boxes that nothing may touch.
     """
 
     folder: Path
     sensor: Sensor
     target: Target | Mapping[str, Target]
-    robot: DhRobot | None
+    robot: Arm | None
     frames: tuple[Frame, ...]
     T_hand_sensor_design: Pose | None
     T_base_jig: dict[str, Pose] = field(default_factory=dict)
@@ -104,6 +121,7 @@ class Cell:
     emulator: EmulatorConfig = field(default_factory=EmulatorConfig)
     remarks: tuple[str, ...] = ()
     files: tuple[Path, ...] = ()
+    workspace: Workspace = field(default_factory=Workspace)
 
     @property
     def jig(self) -> Jig:
@@ -133,7 +151,7 @@ class Cell:
         return self.T_hand_sensor_design
 
     @property
-    def arm(self) -> DhRobot:
+    def arm(self) -> Arm:
         """The robot; InputError where the cell has hand poses alone."""
         if self.robot is None:
             raise InputError(
@@ -193,7 +211,18 @@ def read_cell(path: Path, *, recorded: bool = True) -> Cell:
         emulator=read_emulator(sensor_path),
         remarks=tuple(remarks),
         files=_files(source, file, (sensor_path, robot_path, frames_path)),
+        workspace=_workspace(file.workspace, source),
     )
+
+
+def _workspace(given: WorkspaceSection, source: TomlSource) -> Workspace:
+    names = tuple(b.name or f"[[workspace.box]] {k}" for k, b in enumerate(given.box, start=1))
+    boxes = np.array([(b.min_mm, b.max_mm) for b in given.box], dtype=float).reshape(-1, 2, 3)
+    floor = None if given.floor_z_mm is False else float(given.floor_z_mm)
+    try:
+        return Workspace(floor, boxes, names, given.link_radius_mm)
+    except InputError as error:
+        raise InputError(f"{source.where(('workspace',))}: {error}") from None
 
 
 def _files(source: TomlSource, file: CellFile, read: Sequence[Path | None]) -> tuple[Path, ...]:
@@ -205,7 +234,7 @@ def _files(source: TomlSource, file: CellFile, read: Sequence[Path | None]) -> t
 
 
 def _frames(
-    folder: Path, file: CellFile, source: TomlSource, robot: DhRobot | None, remark: Remark, *, recorded: bool
+    folder: Path, file: CellFile, source: TomlSource, robot: Arm | None, remark: Remark, *, recorded: bool
 ) -> tuple[tuple[Frame, ...], Path]:
     if file.frames is None:
         if recorded:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 
 from geometry import Camera, InputError, Pose, Sensor, Sheet, toml_value
@@ -120,6 +121,13 @@ SIGMAS = tuple(
 )
 
 
+class HousingSection(FileSection):
+    """[housing]: the box in {P} that the sensor's housing fills."""
+
+    min_mm: Vector3
+    max_mm: Vector3
+
+
 class DirectSection(FileSection):
     """[direct]: a map from pixels to the laser plane without a camera; carried, acted on by nothing yet."""
 
@@ -136,6 +144,7 @@ class SensorFile(FileSection):
     laser: LaserSection = Field(default_factory=LaserSection)
     uncertainty: SensorUncertaintySection | None = None
     direct: DirectSection | None = None
+    housing: HousingSection | None = None
 
 
 SHARED_TABLES = (
@@ -144,6 +153,7 @@ SHARED_TABLES = (
     "profile",
     "uncertainty",
     "direct",
+    "housing",
 )  # of no concern to the emulator; [laser] is both's
 
 
@@ -168,7 +178,7 @@ def read_sensor(path: Path) -> Sensor:
     """
     file, emulator = _read(path)
     try:
-        return replace(_sensor(file), optics=stated_optics(emulator))
+        return replace(_sensor(file), optics=stated_optics(emulator), housing_mm=_housing(file.housing))
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
 
@@ -219,6 +229,10 @@ def _sensor(file: SensorFile) -> Sensor:
         missing = "image" if file.image is None else "camera"
         raise InputError(f"the table [{missing}] is missing; a sensor without a camera has [profile]")
     return Sensor(sheet, _camera(file.image, file.camera), uncertainty=uncertainty, name=file.name)
+
+
+def _housing(given: HousingSection | None) -> NDArray[np.float64] | None:
+    return None if given is None else np.array([given.min_mm, given.max_mm])
 
 
 def _emitter(file: SensorFile) -> Vector3:
@@ -307,6 +321,12 @@ def sensor_text(sensor: Sensor, emulator: EmulatorConfig) -> str:
     lines += [f"fan_deg = {toml_value(round(float(np.rad2deg(sensor.sheet.fan_rad)), 12))}"]
     lines += [f"{k} = {toml_value(v)}" for k, v in keys.get("laser", {}).items() if v is not None]
     lines += [] if sensor.uncertainty is None else _uncertainty_lines(sensor.uncertainty)
+    if sensor.housing_mm is not None:
+        corners = zip(("min_mm", "max_mm"), sensor.housing_mm.tolist(), strict=True)
+        lines += [
+            "[housing]           # the box that the sensor fills",
+            *(f"{k} = {toml_value(v)}" for k, v in corners),
+        ]
     for name, table in keys.items():
         if name != "laser":
             lines += [f"[{name}]", *(f"{k} = {toml_value(v)}" for k, v in table.items() if v is not None)]

@@ -45,7 +45,7 @@ Names = Mapping[Location, Iterable[str]]
 class FileSection(BaseModel):
     """One table of a file; ``name`` is welcome in every one, other keys that are not declared are errors."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, defer_build=True)
 
     name: Text = ""
 

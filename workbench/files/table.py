@@ -9,7 +9,11 @@ import math
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import islice
 from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
 
 from geometry import InputError, Remark, no_remark, read_bytes
 from workbench.files.strict import suggestion
@@ -26,6 +30,7 @@ _UNITS = {"°": "deg", "degrees": "deg", "mm²": "mm2", "mm^2": "mm2"}
 _OTHER_UNITS = frozenset(("m", "cm", "um", "µm", "in", "inch", "rad", "mrad", "grad", "degree", "degrees", "pixel"))
 _NINES = re.compile(r"-?(9{4,}(\.9*)?|999\.99+)0*")  # 999.9 may be a length
 _MARKS = frozenset((-32768.0, 32768.0, -2147483648.0, 2147483647.0))
+_PLAIN = 999.0  # what is smaller is no mark for a missing value
 _BEYOND = 1e37  # ± the largest numbers of float and double
 
 
@@ -147,6 +152,19 @@ class Table:
                 raise InputError(self._too_many(line, cells))
             cells.extend([""] * (n - len(cells)))  # Excel leaves out empty cells at a row's end
             yield Row(self.path, line, {name: cells[i] for i, name in keep}, decimal)
+
+    def plain_numbers(self, columns: Sequence[str]) -> NDArray[np.float64] | None:
+        """All rows' numbers (N, columns) at once; None where any cell wants a closer look: then `rows` says what is."""
+        body = "".join(m[0] for m in islice(_LINE.finditer(self.text), self.header_line, None))
+        known = "0123456789.eE+- \t\r\n" + self.separator
+        if not body.strip() or any(c not in known for c in set(body)):
+            return None
+        try:
+            every = np.loadtxt(body.splitlines(), delimiter=self.separator, ndmin=2, comments=None)
+        except ValueError:
+            return None
+        found = every[:, [self.names.index(c) for c in columns]] if every.shape[1] == len(self.names) else every[:0]
+        return found if len(found) and bool(np.all(np.abs(found) < _PLAIN)) else None
 
     def _too_many(self, line: int, cells: list[str]) -> str:
         hint = ""

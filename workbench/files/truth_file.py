@@ -8,9 +8,8 @@ from typing import Any
 
 from pydantic import Field, ValidationError
 
-from geometry import InputError, read_text
+from geometry import InputError, read_text, rounded
 from workbench.files.atomic import write_text
-from workbench.files.rounding import rounded
 from workbench.files.strict import FileSection, Matrix4, Real, Text, Vector3, Whole
 
 Pair = tuple[Real, Real]

@@ -1,19 +1,27 @@
 """Views of a target: what a sensor can see and an arm can reach, and which views tell most."""
 
 from workbench.plan.choose import LEVER_MM, RANDOM_PLANS, random_plans, size_mm
+from workbench.plan.clearance import HAND_MM, SAFE_MM, Standing, room_in_workspace_mm, room_mm, standing, target_boxes
 from workbench.plan.expected import expected_points
+from workbench.plan.moves import Move
 from workbench.plan.proposal import Proposal, ViewPools, best_plan, candidates, plan_limits, pooled, propose
 from workbench.plan.view_space import ViewLimits
 from workbench.plan.views import ViewProblem, Views, free_views, plan_views
+from workbench.plan.whole import Whole, seen_whole
 
 __all__ = [
+    "HAND_MM",
     "LEVER_MM",
     "RANDOM_PLANS",
+    "SAFE_MM",
+    "Move",
     "Proposal",
+    "Standing",
     "ViewLimits",
     "ViewPools",
     "ViewProblem",
     "Views",
+    "Whole",
     "best_plan",
     "candidates",
     "expected_points",
@@ -23,5 +31,10 @@ __all__ = [
     "pooled",
     "propose",
     "random_plans",
+    "room_in_workspace_mm",
+    "room_mm",
+    "seen_whole",
     "size_mm",
+    "standing",
+    "target_boxes",
 ]

@@ -17,10 +17,13 @@ from geometry.ties import ascending
 from workbench.cell import jig_bodies, sees_all_strings
 from workbench.files import Cell
 from workbench.plan.choose import LEVER_MM, RANDOM_PLANS, choose, random_plans, size_mm
+from workbench.plan.clearance import room_mm, target_in_workspace
 from workbench.plan.expected import view_information
+from workbench.plan.moves import Move, straight_moves
 from workbench.plan.refine import ROUNDS, Planned, Refinement, refine
 from workbench.plan.view_space import Tally, ViewLimits, ViewSpace
 from workbench.plan.views import ViewProblem, Views, feasible_views, spread
+from workbench.plan.whole import seen_whole
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -59,7 +62,8 @@ class Proposal:
     """Configurations with what they predict. sigma_deg, sigma_mm: of the six printed numbers, hand axes.
 
     ratio_to_random: size of the predicted error by the criterion over the median of random plans; ratio_of_noise: the
-    same without the robot's own errors.
+    same without the robot's own errors. room_mm: what each configuration leaves beside everything, over the safety
+    distance. moves: from one frame of a location to the next.
     """
 
     rows: tuple[Frame, ...]
@@ -72,12 +76,17 @@ class Proposal:
     ratio_of_noise: float
     indices: dict[str, float]
     warnings: tuple[str, ...]
+    room_mm: Array
+    moves: tuple[Move, ...]
 
     def as_object(self) -> dict[str, Any]:
         """The proposal for JSON."""
         frames = [
             {"frame": r.number, "location": r.location, "role": r.role, "joints_deg": q, "tilt_deg": t, "roll_deg": w}
-            for r, q, t, w in zip(self.rows, self.joints_deg, self.tilt_deg, self.roll_deg, strict=True)
+            | {"room_mm": room}
+            for r, q, t, w, room in zip(
+                self.rows, self.joints_deg, self.tilt_deg, self.roll_deg, self.room_mm, strict=True
+            )
         ]
         return {
             "frames": frames,
@@ -87,6 +96,10 @@ class Proposal:
             "ratio_of_noise_to_random": self.ratio_of_noise,
             "random_plans": RANDOM_PLANS,
             "observability": self.indices,
+            "moves": [
+                {"location": m.location, "from": m.start, "to": m.end, "room_mm": m.room_mm, "near": m.near}
+                for m in self.moves
+            ],
             "warnings": self.warnings,
         }
 
@@ -170,10 +183,14 @@ def candidates(
     if all(role == VERIFY for role in roles):
         raise InputError(f"{file}: every location has role verify; one must calibrate")
     sensor, design = cell.sensor, cell.design
+    _check_places(cell)
+    whole = seen_whole(sensor, cell.jig, limits)
+    if not whole.fits:
+        raise NoAnswerError(f"{file}: {whole.sentence(sensor, cell.jig)}")
     space = ViewSpace.of(sensor, cell.jig, limits)
     sees_all = sees_all_strings(sensor, cell.jig, jig_bodies(cell.jig))
     problems = {
-        i: ViewProblem(cell.arm, sensor, cell.jig, cell.T_base_jig[name], design, limits, sees_all)
+        i: ViewProblem(cell.arm, sensor, cell.jig, cell.T_base_jig[name], design, limits, sees_all, cell.workspace)
         for i, name in enumerate(names)
     }
     views = []
@@ -189,6 +206,14 @@ def candidates(
     joints = np.array([q for q, _ in old]).reshape(-1, cell.arm.n_joints)
     taken = inform(joints, np.array([i for _, i in old], dtype=np.intp))
     return ViewPools(names, roles, problems, space, views, taken, inform)
+
+
+def _check_places(cell: Cell) -> None:
+    """InputError where a jig stands in the floor or in a box: then no arm is to be asked."""
+    for name, place in cell.T_base_jig.items():
+        into = target_in_workspace(cell.jig, place, cell.workspace)
+        if into:
+            raise InputError(f"{cell.folder / 'cell.toml'}: [locations.{name}] T_base_jig puts the jig {into}")
 
 
 def best_plan(
@@ -260,6 +285,7 @@ def _proposal(cell: Cell, found: ViewPools, plan: Planned, criterion: str, rando
         Frame(n, found.names[i], found.roles[i], plan.views.joints_rad[k], image=f"images/{n:03d}.png")
         for k, (n, i) in enumerate(zip(count(first), plan.location, strict=False))
     )
+    moves = _moves(found, plan, rows)
     rotations = plan.views.T_sensor_jig.R
     sigma_deg, sigma_mm = printed_sigmas(cell.design, covariance)
     return Proposal(
@@ -272,8 +298,28 @@ def _proposal(cell: Cell, found: ViewPools, plan: Planned, criterion: str, rando
         ratio,
         of_noise,
         observability(scaled(noise, LEVER_MM), len(frames)),
-        _warnings(covariance),
+        (*_warnings(covariance), *(m.sentence() for m in moves if m.room_mm < 0)),
+        _rooms(found, plan),
+        moves,
     )
+
+
+def _rooms(found: ViewPools, plan: Planned) -> Array:
+    rooms = np.zeros(len(plan.location))
+    for i, problem in found.problems.items():
+        mine = np.flatnonzero(plan.location == i)
+        arm = problem.standing(plan.views.joints_rad[mine])
+        rooms[mine] = room_mm(arm, problem.jig, problem.T_base_jig, problem.workspace)
+    return rooms
+
+
+def _moves(found: ViewPools, plan: Planned, rows: tuple[Frame, ...]) -> tuple[Move, ...]:
+    moves: list[Move] = []
+    for i, problem in found.problems.items():
+        mine = np.flatnonzero(plan.location == i)
+        numbers = [rows[k].number for k in mine]
+        moves += straight_moves(problem, found.names[i], numbers, plan.views.joints_rad[mine])
+    return tuple(moves)
 
 
 def _warnings(covariance: Array) -> tuple[str, ...]:

@@ -7,11 +7,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import Arm, NoAnswerError, Pose, Sensor, inverse_kinematics, stack_poses
+from geometry import Arm, NoAnswerError, Pose, Sensor, Workspace, inverse_kinematics, stack_poses
 from geometry.ties import first_least, first_most
 from jig_cad import Jig
 from workbench.cell import SeesAll
-from workbench.plan.clearance import arm_clears
+from workbench.plan.clearance import Standing, room_at_target_mm, room_in_workspace_mm, room_mm, standing
 from workbench.plan.view_space import Tally, ViewLimits, ViewSpace
 
 Array = NDArray[np.float64]
@@ -59,6 +59,7 @@ class ViewProblem:
     """One place of the jig: what the user knows, and what a view must fulfil.
 
     sees_all: tells whether the strings are free of occlusion at poses T_sensor_jig (N); None takes it for granted.
+    workspace: what arm and sensor must keep off beside the jig.
     """
 
     robot: Arm
@@ -68,6 +69,12 @@ class ViewProblem:
     T_hand_sensor: Pose
     limits: ViewLimits = field(default_factory=ViewLimits)
     sees_all: SeesAll | None = None
+    workspace: Workspace = field(default_factory=Workspace)
+
+    def standing(self, joints_rad: Array) -> Standing:
+        """The arm with its sensor at the readings (N, n)."""
+        radius = self.workspace.link_radius_mm
+        return standing(self.robot, joints_rad, self.T_hand_sensor, self.sensor, radius)
 
     def hand_goals(self, T_sensor_jig: Pose) -> Pose:
         """T_base_hand (N) that bring the sensor to the poses."""
@@ -149,7 +156,7 @@ def feasible_views(
             continue
         candidates = space.poses(parameters[kept])
         goals = problem.hand_goals(candidates)
-        seed = _posture(problem.robot, goals, rng) if seed is None else seed
+        seed = _posture(problem, goals, rng) if seed is None else seed
         if seed is None:
             tally.refuse(OUT_OF_REACH, np.ones(len(goals), dtype=bool))
             if tally.refused[OUT_OF_REACH] > GIVE_UP:
@@ -176,7 +183,8 @@ def near_views(
     rng = np.random.default_rng(0)  # not drawn from: no starts beside the seeds
     found = inverse_kinematics(problem.robot, problem.hand_goals(poses), rng, seeds=seeds[kept], max_starts=0)
     ok = found.converged & _same_posture(found.joints, seeds[kept])
-    ok &= arm_clears(problem.robot, found.joints, problem.T_hand_sensor, problem.T_base_jig, problem.jig)
+    room = room_mm(problem.standing(found.joints), problem.jig, problem.T_base_jig, problem.workspace)
+    ok &= room > 0
     return Views(found.joints[ok], poses[np.flatnonzero(ok)], parameters[kept[ok]]), kept[ok]
 
 
@@ -215,24 +223,39 @@ def free_views(sensor: Sensor, jig: Jig, limits: ViewLimits, count: int, rng: np
     raise NoAnswerError(f"only {len(poses)} of {count} views found that show all strings ({tally.text()})")
 
 
-def _posture(robot: Arm, goals: Pose, rng: np.random.Generator) -> Array | None:
-    """The readings that reach one of the goals with the joints turned least; the other views keep near them."""
-    reached = inverse_kinematics(robot, goals, rng)
+def _posture(problem: ViewProblem, goals: Pose, rng: np.random.Generator) -> Array | None:
+    """The readings that reach one of the goals with the joints turned least; the other views keep near them.
+
+    Of those that touch nothing, where there are any.
+    """
+    reached = inverse_kinematics(problem.robot, goals, rng)
     joints = reached.joints[reached.converged]
+    if len(joints):
+        room = room_mm(problem.standing(joints), problem.jig, problem.T_base_jig, problem.workspace)
+        joints = joints[room > 0] if np.any(room > 0) else joints
     return joints[first_least(np.sum(joints**2, axis=1), SAME_MOTION_RAD2)] if len(joints) else None
 
 
 def _reach(
     problem: ViewProblem, goals: Pose, seed: Array, rng: np.random.Generator, tally: Tally
 ) -> tuple[Array, Mask]:
-    """Readings (N, n), and which goals (N) they reach without swinging the arm over or touching the jig."""
+    """Readings (N, n), and which goals (N) they reach without swinging the arm over or touching anything."""
     found = inverse_kinematics(problem.robot, goals, rng, seeds=seed)
-    same = _same_posture(found.joints, seed)
-    clear = arm_clears(problem.robot, found.joints, problem.T_hand_sensor, problem.T_base_jig, problem.jig)
-    tally.refuse(OUT_OF_REACH, ~found.converged)
-    tally.refuse("reached in another posture of the arm only", found.converged & ~same)
-    tally.refuse("with the hand or the arm too near the jig", found.converged & same & ~clear)
-    return found.joints, np.asarray(found.converged & same & clear)
+    good = found.converged
+    tally.refuse(OUT_OF_REACH, ~good)
+    arm = problem.standing(found.joints)
+    room, where = room_in_workspace_mm(arm, problem.workspace)
+    low = (room <= 0) & (where < 0)
+    tests = {
+        "reached in another posture of the arm only": _same_posture(found.joints, seed),
+        "with the hand or the arm too near the jig": room_at_target_mm(arm, problem.jig, problem.T_base_jig) > 0,
+        "with the arm or the sensor in the floor": ~low,
+        "with the arm or the sensor in a box of [workspace]": low | (room > 0),
+    }
+    for why, test in tests.items():
+        tally.refuse(why, good & ~test)
+        good = good & test
+    return found.joints, np.asarray(good)
 
 
 def _same_posture(joints: Array, seeds: Array) -> Mask:

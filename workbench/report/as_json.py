@@ -1,101 +1,19 @@
-"""The result of calibrate as the JSON object of docs/formats.md: null never NaN, ASCII labels, every frame."""
+"""The result of calibrate as a JSON object that names the files it was made from."""
 
 from __future__ import annotations
 
-import json
-import math
+from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
-
-from calib import CalibrationResult, DesignSolved, LocationResult, Pull, printed_sigmas
-from geometry import CONVENTIONS, Frame, express
-from workbench.files import Cell, rounded, sha256_of
+from calib import CalibrationResult, result_object
+from workbench.files import Cell, sha256_of
 
 
 def calibration_object(
-    result: CalibrationResult, complaints: dict[int, str] | None = None, cell: Cell | None = None
+    result: CalibrationResult, complaints: Mapping[int, str] | None = None, cell: Cell | None = None
 ) -> dict[str, Any]:
-    """The object that ``calibrate --json`` prints (docs/formats.md).
-
-    Parameters
-    ----------
-    result
-        The answer.
-    complaints
-        What was wrong with a frame's image, by frame.
-    cell
-        The dataset, whose files are named with their hashes.
-
-    Returns
-    -------
-    dict
-        Plain JSON values, None where there is no number.
-
-    """
-    pose, design = result.T_hand_sensor, result.T_hand_sensor_design
-    out: dict[str, Any] = clean(
-        {
-            "method": result.method,
-            "model": result.model,
-            "model_asked": result.model_asked or result.model,
-            "verdict": {"code": result.verdict.code, "text": result.verdict.text},
-            "chi2_per_dof": result.chi2_per_dof,
-            "T_hand_sensor": None if pose is None else pose.matrix,
-            "rotation_deg": None if pose is None else pose.fixed_xyz_deg,
-            "translation_mm": None if pose is None else pose.t,
-            "sigma_rotation_deg": result.sigma_rotation_deg,
-            "sigma_translation_mm": result.sigma_translation_mm,
-            "covariance": result.covariance,
-            **_nominal(result),
-            "culprit": [_pull(c) | {"same_as": list(c.same_as)} for c in result.culprit],
-            "pulls": [_pull(p) for p in result.pulls],
-            "sensor": {} if result.trusted is None else result.trusted.sensor_delta,
-            "design": {
-                "rotation_deg": None if design is None else design.fixed_xyz_deg,
-                "translation_mm": None if design is None else design.t,
-            },
-            "conventions": {} if pose is None else {name: express(pose, name) for name in CONVENTIONS},
-            "convention_formulas": {name: f"{c.maker}: {c.formula}" for name, c in CONVENTIONS.items()},
-            "locations": {name: location_object(location) for name, location in result.locations.items()},
-            "frames": [
-                frame_object(frame, (complaints or {}).get(frame.number), _stands_on_surface(frame, result))
-                for frame in result.frames
-            ],
-            "left_out": _left_out(result),
-            "solution": _solution(result),
-            "inputs": [] if cell is None else inputs_of(cell),
-            "weak_directions": result.weak_directions,
-            "notes": result.notes,
-        }
-    )
-    return out
-
-
-def _nominal(result: CalibrationResult) -> dict[str, Any]:
-    """The SCP that goes with the robot's nominal table."""
-    nominal = result.nominal
-    if nominal is None:
-        names = ("T_hand_sensor", "sigma_rotation_deg", "sigma_translation_mm", "covariance")
-        return {f"{name}_nominal": None for name in names}
-    sigma = printed_sigmas(nominal.T_hand_sensor, nominal.covariance)
-    return {
-        "T_hand_sensor_nominal": nominal.T_hand_sensor.matrix,
-        "sigma_rotation_deg_nominal": sigma[0],
-        "sigma_translation_mm_nominal": sigma[1],
-        "covariance_nominal": nominal.covariance,
-    }
-
-
-def _pull(pull: Pull) -> dict[str, Any]:
-    return {
-        "block": pull.block,
-        "parameter": pull.parameter,
-        "row": pull.row,
-        "size": pull.size,
-        "unit": pull.unit,
-        "pull_sigma": pull.pull_sigma,
-    }
+    """The object of ``calib.result_object`` with the dataset's files and their hashes."""
+    return result_object(result, complaints, () if cell is None else inputs_of(cell))
 
 
 def inputs_of(cell: Cell) -> list[dict[str, str]]:
@@ -107,126 +25,3 @@ def inputs_of(cell: Cell) -> list[dict[str, str]]:
         row = {"file": name.as_posix(), "sha256": sha256_of(path)}
         found.append(row | ({"kind": what} if what else {}))
     return found
-
-
-def _left_out(result: CalibrationResult) -> dict[str, Any] | None:
-    """Parts predicted by the others: locations by name, or a list of frames."""
-    found = result.left_out
-    if found is None:
-        return None
-    parts = {
-        p.name: {"point_rms_mm": p.point_rms_mm, "shift_mm": p.shift_mm, "shift_deg": p.shift_deg} for p in found.parts
-    }
-    out: dict[str, Any] = {"by": found.by, "point_rms_mm": found.point_rms_mm}
-    if found.by == "location":
-        return out | {"locations": parts}
-    return out | {"frames": [{"frame": int(name), **row} for name, row in parts.items()]}
-
-
-def _solution(result: CalibrationResult) -> dict[str, Any]:
-    e = result.estimate
-    return {
-        "converged": e is not None and e.converged,
-        "iterations": 0 if e is None else e.iterations,
-        "initial_cost": None if e is None else e.initial_cost,
-        "final_cost": None if e is None else e.final_cost,
-        "degrees_of_freedom": 0 if e is None else e.degrees_of_freedom,
-        "condition": None if e is None else e.condition,
-        "noise": {} if e is None else e.noise,
-        "prior_cost": None if e is None else e.prior_cost,
-        "prior_cost_expected": None if e is None else e.prior_expected,
-    }
-
-
-def location_object(location: LocationResult) -> dict[str, Any]:
-    """Figures and place of one location."""
-    place: dict[str, Any] = {"T_base_jig": None if location.T_base_target is None else location.T_base_target.matrix}
-    if location.surface is not None:
-        place = {
-            "target": dict(location.surface),
-            "n_points": location.n_points,
-            "n_found": location.n_found,
-            "centres_left_out": location.centres_left_out,
-        }
-    return {
-        "role": location.role,
-        **place,
-        "max_deviation_mm": _both(location.max_deviation_mm),
-        "spread_3d_mm": _both(location.spread_3d_mm),
-        "point_rms_mm": _both(location.point_rms_mm),
-        "distances": {
-            "frame": location.distances.frame,
-            "design_mm": location.distances.design_mm,
-            "solved_mm": location.distances.solved_mm,
-        },
-    }
-
-
-def _both(pair: DesignSolved) -> dict[str, float | None]:
-    return {"design": pair.design, "solved": pair.solved, "nominal": pair.nominal}
-
-
-def _stands_on_surface(frame: Frame, result: CalibrationResult) -> bool:
-    location = result.locations.get(frame.location)
-    return location is not None and location.surface is not None
-
-
-def frame_object(frame: Frame, complaint: str | None, surface: bool = False) -> dict[str, Any]:
-    """One frame with its points, and the sentence about its image where that could not be used.
-
-    surface: its points are counted, not listed.
-    """
-    residual = frame.residual_mm[np.isfinite(frame.residual_mm)]
-    measured: dict[str, Any] = {"points": [_point(frame, i) for i in range(len(frame.axis))]}
-    if surface:
-        measured = {
-            "n_points": frame.n_points,
-            "n_found": len(frame.axis),
-            "rms_mm": float(np.sqrt(np.mean(residual**2))) if len(residual) else None,
-        }
-    out = {
-        "frame": frame.number,
-        "location": frame.location,
-        "role": frame.role,
-        "image": frame.image,
-        **({"profile": frame.profile} if frame.profile else {}),
-        "used": frame.used,
-        "reason": frame.reason,
-        **measured,
-    }
-    return out | ({"complaint": complaint} if complaint else {})
-
-
-def _point(frame: Frame, i: int) -> dict[str, Any]:
-    (u, v), (y, z), (sigma_y, sigma_z) = frame.axis_uv_px[i], frame.axis.yz_mm[i], frame.axis.sigma_yz_mm[i]
-    return {
-        "label": frame.axis.label[i],
-        "u_px": u,
-        "v_px": v,
-        "y_mm": y,
-        "z_mm": z,
-        "sigma_y_mm": sigma_y,
-        "sigma_z_mm": sigma_z,
-        "residual_mm": frame.residual_mm[i],
-        "flag": frame.axis.flag[i],
-    }
-
-
-def clean(value: Any) -> Any:
-    """Plain JSON values: arrays as lists, numpy numbers as numbers, what is not finite as None."""
-    if isinstance(value, dict):
-        return {str(k): clean(v) for k, v in value.items()}
-    if isinstance(value, np.ndarray):
-        return clean(value.tolist())
-    if isinstance(value, list | tuple):
-        return [clean(v) for v in value]
-    if isinstance(value, np.generic):
-        return clean(value.item())
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    return value
-
-
-def json_text(value: Any, indent: int | None = 1) -> str:
-    """One JSON object as ASCII text without NaN, its numbers rounded so that every processor writes the same."""
-    return json.dumps(rounded(clean(value)), indent=indent, allow_nan=False)

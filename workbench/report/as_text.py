@@ -26,6 +26,7 @@ def print_calibration(console: Console, result: CalibrationResult, complaints: d
     console.print(_location_table(result))
     _print_points(console, result)
     _print_left_out(console, result, complaints or {})
+    _print_equal_weights(console, result)
     for note in (*result.weak_directions, *result.notes):
         console.print(f"note: {escape(note)}", soft_wrap=True)
     print_verdict(console, result)
@@ -132,6 +133,22 @@ def _print_left_out(console: Console, result: CalibrationResult, complaints: dic
         if not frame.used:
             why = complaints.get(frame.number, f"{frame.image or 'points'}, location {frame.location}")
             console.print(f"frame {frame.number} not used: {escape(str(frame.reason))} ({escape(why)})", soft_wrap=True)
+
+
+def _print_equal_weights(console: Console, result: CalibrationResult) -> None:
+    """The answer that hangs on no noise, in a line: what others quote."""
+    alike = result.equal_weights
+    if alike is None or result.T_hand_sensor is None:
+        return
+    pose = alike.T_hand_sensor
+    deg, mm = printed_sigmas(pose, alike.covariance)
+    angles = ", ".join(f"{a:.3f} ± {s:.2f}" for a, s in zip(pose.fixed_xyz_deg, deg, strict=True))
+    lengths = ", ".join(f"{t:.2f} ± {s:.2f}" for t, s in zip(pose.t, mm, strict=True))
+    console.print(
+        f"with all points weighted alike: rotation {angles} °, translation {lengths} mm, points "
+        f"{alike.point_rms_mm:.3f} mm, leaving a frame out {alike.left_out_rms_mm:.3f} mm (σ by the jackknife)",
+        soft_wrap=True,
+    )
 
 
 def join(words: Sequence[str]) -> str:

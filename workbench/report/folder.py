@@ -5,9 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from calib import CalibrationResult
+from geometry import json_text
 from workbench.cell import Observed, label_dataset, rows
 from workbench.files import Cell, Settings, points_text, settings_text, write_text
-from workbench.report.as_json import calibration_object, json_text
+from workbench.report.as_json import calibration_object
 from workbench.report.fig7 import write_fig7
 from workbench.report.robot import write_corrected_robot
 

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import correlate1d
 
 from perceptron_emu import EmulatorConfig, Scene, gain_dn_per_e, render
 
@@ -33,6 +32,8 @@ def position_bound_px(electrons: Array, uv_px: Array, config: EmulatorConfig, sc
     """
     camera = scene.sensor.require_camera()
     u, v = (round(float(x)) for x in uv_px)
+    from scipy.ndimage import correlate1d  # a tenth of a second, and most commands need none of it
+
     h = HALF_WINDOW_PX
     patch = electrons[max(v - h, 0) : v + h + 1, max(u - h, 0) : u + h + 1]
     if patch.shape != (2 * h + 1, 2 * h + 1):

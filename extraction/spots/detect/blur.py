@@ -156,7 +156,10 @@ def _block_tops(most: Image32, tops: Image32) -> None:
     """Largest value (w,) of each block's columns."""
     for k in range(len(tops)):
         start, end = k * BLOCK_PX, len(most) if k == len(tops) - 1 else (k + 1) * BLOCK_PX
-        tops[k] = most[start:end].max()
+        top = most[start]
+        for i in range(start + 1, end):
+            top = max(top, most[i])
+        tops[k] = top
 
 
 @kernel(fastmath=True)

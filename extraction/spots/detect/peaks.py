@@ -61,7 +61,10 @@ def _peaks(blocks: Blocks, threshold: float, keys: Indices) -> int:
             if end == begin:
                 end += 1
                 continue
-            least = np.float32(limits[begin:end].min() * (1.0 - 1e-6))  # not above the limits themselves
+            lowest = limits[begin]
+            for k in range(begin + 1, end):
+                lowest = min(lowest, limits[k])
+            least = np.float32(lowest * (1.0 - 1e-6))  # not above the limits themselves
             left, right = begin * BLOCK_PX, columns if end == w else end * BLOCK_PX
             for j in range(first, last):
                 _mark(smooth, j, left, right, least, marks)

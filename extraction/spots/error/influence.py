@@ -107,7 +107,7 @@ def budgets(windows: Windows, place: Records, spots: Records, noise: Records, ou
         part = np.zeros((PLANES, _plane_size(bottom - top, right - left)))
         bright = Window(window.grey[top:bottom, left:right], window.use[top:bottom, left:right])
         _fill(bright, seen_from(spot, left, top), n, law, part)
-        _residual_moments(part, right - left + REACH, n + 2, planes[SIGNAL].max(), out.moments[k])
+        _residual_moments(part, right - left + REACH, n + 2, _largest(planes[SIGNAL]), out.moments[k])
 
 
 @kernel
@@ -150,7 +150,7 @@ def _fill(window: Window, spot: Spot, n: int, noise: PixelNoise, planes: Array) 
 def _bright_box(window: Window, signal: Array) -> tuple[int, int, int, int]:
     """Top, bottom, left, right of the bright pixels in use: there a spot is a Gaussian, its wings do not matter."""
     rows, columns = window.use.shape
-    least, stride = BRIGHT * signal.max(), columns + REACH
+    least, stride = BRIGHT * _largest(signal), columns + REACH
     top, bottom, left, right = rows, 0, columns, 0
     for j in range(rows):
         for i in range(columns):
@@ -166,6 +166,15 @@ def _dot(first: Array, second: Array) -> float:
     for i in range(len(first)):
         total += first[i] * second[i]
     return total
+
+
+@kernel
+def _largest(values: Array) -> float:
+    """The largest of a row; numba's own brings all that raises errors about axes, a second to compile."""
+    largest = values[0]
+    for i in range(1, len(values)):
+        largest = max(largest, values[i])
+    return largest
 
 
 @kernel(fastmath=True)
@@ -318,11 +327,11 @@ def _residual_moments(planes: Array, stride: int, n: int, height: float, moments
     _gram(scatter.camera, weighted, n, scatter.spread)
     _moments(scatter, stride, z, z, signal, moments[OWN])
     _moments(scatter, stride, z, around, signal, moments[NEIGHBOUR])
-    moments[OWN, PRODUCT] = np.sum(left * left) - moments[OWN, CAMERA] - np.sum(planes[VARIANCE] * core)
-    moments[OWN, CAMERA] += np.sum(planes[VARIANCE] * core)
-    moments[OWN, SPECKLE] += np.sum(signal * signal)
-    moments[NEIGHBOUR, PRODUCT] = np.sum(left * left_around) - moments[NEIGHBOUR, CAMERA]
-    moments[NEIGHBOUR, SPECKLE + 1] += np.sum(signal * signal_around)
+    moments[OWN, PRODUCT] = _dot(left, left) - moments[OWN, CAMERA] - _dot(planes[VARIANCE], core)
+    moments[OWN, CAMERA] += _dot(planes[VARIANCE], core)
+    moments[OWN, SPECKLE] += _dot(signal, signal)
+    moments[NEIGHBOUR, PRODUCT] = _dot(left, left_around) - moments[NEIGHBOUR, CAMERA]
+    moments[NEIGHBOUR, SPECKLE + 1] += _dot(signal, signal_around)
     moments /= height * height
 
 

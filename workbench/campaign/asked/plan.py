@@ -24,7 +24,7 @@ Value = bool | Annotated[int, Field(strict=True)] | Real | Text
 class Range(BaseModel):
     """A factor between two numbers; ``steps`` of them on a grid, ``log`` for equal ratios in place of equal steps."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, defer_build=True)
 
     low: Real
     high: Real

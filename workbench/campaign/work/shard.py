@@ -9,6 +9,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from geometry import rounded
 from workbench.campaign.asked.plan import Plan
 from workbench.campaign.asked.trials import keeps_images, n_trials, trial_seed, trial_settings
 from workbench.campaign.store.environment import numeric_environment
@@ -16,7 +17,6 @@ from workbench.campaign.store.rows import FRAME_SCHEMA, PARQUET, TIMING_SCHEMA, 
 from workbench.campaign.store.store import ShardResult
 from workbench.campaign.trial.trial import Trial, run_trial
 from workbench.campaign.work.worker import one_thread
-from workbench.files import rounded
 
 
 def run_one(plan: Plan, trial: int) -> Trial:

@@ -44,6 +44,12 @@ class CalibrateModel(StrEnum):
     AUTO_SENSOR = "auto+sensor"
     OFFSETS_SENSOR = "scp+offsets+sensor"
     FULL_SENSOR = "full+sensor"
+    AUTO_COMPLIANCE = "auto+compliance"
+    OFFSETS_COMPLIANCE = "scp+offsets+compliance"
+    FULL_COMPLIANCE = "full+compliance"
+    AUTO_BOTH = "auto+sensor+compliance"
+    OFFSETS_BOTH = "scp+offsets+sensor+compliance"
+    FULL_BOTH = "full+sensor+compliance"
 
 
 def command(
@@ -55,7 +61,8 @@ def command(
         CalibrateModel | None,
         typer.Option(
             help="The SCP with the robot's errors under their priors (auto, the default), alone, with joint offsets, "
-            "with the full DH table; +sensor: with the sensor's own errors, too."
+            "with the full DH table; +sensor: with the sensor's own errors, too; +compliance: with how the joints "
+            "give way under gravity."
         ),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
@@ -73,31 +80,26 @@ def command(
         typer.Option(metavar="MAKER FILE", help="Write the tool frame as kuka, fanuc, abb, yaskawa or ur takes it."),
     ] = None,
     report: Annotated[Path | None, typer.Option(help="File for a self-contained HTML report.")] = None,
-    config: Annotated[list[Path] | None, typer.Option(help="Settings TOML; may be given more than once.")] = None,
+    config: Annotated[
+        list[Path] | None, typer.Option("--config", "--recipe", help="The recipe of all tools, TOML; may be repeated.")
+    ] = None,
 ) -> None:
     """Solve the sensor's pose in the hand (SCP) from a cell dataset, emulated or recorded."""
-    from workbench.cell import observe, solve
+    from workbench.answered import calibrate_cell
     from workbench.files import read_cell, read_result, read_settings
-    from workbench.report import calibration_object, json_text, print_calibration
+    from workbench.report import json_text, print_calibration
 
     reference = None if daily is None else read_result(daily)
     settings = read_settings(config or [], method=method and method.value, model=model and model.value)
     cell = read_cell(dataset)
     with progress_bar("extracting", len(cell.frames)) as progress:
-        observed = observe(cell, settings.extraction, progress)
-    result = solve(cell, observed, settings.calib)
+        answered = calibrate_cell(cell, settings, progress)
+    result = answered.result
     if out is not None:
-        from workbench.report import write_results
-
-        write_results(out, cell, observed, result, settings)
-    if report is not None:
-        from workbench.report import ReportInput, cell_image, write_report
-
-        picture, remark = cell_image(cell, result)
-        if remark:
-            standard_error().print(remark, markup=False, soft_wrap=True)
-        write_report(report, ReportInput(cell, observed, result, settings, picture))
-    answer = calibration_object(result, observed.complaints, cell)
+        answered.save(out)
+    if report is not None and (remark := answered.report(report)):
+        standard_error().print(remark, markup=False, soft_wrap=True)
+    answer = answered.as_object()
     moved = None
     if reference is not None:
         from workbench.files import saved_result
@@ -108,7 +110,7 @@ def command(
     if as_json:
         say_on_stdout(json_text(answer))
     else:
-        print_calibration(standard_output(), result, observed.complaints)
+        print_calibration(standard_output(), result, answered.observed.complaints)
         if moved is not None:
             from workbench.report import print_difference
 

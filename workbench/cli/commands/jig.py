@@ -1,46 +1,108 @@
-"""Show or export a string jig."""
+"""Show, draw or export a target; take in what a measuring machine found of it."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.markup import escape
 from rich.table import Table
 
 from workbench import defaults
-from workbench.cli.console import say_on_stdout, standard_error, standard_output
+from workbench.cli.console import say_on_stdout, say_remark, standard_error, standard_output
 
 if TYPE_CHECKING:
+    from geometry import Target
     from jig_cad import Jig
 
 
 def command(
     jig: Annotated[
-        str, typer.Argument(metavar="FILE|PRESET", help="A jig.toml, or the name of a preset.")
+        str, typer.Argument(metavar="FILE|PRESET", help="A jig.toml or target.toml, or the name of a preset.")
     ] = defaults.JIG,
     export: Annotated[
         list[Path] | None,
-        typer.Option(help="Write the jig as .stl, .glb or .svg (drawing); may be repeated."),
+        typer.Option(
+            help="Write the workshop's drawing (.svg, .dxf), or a jig's solids (.stl, .glb); may be repeated."
+        ),
     ] = None,
-    toml: Annotated[bool, typer.Option("--toml", help="Print the jig as a jig.toml to start from.")] = False,
+    anchors: Annotated[
+        Path | None, typer.Option(help="CSV of a measuring machine: name, x_mm, y_mm, z_mm of anchors or balls.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Write the target, with --anchors as measured, to this file.")
+    ] = None,
+    sensor: Annotated[str | None, typer.Option(help="Whether this sensor sees the jig whole: file or preset.")] = None,
+    toml: Annotated[bool, typer.Option("--toml", help="Print the target's file to start from.")] = False,
 ) -> None:
-    """Show a string jig: its size, strings and anchors; or export it as STL, GLB or drawing."""
-    from jig_cad import export_jig, jig_text
-    from workbench.cell import find_jig
+    """Show a target: size, strings, anchors; draw it for a workshop; take in what a measuring machine found of it."""
+    from geometry import InputError
+    from jig_cad import Balls, Jig, export_target, jig_text
+    from workbench.cell import find_target
+    from workbench.files import target_text, write_text
 
-    found = find_jig(jig)
+    found = find_target(jig)
+    if anchors is not None:
+        if not isinstance(found, Jig | Balls):
+            raise InputError(f"--anchors: {jig} is neither a string jig nor balls: nothing of it has a measured place")
+        found = _as_measured(found, anchors)
+    if sensor is not None:
+        _tell_whether_seen(found, sensor)
+    text = jig_text(found) if isinstance(found, Jig) else target_text(found)
     if toml:
-        say_on_stdout(jig_text(found).rstrip("\n"))
-    elif not export:
+        say_on_stdout(text.rstrip("\n"))
+    elif not (export or out or sensor or anchors):
         _show(found)
+    if out is not None:
+        write_text(out, text)
+        standard_error().print(f"{out} written", markup=False)
     for path in export or []:
-        export_jig(found, path)
+        export_target(found, path)
         standard_error().print(f"{path} written", markup=False)
 
 
-def _show(jig: Jig) -> None:
+def _as_measured(target: Any, anchors: Path) -> Any:
+    from workbench.files import lay_onto
+
+    measured = lay_onto(target, anchors, say_remark)
+    table = Table("name", "x", "y", "z", title="measured less drawn \\[mm]", title_justify="left")
+    for name, deviation in zip(measured.names, measured.deviation_mm, strict=True):
+        table.add_row(escape(name), *(f"{v:+.3f}" for v in deviation))
+    console = standard_output()
+    console.print(table)
+    console.print(f"rms {measured.rms_mm:.3f} mm after the best rigid motion onto the drawing")
+    return measured.target
+
+
+def _tell_whether_seen(target: Target, name: str) -> None:
+    from geometry import InputError
+    from jig_cad import Jig
+    from workbench.cell import find_sensor
+    from workbench.plan import plan_limits, seen_whole
+
+    if not isinstance(target, Jig):
+        raise InputError("--sensor: only a string jig must be seen whole; of a ball or a plate a part is enough")
+    sensor = find_sensor(name)
+    whole = seen_whole(sensor, target, plan_limits())
+    standard_output().print(
+        f"{sensor.name or name} sees the jig whole" if whole.fits else whole.sentence(sensor, target),
+        markup=False,
+        soft_wrap=True,
+    )
+
+
+def _show(target: Target) -> None:
+    from jig_cad import Jig
+    from workbench.files import target_text
+
+    if isinstance(target, Jig):
+        _show_jig(target)
+    else:
+        say_on_stdout(target_text(target).rstrip("\n"))
+
+
+def _show_jig(jig: Jig) -> None:
     console = standard_output()
     console.print(
         f"{jig.name or 'string jig'}: side {jig.side_mm:g} mm, height {jig.height_mm:g} mm, "

@@ -44,17 +44,22 @@ def command(
     mounting_deg: Annotated[float, typer.Option(min=0, max=10, help="How far off the mounting may be.")] = 3.0,
     seed: Annotated[int, typer.Option(min=0, help="Same seed, same plan.")] = 0,
     out: Annotated[Path | None, typer.Option(help="Write the plan as a frames.csv.")] = None,
+    picture: Annotated[
+        Path | None, typer.Option(help="Draw the arm at every configuration: a .png, .svg or .pdf.")
+    ] = None,
+    report: Annotated[Path | None, typer.Option(help="Write the plan as one HTML page.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
 ) -> None:
-    """Propose the most telling next configurations, and predict the SCP's σ before anyone moves the robot.
+    r"""Propose the most telling next configurations, and predict the SCP's σ before anyone moves the robot.
 
     Frames that the cell has already count as taken; where they were recorded without T_base_jig, they are solved first.
-    Locations with role "verify" get spread views to check with.
+    Locations with role "verify" get spread views to check with. Arm, hand and sensor keep off the jig, the floor and
+    the boxes of \[workspace] in cell.toml.
     """
     from workbench.cell import located
     from workbench.files import frames_text, read_cell, write_text
     from workbench.plan import plan_limits, propose
-    from workbench.report import json_text
+    from workbench.report import json_text, save_plan_picture, write_plan_report
 
     limits = plan_limits(tilt_deg, roll_deg, mounting_deg)
     given = read_cell(cell, recorded=False)
@@ -65,6 +70,10 @@ def command(
     if out is not None:
         write_text(out, frames_text(proposal.rows, decimals=4))
         standard_error().print(f"{out} written", markup=False)
+    for path, write in ((picture, save_plan_picture), (report, write_plan_report)):
+        if path is not None:
+            write(path, given, proposal)
+            standard_error().print(f"{path} written", markup=False)
     if as_json:
         say_on_stdout(json_text(proposal.as_object()))
     else:
@@ -79,11 +88,10 @@ def _show(proposal: Proposal) -> None:
     n = len(proposal.joints_deg[0])
     for heading in ("frame", "location", "role", *(f"j{i + 1}" for i in range(n)), "tilt \\[°]", "roll \\[°]"):
         table.add_column(heading, justify="right")
-    for row, joints, tilt, roll in zip(
-        proposal.rows, proposal.joints_deg, proposal.tilt_deg, proposal.roll_deg, strict=True
-    ):
-        numbers = [f"{v:.2f}" for v in joints]
-        table.add_row(str(row.number), escape(row.location), row.role, *numbers, f"{tilt:.0f}", f"{roll:.0f}")
+    columns = (proposal.joints_deg, proposal.tilt_deg, proposal.roll_deg)
+    for row, joints, *rest in zip(proposal.rows, *columns, strict=True):
+        numbers = (*(f"{v:.2f}" for v in joints), *(f"{v:.0f}" for v in rest))
+        table.add_row(str(row.number), escape(row.location), row.role, *numbers)
     console.print(table)
     sigma_t, sigma_r = proposal.sigma_mm, proposal.sigma_deg
     console.print(

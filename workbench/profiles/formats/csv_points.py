@@ -54,6 +54,9 @@ def read(source: Source, told: Told) -> tuple[ScanLine, ...]:
         raise InputError(f"{where}: a profile needs the column y_mm (or x_mm, which is the same here) beside z_mm")
     lateral = lateral[:1] if len(lateral) == 1 else ["y_mm"]  # a cloud in {P}: x is 0 in the sheet
     columns = [c for c in (*lateral, "z_mm", "intensity", "sigma_y_mm", "sigma_z_mm") if c in table.columns]
+    plain = None if "profile" in table.columns else table.plain_numbers(columns)
+    if plain is not None and len(plain) <= MAX_POINTS:
+        return (_scan_line(None, plain, columns),)
     points: dict[int | None, list[list[float]]] = {}
     for count, row in enumerate(table.rows):
         number = row.whole("profile") if "profile" in table.columns else None

@@ -6,6 +6,7 @@ some 1e-10 of a millimetre. Files that are to be the same everywhere hold less t
 
 from __future__ import annotations
 
+import json
 import math
 from typing import Any
 
@@ -74,3 +75,23 @@ def _covariance(value: ArrayLike) -> NDArray[np.float64]:
 def _like(matrix: NDArray[np.float64], value: Any) -> Any:
     """The matrix as rows, or flat where ``value`` is."""
     return matrix.tolist() if isinstance(value[0], list | tuple) else matrix.ravel().tolist()
+
+
+def clean(value: Any) -> Any:
+    """Plain JSON values: arrays as lists, numpy numbers as numbers, what is not finite as None."""
+    if isinstance(value, dict):
+        return {str(k): clean(v) for k, v in value.items()}
+    if isinstance(value, np.ndarray):
+        return clean(value.tolist())
+    if isinstance(value, list | tuple):
+        return [clean(v) for v in value]
+    if isinstance(value, np.generic):
+        return clean(value.item())
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return value
+
+
+def json_text(value: Any, indent: int | None = 1) -> str:
+    """One JSON object as ASCII text without NaN, its numbers rounded so that every processor writes the same."""
+    return json.dumps(rounded(clean(value)), indent=indent, allow_nan=False)
