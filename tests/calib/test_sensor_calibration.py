@@ -17,7 +17,6 @@ from calib.sensor.views import Views
 from calib.synthetic.boards import SIZE_PX as SIZE
 from calib.synthetic.boards import BoardNoise, SyntheticSensor, observe_boards, parameter_errors, synthetic_sensor
 from geometry import Pose, State
-from geometry.sensor import CAMERA_PARAMETERS
 
 STEP = 1e-30
 ATOL_PX = 1e-9
