@@ -17,7 +17,7 @@ from calib.stages.setup import Prepared, Setup, Solved, by_target
 from calib.stages.solve import solve
 from calib.surface import Begun, begin_on_surfaces, degenerate
 from geometry import Frame, Pose, Target, locations_of, stack_poses, target_at, with_compliance_prior
-from jig_cad import Jig
+from jig_cad import Balls, Jig
 
 
 def prepare(setup: Setup, given: tuple[Frame, ...]) -> Prepared:
@@ -109,6 +109,12 @@ def _no_start(frames: tuple[Frame, ...], target: Target | Mapping[str, Target]) 
     if still is not None:
         return Verdict("rotation_too_small", still.text)
     seen = sum(len(f.axis) + len(f.points) > 0 and f.role == "calibrate" for f in frames)
+    if any(isinstance(target_at(target, f.location), Balls) for f in used):
+        return Verdict(
+            "too_few_poses",
+            f"{seen} calibrate frames show balls, and too few of them which: equal balls are told apart by all "
+            "frames together, from [scp_initial] on: give the sensor's place by its drawing, or take other balls",
+        )
     return Verdict(
         "too_few_poses",
         f"{seen} calibrate frames show the target, and without [scp_initial] three or more are needed whose views "

@@ -80,7 +80,9 @@ def command(
         typer.Option(metavar="MAKER FILE", help="Write the tool frame as kuka, fanuc, abb, yaskawa or ur takes it."),
     ] = None,
     report: Annotated[Path | None, typer.Option(help="File for a self-contained HTML report.")] = None,
-    config: Annotated[list[Path] | None, typer.Option(help="Settings TOML; may be given more than once.")] = None,
+    config: Annotated[
+        list[Path] | None, typer.Option("--config", "--recipe", help="The recipe of all tools, TOML; may be repeated.")
+    ] = None,
 ) -> None:
     """Solve the sensor's pose in the hand (SCP) from a cell dataset, emulated or recorded."""
     from workbench.answered import calibrate_cell
