@@ -44,7 +44,9 @@ def result_object(
             "model_asked": result.model_asked or result.model,
             "verdict": {"code": result.verdict.code, "text": result.verdict.text},
             "chi2_per_dof": result.chi2_per_dof,
+            "mount": result.mount,
             "T_hand_sensor": None if pose is None else pose.matrix,
+            **({"T_base_sensor": None if pose is None else pose.matrix} if result.mount == "fixed" else {}),
             "rotation_deg": None if pose is None else pose.fixed_xyz_deg,
             "translation_mm": None if pose is None else pose.t,
             "sigma_rotation_deg": result.sigma_rotation_deg,
@@ -54,6 +56,16 @@ def result_object(
             "culprit": [_pull(c) | {"same_as": list(c.same_as)} for c in result.culprit],
             "pulls": [_pull(p) for p in result.pulls],
             "sensor": {} if result.trusted is None else result.trusted.sensor_delta,
+            "compliance": [
+                {
+                    "joint": j.joint,
+                    "urad_nm": 1e6 * j.compliance,
+                    "sigma_urad_nm": 1e6 * j.sigma,
+                    "prior_sigma_urad_nm": 1e6 * j.prior_sigma,
+                    "observed": j.observed,
+                }
+                for j in result.joint_compliances
+            ],
             "design": {
                 "rotation_deg": None if design is None else design.fixed_xyz_deg,
                 "translation_mm": None if design is None else design.t,

@@ -1,7 +1,18 @@
 """Robots: parameters with priors, the hand's pose and its derivatives, decorators, and the way back to readings."""
 
 from geometry.robot.axes_to_dh import robot_from_axes
-from geometry.robot.compliant import GRAVITY, Compliance, Compliant, deflection, torque, torque_by_joints
+from geometry.robot.compliant import (
+    GRAVITY,
+    GROUP,
+    Compliance,
+    Compliant,
+    assumed_compliance,
+    compliant_part,
+    deflection,
+    torque,
+    torque_by_joints,
+    with_compliance_prior,
+)
 from geometry.robot.conventions import CONVENTIONS, Convention, express, interpret
 from geometry.robot.corrected import Corrected
 from geometry.robot.dh import (
@@ -14,6 +25,7 @@ from geometry.robot.dh import (
 )
 from geometry.robot.given_poses import GivenPoses
 from geometry.robot.inverse_kinematics import InverseKinematics, all_solutions, inverse_kinematics
+from geometry.robot.inverted import Inverted, arm_of, is_arm
 from geometry.robot.joint_deviation import JointDeviation
 from geometry.robot.model import Arm, Robot, require_arm, with_beta_prior
 from geometry.robot.parameter import Parameter
@@ -25,6 +37,7 @@ __all__ = [
     "DH_CONVENTIONS",
     "DH_ROWS",
     "GRAVITY",
+    "GROUP",
     "TYPICAL_SIGMA",
     "Arm",
     "ChainJoint",
@@ -36,17 +49,22 @@ __all__ = [
     "DhRow",
     "GivenPoses",
     "InverseKinematics",
+    "Inverted",
     "JointDeviation",
     "Parameter",
     "Robot",
     "RobotUncertainty",
     "all_solutions",
+    "arm_of",
+    "assumed_compliance",
+    "compliant_part",
     "corrected_origins",
     "deflection",
     "draw_errors",
     "express",
     "interpret",
     "inverse_kinematics",
+    "is_arm",
     "require_arm",
     "robot_from_axes",
     "robot_from_chain",
@@ -54,4 +72,5 @@ __all__ = [
     "torque",
     "torque_by_joints",
     "with_beta_prior",
+    "with_compliance_prior",
 ]

@@ -1,7 +1,7 @@
 """Views of a target: what a sensor can see and an arm can reach, and which views tell most."""
 
 from workbench.plan.choose import LEVER_MM, RANDOM_PLANS, random_plans, size_mm
-from workbench.plan.clearance import HAND_MM, SAFE_MM, Standing, room_in_workspace_mm, room_mm, standing, target_boxes
+from workbench.plan.clearance import HAND_MM, SAFE_MM, Standing, carrying, room_in_workspace_mm, standing, target_boxes
 from workbench.plan.expected import expected_points
 from workbench.plan.moves import Move
 from workbench.plan.proposal import Proposal, ViewPools, best_plan, candidates, plan_limits, pooled, propose
@@ -24,6 +24,7 @@ __all__ = [
     "Whole",
     "best_plan",
     "candidates",
+    "carrying",
     "expected_points",
     "free_views",
     "plan_limits",
@@ -32,7 +33,6 @@ __all__ = [
     "propose",
     "random_plans",
     "room_in_workspace_mm",
-    "room_mm",
     "seen_whole",
     "size_mm",
     "standing",

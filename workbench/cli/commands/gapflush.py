@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.table import Table
 
+from workbench.cli import exit_codes
 from workbench.cli.console import say_on_stdout, say_remark, standard_error, standard_output
 
 if TYPE_CHECKING:
@@ -22,17 +23,18 @@ def command(
     laser_off: Annotated[Path | None, typer.Option(help="The same view without laser, subtracted.")] = None,
     mask: Annotated[Path | None, typer.Option(help="Image that is 0 where pixels must not be used.")] = None,
     config: Annotated[
-        list[Path] | None, typer.Option(help="Settings TOML with \\[stripe] and \\[gapflush]; may be repeated.")
+        list[Path] | None, typer.Option("--config", "--recipe", help="The recipe of all tools, TOML; may be repeated.")
     ] = None,
     picture: Annotated[Path | None, typer.Option(help="PNG or SVG of the points, edges and the two numbers.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
 ) -> None:
     """Measure gap, flush and edge radii of two panels in a profile, with their standard deviations."""
     from extraction import measure_gap_flush
-    from workbench.cell import ProfileSource, read_profile, read_profile_settings
+    from workbench.cell import Measured, ProfileSource, profile_values, read_profile, value_objects
+    from workbench.files import MeasureConfig, read_settings
     from workbench.report import json_text
 
-    settings = read_profile_settings(config or [])
+    settings = read_settings(config or [])
     points = read_profile(ProfileSource(profile, sensor, laser_off, mask, settings), say_remark)
     answer = measure_gap_flush(points, settings.gapflush)
     if picture is not None:
@@ -42,10 +44,24 @@ def command(
     if answer.blur_px is None:
         text = "points only, without the stripe's widths and light: the blur's part in the gap is not taken out"
         standard_error().print(text, soft_wrap=True)
+    asked = settings.recipe.model_copy(update={"measure": MeasureConfig(gap_and_flush=True)})
+    values = profile_values(points, Measured(gap=answer), asked)
+    broken = [v for v in values if v.lamp == "bad"]
     if as_json:
-        say_on_stdout(json_text(_object(answer, settings.gapflush.reference)))
+        told = {"tolerances": value_objects([v for v in values if v.lamp])} if settings.tolerances.given else {}
+        say_on_stdout(json_text(_object(answer, settings.gapflush.reference) | told))
     else:
         standard_output().print(_table(answer))
+    for value in broken:
+        limit = settings.tolerances.given[value.key]
+        text = f"{value.key} = {_shown(value.value)}: not within {_shown(limit.min, '…')} and {_shown(limit.max, '…')}"
+        standard_error().print(text, markup=False, soft_wrap=True)
+    if broken:
+        raise typer.Exit(exit_codes.THRESHOLD)
+
+
+def _shown(value: float | None, nothing: str = "none") -> str:
+    return nothing if value is None else f"{value:.4g}"
 
 
 def _object(answer: GapFlush, reference: str) -> dict[str, Any]:
