@@ -1,5 +1,6 @@
 """All frames at once: SCP, places of the target, robot and shape, with outliers, noise and covariance."""
 
+from calib.bundle.evidence import DistanceBetween, Evidence, SeatedTool, TrackedPoint, check_evidence
 from calib.bundle.hands import Hands
 from calib.bundle.information import (
     FrameInformation,
@@ -21,6 +22,8 @@ from calib.bundle.unknown_mount import free_start, rotation_grid
 
 __all__ = [
     "Bundle",
+    "DistanceBetween",
+    "Evidence",
     "Explained",
     "FrameInformation",
     "Hands",
@@ -28,9 +31,12 @@ __all__ = [
     "Model",
     "OnTarget",
     "OnTargetLinearised",
+    "SeatedTool",
     "Solution",
+    "TrackedPoint",
     "answered",
     "chain_start",
+    "check_evidence",
     "covariances_with",
     "estimated_parameters",
     "estimates_compliance",
