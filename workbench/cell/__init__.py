@@ -17,7 +17,13 @@ from workbench.cell.presets import (
     find_target,
     preset_path,
 )
-from workbench.cell.profiling import ProfileSource, is_profile_file, read_profile, read_profile_settings
+from workbench.cell.profiling import (
+    ProfileSource,
+    is_profile_file,
+    read_profile,
+    read_profile_settings,
+    with_options,
+)
 from workbench.cell.speckle import dataset_config, with_known_grain
 from workbench.cell.starter import PLACES, place_of_jig, write_starter
 from workbench.cell.stripes import (
@@ -79,5 +85,6 @@ __all__ = [
     "verify_cell",
     "wall_behind",
     "with_known_grain",
+    "with_options",
     "write_starter",
 ]

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from pydantic import Field
+from pydantic import Field, ValidationError
 
 from extraction import GapFlushConfig, Profile, StripeConfig, extract_profile, read_profile_csv
 from geometry import InputError, Remark, no_remark, read_bytes
@@ -42,6 +42,14 @@ def read_profile_settings(paths: Sequence[Path]) -> ProfileFile:
         found = validate(ProfileFile, read_toml(path))
         tables.update({name: getattr(found, name) for name in found.model_fields_set})
     return ProfileFile.model_validate(tables)
+
+
+def with_options(config: GapFlushConfig, told: dict[str, object]) -> GapFlushConfig:
+    """Settings with some of them told anew; InputError where they do not go together."""
+    try:
+        return GapFlushConfig.model_validate(config.model_dump() | told)
+    except ValidationError as error:
+        raise InputError(error.errors()[0]["msg"].removeprefix("Value error, ")) from None
 
 
 def is_profile_file(path: Path) -> bool:
