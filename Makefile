@@ -4,7 +4,7 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 export PIP_DISABLE_PIP_VERSION_CHECK = 1
 
-.PHONY: demo test test-packaging test-slow check lint format clean setup setup-dev
+.PHONY: demo test test-packaging test-slow docs check lint format clean setup setup-dev
 
 $(VENV)/.setup: pyproject.toml
 	$(PYTHON) -c 'import sys; sys.exit("Python 3.11 or newer is needed, this is " + sys.version.split()[0] + ": set PYTHON=...") if sys.version_info < (3, 11) else None'
@@ -32,6 +32,12 @@ test-packaging: setup-dev
 
 test-slow: setup-dev
 	$(BIN)/python -m pytest -m slow
+
+docs: setup-dev
+	$(BIN)/pip install --quiet --editable '.[docs]'
+	$(BIN)/python -m sphinx -q -W --keep-going -b html docs build/site
+	$(BIN)/python -m pytest -n 2 -m tutorials
+	@echo "open build/site/index.html"
 
 check: setup-dev
 	$(BIN)/ruff check .

@@ -54,6 +54,16 @@ def result_object(
             "culprit": [_pull(c) | {"same_as": list(c.same_as)} for c in result.culprit],
             "pulls": [_pull(p) for p in result.pulls],
             "sensor": {} if result.trusted is None else result.trusted.sensor_delta,
+            "compliance": [
+                {
+                    "joint": j.joint,
+                    "urad_nm": 1e6 * j.compliance,
+                    "sigma_urad_nm": 1e6 * j.sigma,
+                    "prior_sigma_urad_nm": 1e6 * j.prior_sigma,
+                    "observed": j.observed,
+                }
+                for j in result.joint_compliances
+            ],
             "design": {
                 "rotation_deg": None if design is None else design.fixed_xyz_deg,
                 "translation_mm": None if design is None else design.t,

@@ -7,7 +7,21 @@ from typing import Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 Method = Literal["bundle", "paper"]
-Model = Literal["auto", "scp", "scp+offsets", "full", "auto+sensor", "scp+offsets+sensor", "full+sensor"]
+Model = Literal[
+    "auto",
+    "scp",
+    "scp+offsets",
+    "full",
+    "auto+sensor",
+    "scp+offsets+sensor",
+    "full+sensor",
+    "auto+compliance",
+    "scp+offsets+compliance",
+    "full+compliance",
+    "auto+sensor+compliance",
+    "scp+offsets+sensor+compliance",
+    "full+sensor+compliance",
+]
 
 
 class SurfaceConfig(BaseModel):
@@ -52,7 +66,8 @@ class CalibConfig(BaseModel):
     model: Model = Field(
         "auto",
         description="what is estimated beside the SCP, within its priors: nothing, joint offsets, all DH parameters, "
-        "the sensor's own; auto: all DH parameters where joint readings and a robot allow it, else nothing",
+        "the sensor's own, the compliance of the joints under gravity; "
+        "auto: all DH parameters where joint readings and a robot allow it, else nothing",
     )
 
     # surface to axis and labels

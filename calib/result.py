@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.as_json import result_object
+from calib.compliance import JointCompliance, joint_compliances
 from calib.prediction import prediction_jacobian
 from calib.printed import printed_sigmas
 from calib.sensor_errors import SensorErrors
@@ -370,6 +371,13 @@ class CalibrationResult:
         if self.trusted is not None:
             return self.trusted.robot_delta
         return np.zeros(0 if self.nominal_robot is None else len(self.nominal_robot.parameters))
+
+    @property
+    def joint_compliances(self) -> tuple[JointCompliance, ...]:
+        """How the joints give way under gravity, where the model estimates it; empty otherwise."""
+        if self.trusted is None or "compliance" not in self.model.split("+"):
+            return ()
+        return joint_compliances(self.trusted.robot, self.trusted.robot_sigma)
 
     @property
     def weak_directions(self) -> tuple[str, ...]:

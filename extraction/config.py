@@ -6,7 +6,7 @@ comes from, where that is not the description itself. The ranges that the proces
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
@@ -128,6 +128,19 @@ class DoubtConfig(_Section):
     max_skew_sigma: float = Field(default=4.0, gt=0, description="asymmetry along the spot over its own σ")
 
 
+Vertex = tuple[Annotated[float, Field(ge=-1e5, le=1e5)], Annotated[float, Field(ge=-1e5, le=1e5)]]
+Polygon = Annotated[tuple[Vertex, ...], Field(min_length=3, max_length=200)]
+
+
+class RegionConfig(_Section):
+    """The part of the image that is looked at: polygons of pixels (u, v)."""
+
+    keep: tuple[Polygon, ...] = Field(
+        default=(), max_length=100, description="polygons that are looked at; the whole image where there is none"
+    )
+    leave_out: tuple[Polygon, ...] = Field(default=(), max_length=100, description="polygons that are not looked at")
+
+
 class ExtractionConfig(_Section):
     """All settings of the extraction of string spots."""
 
@@ -136,6 +149,7 @@ class ExtractionConfig(_Section):
     localise: LocaliseConfig = LocaliseConfig()
     score: ScoreConfig = ScoreConfig()
     doubt: DoubtConfig = DoubtConfig()
+    region: RegionConfig = RegionConfig()
 
 
 class StripeConfig(_Section):

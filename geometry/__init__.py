@@ -34,6 +34,8 @@ from geometry.robot import (
     Robot,
     RobotUncertainty,
     all_solutions,
+    assumed_compliance,
+    compliant_part,
     corrected_origins,
     deflection,
     draw_errors,
@@ -45,6 +47,7 @@ from geometry.robot import (
     robot_from_chain,
     table,
     with_beta_prior,
+    with_compliance_prior,
 )
 from geometry.rounding import clean, json_text, rounded, rounded_number
 from geometry.sensor import Camera, Sensor, Sheet, field_of_view, inside_polygon
@@ -103,10 +106,12 @@ __all__ = [
     "Unknowns",
     "Workspace",
     "all_solutions",
+    "assumed_compliance",
     "box_corners",
     "box_edges",
     "box_to_boxes_mm",
     "clean",
+    "compliant_part",
     "corrected_origins",
     "cross",
     "cross_plane_x0",
@@ -143,6 +148,7 @@ __all__ = [
     "target_at",
     "toml_value",
     "with_beta_prior",
+    "with_compliance_prior",
     "write_bytes",
     "write_text",
 ]

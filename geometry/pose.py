@@ -169,7 +169,7 @@ class Pose:
 
     @property
     def fixed_xyz_deg(self) -> Array:
-        """Rotations about fixed X, Y, Z (..., 3) [deg], R = Rz·Ry·Rx; at |Y| = 90° X is set to 0."""
+        """Rotations about fixed X, Y, Z (..., 3) [deg], R = Rz·Ry·Rx; where Y is ±90° X is set to 0."""
         r = self.R
         cos_y = np.hypot(r[..., 0, 0], r[..., 1, 0])
         x = np.where(cos_y < 1e-9, 0.0, np.arctan2(r[..., 2, 1], r[..., 2, 2]))

@@ -13,13 +13,14 @@ from calib.bundle.hands import Hands
 from calib.bundle.on_target import OnTarget
 from calib.sensor_errors import SensorErrors
 from geometry import AxisPoints, Block, InputError, Pose, SheetPoints, State, Target, Unknowns, stack_poses, target_at
+from geometry.robot import GROUP as COMPLIANCE
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 _Number = TypeVar("_Number", bound=np.generic)
 
-WITH_SENSOR = "+sensor"  # ends the name of a model that estimates the sensor's own errors, too
+SENSOR = "sensor"  # part of the name of a model that estimates the sensor's own errors, too
 
 
 @dataclass(frozen=True, eq=False)
@@ -238,28 +239,35 @@ class Bundle:
 
 
 def estimated_groups(model: str) -> Collection[str] | None:
-    """Groups of the robot's parameters that a model estimates; None for all of them."""
+    """Groups of the robot's table that a model estimates; None for all of them."""
     return {"scp": (), "scp+offsets": ("theta",), "full": None, "auto": None}[robot_part(model)]
 
 
 def robot_part(model: str) -> str:
-    """The model without what it estimates of the sensor."""
-    return model.removesuffix(WITH_SENSOR)
+    """The model without what it estimates of the sensor and of compliance."""
+    return "+".join(p for p in model.split("+") if p not in (SENSOR, COMPLIANCE))
 
 
 def estimates_sensor(model: str) -> bool:
     """Whether a model estimates the sensor's own errors."""
-    return model.endswith(WITH_SENSOR)
+    return SENSOR in model.split("+")
+
+
+def estimates_compliance(model: str) -> bool:
+    """Whether a model estimates how joints give way under gravity."""
+    return COMPLIANCE in model.split("+")
 
 
 def estimated_parameters(hands: Hands, model: str) -> Mask:
     """Which of the robot's parameters (P,) a model estimates; InputError where there is no robot to correct."""
     groups = estimated_groups(model)
-    if groups == ():
+    if groups == () and not estimates_compliance(model):
         return np.zeros(len(hands.groups), dtype=bool)
     if hands.poses_only:
         raise InputError(
             f"model {model} corrects the robot's table and needs joint readings j1_deg …, but these frames give hand "
             "poses T_base_hand only: use model scp"
         )
-    return np.array([groups is None or g in groups for g in hands.groups], dtype=bool)
+    bends = estimates_compliance(model)
+    wanted = [bends if g == COMPLIANCE else groups is None or g in groups for g in hands.groups]
+    return np.array(wanted, dtype=bool)

@@ -1,6 +1,7 @@
 """The judgement on data and answer: verdicts, culprits, which model predicts, what can not be told apart."""
 
 from calib.judge.alike import equal_weights
+from calib.judge.causes import cause_of
 from calib.judge.contradiction import frames_contradict
 from calib.judge.culprits import culprit, strangers
 from calib.judge.culprits_jig import wrong_jig
@@ -18,6 +19,7 @@ __all__ = [
     "at_least",
     "bundle_estimate",
     "bundle_facts",
+    "cause_of",
     "culprit",
     "equal_weights",
     "find",

@@ -6,13 +6,15 @@ Each suspicion is tried alone, without any solution: it is named where motions t
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator
+from contextlib import suppress
+from dataclasses import replace
 from itertools import combinations, product
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calib.judge.screws import Views, disagreement, holds, jig_screws, largest_group, numbers_of, share, views_of
-from geometry import Arm, Frame, Pose, Robot, stack_poses
+from geometry import Arm, DhRobot, Frame, InputError, Pose, Robot, stack_poses
 from geometry.robot import DH_ROWS
 from geometry.ties import first_least
 from jig_cad import Jig
@@ -44,7 +46,7 @@ def culprit(labelled: tuple[Frame, ...], jig: Jig, robot: Robot | None) -> str:
     apart = disagreement(v, stack_poses([s.at for s in used]))
     agree = apart.min(axis=0) < 1.0
     return (
-        (_joints(v, robot, float(agree.mean())) if agree.mean() < SOUND else "")
+        (disturbed_joints(v, robot, float(agree.mean())) if agree.mean() < SOUND else "")
         or _frames(v, apart.min(axis=0), jig)
         or (_turned(v, (apart[0] >= 1.0) & agree, jig) if agree.mean() >= SOUND else "")
     )
@@ -134,7 +136,7 @@ def _fits(v: Views, rest: list[int], kept: list[int], jig: Jig) -> bool:
     return share(across, stack_poses([s.at for s in used])) >= AGREED
 
 
-def _joints(v: Views, robot: Robot | None, given: float) -> str:
+def disturbed_joints(v: Views, robot: Robot | None, given: float) -> str:
     """What in the joint columns or in the robot's table makes the motions agree; "" where nothing does."""
     if not isinstance(robot, Arm) or v.joints is None:
         return ""
@@ -157,6 +159,23 @@ def _other_units(v: Views, robot: Arm) -> Iterator[tuple[float, str]]:
     yield share(v, robot.pose(np.deg2rad(q))), "the joint columns hold degrees, not radians"
     for step, words in ((1, "row before"), (-1, "row after")):
         yield share(v, robot.pose(np.roll(q, step, axis=0))), f"each frame has the joint readings of the {words}"
+    yield from _other_tables(v, robot.dh_part(), q)
+
+
+def _other_tables(v: Views, arm: DhRobot, q: Array) -> Iterator[tuple[float, str]]:
+    """The whole table in another unit, or by the other convention."""
+    other = "modified" if arm.convention == "standard" else "standard"
+    for changed, words in (
+        ({"d": arm.d * 1e3, "a": arm.a * 1e3}, "d_mm and a_mm of robot.toml hold metres"),
+        ({"d": arm.d * 25.4, "a": arm.a * 25.4}, "d_mm and a_mm of robot.toml hold inches"),
+        (
+            {"theta_offset": np.rad2deg(arm.theta_offset), "alpha": np.rad2deg(arm.alpha)},
+            "theta_offset_deg and alpha_deg of robot.toml hold radians",
+        ),
+        ({"convention": other}, f'the table of robot.toml is convention = "{other}"'),
+    ):
+        with suppress(InputError):  # no arm is so large
+            yield share(v, replace(arm, **changed).pose(q)), words
 
 
 def _other_columns(v: Views, robot: Arm) -> Iterator[tuple[float, str]]:

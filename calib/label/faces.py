@@ -94,7 +94,7 @@ def collinear_triples(yz_mm: Array, min_mm: float, max_mm: float, tolerance_mm: 
     """All ordered triples of the spots (N, 2): ends min_mm … max_mm apart, the third between, in line to tolerance."""
     d = yz_mm[None, :] - yz_mm[:, None]  # (i, j)
     length = np.linalg.norm(d, axis=-1)
-    ends = (length > min_mm) & (length < max_mm)
+    ends = (length > max(min_mm, 0.0)) & (length < max_mm)
     i, j = np.nonzero(ends)
     unit = d[i, j] / length[i, j, None]
     to_k = yz_mm[None, :, :] - yz_mm[i, None, :]  # (pairs, k)

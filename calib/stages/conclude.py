@@ -5,13 +5,15 @@ from __future__ import annotations
 from dataclasses import replace
 
 from calib.answer import location_pose
-from calib.copies import copy_notes
+from calib.compliance import compliance_words
+from calib.copies import COPY, copy_notes
 from calib.given_places import given_place_notes
 from calib.hands import hand_pose_notes
-from calib.judge import culprit, frames_contradict, strangers, wrong_jig
+from calib.judge import cause_of, culprit, frames_contradict, strangers, wrong_jig
 from calib.printed import gimbal_note
 from calib.result import CalibrationResult, Verdict
 from calib.stages.setup import CONTRADICTED, Prepared, Setup
+from calib.stages.steps import out_of_step
 from geometry import Frame, Pose, locations_of, target_at
 from jig_cad import Jig
 
@@ -19,18 +21,37 @@ from jig_cad import Jig
 def concluded(result: CalibrationResult, prepared: Prepared, size: str) -> CalibrationResult:
     """The result with the last word on its verdict; ``size``: the sentence on a target of another size than stated."""
     setup, labelled = prepared.setup, prepared.labelled
-    named = _named(result.verdict, setup, labelled)
-    verdict = frames_contradict(result.frames, setup.target, setup.sensor, named, setup.config) or named
+    named = _named(result.verdict, prepared)
+    verdict = (
+        frames_contradict(result.frames, setup.target, named, setup.config, lambda: _cause(result, setup)) or named
+    )
     if size and verdict.trustworthy:
         verdict = Verdict("priors_contradict", f"{size}. In all, {verdict.text}")
-    return replace(result, verdict=verdict, remarks=(*result.remarks, *_remarks(setup, labelled, result)))
+    bends = result.joint_compliances
+    words = compliance_words(bends)
+    if bends and not any(j.observed for j in bends) and verdict.code == "ok":
+        verdict = Verdict("weak", words)
+    remarks = (*result.remarks, *_remarks(setup, labelled, result), *((words,) if words else ()))
+    return replace(result, verdict=verdict, remarks=remarks)
 
 
-def _named(verdict: Verdict, setup: Setup, labelled: tuple[Frame, ...]) -> Verdict:
+def _cause(result: CalibrationResult, setup: Setup) -> str:
+    """What of the files the frames' own poses contradict; "" where nothing shows."""
+    if not isinstance(setup.target, Jig):
+        return ""
+    every = tuple(f for f in result.frames if f.reason != COPY)
+    return cause_of(every, setup.target, setup.robot, setup.sensor, setup.design, setup.config)
+
+
+def _named(verdict: Verdict, prepared: Prepared) -> Verdict:
     """The verdict on data that contradict one another, with what the motions say of the cause before all else."""
-    if verdict.code not in CONTRADICTED or not isinstance(setup.target, Jig):
+    setup, labelled = prepared.setup, prepared.labelled
+    if verdict.code not in CONTRADICTED:
         return verdict
-    found = wrong_jig(labelled, setup.target) or culprit(labelled, setup.target, setup.robot)
+    if isinstance(setup.target, Jig):
+        found = wrong_jig(labelled, setup.target) or culprit(labelled, setup.target, setup.robot)
+    else:
+        found = out_of_step(prepared)
     return replace(verdict, text=f"{found}. In all, {verdict.text}") if found else verdict
 
 

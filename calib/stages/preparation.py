@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from calib.answer import location_pose
-from calib.bundle import Solution, free_start
+from calib.bundle import Solution, estimates_compliance, free_start
 from calib.config import Model
 from calib.hands import placed
 from calib.label import label_alone, label_frames, relabel, settled
@@ -16,8 +16,8 @@ from calib.result import Verdict
 from calib.stages.setup import Prepared, Setup, Solved, by_target
 from calib.stages.solve import solve
 from calib.surface import Begun, begin_on_surfaces, degenerate
-from geometry import Frame, Pose, Target, locations_of, stack_poses, target_at
-from jig_cad import Jig
+from geometry import Frame, Pose, Target, locations_of, stack_poses, target_at, with_compliance_prior
+from jig_cad import Balls, Jig
 
 
 def prepare(setup: Setup, given: tuple[Frame, ...]) -> Prepared:
@@ -109,6 +109,12 @@ def _no_start(frames: tuple[Frame, ...], target: Target | Mapping[str, Target]) 
     if still is not None:
         return Verdict("rotation_too_small", still.text)
     seen = sum(len(f.axis) + len(f.points) > 0 and f.role == "calibrate" for f in frames)
+    if any(isinstance(target_at(target, f.location), Balls) for f in used):
+        return Verdict(
+            "too_few_poses",
+            f"{seen} calibrate frames show balls, and too few of them which: equal balls are told apart by all "
+            "frames together, from [scp_initial] on: give the sensor's place by its drawing, or take other balls",
+        )
     return Verdict(
         "too_few_poses",
         f"{seen} calibrate frames show the target, and without [scp_initial] three or more are needed whose views "
@@ -139,11 +145,18 @@ def with_model(setup: Setup, given: tuple[Frame, ...]) -> tuple[Setup, tuple[str
     """The model that "auto" is here, and a sentence where it is not the robot's errors under their priors."""
     asked = setup.config.model
     if not asked.startswith("auto"):
-        return setup, ()
+        return _with_compliance(setup), ()
     joints = setup.robot is not None and all(f.joints_rad is not None and not f.joints_inferred for f in given)
     model = asked.replace("auto", "full") if joints else "scp"
     words = (
         "the frames give no joint readings that a robot's table turns into poses, so its errors can not be told from "
         "the SCP: the SCP alone was solved (model scp)"
     )
-    return setup.with_config(model=model), () if joints else (words,)
+    return _with_compliance(setup.with_config(model=model)), () if joints else (words,)
+
+
+def _with_compliance(setup: Setup) -> Setup:
+    """The compliance of the joints under a prior, where the model estimates it."""
+    if setup.robot is None or not estimates_compliance(setup.config.model):
+        return setup
+    return replace(setup, robot=with_compliance_prior(setup.robot))

@@ -27,7 +27,7 @@ from calib.synthetic.cell import (
     observe,
     random_cell,
 )
-from geometry import DhRobot, NoAnswerError, Pose, Role, Sensor, field_of_view
+from geometry import DhRobot, NoAnswerError, Pose, Role, Sensor, assumed_compliance, field_of_view
 from geometry.robot import Compliance
 from jig_cad import Jig
 
@@ -111,18 +111,6 @@ class PaperSetting:
         return replace(plain, radius_mm=low, height_mm=high)
 
 
-def _compliance(robot: DhRobot) -> Compliance:
-    """The assumed compliance of an arm of another size or number of joints, whose joints give way by like angles."""
-    plain, share = Compliance(), _links_mm(robot) / _links_mm(industrial_arm())
-    like = np.round(np.linspace(0, len(plain.stiffness) - 1, robot.n_joints)).astype(int)
-    return Compliance(
-        stiffness=tuple(plain.stiffness[i] * share**4 for i in like),
-        mass_kg=tuple(plain.mass_kg[i] * share**3 for i in like),
-        payload_kg=plain.payload_kg * share**3,
-        balanced=tuple(plain.balanced[i] for i in like),
-    )
-
-
 def _links_mm(robot: DhRobot) -> float:
     """All links of an arm in a row."""
     return float(np.sum(np.hypot(robot.a, robot.d)))
@@ -143,7 +131,7 @@ def paper_ensemble(
         cell = replace(drawn, design=setting.design)
         for name, noise in sources.items():
             bends = noise.compliance is not None and setting.robot is not None
-            drawn_noise = replace(noise, compliance=_compliance(cell.robot)) if bends else noise
+            drawn_noise = replace(noise, compliance=assumed_compliance(cell.robot)) if bends else noise
             rows += _run(cell, name, drawn_noise, rng, setting.seen_by)
         if progress:
             progress(run + 1, runs)

@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from extraction.config import StripeConfig
+from extraction.stripe.chain import each_once, together
 from extraction.stripe.fit import IntArray
 from extraction.stripe.judge import Stripe, Verdict, judge
-from extraction.stripe.search import Pyramid, Search, each_once, search, search_faint
+from extraction.stripe.search import Pyramid, Search, search, search_faint
 from extraction.stripe.view import StripeView, turn
 
 Array = NDArray[np.float64]
@@ -103,15 +104,14 @@ def find(view: StripeView, config: StripeConfig) -> Found:
 
 def _search(pyramid: Pyramid, scales: tuple[int, ...], directions: tuple[bool, ...]) -> Search:
     """The ridges along the direction that shows more: coarse ones of both, then fine ones of what is left in doubt."""
-    coarse = [search(pyramid, scales[1:], turned) for turned in directions]
-    order = sorted((Search(each_once(c), t) for c, t in zip(coarse, directions, strict=True)), key=_claim, reverse=True)
+    coarse = {turned: search(pyramid, scales[1:], turned) for turned in directions}
+    order = sorted((Search(each_once(together(c)), t) for t, c in coarse.items()), key=_claim, reverse=True)
     first = order[0]
     clear = first.chains and first.chains[0].contrast > CLEAR and _claim(first) > CLEAR * _claim(order[-1])
-    open_still = [first] if clear else order
-    full = [Search(each_once(s.chains + search(pyramid, scales[:1], s.turned)), s.turned) for s in open_still]
-    best = _direction(full)
+    turns = [s.turned for s in ([first] if clear else order)]
+    best = _direction([Search(each_once(together(coarse[t] + search(pyramid, scales[:1], t))), t) for t in turns])
     if not best.chains or max(c.significance for c in best.chains) < FAINT:
-        best = _direction([Search(each_once(search_faint(pyramid, scales, t)), t) for t in directions])
+        best = _direction([Search(each_once(together(search_faint(pyramid, scales, t))), t) for t in directions])
     return best
 
 

@@ -9,20 +9,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from extraction.noise import PixelNoise
-from extraction.stripe.model import (
-    FEWEST_PIXELS,
-    Array,
-    Climb,
-    Limits,
-    Mask,
-    Peak,
-    Records,
-    SectionPixels,
-    WidthPrior,
-    centre_variance,
-    climb,
-    room,
+from extraction.stripe.climb import (
+    GOING,
+    LANES,
+    SETTLED,
+    Lanes,
+    begin,
+    chi2_at,
+    fisher_at,
+    lanes,
+    move,
+    peak_at,
+    step,
 )
+from extraction.stripe.model import FEWEST_PIXELS, Array, Limits, Mask, Peak, Records, centre_variance
 from extraction.stripe.plateau import PLATEAU_PIXELS, between_flanks
 from geometry.compiled import kernel
 
@@ -67,7 +67,20 @@ def peak_of(record: Any) -> Peak:
     return Peak(record.centre, record.amplitude, record.width, record.background)
 
 
-@kernel
+# of a lane: the place that it fits, the middle of its window and half of it, windows tried, first row, the row after
+# its last, half of the rows of the lane that hold pixels
+WINDOW = np.dtype([(name, np.int64) for name in ("place", "centre", "half", "tried", "low", "high", "filled")])
+
+
+class Task(NamedTuple):
+    """What is the same for all sections of an image: expected widths' relative error, largest half of a window."""
+
+    width_error: float
+    widest: int
+    limits: Limits
+    noise: PixelNoise
+
+
 def fit_sections(
     pixels: Pixels, places: SectionPlaces, width_error: float, limits: Limits, noise: PixelNoise, table: Records
 ) -> None:
@@ -75,65 +88,118 @@ def fit_sections(
 
     width_error: relative, of the expected widths; infinite where nothing is expected.
     """
-    samples = room(len(pixels.grey))
-    y, (section, start, low, high, expected) = samples.y, places  # taken out once: each costs a count of references
-    for k in range(len(samples.x)):
-        samples.x[k] = k
-    widest = int(4 * limits.max_width) + 2
-    for i in range(len(section)):
-        row, width = table[i], expected[i]
-        centre, half = int(start[i] + 0.5), _half(width)
-        prior = WidthPrior(width, 1.0 / (width * width_error) ** 2)
-        for _ in range(WINDOWS):  # the window follows the width and the centre that it finds
-            lo, hi = max(low[i], centre - half), min(high[i], centre + half + 1)
-            n = _read(pixels, section[i], lo, hi, limits.clip, samples)
-            row.clipped, row.dof, row.converged = hi - lo - n, n - 4, False
-            if n < FEWEST_PIXELS + (hi - lo) // 3 and half < widest:  # mostly clipped: its flanks lie further out
-                half = min(2 * half, widest)
-                continue
-            if n < FEWEST_PIXELS:
-                break
-            if hi - lo - n >= PLATEAU_PIXELS and between_flanks(y[: hi - lo], limits.clip, noise, row):
-                row.centre += lo
-                row.low, row.high, row.dof = lo, hi, 0.0
-                break
-            found = climb(samples, hi - lo, _guess(y, hi - lo, start[i] - lo, width), limits, noise, prior)
-            row.converged = found.settled
-            if found.settled:
-                _report(found, lo, hi, row)
-            wanted, place = _half(found.peak.width), int(lo + found.peak.centre + 0.5)
-            if abs(wanted - half) <= 1 + half // 4 and abs(place - centre) <= 2:
-                break
-            half, centre = min(wanted, widest), min(max(place, low[i]), high[i] - 1)
+    task = Task(width_error, int(4 * limits.max_width) + 2, limits, noise)
+    _fit_sections(pixels, places, task, table, np.zeros(LANES, WINDOW))
 
 
 @kernel
-def _report(found: Climb, low: int, high: int, row: Any) -> None:
-    """Write a fit of the rows low … high - 1 to its record."""
-    peak, fisher = found.peak, found.fisher
-    row.low, row.high, row.centre, row.amplitude = low, high, low + peak.centre, peak.amplitude
-    row.width, row.background = peak.width, peak.background
-    row.floor = 0.0
-    row.variance, row.chi2, row.snr = centre_variance(fisher), found.chi2, peak.amplitude * math.sqrt(fisher.a11)
+def _fit_sections(pixels: Pixels, places: SectionPlaces, task: Task, table: Records, window: Records) -> None:
+    (grey, left_out), (section, start, low, high, expected) = pixels, places  # taken out once: each costs a count of
+    lane, total = lanes(task.widest, False), len(section)  # references
+    state, use, scratch = lane.state, lane.use, np.empty(2 * task.widest + 1)
+    n, following, reach = 0, 0, 0
+    while n > 0 or following < total:
+        k = 0
+        while k < LANES and (k < n or following < total):
+            if k < n and state[k] == GOING:
+                k += 1
+                continue
+            going = k < n and _close(lane, k, low, high, window[k], table[window[k].place])
+            while True:
+                if going:
+                    i = window[k].place
+                    going = _look(grey, left_out, section[i], low[i], high[i], start[i], expected[i], task, lane, k,
+                                  scratch, window[k], table[i])  # fmt: skip
+                if going or following == total:
+                    break
+                window[k].place, window[k].tried, going = following, 0, True
+                window[k].centre = int(start[following] + 0.5)
+                window[k].half = min(_half(expected[following]), task.widest)
+                following += 1
+            if going:
+                k += 1
+                n = max(n, k)
+            elif k < n:
+                n -= 1
+                if k < n:
+                    move(lane, n, k)
+                    _copy(window[n], window[k])
+                use[:, n] = 0.0
+                window[n].filled = 0
+        reach = 0
+        for k in range(n):
+            reach = max(reach, window[k].half)
+        if n:
+            step(lane, n, reach, task.limits, task.noise)
+
+
+@kernel
+def _copy(source: Any, target: Any) -> None:
+    target.place, target.centre, target.half, target.tried = source.place, source.centre, source.half, source.tried
+    target.low, target.high, target.filled = source.low, source.high, source.filled
+
+
+@kernel
+def _look(
+    grey: NDArray[Any], left_out: Mask, section: int, low: int, high: int, start: float, expected: float, task: Task,
+    lane: Lanes, k: int, scratch: Array, window: Any, row: Any,
+) -> bool:  # fmt: skip
+    """Give lane k the pixels of its window and a start; False where there is nothing to climb."""
+    y, use, clip = lane.y, lane.use, task.limits.clip
+    whole, middle, centre, half = left_out.size == 0, len(use) // 2, window.centre, window.half
+    while window.tried < WINDOWS:
+        window.tried += 1
+        lo, hi = max(low, centre - half), min(high, centre + half + 1)
+        n, at = 0, lo - centre + middle
+        for j in range(middle - window.filled, middle + window.filled + 1):
+            use[j, k] = 0.0
+        window.filled = half
+        for j in range(hi - lo):
+            value = float(grey[lo + j, section])
+            usable = value < clip and (whole or not left_out[lo + j, section])
+            scratch[j], y[at + j, k], use[at + j, k] = value, value, 1.0 if usable else 0.0
+            n += usable
+        window.half, window.low, window.high = half, lo, hi
+        row.clipped, row.dof, row.converged = hi - lo - n, n - 4, False
+        if n < FEWEST_PIXELS + (hi - lo) // 3 and half < task.widest:  # mostly clipped: its flanks lie further out
+            half = min(2 * half, task.widest)
+            continue
+        if n < FEWEST_PIXELS:
+            return False
+        if hi - lo - n >= PLATEAU_PIXELS and between_flanks(scratch[: hi - lo], clip, task.noise, row):
+            row.centre += lo
+            row.low, row.high, row.dof = lo, hi, 0.0
+            return False
+        guess = _guess(scratch, hi - lo, start - lo, expected)
+        begin(lane, k, Peak(guess.centre + lo - centre, guess.amplitude, guess.width, guess.background),
+              lo - centre, hi - 1 - centre, expected, 1.0 / (expected * task.width_error) ** 2)  # fmt: skip
+        return True
+    return False
+
+
+@kernel
+def _close(lane: Lanes, k: int, low: IntArray, high: IntArray, window: Any, row: Any) -> bool:
+    """Write what lane k has found; whether it goes on in another window, as its width and centre are known now."""
+    peak, centre, half = peak_at(lane, k), window.centre, window.half
+    row.converged = lane.state[k] == SETTLED
+    if row.converged:
+        fisher = fisher_at(lane, k)
+        row.low, row.high, row.centre, row.amplitude = window.low, window.high, centre + peak.centre, peak.amplitude
+        row.width, row.background, row.floor = peak.width, peak.background, 0.0
+        row.variance, row.chi2 = centre_variance(fisher), chi2_at(lane, k)
+        row.snr = peak.amplitude * math.sqrt(fisher.a11)
+    wanted, place = _half(peak.width), int(centre + peak.centre + 0.5)
+    if abs(wanted - half) <= 1 + half // 4 and abs(place - centre) <= 2:
+        return False
+    window.half = min(wanted, len(lane.use) // 2)
+    window.centre = min(max(place, low[window.place]), high[window.place] - 1)
+    return True
 
 
 @kernel
 def _half(width: float) -> int:
     """Half a window for a peak of that σ."""
     return max(LEAST_HALF_PX, int(HALF_SIGMA * width + HALF_PX))
-
-
-@kernel
-def _read(pixels: Pixels, column: int, low: int, high: int, clip: float, samples: SectionPixels) -> int:
-    """Copy a section's rows and mark its usable pixels; returns their number."""
-    grey, left_out = pixels.grey, pixels.left_out
-    n = 0
-    for k in range(high - low):
-        value = float(grey[low + k, column])
-        samples.y[k] = value
-        samples.use[k] = value < clip and (left_out.size == 0 or not left_out[low + k, column])
-        n += samples.use[k]
-    return n
 
 
 @kernel

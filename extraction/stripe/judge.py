@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -10,22 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from extraction.stripe.chain import Chain
-from extraction.stripe.ridge import FLANK
-from extraction.stripe.track import (
-    Bumps,
-    Track,
-    bumps,
-    dense,
-    light_along,
-    light_on_rough_ground,
-    likeliest_ends,
-    lit_pieces,
-    lit_reach,
-    mean_profile,
-    one_bump,
-    secant,
-    walk_out,
-)
+from extraction.stripe.measure import PIECE, measure, middle, ridge_of
+from extraction.stripe.track import Bumps, Track
 
 Array = NDArray[np.float64]
 
@@ -39,20 +24,16 @@ FLAT = 0.6  # flatness of an unclipped profile from which it is a lit face with 
 FLAT_FROM_PX = 2.6  # Gaussian σ from which flatness shows: blur rounds what is narrower
 CROWD = 2.6  # ridges of like light beside one another, on average: a pattern, not stripes
 CROWD_PART = 0.15  # of the best's height times length, that such a ridge has at least
-DARK_MARGIN = 3  # sections between a lit piece and the dark one beside it
 DARK_WIDTH = 1.0  # of the stripe's width, at most, where it is dark: less light is narrower; a border's glow is not
 LEAST_JOINED, ASKED_JOINED = 3.0, 0.8  # contrast of a ridge that goes on where a stripe ends; of that asked elsewhere
 LIKE = 0.45  # of a ridge's light and height, from which another is its like
 GHOST_LIGHT = 0.2  # of a brighter ridge's height, from which a longer one is the stripe and the brighter its ghost
 GHOST_TOTAL = 0.6  # of the brighter one's height times length, that the longer one has at least
 GHOST_LONGER = 0.1  # of the shorter ridge's length, that the longer one goes on for
-CLEAR, WALK_NODES = 8.0, 3  # contrast from which a ridge is followed to its ends; level sections inside, to begin
 SAME_PX = 1.0  # beside a stripe's σ, within which another track is the same
 JOIN_GAP, JOIN_PX = 60.0, 3.0  # sections between two pieces of one stripe, and how far off their lines may pass
 JOIN_ABOUT_PX = 24.0  # between two ends that may be one stripe's, beside twice the gap
-PAIR_APART = 0.2  # of two peaks' distance, that it may differ between a ridge's halves
-PROFILE_STEP_PX = 0.5
-PROFILE_SECTIONS = 96  # over which a ridge's mean profile is taken
+_NONE = np.empty(0, PIECE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,91 +164,17 @@ def _crowding(best: Stripe, everything: list[Stripe]) -> float:
 
 
 def _measure(grey: NDArray[Any], chain: Chain, clip: float, least: int) -> list[Stripe]:
-    """A chain's mean profile where it is brightest, then its pieces, each a track with its ends."""
-    track = dense(chain, grey.shape[1])
-    reach = FLANK * chain.scale
-    out = np.empty(2 * int(2.2 * reach / PROFILE_STEP_PX) + 1)
-    inside = slice(max(int(chain.section[0]) - track.first, 0), int(chain.section[-1]) - track.first + 1)
-    found = _profile_of(grey, track, _brightest(chain, track, inside), out, reach, clip)
-    if found.peaks == 2 and not _pair_throughout(grey, track, inside, found, out, reach, clip):
-        found = one_bump(found)
-    if found.peaks == 0:
-        return []
-    place = track.place + (found.first if found.peaks == 1 else 0.0)
-    if found.peaks == 1 and chain.contrast > CLEAR and not chain.rough:
-        sigma = found.width / float(np.mean(track.width[_brightest(chain, track, inside)]))
-        skip = min(WALK_NODES * chain.step, (inside.stop - inside.start) // 2)
-        walk_out(grey, track.first, place, inside.start + skip, -1, sigma, found.height)
-        walk_out(grey, track.first, place, inside.stop - skip, 1, sigma, found.height)
-        track = Track(track.first, place, secant(place))
-    light = np.empty(len(place))
-    brightest = _brightest(chain, track, inside)
-    along_normal = found.width / float(np.mean(track.width[brightest]))
-    half = along_normal if found.peaks == 1 else 0.5 * (found.second - found.first) + found.width
-    light_along(grey, track.first, place, np.maximum(0.5, half * track.width), light)
+    """A chain's pieces, each a track with its ends."""
+    track, found = measure(grey, ridge_of(chain), clip, _NONE)
     pieces = []
-    rough = chain.rough
-    if rough:
-        light = light_on_rough_ground(grey, track, place, found.width)
-    lit_all = [inside] if rough else lit_pieces(light, inside)
-    ends = []
-    for k, lit in enumerate(lit_all):
-        reached = lit_reach(light, lit)
-        low = max(lit_all[k - 1].stop if k else 0, reached.start)
-        high = min(lit_all[k + 1].start if k + 1 < len(lit_all) else len(light), reached.stop)
-        start, stop = likeliest_ends(light[low:high], slice(lit.start - low, lit.stop - low), rough)
-        ends.append(slice(start + low, stop + low))
-    between = [slice(a.stop + DARK_MARGIN, b.start - DARK_MARGIN) for a, b in itertools.pairwise(ends)]
-    for part in ends + between:
-        if part.stop - part.start < 3:
-            continue
-        own = Track(track.first + part.start, place[part], track.width[part])
-        shape = found
-        if part != inside:
-            shape = _profile_of(grey, own, _part(0, part.stop - part.start), out, reach, clip)
-            if shape.peaks == 2 and found.peaks == 1:
-                shape = one_bump(shape)
-        if shape.peaks:
-            middle = _part(0, part.stop - part.start)
-            width = own.width * (shape.width / float(np.mean(own.width[middle])))
-            dark = any(part is d for d in between)
-            pieces.append(Stripe(own._replace(width=width), chain, shape, shape.height, least=least, dark=dark))
+    for start, stop, peaks, first, second, width, height, flat, dark in found.tolist():
+        own = track.width[start:stop]
+        a, b = middle(0, stop - start)
+        wide = own * (width / float(own[a:b].mean()))
+        shape = Bumps(peaks, first, second, width, height, flat)
+        place = Track(track.first + start, track.place[start:stop], wide)
+        pieces.append(Stripe(place, chain, shape, height, least=least, dark=dark))
     return pieces
-
-
-def _pair_throughout(
-    grey: NDArray[Any], track: Track, inside: slice, found: Bumps, out: Array, reach: float, clip: float
-) -> bool:
-    """Whether both halves of a ridge show two peaks as far apart: speckle shows two here and there."""
-    middle = (inside.start + inside.stop) // 2
-    for start, stop in ((inside.start, middle), (middle, inside.stop)):
-        half = _profile_of(grey, track, _part(start, stop), out, reach, clip)
-        apart = found.second - found.first
-        if half.peaks != 2 or abs(half.second - half.first - apart) > PAIR_APART * apart:
-            return False
-    return True
-
-
-def _profile_of(grey: NDArray[Any], track: Track, part: slice, out: Array, reach: float, clip: float) -> Bumps:
-    mean_profile(grey, track.first + part.start, track.place[part], PROFILE_STEP_PX, out)
-    return bumps(out, PROFILE_STEP_PX, float(reach), clip)
-
-
-def _brightest(chain: Chain, track: Track, inside: slice) -> slice:
-    """The PROFILE_SECTIONS sections of a chain with the most light."""
-    nodes = max(1, PROFILE_SECTIONS // chain.step)
-    if len(chain.section) <= nodes:
-        return inside
-    total = np.convolve(chain.response, np.ones(nodes), mode="valid")
-    k = int(np.argmax(np.round(total, 6)))
-    start = max(int(chain.section[k]) - track.first, inside.start)
-    return slice(start, min(start + PROFILE_SECTIONS, inside.stop))
-
-
-def _part(start: int, stop: int) -> slice:
-    """The middle PROFILE_SECTIONS sections."""
-    cut = max(0, (stop - start - PROFILE_SECTIONS) // 2)
-    return slice(start + cut, stop - cut)
 
 
 def _stands_alone(s: Stripe) -> bool:

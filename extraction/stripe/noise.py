@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from extraction.config import StripeConfig
-from extraction.linalg import Symmetric4, Vector4, factor4, solve4
+from extraction.linalg import Symmetric4, Vector4, cholesky, factor4, solve, solve4
 from extraction.noise import QUANTISATION_VARIANCE, PixelNoise
+from extraction.order import kth_smallest
 from extraction.stripe.fit import Pixels, peak_of
 from extraction.stripe.model import SINGULAR, Records, slopes
 from extraction.stripe.view import StripeView
@@ -19,6 +19,7 @@ from geometry.compiled import kernel
 Array = NDArray[np.float64]
 
 _BINS = 24  # of signal
+_FEWEST = 8  # sections that say something
 _ROUNDS = 4  # of reweighting; the weights need not be exact
 _SIGNIFICANT = 9.0  # of a likelihood ratio: three σ
 _MISFIT = 4.0  # a section whose χ² is that many times the median is no Gaussian peak and says nothing on noise
@@ -32,74 +33,63 @@ def estimate_noise(
     fits: records of SECTION, all converged (M,), fitted with equal weights. What the config states is taken,
     the rest is estimated; without enough sections ``dark_dn2`` stands for the dark noise. Clipped plateaus say nothing.
     """
-    section, fits = section[fits["dof"] > 0], fits[fits["dof"] > 0]
     known = (config.read_noise_dn, config.gain_dn_per_e, config.speckle_contrast)
-    variances = [None if k is None else k**power for k, power in zip(known, (2, 1, 2), strict=True)]
-    if variances[0] is not None:
-        variances[0] += QUANTISATION_VARIANCE
-    if None in variances and len(fits) >= 8:
-        free = [i for i, v in enumerate(variances) if v is None]
-        terms, squares, pixels = _binned_residuals(view, section, fits)
-        start = np.array([0.0 if v is None else v for v in variances])
-        variances = list(_non_negative(terms, squares, pixels, start, free))
-        if 2 in free and len(free) > 1:
-            camera = _non_negative(terms, squares, pixels, start, free[:-1])
-            if not _explains_more(terms, squares, pixels, camera, np.array(variances)):
-                variances = list(camera)
-    elif variances[0] is None:
+    variances = [np.nan if k is None else float(k) ** power for k, power in zip(known, (2, 1, 2), strict=True)]
+    variances[0] += QUANTISATION_VARIANCE
+    if None in known and np.count_nonzero(fits["dof"] > 0) >= _FEWEST:
+        bins = _binned(_residuals(view.pixels, section, fits, view.clip_dn, view.black_dn))
+        variances = _variances(bins, np.array(variances)).tolist()
+    elif known[0] is None:
         variances[0] = dark_dn2
-    a, c, k2 = (0.0 if v is None else float(v) for v in variances)
+    a, c, k2 = (0.0 if np.isnan(v) else v for v in variances)
     return PixelNoise(max(a, QUANTISATION_VARIANCE), c, view.black_dn, k2)
-
-
-def _binned_residuals(view: StripeView, section: NDArray[np.int32], fits: Records) -> tuple[Array, Array, Array]:
-    """Over pixels of like signal: mean terms (1, μ - black, signal²) (B, 3), mean square residual, pixels (B,)."""
-    chi2 = fits["chi2"] / np.maximum(fits["dof"], 1)
-    good = chi2 <= _MISFIT * np.median(chi2)
-    table = _residuals(view.pixels, section[good], fits[good], view.clip_dn, view.black_dn)
-    bins = _binned(table)
-    filled = bins[:, 0] > 0
-    pixels = bins[filled, 0]
-    means = bins[filled, 1:] / pixels[:, None]
-    return means[:, :3], means[:, 3], pixels
-
-
-class SectionNoise(NamedTuple):
-    """Room for one section's pixels: slopes of the mean, F⁻¹ of them (n, 4); signal, μ - black, residual (n, 3)."""
-
-    slope: Array
-    solved: Array
-    level: Array
 
 
 @kernel
 def _residuals(pixels: Pixels, section: NDArray[np.int32], fits: Records, clip: float, black: float) -> Array:
     """Per fitted pixel (P, 5): signal; what unit variances of the three terms leave in the residual; its square.
 
-    The residual of a fit with equal weights is (1 - H) of the noise, H the hat matrix: E r² = Σ (1 - H)² variance.
+    Of sections that are a Gaussian peak. The residual of a fit with equal weights is (1 - H) of the noise, H the hat
+    matrix: E r² = Σ (1 - H)² variance; with H = J F⁻¹ Jᵀ that is v (1 - 2 H) + xᵀ (Jᵀ V J) x for x = F⁻¹ j.
     """
-    most, longest = 0, 0
+    (grey, left_out), most, longest, n = pixels, 0, 0, 0
+    ratio = np.empty(len(fits))
     for i in range(len(fits)):
-        n = fits[i].high - fits[i].low
-        most, longest = most + n, max(longest, n)
-    out, count = np.empty((most, 5)), 0
-    room = SectionNoise(np.empty((longest, 4)), np.empty((longest, 4)), np.empty((longest, 3)))
-    slope, level, grey, left_out = room.slope, room.level, pixels.grey, pixels.left_out
+        if fits[i].dof > 0:
+            rows = fits[i].high - fits[i].low
+            most, longest = most + rows, max(longest, rows)
+            ratio[n] = fits[i].chi2 / fits[i].dof
+            n += 1
+    worst = _MISFIT * kth_smallest(ratio[:n], n // 2)
+    out, count, slope = np.empty((most, 5)), 0, np.empty((longest, 4))
+    zero = Symmetric4(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     for i in range(len(fits)):
-        n, peak = 0, peak_of(fits[i])
-        fisher = Symmetric4(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        if not (fits[i].dof > 0 and fits[i].chi2 <= worst * fits[i].dof):
+            continue
+        peak, own, n = peak_of(fits[i]), out[count:], 0
+        fisher, shot, speckle = zero, zero, zero
         for row in range(fits[i].low, fits[i].high):
             y = float(grey[row, section[i]])
             if y < clip and (left_out.size == 0 or not left_out[row, section[i]]):
                 mean, j = slopes(peak, row)
-                fisher = _add_square(fisher, j)
+                signal, light = mean - peak.background, mean - black
                 slope[n, 0], slope[n, 1], slope[n, 2], slope[n, 3] = j
-                level[n, 0], level[n, 1], level[n, 2] = mean - peak.background, mean - black, y - mean
+                fisher = _add_square(fisher, j, 1.0)
+                shot, speckle = _add_square(shot, j, max(light, 0.0)), _add_square(speckle, j, signal * signal)
+                own[n, 0], own[n, 1], own[n, 2], own[n, 3] = signal, 1.0, max(light, 0.0), signal * signal
+                own[n, 4] = (y - mean) ** 2
                 n += 1
         definite, factor = factor4(fisher, SINGULAR)
-        if definite:
-            _spread(room, n, factor, out[count:])
-            count += n
+        if not definite:
+            continue
+        for k in range(n):
+            j = Vector4(slope[k, 0], slope[k, 1], slope[k, 2], slope[k, 3])
+            x = solve4(factor, j)
+            hat = x.a0 * j.a0 + x.a1 * j.a1 + x.a2 * j.a2 + x.a3 * j.a3
+            own[k, 1] = 1.0 - hat
+            own[k, 2] = (1.0 - 2.0 * hat) * own[k, 2] + _form(shot, x)
+            own[k, 3] = (1.0 - 2.0 * hat) * own[k, 3] + _form(speckle, x)
+        count += n
     return out[:count]
 
 
@@ -117,50 +107,111 @@ def _binned(table: Array) -> Array:
     return out
 
 
-@kernel(fastmath=True)
-def _spread(room: SectionNoise, n: int, factor: Symmetric4, out: Array) -> None:
-    """One section's rows of `_residuals`, of its n pixels and the factor of F."""
-    slope, solved, level = room.slope, room.solved, room.level
-    for a in range(n):
-        x = solve4(factor, Vector4(slope[a, 0], slope[a, 1], slope[a, 2], slope[a, 3]))
-        solved[a, 0], solved[a, 1], solved[a, 2], solved[a, 3] = x
-    for a in range(n):
-        out[a, 0], out[a, 1], out[a, 2], out[a, 3] = level[a, 0], 0.0, 0.0, 0.0
-        out[a, 4] = level[a, 2] ** 2
-        for b in range(n):
-            hat = 0.0
-            for k in range(4):
-                hat += solved[a, k] * slope[b, k]
-            share = (1.0 - hat if a == b else hat) ** 2
-            out[a, 1] += share
-            out[a, 2] += share * max(level[b, 1], 0.0)
-            out[a, 3] += share * level[b, 0] ** 2
-
-
 @kernel
-def _add_square(f: Symmetric4, j: Vector4) -> Symmetric4:
-    """F + j jᵀ."""
+def _add_square(f: Symmetric4, j: Vector4, w: float) -> Symmetric4:
+    """F + w j jᵀ."""
+    a, b, c, d = w * j.a0, w * j.a1, w * j.a2, w * j.a3
     return Symmetric4(
-        f.a00 + j.a0 * j.a0, f.a01 + j.a0 * j.a1, f.a02 + j.a0 * j.a2, f.a03 + j.a0 * j.a3, f.a11 + j.a1 * j.a1,
-        f.a12 + j.a1 * j.a2, f.a13 + j.a1 * j.a3, f.a22 + j.a2 * j.a2, f.a23 + j.a2 * j.a3, f.a33 + j.a3 * j.a3,
+        f.a00 + a * j.a0, f.a01 + a * j.a1, f.a02 + a * j.a2, f.a03 + a * j.a3, f.a11 + b * j.a1,
+        f.a12 + b * j.a2, f.a13 + b * j.a3, f.a22 + c * j.a2, f.a23 + c * j.a3, f.a33 + d * j.a3,
     )  # fmt: skip
 
 
-def _non_negative(terms: Array, squares: Array, pixels: Array, variances: Array, free: list[int]) -> Array:
-    """The free variances ≥ 0; a squared Gaussian residual has variance 2 v²."""
-    from scipy.optimize import nnls  # a third of a second, and most commands need none of it
+@kernel
+def _form(f: Symmetric4, x: Vector4) -> float:
+    """The form xᵀ F x."""
+    a = f.a00 * x.a0 + 2.0 * (f.a01 * x.a1 + f.a02 * x.a2 + f.a03 * x.a3)
+    b = f.a11 * x.a1 + 2.0 * (f.a12 * x.a2 + f.a13 * x.a3)
+    return float(x.a0 * a + x.a1 * b + x.a2 * (f.a22 * x.a2 + 2.0 * f.a23 * x.a3) + x.a3 * f.a33 * x.a3)
 
-    out = variances.copy()
-    weight = np.sqrt(pixels)
-    goal = squares - terms @ variances
+
+@kernel
+def _variances(bins: Array, stated: Array) -> Array:
+    """The three variances from the bins of `_binned`; NaN in ``stated`` (3,) asks for one.
+
+    Speckle only where it is significant: without it the flanks, where the position comes from, are weighted better.
+    """
+    filled = bins[:, 0] > 0
+    pixels = bins[filled, 0]
+    means = bins[filled, 1:] / pixels.reshape(-1, 1)
+    terms, squares = np.ascontiguousarray(means[:, :3]), means[:, 3].copy()
+    free = np.isnan(stated)
+    everything = _non_negative(terms, squares, pixels, stated, free)
+    if not (free[2] and (free[0] or free[1])):
+        return everything
+    free[2] = False
+    camera = _non_negative(terms, squares, pixels, stated, free)
+    misfit = np.zeros(2)
+    for i in range(len(pixels)):
+        weight = math.sqrt(pixels[i] / 2) / max(_mean(terms[i], camera), QUANTISATION_VARIANCE)
+        misfit[0] += (weight * (squares[i] - _mean(terms[i], camera))) ** 2
+        misfit[1] += (weight * (squares[i] - _mean(terms[i], everything))) ** 2
+    return everything if misfit[0] - misfit[1] > _SIGNIFICANT else camera
+
+
+@kernel
+def _mean(terms: Array, variances: Array) -> float:
+    return float(terms[0] * variances[0] + terms[1] * variances[1] + terms[2] * variances[2])
+
+
+@kernel
+def _non_negative(terms: Array, squares: Array, pixels: Array, stated: Array, free: NDArray[np.bool_]) -> Array:
+    """The free variances ≥ 0, the others as stated; a squared Gaussian residual has variance 2 v²."""
+    out = np.zeros(3)
+    for j in range(3):
+        if not free[j] and not math.isnan(stated[j]):
+            out[j] = stated[j]
+    weight, fixed = pixels.copy(), out.copy()
     for _ in range(_ROUNDS):
-        out[free] = nnls(terms[:, free] * weight[:, None], goal * weight)[0]
-        weight = np.sqrt(pixels) / np.maximum(terms @ out, QUANTISATION_VARIANCE)
+        matrix, right, square = np.zeros((3, 3)), np.zeros(3), np.ones(3)
+        for i in range(len(pixels)):
+            goal = squares[i] - _mean(terms[i], fixed)
+            for j in range(3):
+                right[j] += weight[i] * goal * terms[i, j]
+                for k in range(3):
+                    matrix[j, k] += weight[i] * terms[i, j] * terms[i, k]
+        for j in range(3):
+            square[j] = math.sqrt(matrix[j, j]) if matrix[j, j] > 0 else 1.0
+        for j in range(3):
+            right[j] /= square[j]
+            for k in range(3):
+                matrix[j, k] /= square[j] * square[k]
+        best = _least(matrix, right, free)
+        for j in range(3):
+            out[j] = best[j] / square[j] if free[j] else fixed[j]
+        for i in range(len(pixels)):
+            weight[i] = pixels[i] / max(_mean(terms[i], out), QUANTISATION_VARIANCE) ** 2
     return out
 
 
-def _explains_more(terms: Array, squares: Array, pixels: Array, camera: Array, speckled: Array) -> bool:
-    """Whether speckle is significant: without it the flanks, where the position comes from, are weighted better."""
-    weight = np.sqrt(pixels / 2) / np.maximum(terms @ camera, QUANTISATION_VARIANCE)
-    misfit = [float(np.sum((weight * (squares - terms @ v)) ** 2)) for v in (camera, speckled)]
-    return misfit[0] - misfit[1] > _SIGNIFICANT
+@kernel
+def _least(matrix: Array, right: Array, free: NDArray[np.bool_]) -> Array:
+    """The x ≥ 0, zero where not free, of the least xᵀ A x - 2 bᵀ x, A (3, 3): the best choice of what is zero."""
+    best, least, x = np.zeros(3), 0.0, np.zeros(3)
+    own, b, factor, y = np.zeros((3, 3)), np.zeros(3), np.zeros((3, 3)), np.zeros(3)
+    for choice in range(1, 8):
+        n, chosen = 0, np.zeros(3, np.int64)
+        allowed = True
+        for j in range(3):
+            if choice >> j & 1:
+                allowed = allowed and free[j]
+                chosen[n] = j
+                n += 1
+        if not allowed:
+            continue
+        for j in range(n):
+            b[j] = right[chosen[j]]
+            for k in range(n):
+                own[j, k] = matrix[chosen[j], chosen[k]]
+        if not cholesky(own, 0.0, SINGULAR, n, factor):
+            continue
+        solve(factor, b, n, y)
+        value, positive = 0.0, True
+        x[:] = 0.0
+        for j in range(n):
+            positive = positive and y[j] >= 0
+            value -= y[j] * b[j]  # at the least, the form is - bᵀ x
+            x[chosen[j]] = y[j]
+        if positive and value < least:
+            best, least = x.copy(), value
+    return best

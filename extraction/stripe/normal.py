@@ -3,25 +3,29 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from extraction.config import StripeConfig
 from extraction.noise import PixelNoise
-from extraction.stripe.fit import Pixels
-from extraction.stripe.model import (
-    FEWEST_PIXELS,
-    Limits,
-    Peak,
-    Records,
-    SectionPixels,
-    WidthPrior,
-    centre_variance,
-    climb,
-    room,
+from extraction.stripe.climb import (
+    GOING,
+    LANES,
+    SETTLED,
+    Lanes,
+    begin,
+    chi2_at,
+    expected_at,
+    fisher_at,
+    lanes,
+    move,
+    peak_at,
+    step,
 )
+from extraction.stripe.fit import Pixels
+from extraction.stripe.model import FEWEST_PIXELS, Limits, Peak, Records, centre_variance
 from extraction.stripe.profile import StripePeaks
 from extraction.stripe.view import StripeView
 from geometry.compiled import kernel
@@ -30,7 +34,7 @@ Array = NDArray[np.float64]
 
 _REACH = 4  # neighbours on each side that give the direction
 _BREAK_PX = 4.0  # a neighbour further off the line than this, per section, belongs to another surface
-MOST_PIXELS = 4096  # of a band; the rest is left out
+MOST_PIXELS = 512  # of a band; one of the widest stripe has some 160
 WIDTH_ERROR = 0.25  # relative, of the width that the section's fit and the slope make one expect
 HALF_BAND_PX = 0.5  # a pixel belongs to the normal that passes its centre this near: each pixel to one, as in a section
 
@@ -101,31 +105,63 @@ def _slopes(across: Array, along: Array) -> Array:
 @kernel
 def _fit_normals(pixels: Pixels, places: NormalPlaces, limits: Limits, noise: PixelNoise, answer: Records) -> None:
     """Fit every point along its normal; fill the answer (N,) of ALONG_NORMAL, all zero before."""
-    samples = room(MOST_PIXELS)
-    for i in range(len(answer)):
-        row, slope = answer[i], places.slope[i]
-        width = max(places.width[i] / np.hypot(1.0, slope), limits.min_width)  # a section sees it wider by the secant
-        n = _collect(pixels, places.across[i], places.along[i], slope, 4 * width + 1, limits.clip, samples)
-        if n < FEWEST_PIXELS:
-            continue
-        start = Peak(0.0, places.amplitude[i], width, places.background[i])
-        prior = WidthPrior(width, 1 / (WIDTH_ERROR * width) ** 2)
-        found = climb(samples, n, start, limits, noise, prior)
-        peak = found.peak
-        if not found.settled or abs(peak.centre) > 2 * width or not limits.min_width <= peak.width <= limits.max_width:
-            continue
-        row.converged, row.variance, row.chi2_per_dof = True, centre_variance(found.fisher), found.chi2 / max(n - 4, 1)
+    across, along, slopes, amplitude, widths, background = places
+    lane, total, following, n = lanes(MOST_PIXELS // 2, True), len(answer), 0, 0
+    state, own, filled = lane.state, np.zeros(LANES, np.int64), np.zeros(LANES, np.int64)
+    while n > 0 or following < total:
+        k = 0
+        while k < LANES and (k < n or following < total):
+            if k < n and state[k] == GOING:
+                k += 1
+                continue
+            if k < n:
+                _report(lane, k, filled[k], limits, answer[own[k]])
+            opened = False
+            while not opened and following < total:
+                i, slope = following, slopes[following]
+                width = max(widths[i] / np.hypot(1.0, slope), limits.min_width)  # a section sees it wider by the secant
+                filled[k] = _collect(pixels, across[i], along[i], slope, 4 * width + 1, limits.clip, lane, k)
+                opened = filled[k] >= FEWEST_PIXELS
+                if opened:
+                    start = Peak(0.0, amplitude[i], width, background[i])
+                    begin(lane, k, start, -4 * width, 4 * width, width, 1 / (WIDTH_ERROR * width) ** 2)
+                    own[k] = i
+                following += 1
+            if opened:
+                k += 1
+                n = max(n, k)
+            elif k < n:
+                n -= 1
+                if k < n:
+                    move(lane, n, k)
+                    own[k], filled[k] = own[n], filled[n]
+                lane.use[:, n] = 0.0
+        if n:
+            step(lane, n, int(filled[:n].max()) // 2, limits, noise)
+
+
+@kernel
+def _report(lane: Lanes, k: int, pixels: int, limits: Limits, row: Any) -> None:
+    """Write what lane k has found, where it is a peak near its point."""
+    peak = peak_at(lane, k)
+    if lane.state[k] != SETTLED or abs(peak.centre) > 2 * expected_at(lane, k):
+        return
+    if limits.min_width <= peak.width <= limits.max_width:
+        row.converged, row.variance = True, centre_variance(fisher_at(lane, k))
+        row.chi2_per_dof = chi2_at(lane, k) / max(pixels - 4, 1)
         row.centre, row.amplitude, row.width, row.background = peak.centre, peak.amplitude, peak.width, peak.background
 
 
 @kernel
 def _collect(
-    pixels: Pixels, across: float, along: float, slope: float, reach: float, clip: float, samples: SectionPixels
+    pixels: Pixels, across: float, along: float, slope: float, reach: float, clip: float, lane: Lanes, k: int
 ) -> int:
-    """Distances along the normal (signed) and grey levels of the pixels of the band."""
+    """Distances along the normal (signed) and grey levels of a band's pixels, to lane k; returns their number."""
     length, grey, left_out = np.hypot(1.0, slope), pixels.grey, pixels.left_out
+    y, use, x = lane.y, lane.use, lane.x
     rows, columns = grey.shape
-    n = 0
+    n, middle = 0, len(use) // 2
+    use[:, k] = 0.0
     half_c = (reach * abs(slope) + HALF_BAND_PX) / length
     half_r = (reach + HALF_BAND_PX * abs(slope)) / length
     for c in range(max(0, int(np.ceil(across - half_c))), min(columns, int(across + half_c) + 1)):
@@ -134,7 +170,8 @@ def _collect(
             tangent, normal = (dc + slope * dr) / length, (dr - slope * dc) / length
             inside = -HALF_BAND_PX <= tangent < HALF_BAND_PX and abs(normal) <= reach
             usable = grey[r, c] < clip and (left_out.size == 0 or not left_out[r, c])
-            if inside and n < len(samples.x) and usable:
-                samples.x[n], samples.y[n] = normal, grey[r, c]
+            if inside and n < len(use) - 1 and usable:
+                row = middle + ((n + 1) // 2 if n % 2 else -(n // 2))  # about the middle: few rows are looked at
+                x[row, k], y[row, k], use[row, k] = normal, grey[r, c], 1.0
                 n += 1
     return n

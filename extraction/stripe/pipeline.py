@@ -20,7 +20,7 @@ from extraction.stripe.normal import localise_along_normal
 from extraction.stripe.pair import fit_pairs
 from extraction.stripe.profile import AMBIGUOUS, EDGE, SATURATED, SHAPE, Profile, StripePeaks
 from extraction.stripe.select import select
-from extraction.stripe.sigma import STEP_PX, true_sigma
+from extraction.stripe.sigma import STEP_PX, SigmaPlaces, true_sigma
 from extraction.stripe.view import StripeView, stripe_view
 from geometry import Sensor
 from geometry.compiled import kernel
@@ -159,7 +159,10 @@ def _localise(found: Found, config: StripeConfig) -> StripePeaks:
         refused["no_fit"] = len(places) - len(good)
     fits, places = fits[good], places.take(good)
     noise = _settle(noise, fits, ~places.ghost, config)
-    length = max(true_sigma(places, fits), float(NEIGHBOURS) if places.faint.any() else 0.0)
+    length = max(
+        true_sigma(SigmaPlaces(places.section, places.stripe, places.faint, places.ghost), fits),
+        float(NEIGHBOURS) if places.faint.any() else 0.0,
+    )
     chosen = select(config, found.stripes, places, fits["centre"].copy(), fits["amplitude"].copy())
     peaks = _peaks(view, places.take(chosen), fits[chosen], config)
     peaks = replace(peaks, correlation_sections=length, refused=refused)

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from extraction.order import kth_smallest
 from geometry.compiled import kernel
 
 Array = NDArray[np.float64]
@@ -21,23 +22,39 @@ IntArray = NDArray[np.int32]
 
 FLANK = 3  # rows from the centre to either flank
 _APART = 2  # rows on either side that a peak must not fall short of
-_SAMPLES = 3_000  # of a level's response, for its noise
+_SAMPLES = 3_000  # of a level's response at most, for its noise
 _BINS = 12  # of the background's brightness: texture and shot noise grow with it
 _FEWEST = 24  # samples of a bin that say something
 _LAG = 12  # level pixels along the sections, beyond the correlation of blur and speckle
 _ROUGHER = 2.0  # times as rough in proportion, that bright ground may be: beside a stripe its own light is no noise
-_BLOCK = 64  # pixels of a row that are looked at together
+_WORD = 8  # pixels of a row that are looked at together
+_RING = 8  # rows of the response that are kept: those a peak is compared with
 _QUANTISATION = (
     0.5  # σ of the response to rounding, of whole grey levels over 2 × 2 pixels … at 1 px; less with the level
 )
 
 
 class NoiseTable(NamedTuple):
-    """The response's σ by the background's brightness: ``sigma`` (B,) at steps of its root from ``dark``."""
+    """The response's σ by the background's brightness: ``sigma`` (B,) at steps of its root from ``dark``.
+
+    border: grey level from which σ is at least ``above``, as it is at least ``below`` everywhere: set so that most
+    pixels need no closer look.
+    """
 
     dark: float
     step: float
     sigma: Array
+    border: float
+    below: float
+    above: float
+
+
+class Limits(NamedTuple):
+    """Below ``border`` (four times the ground) a peak is above ``dark``, else above ``bright``."""
+
+    border: np.float32
+    dark: np.float32
+    bright: np.float32
 
 
 class Nodes(NamedTuple):
@@ -59,175 +76,214 @@ class Nodes(NamedTuple):
 def halve(image: NDArray[Any]) -> Level:
     """Means of 2 × 2 pixels (H // 2, W // 2) float32; an odd last row or column is left out."""
     out = np.empty((image.shape[0] // 2, image.shape[1] // 2), dtype=np.float32)
-    _halve(image, out)
+    if image.dtype == np.uint8 and image.shape[1] % 2 == 0 and image.size:
+        _halve_bytes(image.view(np.uint16), out)
+    else:
+        _halve(image, out)
     return out
 
 
-def find_nodes(level: Level, scale: float, threshold_sigma: float) -> Nodes:
-    """Peaks along the columns of a level (H, W) whose response is that many σ. scale: pixels to a level pixel."""
-    response, background = np.empty_like(level), np.empty_like(level)
-    _respond(level, response, background)
-    table = _noise(response, background, _QUANTISATION / scale)
-    room = max(level.size // (4 if threshold_sigma < 2 else 8), 64)
-    section, place = np.empty(room, np.int32), np.empty(room, np.float32)
-    values = np.empty((4, room), np.float32)
+@kernel
+def find_nodes(level: Level, scale: float, threshold: float) -> Nodes:
+    """Peaks along the columns of a level (H, W) whose response is ``threshold`` σ. scale: pixels to a level pixel."""
+    table = _noise(level, _QUANTISATION / scale)
+    room = max(level.size // (4 if threshold < 2 else 8), 64)
+    section, values = np.empty(room, np.int32), np.empty((room, 5), np.float32)
     first = np.zeros(level.shape[1] + 1, np.int32)
-    found = _peaks(level, response, background, table, threshold_sigma, section, place, values, first)
-    order = np.empty(found, np.int32)
-    _by_section(section[:found], first, order)
-    v = values[:, order]
-    return Nodes(section[order], place[order], v[0], v[1], v[2], v[3], first)
+    n = _peaks(level, table, threshold, section, values, first)
+    for c in range(1, len(first)):
+        first[c] += first[c - 1]
+    at = first[:-1].copy()
+    own, columns = np.empty(n, np.int32), np.empty((5, n), np.float32)
+    for i in range(n):  # a counting sort, stable
+        k = at[section[i]]
+        at[section[i]] += 1
+        own[k] = section[i]
+        for j in range(5):
+            columns[j, k] = values[i, j]
+    return Nodes(own, columns[0], columns[1], columns[2], columns[3], columns[4], first)
 
 
 @kernel
 def _halve(image: NDArray[Any], out: Level) -> None:
-    rows, columns = out.shape
-    for r in range(rows):
-        for c in range(columns):
-            total = np.float32(image[2 * r, 2 * c]) + np.float32(image[2 * r, 2 * c + 1])
-            total += np.float32(image[2 * r + 1, 2 * c]) + np.float32(image[2 * r + 1, 2 * c + 1])
-            out[r, c] = np.float32(0.25) * total
+    for r in range(len(out)):
+        a, b, means = image[2 * r], image[2 * r + 1], out[r]
+        for c in range(len(means)):
+            total = np.float32(a[2 * c]) + np.float32(a[2 * c + 1])
+            total += np.float32(b[2 * c]) + np.float32(b[2 * c + 1])
+            means[c] = np.float32(0.25) * total
+
+
+@kernel
+def _halve_bytes(pairs: NDArray[np.uint16], out: Level) -> None:
+    """The same of bytes that lie two in a word, in whichever order."""
+    low, eight = np.uint16(255), np.uint16(8)
+    for r in range(len(out)):
+        a, b, means = pairs[2 * r], pairs[2 * r + 1], out[r]
+        for c in range(len(means)):
+            total = (a[c] & low) + (a[c] >> eight) + (b[c] & low) + (b[c] >> eight)
+            means[c] = np.float32(0.25) * np.float32(np.int32(total))
 
 
 @kernel(fastmath=True)
-def _respond(level: Level, response: Level, background: Level) -> None:
-    """The second difference of pairs of rows r, r + 1, and the mean of its flanks; rows beyond the border repeat it."""
-    rows, columns = level.shape
+def _respond(level: Level, r: int, out: Level) -> None:
+    """The second difference of rows r, r + 1 (W,): their mean less that of the flanks; rows beyond the border repeat
+    it.
+    """
+    last = level.shape[0] - 1
     half, quarter = np.float32(0.5), np.float32(0.25)
-    for r in range(rows):
-        a, b = max(r - FLANK, 0), max(r + 1 - FLANK, 0)
-        d, e = min(r + FLANK, rows - 1), min(r + 1 + FLANK, rows - 1)
-        below = min(r + 1, rows - 1)
-        for c in range(columns):
-            flanks = quarter * ((level[a, c] + level[b, c]) + (level[d, c] + level[e, c]))
-            background[r, c] = flanks
-            response[r, c] = half * (level[r, c] + level[below, c]) - flanks
+    a, b, d = level[max(r - FLANK, 0)], level[max(r + 1 - FLANK, 0)], level[min(r + FLANK, last)]
+    e, here, below = level[min(r + 1 + FLANK, last)], level[r], level[min(r + 1, last)]
+    for c in range(len(out)):
+        out[c] = half * (here[c] + below[c]) - quarter * ((a[c] + b[c]) + (d[c] + e[c]))
 
 
-def _noise(response: Level, background: Level, least: float) -> NoiseTable:
+@kernel(fastmath=True)
+def _flanks(level: Level, r: int, c: int) -> tuple[float, float]:
+    """Sums of two rows on the lower-index and on the higher-index flank."""
+    last = level.shape[0] - 1
+    near = level[max(r - FLANK, 0), c] + level[max(r + 1 - FLANK, 0), c]
+    return near, level[min(r + FLANK, last), c] + level[min(r + 1 + FLANK, last), c]
+
+
+@kernel
+def _noise(level: Level, least: float) -> NoiseTable:
     """σ of the response by the background's brightness.
 
     The least of the robust spread and of that of differences along the sections: in a region that is mostly stripe the
     first is the stripe's own.
     """
-    sigma = np.empty(_BINS)
-    dark, width = _noise_by_brightness(response, background, least, sigma)
-    return NoiseTable(dark, width, sigma)
-
-
-@kernel
-def _noise_by_brightness(response: Level, background: Level, least: float, sigma: Array) -> tuple[float, float]:
-    """Fill ``sigma`` (B,); returns the background's least grey level and the bins' width in its root."""
-    rows, columns = response.shape
+    rows, columns = level.shape
     lag = min(_LAG, max(columns // 4, 1))
-    step = max(1, int(math.sqrt(response.size / _SAMPLES)))
+    step = max(1, math.ceil(math.sqrt(level.size / _SAMPLES)))
     wide = max(columns - lag, 1)
     most = ((rows - 1) // step + 1) * ((wide - 1) // step + 1)
-    value, change, ground = np.empty(most, np.float32), np.empty(most, np.float32), np.empty(most, np.float32)
+    sample, ground = np.empty((2, most), np.float32), np.empty(most, np.float32)
+    half, quarter = np.float32(0.5), np.float32(0.25)
     n, dark, light = 0, np.inf, -np.inf
     for r in range(0, rows, step):
+        below = min(r + 1, rows - 1)
         for c in range((r // step) % step, wide, step):
-            value[n], ground[n] = response[r, c], background[r, c]
-            change[n] = response[r, min(c + lag, columns - 1)] - response[r, c]
+            near, far = _flanks(level, r, c)
+            there = min(c + lag, columns - 1)
+            near_there, far_there = _flanks(level, r, there)
+            value = half * (level[r, c] + level[below, c]) - quarter * (near + far)
+            sample[0, n], ground[n] = value, quarter * (near + far)
+            sample[1, n] = half * (level[r, there] + level[below, there]) - quarter * (near_there + far_there) - value
             dark, light = min(dark, float(ground[n])), max(light, float(ground[n]))
             n += 1
     width = math.sqrt(max(light - dark, 1.0)) / _BINS
-    counts, bins = np.zeros(_BINS, np.int64), np.empty(n, np.int64)
+    start, bins, own = np.zeros(_BINS + 1, np.int64), np.empty(n, np.int64), np.empty((2, n), np.float32)
     for i in range(n):
         bins[i] = min(int(math.sqrt(ground[i] - dark) / width), _BINS - 1)
-        counts[bins[i]] += 1
-    own, bulk, known = np.empty(n, np.float32), 0, -1
+        start[bins[i] + 1] += 1
     for k in range(_BINS):
-        sigma[k] = np.nan
-        if counts[k] > counts[bulk]:
+        start[k + 1] += start[k]
+    at = start[:-1].copy()
+    for i in range(n):
+        j = at[bins[i]]
+        at[bins[i]] += 1
+        own[0, j], own[1, j] = sample[0, i], sample[1, i]
+    sigma, bulk, known = np.empty(_BINS), 0, -1
+    for k in range(_BINS):
+        a, b = start[k], start[k + 1]
+        if b - a > start[bulk + 1] - start[bulk]:
             bulk = k
-        if counts[k] < _FEWEST:
+        if b - a < _FEWEST:
             continue
-        m = 0
-        for i in range(n):
-            if bins[i] == k:
-                own[m] = value[i]
-                m += 1
-        middle = np.median(own[:m])
-        for j in range(m):
-            own[j] = abs(own[j] - middle)
-        spread, m = float(np.median(own[:m])), 0
-        for i in range(n):
-            if bins[i] == k:
-                own[m] = abs(change[i])
-                m += 1
-        sigma[k] = max(1.4826 * min(spread, float(np.median(own[:m])) / math.sqrt(2)), least)
+        spread = _spread(own[0, a:b], kth_smallest(own[0, a:b], (b - a) // 2))
+        sigma[k] = max(1.4826 * min(spread, _spread(own[1, a:b], 0.0) / math.sqrt(2)), least)
         for j in range(known + 1, k):  # bins between two known ones, or before the first
             t = (j - known) / (k - known)
             sigma[j] = sigma[k] if known < 0 else (1 - t) * sigma[known] + t * sigma[k]
         known = k
     for j in range(known + 1, _BINS):
-        sigma[j] = sigma[known] if known >= 0 else max(least, float(np.std(value[:n])))
+        sigma[j] = sigma[known] if known >= 0 else max(least, float(np.std(sample[0, :n])))
     # what most of the image is: brighter ground may be as rough in proportion, and some
-    level = dark + ((bulk + 0.5) * width) ** 2
+    usual = dark + ((bulk + 0.5) * width) ** 2
     for k in range(_BINS):
         here = dark + ((k + 0.5) * width) ** 2
-        sigma[k] = min(sigma[k], max(_ROUGHER * sigma[bulk] * here / max(level, 1.0), sigma[bulk]))
-    return dark, width
+        sigma[k] = min(sigma[k], max(_ROUGHER * sigma[bulk] * here / max(usual, 1.0), sigma[bulk]))
+    split, least_cost = 0, np.inf
+    for k in range(_BINS):
+        cost = start[k] / sigma[:k].min() ** 2 if k else 0.0
+        cost += (n - start[k]) / sigma[k:].min() ** 2
+        if cost < least_cost:
+            split, least_cost = k, cost
+    return NoiseTable(dark, width, sigma, dark + (split * width) ** 2, sigma.min(), sigma[split:].min())
 
 
 @kernel
-def _peaks(
-    level: Level, response: Level, background: Level, table: NoiseTable, threshold: float,
-    section: IntArray, where: Level, values: Level, first: IntArray,
-) -> int:  # fmt: skip
-    """Local maxima above the threshold, row by row; counts per section in first[1:]; returns their number."""
-    rows, columns = response.shape
-    least = np.float32(threshold * table.sigma.min())
+def _spread(values: Level, middle: float) -> float:
+    """The median distance from ``middle``; the values (N,) are overwritten."""
+    for i in range(len(values)):
+        values[i] = abs(values[i] - np.float32(middle))
+    return kth_smallest(values, len(values) // 2)
+
+
+@kernel(fastmath=True)
+def _candidates(
+    level: Level, r: int, around: tuple[Level, Level, Level], least: Limits, out: NDArray[np.uint8]
+) -> None:
+    """Mark the pixels of a row (W,) that may be peaks: above the least, and no less than both rows beside it."""
+    last = level.shape[0] - 1
+    a, b, d = level[max(r - FLANK, 0)], level[max(r + 1 - FLANK, 0)], level[min(r + FLANK, last)]
+    e, (here, above, below) = level[min(r + 1 + FLANK, last)], around
+    border, dark, bright = least
+    for c in range(len(out)):
+        ground = (a[c] + b[c]) + (d[c] + e[c])
+        limit = dark if ground < border else bright
+        out[c] = (here[c] > limit) & (here[c] > above[c]) & (here[c] >= below[c])
+
+
+@kernel
+def _peaks(level: Level, table: NoiseTable, threshold: float, section: IntArray, values: Level, first: IntArray) -> int:
+    """Local maxima above the threshold, row by row; counts per section in first[1:]; returns their number.
+
+    values (N, 5): place, response, near, far, noise. Of the response only the rows that a peak is compared with are
+    kept.
+    """
+    rows, columns = level.shape
+    dark, step, sigma = table.dark, table.step, table.sigma
+    # four times the flanks' mean, a little brighter: no rounding makes one dark that is not
+    border = np.float32(4 * table.border * (1 + 1e-6) + 1e-6)
+    least = Limits(border, np.float32(threshold * table.below), np.float32(threshold * table.above * (1 - 1e-6)))
+    marks = np.zeros((columns + _WORD - 1) // _WORD * _WORD, np.uint8)
+    words = marks.view(np.uint64)
+    ring = np.full((_RING, columns), -np.inf, np.float32)
+    for r in range(min(_APART, rows)):
+        _respond(level, r, ring[r])
     n = 0
-    for place in range(rows * ((columns - 1) // _BLOCK + 1)):
-        r, start = place // ((columns - 1) // _BLOCK + 1), place % ((columns - 1) // _BLOCK + 1) * _BLOCK
-        stop = min(start + _BLOCK, columns)
-        largest = response[r, start]
-        for c in range(start, stop):
-            largest = max(largest, response[r, c])
-        if largest <= least:
-            continue
-        for c in range(start, stop):
-            here = response[r, c]
-            if here <= least:
+    for r in range(rows):
+        ahead = ring[(r + _APART) % _RING]
+        if r + _APART < rows:
+            _respond(level, r + _APART, ahead)
+        else:
+            ahead[:] = -np.inf
+        response, above, below = ring[r % _RING], ring[(r - 1) % _RING], ring[(r + 1) % _RING]
+        _candidates(level, r, (response, above, below), least, marks[:columns])
+        for word in range(len(words)):
+            if words[word] == 0:
                 continue
-            if (r > 0 and response[r - 1, c] >= here) or (r + 1 < rows and response[r + 1, c] > here):
-                continue
-            bright = min(int(np.sqrt(max(background[r, c] - table.dark, 0.0)) / table.step), len(table.sigma) - 1)
-            if here <= threshold * table.sigma[bright] or n >= len(section):
-                continue
-            peak = True
-            for k in range(max(r - _APART, 0), r):
-                peak = peak and response[k, c] < here
-            for k in range(r + 1, min(r + _APART + 1, rows)):
-                peak = peak and response[k, c] <= here
-            if not peak:
-                continue
-            up, down = response[max(r - 1, 0), c], response[min(r + 1, rows - 1), c]
-            bend = 2 * here - up - down
-            shift = 0.5 * (down - up) / bend if bend > 0 else 0.0
-            centre = 0.5 * (level[r, c] + level[min(r + 1, rows - 1), c])
-            near = 0.5 * (level[max(r - FLANK, 0), c] + level[max(r + 1 - FLANK, 0), c])
-            far = 0.5 * (level[min(r + FLANK, rows - 1), c] + level[min(r + 1 + FLANK, rows - 1), c])
-            section[n], where[n] = c, r + 0.5 + min(max(shift, -0.5), 0.5)
-            values[0, n], values[1, n], values[2, n], values[3, n] = (
-                here,
-                centre - near,
-                centre - far,
-                table.sigma[bright],
-            )
-            first[c + 1] += 1
-            n += 1
+            for c in range(word * _WORD, word * _WORD + _WORD):
+                if marks[c] == 0:
+                    continue
+                here = response[c]
+                near, far = _flanks(level, r, c)
+                ground = np.float32(0.25) * (near + far)
+                bright = min(int(math.sqrt(max(float(ground - dark), 0.0)) / step), len(sigma) - 1)
+                peak = here > threshold * sigma[bright] and n < len(section)
+                for k in range(2, _APART + 1):
+                    peak = peak and ring[(r - k) % _RING, c] < here and ring[(r + k) % _RING, c] <= here
+                if not peak:
+                    continue
+                up, down = (above[c] if r > 0 else here), (below[c] if r + 1 < rows else here)
+                bend = 2 * here - up - down
+                shift = 0.5 * (down - up) / bend if bend > 0 else 0.0
+                centre = 0.5 * (level[r, c] + level[min(r + 1, rows - 1), c])
+                section[n] = c
+                values[n, 0], values[n, 1] = r + 0.5 + min(max(shift, -0.5), 0.5), here
+                values[n, 2], values[n, 3], values[n, 4] = centre - 0.5 * near, centre - 0.5 * far, sigma[bright]
+                first[c + 1] += 1
+                n += 1
     return n
-
-
-@kernel
-def _by_section(section: IntArray, first: IntArray, order: IntArray) -> None:
-    """Stable counting sort; ``first`` becomes the sections' starts."""
-    for c in range(1, len(first)):
-        first[c] += first[c - 1]
-    at = first[:-1].copy()
-    for i in range(len(section)):
-        order[at[section[i]]] = i
-        at[section[i]] += 1

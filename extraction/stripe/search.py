@@ -10,8 +10,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from extraction.stripe.chain import Chain, follow
-from extraction.stripe.ridge import FLANK, Level, find_nodes, halve
+from extraction.stripe.chain import CHAIN, Chain, Ridges, follow
+from extraction.stripe.ridge import Level, find_nodes, halve
 from geometry.compiled import kernel
 
 Array = NDArray[np.float64]
@@ -19,10 +19,7 @@ Array = NDArray[np.float64]
 NODE_SIGMA, FAINT_NODE_SIGMA = 2.5, 1.5  # of a node: the chain decides, not the node
 _NARROW = 4  # sections by one row
 _LEAST_ROWS = 6  # of a level that can show a ridge
-_SAME = 1.5  # level pixels between two chains on one ridge
-_SHARE = 0.5  # of a chain's sections on another's ridge, from which it is the same
-_LEAST_PART = 0.004  # of the most light of a ridge, below which one is not looked at
-MOST_CHAINS = 48  # looked at, most light first; a lamp-lit board has a hundred
+_NOTHING = Ridges(np.empty(0, CHAIN), np.empty(0), np.empty(0), np.empty(0))
 
 
 @dataclass(frozen=True)
@@ -35,7 +32,7 @@ class Search:
     @property
     def evidence(self) -> float:
         """The light of all chains, the largest counting most: many small ones are texture."""
-        return float(np.sqrt(sum(c.evidence**2 for c in self.chains)))
+        return math.sqrt(sum(c.evidence**2 for c in self.chains))
 
 
 class Pyramid:
@@ -60,49 +57,21 @@ class Pyramid:
         return out
 
 
-def search(pyramid: Pyramid, scales: tuple[int, ...], turned: bool, threshold: float = NODE_SIGMA) -> list[Chain]:
+def search(pyramid: Pyramid, scales: tuple[int, ...], turned: bool, threshold: float = NODE_SIGMA) -> list[Ridges]:
     """The ridges of these scales along one direction."""
-    return [chain for scale in scales for chain in _of_level(pyramid.level(scale, turned), scale, scale, threshold)]
+    return [_of_level(pyramid.level(scale, turned), scale, scale, threshold) for scale in scales]
 
 
-def search_faint(pyramid: Pyramid, scales: tuple[int, ...], turned: bool) -> list[Chain]:
+def search_faint(pyramid: Pyramid, scales: tuple[int, ...], turned: bool) -> list[Ridges]:
     """The same down to nodes in the noise, and at one row by some sections, which shows more on a rough ground."""
     squares = search(pyramid, scales, turned, FAINT_NODE_SIGMA)
-    return squares + _of_level(pyramid.narrow(_NARROW, turned), 1, _NARROW, FAINT_NODE_SIGMA)
+    return [*squares, _of_level(pyramid.narrow(_NARROW, turned), 1, _NARROW, FAINT_NODE_SIGMA)]
 
 
-def _of_level(level: Level, scale: int, step: int, threshold: float) -> list[Chain]:
+def _of_level(level: Level, scale: int, step: int, threshold: float) -> Ridges:
     if level.shape[0] < _LEAST_ROWS or level.shape[1] < 1:
-        return []
-    return follow(find_nodes(level, math.sqrt(scale * step), threshold), scale, step)
-
-
-def each_once(chains: list[Chain]) -> list[Chain]:
-    """Chains without those that lie on the ridge of a better one, most light first.
-
-    The better of two on one ridge has more light times significance: a plateau's middle beats its edges, and of two
-    scales the one of better signal to noise gives place and ends.
-    """
-    kept: list[Chain] = []
-    most = sorted(chains, key=lambda c: (-round(c.evidence, 6), c.scale, c.section[0], c.place[0]))[:MOST_CHAINS]
-    most = [c for c in most if c.evidence >= _LEAST_PART * most[0].evidence]
-    for chain in sorted(most, key=lambda c: (-round(c.light * c.significance, 6), c.scale, c.section[0], c.place[0])):
-        free = np.ones(len(chain.section), dtype=bool)
-        first, last, lowest, highest = chain.box
-        for other in kept:
-            a, b, c, d = other.box
-            reach = _SAME * (1 + 0.25 * FLANK) * max(chain.scale, other.scale)
-            if first > b + other.step or last < a - other.step or lowest > d + reach or highest < c - reach:
-                continue
-            inside = (chain.section >= other.section[0] - other.step) & (
-                chain.section <= other.section[-1] + other.step
-            )
-            if inside.any():
-                off = np.abs(chain.place - np.interp(chain.section, other.section, other.place))
-                free &= ~inside | (off > reach)
-        if free.mean() > _SHARE:
-            kept.append(chain)
-    return sorted(kept, key=lambda c: -round(c.evidence, 6))
+        return _NOTHING
+    return follow(find_nodes(level, math.sqrt(scale * step), threshold), scale, step, _NOTHING.chains)
 
 
 @kernel

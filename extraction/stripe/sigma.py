@@ -6,13 +6,14 @@ themselves: residuals about a line over some forty sections, against the σ that
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from extraction.linalg import Symmetric4, Vector4, factor4, solve4
-from extraction.stripe.find import Places
+from extraction.order import median
 from extraction.stripe.model import SINGULAR, Records
 from geometry.compiled import kernel
 
@@ -29,6 +30,15 @@ _MOST = 3.0  # times the middle window's excess: more is an edge or a bend of th
 WINDOWS_ABOUT = 2  # on either side, that say with a point's own what it scatters
 
 
+class SigmaPlaces(NamedTuple):
+    """Of each point (N,): section, stripe, whether its stripe is faint, whether it is a ghost."""
+
+    section: NDArray[np.int32]
+    stripe: NDArray[np.int32]
+    faint: NDArray[np.bool_]
+    ghost: NDArray[np.bool_]
+
+
 class Residuals(NamedTuple):
     """Of each point (N,): its residual, the share of white noise's variance left in it (0: none is known), how many
     points follow it in its window, and the window's number.
@@ -40,86 +50,112 @@ class Residuals(NamedTuple):
     window: NDArray[np.int64]
 
 
-def true_sigma(places: Places, fits: Records) -> float:
+@kernel
+def true_sigma(places: SigmaPlaces, fits: Records) -> float:
     """Raise the variances of ``fits`` (N,) in place to what the points scatter; returns the correlation length.
 
     In sections; 0 where neighbours are independent. The excess is a variance beside the pixels' own, from the windows
     about each point; pieces too short to say theirs take what the others have in the middle.
     """
-    lengths, middles, weights, short = [], [], [], []
-    for k in range(int(places.stripe.max()) + 1 if len(places) else 0):
-        own = np.flatnonzero(places.stripe == k)
-        if len(own) == 0:
+    section, stripe, faint, ghost = places
+    stripes, total, lengths, middles = 0, 0.0, 0.0, 0.0
+    for i in range(len(stripe)):
+        stripes = max(stripes, stripe[i] + 1)
+    short, own = np.zeros(stripes, np.bool_), np.empty(len(stripe), np.int64)
+    for k in range(stripes):
+        n = 0
+        for i in range(len(stripe)):
+            if stripe[i] == k:
+                own[n] = i
+                n += 1
+        if n == 0:
             continue
-        r = _residuals(places.section[own].astype(np.int64), fits["centre"][own].copy())
+        at, centre, variance = np.empty(n, np.int64), np.empty(n), np.empty(n)
+        for i in range(n):
+            at[i], centre[i], variance[i] = section[own[i]], fits[own[i]].centre, fits[own[i]].variance
+        r = _residuals(at, centre)
         if np.count_nonzero(r.share) < FEWEST:
-            short.append(own)
+            short[k] = True
             continue
-        variance = fits["variance"][own].copy()
-        excess = _excess(r, variance)
-        if places.faint[own[0]]:  # neighbours share pixels: a line takes some of what they scatter with it
-            excess = np.maximum(excess, 0.0)
-        fits["variance"][own] = np.maximum(variance + excess, fits["floor"][own])
-        lengths.append(_correlation(r, variance + excess, bool(np.any(excess > 0))))
-        middles.append(float(np.median(excess)))
-        weights.append(0 if places.ghost[own[0]] else len(own))
-    if not lengths or sum(weights) == 0:
+        excess, more = _excess(r, variance), False
+        for i in range(n):
+            if faint[own[0]]:  # neighbours share pixels: a line takes some of what they scatter with it
+                excess[i] = max(excess[i], 0.0)
+            more = more or excess[i] > 0
+            variance[i] += excess[i]
+            fits[own[i]].variance = max(variance[i], fits[own[i]].floor)
+        weight = 0 if ghost[own[0]] else n
+        total += weight
+        lengths += weight * (_correlation(r, variance) if more else 0.0)
+        middles += weight * median(excess)
+    if total == 0:
         return 0.0
-    for own in short:
-        fits["variance"][own] += max(float(np.average(middles, weights=weights)), 0.0)
-    return float(np.average(lengths, weights=weights))
+    for i in range(len(stripe)):
+        if short[stripe[i]]:
+            fits[i].variance += max(middles / total, 0.0)
+    return lengths / total
 
 
+@kernel
 def _excess(r: Residuals, variance: Array) -> Array:
     """The variance beside the points' own (N,): that of the windows about each; 0 unless together they say otherwise.
 
     A window with an edge of the profile in it says no more than _MOST times the middle one.
     """
-    known = r.share > 0
-    window = r.window[known]
-    n = np.bincount(window).astype(float)
-    square = np.bincount(window, weights=r.residual[known] ** 2 / r.share[known]) / np.maximum(n, 1)
-    own = np.bincount(window, weights=variance[known]) / np.maximum(n, 1)
-    full = n > 0
-    square, own, n = square[full], own[full], n[full]
-    usual = square / own <= _MOST * np.median(square / own)
-    freedom = float(np.sum(n[usual]))
-    ratio = float(np.sum(n[usual] * square[usual] / own[usual]) / freedom)
-    doubt = SIGNIFICANT * np.sqrt(2 / freedom)
-    if abs(ratio - 1) <= doubt:
-        return np.zeros(len(variance))
+    residual, share, _, window = r
+    out = np.zeros(len(variance))
+    windows = int(window.max()) + 1
+    square, own, points = np.zeros(windows), np.zeros(windows), np.zeros(windows)
+    for i in range(len(variance)):
+        if share[i] > 0:
+            square[window[i]] += residual[i] ** 2 / share[i]
+            own[window[i]] += variance[i]
+            points[window[i]] += 1
+    number, n = np.zeros(windows, np.int64), 0  # of the windows that hold points
+    for w in range(windows):
+        if points[w] > 0:
+            square[n], own[n], points[n] = square[w] / points[w], own[w] / points[w], points[w]
+            n += 1
+        number[w] = max(n - 1, 0)
+    usual, freedom, total = _MOST * median(square[:n] / own[:n]), 0.0, 0.0
+    for w in range(n):
+        if square[w] / own[w] <= usual:
+            freedom, total = freedom + points[w], total + points[w] * square[w] / own[w]
+    ratio = total / freedom
+    if abs(ratio - 1) <= SIGNIFICANT * math.sqrt(2 / freedom):
+        return out
     if ratio < 1:  # the pixels' noise claims more than there is: clipped flanks, a noise measured on other things
-        return np.asarray((max(ratio, _LEAST_RATIO) - 1) * variance)
-    excess = np.clip(square - own, 0, _MOST * max(float(np.median(square - own)), 0.0))
-    reach = min(WINDOWS_ABOUT, len(excess) // 2)
-    padded = np.pad(excess, reach, mode="edge")
-    smooth = np.convolve(padded, np.ones(2 * reach + 1) / (2 * reach + 1), mode="valid")
-    number = np.cumsum(full) - 1
-    nearest = np.minimum(r.window, len(number) - 1)
-    return np.asarray(smooth[np.maximum(number[nearest], 0)])
+        return (max(ratio, _LEAST_RATIO) - 1) * variance
+    excess = square[:n] - own[:n]
+    most, reach = _MOST * max(median(excess.copy()), 0.0), min(WINDOWS_ABOUT, n // 2)
+    for i in range(len(out)):
+        w = number[window[i]]
+        for k in range(w - reach, w + reach + 1):
+            out[i] += min(max(excess[min(max(k, 0), n - 1)], 0.0), most) / (2 * reach + 1)
+    return out
 
 
-def _correlation(r: Residuals, variance: Array, more: bool) -> float:
+@kernel
+def _correlation(r: Residuals, variance: Array) -> float:
     """Length of exp(-k / L) whose sum is that of the neighbours' correlation, of what scatters more than the pixels."""
-    if not more:
-        return 0.0
-    z, share, after = r.residual / np.sqrt(variance), r.share, r.after
-    total, taken = 0.0, 0
+    residual, share, after, _ = r
+    n, total, taken = len(residual), 0.0, 0
+    z = np.empty(n)
+    for i in range(n):
+        z[i] = min(max(residual[i] / math.sqrt(variance[i]), -_ROBUST), _ROBUST)
     for lag in range(1, MOST_LAGS + 1):
-        pairs = np.flatnonzero((after >= lag) & (share > 0))
-        pairs = pairs[(pairs + lag < len(z))]
-        pairs = pairs[share[pairs + lag] > 0]
-        if len(pairs) < FEWEST // 2:
+        pairs, product, square = 0, 0.0, 0.0
+        for i in range(n - lag):
+            if after[i] >= lag and share[i] > 0 and share[i + lag] > 0:
+                a, b = z[i], z[i + lag]
+                pairs, product, square = pairs + 1, product + a * b, square + 0.5 * (a * a + b * b)
+        if pairs < FEWEST // 2 or not product / square >= 2 / math.sqrt(pairs):
             break
-        a, b = np.clip(z[pairs], -_ROBUST, _ROBUST), np.clip(z[pairs + lag], -_ROBUST, _ROBUST)
-        rho = float(np.mean(a * b) / np.mean(0.5 * (a * a + b * b)))
-        if rho < 2 / np.sqrt(len(pairs)):
-            break
-        total, taken = total + rho, lag
+        total, taken = total + product / square, lag
     if total <= 0:
         return 0.0
     together = (1 + 2 * total) / (1 - (2 * taken + 1) * 2 / WINDOW)  # the line has taken as much from every lag
-    return float(0.5 / np.arctanh(1 / together))
+    return 1.0 / math.log((together + 1) / (together - 1))
 
 
 @kernel

@@ -8,7 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from extraction.stripe.chain import Chain
+from extraction.linalg import cholesky, solve
+from extraction.order import kth_smallest, median
 from geometry.compiled import kernel
 
 Array = NDArray[np.float64]
@@ -17,7 +18,7 @@ Array = NDArray[np.float64]
 _FOLLOWED, _VERY_CLEAR = 160, 20.0
 _EXTENSION = 28  # sections beyond a chain's ends that are looked at: a level's section and links lost in noise
 _END_SECTIONS = 40  # inside, whose light is compared with that beyond
-_LEAST_END = 0.5  # of a ridge's median light, that its light at an end is taken for at least
+LEAST_END = 0.5  # of a ridge's median light, that its light at an end is taken for at least
 _NEAR_END, _END_SHIFT = 8, 4  # sections on either side of an end that give its levels; how far it may still move
 _CLEAR = 8.0  # contrast of such a ridge
 _SHADOW, _SHADOW_SECTIONS = 0.3, 15  # share of a stripe's light, and sections in a row, that make a shadow in it
@@ -41,50 +42,76 @@ class Track(NamedTuple):
         return self.first + len(self.place)
 
 
-def dense(chain: Chain, sections: int) -> Track:
-    """A chain at every section it spans, smoothed as its contrast allows, extended straight on at both ends."""
-    place = chain.place
-    half = 1 if chain.contrast > _CLEAR else (3 if chain.contrast > 5 else 6)
-    place = _smooth(chain.section, place, half)
-    low = int(np.ceil(chain.section[0] - chain.step / 2))
-    high = int(np.floor(chain.section[-1] + chain.step / 2))
-    more = _FOLLOWED if chain.contrast > _VERY_CLEAR else _EXTENSION
-    s = np.arange(max(low - more, 0), min(high + more, sections - 1) + 1)
-    inside = np.interp(s, chain.section, place)
-    reach = max(3, (_SLOPE_CLEAR if chain.contrast > _CLEAR else _SLOPE_SECTIONS) // chain.step)
-    for end, index in ((0, slice(None, reach)), (-1, slice(-reach, None))):
-        beyond = s < chain.section[0] if end == 0 else s > chain.section[-1]
-        if beyond.any() and len(chain.section) > 2:
-            slope = _slope(chain.section[index], place[index])
-            at_end = place[end]
-            inside[beyond] = at_end + slope * (s[beyond] - chain.section[end])
-    return Track(int(s[0]), inside, secant(inside))
+@kernel
+def dense(section: Array, along: Array, step: int, contrast: float, sections: int) -> Track:
+    """A chain at every section it spans, smoothed as its contrast allows, extended straight on at both ends.
+
+    section, along: of its nodes (n,) [px]. step: sections to a level's section. contrast: of the chain.
+    """
+    n = len(section)
+    place = _smooth(along, 1 if contrast > _CLEAR else (3 if contrast > 5 else 6))
+    more = _FOLLOWED if contrast > _VERY_CLEAR else _EXTENSION
+    first = max(math.ceil(section[0] - step / 2) - more, 0)
+    last = min(math.floor(section[n - 1] + step / 2) + more, sections - 1)
+    reach = min(max(3, (_SLOPE_CLEAR if contrast > _CLEAR else _SLOPE_SECTIONS) // step), n)
+    before = _slope(section[:reach], place[:reach]) if n > 2 else 0.0
+    after = _slope(section[n - reach :], place[n - reach :]) if n > 2 else 0.0
+    out, k = np.empty(last - first + 1), 0
+    for i in range(len(out)):
+        s = float(first + i)
+        if s <= section[0]:
+            out[i] = place[0] + before * (s - section[0])
+        elif s >= section[n - 1]:
+            out[i] = place[n - 1] + after * (s - section[n - 1])
+        else:
+            while section[k + 1] < s:
+                k += 1
+            t = (s - section[k]) / (section[k + 1] - section[k])
+            out[i] = place[k] + t * (place[k + 1] - place[k])
+    return Track(first, out, secant(out))
 
 
+@kernel
 def secant(place: Array) -> Array:
     """How much wider a section sees a stripe of that course than its normal does (n,)."""
-    reach = min(_SECANT_SECTIONS, len(place) - 1)
+    n, out = len(place), np.ones(len(place))
+    reach = min(_SECANT_SECTIONS, n - 1)
     if reach < 1:
-        return np.ones(len(place))
-    k = np.arange(len(place))
-    a, b = np.maximum(k - reach, 0), np.minimum(k + reach, len(place) - 1)
-    return np.asarray(np.hypot(1.0, (place[b] - place[a]) / (b - a)))
+        return out
+    for k in range(n):
+        a, b = max(k - reach, 0), min(k + reach, n - 1)
+        slope = (place[b] - place[a]) / (b - a)
+        out[k] = math.sqrt(1.0 + slope * slope)
+    return out
 
 
+@kernel
 def _slope(x: Array, y: Array) -> float:
-    middle = x.mean()
-    d = x - middle
-    total = float(d @ d)
-    return float(d @ (y - y.mean())) / total if total > 0 else 0.0
+    middle, level = x.mean(), y.mean()
+    total = product = 0.0
+    for i in range(len(x)):
+        total += (x[i] - middle) ** 2
+        product += (x[i] - middle) * (y[i] - level)
+    return product / total if total > 0 else 0.0
 
 
-def _smooth(x: Array, y: Array, half: int) -> Array:
-    """Local straight lines over 2 half + 1 nodes."""
-    if len(y) <= 2 * half + 1 or half < 1:
-        return y.copy()
-    n = 2 * half + 1
-    padded = np.concatenate([2 * y[0] - y[half:0:-1], y, 2 * y[-1] - y[-2 : -half - 2 : -1]])
-    return np.asarray(np.convolve(padded, np.ones(n) / n, mode="valid"))
+@kernel
+def _smooth(y: Array, half: int) -> Array:
+    """Local straight lines over 2 half + 1 nodes; beyond the ends the course is mirrored in its last point."""
+    n, out = len(y), y.copy()
+    if n <= 2 * half + 1 or half < 1:
+        return out
+    for i in range(n):
+        total = 0.0
+        for k in range(i - half, i + half + 1):
+            if k < 0:
+                total += 2 * y[0] - y[-k]
+            elif k >= n:
+                total += 2 * y[n - 1] - y[2 * (n - 1) - k]
+            else:
+                total += y[k]
+        out[i] = total / (2 * half + 1)
+    return out
 
 
 @kernel
@@ -140,18 +167,31 @@ def light_along(grey: NDArray[Any], first: int, place: Array, halves: Array, out
         out[i] = total / n - flank / m if n > 0 and m > 0 else 0.0
 
 
-def light_on_rough_ground(grey: NDArray[Any], track: Track, place: Array, width: float) -> Array:
+@kernel
+def light_on_rough_ground(grey: NDArray[Any], first: int, place: Array, width: float, out: Array) -> None:
     """Height of a bell of that σ at each section (n,) [DN], on a ground that is a polynomial of the fourth degree.
 
     Blotches some widths large are such polynomials; what is left of them in the answer is noise between neighbours.
     """
     reach = int(_GROUND_WIDTHS * width + _GROUND_PX)
-    x = np.arange(-reach, reach + 1) / reach
-    bell = np.exp(-0.5 * (x * reach / width) ** 2)
-    weights = np.linalg.pinv(np.column_stack([bell, *(x**k for k in range(5))]))[0]
-    out = np.empty(len(place))
-    _correlate(grey, track.first, place, np.ascontiguousarray(weights), out)
-    return out
+    n = 2 * reach + 1
+    columns, square, factor = np.empty((n, 6)), np.zeros((6, 6)), np.zeros((6, 6))
+    for i in range(n):
+        x = float(i - reach)
+        columns[i, 0], columns[i, 1] = math.exp(-0.5 * (x / width) ** 2), 1.0
+        for j in range(2, 6):
+            columns[i, j] = columns[i, j - 1] * x / reach
+        for j in range(6):
+            for k in range(6):
+                square[j, k] += columns[i, j] * columns[i, k]
+    unit, share, weights = np.zeros(6), np.zeros(6), np.zeros(n)
+    unit[0] = 1.0
+    cholesky(square, 0.0, 1e-12, 6, factor)
+    solve(factor, unit, 6, share)
+    for i in range(n):
+        for j in range(6):
+            weights[i] += columns[i, j] * share[j]
+    _correlate(grey, first, place, weights, out)
 
 
 @kernel
@@ -200,6 +240,7 @@ class Bumps(NamedTuple):
     flat: float
 
 
+@kernel
 def one_bump(two: Bumps) -> Bumps:
     """Two peaks taken for one: as wide as both, midway."""
     middle = 0.5 * (two.first + two.second)
@@ -267,60 +308,77 @@ def _crossing(profile: Array, start: int, side: int, level: float) -> float:
     return inner + side * ((profile[inner] - level) / drop if drop > 0 and profile[k] < level else 0.0)
 
 
-def likeliest_ends(light: Array, inside: slice, on_nothing: bool = False) -> tuple[int, int]:
-    """First and last + 1 index of a track of that light: where a step down is likeliest, at either end.
+@kernel
+def likeliest_end(light: Array, start: int, length: int, least: float, on_nothing: bool) -> int:
+    """The first index of a track of that light (n,): where a step up is likeliest.
 
-    light (n,), of which ``inside`` belongs to the chain. First the step is from the median light of the nearest
-    sections inside to nothing, then from what the sections just inside have to what those just outside have: a rough
-    ground is not nothing, unless ``on_nothing`` says so.
+    start, length: of what belongs to the chain. least: that its light is taken for at least. First the step is from
+    nothing to the median light of the nearest sections inside, then from what the sections just outside have to what
+    those just inside have: a rough ground is not nothing, unless ``on_nothing`` says so.
     """
-    n, length = len(light), inside.stop - inside.start
-    least = _LEAST_END * float(np.median(light[inside]))
-    stop = n - _likeliest_start(light[::-1], n - inside.stop, length, least, on_nothing)
-    return _likeliest_start(light, inside.start, length, least, on_nothing), stop
-
-
-def _likeliest_start(light: Array, start: int, length: int, least: float, on_nothing: bool) -> int:
     depth = min(_END_SECTIONS, max(length, 1))
-    height = max(float(np.median(light[start : start + depth])), least)
-    run = np.cumsum((light[: start + depth] - 0.5 * height)[::-1])[::-1]
-    k = int(np.argmax(np.round(run, 6)))
+    height = max(median(light[start : start + depth].copy()), least)
+    k = _likeliest_step(light, 0, min(start + depth, len(light)), 0.5 * height)
     for _ in range(0 if on_nothing else 2):
-        before, after = light[max(k - _NEAR_END, 0) : k], light[k : k + _NEAR_END]
-        if len(before) < _NEAR_END // 2 or len(after) < _NEAR_END:
+        low, high = max(k - _NEAR_END, 0), min(k + _NEAR_END, len(light))
+        if k - low < _NEAR_END // 2 or high - k < _NEAR_END:
             break
-        level = 0.5 * (float(np.mean(before)) + float(np.mean(after)))
-        a, b = max(k - _END_SHIFT, 0), min(k + _END_SHIFT, len(light))
-        run = np.cumsum((light[a:b] - level)[::-1])[::-1]
-        k = a + int(np.argmax(np.round(run, 6)))
+        level = 0.5 * (light[low:k].mean() + light[k:high].mean())
+        k = _likeliest_step(light, max(k - _END_SHIFT, 0), min(k + _END_SHIFT, len(light)), level)
     return k
 
 
-def lit_reach(light: Array, inside: slice) -> slice:
-    """The track as far as it stays lit beyond ``inside``, and the first dark stretch: the next piece is another's."""
-    height = float(np.median(light[inside]))
-    start, stop = inside.start, inside.stop
-    while stop < len(light) and float(np.mean(light[stop : stop + _SHADOW_SECTIONS])) >= _SHADOW * height:
+@kernel
+def _likeliest_step(light: Array, start: int, stop: int, level: float) -> int:
+    """From which index on the sum of light above the level, up to ``stop``, is largest: the first of like ones."""
+    total, best, largest = 0.0, start, -np.inf
+    for k in range(stop - 1, start - 1, -1):
+        total += light[k] - level
+        rounded = math.floor(total * 1e6 + 0.5)
+        if rounded >= largest:
+            best, largest = k, rounded
+    return best
+
+
+@kernel
+def lit_reach(light: Array, start: int, stop: int) -> tuple[int, int]:
+    """The track as far as it stays lit beyond start … stop, and the first dark stretch: the next piece is another's."""
+    height = median(light[start:stop].copy())
+    while stop < len(light) and light[stop : stop + _SHADOW_SECTIONS].mean() >= _SHADOW * height:
         stop += 1
-    while start > 0 and float(np.mean(light[max(start - _SHADOW_SECTIONS, 0) : start])) >= _SHADOW * height:
+    while start > 0 and light[max(start - _SHADOW_SECTIONS, 0) : start].mean() >= _SHADOW * height:
         start -= 1
-    return slice(max(start - _SHADOW_SECTIONS, 0), min(stop + _SHADOW_SECTIONS, len(light)))
+    return max(start - _SHADOW_SECTIONS, 0), min(stop + _SHADOW_SECTIONS, len(light))
 
 
-def lit_pieces(light: Array, inside: slice) -> list[slice]:
-    """The stretches of a track that are lit: where the light, a median over some sections, is not far below its own.
+@kernel
+def lit_pieces(light: Array, start: int, stop: int) -> NDArray[np.int64]:
+    """Stretches (P, 2) of a track that are lit: where the light, a median over some sections, is not far below its own.
 
     A ridge goes on through a shadow on what little is there; a stripe does not.
     """
-    part = light[inside]
-    height = float(np.median(np.sort(part)[len(part) // 2 :]))
-    half = min(_SHADOW_SECTIONS // 2, (len(part) - 1) // 2)
-    from scipy.signal import medfilt  # with all of scipy's statistics behind it: only where a line is followed
-
-    smooth = np.asarray(medfilt(part, 2 * half + 1)) if half else part
-    lit = np.concatenate([[False], smooth > _SHADOW * height, [False]])
-    turns = np.flatnonzero(lit[1:] != lit[:-1])
-    runs = list(zip(turns[::2], turns[1::2], strict=True))
-    if len(runs) <= 1 and len(part) == sum(b - a for a, b in runs):
-        return [inside]
-    return [slice(inside.start + int(a), inside.start + int(b)) for a, b in runs if b - a >= _SHADOW_SECTIONS]
+    n = stop - start
+    own = light[start:stop].copy()
+    kth_smallest(own, n // 2)
+    level = _SHADOW * median(own[n // 2 :])
+    half = min(_SHADOW_SECTIONS // 2, (n - 1) // 2)
+    out, pieces, lit_all, since = np.empty((n + 1, 2), np.int64), 0, True, -1
+    bright = 0  # of the sections about one; nothing beyond the ends is
+    for i in range(start, min(start + half, stop)):
+        bright += light[i] > level
+    for i in range(start, stop):
+        bright += i + half < stop and light[min(i + half, stop - 1)] > level
+        bright -= i - half - 1 >= start and light[max(i - half - 1, start)] > level
+        lit = bright > half
+        if lit and since < 0:
+            since = i
+        if since >= 0 and (not lit or i == stop - 1):
+            end = i + 1 if lit else i
+            if end - since >= _SHADOW_SECTIONS:
+                out[pieces] = since, end
+                pieces += 1
+            since = -1
+        lit_all = lit_all and lit
+    if lit_all:
+        out[0], pieces = (start, stop), 1
+    return out[:pieces]

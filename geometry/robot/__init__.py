@@ -1,7 +1,18 @@
 """Robots: parameters with priors, the hand's pose and its derivatives, decorators, and the way back to readings."""
 
 from geometry.robot.axes_to_dh import robot_from_axes
-from geometry.robot.compliant import GRAVITY, Compliance, Compliant, deflection, torque, torque_by_joints
+from geometry.robot.compliant import (
+    GRAVITY,
+    GROUP,
+    Compliance,
+    Compliant,
+    assumed_compliance,
+    compliant_part,
+    deflection,
+    torque,
+    torque_by_joints,
+    with_compliance_prior,
+)
 from geometry.robot.conventions import CONVENTIONS, Convention, express, interpret
 from geometry.robot.corrected import Corrected
 from geometry.robot.dh import (
@@ -25,6 +36,7 @@ __all__ = [
     "DH_CONVENTIONS",
     "DH_ROWS",
     "GRAVITY",
+    "GROUP",
     "TYPICAL_SIGMA",
     "Arm",
     "ChainJoint",
@@ -41,6 +53,8 @@ __all__ = [
     "Robot",
     "RobotUncertainty",
     "all_solutions",
+    "assumed_compliance",
+    "compliant_part",
     "corrected_origins",
     "deflection",
     "draw_errors",
@@ -54,4 +68,5 @@ __all__ = [
     "torque",
     "torque_by_joints",
     "with_beta_prior",
+    "with_compliance_prior",
 ]

@@ -37,35 +37,35 @@ class Corrected(AroundRobot):
 
     def pose(self, joints_rad: ArrayLike, values: ArrayLike | None = None) -> Pose:
         """See Robot."""
-        return self.robot.pose(joints_rad, self._sum(values))
+        return self.robot.pose(joints_rad, self.with_more(values))
 
     def joint_jacobian(self, joints_rad: ArrayLike, values: ArrayLike | None = None) -> Array:
         """See Robot."""
-        return self.robot.joint_jacobian(joints_rad, self._sum(values))
+        return self.robot.joint_jacobian(joints_rad, self.with_more(values))
 
     def parameter_jacobian(self, joints_rad: ArrayLike, values: ArrayLike | None = None) -> Array:
         """See Robot."""
-        return self.robot.parameter_jacobian(joints_rad, self._sum(values))
+        return self.robot.parameter_jacobian(joints_rad, self.with_more(values))
 
     def corrected(self, values: ArrayLike) -> Corrected:
         """See Robot."""
-        return Corrected(self.robot, self._sum(values))
+        return Corrected(self.robot, self.with_more(values))
 
     def joint_noise(self, joints_rad: ArrayLike, values: ArrayLike | None = None) -> Array:
         """See Robot."""
-        return self.robot.joint_noise(joints_rad, self._sum(values))
+        return self.robot.joint_noise(joints_rad, self.with_more(values))
 
     def link_poses(self, joints_rad: ArrayLike, values: ArrayLike | None = None) -> Pose:
         """See Arm."""
-        return require_arm(self.robot).link_poses(joints_rad, self._sum(values))
+        return require_arm(self.robot).link_poses(joints_rad, self.with_more(values))
 
     def pose_and_jacobian(self, joints_rad: ArrayLike, values: ArrayLike | None = None) -> tuple[Pose, Array]:
         """See Arm."""
-        return require_arm(self.robot).pose_and_jacobian(joints_rad, self._sum(values))
+        return require_arm(self.robot).pose_and_jacobian(joints_rad, self.with_more(values))
 
     def dh_part(self, values: ArrayLike | None = None) -> DhRobot:
         """See Arm."""
-        return require_arm(self.robot).dh_part(self._sum(values))
+        return require_arm(self.robot).dh_part(self.with_more(values))
 
     def with_beta_prior(self, sigma_rad: float) -> Corrected:
         """See Arm; corrections of parameters that are no longer there are built into none: they must be 0."""
@@ -76,7 +76,8 @@ class Corrected(AroundRobot):
             raise InputError(f"{', '.join(mine)} are corrected already and can not be made exact")
         return Corrected(robot, values)
 
-    def _sum(self, values: ArrayLike | None) -> Array:
+    def with_more(self, values: ArrayLike | None) -> Array:
+        """The corrections here and further ones."""
         if values is None:
             return self.values
         if np.shape(values) != self.values.shape:

@@ -109,7 +109,7 @@ class JointDeviation(AroundRobot, ABC):
 
     def dh_part(self, values: ArrayLike | None = None) -> DhRobot:
         """See Arm; the error itself has no place in a table."""
-        return require_arm(self.robot).dh_part(None if values is None else self._split(values)[0])
+        return require_arm(self.robot).dh_part(None if values is None else self.split(values)[0])
 
     def with_beta_prior(self, sigma_rad: float) -> Self:
         """See Arm."""
@@ -118,7 +118,7 @@ class JointDeviation(AroundRobot, ABC):
     def _by_readings(self, at: _At) -> Array:
         return np.eye(self.n_joints) + self.deviation_by_joints(at.read, at.own)
 
-    def _split(self, values: ArrayLike) -> tuple[Array, Array]:
+    def split(self, values: ArrayLike) -> tuple[Array, Array]:
         """Corrections of the robot inside, and the own ones."""
         v, inner = np.asarray(values, dtype=float), len(self.robot.parameters)
         if v.shape != (len(self.parameters),):
@@ -127,7 +127,7 @@ class JointDeviation(AroundRobot, ABC):
 
     def _at(self, joints_rad: ArrayLike, values: ArrayLike | None) -> _At:
         q = np.asarray(joints_rad, dtype=float)
-        inner, own = (None, np.zeros(len(self.own_parameters))) if values is None else self._split(values)
+        inner, own = (None, np.zeros(len(self.own_parameters))) if values is None else self.split(values)
         return _At(q, q + self.deviation(q, own), inner, own)
 
 

@@ -66,6 +66,9 @@ class Arm(Robot, Protocol):
     def pose_and_jacobian(self, joints_rad: ArrayLike, values: ArrayLike | None = None) -> tuple[Pose, Array]:
         """``pose`` and ``joint_jacobian`` from one chain."""
 
+    def corrected(self, values: ArrayLike) -> Arm:
+        """See Robot; of an arm it is one."""
+
     def dh_part(self, values: ArrayLike | None = None) -> DhRobot:
         """The Denavit-Hartenberg table inside, with those of the corrections that are its own."""
 

@@ -20,7 +20,7 @@ class Parameter:
     Parameters
     ----------
     name
-        What it is and of which joint, counted from 1: "theta1", "d2", "alpha4", "stiffness3".
+        What it is and of which joint, counted from 1: "theta1", "d2", "alpha4", "compliance3".
     unit
         "rad", "mm", "rad/Nm", …: of its corrections and of ``sigma``.
     sigma

@@ -113,7 +113,9 @@ def _sensor(cell: CellView) -> list[tuple[trimesh.Trimesh, Colour]]:
     import trimesh
 
     sensor, pose = cell.sensor, cell.T_base_sensor
-    ends = np.stack([sensor.sheet.origin_mm, sensor.require_camera().centre_mm])
+    ends = sensor.sheet.origin_mm[None]
+    if sensor.camera is not None:
+        ends = np.stack([*ends, sensor.camera.centre_mm])
     low, high = ends.min(0) - np.array([25, 30, 60]), ends.max(0) + np.array([25, 30, 0])
     body = trimesh.creation.box(bounds=np.stack([low, high]))
     seen = field_of_view(sensor)

@@ -169,11 +169,11 @@ def test_parameters_have_names_units_and_groups() -> None:
     robot = Compliant(arm(), LOAD, SIGMA_PER_NM)
     names = [p.name for p in robot.parameters]
     assert names[:7] == ["theta1", "theta2", "theta3", "theta4", "theta5", "theta6", "d1"]
-    assert names[24:] == ["beta2", *(f"stiffness{i}" for i in range(1, 7))]
+    assert names[24:] == ["beta2", *(f"compliance{i}" for i in range(1, 7))]
     found = {p.name: p for p in robot.parameters}
     assert (found["alpha4"].symbol, found["alpha4"].joint, found["alpha4"].unit) == ("α4", 4, "rad")
     assert (found["beta2"].symbol, found["d2"].symbol, found["d2"].unit) == ("β2", "d2", "mm")
-    assert (found["stiffness3"].group, found["stiffness3"].unit) == ("compliance", "rad/Nm")
+    assert (found["compliance3"].group, found["compliance3"].unit) == ("compliance", "rad/Nm")
     assert found["theta1"].sigma == RobotUncertainty().theta_sigma_rad
 
 
@@ -212,7 +212,7 @@ def test_errors_are_drawn_row_by_row_of_the_table() -> None:
     assert not np.any(rows["beta"])
     more = table(Compliant(robot, LOAD, 1e-6), draw_errors(Compliant(robot, LOAD, 1e-6), np.random.default_rng(5)))
     np.testing.assert_array_equal(more["alpha"], rows["alpha"])
-    assert more["stiffness"].shape == (6,)
+    assert more["compliance"].shape == (6,)
 
 
 def test_given_poses_stand_by_their_numbers() -> None:

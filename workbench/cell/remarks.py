@@ -34,7 +34,7 @@ def out_of_limits(cell: Cell) -> Iterator[str]:
     if not frames or cell.robot is None:
         return
     readings = np.rad2deg([f.joints_rad for f in frames if f.joints_rad is not None])
-    low, high = (np.rad2deg(limits) for limits in cell.arm.stated_limits)
+    low, high = (np.rad2deg(limits) for limits in cell.arm.dh_part().stated_limits)
     for beyond, limit, word, worst in (
         (readings < low, low, "below its lower", np.argmin),
         (readings > high, high, "above its upper", np.argmax),

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from geometry import DhRobot, InputError, Pose, Role, Sensor, did_you_mean, toml_value
-from workbench.cell.presets import DESIGN_SCP, preset_path
-from workbench.files import read_robot, read_sensor, read_target, write_bytes
+from geometry import Arm, InputError, Pose, Role, Sensor, did_you_mean, toml_value
+from workbench.cell.presets import DESIGN_SCP, find_robot, is_urdf, preset_path
+from workbench.files import read_sensor, read_target, urdf_ends, write_bytes
 
 REACH_OF_PLACES_MM = 2550.0  # the places below suit an arm of this reach; others get them in proportion
 PLACES: dict[str, tuple[Role, tuple[float, float, float], float]] = {
@@ -63,10 +63,12 @@ def write_starter(folder: Path, robot: str, sensor: str, jig: str, target: str |
     files = {"robot": preset_path("robots", robot), "sensor": preset_path("sensors", sensor)}
     if target is None:
         files["jig"] = preset_path("jigs", jig)
-    arm, model = read_robot(files["robot"]), read_sensor(files["sensor"])
+    arm, model = find_robot(robot), read_sensor(files["sensor"])
     measured = "images" if model.profile is None and target is None else "profiles"
     columns = ",".join(["frame", measured[:-1], "location", "role", *(f"j{i + 1}_deg" for i in range(arm.n_joints))])
     content = {f"{name}.toml": path.read_bytes() for name, path in files.items()}
+    if is_urdf(files["robot"]):
+        content |= _urdf_content(files["robot"])
     if target is not None:
         content["target.toml"] = _target_bytes(target)
     what = "image: PNG or TIFF" if measured == "images" else "profile: a file, or one for many rows"
@@ -81,6 +83,12 @@ def write_starter(folder: Path, robot: str, sensor: str, jig: str, target: str |
     for name, data in content.items():
         write_bytes(folder / name, data)
     return measured
+
+
+def _urdf_content(path: Path) -> dict[str, bytes]:
+    base, tip = (toml_value(name) for name in urdf_ends(path))
+    table = f"urdf = {toml_value(path.name)}\nbase = {base}\ntip = {tip}\n"
+    return {"robot.toml": table.encode(), path.name: path.read_bytes()}
 
 
 def _target_bytes(target: str) -> bytes:
@@ -115,12 +123,13 @@ def place_of_jig(origin_mm: tuple[float, float, float], turn_deg: float, scale: 
     return Pose(turn.R @ _UPRIGHT, scale * np.array(origin_mm))
 
 
-def reach_mm(robot: DhRobot) -> float:
+def reach_mm(robot: Arm) -> float:
     """A rough reach of the arm: its links beyond the first joint's height, end to end."""
-    return float(np.sum(np.abs(robot.a[1:])) + np.sum(np.abs(robot.d[1:])) + abs(robot.a[0]))
+    table = robot.dh_part()
+    return float(np.sum(np.abs(table.a[1:])) + np.sum(np.abs(table.d[1:])) + abs(table.a[0]))
 
 
-def _cell_text(arm: DhRobot, sensor: Sensor, target: str | None) -> str:
+def _cell_text(arm: Arm, sensor: Sensor, target: str | None) -> str:
     rotation, translation = (np.round(v, 9) + 0.0 for v in (DESIGN_SCP.fixed_xyz_deg, DESIGN_SCP.t))
     numbers = {"rotation": toml_value(rotation.tolist()), "translation": toml_value(translation.tolist())}
     named = 'jig = "jig.toml"         # the string jig'
@@ -131,7 +140,7 @@ def _cell_text(arm: DhRobot, sensor: Sensor, target: str | None) -> str:
     return text + _locations(arm, jig=target is None)
 
 
-def _locations(arm: DhRobot, *, jig: bool) -> str:
+def _locations(arm: Arm, *, jig: bool) -> str:
     scale = min(1.0, reach_mm(arm) / REACH_OF_PLACES_MM)
     lines = []
     for name, (role, origin, turn) in PLACES.items():
@@ -143,5 +152,5 @@ def _locations(arm: DhRobot, *, jig: bool) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _name(arm: DhRobot, sensor: Sensor) -> str:
+def _name(arm: Arm, sensor: Sensor) -> str:
     return f"{sensor.name or 'sensor'} on {arm.name or 'arm'}"

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import Arm, DhRobot, Frame, InputError, Pose, Role, draw_errors
+from geometry import Arm, Frame, InputError, Pose, Role, draw_errors
 from jig_cad import sample_tolerance
 from perceptron_emu import Solid, Surroundings
 from workbench.cell import around_jig, jig_bodies, sees_all_strings
@@ -71,7 +71,7 @@ def draw_truth(cell: Cell, errors: Errors, rng: np.random.Generator, around: Sur
     return TrueCell(robot, jig, mounted, cell.T_base_jig, solids, carried, around.string_material)
 
 
-def built_arm(cell: Cell, errors: Errors, rng: np.random.Generator) -> DhRobot:
+def built_arm(cell: Cell, errors: Errors, rng: np.random.Generator) -> Arm:
     """The arm as built: its table off by [uncertainty]."""
     return cell.arm.corrected(draw_errors(cell.arm, rng)) if errors.built else cell.arm
 

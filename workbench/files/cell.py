@@ -12,7 +12,7 @@ from pydantic import Field, field_validator
 
 import assets
 from geometry import (
-    DhRobot,
+    Arm,
     Frame,
     InputError,
     Pose,
@@ -108,7 +108,7 @@ class Cell:
     folder: Path
     sensor: Sensor
     target: Target | Mapping[str, Target]
-    robot: DhRobot | None
+    robot: Arm | None
     frames: tuple[Frame, ...]
     T_hand_sensor_design: Pose | None
     T_base_jig: dict[str, Pose] = field(default_factory=dict)
@@ -151,7 +151,7 @@ class Cell:
         return self.T_hand_sensor_design
 
     @property
-    def arm(self) -> DhRobot:
+    def arm(self) -> Arm:
         """The robot; InputError where the cell has hand poses alone."""
         if self.robot is None:
             raise InputError(
@@ -234,7 +234,7 @@ def _files(source: TomlSource, file: CellFile, read: Sequence[Path | None]) -> t
 
 
 def _frames(
-    folder: Path, file: CellFile, source: TomlSource, robot: DhRobot | None, remark: Remark, *, recorded: bool
+    folder: Path, file: CellFile, source: TomlSource, robot: Arm | None, remark: Remark, *, recorded: bool
 ) -> tuple[tuple[Frame, ...], Path]:
     if file.frames is None:
         if recorded:

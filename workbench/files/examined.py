@@ -10,7 +10,7 @@ from typing import Literal, TypeVar
 
 import numpy as np
 
-from geometry import DhRobot, Frame, InputError, Sensor, Target
+from geometry import Arm, Frame, InputError, Sensor, Target
 from jig_cad import Jig
 from workbench.files.cell import CellFile, read_cell
 from workbench.files.controller_poses import controller_poses
@@ -120,8 +120,8 @@ def _sensor_words(sensor: Sensor) -> str:
     return f"images of {c.width_px} × {c.height_px} px, {c.bit_depth} bits"
 
 
-def _robot_words(robot: DhRobot) -> str:
-    low, high = robot.stated_limits
+def _robot_words(robot: Arm) -> str:
+    low, high = robot.dh_part().stated_limits
     free = int(np.sum(np.isinf(low) | np.isinf(high)))
     return f"{robot.n_joints} joints" + (f", {free} of them without limits" if free else "")
 
@@ -145,7 +145,7 @@ def _about_start(file: CellFile) -> Iterator[FileFinding]:
 
 
 def _about_frames(
-    folder: Path, file: CellFile, robot: DhRobot | None, sensor: Sensor | None, target: Target | None
+    folder: Path, file: CellFile, robot: Arm | None, sensor: Sensor | None, target: Target | None
 ) -> Iterator[FileFinding]:
     if file.frames is None or not (folder / file.frames).exists():
         yield FileFinding("missing", file.frames or "frames", "no table of frames: a row for each image is needed")
@@ -190,12 +190,12 @@ def _about_frames(
 
 
 def _frame(
-    folder: Path, frame: Frame, robot: DhRobot | None, sensor: Sensor | None, with_points: set[int] | None
+    folder: Path, frame: Frame, robot: Arm | None, sensor: Sensor | None, with_points: set[int] | None
 ) -> FileFinding:
     """What a frame would be used for, or why it would be left out."""
     what, use = f"frame {frame.number}", f"{frame.role} at {frame.location}"
     if robot is not None and frame.joints_rad is not None and frame.T_base_hand is None:
-        low, high = robot.stated_limits
+        low, high = robot.dh_part().stated_limits
         out = np.flatnonzero((frame.joints_rad < low) | (frame.joints_rad > high))
         if len(out):
             j = int(out[0])

@@ -9,9 +9,26 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from geometry import DH_ROWS, TYPICAL_SIGMA, DhRobot, InputError, Remark, RobotUncertainty, no_remark, toml_value
+from geometry import (
+    DH_ROWS,
+    TYPICAL_SIGMA,
+    Arm,
+    Compliance,
+    Compliant,
+    DhRobot,
+    InputError,
+    Remark,
+    RobotUncertainty,
+    assumed_compliance,
+    compliant_part,
+    no_remark,
+    toml_value,
+)
 from workbench.files.strict import FileSection, NotNegative, Real, Text, Whole, validate
 from workbench.files.toml_text import read_toml
+
+_URAD = 1e-6
+_DIGITS = 6  # of compliance in files: far below its σ
 
 
 class JointSection(FileSection):
@@ -51,6 +68,21 @@ class UncertaintySection(FileSection):
     alpha_sigma_deg: NotNegative = TYPICAL_SIGMA["alpha_sigma_deg"]
 
 
+class ComplianceSection(FileSection):
+    """[compliance]: how joints give way under gravity, and the masses that load them; one number a joint.
+
+    balanced: the share of a joint's torque that a compensator carries. up: against gravity in the base. sigma_urad_nm:
+    one number for all joints, or one each; where it is absent half the compliance, or the assumed one where that is 0.
+    """
+
+    compliance_urad_nm: tuple[Real, ...] | None = None
+    sigma_urad_nm: NotNegative | tuple[NotNegative, ...] | None = None
+    mass_kg: tuple[NotNegative, ...] | None = None
+    payload_kg: NotNegative | None = None
+    balanced: tuple[NotNegative, ...] | None = None
+    up: tuple[Real, Real, Real] = (0.0, 0.0, 1.0)
+
+
 class RobotFile(FileSection):
     """The keys of robot.toml: either [[joint]] tables or urdf, base, tip."""
 
@@ -61,10 +93,11 @@ class RobotFile(FileSection):
     base: Text | None = None
     tip: Text | None = None
     uncertainty: UncertaintySection = Field(default_factory=UncertaintySection)
+    compliance: ComplianceSection | None = None
 
 
-def read_robot(path: Path, remark: Remark = no_remark) -> DhRobot:
-    """The robot of a robot.toml: a table of joints, or a chain of a URDF.
+def read_robot(path: Path, remark: Remark = no_remark) -> Arm:
+    """The robot of a robot.toml: a table of joints, or a chain of a URDF, with the compliance of its joints if stated.
 
     Parameters
     ----------
@@ -75,7 +108,7 @@ def read_robot(path: Path, remark: Remark = no_remark) -> DhRobot:
 
     Returns
     -------
-    DhRobot
+    Arm
         With the standard deviations of its [uncertainty].
 
     Raises
@@ -88,12 +121,41 @@ def read_robot(path: Path, remark: Remark = no_remark) -> DhRobot:
     file = validate(RobotFile, source)
     try:
         if file.urdf is not None:
-            return _from_urdf(file, path, remark)
+            return _loaded(_from_urdf(file, path, remark), file.compliance)
         if not file.joint:
             raise InputError("no [[joint]] tables: one for each joint is needed, or urdf, base and tip")
-        return _from_table(file)
+        return _loaded(_from_table(file), file.compliance)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
+
+
+def _loaded(table: DhRobot, given: ComplianceSection | None) -> Arm:
+    """The table, or the arm whose joints give way as [compliance] says."""
+    if given is None:
+        return table
+    n, assumed = table.n_joints, assumed_compliance(table)
+    for key in ("compliance_urad_nm", "sigma_urad_nm", "mass_kg", "balanced"):
+        value = getattr(given, key)
+        if isinstance(value, tuple) and len(value) != n:
+            raise InputError(f"[compliance] {key} has {len(value)} values for {n} joints")
+    up = np.array(given.up)
+    if not np.linalg.norm(up) > 0:
+        raise InputError("[compliance] up = [0, 0, 0]: must point against gravity, [0, 0, 1] for an arm that stands")
+    if given.balanced is not None and max(given.balanced) > 1:
+        raise InputError(f"[compliance] balanced = {max(given.balanced):g}: must be a share, 0 to 1")
+    compliance = _URAD * np.array(given.compliance_urad_nm or (0.0,) * n)
+    usual = np.where(compliance != 0, np.abs(compliance) / 2, 1 / np.array(assumed.stiffness))
+    sigma = usual if given.sigma_urad_nm is None else np.broadcast_to(_URAD * np.array(given.sigma_urad_nm), n)
+    with np.errstate(divide="ignore"):
+        stiffness = tuple(float(k) for k in 1 / compliance)
+    load = Compliance(
+        stiffness,
+        mass_kg=assumed.mass_kg if given.mass_kg is None else given.mass_kg,
+        payload_kg=assumed.payload_kg if given.payload_kg is None else given.payload_kg,
+        balanced=assumed.balanced if given.balanced is None else given.balanced,
+        up=tuple((up / np.linalg.norm(up)).tolist()),
+    )
+    return Compliant(table, load, tuple(sigma.tolist()))
 
 
 @dataclass(frozen=True)
@@ -157,8 +219,9 @@ def _from_urdf(file: RobotFile, path: Path, remark: Remark) -> DhRobot:
     return replace(model, uncertainty=_uncertainty(file.uncertainty), name=file.name or model.name)
 
 
-def robot_text(robot: DhRobot) -> str:
+def robot_text(arm: Arm) -> str:
     """The robot as the text of a robot.toml with [[joint]] tables; angles survive to 1e-12°."""
+    robot, compliant = arm.dh_part(), compliant_part(arm)
     if robot.T_base_first.log().any() or robot.T_last_hand.log().any():
         raise InputError("a robot with fixed poses before or after its links (from a URDF) has no [[joint]] table form")
     lines = [f"name = {toml_value(robot.name)}"] if robot.name else []
@@ -177,4 +240,23 @@ def robot_text(robot: DhRobot) -> str:
     lines.append("[uncertainty]")
     for key, sigma in robot.uncertainty.in_file_units.items():
         lines.append(f"{key} = {round(sigma, 12) if key.endswith('_deg') else sigma!r}")
+    lines += [] if compliant is None else _compliance_lines(compliant)
     return "\n".join(lines) + "\n"
+
+
+def _compliance_lines(arm: Compliant) -> list[str]:
+    load = arm.load
+
+    def urad(values: NDArray[np.float64]) -> str:
+        return toml_value([float(f"{v / _URAD:.{_DIGITS}g}") + 0.0 for v in values])
+
+    sigma = np.broadcast_to(np.asarray(arm.sigma, dtype=float), arm.n_joints)
+    return [
+        "[compliance]        # joints give way under gravity: angle = compliance * torque of the masses",
+        f"compliance_urad_nm = {urad(1 / np.array(load.stiffness))}",
+        f"sigma_urad_nm = {urad(sigma)}",
+        f"mass_kg = {toml_value([float(m) for m in load.mass_kg])}",
+        f"payload_kg = {float(load.payload_kg)!r}",
+        f"balanced = {toml_value([float(b) for b in load.balanced])}",
+        f"up = {toml_value([float(v) for v in load.up])}",
+    ]

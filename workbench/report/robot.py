@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from calib import CalibrationResult
-from geometry import DH_ROWS, DhRobot, require_arm
+from geometry import DH_ROWS, DhRobot, compliant_part, require_arm
+from geometry.robot import GROUP as COMPLIANCE
 from workbench.files import Cell, robot_text, urdf_of, write_text
 
 _DECIMALS = 9  # of degrees and mm: some 1e-8 mm at the hand of a large arm
@@ -19,10 +20,12 @@ def write_corrected_robot(out: Path, cell: Cell, result: CalibrationResult) -> N
     """Write robot_corrected.toml, or robot_corrected.urdf for a robot from a URDF; nothing where nothing changed."""
     if result.robot is None or not result.verdict.trustworthy or not np.any(result.robot_delta):
         return
-    table = _rounded(require_arm(result.robot).dh_part())
+    arm = require_arm(result.robot)
+    table, compliant = _rounded(arm.dh_part()), compliant_part(arm)
     urdf = None if cell.robot_path is None else urdf_of(cell.robot_path)
     if urdf is None:
-        write_text(out / "robot_corrected.toml", _beside_the_table(result) + robot_text(table))
+        whole = table if compliant is None else replace(compliant, robot=table)
+        write_text(out / "robot_corrected.toml", _beside_the_table(result) + robot_text(whole))
         return
     from workbench.files import write_urdf
 
@@ -30,8 +33,8 @@ def write_corrected_robot(out: Path, cell: Cell, result: CalibrationResult) -> N
 
 
 def _beside_the_table(result: CalibrationResult) -> str:
-    """Comments that name what was estimated of the robot and has no place in a table, such as its stiffness."""
-    in_table = {row.group for row in DH_ROWS}
+    """Comments that name what was estimated of the robot and has no place in its file."""
+    in_table = {row.group for row in DH_ROWS} | {COMPLIANCE}
     parameters = () if result.robot is None else result.robot.parameters
     rest = [(p, v) for p, v in zip(parameters, result.robot_delta, strict=True) if p.group not in in_table and v]
     if not rest:

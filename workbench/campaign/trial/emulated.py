@@ -185,7 +185,7 @@ def _around(jig: Jig, *, clutter: bool) -> Surroundings:
 
 @lru_cache(maxsize=16)
 def _robot_preset(name: str) -> DhRobot:
-    return find_robot(name)
+    return find_robot(name).dh_part()
 
 
 @lru_cache(maxsize=16)

@@ -44,6 +44,12 @@ class CalibrateModel(StrEnum):
     AUTO_SENSOR = "auto+sensor"
     OFFSETS_SENSOR = "scp+offsets+sensor"
     FULL_SENSOR = "full+sensor"
+    AUTO_COMPLIANCE = "auto+compliance"
+    OFFSETS_COMPLIANCE = "scp+offsets+compliance"
+    FULL_COMPLIANCE = "full+compliance"
+    AUTO_BOTH = "auto+sensor+compliance"
+    OFFSETS_BOTH = "scp+offsets+sensor+compliance"
+    FULL_BOTH = "full+sensor+compliance"
 
 
 def command(
@@ -55,7 +61,8 @@ def command(
         CalibrateModel | None,
         typer.Option(
             help="The SCP with the robot's errors under their priors (auto, the default), alone, with joint offsets, "
-            "with the full DH table; +sensor: with the sensor's own errors, too."
+            "with the full DH table; +sensor: with the sensor's own errors, too; +compliance: with how the joints "
+            "give way under gravity."
         ),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
@@ -73,7 +80,9 @@ def command(
         typer.Option(metavar="MAKER FILE", help="Write the tool frame as kuka, fanuc, abb, yaskawa or ur takes it."),
     ] = None,
     report: Annotated[Path | None, typer.Option(help="File for a self-contained HTML report.")] = None,
-    config: Annotated[list[Path] | None, typer.Option(help="Settings TOML; may be given more than once.")] = None,
+    config: Annotated[
+        list[Path] | None, typer.Option("--config", "--recipe", help="The recipe of all tools, TOML; may be repeated.")
+    ] = None,
 ) -> None:
     """Solve the sensor's pose in the hand (SCP) from a cell dataset, emulated or recorded."""
     from workbench.answered import calibrate_cell

@@ -50,7 +50,7 @@ def command(
     text = result.text
     if result.code == "robot_contradicts":
         text += _better(sockets, result.nominal.rms_mm, arm.n_joints)
-    kept = require_arm(result.keep.robot).dh_part()
+    kept = require_arm(result.keep.robot)
     if out is not None and result.trustworthy:
         from workbench.files import write_text
 

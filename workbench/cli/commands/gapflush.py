@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 from rich.table import Table
 
+from workbench.cli import exit_codes
 from workbench.cli.console import say_on_stdout, say_remark, standard_error, standard_output
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ def command(
     laser_off: Annotated[Path | None, typer.Option(help="The same view without laser, subtracted.")] = None,
     mask: Annotated[Path | None, typer.Option(help="Image that is 0 where pixels must not be used.")] = None,
     config: Annotated[
-        list[Path] | None, typer.Option(help="Settings TOML with \\[stripe] and \\[gapflush]; may be repeated.")
+        list[Path] | None, typer.Option("--config", "--recipe", help="The recipe of all tools, TOML; may be repeated.")
     ] = None,
     definition: Annotated[
         GapDefinition | None,
@@ -58,12 +59,13 @@ def command(
     """Measure gap, flush and edge radii of two panels in a profile, with their standard deviations."""
     from extraction import measure_gap_flush
     from geometry import InputError
-    from workbench.cell import ProfileSource, read_profile, read_profile_settings, with_options
+    from workbench.cell import Measured, ProfileSource, profile_values, read_profile, value_objects, with_options
+    from workbench.files import MeasureConfig, read_settings
     from workbench.report import json_text
 
     if (master is None) != (master_mm is None):
         raise InputError("--master, what was measured, and --master-mm GAP FLUSH, what is true, belong together")
-    settings = read_profile_settings(config or [])
+    settings = read_settings(config or [])
     told = {
         "definition": definition, "tangent_deg": tangent_deg, "fixed_radius_mm": fixed_radius_mm,
         "gauge_depth_mm": gauge_depth_mm, "gauge_offset_mm": gauge_offset_mm,
@@ -83,10 +85,24 @@ def command(
     if answer.blur_px is None:
         text = "points only, without the stripe's widths and light: the blur's part in the gap is not taken out"
         standard_error().print(text, soft_wrap=True)
+    asked = settings.recipe.model_copy(update={"measure": MeasureConfig(gap_and_flush=True)})
+    values = profile_values(points, Measured(gap=answer), asked)
+    broken = [v for v in values if v.lamp == "bad"]
     if as_json:
-        say_on_stdout(json_text(_object(answer, panels.reference)))
+        judged = {"tolerances": value_objects([v for v in values if v.lamp])} if settings.tolerances.given else {}
+        say_on_stdout(json_text(_object(answer, panels.reference) | judged))
     else:
         standard_output().print(_table(answer))
+    for value in broken:
+        limit = settings.tolerances.given[value.key]
+        text = f"{value.key} = {_shown(value.value)}: not within {_shown(limit.min, '…')} and {_shown(limit.max, '…')}"
+        standard_error().print(text, markup=False, soft_wrap=True)
+    if broken:
+        raise typer.Exit(exit_codes.THRESHOLD)
+
+
+def _shown(value: float | None, nothing: str = "none") -> str:
+    return nothing if value is None else f"{value:.4g}"
 
 
 def _object(answer: GapFlush, reference: str) -> dict[str, Any]:

@@ -57,7 +57,7 @@ def _setting(
     from geometry import InputError, Pose
     from workbench.cell import find_jig, find_robot, find_sensor
 
-    arm = None if robot is None else find_robot(robot)
+    arm = None if robot is None else find_robot(robot).dh_part()
     joints = (arm or industrial_arm()).n_joints
     known = {"all": None} | {str(n): n for n in range(1, joints + 1)}
     if moving not in known:

@@ -1,0 +1,55 @@
+"""Order statistics inside kernels: the k-th smallest of some values, without sorting them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from numpy.typing import NDArray
+
+from geometry.compiled import kernel
+
+
+@kernel
+def kth_smallest(values: NDArray[Any], k: int) -> float:
+    """The k-th smallest, counted from 0, of finite values (N,), which are left in another order.
+
+    Partitions move without branching on a comparison; equal values are set aside together, so that a flat image takes
+    no longer than a rough one.
+    """
+    low, high = 0, len(values)
+    while True:
+        a, b, c = values[low], values[(low + high) // 2], values[high - 1]
+        pivot = max(min(a, b), min(max(a, b), c))
+        less = low
+        for i in range(low, high):
+            x = values[i]
+            values[i] = values[less]
+            values[less] = x
+            less += 1 if x < pivot else 0
+        if k < less:
+            high = less
+            continue
+        equal = less
+        for i in range(less, high):
+            x = values[i]
+            values[i] = values[equal]
+            values[equal] = x
+            equal += 1 if x == pivot else 0
+        if k < equal:
+            return float(pivot)
+        low = equal
+
+
+@kernel
+def median(values: NDArray[Any]) -> float:
+    """The median of finite values (N,), which are left in another order; 0 of none."""
+    n = len(values)
+    if n == 0:
+        return 0.0
+    upper = kth_smallest(values, n // 2)
+    if n % 2:
+        return upper
+    lower = values[0]
+    for i in range(n // 2):  # those before the upper one are no larger
+        lower = max(lower, values[i])
+    return 0.5 * (float(lower) + upper)
