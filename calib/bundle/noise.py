@@ -11,7 +11,8 @@ from calib.bundle.problem import Bundle
 from calib.bundle.solve import hand_twists, linearisations
 from calib.config import CalibConfig
 from calib.engine import Result, deviance, lowest, total_cost
-from geometry import Arm
+from geometry import require_arm
+from geometry.robot import is_arm
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -83,7 +84,7 @@ def stated_cost(stated: Bundle, result: Result) -> float:
 def joint_sigma_deg(bundle: Bundle) -> float:
     """The joints' repeatability that robot.toml states [deg], 0 where no table stands behind the readings."""
     robot = bundle.hands.robot
-    return float(np.rad2deg(robot.dh_part().uncertainty.joint_sigma_rad)) if isinstance(robot, Arm) else 0.0
+    return float(np.rad2deg(require_arm(robot).dh_part().uncertainty.joint_sigma_rad)) if is_arm(robot) else 0.0
 
 
 def shape_sigma_mm(bundle: Bundle) -> float:
@@ -184,8 +185,7 @@ def _weigh_inferred(bundle: Bundle, result: Result, config: CalibConfig) -> Weig
 
 def _weigh_poses(bundle: Bundle, result: Result, config: CalibConfig) -> Weighed:
     """Hand poses alone: their noise, where it was not given, as one σ of translation and one of rotation."""
-    shape = bundle.hand_noise.shape
-    sigma = np.sqrt(np.diagonal(bundle.hand_noise[0]))[[0, 3]]
+    sigma = np.sqrt(_own_variances(bundle))
     given = given_noise(config)
     if not given:
         sigma = np.sqrt(estimate_noise(bundle, result, _of_poses(bundle))[1:])
@@ -194,7 +194,7 @@ def _weigh_poses(bundle: Bundle, result: Result, config: CalibConfig) -> Weighed
         "hand_sigma_deg": float(np.rad2deg(sigma[1])),
         "anchor_sigma_mm": shape_sigma_mm(bundle),
     }
-    used = bundle.with_noise(1.0, np.broadcast_to(np.diag(np.repeat(sigma, 3) ** 2), shape).copy())
+    used = bundle.with_noise(1.0, _carried(bundle, np.diag(np.repeat(sigma, 3) ** 2)))
     return Weighed(used, used, not given, noise)
 
 
@@ -221,8 +221,18 @@ def reweighed(bundle: Bundle, result: Result) -> Bundle:
 
 def _of_poses(bundle: Bundle) -> Variances:
     """The two variances of hand poses alone, of translation and rotation."""
-    shape = bundle.hand_noise.shape
-    variance = np.diagonal(bundle.hand_noise[0])[[0, 3]]
     parts = [np.diag([1.0] * 3 + [0.0] * 3), np.diag([0.0] * 3 + [1.0] * 3)]
-    components = tuple(np.broadcast_to(p, shape) for p in parts)
-    return Variances(components, np.array([1.0, *variance]), np.array([False, True, True]))
+    components = tuple(_carried(bundle, p) for p in parts)
+    return Variances(components, np.array([1.0, *_own_variances(bundle)]), np.array([False, True, True]))
+
+
+def _own_variances(bundle: Bundle) -> Array:
+    """Variances (2,) of translation and rotation of the first hand's noise, where it acts."""
+    back = np.linalg.inv(bundle.hands.carried[0])
+    return np.diagonal(back @ bundle.hand_noise[0] @ back.T)[[0, 3]].copy()
+
+
+def _carried(bundle: Bundle, covariance: Array) -> Array:
+    """A covariance (6, 6) of every hand's noise where it acts, as one of the poses' twists (F, 6, 6)."""
+    carried = bundle.hands.carried
+    return np.asarray(carried @ covariance @ np.swapaxes(carried, -1, -2))

@@ -96,14 +96,18 @@ def make_bundle(
     joints = [f.joints_rad for f in used]
     locations = [f.location for f in used]
     if robot is None or any(q is None for q in joints):
-        hands = Hands.at_poses(stack_poses([f.at for f in used]), _hand_noise(config))
+        fixed = any(f.sensor_fixed for f in used)
+        hands = Hands.at_poses(stack_poses([f.at for f in used]), _hand_noise(config), inverted=fixed)
         return Bundle.of([f.axis for f in used], locations, target, hands, errors=errors)
     inferred = any(f.joints_inferred for f in used)
     known = with_beta_prior(robot, float(np.deg2rad(config.beta_sigma_deg)))
     hands = Hands(known, np.array(joints), inferred)
     bundle = Bundle.of([f.axis for f in used], locations, target, hands, errors=errors)
     if inferred and config.hand_sigma_mm is not None and config.hand_sigma_deg is not None:
-        return bundle.with_noise(1.0, np.broadcast_to(_hand_noise(config), (len(used), 6, 6)).copy())
+        given = Hands.at_poses(
+            hands.pose(np.zeros(len(hands.sigma))), _hand_noise(config), inverted=used[0].sensor_fixed
+        )
+        return bundle.with_noise(1.0, given.noise)
     return bundle
 
 

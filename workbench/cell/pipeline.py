@@ -129,6 +129,7 @@ def solve(cell: Cell, observed: Observed, config: CalibConfig | None = None) -> 
         # what is given of a surface's place decides nothing: it has no half turn
         {n: T for n, T in cell.T_base_jig.items() if isinstance(_target(cell, n), Jig)},
         config,
+        cell.mount,
     )
     verdict = with_complaints(result.verdict, observed.complaints, cell.folder)
     notes = (*remarks(result), *out_of_limits(cell), *cell.remarks, *observed.remarks, *result.remarks)

@@ -1,7 +1,7 @@
 """Views of a target: what a sensor can see and an arm can reach, and which views tell most."""
 
 from workbench.plan.choose import LEVER_MM, RANDOM_PLANS, random_plans, size_mm
-from workbench.plan.clearance import HAND_MM, SAFE_MM, Standing, room_in_workspace_mm, room_mm, standing, target_boxes
+from workbench.plan.clearance import HAND_MM, SAFE_MM, Standing, carrying, room_in_workspace_mm, standing, target_boxes
 from workbench.plan.expected import expected_points
 from workbench.plan.moves import Move
 from workbench.plan.next_view import NextView, SurfacePlan, next_views
@@ -30,6 +30,7 @@ __all__ = [
     "Whole",
     "best_plan",
     "candidates",
+    "carrying",
     "expected_points",
     "free_views",
     "next_views",
@@ -39,7 +40,6 @@ __all__ = [
     "propose",
     "random_plans",
     "room_in_workspace_mm",
-    "room_mm",
     "rounds",
     "seen_whole",
     "size_mm",

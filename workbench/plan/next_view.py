@@ -32,7 +32,7 @@ from geometry.ties import first_least
 from jig_cad import Balls, Edge, Plane, Sphere, Wedge
 from workbench.files import Cell
 from workbench.plan.choose import size_mm
-from workbench.plan.clearance import room_mm, standing
+from workbench.plan.clearance import room_at_target_mm, room_in_workspace_mm, standing
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -145,6 +145,8 @@ def next_views(
     InputError, NoAnswerError
         Where targets are mixed, nothing is known of a place, or no view can be reached.
     """
+    if cell.mount == "fixed":
+        raise InputError("views are proposed for a sensor in the hand, and this one is fixed")
     rng = np.random.default_rng([seed, 7])
     given = [_place(cell, T_hand_sensor, name, T, frames) for name, T in places.items()]
     if len({id(p.target) for p in given}) != 1:
@@ -244,7 +246,8 @@ def _reached(
         return views
     found = inverse_kinematics(arm, views.T_base_sensor @ T_hand_sensor.inverse(), rng, seeds=start, max_starts=_STARTS)
     stands = standing(arm, found.joints, T_hand_sensor, cell.sensor, cell.workspace.link_radius_mm)
-    room = room_mm(stands, place.target, place.T_base_target, cell.workspace)
+    beside = room_at_target_mm(stands, place.target, place.T_base_target)
+    room = np.minimum(beside, room_in_workspace_mm(stands, cell.workspace)[0])
     good = np.flatnonzero(found.converged & arm.within_limits(found.joints) & (room >= 0))
     return _Views(
         views.place,
