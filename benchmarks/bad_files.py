@@ -38,7 +38,6 @@ from jig_cad import read_jig
 from perceptron_emu import read_scene
 from perceptron_emu.mesh_file import read_mesh
 from workbench.campaign import read_plan
-from workbench.cell import read_profile_settings
 from workbench.cli.main import run
 from workbench.files import (
     is_whole,
@@ -217,7 +216,7 @@ def good_files(folder: Path) -> list[Format]:
         Format("robot.toml of a urdf", "arm.toml", read_robot),
         Format("truth.json", "truth.json", read_truth),
         Format("settings", "settings.toml", lambda p: read_settings([p])),
-        Format("settings of stripes", "stripe.toml", lambda p: read_profile_settings([p])),
+        Format("settings of stripes", "stripe.toml", lambda p: read_settings([p])),
         Format("plan", "plan.toml", read_plan),
         Format("scene", "scene.toml", lambda p: read_scene(p, sensor)),
         *(Format(s, f"a.{s}", read_mesh) for s in ("stl", "obj", "ply", "glb")),

@@ -49,7 +49,24 @@ def write_report(path: Path, given: ReportInput) -> None:
         Cell, frames, result and settings, and a picture of the cell where there is one.
 
     """
-    write_text(path, render_page("workbench.report", "report.html.j2", _content(given)))
+    write_text(path, report_page(given))
+
+
+def report_page(given: ReportInput) -> str:
+    """The page of a calibration as text.
+
+    Parameters
+    ----------
+    given
+        As of `write_report`.
+
+    Returns
+    -------
+    str
+        HTML that opens offline.
+
+    """
+    return render_page("workbench.report", "report.html.j2", _content(given))
 
 
 def _content(given: ReportInput) -> dict[str, Any]:
@@ -58,7 +75,7 @@ def _content(given: ReportInput) -> dict[str, Any]:
         "title": cell.name or cell.folder.resolve().name,
         "result": result,
         "banner": BANNER.get(result.verdict.code, "bad"),
-        "scp": _scp_rows(result),
+        "scp": scp_rows(result),
         "matrix": _matrix_text(result),
         "conventions": _conventions(result),
         "picture": None if given.picture is None else jpeg(given.picture[..., ::-1]),
@@ -75,8 +92,20 @@ def _content(given: ReportInput) -> dict[str, Any]:
     }
 
 
-def _scp_rows(result: CalibrationResult) -> list[dict[str, Any]]:
-    """The six numbers with design, σ and 95 % interval."""
+def scp_rows(result: CalibrationResult) -> list[dict[str, Any]]:
+    """The six numbers with design, σ and 95 % interval.
+
+    Parameters
+    ----------
+    result
+        Of calibrate.
+
+    Returns
+    -------
+    list of dict
+        name, unit, design, solved, sigma, low and high; NaN where there is none.
+
+    """
     pose, design = result.T_hand_sensor, result.T_hand_sensor_design
     nothing = np.full(3, np.nan)
     angles, place = (nothing, nothing) if pose is None else (pose.fixed_xyz_deg, pose.t)

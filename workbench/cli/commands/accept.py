@@ -262,10 +262,10 @@ def repeat(
         profiles: tuple[Placed, ...] = ()
         notes: list[str] = []
     else:
-        from workbench.cell import read_profile_settings
+        from workbench.files import read_settings
 
         found = _recorded(paths, sensor, None, None, None, None, config)
-        panels = read_profile_settings(config or []).gapflush
+        panels = read_settings(config or []).gapflush
         series, lost = series_of(found, feature, diameter_mm, panels)
         notes = [f"{len(lost)} profiles left out: {lost[0]}"] if lost else []
         profiles, files = found.profiles, found.files
@@ -286,9 +286,9 @@ def _recorded(
     config: list[Path] | None,
 ) -> Recorded:
     from workbench.accept import Recording, read_recorded
-    from workbench.cell import read_profile_settings
+    from workbench.files import read_settings
 
-    stripe = read_profile_settings(config or []).stripe
+    stripe = read_settings(config or []).stripe
     what = Recording(tuple(paths), sensor, step_mm, positions, scp, location, stripe)
     with progress_bar("reading profiles", 1) as progress:
         return read_recorded(what, say_remark, progress)

@@ -34,7 +34,9 @@ def command(
         ),
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Same seed, same frames.")] = 0,
-    config: Annotated[list[Path] | None, typer.Option(help="Settings TOML; may be given more than once.")] = None,
+    config: Annotated[
+        list[Path] | None, typer.Option("--config", "--recipe", help="The recipe of all tools, TOML; may be repeated.")
+    ] = None,
     thresholds: Annotated[
         Path | None, typer.Option(help="TOML of thresholds, such as min_detection_rate; exit code 1 where one fails.")
     ] = None,

@@ -1,0 +1,3 @@
+// German by the English words; {} stands for a value.
+
+export const GERMAN = {};
