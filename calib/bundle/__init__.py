@@ -11,7 +11,7 @@ from calib.bundle.information import (
     scaled,
     scp_covariance,
 )
-from calib.bundle.noise import given_noise, reweighed
+from calib.bundle.noise import ROBOT_EVIDENCE, ROBOT_TIMES, given_noise, reweighed
 from calib.bundle.on_target import OnTarget, OnTargetLinearised
 from calib.bundle.problem import Bundle, estimated_parameters, estimates_compliance, estimates_sensor
 from calib.bundle.robust import solve_robust
@@ -21,6 +21,8 @@ from calib.bundle.starts import chain_start, hand_eye_start
 from calib.bundle.unknown_mount import free_start, rotation_grid
 
 __all__ = [
+    "ROBOT_EVIDENCE",
+    "ROBOT_TIMES",
     "Bundle",
     "DistanceBetween",
     "Evidence",
