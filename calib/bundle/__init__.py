@@ -1,5 +1,6 @@
 """All frames at once: SCP, places of the target, robot and shape, with outliers, noise and covariance."""
 
+from calib.bundle.evidence import DistanceBetween, Evidence, SeatedTool, TrackedPoint, check_evidence
 from calib.bundle.hands import Hands
 from calib.bundle.information import (
     FrameInformation,
@@ -23,6 +24,8 @@ __all__ = [
     "ROBOT_EVIDENCE",
     "ROBOT_TIMES",
     "Bundle",
+    "DistanceBetween",
+    "Evidence",
     "Explained",
     "FrameInformation",
     "Hands",
@@ -30,9 +33,12 @@ __all__ = [
     "Model",
     "OnTarget",
     "OnTargetLinearised",
+    "SeatedTool",
     "Solution",
+    "TrackedPoint",
     "answered",
     "chain_start",
+    "check_evidence",
     "covariances_with",
     "estimated_parameters",
     "estimates_compliance",
