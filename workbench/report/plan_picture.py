@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from geometry import InputError, Pose, box_corners
 from workbench.files import Cell, write_bytes, write_text
 from workbench.plan import HAND_MM, RANDOM_PLANS, SAFE_MM, Proposal, Standing, standing, target_boxes
-from workbench.report.page import picture_bytes, render_page, svg
+from workbench.report.page import origin_of, picture_bytes, render_page, svg
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -75,7 +75,7 @@ def write_plan_report(path: Path, cell: Cell, proposal: Proposal) -> None:
         "boxes": zip(cell.workspace.names, cell.workspace.boxes_mm.tolist(), strict=True),
         "safe_mm": SAFE_MM,
     }
-    write_text(path, render_page("workbench.report", "plan.html.j2", content))
+    write_text(path, render_page("workbench.report", "plan.html.j2", content, origin_of(cell.files, cell.folder)))
 
 
 def _panel(axis: Any, cell: Cell, arm: Standing, place: Pose, across: Array, numbers: list[int]) -> None:
