@@ -1,6 +1,5 @@
 """All frames at once: SCP, places of the target, robot and shape, with outliers, noise and covariance."""
 
-from calib.bundle.free_start import free_start, rotation_grid
 from calib.bundle.hands import Hands
 from calib.bundle.information import (
     FrameInformation,
@@ -11,15 +10,18 @@ from calib.bundle.information import (
     scaled,
     scp_covariance,
 )
-from calib.bundle.noise import given_noise, reweighed
+from calib.bundle.noise import ROBOT_EVIDENCE, ROBOT_TIMES, given_noise, reweighed
 from calib.bundle.on_target import OnTarget, OnTargetLinearised
 from calib.bundle.problem import Bundle, estimated_parameters, estimates_compliance, estimates_sensor
 from calib.bundle.robust import solve_robust
 from calib.bundle.solution import Explained, Mask, Solution, answered, explain, make_bundle, solve_problem
 from calib.bundle.solve import solve_bundle
 from calib.bundle.starts import chain_start, hand_eye_start
+from calib.bundle.unknown_mount import free_start, rotation_grid
 
 __all__ = [
+    "ROBOT_EVIDENCE",
+    "ROBOT_TIMES",
     "Bundle",
     "Explained",
     "FrameInformation",

@@ -154,7 +154,7 @@ class Evidence:
     def _scaled(self, variance: Array) -> tuple[Array, Array]:
         V = variance / self.scale**2
         active = np.flatnonzero(V > 0)
-        inverse = np.linalg.inv(self.S[np.ix_(active, active)] + np.diag(1 / V[active]))
+        inverse = _inverse(self.S[np.ix_(active, active)] + np.diag(1 / V[active]))
         z, cov = np.zeros(len(V)), np.zeros((len(V), len(V)))
         z[active], cov[np.ix_(active, active)] = inverse @ self.b[active], inverse
         return z, cov
@@ -173,6 +173,14 @@ class Evidence:
         return Trial(
             suspect, where, size * gross, np.sqrt(np.maximum(np.diag(inverse), 0.0)) * gross, sign * pull, seen
         )
+
+
+def _inverse(matrix: Array) -> Array:
+    """Of a symmetric matrix; directions that data which contradict one another leave open stay at rest."""
+    try:
+        return np.asarray(np.linalg.inv(matrix))
+    except np.linalg.LinAlgError:
+        return np.asarray(np.linalg.pinv(matrix, hermitian=True))
 
 
 def evidence_of(solution: Solution, sensor: Sensor | None) -> Evidence:
@@ -218,8 +226,6 @@ def suspects_of(bundle: Bundle) -> tuple[Suspect, ...]:
 
 
 def _of_robot(bundle: Bundle) -> Iterator[Suspect]:
-    if bundle.hands.inferred:  # of a pose's several joint solutions the wrong one may be taken: no number's fault
-        return
     for i, p in enumerate(bundle.hands.robot.parameters):
         if p.sigma > 0:
             gross = max(float(GROSS.get(p.group, GROSS_TIMES * p.sigma)), 3 * p.sigma)

@@ -6,13 +6,20 @@ import base64
 import hashlib
 import json
 import re
+from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import workbench
 from tests.workbench.helpers import Cli, edit
+from workbench.cell import observe, solve
+from workbench.files import read_cell
+from workbench.report import scene_object
+
+ATOL_ON_STRING_MM = 1.0  # of an emulated recording's points, by the solved chain
 
 
 def test_the_report_stands_alone(cli: Cli, dataset: Path, tmp_path: Path) -> None:
@@ -72,6 +79,29 @@ def test_a_report_is_a_record(cli: Cli, dataset: Path, tmp_path: Path, monkeypat
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "1800000000")
     assert cli("calibrate", dataset, "--report", pages[1]).code == 0
     assert without_drawing(pages[1].read_text(encoding="utf-8")).replace("2027-01-15", "2023-11-14") == html
+
+
+def test_a_fixed_sensor_stands_and_the_hand_carries_the_target(recording: Path) -> None:
+    """The sensor is in one place of the scene, the strings are in another in every frame."""
+    cell = read_cell(recording)
+    result = solve(cell, observe(cell))
+    scene = scene_object(replace(cell, mount="fixed"), result)
+    assert scene["targets"] == []
+    assert len({tuple(f["sensor"]) for f in scene["frames"]}) == 1
+    assert len({str(f["target"]) for f in scene["frames"]}) == len(scene["frames"])
+
+
+def test_the_scene_s_points_lie_on_its_targets(recording: Path) -> None:
+    """Measured points in the base are within a millimetre of a string of their location."""
+    cell = read_cell(recording)
+    scene = scene_object(cell, solve(cell, observe(cell)))
+    lines = {t["location"]: np.array(t["lines"]) for t in scene["targets"]}
+    for frame in scene["frames"]:
+        start, end = lines[frame["location"]].transpose(1, 0, 2)
+        along = (end - start) / np.linalg.norm(end - start, axis=1, keepdims=True)
+        off = np.array(frame["points"])[:, None] - start
+        across = off - np.sum(off * along, axis=2, keepdims=True) * along
+        assert np.linalg.norm(across, axis=2).min(axis=1).max() < ATOL_ON_STRING_MM
 
 
 def test_every_page_is_of_one_kit() -> None:

@@ -30,7 +30,10 @@ def surface_views(cell: Cell, per_location: int, rng: np.random.Generator) -> li
         if not isinstance(target, Surface):
             raise InputError(f"[locations.{name}]: strings and surfaces can not be rendered in one recording")
         looks = _looks(cell, target, TRIES * per_location, rng)
-        found = inverse_kinematics(cell.arm, place @ looks @ cell.design.inverse(), rng, max_starts=6)
+        goals = place @ looks @ cell.design.inverse()
+        if cell.mount == "fixed":
+            goals = goals.inverse()  # T_base_hand = T_base_sensor · T_sensor_target · T_hand_target⁻¹
+        found = inverse_kinematics(cell.arm, goals, rng, max_starts=6)
         reached = [q for q, ok in zip(found.joints, found.converged, strict=True) if ok and cell.arm.within_limits(q)]
         if len(reached) < per_location:
             raise InputError(

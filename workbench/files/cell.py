@@ -11,6 +11,7 @@ import numpy as np
 from pydantic import Field, field_validator
 
 import assets
+from calib.mount import Mount
 from geometry import (
     Arm,
     Frame,
@@ -40,19 +41,26 @@ from workbench.files.truth_file import Truth, read_truth
 
 
 class ScpSection(FileSection):
-    """[scp_initial]: T_hand_sensor by design; rotations about fixed X, Y, Z, R = Rz·Ry·Rx."""
+    """[scp_initial]: T_hand_sensor by design, of a fixed sensor T_base_sensor; about fixed X, Y, Z, R = Rz·Ry·Rx."""
 
     rotation_deg: Vector3
     translation_mm: Vector3
 
 
+class MountSection(FileSection):
+    """[mount]: whether the hand carries the sensor, or the target before a sensor that stands."""
+
+    sensor: Literal["hand", "fixed"] = "hand"
+
+
 class LocationSection(FileSection):
     """[locations.NAME]: where the target stands, if known; decides the half turn. role: of views to be planned.
 
-    target: a file in place of cell.toml's.
+    target: a file in place of cell.toml's. T_hand_jig: in place of T_base_jig where the hand carries the target.
     """
 
     T_base_jig: Matrix4 | None = None
+    T_hand_jig: Matrix4 | None = None
     target: Text | None = None
     role: Literal["calibrate", "verify"] | None = None
 
@@ -84,6 +92,7 @@ class CellFile(FileSection):
     scp_initial: ScpSection | None = None
     poses: PosesSection | None = None
     workspace: WorkspaceSection = Field(default_factory=WorkspaceSection)
+    mount: MountSection = Field(default_factory=MountSection)
     locations: dict[str, LocationSection] = Field(default_factory=dict)
 
     @field_validator("locations", mode="before")
@@ -103,6 +112,8 @@ class Cell:
     robot_path, sensor_path: the files. files: all that were read, images aside.
     emulator: how images of the cell are made, no knowledge of a recorded one. remarks: a sentence for all that is
     doubtful in the files and was read nevertheless. workspace: the floor and boxes that nothing may touch.
+    mount: "fixed" where the sensor stands and the hand carries the target: T_hand_sensor_design is then T_base_sensor,
+    T_base_jig is T_hand_jig.
     """
 
     folder: Path
@@ -122,6 +133,7 @@ class Cell:
     remarks: tuple[str, ...] = ()
     files: tuple[Path, ...] = ()
     workspace: Workspace = field(default_factory=Workspace)
+    mount: Mount = "hand"
 
     @property
     def jig(self) -> Jig:
@@ -201,7 +213,7 @@ def read_cell(path: Path, *, recorded: bool = True) -> Cell:
         robot=robot,
         frames=frames,
         T_hand_sensor_design=None if scp is None else Pose.from_fixed_xyz_deg(scp.rotation_deg, scp.translation_mm),
-        T_base_jig={n: _pose(source, n, g.T_base_jig) for n, g in file.locations.items() if g.T_base_jig is not None},
+        T_base_jig=_places(source, file),
         points=_points(folder, file, frames, frames_path, target, remarks.append) if recorded else None,
         truth=read_truth(truth) if truth.exists() else None,
         roles={name: given.role for name, given in file.locations.items() if given.role},
@@ -212,7 +224,25 @@ def read_cell(path: Path, *, recorded: bool = True) -> Cell:
         remarks=tuple(remarks),
         files=_files(source, file, (sensor_path, robot_path, frames_path)),
         workspace=_workspace(file.workspace, source),
+        mount=file.mount.sensor,
     )
+
+
+def _places(source: TomlSource, file: CellFile) -> dict[str, Pose]:
+    """The target's places: in the base, or in the hand that carries it before a fixed sensor."""
+    fixed = file.mount.sensor == "fixed"
+    right, wrong = ("T_hand_jig", "T_base_jig") if fixed else ("T_base_jig", "T_hand_jig")
+    out: dict[str, Pose] = {}
+    for name, given in file.locations.items():
+        if getattr(given, wrong) is not None:
+            carries = "the hand carries the target" if fixed else "the hand carries the sensor"
+            raise InputError(
+                f"{source.where(('locations', name, wrong))}: [locations.{name}] {wrong}: with [mount] sensor = "
+                f'"{file.mount.sensor}" {carries}, and {right} is right'
+            )
+        if (matrix := getattr(given, right)) is not None:
+            out[name] = _pose(source, name, matrix, right)
+    return out
 
 
 def _workspace(given: WorkspaceSection, source: TomlSource) -> Workspace:
@@ -327,15 +357,13 @@ def _preset(name: str, key: str) -> str:
     return f": it is a preset, and `perceptron-emu init --{key} {name} FOLDER` writes a cell with its file"
 
 
-def _pose(source: TomlSource, name: str, T_base_jig: Sequence[Sequence[float]]) -> Pose:
+def _pose(source: TomlSource, name: str, T_base_jig: Sequence[Sequence[float]], key: str) -> Pose:
     try:
         if not np.allclose(T_base_jig[3], (0, 0, 0, 1), rtol=0, atol=1e-9):
             raise InputError("the last row of a 4 × 4 transform is 0, 0, 0, 1")
         return Pose.from_matrix(T_base_jig, ATOL_ROTATION)
     except InputError as error:
-        raise InputError(
-            f"{source.where(('locations', name, 'T_base_jig'))}: [locations.{name}] T_base_jig: {error}"
-        ) from None
+        raise InputError(f"{source.where(('locations', name, key))}: [locations.{name}] {key}: {error}") from None
 
 
 def _check_location_names(file: CellFile, frames: tuple[Frame, ...], source: TomlSource) -> None:

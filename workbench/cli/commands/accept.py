@@ -320,15 +320,15 @@ def _deliver(record: Record, out: Path | None, report: Path | None, *, as_json: 
 
 
 def _show(record: Record) -> None:
-    from workbench.report import number
+    from workbench.accept import shown
 
     console = standard_output()
     table = Table(title=escape(f"{record.title}\n{record.standard}"), title_justify="left")
     for heading in ("figure", "value", "95 % interval", "unit"):
         table.add_column(heading, justify="left" if heading in ("figure", "unit") else "right")
     for f in record.figures:
-        interval = "" if f.bounds is None else f"{number(f.bounds.low, 4)} … {number(f.bounds.high, 4)}"
-        table.add_row(escape(f.name), number(f.value, 4), interval, f.unit)
+        interval = "" if f.bounds is None else f"{shown(f.bounds.low)} … {shown(f.bounds.high)}"
+        table.add_row(escape(f.name), shown(f.value), interval, f.unit)
     console.print(table)
     for line in record.not_judged:
         console.print(f"not judged: {line}", markup=False, soft_wrap=True)
