@@ -166,6 +166,13 @@ def test_a_cell_s_frames_are_placed_by_its_robot(cli: Cli, tmp_path: Path) -> No
     assert design.code == 0, design.err
     assert design.json["figures"]["PF"]["value"] > design.json["figures"]["PF_section"]["value"]
     assert "robot" in design.json["moved_by"]
+    text = (cell / "cell.toml").read_text(encoding="utf-8")
+    start = text.index("[scp_initial]")
+    end = text.find("\n[", start + 1)
+    (cell / "cell.toml").write_text(text[:start] + (text[end:] if end > 0 else ""), encoding="utf-8")
+    unplaced = cli(*asked, "--location", "A")
+    assert unplaced.code == 2
+    assert "--scp" in unplaced.err
 
 
 BAD = {

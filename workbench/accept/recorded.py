@@ -212,6 +212,8 @@ def _of_cell(what: Recording, remark: Remark, progress: Progress | None) -> Reco
     if what.step_mm is not None or what.positions is not None or what.sensor is not None:
         raise InputError(f"{what.paths[0]} is a cell: its own files tell the sensor and where it stood")
     cell = read_cell(what.paths[0])
+    if what.scp is None and cell.T_hand_sensor_design is None:
+        raise InputError(f"{what.paths[0]}: cell.toml has no [scp_initial]: give --scp, a result of calibrate --json")
     T_hand_sensor, words = (
         (cell.design, "the SCP is [scp_initial]") if what.scp is None else scp_of(cell, read_result(what.scp))
     )
