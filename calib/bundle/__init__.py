@@ -1,6 +1,15 @@
 """All frames at once: SCP, places of the target, robot and shape, with outliers, noise and covariance."""
 
-from calib.bundle.evidence import DistanceBetween, Evidence, SeatedTool, TrackedPoint, check_evidence
+from calib.bundle.evidence import (
+    DISTANCE_SIGMA_MM,
+    SEAT_SIGMA_MM,
+    TRACKER_SIGMA_MM,
+    DistanceBetween,
+    Evidence,
+    SeatedTool,
+    TrackedPoint,
+    check_evidence,
+)
 from calib.bundle.hands import Hands
 from calib.bundle.information import (
     FrameInformation,
@@ -21,8 +30,11 @@ from calib.bundle.starts import chain_start, hand_eye_start
 from calib.bundle.unknown_mount import free_start, rotation_grid
 
 __all__ = [
+    "DISTANCE_SIGMA_MM",
     "ROBOT_EVIDENCE",
     "ROBOT_TIMES",
+    "SEAT_SIGMA_MM",
+    "TRACKER_SIGMA_MM",
     "Bundle",
     "DistanceBetween",
     "Evidence",
