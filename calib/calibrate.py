@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+from calib.bundle import Evidence, check_evidence
 from calib.config import CalibConfig
 from calib.copies import in_order, without_copies
 from calib.hands import with_joints
@@ -23,6 +24,7 @@ def calibrate(
     places: Mapping[str, Pose] | None = None,
     config: CalibConfig | None = None,
     mount: Mount = "hand",
+    evidence: Sequence[Evidence] = (),
 ) -> CalibrationResult:
     """Solve the sensor centre position from all frames with role calibrate; judge it on all locations.
 
@@ -44,6 +46,8 @@ def calibrate(
     mount : "hand" or "fixed"
         Where the sensor is. With "fixed" it stands in the base and the hand carries the target: T_hand_sensor is then
         T_base_sensor, here and in the answer, and every T_base_target is T_hand_target.
+    evidence : sequence of Evidence, optional
+        What is known beside the points: a tracker's positions, sockets, distances.
 
     Returns
     -------
@@ -64,7 +68,8 @@ def calibrate(
     asked = config or CalibConfig()
     given = seen_from(mount, without_copies(with_joints(in_order(frames), robot)))
     setup = Setup(one_or_more(target, frames), robot, sensor, T_hand_sensor, places or {}, asked)
-    setup, model_words = with_model(setup, given)
+    check_evidence(evidence, robot, all(f.joints_rad is not None for f in given))
+    setup, model_words = with_model(replace(setup, evidence=tuple(evidence)), given)
     setup = replace(setup, robot=chain_of(mount, setup.robot))
 
     stated = prepare(setup, given)  # labels and axis points, by design and then by the chain that the bundle solves

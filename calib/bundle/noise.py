@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.bundle.problem import Bundle
-from calib.bundle.solve import hand_twists, linearisations
+from calib.bundle.solve import hand_twists, linearisations, other_linearisations
 from calib.config import CalibConfig
 from calib.engine import Result, deviance, lowest, total_cost
 from geometry import require_arm
@@ -80,7 +80,8 @@ def weigh(bundle: Bundle, result: Result, config: CalibConfig) -> Weighed:
 
 def stated_cost(stated: Bundle, result: Result) -> float:
     """Cost of a fit by the noise stated."""
-    return total_cost(result.unknowns, result.state, [t.linearise(result.state) for t in stated.terms])
+    terms = (*stated.terms, *stated.further)
+    return total_cost(result.unknowns, result.state, [t.linearise(result.state) for t in terms])
 
 
 def joint_sigma_deg(bundle: Bundle) -> float:
@@ -151,7 +152,7 @@ def estimate_noise(bundle: Bundle, result: Result, variances: Variances) -> Arra
 def _deviance(noisy: Bundle, result: Result) -> float:
     """Of a problem's noise, at the linearised solution."""
     lins = zip(noisy.terms, linearisations(result), strict=True)
-    return deviance(result, [t.relinearised(lin) for t, lin in lins])
+    return deviance(result, [*(t.relinearised(lin) for t, lin in lins), *other_linearisations(result)])
 
 
 def _gain(other: Bundle, bundle: Bundle, result: Result) -> float:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.bundle.evidence import Evidence
 from calib.bundle.hands import Hands
 from calib.bundle.noise import Weighed, stated_cost, weigh
 from calib.bundle.problem import Bundle, estimated_parameters, estimates_sensor
@@ -92,8 +93,23 @@ def make_bundle(
     robot: Robot | None,
     config: CalibConfig,
     sensor: Sensor | None = None,
+    evidence: Sequence[Evidence] = (),
 ) -> Bundle:
-    """The problem of labelled frames on a target, or on one by location; without a ``sensor`` its file is exact."""
+    """The problem of labelled frames on a target, or on one by location; without a ``sensor`` its file is exact.
+
+    evidence: what is known beside the points.
+    """
+    bundle = _of_points(used, target, robot, config, sensor)
+    return bundle.with_evidence(evidence) if evidence else bundle
+
+
+def _of_points(
+    used: tuple[Frame, ...],
+    target: Target | Mapping[str, Target],
+    robot: Robot | None,
+    config: CalibConfig,
+    sensor: Sensor | None,
+) -> Bundle:
     errors = SensorErrors.of(sensor, estimates_sensor(config.model))
     joints = [f.joints_rad for f in used]
     locations = [f.location for f in used]

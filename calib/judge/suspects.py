@@ -189,7 +189,11 @@ def evidence_of(solution: Solution, sensor: Sensor | None) -> Evidence:
     every, u = solution.every, bundle.unknowns
     state = grown(bundle, every.state)
     normal = total_normal(
-        u, state, [t.linearise(state) for t in bundle.terms], every.whites, np.ones(u.size, dtype=bool)
+        u,
+        state,
+        [t.linearise(state) for t in (*bundle.terms, *bundle.further)],
+        every.whites,
+        np.ones(u.size, dtype=bool),
     )
     schur, gains = reduced(normal)
     x, weight = departure(u, state), u.prior_weight

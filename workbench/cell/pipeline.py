@@ -130,6 +130,7 @@ def solve(cell: Cell, observed: Observed, config: CalibConfig | None = None) -> 
         {n: T for n, T in cell.T_base_jig.items() if isinstance(_target(cell, n), Jig)},
         config,
         cell.mount,
+        cell.evidence,
     )
     verdict = with_complaints(result.verdict, observed.complaints, cell.folder)
     notes = (*remarks(result), *out_of_limits(cell), *cell.remarks, *observed.remarks, *result.remarks)

@@ -11,6 +11,7 @@ import numpy as np
 from pydantic import Field, field_validator
 
 import assets
+from calib.bundle import Evidence
 from calib.mount import Mount
 from geometry import (
     Arm,
@@ -30,6 +31,7 @@ from jig_cad import Jig
 from jig_cad.files import table_model
 from perceptron_emu import EmulatorConfig
 from workbench.files.controller_poses import ControllerPoses, PosesSection, controller_poses
+from workbench.files.evidence_csv import EvidenceSection, read_evidence
 from workbench.files.frames_csv import LONGEST_NAME, read_frames
 from workbench.files.points_csv import GivenPoints, read_points
 from workbench.files.robot_file import read_robot
@@ -93,6 +95,7 @@ class CellFile(FileSection):
     poses: PosesSection | None = None
     workspace: WorkspaceSection = Field(default_factory=WorkspaceSection)
     mount: MountSection = Field(default_factory=MountSection)
+    evidence: EvidenceSection = Field(default_factory=EvidenceSection)
     locations: dict[str, LocationSection] = Field(default_factory=dict)
 
     @field_validator("locations", mode="before")
@@ -113,7 +116,7 @@ class Cell:
     emulator: how images of the cell are made, no knowledge of a recorded one. remarks: a sentence for all that is
     doubtful in the files and was read nevertheless. workspace: the floor and boxes that nothing may touch.
     mount: "fixed" where the sensor stands and the hand carries the target: T_hand_sensor_design is then T_base_sensor,
-    T_base_jig is T_hand_jig.
+    T_base_jig is T_hand_jig. evidence: what is known beside the frames.
     """
 
     folder: Path
@@ -134,6 +137,7 @@ class Cell:
     files: tuple[Path, ...] = ()
     workspace: Workspace = field(default_factory=Workspace)
     mount: Mount = "hand"
+    evidence: tuple[Evidence, ...] = ()
 
     @property
     def jig(self) -> Jig:
@@ -204,6 +208,7 @@ def read_cell(path: Path, *, recorded: bool = True) -> Cell:
     if frames:
         _check_location_names(file, frames, source)
     truth = folder / "truth.json"
+    evidence = _evidence(file, folder, robot, source, remarks.append) if recorded else ()
     target = _read_targets(folder, file, source, frames)
     scp = file.scp_initial
     return Cell(
@@ -225,7 +230,15 @@ def read_cell(path: Path, *, recorded: bool = True) -> Cell:
         files=_files(source, file, (sensor_path, robot_path, frames_path)),
         workspace=_workspace(file.workspace, source),
         mount=file.mount.sensor,
+        evidence=evidence,
     )
+
+
+def _evidence(
+    file: CellFile, folder: Path, robot: Arm | None, source: TomlSource, remark: Remark
+) -> tuple[Evidence, ...]:
+    n_joints = None if robot is None else robot.n_joints
+    return read_evidence(file.evidence, folder, n_joints, source.where(("evidence",)), remark)
 
 
 def _places(source: TomlSource, file: CellFile) -> dict[str, Pose]:
@@ -259,7 +272,8 @@ def _files(source: TomlSource, file: CellFile, read: Sequence[Path | None]) -> t
     """cell.toml and the files that it names, and a points.csv that stands in place of images."""
     folder = source.path.parent
     targets = [given.target for given in file.locations.values()]
-    named = [folder / n for n in dict.fromkeys((file.jig, file.target, *targets, file.points or "points.csv")) if n]
+    given = (file.jig, file.target, *targets, file.points or "points.csv", file.evidence.tracker, file.evidence.sockets)
+    named = [folder / n for n in dict.fromkeys(given) if n]
     return tuple(p for p in (source.path, *read, *named) if p is not None and p.is_file())
 
 

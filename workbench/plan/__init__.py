@@ -1,7 +1,17 @@
 """Views of a target: what a sensor can see and an arm can reach, and which views tell most."""
 
 from workbench.plan.choose import LEVER_MM, RANDOM_PLANS, random_plans, size_mm
-from workbench.plan.clearance import HAND_MM, SAFE_MM, Standing, carrying, room_in_workspace_mm, standing, target_boxes
+from workbench.plan.clearance import (
+    HAND_MM,
+    SAFE_MM,
+    Standing,
+    carrying,
+    room_at_target_mm,
+    room_before_fixed,
+    room_in_workspace_mm,
+    standing,
+    target_boxes,
+)
 from workbench.plan.expected import expected_points
 from workbench.plan.moves import Move
 from workbench.plan.next_view import NextView, SurfacePlan, next_views
@@ -39,6 +49,8 @@ __all__ = [
     "pooled",
     "propose",
     "random_plans",
+    "room_at_target_mm",
+    "room_before_fixed",
     "room_in_workspace_mm",
     "rounds",
     "seen_whole",
