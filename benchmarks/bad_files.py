@@ -37,6 +37,7 @@ from geometry import InputError, NoAnswerError
 from jig_cad import read_jig
 from perceptron_emu import read_scene
 from perceptron_emu.mesh_file import read_mesh
+from workbench.accept import accept_gauge, accept_repeat, read_series
 from workbench.campaign import read_plan
 from workbench.cli.main import run
 from workbench.files import (
@@ -227,6 +228,12 @@ def good_files(folder: Path) -> list[Format]:
         write_scan_lines(folder / name, [line], replace(told, format=kind))
         forms.append(Format(f"profile {kind}", name, lambda p: read_scan_lines(p, told)))
     forms.append(Format("profile csv, stripes", "profile_csv.csv", read_profile_csv))
+    study = [f"{i},{o},{t},{i + 0.1 * t + 0.3 * (o == 'B'):.2f}" for i in range(4) for o in "AB" for t in (1, 2)]
+    (folder / "study.csv").write_text("part,operator,trial,value\n" + "\n".join(study) + "\n")
+    forms.append(Format("gauge study", "study.csv", lambda p: accept_gauge(p, tolerance_mm=1.0)))
+    forms.append(
+        Format("series of a master", "study.csv", lambda p: accept_repeat([read_series(p)], [p], tolerance=1.0))
+    )
     return forms
 
 

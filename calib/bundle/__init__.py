@@ -1,5 +1,15 @@
 """All frames at once: SCP, places of the target, robot and shape, with outliers, noise and covariance."""
 
+from calib.bundle.evidence import (
+    DISTANCE_SIGMA_MM,
+    SEAT_SIGMA_MM,
+    TRACKER_SIGMA_MM,
+    DistanceBetween,
+    Evidence,
+    SeatedTool,
+    TrackedPoint,
+    check_evidence,
+)
 from calib.bundle.hands import Hands
 from calib.bundle.information import (
     FrameInformation,
@@ -10,7 +20,7 @@ from calib.bundle.information import (
     scaled,
     scp_covariance,
 )
-from calib.bundle.noise import given_noise, reweighed
+from calib.bundle.noise import ROBOT_EVIDENCE, ROBOT_TIMES, given_noise, reweighed
 from calib.bundle.on_target import OnTarget, OnTargetLinearised
 from calib.bundle.problem import Bundle, estimated_parameters, estimates_compliance, estimates_sensor
 from calib.bundle.robust import solve_robust
@@ -20,7 +30,14 @@ from calib.bundle.starts import chain_start, hand_eye_start
 from calib.bundle.unknown_mount import free_start, rotation_grid
 
 __all__ = [
+    "DISTANCE_SIGMA_MM",
+    "ROBOT_EVIDENCE",
+    "ROBOT_TIMES",
+    "SEAT_SIGMA_MM",
+    "TRACKER_SIGMA_MM",
     "Bundle",
+    "DistanceBetween",
+    "Evidence",
     "Explained",
     "FrameInformation",
     "Hands",
@@ -28,9 +45,12 @@ __all__ = [
     "Model",
     "OnTarget",
     "OnTargetLinearised",
+    "SeatedTool",
     "Solution",
+    "TrackedPoint",
     "answered",
     "chain_start",
+    "check_evidence",
     "covariances_with",
     "estimated_parameters",
     "estimates_compliance",

@@ -189,7 +189,11 @@ def evidence_of(solution: Solution, sensor: Sensor | None) -> Evidence:
     every, u = solution.every, bundle.unknowns
     state = grown(bundle, every.state)
     normal = total_normal(
-        u, state, [t.linearise(state) for t in bundle.terms], every.whites, np.ones(u.size, dtype=bool)
+        u,
+        state,
+        [t.linearise(state) for t in (*bundle.terms, *bundle.further)],
+        every.whites,
+        np.ones(u.size, dtype=bool),
     )
     schur, gains = reduced(normal)
     x, weight = departure(u, state), u.prior_weight
@@ -226,8 +230,6 @@ def suspects_of(bundle: Bundle) -> tuple[Suspect, ...]:
 
 
 def _of_robot(bundle: Bundle) -> Iterator[Suspect]:
-    if bundle.hands.inferred:  # of a pose's several joint solutions the wrong one may be taken: no number's fault
-        return
     for i, p in enumerate(bundle.hands.robot.parameters):
         if p.sigma > 0:
             gross = max(float(GROSS.get(p.group, GROSS_TIMES * p.sigma)), 3 * p.sigma)

@@ -9,7 +9,7 @@ from calib.compliance import compliance_words
 from calib.copies import COPY, copy_notes
 from calib.given_places import given_place_notes
 from calib.hands import hand_pose_notes
-from calib.judge import cause_of, culprit, frames_contradict, strangers, wrong_jig
+from calib.judge import cause_of, culprit, frames_contradict, strangers, with_own_poses, wrong_jig
 from calib.printed import gimbal_note
 from calib.result import CalibrationResult, Verdict
 from calib.stages.setup import CONTRADICTED, Prepared, Setup
@@ -77,8 +77,9 @@ def _remarks(setup: Setup, labelled: tuple[Frame, ...], result: CalibrationResul
 
 def _left_out_notes(setup: Setup, labelled: tuple[Frame, ...], result: CalibrationResult) -> tuple[str, ...]:
     """What whole frames that the answer does without have against them."""
-    gone = {f.number for f in result.frames if f.reason == "outlier" and f.role == "calibrate"}
+    gone = {f.number for f in result.frames if f.reason in ("outlier", "not_labelled") and f.role == "calibrate"}
     if not gone or not result.verdict.trustworthy or not isinstance(setup.target, Jig):
         return ()
-    words = strangers(labelled, setup.target, gone)
+    posed = with_own_poses(labelled, setup.target, setup.sensor, setup.config)
+    words = strangers(posed, setup.target, gone)
     return (f"{words}. The answer does without {'it' if len(gone) == 1 else 'them'}",) if words else ()

@@ -19,6 +19,16 @@ from calib.surface import Begun, begin_on_surfaces, degenerate
 from geometry import Frame, Pose, Target, locations_of, stack_poses, target_at, with_compliance_prior
 from jig_cad import Balls, Jig
 
+_NO_JOINTS = (
+    "the frames give no joint readings that a robot's table turns into poses, so its errors can not be told from the "
+    "SCP: the SCP alone was solved (model scp)"
+)
+_ARM_OPEN = (
+    "a hand pose has several joint solutions, and through the wrong one the robot's errors act otherwise: they are not "
+    "estimated but carried in σ, and the SCP alone was solved (model scp); status and turn columns, or joint readings, "
+    "would let them be estimated (model full)"
+)
+
 
 def prepare(setup: Setup, given: tuple[Frame, ...]) -> Prepared:
     """Labels and axis points by design, then by the solved chain, with the bundle's answer; for both methods.
@@ -148,10 +158,7 @@ def with_model(setup: Setup, given: tuple[Frame, ...]) -> tuple[Setup, tuple[str
         return _with_compliance(setup), ()
     joints = setup.robot is not None and all(f.joints_rad is not None and not f.joints_inferred for f in given)
     model = asked.replace("auto", "full") if joints else "scp"
-    words = (
-        "the frames give no joint readings that a robot's table turns into poses, so its errors can not be told from "
-        "the SCP: the SCP alone was solved (model scp)"
-    )
+    words = _ARM_OPEN if any(f.joints_inferred for f in given) else _NO_JOINTS
     return _with_compliance(setup.with_config(model=model)), () if joints else (words,)
 
 

@@ -20,6 +20,7 @@ Float32 = NDArray[np.float32]
 
 FIELD_GRAINS, MAX_FIELD = 384, 2048  # side of the field that tiles are cut from, in grains; at most so many cells
 TILE_CELLS, SEAM_GRAINS, SEAMS_A_TILE = 256, 3.0, 4  # a tile's side; its seam is at most a quarter of it
+SEAM_STEP, FIELD_STEP = 8, 256  # cells
 _FIELD_KEY = 0x5EED
 _FAR = 0x40000000  # added to rows and columns of tiles: the grid reaches as far before its origin as behind
 MIN_CONTRAST = 0.1  # of drawn patterns, which take their number; weaker ones are this one beside steady light
@@ -254,9 +255,10 @@ class _Field(NamedTuple):
 
 @lru_cache(maxsize=8)
 def _field(grain: float) -> _Field:
-    seam = math.ceil(SEAM_GRAINS * grain)
+    # sizes go in steps: a lens a little wider has the same pattern, a little finer
+    seam = SEAM_STEP * math.ceil(SEAM_GRAINS * grain / SEAM_STEP)
     tile = max(TILE_CELLS, SEAMS_A_TILE * seam)
-    side = scipy.fft.next_fast_len(max(2 * (tile + seam), min(math.ceil(FIELD_GRAINS * grain), MAX_FIELD)))
+    side = FIELD_STEP * math.ceil(max(2 * (tile + seam), min(FIELD_GRAINS * grain, MAX_FIELD)) / FIELD_STEP)
     spectrum = white_noise(0, 0, side, side, [_FIELD_KEY])[0]
     spectrum *= _pupil(side, grain)
     amplitude = scipy.fft.ifft2(spectrum, overwrite_x=True)

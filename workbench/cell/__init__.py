@@ -19,7 +19,7 @@ from workbench.cell.presets import (
     find_target,
     preset_path,
 )
-from workbench.cell.profiling import ProfileSource, is_profile_file, read_profile, usable
+from workbench.cell.profiling import ProfileSource, is_profile_file, read_profile, usable, with_options
 from workbench.cell.speckle import dataset_config, with_known_grain
 from workbench.cell.starter import PLACES, place_of_jig, write_starter
 from workbench.cell.stripes import (
@@ -92,5 +92,6 @@ __all__ = [
     "wall_behind",
     "why_no_stripe",
     "with_known_grain",
+    "with_options",
     "write_starter",
 ]

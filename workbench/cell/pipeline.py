@@ -129,6 +129,8 @@ def solve(cell: Cell, observed: Observed, config: CalibConfig | None = None) -> 
         # what is given of a surface's place decides nothing: it has no half turn
         {n: T for n, T in cell.T_base_jig.items() if isinstance(_target(cell, n), Jig)},
         config,
+        cell.mount,
+        cell.evidence,
     )
     verdict = with_complaints(result.verdict, observed.complaints, cell.folder)
     notes = (*remarks(result), *out_of_limits(cell), *cell.remarks, *observed.remarks, *result.remarks)
@@ -183,8 +185,13 @@ def _measured(cell: Cell, config: ExtractionConfig, profile: ProfileSettings) ->
     read: dict[int, _Picture] = {}
     with ThreadPoolExecutor(WORKERS) as pool:
         if any(isinstance(target, Jig) for target in cell.targets):
-            total = len(cell.frames)
-            config = dataset_config(cell.sensor, config, total, lambda some: _readable(cell, some, pool, read))
+            ranked = sorted(range(len(cell.frames)), key=lambda k: cell.frames[k].number)  # rows may stand in any order
+            config = dataset_config(
+                cell.sensor,
+                config,
+                len(ranked),
+                lambda some: _readable(cell, [ranked[k] for k in some], pool, read),
+            )
         yield from pool.map(
             lambda k: _from_image(cell, cell.frames[k], config, profile, read.pop(k, None)), range(len(cell.frames))
         )

@@ -7,8 +7,9 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import ValidationError
 
-from extraction import Profile, extract_profile, read_profile_csv, region_mask
+from extraction import GapFlushConfig, Profile, extract_profile, read_profile_csv, region_mask
 from geometry import InputError, Remark, no_remark, read_bytes
 from geometry.sensor import AUTO, ProfileOutput
 from workbench.files import LOSSY_SUFFIXES, SUFFIXES, Image, Settings, read_image, read_sensor
@@ -26,6 +27,14 @@ class ProfileSource:
     laser_off: Path | None = None
     mask: Path | None = None
     settings: Settings = field(default_factory=Settings)
+
+
+def with_options(config: GapFlushConfig, told: dict[str, object]) -> GapFlushConfig:
+    """Settings with some of them told anew; InputError where they do not go together."""
+    try:
+        return GapFlushConfig.model_validate(config.model_dump() | told)
+    except ValidationError as error:
+        raise InputError(error.errors()[0]["msg"].removeprefix("Value error, ")) from None
 
 
 def is_profile_file(path: Path) -> bool:

@@ -89,4 +89,8 @@ SLIDERS: Mapping[str, Slider] = {
     "gapflush.max_chi2_per_dof": Slider(1.1, 50, log=True, search=False),
 }
 # what a settings file may hold, and what nobody needs to move by hand, or what the page has a tool of its own for
-FILE_ONLY = ("score", "doubt", "region", "what", "measure", "calib", "tolerances", "stripe.region_px")
+FILE_ONLY = (
+    "score", "doubt", "region", "what", "measure", "calib", "tolerances", "stripe.region_px", "gapflush.definition",
+    "gapflush.axis", "gapflush.tangent_deg", "gapflush.fixed_radius_mm", "gapflush.gauge_depth_mm",
+    "gapflush.gauge_offset_mm",
+)  # fmt: skip
