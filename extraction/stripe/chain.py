@@ -91,17 +91,14 @@ class Chain:
 
 def together(parts: list[Ridges]) -> Ridges:
     """The chains of several searches."""
-    if len(parts) == 1:
-        return parts[0]
-    nodes = [np.concatenate(column) for column in zip(*(p[1:] for p in parts), strict=True)]
-    chains = np.concatenate([p.chains for p in parts])
-    at = 0
-    done = 0
-    for p in parts:
-        own = chains[done : done + len(p.chains)]
-        own["start"] += at
-        own["stop"] += at
-        at, done = at + len(p.section), done + len(p.chains)
+    some = [p for p in parts if len(p.chains)] or parts[:1]
+    if len(some) == 1:
+        return some[0]
+    nodes = [np.concatenate(column) for column in zip(*(p[1:] for p in some), strict=True)]
+    chains = np.concatenate([p.chains for p in some])
+    at = np.cumsum([0, *(len(p.section) for p in some[:-1])]).repeat([len(p.chains) for p in some])
+    chains["start"] += at
+    chains["stop"] += at
     return Ridges(chains, *nodes)
 
 
@@ -111,18 +108,14 @@ def each_once(ridges: Ridges) -> list[Chain]:
     The better of two on one ridge has more light times significance: a plateau's middle beats its edges, and of two
     scales the one of better signal to noise gives place and ends.
     """
+    if len(ridges.chains) == 0:
+        return []
     out = []
-    for c in ridges.chains[_kept(ridges)].tolist():
-        row = dict(zip(CHAIN.names or (), c, strict=True))
-        own = slice(row["start"], row["stop"])
-        out.append(
-            Chain(
-                ridges.section[own],
-                ridges.place[own],
-                ridges.response[own],
-                *(row[name] for name in ("scale", "step", "significance", "light", "contrast", "evidence")),
-            )
-        )
+    for _, light, contrast, evidence, significance, *_, start, stop, scale, step in ridges.chains[
+        _kept(ridges)
+    ].tolist():
+        nodes = (values[start:stop] for values in ridges[1:])
+        out.append(Chain(*nodes, scale, step, significance, light, contrast, evidence))
     return out
 
 
