@@ -115,8 +115,8 @@ def each_once(ridges: Ridges) -> list[Chain]:
     for _, light, contrast, evidence, significance, *_, start, stop, scale, step in ridges.chains[
         _kept(ridges)
     ].tolist():
-        nodes = (values[start:stop] for values in ridges[1:])
-        out.append(Chain(*nodes, scale, step, significance, light, contrast, evidence))
+        section, place, response = ridges.section[start:stop], ridges.place[start:stop], ridges.response[start:stop]
+        out.append(Chain(section, place, response, scale, step, significance, light, contrast, evidence))
     return out
 
 
