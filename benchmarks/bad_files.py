@@ -37,8 +37,8 @@ from geometry import InputError, NoAnswerError
 from jig_cad import read_jig
 from perceptron_emu import read_scene
 from perceptron_emu.mesh_file import read_mesh
+from workbench.accept import accept_gauge, accept_repeat, read_series
 from workbench.campaign import read_plan
-from workbench.cell import read_profile_settings
 from workbench.cli.main import run
 from workbench.files import (
     is_whole,
@@ -217,7 +217,7 @@ def good_files(folder: Path) -> list[Format]:
         Format("robot.toml of a urdf", "arm.toml", read_robot),
         Format("truth.json", "truth.json", read_truth),
         Format("settings", "settings.toml", lambda p: read_settings([p])),
-        Format("settings of stripes", "stripe.toml", lambda p: read_profile_settings([p])),
+        Format("settings of stripes", "stripe.toml", lambda p: read_settings([p])),
         Format("plan", "plan.toml", read_plan),
         Format("scene", "scene.toml", lambda p: read_scene(p, sensor)),
         *(Format(s, f"a.{s}", read_mesh) for s in ("stl", "obj", "ply", "glb")),
@@ -228,6 +228,12 @@ def good_files(folder: Path) -> list[Format]:
         write_scan_lines(folder / name, [line], replace(told, format=kind))
         forms.append(Format(f"profile {kind}", name, lambda p: read_scan_lines(p, told)))
     forms.append(Format("profile csv, stripes", "profile_csv.csv", read_profile_csv))
+    study = [f"{i},{o},{t},{i + 0.1 * t + 0.3 * (o == 'B'):.2f}" for i in range(4) for o in "AB" for t in (1, 2)]
+    (folder / "study.csv").write_text("part,operator,trial,value\n" + "\n".join(study) + "\n")
+    forms.append(Format("gauge study", "study.csv", lambda p: accept_gauge(p, tolerance_mm=1.0)))
+    forms.append(
+        Format("series of a master", "study.csv", lambda p: accept_repeat([read_series(p)], [p], tolerance=1.0))
+    )
     return forms
 
 

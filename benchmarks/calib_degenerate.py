@@ -1,7 +1,8 @@
 """Data from which no trustworthy answer follows: is it said, every time?
 
 Run: python benchmarks/calib_degenerate.py [CELLS] [SEED]. Every cell is spoilt in every way below; a verdict "ok" or
-"model_misfit" (exit code 0) counts as silence, "weak" as said. "named": how often the words name the very cause, where
+"model_misfit" (exit code 0) counts as silence, "weak" as said, and so does an answer without frames that a remark
+names. "named": how often the words name the very cause, where
 one is to be named. The last lines are sound data, where silence is right.
 """
 
@@ -53,6 +54,7 @@ NAMED = {
     "jig file of another size (height)": "its height_mm is about",
 }
 MIRROR = "mirror images that nothing resolves"
+LEFT_OUT = "ok, frames left out by name"
 LEVER = "lever that stands still (paper)"
 
 
@@ -164,10 +166,12 @@ def main() -> None:
         observed = observe(cell, made, rng, NOISE)
         for name, spoil in spoils().items():
             frames, jig, robot = spoil(observed.frames, cell, rng)
-            spoilt = CellFrames(frames, observed.sensor, observed.T_hand_sensor_design)
-            verdict = calibrated(spoilt, jig, robot).verdict
-            codes[name][verdict.code] += 1
-            named[name] += NAMED.get(name, "no cause to name") in verdict.text
+            spoilt = CellFrames(frames, observed.sensor, observed.design)
+            result = calibrated(spoilt, jig, robot)
+            cause = NAMED.get(name, "no cause to name")
+            remarked = any(cause in r for r in result.remarks)
+            codes[name][LEFT_OUT if remarked and result.verdict.code == "ok" else result.verdict.code] += 1
+            named[name] += remarked or cause in result.verdict.text
         mirrored, lever = mirror_frames(cell, rng, NOISE), constant_lever(cell, rng, NOISE)
         codes[MIRROR][calibrated(mirrored, cell.jig, None).verdict.code] += 1
         codes[LEVER][calibrated(lever, cell.jig, None, CalibConfig(method="paper")).verdict.code] += 1

@@ -1,25 +1,205 @@
-"""A sensor's calibration beside OpenCV's calibrateCamera with a plane fitted afterwards, on the same pictures.
+"""A sensor's calibration: beside OpenCV's on pictures, and against truth on emulated sensors.
 
     python benchmarks/calibrate_sensor.py FOLDER board.toml
+    python benchmarks/calibrate_sensor.py --sensors 200 [--tilt 1 10] [--seed 0] [--kept FILE.jsonl]
 
-Left out: the camera and the plane from the other views, the left-out board's pose from its corners alone.
+The first form prints left-out views of ours and of cv2.calibrateCamera with a plane fitted afterwards, on the same
+pictures: the peer with our stripes, and with a plain centre of mass of its own. Left out: the camera and the plane from
+the other views, the left-out board's pose from its corners alone.
+
+The second draws sensors (every other one with its chip tilted), views of them as points by geometry's lens (which is
+OpenCV's to rounding) with noise of 0.03 px, and prints
+
+NEES        squared errors of all stated parameters over their covariance, a parameter: 1 where it is true
+coverage    how often |error| < 1.96 sigma, of every parameter
+tilt        how often the chip's tilt was taken
+mapping     pixel to (y, z) where stripes were seen, after the best rigid motion within the sheet: root mean square
+            error over its bound by the points' own sigma and the true set of terms, and over the stated sigma
+left out    root mean square of left-out views over that of the true set of terms
 """
 
 from __future__ import annotations
 
-import sys
+import argparse
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import chi2
 
-from calib.sensor import BoardView
-from geometry import Board
+from calib.sensor import BoardView, SensorCalibration, calibrate_sensor
+from calib.sensor.bundle import SensorBundle
+from calib.sensor.sheet_frame import camera_rows, sheet_deviations, sheet_frame, to_sheet
+from calib.sensor.terms import BOARD, CAMERA, PLANE
+from calib.sensor.views import Views
+from calib.synthetic.boards import SIZE_PX, SyntheticSensor, observe_boards, parameter_errors, synthetic_sensor
+from geometry import Board, State
 from workbench.files import ViewFiles, find_views, read_board, read_image
 from workbench.sensor import calibrate_recording, read_recording
 
 Array = NDArray[np.float64]
+
+CENTRE = (np.array(SIZE_PX) - 1) / 2
+EVERY = 5  # of the stripes' pixels, where the mapping is compared
+COVERED = 1.96  # sigma that hold 95 %
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """What one sensor gave. mapping: mean squares of error, bound and stated variance [mm2]."""
+
+    tilt_deg: float
+    terms: tuple[str, ...]
+    nees: float
+    pulls: dict[str, float]
+    mapping: tuple[float, float, float]
+    left_out: tuple[float, float]
+    verdict: str
+
+
+def trial(seed: int, index: int, tilt_deg: float) -> Trial:
+    """A sensor drawn, observed and calibrated."""
+    rng = np.random.default_rng([seed, index])
+    sensor = synthetic_sensor(rng, tilt_deg)
+    views = observe_boards(sensor, rng)
+    found = calibrate_sensor(views, SIZE_PX)
+    if found.solution is None:
+        return Trial(tilt_deg, (), np.nan, {}, (np.nan,) * 3, (np.nan,) * 2, found.verdict.code)
+    s = found.solution
+    error, covariance = parameter_errors(s, sensor), s.uncertainty.covariance
+    pulls = error / np.sqrt(np.diag(covariance))
+    return Trial(
+        tilt_deg,
+        s.terms,
+        float(error @ np.linalg.solve(covariance, error)),
+        dict(zip(s.uncertainty.parameters, pulls.tolist(), strict=True)),
+        mapping(found, sensor, views),
+        left_out_ratio(found, sensor),
+        found.verdict.code,
+    )
+
+
+def left_out_ratio(found: SensorCalibration, sensor: SyntheticSensor) -> tuple[float, float]:
+    """Root mean squares of left-out corners and stripes with the chosen terms over those with the true ones."""
+    assert found.solution is not None
+    by_terms = {t.terms: t for t in found.tried}
+    mine, true = by_terms[found.solution.terms], by_terms[sensor.terms]
+    return mine.reprojection_rms_px / true.reprojection_rms_px, mine.plane_rms_mm / true.plane_rms_mm
+
+
+def mapping(
+    found: SensorCalibration, sensor: SyntheticSensor, views: Sequence[BoardView]
+) -> tuple[float, float, float]:
+    """Mean squares [mm2] of the mapping's error, its bound and its stated variance, free of rigid motions."""
+    s = found.solution
+    assert s is not None
+    uv = np.concatenate([v.stripe.uv_px for v in views])[::EVERY] - CENTRE
+    true_camera, camera = (np.concatenate([c[:2], c[2:4] - CENTRE, c[4:]]) for c in (sensor.camera, s.camera))
+    true_plane, plane = sensor.normal / sensor.distance_mm, s.plane_normal / s.plane_mm
+    yz = to_sheet(true_camera, sheet_frame(true_camera, true_plane), uv)
+    rigid = _without_motion(yz)
+    error = rigid(to_sheet(camera, sheet_frame(camera, plane), uv).reshape(-1) - yz.reshape(-1))
+    bundle = SensorBundle(Views.of([_centred(v) for v in views]), sensor.terms, float(SIZE_PX[0]))
+    if len(found.views) == found.n_views:
+        start = State({CAMERA: true_camera, BOARD: s.boards, PLANE: true_plane})
+        result = bundle.settle(start)
+        bound = bundle.covariance(result).total
+        u = result.unknowns
+        columns = np.concatenate([u.indices(CAMERA)[list(camera_rows(sensor.terms))], u.indices(PLANE)])
+        by = rigid(_by_parameters(true_camera, true_plane, camera_rows(sensor.terms), uv))
+        bound_square = float(np.sum((by @ bound[np.ix_(columns, columns)]) * by)) / len(uv)
+    else:
+        bound_square = np.nan
+    stated = _stated(s.uncertainty.covariance, s.terms, camera, plane, uv)
+    return float(error @ error) / len(uv), bound_square, float(np.sum((stated[0] @ stated[1]) * stated[0])) / len(uv)
+
+
+def _stated(covariance: Array, terms: tuple[str, ...], camera: Array, plane: Array, uv: Array) -> tuple[Array, Array]:
+    """The mapping by the stated parameters, free of rigid motions, and their covariance."""
+    rows = camera_rows(terms)
+    by = _by_parameters(camera, plane, rows, uv)
+    turned = np.linalg.inv(sheet_deviations(sheet_frame(camera, plane), plane))
+    by = np.column_stack([by[:, : len(rows)], by[:, len(rows) :] @ turned])
+    yz = to_sheet(camera, sheet_frame(camera, plane), uv)
+    return _without_motion(yz)(by), covariance
+
+
+def _without_motion(yz: Array) -> Callable[[Array], Array]:
+    """What takes shifts and the turn within the sheet off values (2N, ...) of points (N, 2)."""
+    one, zero = np.ones(len(yz)), np.zeros(len(yz))
+    motions = np.stack([np.stack(m, -1).reshape(-1) for m in ((one, zero), (zero, one), (-yz[:, 1], yz[:, 0]))], -1)
+    q = np.linalg.qr(motions)[0]
+    return lambda values: values - q @ (q.T @ values)
+
+
+def _by_parameters(camera: Array, plane: Array, rows: tuple[int, ...], uv: Array) -> Array:
+    """Derivatives (2N, P) of (y, z) by the camera's numbers and the plane's vector, by central differences."""
+    columns = []
+    for i in (*rows, 18, 19, 20):
+        ends = []
+        for sign in (1.0, -1.0):
+            c, p = camera.copy(), plane.copy()
+            step = (1e-3 if i < 4 else 1e-6) if i < 18 else 1e-6 * np.linalg.norm(plane)
+            (c if i < 18 else p)[i if i < 18 else i - 18] += sign * step
+            ends.append(to_sheet(c, sheet_frame(c, p), uv).reshape(-1))
+        columns.append((ends[0] - ends[1]) / (2 * step))
+    return np.stack(columns, -1)
+
+
+def _centred(view: BoardView) -> BoardView:
+    return replace(
+        view,
+        corners=replace(view.corners, uv_px=view.corners.uv_px - CENTRE),
+        stripe=replace(view.stripe, uv_px=view.stripe.uv_px - CENTRE),
+    )
+
+
+def kept_trials(count: int, tilts: tuple[float, float], seed: int, kept: Path | None) -> list[Trial]:
+    """The trials, those of an earlier run out of the file ``kept``."""
+    rng = np.random.default_rng(seed)
+    drawn = [float(rng.uniform(*tilts)) if i % 2 else 0.0 for i in range(count)]
+    lines = kept.read_text().splitlines() if kept is not None and kept.exists() else []
+    trials = [Trial(**json.loads(line)) for line in lines[:count]]
+    for i in range(len(trials), count):
+        trials.append(trial(seed, i, drawn[i]))
+        if kept is not None:
+            with kept.open("a") as file:
+                file.write(json.dumps(asdict(trials[-1])) + "\n")
+    return trials
+
+
+def consistency(trials: Sequence[Trial]) -> None:
+    """Print the figures of sensors, every other of which has its chip tilted."""
+    for name, group in (("upright", trials[::2]), ("tilted", trials[1::2]), ("all", trials)):
+        good = [t for t in group if t.terms]
+        numbers = sum(len(t.pulls) for t in good)
+        total = sum(t.nees for t in good)
+        low, high = (chi2.ppf(p, numbers) / numbers for p in (0.025, 0.975))
+        print(f"{name}: {len(good)} of {len(group)} sensors")
+        print(f"  NEES a parameter {total / numbers:.3f} (95 % of chance: {low:.3f} to {high:.3f})")
+        worst = [t for t in good if chi2.sf(t.nees, len(t.pulls)) < 1e-3]
+        print(f"  sensors beyond one in a thousand: {len(worst)}")
+        print(f"  tilt taken: {np.mean(['tau_x' in t.terms for t in good]):.3f}")
+        names = dict.fromkeys(n for t in good for n in t.pulls)
+        held = {n: np.mean([abs(t.pulls[n]) < COVERED for t in good if n in t.pulls]) for n in names}
+        print("  coverage: " + ", ".join(f"{n} {100 * v:.0f}" for n, v in held.items()))
+        square = np.array([t.mapping for t in good])
+        square = square[np.isfinite(square).all(axis=1)]
+        rms = np.sqrt(square.mean(axis=0))
+        print(
+            f"  mapping: {1e3 * rms[0]:.2f} um, {rms[0] / rms[1]:.3f} of the bound, {rms[0] / rms[2]:.3f} of the "
+            f"stated ({len(square)} sensors)"
+        )
+        ratio = np.array([t.left_out for t in good])
+        print(
+            f"  left out over the true terms': mean {ratio.mean(axis=0).round(4)}, worst {ratio.max(axis=0).round(3)}"
+        )
+        codes = [t.verdict for t in group]
+        print("  verdicts: " + ", ".join(f"{c} {codes.count(c)}" for c in dict.fromkeys(codes)))
 
 
 def peer_corners(files: ViewFiles, board: Board, sensor: object) -> Array | None:
@@ -62,9 +242,9 @@ def peer(corners: list[Array], views: list[BoardView], board: Board, size: tuple
     return float(rms), float(np.sqrt(np.mean(np.concatenate(off) ** 2)))
 
 
-def main(folder: str, board_file: str) -> None:
-    """Print both."""
-    board, files = read_board(Path(board_file)), find_views(Path(folder))
+def beside_peers(folder: Path, board_file: Path) -> None:
+    """Print ours and the peer on the same pictures."""
+    board, files = read_board(board_file), find_views(folder)
     recording = read_recording(files, board)
     result = calibrate_recording(recording)
     print(
@@ -78,5 +258,20 @@ def main(folder: str, board_file: str) -> None:
     print(f"OpenCV and a plane afterwards: {rms:.4f} px, left-out plane {off:.4f} mm")
 
 
+def main() -> None:
+    """As the module's text says."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("pictures", nargs="*", type=Path, metavar="FOLDER board.toml")
+    parser.add_argument("--sensors", type=int, default=0)
+    parser.add_argument("--tilt", type=float, nargs=2, default=(1.0, 10.0))
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--kept", type=Path, help="file that trials are kept in, to go on from")
+    asked = parser.parse_args()
+    if asked.sensors:
+        consistency(kept_trials(asked.sensors, tuple(asked.tilt), asked.seed, asked.kept))
+    if len(asked.pictures) == 2:
+        beside_peers(*asked.pictures)
+
+
 if __name__ == "__main__":
-    main(*sys.argv[1:3])
+    main()

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+from calib.bundle import Evidence, check_evidence
 from calib.config import CalibConfig
 from calib.copies import in_order, without_copies
 from calib.hands import with_joints
+from calib.mount import Mount, chain_of, mount_words, seen_from
 from calib.result import CalibrationResult
 from calib.stages import Setup, concluded, judged_answer, of_true_size, one_or_more, paper_answer, prepare, with_model
 from geometry import Frame, InputError, Pose, Robot, Sensor, Target
@@ -21,6 +23,8 @@ def calibrate(
     T_hand_sensor: Pose | None,
     places: Mapping[str, Pose] | None = None,
     config: CalibConfig | None = None,
+    mount: Mount = "hand",
+    evidence: Sequence[Evidence] = (),
 ) -> CalibrationResult:
     """Solve the sensor centre position from all frames with role calibrate; judge it on all locations.
 
@@ -39,6 +43,11 @@ def calibrate(
     places : mapping of str to Pose, optional
         T_base_target of locations where it is known; it then decides between symmetric poses.
     config : CalibConfig, optional
+    mount : "hand" or "fixed"
+        Where the sensor is. With "fixed" it stands in the base and the hand carries the target: T_hand_sensor is then
+        T_base_sensor, here and in the answer, and every T_base_target is T_hand_target.
+    evidence : sequence of Evidence, optional
+        What is known beside the points: a tracker's positions, sockets, distances.
 
     Returns
     -------
@@ -57,9 +66,11 @@ def calibrate(
     if not frames:
         raise InputError("the dataset has no frames")
     asked = config or CalibConfig()
-    given = without_copies(with_joints(in_order(frames), robot))
+    given = seen_from(mount, without_copies(with_joints(in_order(frames), robot)))
     setup = Setup(one_or_more(target, frames), robot, sensor, T_hand_sensor, places or {}, asked)
-    setup, model_words = with_model(setup, given)
+    check_evidence(evidence, robot, all(f.joints_rad is not None for f in given))
+    setup, model_words = with_model(replace(setup, evidence=tuple(evidence)), given)
+    setup = replace(setup, robot=chain_of(mount, setup.robot))
 
     stated = prepare(setup, given)  # labels and axis points, by design and then by the chain that the bundle solves
     if asked.method == "paper":
@@ -68,5 +79,6 @@ def calibrate(
     else:
         prepared, size_words = of_true_size(stated)
         result = judged_answer(prepared)  # every number a suspect; locations left out in turn; figures
-    result = replace(result, model_asked=asked.model, remarks=(*model_words, *result.remarks))
+    words = (*model_words, *mount_words(mount))
+    result = replace(result, model_asked=asked.model, mount=mount, remarks=(*words, *result.remarks))
     return concluded(result, prepared, size_words)

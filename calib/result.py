@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from calib.as_json import result_object
 from calib.compliance import JointCompliance, joint_compliances
+from calib.mount import Mount
 from calib.prediction import prediction_jacobian
 from calib.printed import printed_sigmas
 from calib.sensor_errors import SensorErrors
@@ -306,6 +307,7 @@ class CalibrationResult:
     equal_weights: EqualWeights | None = None
     remarks: tuple[str, ...] = ()
     model_asked: str = ""
+    mount: Mount = "hand"
 
     def __str__(self) -> str:
         """The answer on a screen: what `print` shows."""

@@ -13,6 +13,7 @@ from calib.copies import copy_notes, in_order, without_copies
 from calib.figures import OffsetsFromTarget, agreeing_pose, fit_location
 from calib.hands import chain_poses, placed, with_joints
 from calib.label import label_frames, relabel
+from calib.mount import Mount, chain_of, seen_from
 from calib.result import LocationResult
 from calib.stages import by_target
 from calib.surface import begin_on_surfaces
@@ -60,6 +61,7 @@ def verify(
     places: Mapping[str, Pose] | None = None,
     config: CalibConfig | None = None,
     T_hand_sensor_design: Pose | None = None,
+    mount: Mount = "hand",
 ) -> Verification:
     """Judge an SCP on frames without solving for it: every location's place is fitted, its points' distances remain.
 
@@ -79,6 +81,8 @@ def verify(
     config : CalibConfig, optional
     T_hand_sensor_design : Pose, optional
         For the ``design`` figures; by default the same.
+    mount : "hand" or "fixed"
+        As for `calibrate`.
 
     Returns
     -------
@@ -92,7 +96,9 @@ def verify(
     if not frames:
         raise InputError("the dataset has no frames")
     settings, known = config or CalibConfig(), places or {}
-    given = without_copies(placed(with_joints(in_order(frames), robot), robot))
+    joined = seen_from(mount, with_joints(in_order(frames), robot))
+    robot = chain_of(mount, robot)
+    given = without_copies(placed(joined, robot))
     chain, design = (T_hand_sensor, robot), (T_hand_sensor_design or T_hand_sensor, robot)
     begun = begin_on_surfaces(given, target, robot, T_hand_sensor, settings)
     given, target, stands = begun.frames, begun.target, {**begun.places, **known}

@@ -8,6 +8,7 @@ from extraction.config import (
     FeatureConfig,
     GapFlushConfig,
     LocaliseConfig,
+    RegionConfig,
     ScoreConfig,
     SpotNoiseConfig,
     StripeConfig,
@@ -16,6 +17,7 @@ from extraction.features import FEATURE_KINDS, Circle, Line, TargetPoints, find_
 from extraction.gapflush import GapFlush, measure_gap_flush
 from extraction.image import MAX_PIXELS
 from extraction.reasons import Reason, Seen, explain
+from extraction.region import region_mask
 from extraction.sheet import SheetTable, image_to_sheet, sheet_table
 from extraction.spots import Stages, extract, extract_stages, learn_speckle, region_shapes
 from extraction.stripe import (
@@ -24,6 +26,8 @@ from extraction.stripe import (
     detect_stripe,
     extract_profile,
     flag_names,
+    peaks_text,
+    profile_text,
     read_profile_csv,
     write_peaks_csv,
     write_profile_csv,
@@ -45,6 +49,7 @@ __all__ = [
     "LocaliseConfig",
     "Profile",
     "Reason",
+    "RegionConfig",
     "ScoreConfig",
     "Seen",
     "SheetTable",
@@ -63,7 +68,10 @@ __all__ = [
     "image_to_sheet",
     "learn_speckle",
     "measure_gap_flush",
+    "peaks_text",
+    "profile_text",
     "read_profile_csv",
+    "region_mask",
     "region_shapes",
     "sheet_table",
     "write_peaks_csv",

@@ -6,13 +6,14 @@ comes from, where that is not the description itself. The ranges that the proces
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 MAX_GRAIN_PX = 1.7  # a coarser grain is correlated beyond the distances that the error budget tells apart
 
 Direction = Literal["auto", "columns", "rows"]
+GapDefinition = Literal["extreme", "tangent", "edge", "fixed_radius", "gauge"]
 Selection = Literal["stripe", "strongest", "first", "last", "continuous", "all"]
 
 
@@ -127,6 +128,19 @@ class DoubtConfig(_Section):
     max_skew_sigma: float = Field(default=4.0, gt=0, description="asymmetry along the spot over its own σ")
 
 
+Vertex = tuple[Annotated[float, Field(ge=-1e5, le=1e5)], Annotated[float, Field(ge=-1e5, le=1e5)]]
+Polygon = Annotated[tuple[Vertex, ...], Field(min_length=3, max_length=200)]
+
+
+class RegionConfig(_Section):
+    """The part of the image that is looked at: polygons of pixels (u, v)."""
+
+    keep: tuple[Polygon, ...] = Field(
+        default=(), max_length=100, description="polygons that are looked at; the whole image where there is none"
+    )
+    leave_out: tuple[Polygon, ...] = Field(default=(), max_length=100, description="polygons that are not looked at")
+
+
 class ExtractionConfig(_Section):
     """All settings of the extraction of string spots."""
 
@@ -135,6 +149,7 @@ class ExtractionConfig(_Section):
     localise: LocaliseConfig = LocaliseConfig()
     score: ScoreConfig = ScoreConfig()
     doubt: DoubtConfig = DoubtConfig()
+    region: RegionConfig = RegionConfig()
 
 
 class StripeConfig(_Section):
@@ -188,6 +203,22 @@ class GapFlushConfig(_Section):
     """
 
     reference: Literal["left", "right"] = Field(default="left", description="panel whose face gives the directions")
+    definition: GapDefinition = Field(default="extreme", description="between which points gap and flush run")
+    axis: Literal["face", "distance"] = Field(
+        default="face", description="the gap along the reference face, or straight from point to point"
+    )
+    tangent_deg: float = Field(
+        default=0.0, ge=0, le=90, description="turn from the face at the tangent point; 0: where the bend begins"
+    )
+    fixed_radius_mm: tuple[float, float] | None = Field(
+        default=None, description="known radii of the left and the right bend, not fitted then"
+    )
+    gauge_depth_mm: float | None = Field(
+        default=None, gt=0, description="how deep the gauge's feeler enters below the reference face"
+    )
+    gauge_offset_mm: float | None = Field(
+        default=None, ge=0, description="how far inside the other panel's edge the gauge's pin stands"
+    )
     min_face_mm: float = Field(default=3.0, gt=0, description="shortest straight stretch that is a panel's face")
     face_length_mm: float = Field(default=8.0, gt=0, description="length of the face that is used, from its edge")
     tolerance_mm: float = Field(default=0.05, gt=0, description="least distance at which a point is off a face")
@@ -204,6 +235,19 @@ class GapFlushConfig(_Section):
     max_chi2_per_dof: float = Field(
         default=4.0, gt=1, description="above it an edge is no line with an arc: flagged misfit"
     )
+
+    @model_validator(mode="after")
+    def _definition_is_told(self) -> GapFlushConfig:
+        radii = self.fixed_radius_mm
+        if radii is not None and not all(0 < r <= self.max_radius_mm for r in radii):
+            raise ValueError(
+                f"fixed_radius_mm {list(radii)} must lie above 0 and up to max_radius_mm {self.max_radius_mm:g}"
+            )
+        if self.definition == "fixed_radius" and radii is None:
+            raise ValueError('definition "fixed_radius" needs fixed_radius_mm = [left, right]')
+        if self.definition == "gauge" and (self.gauge_depth_mm is None or self.gauge_offset_mm is None):
+            raise ValueError('definition "gauge" needs gauge_depth_mm and gauge_offset_mm')
+        return self
 
 
 class FeatureConfig(_Section):

@@ -22,6 +22,7 @@ class Reason(StrEnum):
     PART_OF_BRIGHTER = "part_of_brighter"
     TOO_FAINT = "too_faint"
     IN_THE_NOISE = "in_the_noise"
+    OUTSIDE_REGION = "outside_region"
     # refused after the fit
     LOW_SCORE = "low_score"
     NOT_IN_THE_SHEET = "not_in_the_sheet"
@@ -79,6 +80,7 @@ MEANINGS: dict[Reason, Meaning] = {
         "stands {over_noise:.1f} × above the noise around it, {config.detect.threshold:g} × are needed",
         "detect.threshold",
     ),
+    Reason.OUTSIDE_REGION: Meaning("lies outside the region that is looked at", "region.keep"),
     Reason.LOW_SCORE: Meaning(
         "score {seen.score:.3f}: below the least score {config.localise.min_score:g}", "localise.min_score"
     ),

@@ -38,6 +38,8 @@ class Frame:
         Its file: an image or a profile.
     configuration : ArmConfiguration or None
         Which of the arm's solutions the controller says it was in.
+    sensor_fixed : bool
+        The sensor stands still and the hand carries the target: ``hand`` and ``T_base_hand`` are then T_hand_base.
     line : int
         Where it stands in frames.csv, 0 where it is in none.
     points : SurfacePoints
@@ -73,6 +75,7 @@ class Frame:
     profile: str = ""
     configuration: ArmConfiguration | None = None
     line: int = 0
+    sensor_fixed: bool = False
     points: SurfacePoints = field(default_factory=SurfacePoints.empty)
     axis: AxisPoints = field(default_factory=AxisPoints.empty)
     labels_given: bool = False

@@ -4,7 +4,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 from jig_cad.files import jig_from_table, jig_text, read_jig, write_jig
-from jig_cad.flat import Edge, Plane, Wedge
+from jig_cad.flat import Edge, Plane, Wedge, frame_with_x
 from jig_cad.jig import Jig, sample_tolerance
 from jig_cad.measured import Measured, measured_balls, measured_jig
 from jig_cad.pillar import ANCHORS, DEFAULT_STRINGS, STRINGS, Pillar, nominal_anchors
@@ -35,6 +35,7 @@ __all__ = [
     "drawing_svg",
     "export_jig",
     "export_target",
+    "frame_with_x",
     "jig_from_table",
     "jig_solids",
     "jig_text",

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from calib import CalibrationResult
 from geometry import json_text
-from workbench.cell import Observed, Progress, observe, solve
+from workbench.cell import Observed, ProfileSettings, Progress, observe, solve
 from workbench.files import Cell, Settings, read_cell, read_settings
 
 if TYPE_CHECKING:
@@ -85,5 +85,5 @@ def calibrate_cell(
     """
     cell = dataset if isinstance(dataset, Cell) else read_cell(Path(dataset))
     told = settings or read_settings([])
-    observed = observe(cell, told.extraction, progress)
+    observed = observe(cell, told.extraction, progress, ProfileSettings.of(told))
     return CalibratedCell(cell, observed, solve(cell, observed, told.calib), told)

@@ -27,9 +27,12 @@ class Hands:
     _last: dict[str, tuple[bytes, object]] = field(default_factory=dict, repr=False)
 
     @staticmethod
-    def at_poses(Ts_base_hand: Pose, noise: Array) -> Hands:
-        """Hands of which only the poses (F) are known, with a covariance (6, 6) in hand axes."""
-        robot = GivenPoses(Ts_base_hand, noise)
+    def at_poses(Ts_base_hand: Pose, noise: Array, *, inverted: bool = False) -> Hands:
+        """Hands of which only the poses (F) are known, with a covariance (6, 6) in hand axes.
+
+        inverted: the poses are T_hand_base.
+        """
+        robot = GivenPoses(Ts_base_hand, noise, about=Ts_base_hand.inverse() if inverted else None)
         return Hands(robot, robot.readings)
 
     def __len__(self) -> int:
@@ -59,6 +62,13 @@ class Hands:
     def groups(self) -> tuple[str, ...]:
         """Groups of the parameters (P,)."""
         return tuple(p.group for p in self.robot.parameters)
+
+    @property
+    def carried(self) -> Array:
+        """Adjoints (F, 6, 6) that carry twists of given poses' noise to those of the poses."""
+        if not isinstance(self.robot, GivenPoses):
+            return np.broadcast_to(np.eye(6), (len(self), 6, 6))
+        return self.robot.carried(self.readings)
 
     @property
     def noise(self) -> Array:

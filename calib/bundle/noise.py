@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calib.bundle.problem import Bundle
-from calib.bundle.solve import hand_twists, linearisations
+from calib.bundle.solve import hand_twists, linearisations, other_linearisations
 from calib.config import CalibConfig
 from calib.engine import Result, deviance, lowest, total_cost
-from geometry import Arm
+from geometry import require_arm
+from geometry.robot import is_arm
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -27,7 +28,9 @@ _SIMPLEX = -0.7  # first steps of the search, in the logarithm of a variance
 _CONTRADICTION = 13.8  # deviance gained by two variances; 0.1 % by chance
 _POINT_BOUNDS = (0.5, 2.5)  # factors of a variance beyond which the model, not the noise, is wrong
 _JOINT_BOUNDS = (0.01, 9.0)  # of the joints' variance: an arm ten times better or three times worse than stated
-_OWN_BOUNDS = (0.0, 1.0)  # a share
+_OWN_BOUNDS = (0.0, 1e4)  # of a share; above 1 the robot's errors are up to a hundred times what the file says
+_LARGER_GAIN = 16.0  # deviance: what a pull of 4 σ gains
+ROBOT_TIMES, ROBOT_EVIDENCE = "robot_error_times", "robot_error_evidence_sigma"  # of the noise found, where larger
 _OWN_START = 0.1  # share of the robot's variance that is a frame's own, where its search starts
 _MAX_CHI2 = 10.0  # per degree of freedom; beyond this something else than the noise is wrong
 _MIN_FREEDOM = 40  # fewer degrees of freedom say too little of a variance
@@ -77,13 +80,14 @@ def weigh(bundle: Bundle, result: Result, config: CalibConfig) -> Weighed:
 
 def stated_cost(stated: Bundle, result: Result) -> float:
     """Cost of a fit by the noise stated."""
-    return total_cost(result.unknowns, result.state, [t.linearise(result.state) for t in stated.terms])
+    terms = (*stated.terms, *stated.further)
+    return total_cost(result.unknowns, result.state, [t.linearise(result.state) for t in terms])
 
 
 def joint_sigma_deg(bundle: Bundle) -> float:
     """The joints' repeatability that robot.toml states [deg], 0 where no table stands behind the readings."""
     robot = bundle.hands.robot
-    return float(np.rad2deg(robot.dh_part().uncertainty.joint_sigma_rad)) if isinstance(robot, Arm) else 0.0
+    return float(np.rad2deg(require_arm(robot).dh_part().uncertainty.joint_sigma_rad)) if is_arm(robot) else 0.0
 
 
 def shape_sigma_mm(bundle: Bundle) -> float:
@@ -148,7 +152,7 @@ def estimate_noise(bundle: Bundle, result: Result, variances: Variances) -> Arra
 def _deviance(noisy: Bundle, result: Result) -> float:
     """Of a problem's noise, at the linearised solution."""
     lins = zip(noisy.terms, linearisations(result), strict=True)
-    return deviance(result, [t.relinearised(lin) for t, lin in lins])
+    return deviance(result, [*(t.relinearised(lin) for t, lin in lins), *other_linearisations(result)])
 
 
 def _gain(other: Bundle, bundle: Bundle, result: Result) -> float:
@@ -163,29 +167,54 @@ def _weigh_inferred(bundle: Bundle, result: Result, config: CalibConfig) -> Weig
     hand = bundle.hand_noise
     columns = hand_twists(bundle, result) * bundle.hands.sigma
     own = columns @ np.swapaxes(columns, -1, -2)
-    factors = np.array([1.0, 0.0])
+    factors, gain = np.array([1.0, 0.0]), 0.0
     given = config.noise == "given" or (config.hand_sigma_mm is not None and config.hand_sigma_deg is not None)
     if not given and result.converged:
-        variances = Variances((hand, own), np.array([1.0, 1.0, _OWN_START]), np.array([False, True, True]))
-        found = np.clip(estimate_noise(bundle, result, variances)[1:], *np.transpose([_JOINT_BOUNDS, _OWN_BOUNDS]))
-        other = bundle.with_noise(1.0, found[0] * hand + found[1] * own)
-        factors = found if _gain(other, bundle, result) > _CONTRADICTION else factors
+        found = _inferred_factors(bundle, result, own)
+        within = np.minimum(found, 1.0)
+        gain = _gain_of(bundle, result, own, found, within)
+        found = found if gain > _LARGER_GAIN else within
+        factors = found if _gain_of(bundle, result, own, found, factors) > _CONTRADICTION else factors
+    larger = max(1.0, float(factors[1]))
+    if larger > 1:
+        bundle = bundle.knowing(robot=np.sqrt(larger) * bundle.unknowns.block("robot").sigma)
     joint = joint_sigma_deg(bundle)
     noise = {
         "joint_sigma_deg": joint * float(np.sqrt(factors[0])),
         "joint_sigma_stated_deg": joint,
-        "own_robot_error_share": float(factors[1]),
+        "own_robot_error_share": float(min(factors[1], 1.0)),
         "anchor_sigma_mm": shape_sigma_mm(bundle),
     }
+    noise |= {ROBOT_TIMES: float(np.sqrt(larger)), ROBOT_EVIDENCE: float(np.sqrt(gain))} if larger > 1 else {}
     used = bundle.with_noise(1.0, factors[0] * hand + factors[1] * own)
     stated = bundle.with_noise(1.0, min(1.0, factors[0]) * hand + factors[1] * own)
     return Weighed(used, stated, bool(np.any(factors != [1.0, 0.0])), noise)
 
 
+def _inferred_factors(bundle: Bundle, result: Result, own: Array) -> Array:
+    """Factors (2,) of the joints' variance, at most as stated, and of the robot's errors that are a frame's own.
+
+    What is beyond the joints' noise is taken for errors of the table: these are common to the frames, too, and the
+    SCP's σ must carry them. A factor above 1 means errors larger than the file states.
+    """
+    start = np.array([1.0, 1.0, _OWN_START])
+    variances = Variances((bundle.hand_noise, own), start, np.array([False, True, True]))
+    found = estimate_noise(bundle, result, variances)[1:]
+    if found[0] > 1:
+        alone = replace(variances, free=np.array([False, False, True]))
+        found = np.array([1.0, estimate_noise(bundle, result, alone)[2]])
+    return np.asarray(np.clip(found, *np.transpose([(_JOINT_BOUNDS[0], 1.0), _OWN_BOUNDS])))
+
+
+def _gain_of(bundle: Bundle, result: Result, own: Array, factors: Array, other: Array) -> float:
+    """Deviance that hand noise of ``factors`` (2,) of joints and own errors gains on that of ``other``."""
+    noisy, plain = (bundle.with_noise(1.0, f[0] * bundle.hand_noise + f[1] * own) for f in (factors, other))
+    return _gain(noisy, plain, result)
+
+
 def _weigh_poses(bundle: Bundle, result: Result, config: CalibConfig) -> Weighed:
     """Hand poses alone: their noise, where it was not given, as one σ of translation and one of rotation."""
-    shape = bundle.hand_noise.shape
-    sigma = np.sqrt(np.diagonal(bundle.hand_noise[0]))[[0, 3]]
+    sigma = np.sqrt(_own_variances(bundle))
     given = given_noise(config)
     if not given:
         sigma = np.sqrt(estimate_noise(bundle, result, _of_poses(bundle))[1:])
@@ -194,7 +223,7 @@ def _weigh_poses(bundle: Bundle, result: Result, config: CalibConfig) -> Weighed
         "hand_sigma_deg": float(np.rad2deg(sigma[1])),
         "anchor_sigma_mm": shape_sigma_mm(bundle),
     }
-    used = bundle.with_noise(1.0, np.broadcast_to(np.diag(np.repeat(sigma, 3) ** 2), shape).copy())
+    used = bundle.with_noise(1.0, _carried(bundle, np.diag(np.repeat(sigma, 3) ** 2)))
     return Weighed(used, used, not given, noise)
 
 
@@ -221,8 +250,18 @@ def reweighed(bundle: Bundle, result: Result) -> Bundle:
 
 def _of_poses(bundle: Bundle) -> Variances:
     """The two variances of hand poses alone, of translation and rotation."""
-    shape = bundle.hand_noise.shape
-    variance = np.diagonal(bundle.hand_noise[0])[[0, 3]]
     parts = [np.diag([1.0] * 3 + [0.0] * 3), np.diag([0.0] * 3 + [1.0] * 3)]
-    components = tuple(np.broadcast_to(p, shape) for p in parts)
-    return Variances(components, np.array([1.0, *variance]), np.array([False, True, True]))
+    components = tuple(_carried(bundle, p) for p in parts)
+    return Variances(components, np.array([1.0, *_own_variances(bundle)]), np.array([False, True, True]))
+
+
+def _own_variances(bundle: Bundle) -> Array:
+    """Variances (2,) of translation and rotation of the first hand's noise, where it acts."""
+    back = np.linalg.inv(bundle.hands.carried[0])
+    return np.diagonal(back @ bundle.hand_noise[0] @ back.T)[[0, 3]].copy()
+
+
+def _carried(bundle: Bundle, covariance: Array) -> Array:
+    """A covariance (6, 6) of every hand's noise where it acts, as one of the poses' twists (F, 6, 6)."""
+    carried = bundle.hands.carried
+    return np.asarray(carried @ covariance @ np.swapaxes(carried, -1, -2))

@@ -9,10 +9,23 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.bundle.evidence import Evidence
 from calib.bundle.hands import Hands
 from calib.bundle.on_target import OnTarget
 from calib.sensor_errors import SensorErrors
-from geometry import AxisPoints, Block, InputError, Pose, SheetPoints, State, Target, Unknowns, stack_poses, target_at
+from geometry import (
+    AxisPoints,
+    Block,
+    InputError,
+    Pose,
+    SheetPoints,
+    State,
+    Target,
+    Term,
+    Unknowns,
+    stack_poses,
+    target_at,
+)
 from geometry.robot import GROUP as COMPLIANCE
 
 Array = NDArray[np.float64]
@@ -29,7 +42,8 @@ class Bundle:
 
     terms: the evidence, one for every target. unknowns: "scp", "robot", "sensor", and for every target the block of its
     shape and that of its place at every location where it stood ("shape" and "target" of the first). hands: of all F
-    frames. location (F,): which location each frame belongs to. locations: their names.
+    frames. location (F,): which location each frame belongs to. locations: their names. evidence: what is known beside
+    the points, whose unknowns are among those here.
     """
 
     terms: tuple[OnTarget, ...]
@@ -37,6 +51,7 @@ class Bundle:
     hands: Hands
     location: Index
     locations: tuple[str, ...]
+    evidence: tuple[Evidence, ...] = ()
 
     @staticmethod
     def of(
@@ -74,6 +89,17 @@ class Bundle:
             blocks.append(Block.vector(shape, kind.shape.sigma, labels=kind.shape.labels))
             blocks.append(Block.pose(place, tuple(here), free=kind.freedom))
         return Bundle(tuple(terms), Unknowns(tuple(blocks)), hands, location, names)
+
+    def with_evidence(self, evidence: Sequence[Evidence]) -> Bundle:
+        """The problem with what is known beside the points."""
+        blocks = {b.name: b for e in evidence for b in e.blocks(self)}  # a tracker's frame is common to its points
+        unknowns = Unknowns((*self.unknowns.blocks, *blocks.values()))
+        return replace(self, unknowns=unknowns, evidence=tuple(evidence))
+
+    @property
+    def further(self) -> tuple[Term, ...]:
+        """The terms of the evidence beside the points."""
+        return tuple(t for e in self.evidence if (t := e.term(self)) is not None)
 
     @property
     def term(self) -> OnTarget:
@@ -182,14 +208,20 @@ class Bundle:
                 terms.append(t.at_frames(own, member.astype(np.intp), number[t.frame[own]].astype(np.intp)))
             else:
                 gone |= {t.place_block, t.shape_block}
+        gone |= {b.name for e in self.evidence for b in e.blocks(self)}
         blocks = (b for b in self.unknowns.blocks if b.name not in gone)
         unknowns = Unknowns(tuple(replace(b, members=members[b.name]) if b.members else b for b in blocks))
-        return Bundle(tuple(terms), unknowns, self.hands[index], location.astype(np.intp), names)
+        alone = Bundle(tuple(terms), unknowns, self.hands[index], location.astype(np.intp), names)
+        return alone.with_evidence(self.evidence) if self.evidence else alone
 
     def start(self, T_hand_sensor: Pose, Ts_base_target: Pose) -> State:
         """The state with robot, shapes and sensor as stated; Ts_base_target (L): places in ``locations``' order."""
         rest = {name: self.unknowns.block(name).at_rest() for name in ("robot", "sensor", *self.shape_blocks)}
-        return self.with_places(State({"scp": T_hand_sensor, **rest}), Ts_base_target)
+        state = self.with_places(State({"scp": T_hand_sensor, **rest}), Ts_base_target)
+        begun: dict[str, Pose | Array] = {}
+        for e in self.evidence:
+            begun = e.start(self, state) | begun
+        return State({**state.values, **begun})
 
     def with_places(self, state: State, Ts_base_target: Pose) -> State:
         """The state with the places (L) of all locations, and of the rest what the problem has."""
@@ -235,7 +267,7 @@ class Bundle:
             shape = self.unknowns.block(t.shape_block)
             unknown = int(np.sum(shape.free & ~np.isfinite(shape.sigma)))
             out += t.target.residuals_per_point * int((~t.removed).sum()) - free - unknown
-        return out
+        return out + sum(e.freedom(self) for e in self.evidence)
 
 
 def estimated_groups(model: str) -> Collection[str] | None:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.bundle.evidence import Evidence
 from calib.bundle.hands import Hands
 from calib.bundle.noise import Weighed, stated_cost, weigh
 from calib.bundle.problem import Bundle, estimated_parameters, estimates_sensor
@@ -18,12 +19,14 @@ from calib.config import CalibConfig
 from calib.engine import Covariance, Result, covariance, scaled_condition
 from calib.figures import pose_distance
 from calib.sensor_errors import SensorErrors
-from geometry import Frame, Pose, Robot, Sensor, State, Surface, Target, stack_poses, with_beta_prior
+from geometry import Arm, Frame, Pose, Robot, Sensor, State, Surface, Target, stack_poses, with_beta_prior
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 _HAND_SIGMA_MM, _HAND_SIGMA_DEG = 0.3, 0.03  # of poses from an arm's nominal table, until the residuals tell it
+
+_STATED_BETA_DEG = 1e-4  # moves what an arm of a metre carries by 2 µm
 
 _RIVAL_ITERATIONS = 100  # mirrored starts may lie far from the answer that they lead to
 _OTHER_MM = 5.0  # poses of the target that are farther apart are different answers: mirrors stand 45 mm apart
@@ -90,21 +93,46 @@ def make_bundle(
     robot: Robot | None,
     config: CalibConfig,
     sensor: Sensor | None = None,
+    evidence: Sequence[Evidence] = (),
 ) -> Bundle:
-    """The problem of labelled frames on a target, or on one by location; without a ``sensor`` its file is exact."""
+    """The problem of labelled frames on a target, or on one by location; without a ``sensor`` its file is exact.
+
+    evidence: what is known beside the points.
+    """
+    bundle = _of_points(used, target, robot, config, sensor)
+    return bundle.with_evidence(evidence) if evidence else bundle
+
+
+def _of_points(
+    used: tuple[Frame, ...],
+    target: Target | Mapping[str, Target],
+    robot: Robot | None,
+    config: CalibConfig,
+    sensor: Sensor | None,
+) -> Bundle:
     errors = SensorErrors.of(sensor, estimates_sensor(config.model))
     joints = [f.joints_rad for f in used]
     locations = [f.location for f in used]
     if robot is None or any(q is None for q in joints):
-        hands = Hands.at_poses(stack_poses([f.at for f in used]), _hand_noise(config))
+        fixed = any(f.sensor_fixed for f in used)
+        hands = Hands.at_poses(stack_poses([f.at for f in used]), _hand_noise(config), inverted=fixed)
         return Bundle.of([f.axis for f in used], locations, target, hands, errors=errors)
     inferred = any(f.joints_inferred for f in used)
-    known = with_beta_prior(robot, float(np.deg2rad(config.beta_sigma_deg)))
+    known = with_beta_prior(robot, float(np.deg2rad(max(config.beta_sigma_deg, _stated_beta_deg(robot)))))
     hands = Hands(known, np.array(joints), inferred)
     bundle = Bundle.of([f.axis for f in used], locations, target, hands, errors=errors)
     if inferred and config.hand_sigma_mm is not None and config.hand_sigma_deg is not None:
-        return bundle.with_noise(1.0, np.broadcast_to(_hand_noise(config), (len(used), 6, 6)).copy())
+        given = Hands.at_poses(
+            hands.pose(np.zeros(len(hands.sigma))), _hand_noise(config), inverted=used[0].sensor_fixed
+        )
+        return bundle.with_noise(1.0, given.noise)
     return bundle
+
+
+def _stated_beta_deg(robot: Robot) -> float:
+    """σ of Hayati's β in a table that states it: as good as exact, and a number that can be suspected."""
+    stated = isinstance(robot, Arm) and bool(np.any(robot.dh_part().beta != 0))
+    return _STATED_BETA_DEG if stated else 0.0
 
 
 def _hand_noise(config: CalibConfig) -> Array:

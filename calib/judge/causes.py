@@ -72,6 +72,16 @@ def cause_of(
     )
 
 
+def with_own_poses(labelled: tuple[Frame, ...], jig: Jig, sensor: Sensor, config: CalibConfig) -> tuple[Frame, ...]:
+    """The frames, those that no pose explained together with the others with that of their own points."""
+    return tuple(
+        replace(g, reason=None)
+        if f.reason == "not_labelled" and (g := _alone(f, jig, sensor, config)) is not None
+        else f
+        for f in labelled
+    )
+
+
 def _alone(f: Frame, jig: Jig, sensor: Sensor, config: CalibConfig) -> Frame | None:
     """The frame with the poses that its own points give, None where they give none."""
     if len(f.candidates):

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.bundle import Solution
+from calib.bundle import ROBOT_EVIDENCE, ROBOT_TIMES, Solution
 from calib.config import CalibConfig
 from calib.engine import Result, covariance
 from calib.judge.finding import UNCERTAINTY, Finding, widened
@@ -62,7 +62,8 @@ def _with_finding(estimate: Estimate, finding: Finding, config: CalibConfig) -> 
     alone = _joint(finding, covariance(solution.alone).total, solution.alone, config)
     errors = finding.evidence.bundle.errors
     pulls = sorted((t for t in finding.trials if t.seen), key=lambda t: -t.gain)[:LARGEST_PULLS]
-    named = () if finding.culprit is None else (_culprit(finding),)
+    larger = _larger_errors(solution)
+    named = (() if larger is None else (larger,)) if finding.culprit is None else (_culprit(finding),)
     sensor = solution.result.unknowns.block("sensor")
     known = solution.bundle.errors
     estimated = known is not None and bool(np.any(sensor.free))
@@ -115,6 +116,14 @@ def _culprit(finding: Finding) -> Culprit:
     return Culprit(**vars(_pull(finding.culprit)), same_as=alike)
 
 
+def _larger_errors(solution: Solution) -> Culprit | None:
+    """A robot whose readings follow from poses, and whose errors are larger than its file says."""
+    times = solution.noise.get(ROBOT_TIMES)
+    if times is None:
+        return None
+    return Culprit("robot", UNCERTAINTY, None, times, "times", solution.noise[ROBOT_EVIDENCE])
+
+
 def _as_solved(solution: Solution, location: str) -> Target:
     """What stood at a location, its shape as solved."""
     term = next(t for t in solution.bundle.terms if t.target is solution.bundle.target_at(location))
@@ -135,6 +144,8 @@ def bundle_facts(
     contradiction = None
     if finding is not None and finding.culprit is not None:
         contradiction = Contradiction(_culprit(finding), finding.rest, finding.culprit.gross)
+    elif (larger := _larger_errors(solution)) is not None:
+        contradiction = Contradiction(larger, 0.0)
     out = (solution.outlier | solution.frame_outlier[:, None])[solution.bundle.present]
     lost = sum(len(f.axis) for f in refused)
     return Facts(

@@ -21,7 +21,7 @@ from calib.result import Verdict
 
 Array = NDArray[np.float64]
 
-FEWEST_LEFT_OUT = 8  # frames whose scatter says something of six numbers
+FEWEST_LEFT_OUT = 5  # frames: few scatter little by chance, but their scatter only ever widens
 _WEAK_MM, _WEAK_DEG = 0.5, 0.3  # a drawing knows a sensor's place to one or two of these
 
 

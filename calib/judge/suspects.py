@@ -154,7 +154,7 @@ class Evidence:
     def _scaled(self, variance: Array) -> tuple[Array, Array]:
         V = variance / self.scale**2
         active = np.flatnonzero(V > 0)
-        inverse = np.linalg.inv(self.S[np.ix_(active, active)] + np.diag(1 / V[active]))
+        inverse = _inverse(self.S[np.ix_(active, active)] + np.diag(1 / V[active]))
         z, cov = np.zeros(len(V)), np.zeros((len(V), len(V)))
         z[active], cov[np.ix_(active, active)] = inverse @ self.b[active], inverse
         return z, cov
@@ -175,13 +175,25 @@ class Evidence:
         )
 
 
+def _inverse(matrix: Array) -> Array:
+    """Of a symmetric matrix; directions that data which contradict one another leave open stay at rest."""
+    try:
+        return np.asarray(np.linalg.inv(matrix))
+    except np.linalg.LinAlgError:
+        return np.asarray(np.linalg.pinv(matrix, hermitian=True))
+
+
 def evidence_of(solution: Solution, sensor: Sensor | None) -> Evidence:
     """All that could be wrong, linearised where everything was free within its prior."""
     bundle = suspected_bundle(solution.bundle, sensor)
     every, u = solution.every, bundle.unknowns
     state = grown(bundle, every.state)
     normal = total_normal(
-        u, state, [t.linearise(state) for t in bundle.terms], every.whites, np.ones(u.size, dtype=bool)
+        u,
+        state,
+        [t.linearise(state) for t in (*bundle.terms, *bundle.further)],
+        every.whites,
+        np.ones(u.size, dtype=bool),
     )
     schur, gains = reduced(normal)
     x, weight = departure(u, state), u.prior_weight
@@ -218,8 +230,6 @@ def suspects_of(bundle: Bundle) -> tuple[Suspect, ...]:
 
 
 def _of_robot(bundle: Bundle) -> Iterator[Suspect]:
-    if bundle.hands.inferred:  # of a pose's several joint solutions the wrong one may be taken: no number's fault
-        return
     for i, p in enumerate(bundle.hands.robot.parameters):
         if p.sigma > 0:
             gross = max(float(GROSS.get(p.group, GROSS_TIMES * p.sigma)), 3 * p.sigma)

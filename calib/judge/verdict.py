@@ -268,7 +268,9 @@ def _misfit(f: Facts, config: CalibConfig) -> Verdict | None:
         return Verdict(
             "model_misfit",
             f"χ² per degree of freedom is {f.chi2_per_dof:.3g}, far from 1: the residuals exceed the noise of points "
-            f"and joints; with {advice} robot errors can be told from noise. The σ given carry the robot's uncertainty",
+            f"and joints; with {advice} robot errors can be told from noise. "
+            + ("No σ can be given, and none is" if f.inferred else "The σ given carry the robot's uncertainty"),
+            withheld=f.inferred,
         )
     if paper or f.inferred or (f.explained <= limit and f.largest_pull <= config.pull_limit + REST_SLACK):
         return None

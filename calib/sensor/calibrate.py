@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from calib.engine import Covariance, Result
 from calib.sensor.bundle import SensorBundle, camera_start
 from calib.sensor.choice import Choice, choose_terms
+from calib.sensor.curvature import with_bend
 from calib.sensor.left_out import left_out
 from calib.sensor.noise import with_noise
 from calib.sensor.on_line import MIN_POINTS, on_one_line
@@ -156,7 +157,7 @@ class _Attempt:
                 every,
             )
         bundle, result = choice.bundle, choice.result
-        cov = bundle.covariance(result)
+        cov = with_bend(bundle, result, bundle.covariance(result))
         frame = sheet_frame(result.state.vector(CAMERA), result.state.vector(PLANE), self.settings.origin_yz_mm)
         results |= _view_results(choice, frame, centre)
         distances = bundle.stripe_term.distances(result.state).residual

@@ -29,8 +29,8 @@ EXTRAS = (TANGENTIAL, TILT)  # of a tilt the tangential terms have a prior; pris
 LENGTH = {"k1": 4, "k2": 4, "p1": 4, "p2": 4, "k3": 5, "k4": 8, "k5": 8, "k6": 8}
 LENGTH |= dict.fromkeys(("tau_x", "tau_y"), 14)  # of OpenCV's vector that holds a term
 
-# χ² of left-out views that each further term must save: what a needless one saves by chance, at most, in one of
-# twenty sensors (benchmarks/calibrate_sensor.py)
+# surprise of left-out views that each further term must save: what a needless one saves by chance, at most, in one of
+# twenty sensors (benchmarks/calibrate_sensor.py --sensors)
 PRICE = 3.0
 POINTS = 60  # of a view's stripe, which tell terms apart as well as all
 _ROUNDS = 2  # radial terms and the others in turn
@@ -49,10 +49,10 @@ class Choice:
 
 @dataclass(frozen=True, eq=False)
 class Tried:
-    """A set of terms and how it predicts views left out: squared errors in σ, over all."""
+    """A set of terms and how it predicts views left out; surprise: minus twice the log of what it predicts for them."""
 
     terms: tuple[str, ...]
-    deviance: float
+    surprise: float
     reprojection_rms_px: float
     plane_rms_mm: float
 
@@ -65,14 +65,25 @@ class _Fit:
 
     @property
     def score(self) -> float:
-        """Deviance of the views left out and the terms' price."""
-        return float(self.out.deviance.sum()) + PRICE * len(self.bundle.terms)
+        """Surprise of the views left out and the terms' price."""
+        return float(self.out.surprise.sum()) + PRICE * len(self.bundle.terms)
+
+    @property
+    def error(self) -> float:
+        """Squared errors of the views left out, in σ of corners and stripes."""
+        return float(np.sum(self.out.corner_deviance) + np.nansum(self.out.stripe_deviance))
 
     def beats(self, other: _Fit) -> bool:
-        """Whether this set is to be preferred; a larger one needs a gain that not one view alone gives."""
+        """Whether this set is to be preferred; a larger one needs a gain that not one view alone gives.
+
+        And smaller errors: where boards are not flat, a density of independent errors is too sharp, and a larger set
+        may be thought likelier though it predicts worse.
+        """
         if not self.result.converged or self.score >= other.score:
             return False
-        each = other.out.deviance - self.out.deviance
+        if len(self.bundle.terms) > len(other.bundle.terms) and self.error >= other.error:
+            return False
+        each = other.out.surprise - self.out.surprise
         error = float(np.sqrt(len(each)) * np.std(each))
         return len(self.bundle.terms) <= len(other.bundle.terms) or float(each.sum()) > MAX_CONTRADICTED * error
 
@@ -112,7 +123,7 @@ def choose_terms(bundle: SensorBundle, start: State, max_terms: int = 14) -> Cho
         radial = tuple(t for t in best.bundle.terms if t in RATIONAL)
         best = best_of(best, [(*radial, *extra) for extra in EXTRAS])
     tried = tuple(
-        Tried(t, float(f.out.deviance.sum()), f.out.reprojection_rms_px, f.out.plane_rms_mm) for t, f in fits.items()
+        Tried(t, float(f.out.surprise.sum()), f.out.reprojection_rms_px, f.out.plane_rms_mm) for t, f in fits.items()
     )
     return Choice(best.bundle, best.result, best.out, tried)
 

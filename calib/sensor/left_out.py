@@ -40,6 +40,12 @@ class LeftOutViews:
         Squared whitened distances.
     offset_px, offset_sigma_px : ndarray (V,)
         Weighted mean of the stripe's errors along its normal and its standard deviation.
+    corner_count, stripe_count : ndarray (V,)
+        How many corners and stripe points.
+    surprise : ndarray (V,)
+        Minus twice the log of the density that the others predict for its corners and stripe together, up to what is
+        alike for all models: what the others do not know of the camera and the plane is in it, so that a stripe that is
+        predicted badly because little is known of it does not decide between models.
     """
 
     corner_px: Array
@@ -51,11 +57,7 @@ class LeftOutViews:
     offset_sigma_px: Array
     corner_count: Array
     stripe_count: Array
-
-    @property
-    def deviance(self) -> Array:
-        """Of corners and stripe together (V,)."""
-        return np.asarray(self.corner_deviance + np.nan_to_num(self.stripe_deviance))
+    surprise: Array
 
     @property
     def reprojection_rms_px(self) -> float:
@@ -74,17 +76,18 @@ def left_out(bundle: SensorBundle, result: Result) -> LeftOutViews:
     """What the others predict of each view."""
     u, views = result.unknowns, bundle.views
     free = u.free
-    rows = [_rows(term.independent_rows(result.state), u, free) for term in bundle.evidence]
+    rows = _rows_by_term(bundle, result)
     corners = bundle.corner_term.errors(result.state)
     by_corner = _common(corners.jacobian, u, free)
     raw = bundle.stripe_term.distances(result.state) if bundle.has_plane else None
     reduced = [_reduced([r.of(v) for r in rows]) for v in range(len(views))]
-    hessian = sum((s for s, _ in reduced), np.diag(u.prior_weight[free]))
+    hessian = sum((s.information for s in reduced), np.diag(u.prior_weight[free]))
     ones = bundle.stripe_term.independent(np.ones((len(raw.residual), 1)))[:, 0] if raw is not None else None
-    table = np.full((len(views), 9), np.nan)
-    for v, (own, gradient) in enumerate(reduced):
-        rest = hessian - own
-        step = scaled_solve(rest, gradient)  # of the common unknowns: the others' gradient is minus this view's
+    table = np.full((len(views), 10), np.nan)
+    for v, own in enumerate(reduced):
+        rest = hessian - own.information
+        step = scaled_solve(rest, own.gradient)  # of the common unknowns: the others' gradient is minus this view's
+        table[v, 9] = _surprise(own, rest, step)
         a, b, r = rows[0].of(v)
         moved = r + a @ step
         pose = np.linalg.lstsq(b, -moved, rcond=None)[0]
@@ -93,7 +96,7 @@ def left_out(bundle: SensorBundle, result: Result) -> LeftOutViews:
         pixels = corners.residual[mine] + by_corner[mine] @ step + corners.jacobian[BOARD][mine] @ pose
         n = int(mine.sum())
         table[v, :3] = np.sqrt(np.mean(np.sum(pixels**2, axis=1))), white @ white, 2 * n - BOARD_FREEDOM
-        table[v, 7:] = n, 0
+        table[v, 7:9] = n, 0
         seen = views.view_of_stripe == v
         if raw is not None and ones is not None and np.any(seen):
             a_s, b_s, r_s = rows[1].of(v)
@@ -117,9 +120,15 @@ def left_out(bundle: SensorBundle, result: Result) -> LeftOutViews:
     return LeftOutViews(*table.T)
 
 
+def stacked_rows(bundle: SensorBundle, result: Result) -> WhiteRows:
+    """The rows of all terms at a solution, one below the other."""
+    every = _rows_by_term(bundle, result)
+    return WhiteRows(*(np.concatenate([getattr(r, name) for r in every]) for name in WhiteRows.__dataclass_fields__))
+
+
 @dataclass(frozen=True, eq=False)
-class _WhiteRows:
-    """Whitened rows (R, C), (R, 6), (R,) of a term, and whose view each is."""
+class WhiteRows:
+    """Whitened rows by the free common unknowns (R, C) and the pose (R, 6), residuals (R,), and whose view each is."""
 
     common: Array
     pose: Array
@@ -127,12 +136,18 @@ class _WhiteRows:
     view: NDArray[np.intp]
 
     def of(self, view: int) -> tuple[Array, Array, Array]:
+        """The rows of one view."""
         mine = self.view == view
         return self.common[mine], self.pose[mine], self.residual[mine]
 
 
-def _rows(rows: Rows, unknowns: Unknowns, free: Mask) -> _WhiteRows:
-    return _WhiteRows(_common(rows.jacobian, unknowns, free), rows.jacobian[BOARD], rows.residual, rows.view)
+def _rows_by_term(bundle: SensorBundle, result: Result) -> list[WhiteRows]:
+    u = result.unknowns
+    return [_rows(term.independent_rows(result.state), u, u.free) for term in bundle.evidence]
+
+
+def _rows(rows: Rows, unknowns: Unknowns, free: Mask) -> WhiteRows:
+    return WhiteRows(_common(rows.jacobian, unknowns, free), rows.jacobian[BOARD], rows.residual, rows.view)
 
 
 def _common(jacobian: dict[str, Array], unknowns: Unknowns, free: Mask) -> Array:
@@ -142,9 +157,33 @@ def _common(jacobian: dict[str, Array], unknowns: Unknowns, free: Mask) -> Array
     return np.asarray(np.concatenate(columns, -1)[..., free])
 
 
-def _reduced(parts: list[tuple[Array, Array, Array]]) -> tuple[Array, Array]:
-    """Information and gradient of the common unknowns by one view, its pose eliminated."""
+@dataclass(frozen=True, eq=False)
+class _Reduced:
+    """A view's squared residuals as a quadratic in the common unknowns, its pose eliminated: r·r + 2 g·x + x·A·x."""
+
+    information: Array
+    gradient: Array
+    square: float
+
+
+def _reduced(parts: list[tuple[Array, Array, Array]]) -> _Reduced:
+    """Of rows (a, b, r) by the common unknowns and by the pose."""
     a, b, r = (np.concatenate(p) for p in zip(*parts, strict=True))
     q = np.linalg.qr(b)[0]
     a, r = a - q @ (q.T @ a), r - q @ (q.T @ r)
-    return a.T @ a, a.T @ r
+    return _Reduced(a.T @ a, a.T @ r, float(r @ r))
+
+
+def _surprise(own: _Reduced, rest: Array, step: Array) -> float:
+    """Minus twice the log density of a view's residuals (R,) with covariance I + a rest⁻¹ aᵀ, less R log 2π.
+
+    By the matrix inversion and determinant lemmas, so that no matrix of the residuals' size appears.
+    """
+    moved = own.gradient + own.information @ step  # by the unknowns, where the others expect them
+    square = own.square + own.gradient @ step + moved @ step
+    both = rest + own.information
+    scale = 1 / np.sqrt(np.maximum(np.diag(both), 1e-300))
+    (s, log_both), (t, log_rest) = (np.linalg.slogdet(m * np.outer(scale, scale)) for m in (both, rest))
+    if s <= 0 or t <= 0:
+        return float("inf")  # without this view a direction is open
+    return float(square - moved @ scaled_solve(both, moved) + log_both - log_rest)

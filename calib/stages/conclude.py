@@ -9,10 +9,11 @@ from calib.compliance import compliance_words
 from calib.copies import COPY, copy_notes
 from calib.given_places import given_place_notes
 from calib.hands import hand_pose_notes
-from calib.judge import cause_of, culprit, frames_contradict, strangers, wrong_jig
+from calib.judge import cause_of, culprit, frames_contradict, strangers, with_own_poses, wrong_jig
 from calib.printed import gimbal_note
 from calib.result import CalibrationResult, Verdict
 from calib.stages.setup import CONTRADICTED, Prepared, Setup
+from calib.stages.steps import out_of_step
 from geometry import Frame, Pose, locations_of, target_at
 from jig_cad import Jig
 
@@ -20,7 +21,7 @@ from jig_cad import Jig
 def concluded(result: CalibrationResult, prepared: Prepared, size: str) -> CalibrationResult:
     """The result with the last word on its verdict; ``size``: the sentence on a target of another size than stated."""
     setup, labelled = prepared.setup, prepared.labelled
-    named = _named(result.verdict, setup, labelled)
+    named = _named(result.verdict, prepared)
     verdict = (
         frames_contradict(result.frames, setup.target, named, setup.config, lambda: _cause(result, setup)) or named
     )
@@ -42,11 +43,15 @@ def _cause(result: CalibrationResult, setup: Setup) -> str:
     return cause_of(every, setup.target, setup.robot, setup.sensor, setup.design, setup.config)
 
 
-def _named(verdict: Verdict, setup: Setup, labelled: tuple[Frame, ...]) -> Verdict:
+def _named(verdict: Verdict, prepared: Prepared) -> Verdict:
     """The verdict on data that contradict one another, with what the motions say of the cause before all else."""
-    if verdict.code not in CONTRADICTED or not isinstance(setup.target, Jig):
+    setup, labelled = prepared.setup, prepared.labelled
+    if verdict.code not in CONTRADICTED:
         return verdict
-    found = wrong_jig(labelled, setup.target) or culprit(labelled, setup.target, setup.robot)
+    if isinstance(setup.target, Jig):
+        found = wrong_jig(labelled, setup.target) or culprit(labelled, setup.target, setup.robot)
+    else:
+        found = out_of_step(prepared)
     return replace(verdict, text=f"{found}. In all, {verdict.text}") if found else verdict
 
 
@@ -72,8 +77,9 @@ def _remarks(setup: Setup, labelled: tuple[Frame, ...], result: CalibrationResul
 
 def _left_out_notes(setup: Setup, labelled: tuple[Frame, ...], result: CalibrationResult) -> tuple[str, ...]:
     """What whole frames that the answer does without have against them."""
-    gone = {f.number for f in result.frames if f.reason == "outlier" and f.role == "calibrate"}
+    gone = {f.number for f in result.frames if f.reason in ("outlier", "not_labelled") and f.role == "calibrate"}
     if not gone or not result.verdict.trustworthy or not isinstance(setup.target, Jig):
         return ()
-    words = strangers(labelled, setup.target, gone)
+    posed = with_own_poses(labelled, setup.target, setup.sensor, setup.config)
+    words = strangers(posed, setup.target, gone)
     return (f"{words}. The answer does without {'it' if len(gone) == 1 else 'them'}",) if words else ()

@@ -17,7 +17,17 @@ from calib.stages.setup import Prepared, Setup, Solved, by_target
 from calib.stages.solve import solve
 from calib.surface import Begun, begin_on_surfaces, degenerate
 from geometry import Frame, Pose, Target, locations_of, stack_poses, target_at, with_compliance_prior
-from jig_cad import Jig
+from jig_cad import Balls, Jig
+
+_NO_JOINTS = (
+    "the frames give no joint readings that a robot's table turns into poses, so its errors can not be told from the "
+    "SCP: the SCP alone was solved (model scp)"
+)
+_ARM_OPEN = (
+    "a hand pose has several joint solutions, and through the wrong one the robot's errors act otherwise: they are not "
+    "estimated but carried in σ, and the SCP alone was solved (model scp); status and turn columns, or joint readings, "
+    "would let them be estimated (model full)"
+)
 
 
 def prepare(setup: Setup, given: tuple[Frame, ...]) -> Prepared:
@@ -109,6 +119,12 @@ def _no_start(frames: tuple[Frame, ...], target: Target | Mapping[str, Target]) 
     if still is not None:
         return Verdict("rotation_too_small", still.text)
     seen = sum(len(f.axis) + len(f.points) > 0 and f.role == "calibrate" for f in frames)
+    if any(isinstance(target_at(target, f.location), Balls) for f in used):
+        return Verdict(
+            "too_few_poses",
+            f"{seen} calibrate frames show balls, and too few of them which: equal balls are told apart by all "
+            "frames together, from [scp_initial] on: give the sensor's place by its drawing, or take other balls",
+        )
     return Verdict(
         "too_few_poses",
         f"{seen} calibrate frames show the target, and without [scp_initial] three or more are needed whose views "
@@ -142,10 +158,7 @@ def with_model(setup: Setup, given: tuple[Frame, ...]) -> tuple[Setup, tuple[str
         return _with_compliance(setup), ()
     joints = setup.robot is not None and all(f.joints_rad is not None and not f.joints_inferred for f in given)
     model = asked.replace("auto", "full") if joints else "scp"
-    words = (
-        "the frames give no joint readings that a robot's table turns into poses, so its errors can not be told from "
-        "the SCP: the SCP alone was solved (model scp)"
-    )
+    words = _ARM_OPEN if any(f.joints_inferred for f in given) else _NO_JOINTS
     return _with_compliance(setup.with_config(model=model)), () if joints else (words,)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from calib.bundle import Solution
+from calib.bundle import Evidence, Solution
 from calib.config import CalibConfig
 from calib.result import Estimate, Verdict
 from geometry import Frame, Pose, Robot, Sensor, Target, target_at
@@ -23,6 +23,7 @@ class Setup:
     design: Pose | None
     places: Mapping[str, Pose]
     config: CalibConfig
+    evidence: tuple[Evidence, ...] = ()
 
     def with_config(self, **changes: object) -> Setup:
         """The same with some settings changed."""

@@ -34,7 +34,7 @@ def solve(setup: Setup, labelled: tuple[Frame, ...], T_hand_sensor: Pose) -> Sol
     if verdict is not None:
         return Solved(_views_named(verdict, setup, used, None))
     used = condensed(used, setup.target).frames
-    bundle = make_bundle(used, setup.target, setup.robot, setup.config, setup.sensor)
+    bundle = make_bundle(used, setup.target, setup.robot, setup.config, setup.sensor, setup.evidence)
     solution = solve_problem(bundle, [f.candidates for f in used], T_hand_sensor, setup.config)
     refused = tuple(f for f in labelled if f.role == "calibrate" and f.reason == "not_labelled" and len(f.axis))
     facts = bundle_facts(solution, used, refused)
@@ -50,7 +50,7 @@ def try_suspects(setup: Setup, labelled: tuple[Frame, ...], solved: Solved) -> S
     if solved.solution is None:
         return solved
     used, config = solved.used, setup.config
-    bundle = make_bundle(used, setup.target, setup.robot, config, setup.sensor)
+    bundle = make_bundle(used, setup.target, setup.robot, config, setup.sensor, setup.evidence)
     finding = find(bundle, [f.candidates for f in used], solved.solution, setup.sensor, config)
     refused = tuple(f for f in labelled if f.role == "calibrate" and f.reason == "not_labelled" and len(f.axis))
     facts = bundle_facts(finding.solution, used, refused, finding)

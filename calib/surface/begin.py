@@ -10,6 +10,7 @@ import numpy as np
 from calib.bundle import make_bundle
 from calib.config import CalibConfig
 from calib.surface.condense import condensed
+from calib.surface.constellation import with_names
 from calib.surface.starts import SurfaceStart, begun, exchanged, surface_start
 from geometry import AxisPoints, Frame, Pose, Robot, Surface, Target, target_at
 from jig_cad import Wedge
@@ -45,8 +46,10 @@ def begin_on_surfaces(
         start = surface_start(small, started, bundle, design)
     if start is None:
         return Begun(ready, started, design, {})
-    turned = {g.number for f, g in zip(small, start.frames, strict=True) if f.axis.label != g.axis.label}
-    ready = tuple(exchanged(f) if f.number in turned else f for f in ready)
+    named = {
+        f.number: dict(zip(f.axis.label, g.axis.label, strict=True)) for f, g in zip(small, start.frames, strict=True)
+    }
+    ready = tuple(with_names(f, named[f.number]) if f.number in named else f for f in ready)
     return Begun(ready, started, start.T_hand_sensor, start.places, start.found)
 
 

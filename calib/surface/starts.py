@@ -8,16 +8,18 @@ The best rotations are then solved for in full, and the least cost decides.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import islice, product
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calib.bundle import Bundle, rotation_grid, solve_bundle
 from calib.figures import pose_distance
-from geometry import Frame, Pose, State, Surface, Target, log_so3, stack_poses, target_at
-from jig_cad import Sphere, Wedge
+from calib.surface.constellation import balls_places, renamed_by_place, told_alone, with_names
+from geometry import Frame, Pose, Surface, Target, log_so3, stack_poses, target_at
+from jig_cad import Balls, Sphere, Wedge
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -30,6 +32,7 @@ _EDGE_ROUNDS = 4  # of direction and place of an edge in turn
 _LEAST_TURN = 0.03  # sine of the angle between two lines of a face that still span its plane
 _RIDGE = 1e-9  # share of the diagonal that closes what is open
 _ITERATIONS = 40
+_PLACES_OF_BALLS, _MOST_CHOICES = 3, 27  # that a location's balls may have by an SCP of a drawing, and together
 _GROSS = 300.0  # cost of a row at a false minimum: as built, an arm of the usual priors gives some 25
 _SAME_COST = 1e-6  # share by which a later candidate must be better, so that rounding chooses none
 
@@ -87,7 +90,7 @@ def surface_start(
             return SurfaceStart(T, _places(named, target, T), named, found=False)
     if len(solved) < 3 or bundle is None:
         return None
-    for T in _candidates(solved, target):
+    for T in _candidates(_told(solved, target), target):
         end = _solved(solved, target, bundle, T)
         if end is not None and (best is None or end[0] < best[0] * (1 - _SAME_COST)):
             best = end
@@ -95,6 +98,18 @@ def surface_start(
         return None
     named = _renamed(frames, target, best[1])
     return SurfaceStart(best[1], _places(named, target, best[1]), named, found=True)
+
+
+def _told(frames: Sequence[Frame], target: Target | Mapping[str, Target]) -> list[Frame]:
+    """The frames of which it is known what their points lie on: equal balls are told apart by a chain alone."""
+    out = []
+    for f in frames:
+        own = target_at(target, f.location)
+        if not isinstance(own, Balls) or f.labels_given:
+            out.append(f)
+        elif (names := told_alone(f, own)) is not None:
+            out.append(with_names(f, names))
+    return out
 
 
 def begun(target: Target, frames: Sequence[Frame]) -> Target:
@@ -115,10 +130,13 @@ def _placeable(target: Target) -> bool:
 
 def _places(frames: Sequence[Frame], target: Target | Mapping[str, Target], T_hand_sensor: Pose) -> dict[str, Pose]:
     """T_base_target of every location by its points in the base."""
-    out = {}
+    out: dict[str, Pose] = {}
     for name in dict.fromkeys(f.location for f in frames):
         own, group = target_at(target, name), [f for f in frames if f.location == name]
-        if isinstance(own, Surface) and _placeable(own):
+        if isinstance(own, Balls):
+            for likeliest in balls_places(group, own, T_hand_sensor):
+                out[name] = likeliest
+        elif isinstance(own, Surface) and _placeable(own):
             place = own.place(*base_points(group, own, T_hand_sensor))
             if place is not None:
                 out[name] = place
@@ -133,17 +151,21 @@ def base_points(frames: Sequence[Frame], target: Surface, T_hand_sensor: Pose) -
 
 
 def _renamed(frames: Sequence[Frame], target: Target | Mapping[str, Target], T_hand_sensor: Pose) -> tuple[Frame, ...]:
-    """The frames with a wedge's faces exchanged where the sensor looks at it the other way round.
+    """The frames with a wedge's faces, and balls, named as the frames of a location together have them.
 
-    Faces are named in the order of y; a roll of the sensor may turn the order about.
+    Faces are named in the order of y; a roll of the sensor may turn the order about. Balls are named in any order.
     """
-    turned: set[int] = set()
+    out = {f.number: f for f in frames}
     for name in dict.fromkeys(f.location for f in frames):
         own = target_at(target, name)
         group = [f for f in frames if f.location == name and not f.labels_given and len(f.axis)]
         if isinstance(own, Wedge):
-            turned |= _other_way_round(group, own, T_hand_sensor)
-    return tuple(exchanged(f) if f.number in turned else f for f in frames)
+            turned = _other_way_round(group, own, T_hand_sensor)
+            out |= {f.number: exchanged(f) for f in group if f.number in turned}
+        elif isinstance(own, Balls):
+            for place in balls_places(group, own, T_hand_sensor):
+                out |= {f.number: f for f in renamed_by_place(group, own, T_hand_sensor, place)}
+    return tuple(out[f.number] for f in frames)
 
 
 def _other_way_round(group: Sequence[Frame], target: Wedge, T_hand_sensor: Pose) -> set[int]:
@@ -188,19 +210,40 @@ def exchanged(f: Frame) -> Frame:
 def _solved(
     frames: Sequence[Frame], target: Target | Mapping[str, Target], bundle: Bundle, T: Pose
 ) -> tuple[float, Pose] | None:
-    """Cost and SCP where the bundle ends that begins at an SCP."""
+    """Cost and SCP where the bundle ends that begins at an SCP; the least of those of balls' several places."""
+    best: tuple[float, Pose] | None = None
+    for named, places in _placed(frames, target, T):
+        if set(places) != set(bundle.locations):
+            continue
+        problem = bundle.with_axes([f.axis for f in named])
+        start = problem.start(T, stack_poses([places[n] for n in bundle.locations]))
+        try:
+            result = solve_bundle(problem, start, max_iterations=_ITERATIONS)
+        except np.linalg.LinAlgError:
+            continue
+        if np.isfinite(result.cost) and (best is None or result.cost < best[0] * (1 - _SAME_COST)):
+            best = result.cost, result.state.pose("scp")
+    return best
+
+
+def _placed(
+    frames: Sequence[Frame], target: Target | Mapping[str, Target], T: Pose
+) -> Iterator[tuple[tuple[Frame, ...], dict[str, Pose]]]:
+    """The frames with their features' names, and T_base_target by location, by an SCP; several where balls have any."""
     named = _renamed(frames, target, T)
-    places = _places(named, target, T)
-    if set(places) != set(bundle.locations):
-        return None
-    problem = bundle.with_axes([f.axis for f in named])
-    start = problem.start(T, stack_poses([places[n] for n in bundle.locations]))
-    try:
-        result = solve_bundle(problem, start, max_iterations=_ITERATIONS)
-    except np.linalg.LinAlgError:
-        return None
-    state: State = result.state
-    return (result.cost, state.pose("scp")) if np.isfinite(result.cost) else None
+    first = _places(named, target, T)
+    several: dict[str, list[Pose]] = {}
+    for name in dict.fromkeys(f.location for f in frames):
+        own, group = target_at(target, name), [f for f in frames if f.location == name and len(f.axis)]
+        if isinstance(own, Balls) and not all(f.labels_given for f in group):
+            several[name] = balls_places(group, own, T, _PLACES_OF_BALLS)
+    for choice in islice(product(*several.values()), _MOST_CHOICES):
+        out = {f.number: f for f in named}
+        for name, place in zip(several, choice, strict=True):
+            own, group = target_at(target, name), [f for f in frames if f.location == name]
+            if isinstance(own, Balls):
+                out |= {f.number: f for f in renamed_by_place(group, own, T, place)}
+        yield tuple(out[f.number] for f in frames), first | dict(zip(several, choice, strict=True))
 
 
 def _sections(frames: Sequence[Frame], target: Target) -> list[_Section]:

@@ -127,12 +127,32 @@ def views_of(target: Surface, rng: np.random.Generator, count: int, tilt_deg: fl
     if isinstance(target, Wedge | Edge):  # the sheet crosses the ridge
         looking = np.array([[1.0, 0, 0], [0, -1, 0], [0, 0, -1]])
     R = turn @ looking @ roll
+    if isinstance(target, Balls):
+        return _views_of_balls(target, rng, R)
     off = np.zeros((count, 3))
     size = _size(target)
     off[:, 0] = rng.uniform(-0.7, 0.7, count) * size
     off[:, 1] = rng.uniform(-15, 15, count)
     off[:, 2] = -rng.uniform(*STANDOFF_MM, count)
     return Pose(R, (R @ off[..., None])[..., 0])
+
+
+def _views_of_balls(target: Balls, rng: np.random.Generator, R: Array) -> Pose:
+    """Views from these sides, every other one of two balls at once, else of one, up to 0.6 R beside the middle."""
+    t = np.zeros((len(R), 3))
+    for i in range(len(R)):
+        a, b = rng.permutation(len(target.names))[:2]
+        middle = target.centres_mm[a]
+        if i % 2:
+            along = target.centres_mm[b] - middle
+            middle = (target.centres_mm[a] + target.centres_mm[b]) / 2
+            y = along / np.linalg.norm(along) * rng.choice([-1.0, 1.0])
+            z = R[i, :, 2] - y * (y @ R[i, :, 2])
+            z = z / np.linalg.norm(z)
+            R[i] = np.column_stack([np.cross(y, z), y, z])
+        off = np.array([rng.uniform(-0.3, 0.3) * target.diameters_mm[[a, b]].min(), rng.uniform(-8, 8), 0.0])
+        t[i] = middle + R[i] @ (off - np.array([0.0, 0.0, rng.uniform(*STANDOFF_MM)]))
+    return Pose(R, t)
 
 
 def _size(target: Surface) -> float:

@@ -22,6 +22,7 @@ _FEWEST_BEND_POINTS = 3  # a circle tangent to the face has two unknowns, and on
 _SCALE = (0.01, 0.05, 0.5, 0.5)  # of angle [rad], offset, tangent, radius [mm]: the size of their steps
 _MOST_SKIPPED = 3  # stray points in a row that do not end a bend
 _SAME_COST = 1e-6  # in σ: of start values as good as each other the first is taken
+KNOWN_MM = 1e-4  # σ of a radius that is told: a certificate's
 _GRID = 16  # start values of radius, and of where the bend begins
 
 
@@ -62,6 +63,16 @@ class PanelEdge:
         """Centre of the bend (2,)."""
         return np.asarray(self.tangent_point(p) + p[3] * _normal(self.face_direction(p)))
 
+    def bend_point(self, p: Array, turn_rad: float) -> Array:
+        """The point of the bend (2,) where the surface has turned so far from its face."""
+        along = self.face_direction(p)
+        away = np.sin(turn_rad) * self.side * along - np.cos(turn_rad) * _normal(along)
+        return np.asarray(self.centre(p) + p[3] * away)
+
+    def sharp_point(self, p: Array) -> Array:
+        """Where the face, extended, meets the line square to it at the bend's end (2,)."""
+        return np.asarray(self.tangent_point(p) + self.side * p[3] * self.face_direction(p))
+
     def extreme_point(self, p: Array, towards: Array) -> Array:
         """The point of the bend furthest along the unit vector ``towards`` (2,)."""
         return np.asarray(self.centre(p) + p[3] * towards)
@@ -75,12 +86,14 @@ def fit_edge(
     tolerance: float,
     config: GapFlushConfig,
     last: int | None = None,
+    fixed: float | None = None,
 ) -> tuple[PanelEdge, Indices]:
     """The edge of the panel with that face, on its side towards the gap (+1: the left panel).
 
     Weighted robust least squares over the last ``face_length_mm`` of the face and the points of the bend, as far as
     ``max_arc_deg``. A face without points of a bend has a sharp edge at its last point, half a step on. last: index of
-    the last point that can be the panel's own. Returned with the indices of the points after the face, in order.
+    the last point that can be the panel's own. fixed: a radius that is known. Returned with the indices of the points
+    after the face, in order.
     """
     near = _near_end(yz, face, side, config.face_length_mm)
     origin, direction = fit_line(yz[near])
@@ -90,7 +103,7 @@ def fit_edge(
     cov = turned @ cov @ turned.T
     bend = _bend_points(sd, face, side, tolerance, config, last)
     if len(bend) >= 2:  # the first points of a bend still count as face
-        fit = _fit_bend(sd, cov, near, bend, config)
+        fit = _fit_bend(sd, cov, near, bend, config, fixed)
         if fit is not None:
             return PanelEdge(origin, direction, side, *fit), bend
     sharp = _sharp(sd, cov, near, bend)
@@ -98,44 +111,53 @@ def fit_edge(
 
 
 def _fit_bend(
-    sd: Array, cov: Array, near: Indices, bend: Indices, config: GapFlushConfig
+    sd: Array, cov: Array, near: Indices, bend: Indices, config: GapFlushConfig, fixed: float | None
 ) -> tuple[Array, Array, Indices, Indices, float, float] | None:
     """Parameters, covariance, points used, arc and χ² of face and bend in one; None where no bend remains."""
     every, end = np.concatenate([near, bend]), float(sd[near, 0].max())
     max_arc = np.deg2rad(config.max_arc_deg)
     spread = _sigma(np.zeros(4), sd[every], cov[every])
-    best = _solve(_best_of_grid(sd[every], spread, end, config), sd[every], spread, end, config)
+    best = _solve(_best_of_grid(sd[every], spread, end, config, fixed), sd[every], spread, end, config, fixed)
     for _ in range(4):  # leave out what lies beyond the arc, weigh the rest across the curve
         low_enough = sd[every, 1] - best.x[1] <= best.x[3] * (1 - np.cos(max_arc)) + 2 * config.tolerance_mm
         used = every[(_arc(best.x, sd[every]) <= max_arc) & low_enough]
         if np.sum(_arc(best.x, sd[used]) > 0) < _FEWEST_BEND_POINTS:
             return None
         spread = _sigma(best.x, sd[used], cov[used])
-        best = _solve(best.x, sd[used], spread, end, config)
+        best = _solve(best.x, sd[used], spread, end, config, fixed)
     freedom = max(len(used) - 4, 1)
     chi2 = float(np.sum(_off(best.x, sd[used], spread) ** 2)) / freedom
     covariance = np.linalg.pinv(best.jac.T @ best.jac) * max(chi2, 1.0)
     return best.x, covariance, near, np.sort(used), float(_arc(best.x, sd[used]).max()), chi2
 
 
-def _best_of_grid(sd: Array, sigma: Array, end: float, config: GapFlushConfig) -> Array:
+def _best_of_grid(sd: Array, sigma: Array, end: float, config: GapFlushConfig, fixed: float | None) -> Array:
     """Start values: the best of a grid of radii and of places where the bend begins, the face as it is."""
+    radii = np.geomspace(0.1, config.max_radius_mm, _GRID) if fixed is None else np.array([fixed])
     trials = [
-        np.array([0.0, 0.0, end - back * radius, radius])
-        for radius in np.geomspace(0.1, config.max_radius_mm, _GRID)
-        for back in np.linspace(-0.2, 1.0, _GRID)
+        np.array([0.0, 0.0, end - back * radius, radius]) for radius in radii for back in np.linspace(-0.2, 1.0, _GRID)
     ]
     costs = [float(np.sum(np.minimum(np.abs(_off(p, sd, sigma)), 20.0))) for p in trials]
     return trials[first_least(costs, _SAME_COST)]
 
 
-def _solve(start: Array, sd: Array, sigma: Array, end: float, config: GapFlushConfig) -> OptimizeResult:
+def _solve(
+    start: Array, sd: Array, sigma: Array, end: float, config: GapFlushConfig, fixed: float | None
+) -> OptimizeResult:
     from scipy.optimize import least_squares  # a third of a second, and most commands need none of it
 
     top = config.max_radius_mm
     low, high = [-0.5, -1.0, end - 2 * top, 0.01], [0.5, 1.0, end + top, top]
     start = np.clip(start, np.add(low, 1e-6), np.subtract(high, 1e-6))
-    return least_squares(_off, start, bounds=(low, high), args=(sd, sigma), loss="soft_l1", f_scale=2.0, x_scale=_SCALE)
+    return least_squares(
+        _off_and_known, start, bounds=(low, high), args=(sd, sigma, fixed), loss="soft_l1", f_scale=2.0, x_scale=_SCALE
+    )
+
+
+def _off_and_known(p: Array, sd: Array, sigma: Array, fixed: float | None) -> Array:
+    """`_off`, and the radius where it is known."""
+    off = _off(p, sd, sigma)
+    return off if fixed is None else np.append(off, (p[3] - fixed) / KNOWN_MM)
 
 
 def _turned(p: Array, sd: Array) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from extraction.config import GapFlushConfig
-from extraction.gapflush.edge import PanelEdge
+from extraction.gapflush.edge import KNOWN_MM, PanelEdge
 from extraction.gapflush.light import Sections
 from extraction.gapflush.model import BEYOND, LIGHT, MEAN, SPREAD, TURN, edge_light
 
@@ -32,6 +32,7 @@ _START_RADIUS_MM, _LEAST_RADIUS_MM = 0.3, 0.02  # of an edge that points alone c
 _ROUNDS = 3  # of weights by the fit before
 _SCALE = (0.01, 0.05, 0.5, 0.5)  # of angle [rad], offset, tangent, radius [mm]: the size of their steps
 _STEPS = (1e-5, 1e-4, 3e-3, 3e-3, 0.01)  # of the derivatives: wide, for a node at the bend's end comes and goes
+_RADII = (3, 7)
 BLUR, GLOSS = 8, 9  # places in the parameters: left edge (4), right edge (4), blur, gloss of each (2)
 
 
@@ -54,6 +55,20 @@ class _Side:
         return edge_light(p, self.at, s.along, s.across, s.view, blur)
 
 
+@dataclass(frozen=True)
+class _Expected:
+    """What is known beforehand: the blur with its σ, radii where they are told."""
+
+    blur_px: float
+    sigma_blur_px: float
+    radii_mm: tuple[float, float] | None
+
+    @property
+    def rows(self) -> int:
+        """How many residuals it makes."""
+        return 3 if self.radii_mm is None else 5
+
+
 @dataclass(frozen=True, eq=False)
 class EdgePair:
     """The fitted edges, their joint covariance (8, 8), the blur [px] with its σ."""
@@ -66,17 +81,24 @@ class EdgePair:
 
 
 def fit_pair(
-    yz: Array, sections: Sections, left: PanelEdge, right: PanelEdge, bends: tuple[Indices, Indices], c: GapFlushConfig
+    yz: Array,
+    sections: Sections,
+    left: PanelEdge,
+    right: PanelEdge,
+    bends: tuple[Indices, Indices],
+    c: GapFlushConfig,
+    fixed: tuple[float, float] | None = None,
 ) -> EdgePair:
     """Both edges by robust weighted least squares, from edges fitted to the points alone.
 
     Unknown beside the edges are the blur along the stripe, which widens the stripe where it is steep, and by how much
-    the bends are brighter or darker than matte ones. bends: the points after each face, in order.
+    the bends are brighter or darker than matte ones. bends: the points after each face, in order. fixed: radii that are
+    known.
     """
     sides = [_side(yz, sections, edge, bend) for edge, bend in zip((left, right), bends, strict=True)]
     width = float(np.mean([np.median(s.sections.width_px[: s.on_face]) for s in sides]))
-    expected = np.array([_BLUR, _BLUR_ERROR]) * width
-    x = np.concatenate([_start(left), _start(right), [expected[0], 0.0, 0.0]])
+    expected = _Expected(_BLUR * width, _BLUR_ERROR * width, fixed)
+    x = np.concatenate([_start(left), _start(right), [expected.blur_px, 0.0, 0.0]])
     for _ in range(_ROUNDS):
         sides = [_weighed(s, x[4 * k : 4 * k + 4], x[BLUR]) for k, s in enumerate(sides)]
         best = _solve(x, sides, expected, c)
@@ -130,7 +152,7 @@ def _weighed(side: _Side, p: Array, blur: float) -> _Side:
     return replace(side, use=use, bent=bent, sigma=sigma)
 
 
-def _solve(x: Array, sides: list[_Side], expected: Array, config: GapFlushConfig) -> OptimizeResult:
+def _solve(x: Array, sides: list[_Side], expected: _Expected, config: GapFlushConfig) -> OptimizeResult:
     from scipy.optimize import least_squares  # a third of a second, and most commands need none of it
 
     top = config.max_radius_mm
@@ -139,7 +161,7 @@ def _solve(x: Array, sides: list[_Side], expected: Array, config: GapFlushConfig
         end = float(s.at[: s.on_face, 0].max())
         low += [-0.5, -1.0, end - 2 * top, _LEAST_RADIUS_MM]
         high += [0.5, 1.0, end + top, top]
-    low, high = [*low, 0.3, -3.0, -3.0], [*high, max(expected[0] / _BLUR * 1.3, 0.5), 3.0, 3.0]
+    low, high = [*low, 0.3, -3.0, -3.0], [*high, max(expected.blur_px / _BLUR * 1.3, 0.5), 3.0, 3.0]
     x = np.clip(x, np.add(low, 1e-6), np.subtract(high, 1e-6))
     scale = (*_SCALE, *_SCALE, 0.3, 0.5, 0.5)
     return least_squares(
@@ -148,16 +170,18 @@ def _solve(x: Array, sides: list[_Side], expected: Array, config: GapFlushConfig
     )  # fmt: skip
 
 
-def _residuals(x: Array, sides: list[_Side], expected: Array) -> Array:
-    """Places, widths and light of both sides over σ, then what is expected of blur and gloss."""
+def _residuals(x: Array, sides: list[_Side], expected: _Expected) -> Array:
+    """Places, widths and light of both sides over σ, then what is expected of blur and gloss, and known radii."""
     parts = [_of_side(s, x[4 * k : 4 * k + 4], x[BLUR], x[GLOSS + k]) for k, s in enumerate(sides)]
-    return np.concatenate([*parts, [(x[BLUR] - expected[0]) / expected[1]], x[GLOSS:] / _GLOSS_ERROR])
+    blur = [(x[BLUR] - expected.blur_px) / expected.sigma_blur_px]
+    known: Array | list[float] = [] if expected.radii_mm is None else (x[list(_RADII)] - expected.radii_mm) / KNOWN_MM
+    return np.concatenate([*parts, blur, x[GLOSS:] / _GLOSS_ERROR, known])
 
 
-def _jacobian(x: Array, sides: list[_Side], expected: Array) -> Array:
+def _jacobian(x: Array, sides: list[_Side], expected: _Expected) -> Array:
     """Central differences of `_residuals`, each side by its own parameters."""
     rows = [3 * len(s.index) for s in sides]
-    out = np.zeros((sum(rows) + 3, len(x)))
+    out = np.zeros((sum(rows) + expected.rows, len(x)))
     for k, side in enumerate(sides):
         mine = slice(0, rows[0]) if k == 0 else slice(rows[0], rows[0] + rows[1])
         for column, step in zip((*range(4 * k, 4 * k + 4), BLUR), _STEPS, strict=True):
@@ -167,8 +191,11 @@ def _jacobian(x: Array, sides: list[_Side], expected: Array) -> Array:
             out[mine, column] = (high - low) / (2 * step)
         high, low = (_of_side(side, x[4 * k : 4 * k + 4], x[BLUR], x[GLOSS + k] + h) for h in (0.5, -0.5))
         out[mine, GLOSS + k] = high - low  # linear
-    out[-3, BLUR] = 1 / expected[1]
-    out[[-2, -1], [GLOSS, GLOSS + 1]] = 1 / _GLOSS_ERROR
+    first = sum(rows)
+    out[first, BLUR] = 1 / expected.sigma_blur_px
+    out[[first + 1, first + 2], [GLOSS, GLOSS + 1]] = 1 / _GLOSS_ERROR
+    if expected.radii_mm is not None:
+        out[[first + 3, first + 4], _RADII] = 1 / KNOWN_MM
     return out
 
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from extraction.config import ExtractionConfig
 from extraction.image import check_image
 from extraction.reasons import Reason
+from extraction.region import region_mask
 from extraction.sheet import image_to_sheet, propagate
 from extraction.spots.detect import Candidates, Image32, Prepared, find_candidates, prepare
 from extraction.spots.error import ErrorBudget, SpotErrors, concatenate, estimate_speckle, spot_errors
@@ -94,7 +95,8 @@ def extract_stages(image: object, sensor: Sensor, config: ExtractionConfig | Non
 
 def _extract(image: object, sensor: Sensor, config: ExtractionConfig) -> _Extraction:
     prepared = prepare(check_image(image, sensor), config.detect)
-    candidates = find_candidates(prepared, config.detect, sheet_scale(sensor))
+    usable = region_mask(config.region, prepared.image.shape)
+    candidates = find_candidates(prepared, config.detect, sheet_scale(sensor), usable)
     noise = noise_model(prepared, sensor, config.noise)
     spots = localise(prepared, candidates, noise, config)
     yz_mm, jacobian = image_to_sheet(sensor, spots.uv_px)

@@ -1,6 +1,13 @@
 """A laser stripe's profile: image → peaks section by section → points of the sheet with covariance; files of them."""
 
-from extraction.stripe.files import read_profile_csv, write_peaks_csv, write_profile_csv, write_profile_ply
+from extraction.stripe.files import (
+    peaks_text,
+    profile_text,
+    read_profile_csv,
+    write_peaks_csv,
+    write_profile_csv,
+    write_profile_ply,
+)
 from extraction.stripe.pipeline import depth_direction, detect_stripe, extract_profile
 from extraction.stripe.profile import AMBIGUOUS, EDGE, SATURATED, SHAPE, Profile, StripePeaks, flag_bits, flag_names
 
@@ -16,6 +23,8 @@ __all__ = [
     "extract_profile",
     "flag_bits",
     "flag_names",
+    "peaks_text",
+    "profile_text",
     "read_profile_csv",
     "write_peaks_csv",
     "write_profile_csv",

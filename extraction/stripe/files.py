@@ -41,6 +41,22 @@ def write_profile_csv(profile: Profile, path: str | Path) -> None:
     InputError
         Where it can not be written.
     """
+    write_text(path, profile_text(profile))
+
+
+def profile_text(profile: Profile) -> str:
+    """A profile as the text of a CSV, one row a point.
+
+    Parameters
+    ----------
+    profile
+        Points (y, z) in {P}.
+
+    Returns
+    -------
+    text
+        Columns: COLUMNS, and SENSOR_COLUMNS where the sensor's own uncertainty is known.
+    """
     p, own = profile.peaks, profile.sensor_cov_yz_mm2
     random = _sigma_columns(profile.cov_yz_mm2)
     numbers = np.column_stack(
@@ -51,7 +67,7 @@ def write_profile_csv(profile: Profile, path: str | Path) -> None:
     for section, row, flag, more in zip(p.section, np.hstack([numbers, random]), p.flag, common, strict=True):
         shown = [f"{x:.9g}" for x in row]
         lines.append(",".join([str(section), *shown, flag_names(int(flag)), *(f"{x:.9g}" for x in more)]))
-    write_text(path, "\n".join(lines) + "\n")
+    return "\n".join(lines) + "\n"
 
 
 def _sigma_columns(covariance: Array) -> Array:
@@ -75,10 +91,26 @@ def write_peaks_csv(peaks: StripePeaks, path: str | Path) -> None:
     InputError
         Where it can not be written.
     """
+    write_text(path, peaks_text(peaks))
+
+
+def peaks_text(peaks: StripePeaks) -> str:
+    """A stripe's peaks as the text of a CSV, one row a point, in pixels.
+
+    Parameters
+    ----------
+    peaks
+        Of `detect_stripe`.
+
+    Returns
+    -------
+    text
+        Columns: PIXEL_COLUMNS.
+    """
     lines = [PIXEL_COLUMNS]
     for section, (u, v), sigma, flag in zip(peaks.section, peaks.uv_px, peaks.sigma_px, peaks.flag, strict=True):
         lines.append(f"{section},{u:.9g},{v:.9g},{sigma:.9g},{flag_names(int(flag))}")
-    write_text(path, "\n".join(lines) + "\n")
+    return "\n".join(lines) + "\n"
 
 
 def write_profile_ply(profile: Profile, path: str | Path) -> None:

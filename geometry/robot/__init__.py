@@ -25,6 +25,7 @@ from geometry.robot.dh import (
 )
 from geometry.robot.given_poses import GivenPoses
 from geometry.robot.inverse_kinematics import InverseKinematics, all_solutions, inverse_kinematics
+from geometry.robot.inverted import Inverted, arm_of, is_arm
 from geometry.robot.joint_deviation import JointDeviation
 from geometry.robot.model import Arm, Robot, require_arm, with_beta_prior
 from geometry.robot.parameter import Parameter
@@ -48,11 +49,13 @@ __all__ = [
     "DhRow",
     "GivenPoses",
     "InverseKinematics",
+    "Inverted",
     "JointDeviation",
     "Parameter",
     "Robot",
     "RobotUncertainty",
     "all_solutions",
+    "arm_of",
     "assumed_compliance",
     "compliant_part",
     "corrected_origins",
@@ -61,6 +64,7 @@ __all__ = [
     "express",
     "interpret",
     "inverse_kinematics",
+    "is_arm",
     "require_arm",
     "robot_from_axes",
     "robot_from_chain",

@@ -182,6 +182,7 @@ def with_compliance_prior(robot: Robot) -> Robot:
 
 def compliant_part(robot: Robot, values: ArrayLike | None = None) -> Compliant | None:
     """The table with its compliance, both with the corrections (P,) built in; None for an arm without compliance."""
+    robot = getattr(robot, "arm", robot)  # of one that is seen from its hand
     if isinstance(robot, Corrected):
         return compliant_part(robot.robot, robot.with_more(values))
     if not isinstance(robot, JointDeviation):

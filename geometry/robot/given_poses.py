@@ -26,11 +26,15 @@ class GivenPoses:
         Covariance (6, 6) of every pose as a twist in the hand's axes [mm², mm·rad, rad²].
     name
         In reports.
+    about
+        (F): the poses, in the frame that each pose goes to, of what the noise is a twist of; None: of the pose itself.
+        Poses T_hand_base err as T_base_hand do, by twists in the hand's axes.
     """
 
     Ts_base_hand: Pose
     noise: Array
     name: str = "hand poses"
+    about: Pose | None = None
 
     @property
     def n_joints(self) -> int:
@@ -66,8 +70,16 @@ class GivenPoses:
         return self
 
     def joint_noise(self, joints_rad: ArrayLike, values: ArrayLike | None = None) -> Array:
-        """The given covariance (..., 6, 6)."""
-        return np.broadcast_to(self.noise, (*self._numbers(joints_rad).shape, 6, 6)).copy()
+        """The given covariance (..., 6, 6), carried from where the noise acts."""
+        carried = self.carried(joints_rad)
+        return np.asarray(carried @ self.noise @ np.swapaxes(carried, -1, -2))
+
+    def carried(self, joints_rad: ArrayLike) -> Array:
+        """Adjoints (..., 6, 6) that carry twists of the noise to those of the poses."""
+        number = self._numbers(joints_rad)
+        if self.about is None:
+            return np.broadcast_to(np.eye(6), (*number.shape, 6, 6)).copy()
+        return self.about[number].adjoint
 
     def within_limits(self, joints_rad: ArrayLike) -> NDArray[np.bool_]:
         """Whether there is a pose of that number (...)."""

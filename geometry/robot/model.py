@@ -84,6 +84,7 @@ def require_arm(robot: Robot) -> Arm:
     InputError
         Where only hand poses are known.
     """
+    robot = getattr(robot, "arm", robot)  # of one that is seen from its hand
     if not isinstance(robot, Arm):
         raise InputError(f"{robot.name or 'the robot'} is known by its hand poses alone: this needs a robot's table")
     return robot
@@ -103,4 +104,5 @@ def with_beta_prior(robot: Robot, sigma_rad: float) -> Robot:
     ----------
     Hayati, "Robot arm geometric link parameter estimation", CDC 1983.
     """
-    return robot.with_beta_prior(sigma_rad) if isinstance(robot, Arm) else robot
+    prior = getattr(robot, "with_beta_prior", None)
+    return robot if prior is None else prior(sigma_rad)

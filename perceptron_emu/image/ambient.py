@@ -62,10 +62,10 @@ def ambient_electrons(scene: Scene, strings: Cylinders | None, material: Materia
     view = _view(sensor, math.ceil(BLUR_REACH * sigma))
     camera = sensor.require_camera()
     intrinsics = (camera.fx_px, camera.fy_px, camera.cx_px - view.left, camera.cy_px - view.top)
-    picture = rasterise(seen, np.round(level, LEVEL_DECIMALS).astype(np.float32), view.shape, intrinsics)
-    shown, several = levels(picture, view.boxes)
+    picture, box = rasterise(seen, np.round(level, LEVEL_DECIMALS).astype(np.float32), view.shape, intrinsics)
+    shown, several = levels(picture, box, view.boxes)
     of_white = _electrons_of_white(config, sensor)
-    electrons = np.empty(camera.shape, np.float32)
+    electrons = np.zeros(camera.shape, np.float32)
     fill(electrons, shown, several, of_white)
     draw_blurred(electrons, picture, view.places, several, gaussian_taps(sigma, view.reach_px), of_white)
     return electrons

@@ -45,14 +45,6 @@ class GaussianSpots(NamedTuple):
         """Some of them, in that order."""
         return GaussianSpots(self.u[which], self.v[which], self.weight[which], self.sigma[which])
 
-    def seen_from(self, column: int, row: int) -> GaussianSpots:
-        """The same in a grid whose first pixel is that one."""
-        return GaussianSpots(self.u - column, self.v - row, self.weight, self.sigma)
-
-    def on_sub_pixels(self, q: int) -> GaussianSpots:
-        """The same in a grid of q × q sub-pixels a pixel."""
-        return GaussianSpots((self.u + 0.5) * q - 0.5, (self.v + 0.5) * q - 0.5, self.weight, self.sigma * q)
-
 
 @kernel(fastmath=True)
 def deposit(image: Float32, spots: GaussianSpots) -> None:
@@ -84,22 +76,18 @@ def deposit(image: Float32, spots: GaussianSpots) -> None:
                 image[j, i] += factor * row[i]
 
 
-def deposit_fine(shape: tuple[int, int], spots: GaussianSpots, sigma: float) -> Float32:
-    """An image (H, W) of spots, all of one σ of several pixels.
+def spline_taps(sigma: float) -> Float32:
+    """What Gaussian and pixel make of a cubic B-spline, at distances of −REACH σ … REACH σ cells.
 
-    They are spread by cubic B-splines; one convolution along each axis divides the spline out again and multiplies
-    Gaussian and pixel in (the non-uniform FFT's gridding; the error is below 1e-4 of the peak for σ ≥ 2.5). All must
-    keep REACH σ off the border.
+    Spots of one σ are spread by cubic B-splines; one convolution along each axis divides the spline out again and
+    multiplies Gaussian and pixel in (the non-uniform FFT's gridding; the error is below 1e-4 of the peak for σ ≥ 2.5
+    cells).
     """
-    grid, image = np.zeros(shape, np.float32), np.empty(shape, np.float32)
-    first, last = _spread(grid, spots)
-    _convolve(grid, _taps(round(sigma, 4)), first, last, image)
-    return image
+    return _taps(round(sigma, 4))
 
 
 @lru_cache(maxsize=256)
 def _taps(sigma: float) -> Float32:
-    """What a Gaussian and the pixel make of the spline, at distances of −REACH σ … REACH σ cells."""
     reach = math.ceil(REACH * sigma)
     f = np.fft.fftfreq(8 * reach)
     response = np.exp(-2 * (np.pi * sigma * f) ** 2) / np.sinc(f) ** 3  # sinc over the spline's sinc⁴
@@ -109,12 +97,13 @@ def _taps(sigma: float) -> Float32:
 
 
 @kernel(fastmath=True)
-def _spread(grid: Float32, spots: GaussianSpots) -> tuple[int, int]:
-    """Add splines to the grid; the first and the last row that have light."""
+def spread(grid: Float32, spots: GaussianSpots, reached: Index) -> None:
+    """Add cubic B-splines to the grid (H, W); reached (H, 2): widened to the first column with light and the one after
+    the last.
+    """
     u, v, weight = spots.u, spots.v, spots.weight
     height, width = grid.shape
     wx, wy = np.empty(4), np.empty(4)
-    first, last = height, -1
     for k in range(len(u)):
         i, j = math.floor(u[k]), math.floor(v[k])
         for w, t in ((wx, u[k] - i), (wy, v[k] - j)):
@@ -122,29 +111,14 @@ def _spread(grid: Float32, spots: GaussianSpots) -> tuple[int, int]:
             w[0], w[3] = s * s * s / 6, t * t * t / 6
             w[1] = (4 - 6 * t * t + 3 * t * t * t) / 6
             w[2] = 1 - w[0] - w[1] - w[3]
-        first, last = min(first, max(j - 1, 0)), max(last, min(j + 2, height - 1))
+        left, right = max(i - 1, 0), min(i + 3, width)
         for b in range(4):
-            for a in range(4):
-                y, x = j - 1 + b, i - 1 + a
-                if 0 <= y < height and 0 <= x < width:
-                    grid[y, x] += weight[k] * wy[b] * wx[a]
-    return first, last
-
-
-@kernel(fastmath=True)
-def _convolve(grid: Float32, taps: Float32, first: int, last: int, out: Float32) -> None:
-    """Rows first to last of the grid convolved along both axes; nothing is outside."""
-    reach = len(taps) // 2
-    height, width = out.shape
-    line, lit = np.zeros(width + 2 * reach, np.float32), np.empty((max(last - first + 1, 0), width), np.float32)
-    for j in range(first, last + 1):
-        line[reach : reach + width] = grid[j]
-        convolved(line, taps, lit[j - first])
-    for j in range(height):
-        row = out[j]
-        row[:] = 0
-        for k in range(max(first, j - reach), min(last, j + reach) + 1):
-            _add(row, taps[reach + k - j], lit[k - first])
+            y = j - 1 + b
+            if 0 <= y < height and left < right:
+                reached[y, 0], reached[y, 1] = min(reached[y, 0], left), max(reached[y, 1], right)
+                light = weight[k] * wy[b]
+                for x in range(left, right):
+                    grid[y, x] += light * wx[x - (i - 1)]
 
 
 @kernel(fastmath=True)
@@ -158,9 +132,3 @@ def convolved(line: Float32, taps: Float32, out: Float32) -> None:
         weight, before, after = taps[k], line[k : k + n], line[2 * reach - k : 2 * reach - k + n]
         for i in range(n):
             out[i] += weight * (before[i] + after[i])
-
-
-@kernel(fastmath=True)
-def _add(row: Float32, weight: np.float32, other: Float32) -> None:
-    for i in range(len(row)):
-        row[i] += weight * other[i]

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from geometry.compiled import kernel
 
 CELL_PX = 16  # side of the squares that are told apart
-SOURCE_PX = 4  # side of the squares that they are looked up in; CELL_PX is a multiple
+SOURCE_PX = 4  # side of the squares that they are looked up in, as `_extremes` has it; CELL_PX is a multiple
 
 Flags = NDArray[np.bool_]
 Boxes = NDArray[np.int32]
@@ -27,12 +27,16 @@ def sources(u: Float32, v: Float32, reach_px: int, shape: tuple[int, ...]) -> Bo
     return boxes
 
 
-def levels(image: Float32, boxes: Boxes) -> tuple[Float32, Flags]:
-    """For every cell (h, w) a level that it shows, and whether it shows several. boxes: `sources` in the image."""
-    low, high = np.empty((2, *_cells(image.shape, SOURCE_PX)), np.float32)
-    _extremes(image, low, high)
+def levels(image: Float32, drawn: NDArray[np.int64], boxes: Boxes) -> tuple[Float32, Flags]:
+    """For every cell (h, w) a level that it shows, and whether it shows several. boxes: `sources` in the image.
+
+    drawn: first row and the one after the last, first column and the one after the last, outside of which all is 0.
+    """
+    low, high = np.zeros((2, *_cells(image.shape, SOURCE_PX)), np.float32)
+    squares = np.stack([drawn[::2] // SOURCE_PX, -(-drawn[1::2] // SOURCE_PX)], -1).ravel()
+    _extremes(image, squares, low, high)
     level, several = np.empty(boxes.shape[:2], np.float32), np.empty(boxes.shape[:2], np.bool_)
-    _gather(low, high, boxes, level, several)
+    _gather(low, high, squares, boxes, level, several)
     return level, several
 
 
@@ -55,10 +59,15 @@ def _reached(place: Float32, reach: int, last: int, out: Boxes) -> None:
 
 
 @kernel(fastmath=True)
-def _gather(low: Float32, high: Float32, boxes: Boxes, level: Float32, several: Flags) -> None:
+def _gather(
+    low: Float32, high: Float32, drawn: NDArray[np.int64], boxes: Boxes, level: Float32, several: Flags
+) -> None:
     for b in range(level.shape[0]):
         for a in range(level.shape[1]):
             top, bottom, left, right = boxes[b, a]
+            level[b, a], several[b, a] = 0, False
+            if bottom < drawn[0] or top >= drawn[1] or right < drawn[2] or left >= drawn[3]:
+                continue
             shown = low[top, left]
             other = False
             for j in range(top, bottom + 1):
@@ -70,31 +79,33 @@ def _gather(low: Float32, high: Float32, boxes: Boxes, level: Float32, several: 
 
 
 @kernel(fastmath=True)
-def _extremes(image: Float32, low: Float32, high: Float32) -> None:
-    """Least and largest level of every square."""
+def _extremes(image: Float32, squares: NDArray[np.int64], low: Float32, high: Float32) -> None:
+    """Least and largest level of the squares from a row to another, from a column to another."""
     height, width = image.shape
-    least, most = np.empty(width, np.float32), np.empty(width, np.float32)
-    for b in range(low.shape[0]):
-        row = image[b * SOURCE_PX]
-        for i in range(width):
-            least[i] = most[i] = row[i]
-        for j in range(b * SOURCE_PX + 1, min((b + 1) * SOURCE_PX, height)):
-            row = image[j]
-            for i in range(width):
-                least[i], most[i] = min(least[i], row[i]), max(most[i], row[i])
-        for a in range(width // SOURCE_PX):
-            lowest, highest = least[a * SOURCE_PX], most[a * SOURCE_PX]
-            for i in range(a * SOURCE_PX + 1, (a + 1) * SOURCE_PX):
-                lowest, highest = min(lowest, least[i]), max(highest, most[i])
-            low[b, a], high[b, a] = lowest, highest
-        if width % SOURCE_PX:
-            first = width - width % SOURCE_PX
-            low[b, -1], high[b, -1] = least[first:].min(), most[first:].max()
+    top, bottom, left, right = squares
+    from_, to = left * SOURCE_PX, min(right * SOURCE_PX, width)
+    least, most = np.zeros(low.shape[1] * SOURCE_PX, np.float32), np.zeros(low.shape[1] * SOURCE_PX, np.float32)
+    for b in range(top, bottom):
+        first, last = b * SOURCE_PX, min((b + 1) * SOURCE_PX, height)
+        lows, highs = least[from_:to], most[from_:to]
+        row = image[first, from_:to]
+        for i in range(len(row)):
+            lows[i] = highs[i] = row[i]
+        for j in range(first + 1, last):
+            row = image[j, from_:to]
+            for i in range(len(row)):
+                lows[i], highs[i] = min(lows[i], row[i]), max(highs[i], row[i])
+        for i in range(width, right * SOURCE_PX):  # beyond the last column
+            least[i], most[i] = least[width - 1], most[width - 1]
+        for a in range(left, right):
+            k = a * SOURCE_PX
+            low[b, a] = min(least[k], least[k + 1], least[k + 2], least[k + 3])
+            high[b, a] = max(most[k], most[k + 1], most[k + 2], most[k + 3])
 
 
 @kernel(fastmath=True)
 def fill(target: Float32, level: Float32, several: Flags, scale: Float32) -> None:
-    """Set target (H, W) to level · scale in the cells of a single level."""
+    """Set target (H, W), of 0, to level · scale in the cells of a single level."""
     height, width = target.shape
     for b in range(level.shape[0]):
         for j in range(b * CELL_PX, min((b + 1) * CELL_PX, height)):
@@ -103,7 +114,6 @@ def fill(target: Float32, level: Float32, several: Flags, scale: Float32) -> Non
                     continue
                 first, last, value = a * CELL_PX, min((a + 1) * CELL_PX, width), np.float32(level[b, a])
                 if value == 0:
-                    target[j, first:last] = 0
                     continue
                 for i in range(first, last):
                     target[j, i] = value * scale[j, i]

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geometry import Pose, Sensor
-from geometry.compiled import kernel
 from perceptron_emu.config import EmulatorConfig
-from perceptron_emu.image.deposit import REACH, GaussianSpots, deposit, deposit_fine
-from perceptron_emu.image.speckle import contrast, grain_px, oversampling, speckle_field
+from perceptron_emu.image.deposit import GaussianSpots, deposit, spline_taps
+from perceptron_emu.image.pieces import Pieces, draw_pieces
+from perceptron_emu.image.speckle import contrast, grain_px, oversampling, speckle_of
 from perceptron_emu.lens import defocus_radius_px, project, sharp_sigma_px, to_camera
 from perceptron_emu.light import LightNodes
 
@@ -59,12 +59,23 @@ def draw(
         return
     order = np.argsort(group, kind="stable")
     spots, group = spots.part(order), group[order]
-    bounds = [0, *(np.flatnonzero(np.diff(group)) + 1), len(group)]
-    for begin, end in pairwise(bounds):
-        shift = np.zeros(2)
-        if drift is not None:
-            shift = _speckle_shift(samples.xyz_mm[samples.group == group[begin]], sensor, drift)
-        _draw_piece(electrons, spots.part(slice(begin, end)), sensor, config, key, shift)
+    bounds = np.array([0, *(np.flatnonzero(np.diff(group)) + 1), len(group)])
+    q = oversampling(config, sensor)
+    pattern = speckle_of(grain_px(config, sensor) * q, contrast(config), key)
+    moved = np.zeros((len(bounds) - 1, 2), np.int64)
+    if drift is not None:
+        at = (samples.xyz_mm[samples.group == group[begin]] for begin in bounds[:-1])
+        moved[:] = [np.round(_speckle_shift(xyz, sensor, drift) * q) for xyz in at]
+    low, high = float(np.min(spots.sigma)) * q, float(np.max(spots.sigma)) * q
+    if low >= SPLINE_SIGMA and high - low < ALIKE * low:
+        draw_pieces(electrons, spots, Pieces(bounds, moved, q), spline_taps((low + high) / 2), pattern)
+        return
+    for n, (begin, end) in enumerate(pairwise(bounds)):  # each with its own blur
+        part = spots.part(slice(begin, end))
+        low, high = float(np.min(part.sigma)) * q, float(np.max(part.sigma)) * q
+        alike = low >= SPLINE_SIGMA and high - low < ALIKE * low
+        taps = spline_taps((low + high) / 2) if alike else np.zeros(0, np.float32)
+        draw_pieces(electrons, part, Pieces(np.array([0, end - begin]), moved[n : n + 1], q), taps, pattern)
 
 
 def _speckle_shift(xyz_mm: Array, sensor: Sensor, drift: Pose) -> Array:
@@ -100,52 +111,3 @@ def _disc(rings: int) -> Array:
         points.append(k / rings * np.column_stack([np.cos(angle), np.sin(angle)]))
     disc = np.concatenate(points)
     return np.asarray(disc / np.sqrt(2 * np.mean(np.sum(disc**2, 1))))
-
-
-def _draw_piece(
-    electrons: Float32, spots: GaussianSpots, sensor: Sensor, config: EmulatorConfig, key: int, shift_px: Array
-) -> None:
-    """One group of nodes: drawn on sub-pixels, multiplied by speckle, summed over each pixel."""
-    height, width = electrons.shape
-    reach = REACH * float(spots.sigma.max()) + 1
-    # the piece's own box; it may stand out over the image's border
-    (u0, u1), (v0, v1) = ((math.floor(c.min() - reach), math.ceil(c.max() + reach)) for c in (spots.u, spots.v))
-    first_u, last_u, first_v, last_v = max(0, u0), min(width - 1, u1), max(0, v0), min(height - 1, v1)
-    if first_u > last_u or first_v > last_v:
-        return
-    target = electrons[first_v : last_v + 1, first_u : last_u + 1]
-    q = oversampling(config, sensor)
-    fine = _on_grid(((v1 - v0 + 1) * q, (u1 - u0 + 1) * q), spots.seen_from(u0, v0).on_sub_pixels(q))
-    moved = np.round(shift_px * q).astype(int)
-    origin = (v0 * q - int(moved[1]), u0 * q - int(moved[0]))
-    grains = speckle_field(origin, fine.shape, grain_px(config, sensor) * q, contrast(config), key)
-    inner = np.s_[(first_v - v0) * q : (last_v + 1 - v0) * q, (first_u - u0) * q : (last_u + 1 - u0) * q]
-    _add_product(target, fine[inner], grains[inner], q)
-
-
-@kernel(fastmath=True)
-def _add_product(electrons: Float32, light: Float32, grains: Float32, q: int) -> None:
-    """Add light · grains (H q, W q), summed over the q × q sub-pixels of every pixel, to the electrons (H, W)."""
-    row = np.empty(light.shape[1], np.float32)
-    for j in range(electrons.shape[0]):
-        row[:] = 0
-        for k in range(j * q, (j + 1) * q):
-            for i in range(len(row)):
-                row[i] += light[k, i] * grains[k, i]
-        for i in range(electrons.shape[1]):
-            total = np.float32(0)
-            for k in range(i * q, (i + 1) * q):
-                total += row[k]
-            electrons[j, i] += total
-
-
-def _on_grid(shape: tuple[int, int], spots: GaussianSpots) -> Float32:
-    """GaussianSpots drawn on a grid: all in one convolution where they are alike and clear of the border."""
-    u, v, _, sigma = spots
-    low, high = float(np.min(sigma)), float(np.max(sigma))
-    clear = min(u.min(), v.min(), shape[1] - 1 - u.max(), shape[0] - 1 - v.max()) > REACH * high - 0.5
-    if clear and low >= SPLINE_SIGMA and high - low < ALIKE * low:
-        return deposit_fine(shape, spots, (low + high) / 2)
-    fine = np.zeros(shape, np.float32)
-    deposit(fine, spots)
-    return fine

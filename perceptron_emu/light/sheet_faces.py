@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from geometry import Sensor
+from geometry.compiled import kernel
 from perceptron_emu.config import EmulatorConfig
 from perceptron_emu.lens import project, sharp_sigma_px
 from perceptron_emu.light.sheet import SHEET_REACH, STEP, axis_meets_sheet_mm, half_width_mm
@@ -19,6 +21,7 @@ Index = NDArray[np.int64]
 
 MAX_PLANES = 201  # of the sheet: enough for a waist of 1/27 of its widest part; finer ones would cost, not show
 MAX_SLOPE = 3.0  # a steeper face is hardly lit
+STEP_MM = 1e-3  # across the sheet, by which the image's movement is taken
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,18 +62,49 @@ def faces_in_sheet(scene: Scene, config: EmulatorConfig) -> Faces:
         None of them where nothing reaches the sheet.
     """
     reach = SHEET_REACH * widest_mm(scene.sensor, config) / 2
-    triangles, facing, normals = [np.zeros((0, 3, 3))], [np.zeros((0, 3))], [np.zeros((0, 3, 3))]
-    owner = [np.zeros(0, dtype=np.int64)]
-    for number, solid in enumerate(scene.solids):
+    parts = []
+    for solid in scene.solids:
         pose, body = solid.T_sensor_mesh, body_of(solid)
-        x = (body.triangles.reshape(-1, 3) @ pose.R[0] + pose.t[0]).reshape(-1, 3)
-        low, high = (f(f(x[:, 0], x[:, 1]), x[:, 2]) for f in (np.minimum, np.maximum))
-        near = np.flatnonzero((low <= reach) & (high >= -reach))
-        triangles.append((body.triangles[near].reshape(-1, 3) @ pose.R.T + pose.t).reshape(-1, 3, 3))
-        facing.append(body.outwards[near] @ pose.R.T)
-        normals.append((body.normals[near].reshape(-1, 3) @ pose.R.T).reshape(-1, 3, 3))
-        owner.append(np.full(len(near), number))
-    return Faces(np.concatenate(triangles), np.concatenate(facing), np.concatenate(normals), np.concatenate(owner))
+        R, t = np.ascontiguousarray(pose.R), np.ascontiguousarray(pose.t)
+        parts.append(_near(body.triangles, body.outwards, body.normals, R, t, reach))
+    if not parts:
+        return Faces(np.zeros((0, 3, 3)), np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros(0, dtype=np.int64))
+    owner = np.repeat(np.arange(len(parts)), [len(p[0]) for p in parts])
+    triangles, facing, normals = (np.concatenate(columns) for columns in zip(*parts, strict=True))
+    return Faces(triangles, facing, normals, owner)
+
+
+@kernel
+def _near(
+    triangles: Array, outwards: Array, normals: Array, R: Array, t: Array, reach: float
+) -> tuple[Array, Array, Array]:
+    """A body's triangles that come nearer to x = 0 than reach, turned into {P}, with their normals."""
+    near, n = np.empty(len(triangles), np.int64), 0
+    for i in range(len(triangles)):
+        low, high = np.inf, -np.inf
+        for k in range(3):
+            p = triangles[i, k]
+            x = R[0, 0] * p[0] + R[0, 1] * p[1] + R[0, 2] * p[2] + t[0]
+            low, high = min(low, x), max(high, x)
+        if low <= reach and high >= -reach:
+            near[n] = i
+            n += 1
+    corners, facing, shading = np.empty((n, 3, 3)), np.empty((n, 3)), np.empty((n, 3, 3))
+    for m in range(n):
+        i = near[m]
+        _turned(R, outwards[i], facing[m])
+        for k in range(3):
+            _turned(R, triangles[i, k], corners[m, k])
+            _turned(R, normals[i, k], shading[m, k])
+            for a in range(3):
+                corners[m, k, a] += t[a]
+    return corners, facing, shading
+
+
+@kernel(inline=True)
+def _turned(R: Array, vector: Array, out: Array) -> None:
+    for a in range(3):
+        out[a] = R[a, 0] * vector[0] + R[a, 1] * vector[1] + R[a, 2] * vector[2]
 
 
 def sheet_planes(faces: Faces, sensor: Sensor, config: EmulatorConfig) -> tuple[Array, float]:
@@ -79,8 +113,8 @@ def sheet_planes(faces: Faces, sensor: Sensor, config: EmulatorConfig) -> tuple[
     They lie close enough for the sheet's Gaussian where it is thinnest and for the blur of the image of what they
     light.
     """
-    distance = np.linalg.norm(faces.triangles[..., 1:] - sensor.sheet.origin_mm[1:], axis=-1)
-    ends = np.array([distance.min(), distance.max(), axis_meets_sheet_mm(sensor)])
+    nearest, farthest = _distances(faces.triangles, np.array(sensor.sheet.origin_mm, dtype=float))
+    ends = np.array([nearest, farthest, axis_meets_sheet_mm(sensor)])
     width = half_width_mm(config.laser, sensor, ends)
     thin, thick = float(width.min()) / 2, float(min(width.max(), widest_mm(sensor, config))) / 2
     blur = sharp_sigma_px(config.optics, sensor, config.laser.wavelength_nm) / _image_spread(faces, sensor)
@@ -94,18 +128,60 @@ def _image_spread(faces: Faces, sensor: Sensor) -> float:
 
     On a face with normal n the ray along r is met at (1, −nₓ/(n·r) r) from one plane to the next.
     """
-    middle = faces.triangles.mean(1)
-    normal = faces.facing
-    ray = (middle - sensor.sheet.origin_mm) * [0, 1, 1]
-    ray /= np.linalg.norm(ray, axis=1, keepdims=True)
-    facing = np.einsum("ij,ij->i", normal, ray)
-    slope = -normal[:, 0] / np.where(np.abs(facing) < 1e-12, 1e-12, facing)
-    centre = middle * [0, 1, 1]
-    step = np.clip(slope, -MAX_SLOPE, MAX_SLOPE)[:, None] * ray + [1.0, 0, 0]
-    moved = np.linalg.norm(project(sensor, centre + 1e-3 * step) - project(sensor, centre), axis=1) / 1e-3
-    to_camera = np.einsum("ij,ij->i", normal, sensor.require_camera().centre_mm - middle)
-    moved = moved[np.isfinite(moved) & (facing * to_camera < 0)]  # lit on the side that the camera sees
-    return float(np.max(moved)) if len(moved) else 1.0
+    origin, camera = np.array(sensor.sheet.origin_mm, dtype=float), np.array(sensor.require_camera().centre_mm)
+    uv = project(sensor, _crossed(faces.triangles, faces.facing, origin, camera))
+    moved = float(_largest_move(uv)) / STEP_MM
+    return moved if moved > 0 else 1.0
+
+
+@kernel
+def _distances(triangles: Array, origin: Array) -> tuple[float, float]:
+    """Of the nearest and the farthest corner from the emitter, in the sheet."""
+    low, high = np.inf, 0.0
+    for i in range(len(triangles)):
+        for k in range(3):
+            y, z = triangles[i, k, 1] - origin[1], triangles[i, k, 2] - origin[2]
+            low, high = min(low, y * y + z * z), max(high, y * y + z * z)
+    return math.sqrt(low), math.sqrt(high)
+
+
+@kernel
+def _crossed(triangles: Array, facing: Array, origin: Array, camera: Array) -> Array:
+    """Where the ray to each face's middle meets x = 0, and the face's plane STEP_MM further on (n, 2, 3); of faces that
+    are lit on the side that the camera sees.
+    """
+    out, n = np.empty((len(triangles), 2, 3)), 0
+    for i in range(len(triangles)):
+        t, normal = triangles[i], facing[i]
+        x, y, z = (
+            (t[0, 0] + t[1, 0] + t[2, 0]) / 3,
+            (t[0, 1] + t[1, 1] + t[2, 1]) / 3,
+            (t[0, 2] + t[1, 2] + t[2, 2]) / 3,
+        )
+        ry, rz = y - origin[1], z - origin[2]
+        size = math.sqrt(ry * ry + rz * rz)
+        ry, rz = ry / size, rz / size
+        lit = normal[1] * ry + normal[2] * rz
+        seen = normal[0] * (camera[0] - x) + normal[1] * (camera[1] - y) + normal[2] * (camera[2] - z)
+        if lit * seen >= 0:
+            continue
+        slope = min(max(-normal[0] / (1e-12 if abs(lit) < 1e-12 else lit), -MAX_SLOPE), MAX_SLOPE)
+        out[n, 0, 0], out[n, 0, 1], out[n, 0, 2] = 0.0, y, z
+        out[n, 1, 0], out[n, 1, 1], out[n, 1, 2] = STEP_MM, y + STEP_MM * slope * ry, z + STEP_MM * slope * rz
+        n += 1
+    return out[:n].copy()
+
+
+@kernel
+def _largest_move(uv: Array) -> float:
+    """Of pairs of places (n, 2, 2) the farthest apart; what is not before the camera is NaN and left out."""
+    most = 0.0
+    for i in range(len(uv)):
+        u, v = uv[i, 1, 0] - uv[i, 0, 0], uv[i, 1, 1] - uv[i, 0, 1]
+        size = math.sqrt(u * u + v * v)
+        if size < np.inf:
+            most = max(most, size)
+    return most
 
 
 def widest_mm(sensor: Sensor, config: EmulatorConfig) -> float:

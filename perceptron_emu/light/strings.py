@@ -15,7 +15,7 @@ from geometry.compiled import kernel
 from jig_cad import Jig
 from perceptron_emu.config import EmulatorConfig
 from perceptron_emu.lens import sharp_sigma_px
-from perceptron_emu.light.sheet import SHEET_REACH, STEP, half_width_mm
+from perceptron_emu.light.sheet import SHEET_REACH, STEP, Beam, beam, width_at
 from perceptron_emu.light.transport import Light
 from perceptron_emu.scene import Material
 
@@ -25,6 +25,7 @@ Mask = NDArray[np.bool_]
 MATTE_NODES, NODES_A_LOBE, MAX_ARC_NODES = 8, 5, 120  # 8 + 5/α nodes give the centroid to 2e-5 px for α ≥ 0.05
 MAX_LENGTH_NODES = 400  # along a string: met where it lies almost in the sheet, a blur's σ apart over some 400 px
 ALONG_SHEET = 1e-9  # the least slope of a string across the sheet that is divided by
+LEAST_SLOPE = 1e-6  # below, the lines of the arc are not told apart in where they cross the sheet
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +63,15 @@ class LitStrings:
 
     xyz_mm: Array
     electrons: Array
+
+
+class Tubes(NamedTuple):
+    """Cylinders for compiled code: starts, unit directions (S, 3), lengths (S,) and the radius [mm]."""
+
+    starts: Array
+    directions: Array
+    lengths: Array
+    radius: float
 
 
 def cylinders(jig: Jig, T_sensor_jig: Pose) -> Cylinders:
@@ -116,19 +126,18 @@ def light_strings(
     LitStrings
         Shadows and occluders are left out of account.
     """
+    camera = sensor.require_camera()
+    origin, centre = np.array(sensor.sheet.origin_mm, dtype=float), np.array(camera.centre_mm, dtype=float)
     middle = np.where(
         np.isnan(strings.crossing), strings.starts + strings.directions * strings.lengths[:, None] / 2, strings.crossing
     )
-    normal, arc_weight = _arc(strings, middle, sensor, _arc_nodes(material))
-    t, step = _axis_nodes(strings, middle, normal, sensor, config)
-    inside = (t >= 0) & (t <= strings.lengths[:, None, None])
-    xyz = (
-        strings.starts[:, None, None]
-        + t[..., None] * strings.directions[:, None, None]
-        + strings.radius * normal[:, None]
-    )
-    area = strings.radius * arc_weight[:, None, :] * step[:, None, None] * inside
-    return LitStrings(xyz, light.electrons(xyz, np.broadcast_to(normal[:, None], xyz.shape), material) * area)
+    nodes, weights = _gauss(_arc_nodes(material))
+    normal, psi_weight = _arcs(strings.directions, middle, strings.radius, (origin, centre), (nodes, weights))
+    sharp = sharp_sigma_px(config.optics, sensor, config.laser.wavelength_nm) / max(camera.fx_px, camera.fy_px)
+    tubes = Tubes(strings.starts, strings.directions, strings.lengths, strings.radius)
+    reach, count = _reaches(tubes, middle, (origin, centre), sharp, beam(config.laser, sensor))
+    xyz, facing, area = _nodes(tubes, middle, normal, psi_weight, (reach, np.linspace(-1, 1, count)))
+    return LitStrings(xyz, light.electrons(xyz, facing, material) * area)
 
 
 @lru_cache(maxsize=64)
@@ -144,49 +153,91 @@ def _arc_nodes(material: Material) -> int:
     return min(MAX_ARC_NODES, MATTE_NODES + round(NODES_A_LOBE / material.roughness))
 
 
-def _arc(strings: Cylinders, middle: Array, sensor: Sensor, count: int) -> tuple[Array, Array]:
-    """Outward normals (S, K, 3) over the arc that is lit and seen, and weights (S, K) [rad]; weight 0 where there is
-    none.
-    """
-    d = strings.directions
-    first = np.cross(d, np.where(np.abs(d[:, 2:]) < 0.9, [[0, 0, 1.0]], [[0, 1.0, 0]]))
-    first /= np.linalg.norm(first, axis=1, keepdims=True)
-    second = np.cross(d, first)
-    centre, half = [], []
-    for source in (sensor.sheet.origin_mm, sensor.require_camera().centre_mm):
-        a, b = np.sum((source - middle) * first, 1), np.sum((source - middle) * second, 1)
-        centre.append(np.arctan2(b, a))
-        half.append(np.arccos(np.minimum(strings.radius / np.hypot(a, b), 1)))
-    gap = (centre[1] - centre[0] + np.pi) % (2 * np.pi) - np.pi
-    low = np.maximum(-half[0], gap - half[1])
-    high = np.minimum(half[0], gap + half[1])
-    nodes, weights = _gauss(count)
-    span = np.maximum(high - low, 0)[:, None]
-    psi = centre[0][:, None] + (low + high)[:, None] / 2 + span / 2 * nodes
-    normal = np.cos(psi)[..., None] * first[:, None] + np.sin(psi)[..., None] * second[:, None]
-    return normal, span / 2 * weights
-
-
-def _axis_nodes(
-    strings: Cylinders, middle: Array, normal: Array, sensor: Sensor, config: EmulatorConfig
+@kernel
+def _arcs(
+    directions: Array, middle: Array, radius: float, eyes: tuple[Array, Array], gauss: tuple[Array, Array]
 ) -> tuple[Array, Array]:
-    """Parameters t (S, T, K) [mm] along the axes, centred where each line of the arc crosses x = 0, and steps (S,)
-    [mm].
+    """Outward normals (S, K, 3) over the arc that emitter and camera (the eyes) both reach, and weights (S, K) [rad],
+    0 where there is none.
     """
-    camera = sensor.require_camera()
-    slope = np.maximum(np.abs(strings.directions[:, 0]), ALONG_SHEET)
-    sigma = half_width_mm(config.laser, sensor, np.linalg.norm(middle - sensor.sheet.origin_mm, axis=1)) / 2 / slope
-    reach = np.minimum(SHEET_REACH * sigma, strings.lengths)
-    depth = np.linalg.norm(middle - camera.centre_mm, axis=1)
-    pixel = sharp_sigma_px(config.optics, sensor, config.laser.wavelength_nm) * depth / max(camera.fx_px, camera.fy_px)
-    count = np.ceil(2 * reach / (STEP * np.minimum(sigma, pixel)))
-    n = int(np.clip(np.max(count, initial=1), 9, MAX_LENGTH_NODES))
-    along = np.sum((middle - strings.starts) * strings.directions, 1)
-    signed = np.where(strings.directions[:, 0] < 0, -slope, slope)
-    offset = np.where(slope[:, None] > 1e-6, -strings.radius * normal[..., 0] / signed[:, None], 0.0)
-    nodes = np.linspace(-1, 1, n)
-    t = along[:, None, None] + offset[:, None, :] + reach[:, None, None] * nodes[:, None]
-    return t, 2 * reach / (n - 1)
+    nodes, weights = gauss
+    normal, weight = np.empty((len(directions), len(nodes), 3)), np.empty((len(directions), len(nodes)))
+    first, second, centre, half = np.empty(3), np.empty(3), np.empty(2), np.empty(2)
+    for s in range(len(directions)):
+        d = directions[s]
+        if abs(d[2]) < 0.9:
+            first[0], first[1], first[2] = d[1], -d[0], 0.0
+        else:
+            first[0], first[1], first[2] = -d[2], 0.0, d[0]
+        size = math.sqrt(first[0] * first[0] + first[1] * first[1] + first[2] * first[2])
+        for a in range(3):
+            first[a] /= size
+        for a in range(3):
+            b, c = (a + 1) % 3, (a + 2) % 3
+            second[a] = d[b] * first[c] - d[c] * first[b]
+        for e in range(2):
+            x, y = 0.0, 0.0
+            for a in range(3):
+                x += (eyes[e][a] - middle[s, a]) * first[a]
+                y += (eyes[e][a] - middle[s, a]) * second[a]
+            centre[e] = math.atan2(y, x)
+            half[e] = math.acos(min(radius / math.sqrt(x * x + y * y), 1.0))
+        gap = (centre[1] - centre[0] + math.pi) % (2 * math.pi) - math.pi
+        low, high = max(-half[0], gap - half[1]), min(half[0], gap + half[1])
+        span = max(high - low, 0.0)
+        for k in range(len(nodes)):
+            psi = centre[0] + (low + high) / 2 + span / 2 * nodes[k]
+            weight[s, k] = span / 2 * weights[k]
+            for a in range(3):
+                normal[s, k, a] = math.cos(psi) * first[a] + math.sin(psi) * second[a]
+    return normal, weight
+
+
+@kernel
+def _reaches(tubes: Tubes, middle: Array, eyes: tuple[Array, Array], sharp_rad: float, beam: Beam) -> tuple[Array, int]:
+    """How far along each axis nodes are needed to either side (S,) [mm], and how many nodes serve all strings.
+
+    sharp_rad: the image's blur as seen from the camera.
+    """
+    reach, most = np.empty(len(middle)), 1.0
+    for s in range(len(middle)):
+        distance, depth = 0.0, 0.0
+        for a in range(3):
+            distance += (middle[s, a] - eyes[0][a]) ** 2
+            depth += (middle[s, a] - eyes[1][a]) ** 2
+        sigma = width_at(math.sqrt(distance), beam) / 2 / max(abs(tubes.directions[s, 0]), ALONG_SHEET)
+        reach[s] = min(SHEET_REACH * sigma, tubes.lengths[s])
+        most = max(most, math.ceil(2 * reach[s] / (STEP * min(sigma, sharp_rad * math.sqrt(depth)))))
+    return reach, int(min(max(most, 9), MAX_LENGTH_NODES))
+
+
+@kernel
+def _nodes(
+    tubes: Tubes, middle: Array, normal: Array, arc_weight: Array, axis: tuple[Array, Array]
+) -> tuple[Array, Array, Array]:
+    """Points and normals (S, T, K, 3) [mm] in {P}, and the area (S, T, K) [mm²] that each stands for: along the axes
+    centred where each line of the arc crosses x = 0. axis: reach (S,), and the nodes (T,) in −1 … 1.
+    """
+    (starts, directions, lengths, radius), (reach, nodes) = tubes, axis
+    shape = len(starts), len(nodes), normal.shape[1]
+    xyz, facing, area = np.empty((*shape, 3)), np.empty((*shape, 3)), np.empty(shape)
+    for s in range(shape[0]):
+        d, along = directions[s], 0.0
+        for a in range(3):
+            along += (middle[s, a] - starts[s, a]) * d[a]
+        slope = max(abs(d[0]), ALONG_SHEET)
+        step = 2 * reach[s] / (len(nodes) - 1)
+        for j in range(shape[1]):
+            for k in range(shape[2]):
+                offset = 0.0
+                if slope > LEAST_SLOPE:
+                    offset = -radius * normal[s, k, 0] / (-slope if d[0] < 0 else slope)
+                t = along + offset + reach[s] * nodes[j]
+                area[s, j, k] = radius * arc_weight[s, k] * step if 0 <= t <= lengths[s] else 0.0
+                for a in range(3):
+                    facing[s, j, k, a] = normal[s, k, a]
+                    xyz[s, j, k, a] = starts[s, a] + t * d[a] + radius * normal[s, k, a]
+    return xyz, facing, area
 
 
 def hidden_by_strings(strings: Cylinders, points: Array, sources: Array, own: NDArray[np.int64] | None = None) -> Mask:
@@ -213,15 +264,6 @@ def hidden_by_strings(strings: Cylinders, points: Array, sources: Array, own: ND
     own = np.full(len(points), -1) if own is None else np.array(own, dtype=np.int64)
     tubes = Tubes(np.array(strings.starts), np.array(strings.directions), np.array(strings.lengths), strings.radius)
     return np.asarray(_hidden(tubes, points, sources, own))
-
-
-class Tubes(NamedTuple):
-    """Cylinders for compiled code: starts, unit directions (S, 3), lengths (S,) and the radius [mm]."""
-
-    starts: Array
-    directions: Array
-    lengths: Array
-    radius: float
 
 
 @kernel(fastmath=True)

@@ -109,19 +109,39 @@ def _in_view(faces: Faces, pieces: Pieces, sensor: Sensor) -> tuple[Pieces, Arra
     of their images, NaN where they reach behind the camera.
     """
     camera = sensor.require_camera()
-    corner, normal = faces.triangles[pieces.face, 0], faces.facing[pieces.face]
-    to_laser = np.einsum("ij,ij->i", normal[:, 1:], sensor.sheet.origin_mm[1:] - corner[:, 1:])
-    to_laser += normal[:, 0] * (pieces.ends[:, 0, 0] - corner[:, 0])  # the sheet's rays keep their x
-    facing = np.flatnonzero(to_laser * np.einsum("ij,ij->i", normal, camera.centre_mm - corner) > 0)
-    ends = pieces.ends[facing]
-    uv = project(sensor, ends)
-    outside = np.zeros(len(uv), dtype=bool)  # all of a piece on one side; never where it is behind the camera, NaN
-    for a, size in enumerate((camera.width_px, camera.height_px)):
-        first, last = uv[:, 0, a], uv[:, 1, a]
-        outside |= (first <= -MARGIN_PX) & (last <= -MARGIN_PX)
-        outside |= (first >= size - 1 + MARGIN_PX) & (last >= size - 1 + MARGIN_PX)
-    kept, length = facing[~outside], np.hypot(uv[:, 1, 0] - uv[:, 0, 0], uv[:, 1, 1] - uv[:, 0, 1])
-    return Pieces(ends[~outside], pieces.normals[kept], pieces.face[kept]), length[~outside]
+    origin, centre = np.array(sensor.sheet.origin_mm, dtype=float), np.array(camera.centre_mm)
+    uv = project(sensor, pieces.ends)
+    return _kept(pieces, uv, faces.triangles, faces.facing, (origin, centre), (camera.width_px, camera.height_px))
+
+
+@kernel
+def _kept(
+    pieces: Pieces, uv: Array, triangles: Array, facing: Array, eyes: tuple[Array, Array], size: tuple[int, int]
+) -> tuple[Pieces, Array]:
+    """`_in_view`, for ends at uv (n, 2, 2) in the image. eyes: the emitter and the camera's centre."""
+    (origin, centre), n = eyes, 0
+    ends, normals, face = np.empty_like(pieces.ends), np.empty_like(pieces.normals), np.empty_like(pieces.face)
+    length = np.empty(len(face))
+    for p in range(len(face)):
+        f = pieces.face[p]
+        corner, normal = triangles[f, 0], facing[f]
+        to_laser = normal[0] * (pieces.ends[p, 0, 0] - corner[0])  # the sheet's rays keep their x
+        to_laser += normal[1] * (origin[1] - corner[1]) + normal[2] * (origin[2] - corner[2])
+        to_camera = 0.0
+        for a in range(3):
+            to_camera += normal[a] * (centre[a] - corner[a])
+        if not to_laser * to_camera > 0:
+            continue
+        outside = False  # all of a piece on one side; never where it is behind the camera, NaN
+        for a in range(2):
+            first, last, far = uv[p, 0, a], uv[p, 1, a], size[a] - 1 + MARGIN_PX
+            outside |= (first <= -MARGIN_PX and last <= -MARGIN_PX) or (first >= far and last >= far)
+        if outside:
+            continue
+        u, v = uv[p, 1, 0] - uv[p, 0, 0], uv[p, 1, 1] - uv[p, 0, 1]
+        ends[n], normals[n], face[n], length[n] = pieces.ends[p], pieces.normals[p], f, math.sqrt(u * u + v * v)
+        n += 1
+    return Pieces(ends[:n].copy(), normals[:n].copy(), face[:n].copy()), length[:n].copy()
 
 
 def _seen(nodes: SurfaceNodes, scene: Scene, strings: Cylinders | None, light: Light) -> LightNodes:
@@ -162,23 +182,32 @@ def _nodes(
     faces: Faces, pieces: Pieces, length_px: Array, step: float, sensor: Sensor, config: EmulatorConfig
 ) -> SurfaceNodes:
     """Pairs of Gauss-Legendre nodes along the pieces."""
-    sigma = sharp_sigma_px(config.optics, sensor, config.laser.wavelength_nm)
-    pairs = np.clip(np.ceil(np.nan_to_num(length_px, nan=UNKNOWN_PX) / (NODE_STEP * sigma)), 1, MAX_PAIRS).astype(
-        np.int64
-    )
-    xyz, normal, piece = _place(pieces, pairs, np.array(sensor.sheet.origin_mm, dtype=float))
-    area = _length_mm(pieces) / (2 * pairs) * step / _plane_sine(faces, pieces)
-    return SurfaceNodes(xyz, normal, area[piece], faces.solid[pieces.face][piece])
+    step_px = NODE_STEP * sharp_sigma_px(config.optics, sensor, config.laser.wavelength_nm)
+    origin = np.array(sensor.sheet.origin_mm, dtype=float)
+    return _place(pieces, length_px, (step_px, step), faces.facing, faces.solid, origin)
 
 
 @kernel
-def _place(pieces: Pieces, pairs: Index, origin: Array) -> tuple[Array, Array, Index]:
-    """Points and unit normals towards the laser (N, 3) of every node, and the piece (N,) it lies on."""
+def _place(
+    pieces: Pieces, length_px: Array, steps: tuple[float, float], facing: Array, solid: Index, origin: Array
+) -> SurfaceNodes:
+    """Nodes of pieces whose images are so long. steps: along the image [px], across the sheet [mm]."""
     ends, normals = pieces.ends, pieces.normals
-    count = 2 * pairs.sum()
-    xyz, normal, piece = np.empty((count, 3)), np.empty((count, 3)), np.empty(count, np.int64)
+    pairs, count = np.empty(len(length_px), np.int64), 0
+    for p in range(len(pairs)):
+        length = length_px[p] if length_px[p] < np.inf else UNKNOWN_PX
+        pairs[p] = min(max(math.ceil(length / steps[0]), 1), MAX_PAIRS)
+        count += 2 * pairs[p]
+    xyz, normal = np.empty((count, 3)), np.empty((count, 3))
+    area_mm2, owner = np.empty(count), np.empty(count, np.int64)
     n = 0
     for p in range(len(pairs)):
+        along, face = 0.0, pieces.face[p]
+        for a in range(3):
+            along += (ends[p, 1, a] - ends[p, 0, a]) ** 2
+        # √(1 − nₓ²): the width that the sheet's spacing has on the face is the spacing over this
+        sine = math.sqrt(max(1 - facing[face, 0] ** 2, 1e-12))
+        area = math.sqrt(along) / (2 * pairs[p]) * steps[1] / sine
         for k in range(2 * pairs[p]):
             s = (k // 2 + 0.5 + (0.5 if k % 2 else -0.5) / math.sqrt(3)) / pairs[p]
             size = 0.0
@@ -190,15 +219,6 @@ def _place(pieces: Pieces, pairs: Index, origin: Array) -> tuple[Array, Array, I
             scale = (-1.0 if towards < 0 else 1.0) / max(math.sqrt(size), 1e-12)
             for a in range(3):
                 normal[n, a] *= scale
-            piece[n] = p
+            area_mm2[n], owner[n] = area, solid[face]
             n += 1
-    return xyz, normal, piece
-
-
-def _length_mm(pieces: Pieces) -> Array:
-    return np.asarray(np.linalg.norm(pieces.ends[:, 1] - pieces.ends[:, 0], axis=1))
-
-
-def _plane_sine(faces: Faces, pieces: Pieces) -> Array:
-    """√(1 − nₓ²) of each piece's face: the width that the sheet's spacing dx has on it is dx over this."""
-    return np.asarray(np.sqrt(np.maximum(1 - faces.facing[pieces.face, 0] ** 2, 1e-12)))
+    return SurfaceNodes(xyz, normal, area_mm2, owner)

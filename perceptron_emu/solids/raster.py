@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from typing import NamedTuple
 
 import numpy as np
@@ -11,6 +12,7 @@ from geometry.compiled import kernel
 
 Array = NDArray[np.float64]
 Float32 = NDArray[np.float32]
+Touched = NDArray[np.int64]
 
 SHORT = 12  # pixels of a row that are not worth drawing several at once
 FLAT_PX2 = 1e-9  # twice the area of a face's image below which it is not drawn
@@ -32,9 +34,31 @@ class Rows(NamedTuple):
     right: Array
 
 
+class Canvas(threading.local):
+    """Room to draw in, kept by each thread: fresh memory for every frame would cost more than drawing.
+
+    What was drawn last is wiped before the next picture.
+    """
+
+    def __init__(self) -> None:
+        self._drawn: dict[tuple[int, int], tuple[DepthBuffer, Touched]] = {}
+
+    def blank(self, shape: tuple[int, int]) -> tuple[DepthBuffer, Touched]:
+        """Buffers of 0, and the box that drawing will widen."""
+        if shape not in self._drawn:
+            self._drawn.clear()  # one size at a time: a sensor's
+            self._drawn[shape] = DepthBuffer(*np.zeros((2, *shape), np.float32)), np.zeros(4, np.int64)
+        drawn, box = self._drawn[shape]
+        _wipe(drawn, box)
+        return drawn, box
+
+
+_canvas = Canvas()
+
+
 def rasterise(
     facets: Array, level: Float32, shape: tuple[int, int], intrinsics: tuple[float, float, float, float]
-) -> Float32:
+) -> tuple[Float32, Touched]:
     """The pinhole picture of convex flat faces, all before the camera: the level of the nearest at each pixel's centre.
 
     Parameters
@@ -50,21 +74,35 @@ def rasterise(
 
     Returns
     -------
-    Float32
-        (H, W), 0 where no face is; 1/z is linear in the image.
+    picture : Float32
+        (H, W), 0 where no face is; 1/z is linear in the image. It is this thread's until its next call.
+    box : NDArray
+        (4,) first row that is not 0 and the one after the last, first column and the one after the last.
     """
-    drawn = DepthBuffer(*np.zeros((2, *shape), np.float32))
-    _rasterise(drawn, facets, level, intrinsics)
-    return drawn.level
+    drawn, box = _canvas.blank(shape)
+    _rasterise(drawn, facets, level, intrinsics, box)
+    return drawn.level, box
+
+
+@kernel
+def _wipe(drawn: DepthBuffer, box: Touched) -> None:
+    """Set what was drawn to 0, and the box to nothing."""
+    top, bottom, left, right = box
+    for j in range(top, bottom):
+        for part in (drawn.level[j, left:right], drawn.inverse_depth[j, left:right]):
+            for i in range(len(part)):
+                part[i] = 0
+    box[0], box[1], box[2], box[3] = drawn.level.shape[0], 0, drawn.level.shape[1], 0
 
 
 @kernel
 def _rasterise(
-    drawn: DepthBuffer, facets: Array, level: Float32, intrinsics: tuple[float, float, float, float]
+    drawn: DepthBuffer, facets: Array, level: Float32, intrinsics: tuple[float, float, float, float], box: Touched
 ) -> None:
     fx, fy, cx, cy = intrinsics
     corners = np.empty((4, 3))  # (u, v, 1/z)
     left, right = np.empty((2, len(drawn.level)))
+    columns = drawn.level.shape[1]
     for f in range(len(facets)):
         for k in range(4):
             x, y, z = facets[f, k, 0], facets[f, k, 1], facets[f, k, 2]
@@ -72,6 +110,12 @@ def _rasterise(
         first, last = _edges(corners, left, right)
         if first <= last:
             _draw_facet(drawn, corners, Rows(first, last, left, right), level[f])
+            low, high = corners[0, 0], corners[0, 0]
+            for k in range(1, 4):
+                low, high = min(low, corners[k, 0]), max(high, corners[k, 0])
+            box[0], box[1] = min(box[0], first), max(box[1], last + 1)
+            box[2] = min(box[2], int(min(max(low, 0.0), float(columns))))
+            box[3] = max(box[3], int(min(max(high + 1, 0.0), float(columns))))
 
 
 @kernel(fastmath=True)

@@ -17,6 +17,7 @@ from calib.synthetic.problem import CALIBRATE_ONLY
 from geometry import ArmConfiguration, InputError, Pose
 
 ATOL_MM = 1e-6
+NEES_LIMIT = 30.0  # a sound covariance exceeds it in 4 of 100,000 runs
 
 
 def _poses(cell: SyntheticCell, observed: CellFrames) -> CellFrames:
@@ -150,3 +151,54 @@ def test_columns_that_leave_it_open_do_not_decide() -> None:
             np.testing.assert_allclose((found - q + np.pi) % (2 * np.pi) - np.pi, 0, atol=1e-6)
     assert decided > 0
     assert standing(cell.robot, pose, ArmConfiguration(quadrants=(7, 7, 7, 0)), rng) is None
+
+
+WRONG: dict[str, dict[str, list[float]]] = {
+    "theta3": {"theta": [0, 0, float(np.deg2rad(0.4)), 0, 0, 0]},
+    "a2": {"a": [0, 4.0, 0, 0, 0, 0]},
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_a_controllers_table_that_is_wrong_is_contradicted_by_its_poses(name: str) -> None:
+    """The arm is another than its table: the poses are off, and σ must not be those of a sound table."""
+    rng = np.random.default_rng(12)
+    cell = random_cell(rng, CALIBRATE_ONLY)
+    made = made_cell(cell, rng, Noise())
+    observed = observe(cell, made, rng, Noise())
+    wrong = cell.robot.with_changes(**WRONG[name])
+    result = calibrated(_poses(replace(cell, robot=wrong), observed), cell.jig, wrong)
+    assert result.verdict.code == "priors_contradict"
+    assert name in {n for c in result.culprit for n in (c.parameter, *c.same_as)}
+    if result.verdict.trustworthy:
+        assert result.T_hand_sensor is not None
+        assert result.covariance is not None
+        assert nees(made.T_hand_sensor, result.T_hand_sensor, result.covariance) < NEES_LIMIT
+
+
+def test_errors_larger_than_stated_are_said_of_poses_too() -> None:
+    rng = np.random.default_rng(14)
+    cell = random_cell(rng, CALIBRATE_ONLY)
+    made = made_cell(cell, rng, Noise())
+    u = cell.robot.uncertainty
+    sure = replace(
+        u,
+        theta_sigma_rad=u.theta_sigma_rad / 10,
+        d_sigma_mm=u.d_sigma_mm / 10,
+        a_sigma_mm=u.a_sigma_mm / 10,
+        alpha_sigma_rad=u.alpha_sigma_rad / 10,
+    )
+    poses = _poses(cell, observe(cell, made, rng, Noise()))
+    result = calibrated(poses, cell.jig, replace(cell.robot, uncertainty=sure))
+    assert result.verdict.code == "priors_contradict"
+    assert "[uncertainty] of robot.toml" in result.verdict.text
+
+
+def test_what_auto_is_with_an_arm_whose_solution_is_open_is_said() -> None:
+    cell = random_cell(np.random.default_rng(4), CALIBRATE_ONLY)
+    _, poses = _draw(np.random.default_rng(5), cell)
+    with_table = calibrated(poses, cell.jig, cell.robot)
+    assert with_table.model == "scp"
+    assert any("several joint solutions" in r for r in with_table.remarks)
+    without = calibrated(poses, cell.jig, None)
+    assert any("no joint readings that a robot's table turns into poses" in r for r in without.remarks)

@@ -14,9 +14,9 @@ from calib.sensor.sheet_frame import sheet_frame
 from calib.sensor.start import fitted_plane
 from calib.sensor.terms import BOARD, CAMERA, PLANE, BoardCorners, StripeNoise, StripeOnBoard
 from calib.sensor.views import Views
+from calib.synthetic.boards import SIZE_PX as SIZE
+from calib.synthetic.boards import BoardNoise, SyntheticSensor, observe_boards, parameter_errors, synthetic_sensor
 from geometry import Pose, State
-from geometry.sensor import CAMERA_PARAMETERS
-from tests.calib.sensor_views import SIZE, made_views, true_camera, true_plane
 
 STEP = 1e-30
 ATOL_PX = 1e-9
@@ -24,10 +24,12 @@ ATOL_MM = 0.02
 CENTRE = (np.array(SIZE) - 1) / 2
 
 
-def _solved(seed: int, tilted: bool, **more: float) -> tuple[SensorCalibration, np.ndarray]:
-    rng = np.random.default_rng([seed, tilted])
-    camera = true_camera(rng, tilted)
-    return calibrate_sensor(made_views(rng, camera, **more), SIZE), camera
+def _solved(
+    seed: int, tilt_deg: float, count: int = 14, noise: BoardNoise | None = None
+) -> tuple[SensorCalibration, SyntheticSensor]:
+    rng = np.random.default_rng([seed, int(10 * tilt_deg)])
+    sensor = synthetic_sensor(rng, tilt_deg)
+    return calibrate_sensor(observe_boards(sensor, rng, count, noise), SIZE), sensor
 
 
 def _whole_lens() -> np.ndarray:
@@ -46,9 +48,32 @@ def test_the_lens_is_opencvs_and_its_inverse_comes_back():
     np.testing.assert_allclose(undistort(camera, reference).value, xy, rtol=0, atol=1e-12)
 
 
+def test_synthetic_views_are_opencvs_projection():
+    """What proves the calibration is made without its lens; a third opinion holds it."""
+    import cv2
+
+    rng = np.random.default_rng(1)
+    sensor = synthetic_sensor(rng, 8.0)
+    exact = observe_boards(sensor, rng, 2, BoardNoise(0.0, 0.0))
+    camera = sensor.camera
+    K = np.array([[camera[0], 0, camera[2]], [0, camera[1], camera[3]], [0, 0, 1.0]])
+    for view in exact:
+        xyz = np.c_[view.corners.xy_mm, np.zeros(len(view.corners))]
+        _, r, t = cv2.solvePnP(xyz, view.corners.uv_px, K, camera[4:])
+        again = cv2.projectPoints(xyz, r, t, K, camera[4:])[0][:, 0]
+        np.testing.assert_allclose(again, view.corners.uv_px, rtol=0, atol=1e-5)
+        rays = np.c_[
+            cv2.undistortPointsIter(view.stripe.uv_px[:, None], K, camera[4:], None, None, (3, 90, 1e-14))[:, 0],
+            np.ones(len(view.stripe)),
+        ]
+        normal = cv2.Rodrigues(r)[0][:, 2]
+        on_board = rays * ((normal @ t.ravel()) / (rays @ normal))[:, None]
+        np.testing.assert_allclose(on_board @ sensor.normal, sensor.distance_mm, rtol=0, atol=1e-4)
+
+
 def _scene() -> tuple[Views, State]:
     rng = np.random.default_rng(3)
-    views = Views(tuple(made_views(rng, true_camera(rng, True), count=3, step=12)))
+    views = Views(tuple(observe_boards(synthetic_sensor(rng, 5.0), rng, 3, step=12)))
     shifted = (
         replace(
             v,
@@ -106,19 +131,19 @@ def test_the_noise_of_a_stripe_is_made_independent():
 
 
 def test_exact_views_give_the_true_sensor():
-    found, camera = _solved(1, tilted=False, corner_px=1e-6, stripe_px=1e-6)
+    found, truth = _solved(1, 0.0, noise=BoardNoise(1e-6, 1e-6))
     assert found.solution is not None
-    normal, distance = true_plane()
-    np.testing.assert_allclose(found.solution.camera[:4], camera[:4], rtol=0, atol=0.05)
-    np.testing.assert_allclose(found.solution.plane_normal, normal, rtol=0, atol=1e-5)
-    assert abs(found.solution.plane_mm - distance) < ATOL_MM
+    np.testing.assert_allclose(found.solution.camera[:4], truth.camera[:4], rtol=0, atol=0.05)
+    np.testing.assert_allclose(found.solution.plane_normal, truth.normal, rtol=0, atol=1e-5)
+    assert abs(found.solution.plane_mm - truth.distance_mm) < ATOL_MM
     assert found.plane_rms_mm < 1e-3
 
 
 def test_the_frame_follows_the_convention():
     camera = np.zeros(18)
     camera[:2] = 2300.0
-    normal, distance = true_plane()
+    truth = synthetic_sensor(np.random.default_rng(0))
+    normal, distance = truth.normal, truth.distance_mm
     T = sheet_frame(camera, normal / distance).T_sensor_camera
     x, y, z = T.R
     np.testing.assert_allclose(np.cross(z, x), y, rtol=0, atol=1e-12)
@@ -132,34 +157,27 @@ def test_the_frame_follows_the_convention():
     assert facing.T_sensor_camera.R[2] @ [0, 1, 0] > 0.99
 
 
-def nees(found: SensorCalibration, camera: np.ndarray) -> tuple[float, int]:
+def nees(found: SensorCalibration, truth: SyntheticSensor) -> tuple[float, int]:
     """Squared error of all stated parameters over their covariance, and their number."""
-    s = found.solution
-    assert s is not None
-    normal, distance = true_plane()
-    _, y, z = s.frame.T_sensor_camera.R
-    error = [
-        camera[CAMERA_PARAMETERS.index(n)] - s.camera[CAMERA_PARAMETERS.index(n)] for n in s.uncertainty.parameters[:-3]
-    ]
-    error += [(z @ normal), -(y @ normal), s.plane_mm - distance]
-    e = np.array(error)
-    return float(e @ np.linalg.solve(s.uncertainty.covariance, e)), len(e)
+    assert found.solution is not None
+    e = parameter_errors(found.solution, truth)
+    return float(e @ np.linalg.solve(found.solution.uncertainty.covariance, e)), len(e)
 
 
 def test_sigmas_are_true_for_upright_and_tilted_chips():
     total = dof = 0.0
     for seed in range(1):
         for tilted in (False, True):
-            found, camera = _solved(seed, tilted)
+            found, truth = _solved(seed, 5.0 * tilted)
             assert ("tau_x" in found.solution.terms) == tilted
-            value, count = nees(found, camera)
+            value, count = nees(found, truth)
             total, dof = total + value, dof + count
     assert 0.4 * dof < total < 1.9 * dof
 
 
 def test_a_board_that_moved_is_left_out_by_name():
     rng = np.random.default_rng(5)
-    views = made_views(rng, true_camera(rng, False), count=9)
+    views = observe_boards(synthetic_sensor(rng), rng, 9)
     moved = views[4]
     views[4] = replace(moved, stripe=replace(moved.stripe, uv_px=moved.stripe.uv_px + np.array([0.0, 12.0])))
     found = calibrate_sensor(views, SIZE)
@@ -169,21 +187,21 @@ def test_a_board_that_moved_is_left_out_by_name():
 
 def test_parallel_boards_and_too_few_views_are_named():
     rng = np.random.default_rng(6)
-    camera = true_camera(rng, False)
-    assert calibrate_sensor(made_views(rng, camera, count=6, tilt=0.0), SIZE).verdict.code == "boards_parallel"
-    one = calibrate_sensor(made_views(rng, camera, count=1), SIZE)
+    sensor = synthetic_sensor(rng)
+    assert calibrate_sensor(observe_boards(sensor, rng, 6, tilt_rad=0.0), SIZE).verdict.code == "boards_parallel"
+    one = calibrate_sensor(observe_boards(sensor, rng, 1), SIZE)
     assert one.verdict.code == "too_few_views"
     assert not one.verdict.is_answer
 
 
 def test_without_stripes_the_plane_is_open():
     rng = np.random.default_rng(7)
-    views = [replace(v, stripe=v.stripe[:0]) for v in made_views(rng, true_camera(rng, False), count=5)]
+    views = [replace(v, stripe=v.stripe[:0]) for v in observe_boards(synthetic_sensor(rng), rng, 5)]
     assert calibrate_sensor(views, SIZE).verdict.code == "plane_not_determined"
 
 
 def test_a_direct_map_follows_the_bundle():
-    found, _ = _solved(2, tilted=False, count=8)
+    found, _ = _solved(2, 0.0, count=8)
     plain, bent = fit_direct(found, "homography", SIZE), fit_direct(found, "polynomial", SIZE)
     assert plain.homography is not None
     assert len(bent.polynomial) == 15

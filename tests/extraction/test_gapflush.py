@@ -190,3 +190,92 @@ def test_random_profiles_raise_nothing_but_our_errors():
             measure_gap_flush(as_profile(yz))
         except NoAnswerError:
             continue
+
+
+GAUGE = {"gauge_depth_mm": 1.0, "gauge_offset_mm": 1.2}
+RADII, GAP, FLUSH = (1.5, 2.0), 3.0, 0.5
+
+
+def by_hand(tangent_deg=30.0, depth=1.0, offset=1.2):
+    """Gap and flush of `panels()` by every definition, from its outline: z = 0 and −FLUSH, extreme points GAP apart."""
+    (r, s), a = RADII, np.deg2rad(tangent_deg)
+    turned = GAP + r * (1 - np.sin(a)) + s * (1 - np.sin(a)), FLUSH - s * (1 - np.cos(a))
+    left = r - np.sqrt(r**2 - (r - depth) ** 2)  # how far a feeler of that depth stays from the extreme point
+    right = s - np.sqrt(s**2 - (s - depth - FLUSH) ** 2)
+    pin = s - np.sqrt(s**2 - (s - offset) ** 2)
+    return {
+        "extreme": (GAP, FLUSH),
+        "tangent": turned,
+        "edge": (GAP, FLUSH),
+        "fixed_radius": (GAP, FLUSH),
+        "gauge": (GAP + left + right, FLUSH - pin),
+    }
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.3])
+def test_every_definition_is_that_of_the_outline(turn):
+    config = GapFlushConfig(tangent_deg=30.0, fixed_radius_mm=RADII, **GAUGE)
+    found = measure_gap_flush(as_profile(panels(turn=turn)), config).definitions
+    assert set(found) == set(by_hand())
+    for name, (gap, flush) in by_hand().items():
+        np.testing.assert_allclose([found[name].gap_mm, found[name].flush_mm], [gap, flush], atol=1e-5, err_msg=name)
+        apart = found[name].gap_points[1] - found[name].gap_points[0]
+        x = np.array([np.cos(turn), np.sin(turn)])
+        assert apart @ x == pytest.approx(gap, abs=1e-5)
+    straight = GapFlushConfig(tangent_deg=30.0, axis="distance", **GAUGE)
+    distance = measure_gap_flush(as_profile(panels(turn=turn)), straight).definitions["tangent"].gap_mm
+    sunk = FLUSH - (RADII[1] - RADII[0]) * (1 - np.cos(np.deg2rad(30.0)))
+    assert distance == pytest.approx(np.hypot(by_hand()["tangent"][0], sunk), abs=1e-5)
+
+
+def test_chosen_definition_is_the_answer_and_the_rest_stand_beside_it():
+    config = GapFlushConfig(definition="tangent")
+    g = measure_gap_flush(as_profile(panels()), config)
+    assert g.definition == "tangent"
+    assert g.gap_mm == g.definitions["tangent"].gap_mm == pytest.approx(GAP + sum(RADII), abs=1e-5)
+    assert set(g.definitions) == {"extreme", "tangent", "edge"}
+
+
+def test_sigma_of_every_definition_is_that_of_the_scatter():
+    """Monte Carlo: no bias, errors no larger than σ says; it allows for blur on the bends, which is not in here."""
+    rng = np.random.default_rng(31)
+    config = GapFlushConfig(tangent_deg=30.0, fixed_radius_mm=RADII, **GAUGE)
+    pulls = {name: [] for name in by_hand()}
+    widths = {name: [] for name in by_hand()}
+    for _ in range(25):
+        found = measure_gap_flush(as_profile(panels(rng=rng)), config).definitions
+        for name, truth_ in by_hand().items():
+            by = found[name]
+            pulls[name].append((np.array([by.gap_mm, by.flush_mm]) - truth_) / [by.sigma_gap_mm, by.sigma_flush_mm])
+            widths[name].append(by.sigma_gap_mm)
+    for name, z in pulls.items():
+        assert np.all(np.abs(np.mean(z, axis=0)) < 0.2 + 3 / np.sqrt(25)), name
+        assert np.all(np.std(z, axis=0) < 1.3), name
+        assert np.all(np.std(z, axis=0) > 0.2), name
+    assert np.median(widths["fixed_radius"]) < 0.5 * np.median(widths["extreme"])
+
+
+def test_a_feeler_that_reaches_no_bend_has_no_gap():
+    config = GapFlushConfig(definition="gauge", gauge_depth_mm=0.5, gauge_offset_mm=2.0)
+    with pytest.raises(NoAnswerError, match="feeler does not reach"):
+        measure_gap_flush(as_profile(panels(flush=-2.0)), config)
+
+
+def test_a_master_takes_out_what_both_share():
+    g, master = (measure_gap_flush(as_profile(panels(gap=x))) for x in (3.0, 4.0))
+    found = g.against(master, (4.1, 0.4), uncertainty_mm=0.02)
+    assert found.gap_mm == pytest.approx(3.1, abs=1e-5)
+    assert found.flush_mm == pytest.approx(0.4, abs=1e-5)
+    together = np.sqrt(g.sigma_gap_mm**2 + master.sigma_gap_mm**2 + 0.01**2)
+    assert found.sigma_gap_mm == pytest.approx(together, rel=1e-9)
+    other = measure_gap_flush(as_profile(panels()), GapFlushConfig(definition="edge"))
+    with pytest.raises(InputError, match='measured by "edge"'):
+        g.against(other, (3, 0))
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"definition": "gauge"}, {"definition": "fixed_radius"}, {"fixed_radius_mm": (0, 1)}]
+)
+def test_definitions_that_are_not_told_are_refused(wrong):
+    with pytest.raises(ValueError, match=r"fixed_radius_mm|gauge_depth_mm"):
+        GapFlushConfig(**wrong)

@@ -15,6 +15,7 @@ from geometry import (
     DhRobot,
     GivenPoses,
     InputError,
+    Inverted,
     JointDeviation,
     Parameter,
     Pose,
@@ -82,6 +83,8 @@ ROBOTS: dict[str, Callable[[], Robot]] = {
     "compliant, corrected": lambda: Compliant(
         Corrected(arm(), draw_errors(arm(), np.random.default_rng(8))), LOAD, 1e-6
     ),
+    "inverted": lambda: Inverted(arm()),
+    "inverted, compliant": lambda: Inverted(Compliant(arm(), LOAD, SIGMA_PER_NM)),
 }
 
 
@@ -141,6 +144,8 @@ def test_every_robot_is_one(robot: Robot) -> None:
     assert all(p.sigma > 0 for p in robot.parameters)
     assert robot.within_limits(q).shape == (3,)
     pose, jacobian = require_arm(robot).pose_and_jacobian(q, values)
+    if isinstance(robot, Inverted):
+        jacobian, pose = -pose.adjoint @ jacobian, pose.inverse()
     np.testing.assert_array_equal(pose.matrix, robot.pose(q, values).matrix)
     np.testing.assert_array_equal(jacobian, robot.joint_jacobian(q, values))
     noise = robot.joint_noise(q, values)

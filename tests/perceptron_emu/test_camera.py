@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.special import j1
 
 from perceptron_emu import EmulatorConfig
 from perceptron_emu.chip import expose
 from perceptron_emu.chip.dark import dark_levels, dark_pixels
 from perceptron_emu.image import contrast
-from perceptron_emu.image.speckle import speckle_field
+from perceptron_emu.image.speckle import speckle_field, speckle_of
 from tests.perceptron_emu.conftest import make_sensor
 
 REL = 0.02
@@ -94,16 +95,39 @@ def test_shot_noise_has_poissons_mean_variance_and_skewness(mean: float) -> None
 
 @pytest.mark.parametrize("strength", [1.0, 2**-0.5, 0.6, 0.4, 0.05, 0.0])
 def test_speckle_has_its_contrast(strength: float) -> None:
-    field = speckle_field((5, -7), (900, 900), 4.0, strength, 99)
+    field = speckle_field((5, -7), (900, 900), speckle_of(4.0, strength, 99))
     assert field.mean() == pytest.approx(1, abs=0.02)
-    assert field.std() == pytest.approx(strength, rel=0.05)
+    assert field.std() == pytest.approx(strength, rel=0.03)
+
+
+@pytest.mark.parametrize("grain", [2.1, 5.0])
+def test_speckle_has_the_grain_of_a_round_pupil(grain: float) -> None:
+    """Intensities at a lag are correlated by (2 J₁(x)/x)², x = π·lag/grain (Goodman 2007, 4.4), seams included; whole
+    fields are, of two keys, not.
+    """
+    first, second = (speckle_field((0, 0), (1024, 1024), speckle_of(grain, 1.0, key)) - 1 for key in (1, 2))
+    for lag in (1, 2, 3, 5):
+        x = np.pi * lag / grain
+        expected = (2 * j1(x) / x) ** 2
+        for a, b in ((first[lag:], first[:-lag]), (first[:, lag:], first[:, :-lag])):
+            assert np.mean(a * b) == pytest.approx(expected, abs=0.02)
+    assert np.mean(first * second) == pytest.approx(0, abs=0.01)
+
+
+def test_seams_of_speckle_do_not_show() -> None:
+    """Mean and contrast of the rows and columns in which tiles are blended are those of all others."""
+    speckle = speckle_of(2.1, 1.0, 7)
+    field, tile, seam = speckle_field((0, 0), (4096, 1024), speckle), speckle.tile, len(speckle.rise)
+    blended = np.concatenate([field[k * tile : k * tile + seam].ravel() for k in range(16)])
+    assert blended.mean() == pytest.approx(1, abs=0.02)
+    assert blended.std() == pytest.approx(1, abs=0.03)
 
 
 def test_speckle_of_overlapping_boxes_agrees() -> None:
-    """Two boxes of one pattern show the same grains where they overlap, but for the kernel's cut tail (rms 0.16)."""
-    large = speckle_field((0, 0), (200, 300), 4.0, 1.0, 5)
-    part = speckle_field((40, 70), (90, 120), 4.0, 1.0, 5)
-    assert np.sqrt(np.mean((large[40:130, 70:190] - part) ** 2)) < 0.2
+    """Two boxes of one pattern show the same grains where they overlap, to the bit."""
+    speckle = speckle_of(4.0, 2**-0.5, 5)
+    large, part = speckle_field((-300, 0), (600, 700), speckle), speckle_field((-260, 70), (390, 520), speckle)
+    assert np.array_equal(large[40:430, 70:590], part)
 
 
 def test_bandwidth_and_depolarisation_lower_the_contrast() -> None:

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from scipy.special import ndtr
 
-from perceptron_emu.image.deposit import GaussianSpots, deposit, deposit_fine
+from perceptron_emu.image.deposit import GaussianSpots, deposit, spline_taps
+from perceptron_emu.image.pieces import Pieces, draw_pieces
+from perceptron_emu.image.speckle import speckle_of
 
 
 def exact(shape: tuple[int, int], u: np.ndarray, v: np.ndarray, weight: np.ndarray, sigma: float) -> np.ndarray:
@@ -25,11 +27,17 @@ def test_a_pixel_takes_the_integral_over_its_square(sigma: float) -> None:
     assert np.max(np.abs(image - exact(image.shape, u, v, weight, sigma))) < 2e-5 * image.max()
 
 
-@pytest.mark.parametrize("sigma", [2.5, 3.1])
-def test_the_fourier_way_agrees(sigma: float) -> None:
+@pytest.mark.parametrize("splines", [True, False])
+@pytest.mark.parametrize("sigma", [0.65, 0.8])
+def test_pieces_agree_with_the_integral(sigma: float, splines: bool) -> None:
+    """Two pieces on sub-pixels without speckle, one of which stands out over the border."""
     rng = np.random.default_rng(2)
-    u, v, weight = rng.uniform(20, 60, 50), rng.uniform(20, 40, 50), rng.uniform(1, 3, 50)
-    image = deposit_fine((61, 83), GaussianSpots(u, v, weight, np.full(50, sigma)), sigma)
+    u, v, weight = rng.uniform(20, 40, 50), rng.uniform(20, 40, 50), rng.uniform(1, 3, 50)
+    u[25:] += 42
+    image, q = np.zeros((61, 83), np.float32), 4
+    spots = GaussianSpots(u, v, weight, np.full(50, sigma))
+    taps = spline_taps(sigma * q) if splines else np.zeros(0, np.float32)
+    draw_pieces(image, spots, Pieces(np.array([0, 25, 50]), np.zeros((2, 2), np.int64), q), taps, speckle_of(2.0, 0, 1))
     assert np.max(np.abs(image - exact(image.shape, u, v, weight, sigma))) < 1e-4 * image.max()
 
 

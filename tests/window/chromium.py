@@ -133,9 +133,7 @@ class Page:
 
     def value(self, key: str) -> float:
         """A parameter's number."""
-        return float(
-            self.js('return document.querySelector(`[data-key="${arguments[0]}"] input[type=number]`).value', key)
-        )
+        return float(self.js('return document.querySelector(`[data-key="${arguments[0]}"] input.number`).value', key))
 
     def answer(self) -> dict[str, Any]:
         """What the server answers to the page's parameters, asked through the page."""

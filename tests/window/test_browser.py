@@ -182,8 +182,8 @@ def test_stale_answers_are_dropped_and_the_old_picture_stays(page: Page) -> None
 
 def test_a_wrong_value_is_said_beside_it(page: Page) -> None:
     before = page.shown
-    box = page.find('[data-key="detect.threshold"] input[type=number]')
-    box.clear()
+    box = page.find('[data-key="detect.threshold"] input.number')
+    box.send_keys(Keys.CONTROL + "a")
     box.send_keys("-5", Keys.TAB)
     page.until("document.querySelector('[data-key=\"detect.threshold\"]').classList.contains('wrong')")
     assert "greater than" in page.find('[data-key="detect.threshold"] .problem').text
@@ -226,10 +226,10 @@ def test_saved_parameters_give_extract_the_page_s_points(page: Page, cell_folder
     page.until("document.getElementById('command-text')")
     command = page.find("#command-text").text
     assert command.startswith("perceptron-emu extract")
-    assert f"--config '{out}/my set.toml'" in command
+    assert f"--recipe '{out}/my set.toml'" in command
     press(page, Keys.ESCAPE)
     points = out / "points.csv"
-    assert run(["extract", str(cell_folder), "--config", str(out / "my set.toml"), "--csv", str(points)]) == 0
+    assert run(["extract", str(cell_folder), "--recipe", str(out / "my set.toml"), "--csv", str(points)]) == 0
     rows = [r for r in csv.DictReader(io.StringIO(points.read_text())) if r["frame"] == "9"]
     extracted = sorted((float(r["u_px"]), float(r["v_px"]), r["label"]) for r in rows)
     shown = sorted((s["u"], s["v"], s["label"]) for s in answer["spots"])
@@ -343,7 +343,7 @@ def test_names_are_text_and_bad_files_are_said(browser: Any, cell_folder: Path, 
     folder.mkdir()
     shutil.copy(cell_folder / "images" / "000.png", folder / NASTY)
     (folder / "z.png").write_bytes((cell_folder / "images" / "001.png").read_bytes()[:5000])
-    process, address = served(str(folder), "--sensor", str(cell_folder / "sensor.toml"))
+    process, address = served(str(folder), "--sensor", str(cell_folder / "sensor.toml"), "--what", "strings")
     try:
         browser.get(address)
         page = Page(browser)

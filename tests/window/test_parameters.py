@@ -10,6 +10,7 @@ from pydantic import BaseModel, Field
 
 from extraction import ExtractionConfig
 from geometry import InputError
+from workbench.files import Recipe
 from workbench.opened import panel
 from workbench.opened.sliders import FILE_ONLY, SLIDERS
 from workbench.window.parameters import ParameterError, parse
@@ -53,11 +54,11 @@ def test_other_kinds() -> None:
     assert (gain["nullable"], gain["unit"], gain["title"], gain["level"]) == (True, "DN/e⁻", "Gain", "basic")
 
 
-def test_every_parameter_of_extraction_can_be_shown() -> None:
+def test_every_parameter_of_the_recipe_can_be_shown() -> None:
     """Each has help and a title; numbers a range that holds the default; the basic ones are few."""
-    controls = [p for g in panel(ExtractionConfig) for p in g["parameters"]]
-    every = set(keys(ExtractionConfig().model_dump()))
-    assert {p["key"] for p in controls} == {key for key in every if key.split(".")[0] not in FILE_ONLY}
+    controls = [p for g in panel(Recipe) for p in g["parameters"]]
+    every = set(keys(Recipe().model_dump()))
+    assert {p["key"] for p in controls} == {k for k in every if not {k, k.split(".")[0]} & set(FILE_ONLY)}
     assert set(SLIDERS) == {p["key"] for p in controls}
     for p in controls:
         assert p["help"], p["key"]
@@ -69,7 +70,7 @@ def test_every_parameter_of_extraction_can_be_shown() -> None:
 
 
 def test_tables_of_the_file_alone_are_those_of_the_model() -> None:
-    assert set(FILE_ONLY) <= set(ExtractionConfig.model_fields)
+    assert {key.split(".")[0] for key in FILE_ONLY} <= set(Recipe.model_fields)
 
 
 def test_a_slider_is_narrower_than_the_model() -> None:
@@ -78,7 +79,12 @@ def test_a_slider_is_narrower_than_the_model() -> None:
         for end in (slider.low, slider.high):
             if end is not None:
                 table, name = key.split(".")
-                ExtractionConfig.model_validate({table: {name: end}})
+                given: dict[str, object] = {name: end}
+                if key == "stripe.max_width_px":
+                    given["min_width_px"] = 0.2
+                if key == "stripe.min_width_px":
+                    given["max_width_px"] = 40
+                Recipe.model_validate({table: given})
 
 
 def keys(table: dict[str, object], prefix: str = "") -> list[str]:

@@ -30,7 +30,7 @@ def folder(cell_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def bare(browser: Any, folder: Path, cell_folder: Path) -> Iterator[Page]:
-    process, address = served(str(folder), "--sensor", str(cell_folder / "sensor.toml"))
+    process, address = served(str(folder), "--sensor", str(cell_folder / "sensor.toml"), "--what", "strings")
     browser.get(address)
     page = Page(browser)
     page.until("document.documentElement.dataset.surveyed === '3'", 60)
@@ -134,7 +134,7 @@ def test_a_calibration_is_marked_once_parameters_changed(browser: Any, cell_fold
 
 def test_the_way_in_shows_the_token_to_this_user_alone(browser: Any, folder: Path, cell_folder: Path) -> None:
     """What is on the browser's command line is a file that others can not read, and it leads to the page."""
-    process, address = served(str(folder), "--sensor", str(cell_folder / "sensor.toml"))
+    process, address = served(str(folder), "--sensor", str(cell_folder / "sensor.toml"), "--what", "strings")
     try:
         with way_in(address) as page:
             assert page.parent.stat().st_mode & 0o077 == 0
@@ -151,7 +151,7 @@ def test_a_watched_folder_shows_what_comes(browser: Any, cell_folder: Path, tmp_
     folder = tmp_path / "live"
     folder.mkdir()
     shutil.copy(cell_folder / "images" / "000.png", folder / "000.png")
-    process, address = served(str(folder), "--sensor", str(cell_folder / "sensor.toml"), "--watch")
+    process, address = served(str(folder), "--sensor", str(cell_folder / "sensor.toml"), "--watch", "--what", "strings")
     try:
         browser.get(address)
         page = Page(browser)

@@ -190,6 +190,8 @@ POINTS = "frame,label,u_px,v_px,y_surface_mm,z_surface_mm,y_mm,z_mm,sigma_y_mm,s
         (POINTS + "0,A,,,,,1,2,0.01,0.01,0,1,\n0,A,,,,,1,2,0.01,0.01,0,1,\n", ("line 3", "second")),
         (POINTS + "99,A,,,,,1,2,0.01,0.01,0,1,\n", ("frame 99",)),
         (POINTS + "0,A\n", ("line 2", "holds no point")),
+        (POINTS, ("holds a header but no points",)),
+        (POINTS + "0,A,,,,,1,240000,0.01,0.01,0,1,\n", ("line 2", "z_mm", "millimetres are right")),
     ],
 )
 def test_bad_points(cli: Cli, dataset: Path, text: str, words: tuple[str, ...]) -> None:

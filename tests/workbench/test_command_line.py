@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -27,6 +28,16 @@ def test_help_imports_nothing_heavy() -> None:
     assert done.stderr.strip() == "[]"
     for name in COMMANDS:
         assert name in done.stdout
+
+
+@pytest.mark.parametrize(("typed", "offered"), [("calibrate-", ["calibrate-sensor"]), ("compare --m", ["--max-mm"])])
+def test_a_shell_completes_commands_and_options(typed: str, offered: list[str]) -> None:
+    words = f"perceptron-emu {typed}"
+    asked = {"_PERCEPTRON_EMU_COMPLETE": "complete_bash", "COMP_WORDS": words, "COMP_CWORD": str(words.count(" "))}
+    done = subprocess.run(
+        [sys.executable, "-m", "workbench"], env=os.environ | asked, capture_output=True, text=True, check=False
+    )
+    assert done.stdout.split() == offered
 
 
 @pytest.mark.parametrize("name", COMMANDS)

@@ -50,6 +50,39 @@ def test_rendered_panels_give_their_gap_and_flush(cli: Cli, picture: Path) -> No
     assert cv2.imread(str(picture.with_name("window.png"))).shape[0] > 200
 
 
+def test_definitions_of_rendered_panels(cli: Cli, picture: Path) -> None:
+    """Known radii leave less to fit; a master that is the part itself makes the answer the certificate's."""
+    asked = ("gapflush", picture, "--sensor", SENSOR, "--definition", "fixed_radius", "--fixed-radius-mm", 2.0, 2.5)
+    found = cli(*asked, "--gauge-depth-mm", 1.5, "--gauge-offset-mm", 4, "--json").json
+    by = found["definitions"]
+    assert list(by) == ["extreme", "tangent", "edge", "fixed_radius", "gauge"]
+    assert by["fixed_radius"]["sigma_gap_mm"] < by["extreme"]["sigma_gap_mm"]
+    truth = {"fixed_radius": PANELS.gap_mm, "edge": PANELS.gap_mm, "tangent": PANELS.gap_mm + 4.5}
+    for name, gap in truth.items():
+        assert by[name]["gap_mm"] == pytest.approx(gap, abs=min(ATOL_GAP_MM, 3.5 * by[name]["sigma_gap_mm"])), name
+        assert by[name]["flush_mm"] == pytest.approx(PANELS.flush_mm, abs=ATOL_FLUSH_MM)
+    mastered = cli(
+        *asked, "--master", picture, "--master-mm", 4.05, 0.7, "--master-uncertainty-mm", 0.01, "--json"
+    ).json
+    assert (mastered["gap_mm"], mastered["flush_mm"]) == pytest.approx((4.05, 0.7), abs=1e-6)
+    assert mastered["sigma_gap_mm"] > found["sigma_gap_mm"]
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--definition", "gauge"), "gauge_depth_mm"),
+        (("--definition", "fixed_radius"), "fixed_radius_mm"),
+        (("--fixed-radius-mm", 2, 200), "max_radius_mm"),
+        (("--master", "m.csv"), "--master-mm"),
+    ],
+)
+def test_definitions_that_lack_something(cli: Cli, picture: Path, options: tuple[str, ...], words: str) -> None:
+    result = cli("gapflush", picture, "--sensor", SENSOR, *options)
+    assert result.code == 2
+    assert words in result.err
+
+
 @pytest.mark.parametrize(
     ("panels", "turn_deg"),
     [

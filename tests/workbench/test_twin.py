@@ -45,7 +45,7 @@ def test_a_twin_finds_the_keys_that_its_images_were_made_with(monkeypatch: pytes
         "noise": {"read_noise_e": 25.0},
     }  # fmt: skip
     made = EmulatorConfig.model_validate(keys)
-    images = stripes(small_sensor(), made, 2)
+    images = stripes(small_sensor(), made, 3)
     twin = fit_twin(images, small_sensor(0.0), EmulatorConfig(), 1, lambda done, total: None)
     found = {k.name: k for k in twin.keys}
     for table, values in keys.items():
@@ -57,7 +57,7 @@ def test_a_twin_finds_the_keys_that_its_images_were_made_with(monkeypatch: pytes
     assert twin.chi2_per_dof < 5
     answer = twin_object(twin)
     assert answer["distances"]["width_px"] < 0.3
-    assert answer["n_images"] == 2
+    assert answer["n_images"] == 3
 
 
 def test_images_without_laser_and_of_another_sensor_are_refused(tmp_path: Path) -> None:

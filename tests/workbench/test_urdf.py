@@ -11,8 +11,10 @@ from hypothesis import strategies as st
 from pytransform3d.urdf import UrdfTransformManager
 
 from geometry import DH_ROWS, InputError, Pose, robot_from_axes
+from workbench.cell import find_robot
+from workbench.cell.starter import write_starter
 from workbench.files import read_robot, robot_text, write_urdf
-from workbench.files.urdf import read_urdf
+from workbench.files.urdf import read_urdf, urdf_ends
 
 ATOL_MM = 1e-8
 ATOL_ROTATION = 1e-12
@@ -340,3 +342,25 @@ def test_thirty_thousand_links_in_linear_time(tmp_path: Path) -> None:
     start = time.process_time()
     assert read_urdf(write(tmp_path, urdf_text(SIX, more)), "L0", "L9").n_joints == 6
     assert time.process_time() - start < 6.0
+
+
+def test_an_arm_is_found_in_its_urdf_and_starts_a_dataset(tmp_path: Path) -> None:
+    path = write(tmp_path, urdf_text(SIX)).rename(tmp_path / "arm.urdf")
+    assert urdf_ends(path) == ("L0", "L9")
+    whole = find_robot(str(path))
+    np.testing.assert_array_equal(whole.d, read_urdf(path, "L0", "L9").d)
+    write_starter(tmp_path / "cell", str(path), "nominal", "paper")
+    started = read_robot(tmp_path / "cell" / "robot.toml")
+    q = np.linspace(-1.0, 1.0, started.n_joints)
+    np.testing.assert_array_equal(started.pose(q).matrix, whole.pose(q).matrix)
+
+
+def test_the_hand_is_tool0_or_the_only_one(tmp_path: Path) -> None:
+    camera = '<link name="eye"/><joint name="JE" type="fixed"><parent link="L9"/><child link="eye"/></joint>'
+    bolt = '<link name="bolt"/><joint name="JB" type="fixed"><parent link="L9"/><child link="bolt"/></joint>'
+    both = urdf_text(SIX, camera + bolt)
+    with pytest.raises(InputError, match=r"2 links could be the hand: bolt, eye; write a robot\.toml"):
+        urdf_ends(write(tmp_path, both))
+    assert urdf_ends(write(tmp_path, both.replace("eye", "tool0"))) == ("L0", "tool0")
+    with pytest.raises(InputError, match="2 links hang on no joint"):
+        urdf_ends(write(tmp_path, urdf_text(SIX, '<link name="alone"/>')))

@@ -6,7 +6,7 @@ from workbench.accept.flatness import accept_flatness
 from workbench.accept.gauge import accept_gauge
 from workbench.accept.gauge_study import GaugeStudy, study_gauge
 from workbench.accept.gauge_table import GaugeColumns, GaugeTable, read_gauge_table
-from workbench.accept.page import write_record_page
+from workbench.accept.page import shown, write_record_page
 from workbench.accept.record import RULE_WORDS, Record, make_record, record_object
 from workbench.accept.recorded import Placed, Recorded, Recording, read_recorded
 from workbench.accept.repeat import Series, accept_repeat, read_series, series_of
@@ -41,6 +41,7 @@ __all__ = [
     "read_series",
     "record_object",
     "series_of",
+    "shown",
     "study_gauge",
     "write_record_page",
 ]

@@ -11,13 +11,14 @@ import numpy as np
 from workbench.accept.figures import COVERAGE
 from workbench.accept.record import RULE_WORDS, Record
 from workbench.files import write_text
-from workbench.report import new_figure, number, render_page, svg
+from workbench.report import Origin, new_figure, render_page, svg
 
 BANNER = {"conform": "good", "no_limits": "good", "not_proven": "care", "nonconform": "bad"}
 WORDS = {
     "conform": "conforms", "nonconform": "does not conform", "not_proven": "not proven",
     "no_limits": "measured, nothing judged",
 }  # fmt: skip
+_TITLES = {"anova": "table of variance", "components_from": "mean squares that the components come from"}
 _MOST_ROWS = 200  # of a table on the page; the JSON has all
 
 
@@ -46,11 +47,16 @@ def write_record_page(record: Record, path: Path) -> None:
         "banner": BANNER[record.verdict.code],
         "words": WORDS[record.verdict.code],
         "rule": RULE_WORDS[record.rule],
+        "shown": shown,
         "coverage": round(100 * COVERAGE),
         "tables": _tables(record.details),
         "pictures": [_gauge_picture(record)] if record.test == "gauge" else [],
     }
-    write_text(path, render_page("workbench.accept", "page.html.j2", content))
+    write_text(path, render_page("workbench.accept", "page.html.j2", content, _origin(record)))
+
+
+def _origin(record: Record) -> Origin:
+    return Origin(inputs=record.inputs, passed=record.verdict.passed)
 
 
 def _tables(details: dict[str, Any]) -> list[PageTable]:
@@ -59,19 +65,22 @@ def _tables(details: dict[str, Any]) -> list[PageTable]:
     for name, rows in details.items():
         if isinstance(rows, list) and rows and isinstance(rows[0], dict):
             shown = tuple(tuple(_cell(v) for v in row.values()) for row in rows[:_MOST_ROWS])
-            title = name.replace("_", " ") + (
+            title = _TITLES.get(name, name) + (
                 f", the first {_MOST_ROWS} of {len(rows)}" if len(rows) > _MOST_ROWS else ""
             )
             out.append(PageTable(title, tuple(str(k).replace("_", " ") for k in rows[0]), shown))
     return out
 
 
+def shown(value: float | None) -> str:
+    """A number to four digits, a dash where there is none."""
+    return "–" if value is None else f"{value:.4g}"
+
+
 def _cell(value: Any) -> str:
     if isinstance(value, bool | np.bool_):
         return "yes" if value else "no"
-    if isinstance(value, int | np.integer):
-        return str(value)
-    return number(value, 4) if value is None or isinstance(value, float) else str(value)
+    return shown(value) if value is None or isinstance(value, float) else str(value)
 
 
 def _gauge_picture(record: Record) -> dict[str, str]:

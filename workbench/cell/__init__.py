@@ -5,7 +5,9 @@ from workbench.cell.extracting import Extracted, extract_inputs
 from workbench.cell.inputs import BareImages, read_inputs
 from workbench.cell.labels import label_alone, label_dataset, poses_in_sensor
 from workbench.cell.locating import located
-from workbench.cell.pipeline import Observed, Progress, observe, solve
+from workbench.cell.measuring import Measured, Value, judged, measure, peak_values, profile_values, value_objects
+from workbench.cell.on_surface import field_of_view_of
+from workbench.cell.pipeline import Observed, ProfileSettings, Progress, observe, solve
 from workbench.cell.points_table import rows
 from workbench.cell.posing import FramePose, frame_poses
 from workbench.cell.presets import (
@@ -17,7 +19,7 @@ from workbench.cell.presets import (
     find_target,
     preset_path,
 )
-from workbench.cell.profiling import ProfileSource, is_profile_file, read_profile, read_profile_settings
+from workbench.cell.profiling import ProfileSource, is_profile_file, read_profile, usable, with_options
 from workbench.cell.speckle import dataset_config, with_known_grain
 from workbench.cell.starter import PLACES, place_of_jig, write_starter
 from workbench.cell.stripes import (
@@ -28,6 +30,7 @@ from workbench.cell.stripes import (
     stripe_images,
     stripe_overlay,
     stripe_record,
+    why_no_stripe,
 )
 from workbench.cell.surroundings import SeesAll, around_jig, jig_bodies, sees_all_strings, wall_behind
 from workbench.cell.verifying import scp_of, verify_cell
@@ -39,16 +42,20 @@ __all__ = [
     "DataSheet",
     "Extracted",
     "FramePose",
+    "Measured",
     "MeasuredStripe",
     "Observed",
+    "ProfileSettings",
     "ProfileSource",
     "Progress",
     "SeesAll",
     "StripeInputs",
+    "Value",
     "around_jig",
     "data_sheet_text",
     "dataset_config",
     "extract_inputs",
+    "field_of_view_of",
     "find_emulator",
     "find_jig",
     "find_robot",
@@ -58,17 +65,20 @@ __all__ = [
     "frame_poses",
     "is_profile_file",
     "jig_bodies",
+    "judged",
     "label_alone",
     "label_dataset",
     "located",
+    "measure",
     "measure_stripes",
     "observe",
+    "peak_values",
     "place_of_jig",
     "poses_in_sensor",
     "preset_path",
+    "profile_values",
     "read_inputs",
     "read_profile",
-    "read_profile_settings",
     "rows",
     "scp_of",
     "sees_all_strings",
@@ -76,8 +86,12 @@ __all__ = [
     "stripe_images",
     "stripe_overlay",
     "stripe_record",
+    "usable",
+    "value_objects",
     "verify_cell",
     "wall_behind",
+    "why_no_stripe",
     "with_known_grain",
+    "with_options",
     "write_starter",
 ]

@@ -11,7 +11,7 @@ from geometry import Frame, InputError, Sensor
 from jig_cad import Jig
 from workbench.cell.inputs import BareImages, read_inputs
 from workbench.cell.labels import label_alone, label_dataset
-from workbench.cell.pipeline import observe
+from workbench.cell.pipeline import ProfileSettings, observe
 from workbench.cell.remarks import merged
 from workbench.cell.speckle import with_known_grain
 from workbench.files import Cell, Settings, read_image
@@ -45,7 +45,7 @@ def extract_inputs(
 
 
 def _dataset(cell: Cell, settings: Settings, progress: Progress) -> Extracted:
-    observed = observe(cell, settings.extraction, progress)
+    observed = observe(cell, settings.extraction, progress, ProfileSettings.of(settings))
     paths = {} if cell.points is not None else {f.number: cell.folder / f.image for f in cell.frames}
     return Extracted(
         label_dataset(cell, observed, settings.calib), cell.sensor, paths, observed.complaints, observed.remarks

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from extraction import Circle, Profile, TargetPoints, find_target_points
+from extraction import Circle, FeatureConfig, Profile, TargetPoints, find_target_points
 from geometry import AxisPoints, Frame, Sensor, Surface
 from jig_cad import Balls, Sphere
 
@@ -31,7 +31,9 @@ class OnSurface:
     text: str = ""
 
 
-def on_surface(frame: Frame, profile: Profile, target: Surface, sensor: Sensor) -> OnSurface:
+def on_surface(
+    frame: Frame, profile: Profile, target: Surface, sensor: Sensor, config: FeatureConfig | None = None
+) -> OnSurface:
     """A frame's points on a surface.
 
     Parameters
@@ -44,6 +46,8 @@ def on_surface(frame: Frame, profile: Profile, target: Surface, sensor: Sensor) 
         A ball, balls, a plane, an edge or a wedge; of any other surface all points are taken.
     sensor
         Its field of view tells a plate's end from its own.
+    config
+        How the target is found; None: the defaults.
 
     Returns
     -------
@@ -56,17 +60,21 @@ def on_surface(frame: Frame, profile: Profile, target: Surface, sensor: Sensor) 
         axis = AxisPoints(target.features[:1] * n, np.full(n, -1), profile.yz_mm, profile.cov_yz_mm2, ("",) * n)
         return OnSurface(replace(frame, axis=axis, n_points=n))
     found = find_target_points(
-        profile, target.kind, _diameters(target), field_of_view_mm=_field(sensor) if target.kind == "edge" else None
+        profile,
+        target.kind,
+        _diameters(target),
+        field_of_view_mm=field_of_view_of(sensor) if target.kind == "edge" else None,
+        config=config,
     )
     ready = replace(frame, n_points=found.n_points, reason=found.reason)
     if found.reason is not None:
         return OnSurface(ready, found, found.text)
     if target.kind == "edge" and found.rivals:
         return OnSurface(replace(ready, reason="no_target"), found, found.text)
-    labels = _labels(found, target)
-    if labels is None:
-        text = f"{len(found.curves)} balls are in view, and nothing tells which of {len(target.features)} they are"
-        return OnSurface(replace(ready, reason="no_target"), found, text)
+    names = (
+        target.features
+    )  # of several balls told later which: sections have names, and they are the balls' in any order
+    labels = tuple(names[min(int(k), len(names) - 1)] for k in found.feature)
     n = len(found)
     axis = AxisPoints(labels, np.full(n, -1), found.yz_mm, found.cov_yz_mm2, ("",) * n)
     return OnSurface(replace(ready, axis=axis), found, found.text)
@@ -78,55 +86,13 @@ def _diameters(target: Surface) -> tuple[float | None, ...]:
     return tuple(target.diameters_mm.tolist()) if isinstance(target, Balls) else (None,)
 
 
-def _field(sensor: Sensor) -> Array | None:
+def field_of_view_of(sensor: Sensor) -> Array | None:
+    """Polygon (N, 2) of (y, z) in {P} [mm] that a sensor measures in; None where it is not known."""
     if sensor.profile is not None:
         return sensor.profile.field_of_view_mm
     from geometry import field_of_view
 
     return field_of_view(sensor)
-
-
-def _labels(found: TargetPoints, target: Surface) -> tuple[str, ...] | None:
-    """A feature's name for each point; None where it is not known which of several balls were seen."""
-    if not isinstance(target, Balls):
-        names = target.features
-        return tuple(names[min(int(k), len(names) - 1)] for k in found.feature)
-    which = _which_balls(found, target)
-    return None if which is None else tuple(target.features[which[int(k)]] for k in found.feature)
-
-
-def _which_balls(found: TargetPoints, target: Balls) -> list[int] | None:
-    """The balls whose sections were seen, in the order of the sections, by their distances and sizes.
-
-    None where more than one assignment is possible.
-    """
-    from itertools import permutations
-
-    circles = [c for c in found.curves if isinstance(c, Circle)]
-    radii = target.diameters_mm / 2
-    fits = []
-    for chosen in permutations(range(len(radii)), len(circles)):
-        depth = [np.sqrt(max(radii[k] ** 2 - c.radius_mm**2, 0.0)) for k, c in zip(chosen, circles, strict=True)]
-        slack = max(6 * found.scatter_mm, 0.01 * float(np.max(radii)))
-        small = all(c.radius_mm <= radii[k] + slack for k, c in zip(chosen, circles, strict=True))
-        if small and all(
-            _can_stand(circles, depth, i, j, float(np.linalg.norm(target.centres_mm[a] - target.centres_mm[b])), slack)
-            for i, a in enumerate(chosen)
-            for j, b in enumerate(chosen)
-            if i < j
-        ):
-            fits.append(list(chosen))
-    return fits[0] if len(fits) == 1 else None
-
-
-def _can_stand(circles: Sequence[Circle], depth: Sequence[float], i: int, j: int, apart: float, slack: float) -> bool:
-    """Whether two balls can be so far apart whose sections and depths beside the sheet these are; either side each."""
-    across = float(np.hypot(*(circles[i].centre_mm - circles[j].centre_mm)))
-    # a depth hangs steeply on a section's radius near the ball's middle
-    soft = [np.sqrt(2 * circles[k].radius_mm * slack + slack**2) for k in (i, j)]
-    least = max(abs(depth[i] - depth[j]) - sum(soft), 0.0)
-    most = depth[i] + depth[j] + sum(soft)
-    return bool(np.hypot(across, least) - slack <= apart <= np.hypot(across, most) + slack)
 
 
 def dataset_remarks(found: Iterable[TargetPoints], sensor: Sensor) -> tuple[str, ...]:

@@ -5,26 +5,48 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calib import CalibConfig, CalibrationResult, calibrate
-from extraction import ExtractionConfig, Profile, TargetPoints, extract, extract_profile
+from extraction import (
+    ExtractionConfig,
+    FeatureConfig,
+    Profile,
+    StripeConfig,
+    TargetPoints,
+    extract,
+    extract_profile,
+    region_mask,
+)
 from extraction.features import string_points
 from geometry import Frame, InputError, Sensor, Surface, SurfacePoints, Target, target_at
 from jig_cad import Jig
 from workbench.cell.on_surface import OnSurface, dataset_remarks, on_surface
 from workbench.cell.remarks import merged, out_of_limits, remarks, with_complaints
 from workbench.cell.speckle import dataset_config
-from workbench.files import Cell, read_image
+from workbench.files import Cell, Settings, read_image
 from workbench.profiles import frame_profiles
 
 Progress = Callable[[int, int], None]
 FEWEST_TO_SEARCH = 20  # given points of a surface; fewer were chosen by whoever wrote them
 WORKERS = 2  # decoding and OpenCV release the interpreter's lock; more threads than cores would only wait
+
+
+@dataclass(frozen=True)
+class ProfileSettings:
+    """How a stripe is found, and a target in its profile."""
+
+    stripe: StripeConfig = field(default_factory=StripeConfig)
+    feature: FeatureConfig = field(default_factory=FeatureConfig)
+
+    @classmethod
+    def of(cls, settings: Settings) -> ProfileSettings:
+        """What a settings file says of them."""
+        return cls(settings.stripe, settings.feature)
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +61,12 @@ class Observed:
     remarks: tuple[str, ...] = ()
 
 
-def observe(cell: Cell, config: ExtractionConfig | None = None, progress: Progress | None = None) -> Observed:
+def observe(
+    cell: Cell,
+    config: ExtractionConfig | None = None,
+    progress: Progress | None = None,
+    profile: ProfileSettings | None = None,
+) -> Observed:
     """Measure every frame of ``cell``: the spots of its image, the points of its profile on the target, or its rows
     of points.csv.
 
@@ -51,6 +78,8 @@ def observe(cell: Cell, config: ExtractionConfig | None = None, progress: Progre
         Of extraction; None: its defaults, the speckle learnt from the dataset.
     progress
         Told the frames done and the frames in all.
+    profile
+        Of the stripe and of the target in it, for targets other than strings; None: the defaults.
 
     Returns
     -------
@@ -62,7 +91,7 @@ def observe(cell: Cell, config: ExtractionConfig | None = None, progress: Progre
     complaints: dict[int, str] = {}
     said: list[str] = []
     found: list[TargetPoints] = []
-    for measured in _measured(cell, config or ExtractionConfig()):
+    for measured in _measured(cell, config or ExtractionConfig(), profile or ProfileSettings()):
         frames.append(measured.frame)
         said += measured.remarks
         found += [] if measured.found is None else [measured.found]
@@ -100,6 +129,8 @@ def solve(cell: Cell, observed: Observed, config: CalibConfig | None = None) -> 
         # what is given of a surface's place decides nothing: it has no half turn
         {n: T for n, T in cell.T_base_jig.items() if isinstance(_target(cell, n), Jig)},
         config,
+        cell.mount,
+        cell.evidence,
     )
     verdict = with_complaints(result.verdict, observed.complaints, cell.folder)
     notes = (*remarks(result), *out_of_limits(cell), *cell.remarks, *observed.remarks, *result.remarks)
@@ -142,33 +173,42 @@ class _Measured:
     found: TargetPoints | None = None
 
 
-def _measured(cell: Cell, config: ExtractionConfig) -> Iterator[_Measured]:
+def _measured(cell: Cell, config: ExtractionConfig, profile: ProfileSettings) -> Iterator[_Measured]:
     if cell.points is not None:
         for frame in cell.frames:
             yield _Measured(_from_points(cell, frame))
         return
     if cell.sensor.profile is not None:
-        yield from _from_profiles(cell)
+        yield from _from_profiles(cell, profile)
         return
     cell.sensor.require_camera()  # said once, not as every frame's complaint
     read: dict[int, _Picture] = {}
     with ThreadPoolExecutor(WORKERS) as pool:
         if any(isinstance(target, Jig) for target in cell.targets):
-            total = len(cell.frames)
-            config = dataset_config(cell.sensor, config, total, lambda some: _readable(cell, some, pool, read))
+            ranked = sorted(range(len(cell.frames)), key=lambda k: cell.frames[k].number)  # rows may stand in any order
+            config = dataset_config(
+                cell.sensor,
+                config,
+                len(ranked),
+                lambda some: _readable(cell, [ranked[k] for k in some], pool, read),
+            )
         yield from pool.map(
-            lambda k: _from_image(cell, cell.frames[k], config, read.pop(k, None)), range(len(cell.frames))
+            lambda k: _from_image(cell, cell.frames[k], config, profile, read.pop(k, None)), range(len(cell.frames))
         )
 
 
-def _from_image(cell: Cell, frame: Frame, config: ExtractionConfig, read: _Picture | None) -> _Measured:
+def _from_image(
+    cell: Cell, frame: Frame, config: ExtractionConfig, profile: ProfileSettings, read: _Picture | None
+) -> _Measured:
     """Whatever an image holds, it does not end the run of the others. read: its image, where it was decoded before."""
     sensor: Sensor = cell.sensor
     try:
         image, said = read or _picture(cell, frame)
         target = target_at(cell.target, frame.location)
         if isinstance(target, Surface):
-            return _found(on_surface(frame, extract_profile(image, sensor), target, sensor), said)
+            mask = region_mask(config.region, image.shape)
+            seen = extract_profile(image, sensor, profile.stripe, mask=mask)
+            return _found(on_surface(frame, seen, target, sensor, profile.feature), said)
         points = extract(image, sensor, config)
     except (InputError, MemoryError) as error:
         why = str(error) or f"{frame.image}: not enough memory"
@@ -176,7 +216,7 @@ def _from_image(cell: Cell, frame: Frame, config: ExtractionConfig, read: _Pictu
     return _Measured(replace(frame, points=points), remarks=tuple(said))
 
 
-def _from_profiles(cell: Cell) -> Iterator[_Measured]:
+def _from_profiles(cell: Cell, settings: ProfileSettings) -> Iterator[_Measured]:
     """A profile sensor's frames: files read once, then the target found in each profile."""
     output = cell.sensor.profile
     if output is None:
@@ -187,14 +227,14 @@ def _from_profiles(cell: Cell) -> Iterator[_Measured]:
         if frame.number not in read.profiles:
             yield _Measured(replace(frame, reason="no_profile"), read.complaints.get(frame.number, ""), said)
         else:
-            yield _on_target(cell, frame, read.profiles[frame.number].profile, list(said))
+            yield _on_target(cell, frame, read.profiles[frame.number].profile, list(said), settings.feature)
         said = ()
 
 
-def _on_target(cell: Cell, frame: Frame, profile: Profile, said: list[str]) -> _Measured:
+def _on_target(cell: Cell, frame: Frame, profile: Profile, said: list[str], config: FeatureConfig) -> _Measured:
     target = target_at(cell.target, frame.location)
     if isinstance(target, Surface):
-        return _found(on_surface(frame, profile, target, cell.sensor), said)
+        return _found(on_surface(frame, profile, target, cell.sensor, config), said)
     if not isinstance(target, Jig):
         raise InputError(f"location {frame.location}: this kind of target can not be found in a profile")
     return _Measured(replace(frame, points=string_points(profile, target.string_diameter_mm)), remarks=tuple(said))

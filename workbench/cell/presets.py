@@ -9,7 +9,7 @@ from calib.synthetic import DESIGN
 from geometry import Arm, Sensor, Target
 from jig_cad import Jig
 from perceptron_emu import EmulatorConfig
-from workbench.files import read_emulator, read_jig_file, read_robot, read_sensor, read_target
+from workbench.files import read_emulator, read_jig_file, read_robot, read_sensor, read_target, read_urdf, urdf_ends
 
 DESIGN_SCP = DESIGN  # T_hand_sensor by design of the paper's Table 1: emulated cells and starters mount their sensor so
 
@@ -43,5 +43,11 @@ def find_emulator(name: str) -> EmulatorConfig:
 
 
 def find_robot(name: str) -> Arm:
-    """A robot by file or preset."""
-    return read_robot(preset_path("robots", name))
+    """A robot by robot.toml, URDF or preset; of a URDF from its root to tool0, or to its only hand."""
+    path = preset_path("robots", name)
+    return read_urdf(path, *urdf_ends(path)) if is_urdf(path) else read_robot(path)
+
+
+def is_urdf(path: Path) -> bool:
+    """Whether a robot's file is a URDF by its name."""
+    return path.suffix.lower() == ".urdf"

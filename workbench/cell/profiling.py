@@ -2,26 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from pydantic import Field
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import ValidationError
 
-from extraction import GapFlushConfig, Profile, StripeConfig, extract_profile, read_profile_csv
+from extraction import GapFlushConfig, Profile, extract_profile, read_profile_csv, region_mask
 from geometry import InputError, Remark, no_remark, read_bytes
 from geometry.sensor import AUTO, ProfileOutput
-from workbench.files import LOSSY_SUFFIXES, SUFFIXES, FileSection, read_image, read_sensor, read_toml, validate
+from workbench.files import LOSSY_SUFFIXES, SUFFIXES, Image, Settings, read_image, read_sensor
 from workbench.profiles import Told, checked_profile, read_scan_lines
 
 MAX_OWN_BYTES = 64 * 2**20  # a profile of ours has some kilobytes
-
-
-class ProfileFile(FileSection):
-    """A settings file for `profile` and `gapflush`."""
-
-    stripe: StripeConfig = Field(default_factory=StripeConfig)
-    gapflush: GapFlushConfig = Field(default_factory=GapFlushConfig)
 
 
 @dataclass(frozen=True)
@@ -32,16 +26,15 @@ class ProfileSource:
     sensor: Path | None = None
     laser_off: Path | None = None
     mask: Path | None = None
-    settings: ProfileFile = field(default_factory=ProfileFile)
+    settings: Settings = field(default_factory=Settings)
 
 
-def read_profile_settings(paths: Sequence[Path]) -> ProfileFile:
-    """The settings of files, a table of a later one in place of an earlier one's."""
-    tables: dict[str, object] = {}
-    for path in paths:
-        found = validate(ProfileFile, read_toml(path))
-        tables.update({name: getattr(found, name) for name in found.model_fields_set})
-    return ProfileFile.model_validate(tables)
+def with_options(config: GapFlushConfig, told: dict[str, object]) -> GapFlushConfig:
+    """Settings with some of them told anew; InputError where they do not go together."""
+    try:
+        return GapFlushConfig.model_validate(config.model_dump() | told)
+    except ValidationError as error:
+        raise InputError(error.errors()[0]["msg"].removeprefix("Value error, ")) from None
 
 
 def is_profile_file(path: Path) -> bool:
@@ -61,7 +54,17 @@ def read_profile(source: ProfileSource, remark: Remark = no_remark) -> Profile:
     image = read_image(source.path, sensor, remark, lossy=True)
     off = None if source.laser_off is None else read_image(source.laser_off, sensor, remark, lossy=True)
     mask = None if source.mask is None else read_image(source.mask, sensor, lossy=True) > 0
-    return extract_profile(image, sensor, source.settings.stripe, off, mask)
+    return extract_profile(image, sensor, source.settings.stripe, off, usable(image, mask, source.settings))
+
+
+def usable(image: Image, mask: NDArray[np.bool_] | None, settings: Settings) -> NDArray[np.bool_] | None:
+    """The pixels (H, W) that a mask and the settings' region both let through; None where all may be used."""
+    region = region_mask(settings.extraction.region, image.shape)
+    if mask is None or region is None:
+        return region if mask is None else mask
+    if mask.shape != region.shape:
+        return mask  # extraction says what is wrong with it
+    return mask & region
 
 
 def _profile_of_file(source: ProfileSource, remark: Remark) -> Profile:

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from geometry import Arm, InputError, Pose, Role, Sensor, did_you_mean, toml_value
-from workbench.cell.presets import DESIGN_SCP, preset_path
-from workbench.files import read_robot, read_sensor, read_target, write_bytes
+from workbench.cell.presets import DESIGN_SCP, find_robot, is_urdf, preset_path
+from workbench.files import read_sensor, read_target, urdf_ends, write_bytes
 
 REACH_OF_PLACES_MM = 2550.0  # the places below suit an arm of this reach; others get them in proportion
 PLACES: dict[str, tuple[Role, tuple[float, float, float], float]] = {
@@ -63,10 +63,12 @@ def write_starter(folder: Path, robot: str, sensor: str, jig: str, target: str |
     files = {"robot": preset_path("robots", robot), "sensor": preset_path("sensors", sensor)}
     if target is None:
         files["jig"] = preset_path("jigs", jig)
-    arm, model = read_robot(files["robot"]), read_sensor(files["sensor"])
+    arm, model = find_robot(robot), read_sensor(files["sensor"])
     measured = "images" if model.profile is None and target is None else "profiles"
     columns = ",".join(["frame", measured[:-1], "location", "role", *(f"j{i + 1}_deg" for i in range(arm.n_joints))])
     content = {f"{name}.toml": path.read_bytes() for name, path in files.items()}
+    if is_urdf(files["robot"]):
+        content |= _urdf_content(files["robot"])
     if target is not None:
         content["target.toml"] = _target_bytes(target)
     what = "image: PNG or TIFF" if measured == "images" else "profile: a file, or one for many rows"
@@ -81,6 +83,12 @@ def write_starter(folder: Path, robot: str, sensor: str, jig: str, target: str |
     for name, data in content.items():
         write_bytes(folder / name, data)
     return measured
+
+
+def _urdf_content(path: Path) -> dict[str, bytes]:
+    base, tip = (toml_value(name) for name in urdf_ends(path))
+    table = f"urdf = {toml_value(path.name)}\nbase = {base}\ntip = {tip}\n"
+    return {"robot.toml": table.encode(), path.name: path.read_bytes()}
 
 
 def _target_bytes(target: str) -> bytes:

@@ -10,9 +10,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from extraction import Profile, StripeConfig, StripePeaks, detect_stripe, extract_profile, flag_names
+from extraction import Profile, StripePeaks, detect_stripe, extract_profile, flag_names
 from geometry import InputError, Remark, Sensor, no_remark
-from workbench.files import LOSSY_SUFFIXES, read_image, read_sensor, sensor_of_picture
+from workbench.cell.profiling import usable
+from workbench.files import LOSSY_SUFFIXES, Settings, read_image, read_sensor, sensor_of_picture
 
 Image = NDArray[np.uint8] | NDArray[np.uint16]
 
@@ -29,7 +30,7 @@ class StripeInputs:
     laser_off: Path | None = None
     mask: Path | None = None
     channel: str | None = None
-    config: StripeConfig = field(default_factory=StripeConfig)
+    settings: Settings = field(default_factory=Settings)
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,12 +122,13 @@ def _measure(path: Path, sensor: Sensor | None, inputs: StripeInputs, remark: Re
             f"{path}: looks like a Bayer mosaic, colours side by side in one grey image; centres are drawn to one "
             "colour's pixels: save the image demosaiced or grey, or every second pixel of the laser's colour"
         )
+    mask, config = usable(image, mask, inputs.settings), inputs.settings.stripe
     if sensor is None:
-        peaks, profile = detect_stripe(image, inputs.config, off, mask), None
+        peaks, profile = detect_stripe(image, config, off, mask), None
     else:
-        profile = extract_profile(image, sensor, inputs.config, off, mask)
+        profile = extract_profile(image, sensor, config, off, mask)
         peaks = profile.peaks
-    return MeasuredStripe(path, image, peaks, profile, "" if len(peaks) else why_empty(image, model, peaks))
+    return MeasuredStripe(path, image, peaks, profile, "" if len(peaks) else why_no_stripe(image, model, peaks))
 
 
 def is_mosaic(image: Image) -> bool:
@@ -143,7 +145,7 @@ def is_mosaic(image: Image) -> bool:
     return alone and levels[3] > MOSAIC_RATIO * max(levels[0], 1.0)
 
 
-def why_empty(image: Image, sensor: Sensor, peaks: StripePeaks) -> str:
+def why_no_stripe(image: Image, sensor: Sensor, peaks: StripePeaks) -> str:
     """Why there is no stripe: flooded, or what was seen and refused."""
     full = sensor.require_camera().saturation_dn
     if (image >= full).mean() > 0.5:

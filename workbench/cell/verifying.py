@@ -42,6 +42,7 @@ def verify_cell(cell: Cell, observed: Observed, saved: SavedResult | None, confi
         cell.T_base_jig,
         config,
         cell.T_hand_sensor_design,
+        cell.mount,
     )
     return replace(found, notes=(words, *cell.remarks, *observed.remarks, *found.notes))
 

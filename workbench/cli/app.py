@@ -14,7 +14,7 @@ from workbench.cli.encoding import write_what_the_console_can
 from workbench.cli.extras import install_hint
 from workbench.cli.lazy import LazyGroup
 
-app = typer.Typer(cls=LazyGroup, add_completion=False, no_args_is_help=True, rich_markup_mode="rich")
+app = typer.Typer(cls=LazyGroup, add_completion=True, no_args_is_help=True, rich_markup_mode="rich")
 
 
 def _version(value: bool) -> None:
@@ -92,5 +92,7 @@ def _explain(error: Exception) -> int:
 
 def _say(message: str, code: int) -> int:
     text = " ".join(message.split())
-    print(f"error: {text}" if code != exit_codes.INTERRUPTED else text, file=sys.stderr)  # noqa: T201 - the command line's voice
+    colour = sys.stderr.isatty() and "NO_COLOR" not in os.environ
+    error = "\033[1;31merror:\033[0m" if colour else "error:"
+    print(f"{error} {text}" if code != exit_codes.INTERRUPTED else text, file=sys.stderr)  # noqa: T201 - the command line's voice
     return code

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import typer
 from pydantic import BaseModel
@@ -14,12 +16,13 @@ from rich.table import Table
 from geometry import PerceptronEmuError
 from workbench.cli import exit_codes
 from workbench.cli.console import standard_error, standard_output
-from workbench.files import settings_toml, write_text
+from workbench.files import Recipe, Settings, settings_toml, write_text
 from workbench.opened import ImageRequest, ImageSet, open_images
 from workbench.tune import Judgement, Score, SearchResult, Task, judge, make_task, search
 
 RESULT = "tuned.toml"
 JOURNAL = "tune.journal"
+PAGE_SEED = 0  # of a search from the page, so that it goes on where an earlier one ended
 
 
 def run_auto(request: ImageRequest, trials: int, seed: int) -> None:
@@ -35,6 +38,41 @@ def run_auto(request: ImageRequest, trials: int, seed: int) -> None:
     chosen = found.config if judgement.better else defaults
     write_text(folder / RESULT, settings_toml(chosen))
     _print(task, found, judgement, defaults, folder / RESULT)
+
+
+def page_search(images: ImageSet) -> Callable[[Recipe, int, Callable[[int, int, float], None]], dict[str, Any]]:
+    """The search as the process window runs it: the found recipe, both scores, and the words for them."""
+
+    def run(recipe: Recipe, trials: int, progress: Callable[[int, int, float], None]) -> dict[str, Any]:
+        start = Settings.of(recipe).extraction
+        task = make_task(images, PAGE_SEED)
+        found = search(task, start, trials, PAGE_SEED, images.folder / JOURNAL, progress)
+        judgement = judge(task, start, found.config, PAGE_SEED)
+        tables = {name: getattr(found.config, name) for name in type(found.config).model_fields}
+        low, high = judgement.gain_90
+        return {
+            "parameters": recipe.model_copy(update=tables).model_dump(mode="json"),
+            "better": bool(judgement.better),
+            "gain": finite(judgement.gain),
+            "gain_90": [finite(low), finite(high)],
+            "scores": {name: _score(s) for name, s in (("start", judgement.start), ("found", judgement.found))},
+            "changes": changes(found.config, start),
+            "train": len(task.train),
+            "held_out": len(task.held_out),
+            "skipped": list(task.skipped.values()),
+        }
+
+    return run
+
+
+def finite(x: float) -> float | None:
+    """The number, or None where JSON has no word for it."""
+    return float(x) if math.isfinite(x) else None
+
+
+def _score(s: Score) -> dict[str, Any]:
+    numbers = {"loss_mm": finite(s.loss_mm), "rms_mm": finite(s.rms_mm)}
+    return numbers | {"missed": int(s.missed), "false": int(s.false), "of": int(s.wanted)}
 
 
 def _learn_chain(images: ImageSet) -> None:

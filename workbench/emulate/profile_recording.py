@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from calib.mount import chain_of
 from geometry import DH_ROWS, Arm, Frame, InputError, Pose, Target, target_at
 from geometry.sensor import AUTO
 from jig_cad import Jig, sample_tolerance
@@ -71,7 +72,7 @@ def record_profiles(
     targets = _as_built(cell.target, np.random.default_rng([seed, 2**30]), built)
     rows, frames = [], []
     for i, c in enumerate(configurations):
-        T_base_sensor = true_arm.pose(c.true_rad) @ T_hand_sensor
+        T_base_sensor = chain_of(cell.mount, true_arm).pose(c.true_rad) @ T_hand_sensor
         T_sensor_target = T_base_sensor.inverse() @ cell.T_base_jig[c.location]
         line = sheet_profile(what, target_at(targets, c.location), T_sensor_target, np.random.default_rng([seed, i]))
         path = f"profiles/{c.frame:03d}{SUFFIXES[name]}"

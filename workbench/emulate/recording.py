@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.mount import Mount
 from geometry import DH_ROWS, Arm, Frame, InputError, NoAnswerError, Pose, Role
 from jig_cad import Jig
 from perceptron_emu import Material, Scene, Solid
@@ -30,7 +31,8 @@ class TrueCell:
     """What stands behind a recording: the true robot, jig and mounting, the jig's places and what is around them.
 
     solids: by location, in jig axes; plates and posts as well as anything else in the light's way. carried: solids on
-    the sensor, in {P}. string_material: the thread's surface, None for that of the sensor's file.
+    the sensor, in {P}. string_material: the thread's surface, None for that of the sensor's file. mount: "fixed" where
+    T_hand_sensor is T_base_sensor and T_base_jig is T_hand_jig.
     """
 
     robot: Arm
@@ -40,6 +42,13 @@ class TrueCell:
     solids: dict[str, tuple[Solid, ...]] = field(default_factory=dict)
     carried: tuple[Solid, ...] = ()
     string_material: Material | None = None
+    mount: Mount = "hand"
+
+    def T_sensor_target(self, configuration: Configuration) -> Pose:
+        """Where the sensor has the target at a configuration."""
+        hand = self.robot.pose(configuration.true_rad)
+        carrying = hand.inverse() if self.mount == "fixed" else hand
+        return (carrying @ self.T_hand_sensor).inverse() @ self.T_base_jig[configuration.location]
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,8 +131,7 @@ def record(
 
 def frame_scene(cell: Cell, true: TrueCell, configuration: Configuration) -> Scene:
     """What the sensor sees at one configuration."""
-    T_base_sensor = true.robot.pose(configuration.true_rad) @ true.T_hand_sensor
-    T_sensor_jig = T_base_sensor.inverse() @ true.T_base_jig[configuration.location]
+    T_sensor_jig = true.T_sensor_target(configuration)
     solids = true.solids.get(configuration.location, ())
     placed = tuple(replace(s, T_sensor_mesh=T_sensor_jig @ s.T_sensor_mesh) for s in solids)
     return Scene(cell.sensor, true.jig, T_sensor_jig, (*placed, *true.carried), true.string_material)

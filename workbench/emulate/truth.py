@@ -68,7 +68,7 @@ def draw_truth(cell: Cell, errors: Errors, rng: np.random.Generator, around: Sur
     bodies: tuple[Solid, ...] = jig_bodies(cell.jig)  # as drawn: the strings have room in the holes
     solids = {name: (*bodies, *around_jig(around, place)) for name, place in cell.T_base_jig.items()}
     carried = around.standing_in("sensor")
-    return TrueCell(robot, jig, mounted, cell.T_base_jig, solids, carried, around.string_material)
+    return TrueCell(robot, jig, mounted, cell.T_base_jig, solids, carried, around.string_material, cell.mount)
 
 
 def built_arm(cell: Cell, errors: Errors, rng: np.random.Generator) -> Arm:
@@ -92,7 +92,14 @@ def planned_views(
         bodies = (*jig_bodies(cell.jig), *around_jig(around, place))
         sees_all = sees_all_strings(cell.sensor, cell.jig, bodies, around.standing_in("sensor"))
         problem = ViewProblem(
-            cell.arm, cell.sensor, cell.jig, place, cell.design, sees_all=sees_all, workspace=cell.workspace
+            cell.arm,
+            cell.sensor,
+            cell.jig,
+            place,
+            cell.design,
+            sees_all=sees_all,
+            workspace=cell.workspace,
+            mount=cell.mount,
         )
         planned = plan_views(problem, per_location, rng)
         views += [(name, cell.roles.get(name, "calibrate"), joints) for joints in planned.joints_rad]

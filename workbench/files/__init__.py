@@ -16,8 +16,12 @@ from workbench.files.result_file import SavedResult, SavedScp, read_result, save
 from workbench.files.robot_file import read_robot, robot_text, urdf_of
 from workbench.files.sensor_file import read_emulator, read_sensor, sensor_text, stated_optics
 from workbench.files.settings_file import (
+    MeasureConfig,
+    Recipe,
     Settings,
-    carried_calib,
+    Tolerance,
+    ToleranceConfig,
+    What,
     parse_settings,
     read_settings,
     settings_text,
@@ -29,6 +33,7 @@ from workbench.files.table import Row, Table, read_table, read_table_text
 from workbench.files.target_file import read_target, target_text
 from workbench.files.toml_text import TomlSource, read_toml
 from workbench.files.truth_file import Truth, TruthFrame, TruthPoint, read_truth, write_truth
+from workbench.files.urdf import read_urdf, urdf_ends
 from workbench.files.urdf_write import write_urdf
 
 __all__ = [
@@ -41,24 +46,28 @@ __all__ = [
     "FileSection",
     "GivenPoints",
     "Image",
+    "MeasureConfig",
     "NotNegative",
     "PosesSection",
     "Positive",
     "Real",
+    "Recipe",
     "Row",
     "SavedResult",
     "SavedScp",
     "Settings",
     "Table",
     "Text",
+    "Tolerance",
+    "ToleranceConfig",
     "TomlSource",
     "Truth",
     "TruthFrame",
     "TruthPoint",
     "ViewFiles",
+    "What",
     "Whole",
     "board_text",
-    "carried_calib",
     "cell_text",
     "controller_poses",
     "controller_text",
@@ -87,6 +96,7 @@ __all__ = [
     "read_target",
     "read_toml",
     "read_truth",
+    "read_urdf",
     "robot_text",
     "saved_result",
     "sensor_of_picture",
@@ -98,6 +108,7 @@ __all__ = [
     "stated_optics",
     "suggestion",
     "target_text",
+    "urdf_ends",
     "urdf_of",
     "validate",
     "write_bytes",

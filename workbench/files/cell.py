@@ -11,6 +11,8 @@ import numpy as np
 from pydantic import Field, field_validator
 
 import assets
+from calib.bundle import Evidence
+from calib.mount import Mount
 from geometry import (
     Arm,
     Frame,
@@ -29,6 +31,7 @@ from jig_cad import Jig
 from jig_cad.files import table_model
 from perceptron_emu import EmulatorConfig
 from workbench.files.controller_poses import ControllerPoses, PosesSection, controller_poses
+from workbench.files.evidence_csv import EvidenceSection, read_evidence
 from workbench.files.frames_csv import LONGEST_NAME, read_frames
 from workbench.files.points_csv import GivenPoints, read_points
 from workbench.files.robot_file import read_robot
@@ -40,19 +43,26 @@ from workbench.files.truth_file import Truth, read_truth
 
 
 class ScpSection(FileSection):
-    """[scp_initial]: T_hand_sensor by design; rotations about fixed X, Y, Z, R = Rz·Ry·Rx."""
+    """[scp_initial]: T_hand_sensor by design, of a fixed sensor T_base_sensor; about fixed X, Y, Z, R = Rz·Ry·Rx."""
 
     rotation_deg: Vector3
     translation_mm: Vector3
 
 
+class MountSection(FileSection):
+    """[mount]: whether the hand carries the sensor, or the target before a sensor that stands."""
+
+    sensor: Literal["hand", "fixed"] = "hand"
+
+
 class LocationSection(FileSection):
     """[locations.NAME]: where the target stands, if known; decides the half turn. role: of views to be planned.
 
-    target: a file in place of cell.toml's.
+    target: a file in place of cell.toml's. T_hand_jig: in place of T_base_jig where the hand carries the target.
     """
 
     T_base_jig: Matrix4 | None = None
+    T_hand_jig: Matrix4 | None = None
     target: Text | None = None
     role: Literal["calibrate", "verify"] | None = None
 
@@ -84,6 +94,8 @@ class CellFile(FileSection):
     scp_initial: ScpSection | None = None
     poses: PosesSection | None = None
     workspace: WorkspaceSection = Field(default_factory=WorkspaceSection)
+    mount: MountSection = Field(default_factory=MountSection)
+    evidence: EvidenceSection = Field(default_factory=EvidenceSection)
     locations: dict[str, LocationSection] = Field(default_factory=dict)
 
     @field_validator("locations", mode="before")
@@ -103,6 +115,8 @@ class Cell:
     robot_path, sensor_path: the files. files: all that were read, images aside.
     emulator: how images of the cell are made, no knowledge of a recorded one. remarks: a sentence for all that is
     doubtful in the files and was read nevertheless. workspace: the floor and boxes that nothing may touch.
+    mount: "fixed" where the sensor stands and the hand carries the target: T_hand_sensor_design is then T_base_sensor,
+    T_base_jig is T_hand_jig. evidence: what is known beside the frames.
     """
 
     folder: Path
@@ -122,6 +136,8 @@ class Cell:
     remarks: tuple[str, ...] = ()
     files: tuple[Path, ...] = ()
     workspace: Workspace = field(default_factory=Workspace)
+    mount: Mount = "hand"
+    evidence: tuple[Evidence, ...] = ()
 
     @property
     def jig(self) -> Jig:
@@ -192,6 +208,7 @@ def read_cell(path: Path, *, recorded: bool = True) -> Cell:
     if frames:
         _check_location_names(file, frames, source)
     truth = folder / "truth.json"
+    evidence = _evidence(file, folder, robot, source, remarks.append) if recorded else ()
     target = _read_targets(folder, file, source, frames)
     scp = file.scp_initial
     return Cell(
@@ -201,7 +218,7 @@ def read_cell(path: Path, *, recorded: bool = True) -> Cell:
         robot=robot,
         frames=frames,
         T_hand_sensor_design=None if scp is None else Pose.from_fixed_xyz_deg(scp.rotation_deg, scp.translation_mm),
-        T_base_jig={n: _pose(source, n, g.T_base_jig) for n, g in file.locations.items() if g.T_base_jig is not None},
+        T_base_jig=_places(source, file),
         points=_points(folder, file, frames, frames_path, target, remarks.append) if recorded else None,
         truth=read_truth(truth) if truth.exists() else None,
         roles={name: given.role for name, given in file.locations.items() if given.role},
@@ -212,7 +229,33 @@ def read_cell(path: Path, *, recorded: bool = True) -> Cell:
         remarks=tuple(remarks),
         files=_files(source, file, (sensor_path, robot_path, frames_path)),
         workspace=_workspace(file.workspace, source),
+        mount=file.mount.sensor,
+        evidence=evidence,
     )
+
+
+def _evidence(
+    file: CellFile, folder: Path, robot: Arm | None, source: TomlSource, remark: Remark
+) -> tuple[Evidence, ...]:
+    n_joints = None if robot is None else robot.n_joints
+    return read_evidence(file.evidence, folder, n_joints, source.where(("evidence",)), remark)
+
+
+def _places(source: TomlSource, file: CellFile) -> dict[str, Pose]:
+    """The target's places: in the base, or in the hand that carries it before a fixed sensor."""
+    fixed = file.mount.sensor == "fixed"
+    right, wrong = ("T_hand_jig", "T_base_jig") if fixed else ("T_base_jig", "T_hand_jig")
+    out: dict[str, Pose] = {}
+    for name, given in file.locations.items():
+        if getattr(given, wrong) is not None:
+            carries = "the hand carries the target" if fixed else "the hand carries the sensor"
+            raise InputError(
+                f"{source.where(('locations', name, wrong))}: [locations.{name}] {wrong}: with [mount] sensor = "
+                f'"{file.mount.sensor}" {carries}, and {right} is right'
+            )
+        if (matrix := getattr(given, right)) is not None:
+            out[name] = _pose(source, name, matrix, right)
+    return out
 
 
 def _workspace(given: WorkspaceSection, source: TomlSource) -> Workspace:
@@ -229,7 +272,8 @@ def _files(source: TomlSource, file: CellFile, read: Sequence[Path | None]) -> t
     """cell.toml and the files that it names, and a points.csv that stands in place of images."""
     folder = source.path.parent
     targets = [given.target for given in file.locations.values()]
-    named = [folder / n for n in dict.fromkeys((file.jig, file.target, *targets, file.points or "points.csv")) if n]
+    given = (file.jig, file.target, *targets, file.points or "points.csv", file.evidence.tracker, file.evidence.sockets)
+    named = [folder / n for n in dict.fromkeys(given) if n]
     return tuple(p for p in (source.path, *read, *named) if p is not None and p.is_file())
 
 
@@ -327,15 +371,13 @@ def _preset(name: str, key: str) -> str:
     return f": it is a preset, and `perceptron-emu init --{key} {name} FOLDER` writes a cell with its file"
 
 
-def _pose(source: TomlSource, name: str, T_base_jig: Sequence[Sequence[float]]) -> Pose:
+def _pose(source: TomlSource, name: str, T_base_jig: Sequence[Sequence[float]], key: str) -> Pose:
     try:
         if not np.allclose(T_base_jig[3], (0, 0, 0, 1), rtol=0, atol=1e-9):
             raise InputError("the last row of a 4 × 4 transform is 0, 0, 0, 1")
         return Pose.from_matrix(T_base_jig, ATOL_ROTATION)
     except InputError as error:
-        raise InputError(
-            f"{source.where(('locations', name, 'T_base_jig'))}: [locations.{name}] T_base_jig: {error}"
-        ) from None
+        raise InputError(f"{source.where(('locations', name, key))}: [locations.{name}] {key}: {error}") from None
 
 
 def _check_location_names(file: CellFile, frames: tuple[Frame, ...], source: TomlSource) -> None:

@@ -49,8 +49,10 @@ def cell_text(cell: Cell) -> str:
     lines += ["[scp_initial]       # T_hand_sensor by design: rotations about fixed X, Y, Z (R = Rz Ry Rx)"]
     design = cell.design
     lines += [f"rotation_deg = {_numbers(design.fixed_xyz_deg)}", f"translation_mm = {_numbers(design.t)}"]
+    lines += ["[mount]", f"sensor = {toml_value(cell.mount)}"] if cell.mount != "hand" else []
     for name, pose in cell.T_base_jig.items():
-        lines += [f"[locations.{toml_value(name)}]", f"T_base_jig = {_matrix(pose)}"]
+        key = "T_hand_jig" if cell.mount == "fixed" else "T_base_jig"
+        lines += [f"[locations.{toml_value(name)}]", f"{key} = {_matrix(pose)}"]
         if len(files) > 1:
             lines += [f"target = {toml_value(files[cell.targets.index(target_at(cell.target, name))])}"]
     return "\n".join(lines) + "\n"

@@ -30,6 +30,7 @@ COLUMNS = (
 # behind them where the sensor's file states σ of its own calibration; `calibrate` takes that part from the file
 SENSOR_COLUMNS = ("sigma_sensor_y_mm", "sigma_sensor_z_mm", "cov_sensor_yz_mm2")
 DEFAULT_SIGMA_MM = 0.03  # where a file gives no σ: a string point's usual scatter with speckle
+FARTHEST_POINT_MM = 1e4  # from the sensor: ten metres
 _PRIMES = str.maketrans({"′": "'", "’": "'", "`": "'"})
 
 
@@ -98,6 +99,8 @@ def read_points(
         if point.label and not on_surface and any(point.label == other.label for other in points):
             raise row.fail("label", f'frame {row.cells["frame"]} has a second point "{point.label}"')
         points.append(point)
+    if not frames:
+        raise InputError(f"{path}: holds a header but no points; without the file they are found in the images")
     if without and not any(frames.values()):
         raise InputError(f"{path}, line {without[0]}: holds no point, nor does any of its {len(without)} rows")
     if without:
@@ -143,6 +146,9 @@ def _pair(row: Row, first: str, second: str) -> tuple[float, float] | None:
         missing, other = (first, second) if a is None else (second, first)
         what = "holds no value" if row.cells.get(missing) else "is empty"
         raise row.fail(missing, f"{what} beside {other}")
+    for name, value in ((first, a), (second, b)):
+        if name.endswith("_mm") and value is not None and abs(value) > FARTHEST_POINT_MM:
+            raise row.fail(name, f"{value:g} is farther than a laser sensor measures: millimetres are right")
     return None if a is None or b is None else (a, b)
 
 

@@ -94,12 +94,20 @@ def suggestion(word: str, known: Iterable[str]) -> str:
     return f" (known here: {shown})" if names else ""
 
 
+def _number_wanted(problem: Any) -> str:
+    """How many values are right, where one of a list of fixed length is missing."""
+    given = problem["input"]
+    return f": {len(given)}" if isinstance(given, list | tuple) else ""
+
+
 def _wish(problem: Any) -> str:
     kind, value = problem["type"], problem["input"]
-    if kind in ("missing", "too_long", "too_short"):
-        return "has the wrong number of values" + (
-            f", at most {problem['ctx']['max_length']} are right" if kind == "too_long" else ""
-        )
+    if kind in ("too_long", "too_short"):
+        context = problem["ctx"]
+        right = f"at most {context['max_length']}" if kind == "too_long" else f"at least {context['min_length']}"
+        return f"has {context['actual_length']} values, {right} are right"
+    if kind == "missing":
+        return f"has the wrong number of values{_number_wanted(problem)}"
     if kind == "finite_number":
         return f"must be a finite number, not {value}"
     if kind == "value_error":

@@ -141,6 +141,46 @@ def read_chain(root: Any, path: Path, base: str, tip: str) -> list[UrdfJoint]:
     return chain[::-1]
 
 
+def urdf_ends(path: Path) -> tuple[str, str]:
+    """The first and the last link of the arm in a URDF file: its only root, and tool0, or the only end that most joints
+    move.
+
+    InputError where several could be meant: a robot.toml with urdf, base and tip says which.
+    """
+    root = parse_urdf(path)
+    links = [_attribute(e, "name", f"{path}: a <link>") for e in root.findall("link")]
+    above = _joints_by_child(root, path, set(links))
+    parents = {child: str(element.find("parent").get("link")) for child, element in above.items()}
+    roots = [name for name in links if name not in parents]
+    if len(roots) != 1:
+        raise InputError(f"{path}: {len(roots)} links hang on no joint, a robot has one: {_say_which(roots)}")
+    moves = {child: element.get("type") != "fixed" for child, element in above.items()}
+    ends = set(links) - set(parents.values())
+    moved = {name: _moving_above(name, parents, moves) for name in ends}
+    most = max(moved.values(), default=0)
+    best = sorted(name for name, n in moved.items() if n == most)
+    tip = "tool0" if "tool0" in best else best[0]
+    if most == 0 or (len(best) > 1 and tip != "tool0"):
+        raise InputError(f"{path}: {len(best)} links could be the hand: {_say_which(best)}")
+    return roots[0], tip
+
+
+def _moving_above(name: str, parents: dict[str, str], moves: dict[str, bool]) -> int:
+    count, seen = 0, {name}
+    while name in parents:
+        count += moves[name]
+        name = parents[name]
+        if name in seen:
+            return 0  # a loop, which read_chain names
+        seen.add(name)
+    return count
+
+
+def _say_which(names: Sequence[str]) -> str:
+    shown = ", ".join(name[:60] for name in names[:8]) or "none"
+    return f"{shown}; write a robot.toml with urdf, base and tip"
+
+
 def _joints_by_child(root: Any, path: Path, links: set[str]) -> dict[str, Any]:
     above: dict[str, Any] = {}
     for element in root.findall("joint"):

@@ -4,14 +4,17 @@ from workbench.opened.image_set import NO_CHAIN, ImageInfo, ImageRequest, ImageS
 from workbench.opened.labeller import Labeller
 from workbench.opened.parameters import panel
 from workbench.opened.pictures import Pictures, Stamp
+from workbench.opened.profile_files import Content, ProfileRecords
 
 __all__ = [
     "NO_CHAIN",
+    "Content",
     "ImageInfo",
     "ImageRequest",
     "ImageSet",
     "Labeller",
     "Pictures",
+    "ProfileRecords",
     "Stamp",
     "open_images",
     "panel",

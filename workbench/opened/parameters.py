@@ -14,7 +14,7 @@ UNITS = {"px": "px", "px2": "px²", "mm": "mm", "dn": "DN", "deg": "°", "rad": 
 
 
 def panel(model: type[BaseModel]) -> list[dict[str, Any]]:
-    """Groups of controls in the model's order: ``{title, parameters: [{key, title, kind, unit, help, …}]}``.
+    """Groups of controls in the model's order: ``{title, table, parameters: [{key, title, kind, unit, help, …}]}``.
 
     Tables of FILE_ONLY are left out; a setting without a slider has the bounds of its model.
     """
@@ -23,7 +23,11 @@ def panel(model: type[BaseModel]) -> list[dict[str, Any]]:
     defaults = model().model_dump(mode="json")
     groups: dict[str, list[dict[str, Any]]] = {}
     _collect(schema, definitions, defaults, (), "Detection", groups)
-    return [{"title": title, "parameters": controls} for title, controls in groups.items() if controls]
+    return [
+        {"title": title, "table": controls[0]["key"].split(".")[0], "parameters": controls}
+        for title, controls in groups.items()
+        if controls
+    ]
 
 
 def _collect(

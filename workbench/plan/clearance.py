@@ -62,16 +62,18 @@ def standing(
     robot: Arm, joints_rad: Array, T_hand_sensor: Pose, sensor: Sensor, link_radius_mm: float | None = None
 ) -> Standing:
     """The arm at the readings (N, n); without a radius its links are as thick as its reach makes likely."""
+    return _with_box(robot, joints_rad, T_hand_sensor, housing_box(sensor), link_radius_mm)
+
+
+def _with_box(robot: Arm, joints_rad: Array, T_hand_box: Pose, box: Array, link_radius_mm: float | None) -> Standing:
     links, hand = robot.link_poses(joints_rad), robot.pose(joints_rad)
     first = 1 if robot.dh_part().convention == "standard" else 2  # the frame at the shoulder
-    box = housing_box(sensor)
-    T_base_sensor = hand @ T_hand_sensor
-    middle = T_base_sensor @ box.mean(axis=0)
+    T_base_box = hand @ T_hand_box
     return Standing(
         links.t[:, first:],
         link_radius(robot) if link_radius_mm is None else link_radius_mm,
-        np.stack([hand.t, middle], axis=1),
-        T_base_sensor,
+        np.stack([hand.t, T_base_box @ box.mean(axis=0)], axis=1),
+        T_base_box,
         box,
     )
 
@@ -83,9 +85,43 @@ def link_radius(robot: Arm) -> float:
     return min(THICKEST_MM, LINK_SHARE * reach)
 
 
-def room_mm(arm: Standing, target: Target, T_base_target: Pose, workspace: Workspace) -> Array:
-    """What room (N) [mm] is left beside the target and in the workspace together."""
-    return np.minimum(room_at_target_mm(arm, target, T_base_target), room_in_workspace_mm(arm, workspace)[0])
+@dataclass(frozen=True, eq=False)
+class Room:
+    """What is left at configurations (N) [mm], negative where it is missing: between arm, sensor and target, and in the
+    workspace; where: at the floor (-1) or at a box (k).
+    """
+
+    at_target: Array
+    around: Array
+    where: NDArray[np.intp]
+
+    @property
+    def least(self) -> Array:
+        """The smaller of both (N)."""
+        return np.minimum(self.at_target, self.around)
+
+
+def carrying(
+    robot: Arm, joints_rad: Array, T_hand_target: Pose, target: Target, link_radius_mm: float | None = None
+) -> Standing:
+    """The arm with the target in its hand, the target's box in place of a housing."""
+    boxes = target_boxes(target)
+    box = np.array([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
+    return _with_box(robot, joints_rad, T_hand_target, box, link_radius_mm)
+
+
+def room_before_fixed(arm: Standing, T_base_sensor: Pose, sensor: Sensor, workspace: Workspace) -> Room:
+    """The room of an arm that carries the target before a sensor that stands: links, hand and target keep off it."""
+    box = housing_box(sensor)[None]
+    T_sensor_base = T_base_sensor.inverse()
+    joints, line = T_sensor_base @ arm.joints_mm, T_sensor_base @ arm.hand_mm
+    off = [
+        np.min(segments_to_boxes_mm(joints[:, :-1], joints[:, 1:], box), axis=(1, 2)) - arm.link_mm,
+        segments_to_boxes_mm(line[:, 0], line[:, 1], box)[..., 0] - HAND_MM,
+        box_to_boxes_mm(T_sensor_base @ arm.T_base_sensor, arm.housing_mm, box)[..., 0],
+    ]
+    around, where = room_in_workspace_mm(arm, workspace)
+    return Room(np.min(off, axis=0) - SAFE_MM, around, where)
 
 
 def sensor_clearance_mm(sensor: Sensor, jig: Jig, T_sensor_jig: Pose) -> Array:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from calib.bundle import Bundle, FrameInformation, Hands, Model, frame_information
 from extraction import image_to_sheet
-from geometry import Arm, AxisPoints, Pose, Sensor, cross_plane_x0
+from geometry import AxisPoints, Pose, Robot, Sensor, cross_plane_x0
 from geometry.sensor import project
 from jig_cad import Jig
 
@@ -22,7 +22,7 @@ SURFACE_SIGMA_MM = 0.015
 
 
 def view_information(
-    robot: Arm,
+    robot: Robot,
     sensor: Sensor,
     jig: Jig,
     T_hand_sensor: Pose,

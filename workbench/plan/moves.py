@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.plan.clearance import MOVE_STEP_MM, Standing, room_at_target_mm, room_in_workspace_mm
+from workbench.plan.clearance import MOVE_STEP_MM
 from workbench.plan.views import ViewProblem
 
 Array = NDArray[np.float64]
@@ -45,9 +45,8 @@ def straight_moves(
     """
     moves = []
     for k in range(len(numbers) - 1):
-        arm = problem.standing(_between(problem, joints_rad[k], joints_rad[k + 1]))
-        target = room_at_target_mm(arm, problem.jig, problem.T_base_jig)
-        around, where = room_in_workspace_mm(arm, problem.workspace)
+        room_on_way = problem.room_mm(_between(problem, joints_rad[k], joints_rad[k + 1]))
+        target, around, where = room_on_way.at_target, room_on_way.around, room_on_way.where
         i, j = int(np.argmin(target)), int(np.argmin(around))
         near = near_target if target[i] <= around[j] else _name(problem, int(where[j]))
         room = min(float(target[i]), float(around[j])) - MOVE_STEP_MM / 2
@@ -57,18 +56,17 @@ def straight_moves(
 
 def _between(problem: ViewProblem, start: Array, end: Array) -> Array:
     """Readings (K, n) on the straight way from start to end."""
-    ends = problem.standing(np.stack([start, end]))
     turn = float(np.sum(np.abs(end - start)))  # no point moves farther than its distance from the base times that
-    steps = int(np.ceil(turn * _farthest(ends) / MOVE_STEP_MM))
+    steps = int(np.ceil(turn * _farthest(problem, start) / MOVE_STEP_MM))
     share = np.linspace(0, 1, max(2, steps + 1))[:, None]
     return np.asarray(start + share * (end - start))
 
 
-def _farthest(arm: Standing) -> float:
-    """How long the arm is from its shoulder to the sensor [mm], bent as it is."""
-    links = np.sum(np.linalg.norm(np.diff(arm.joints_mm, axis=1), axis=-1), axis=1)
-    hand = np.linalg.norm(arm.hand_mm[:, 1] - arm.hand_mm[:, 0], axis=-1)
-    return float(np.max(links + hand))
+def _farthest(problem: ViewProblem, joints_rad: Array) -> float:
+    """How long the arm is from its base to what it carries [mm], stretched out."""
+    links = problem.robot.link_poses(joints_rad).t
+    carried = problem.T_base_jig.t if problem.mount == "fixed" else problem.T_hand_sensor.t
+    return float(np.sum(np.linalg.norm(np.diff(links, axis=0), axis=-1)) + np.linalg.norm(carried))
 
 
 def _name(problem: ViewProblem, where: int) -> str:

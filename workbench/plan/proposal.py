@@ -11,13 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.bundle import FrameInformation, Model, observability, scaled, scp_covariance
+from calib.mount import chain_of
 from calib.printed import printed_sigmas
 from geometry import Frame, InputError, NoAnswerError, Role, stack_poses
 from geometry.ties import ascending
 from workbench.cell import jig_bodies, sees_all_strings
 from workbench.files import Cell
 from workbench.plan.choose import LEVER_MM, RANDOM_PLANS, choose, random_plans, size_mm
-from workbench.plan.clearance import room_mm, target_in_workspace
+from workbench.plan.clearance import target_in_workspace
 from workbench.plan.expected import view_information
 from workbench.plan.moves import Move, straight_moves
 from workbench.plan.refine import ROUNDS, Planned, Refinement, refine
@@ -190,7 +191,9 @@ def candidates(
     space = ViewSpace.of(sensor, cell.jig, limits)
     sees_all = sees_all_strings(sensor, cell.jig, jig_bodies(cell.jig))
     problems = {
-        i: ViewProblem(cell.arm, sensor, cell.jig, cell.T_base_jig[name], design, limits, sees_all, cell.workspace)
+        i: ViewProblem(
+            cell.arm, sensor, cell.jig, cell.T_base_jig[name], design, limits, sees_all, cell.workspace, cell.mount
+        )
         for i, name in enumerate(names)
     }
     views = []
@@ -200,7 +203,9 @@ def candidates(
     places = stack_poses(list(cell.T_base_jig.values()))
 
     def inform(joints_rad: Array, location: Index) -> FrameInformation:
-        return view_information(cell.arm, sensor, cell.jig, design, places, joints_rad, location, model)
+        return view_information(
+            chain_of(cell.mount, cell.arm), sensor, cell.jig, design, places, joints_rad, location, model
+        )
 
     old = [(q, names.index(r.location)) for r in cell.frames if (q := _counting(r, names)) is not None]
     joints = np.array([q for q, _ in old]).reshape(-1, cell.arm.n_joints)
@@ -210,7 +215,7 @@ def candidates(
 
 def _check_places(cell: Cell) -> None:
     """InputError where a jig stands in the floor or in a box: then no arm is to be asked."""
-    for name, place in cell.T_base_jig.items():
+    for name, place in cell.T_base_jig.items() if cell.mount == "hand" else ():
         into = target_in_workspace(cell.jig, place, cell.workspace)
         if into:
             raise InputError(f"{cell.folder / 'cell.toml'}: [locations.{name}] T_base_jig puts the jig {into}")
@@ -308,8 +313,7 @@ def _rooms(found: ViewPools, plan: Planned) -> Array:
     rooms = np.zeros(len(plan.location))
     for i, problem in found.problems.items():
         mine = np.flatnonzero(plan.location == i)
-        arm = problem.standing(plan.views.joints_rad[mine])
-        rooms[mine] = room_mm(arm, problem.jig, problem.T_base_jig, problem.workspace)
+        rooms[mine] = problem.room_mm(plan.views.joints_rad[mine]).least
     return rooms
 
 

@@ -7,11 +7,19 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.mount import Mount
 from geometry import Arm, NoAnswerError, Pose, Sensor, Workspace, inverse_kinematics, stack_poses
 from geometry.ties import first_least, first_most
 from jig_cad import Jig
 from workbench.cell import SeesAll
-from workbench.plan.clearance import Standing, room_at_target_mm, room_in_workspace_mm, room_mm, standing
+from workbench.plan.clearance import (
+    Room,
+    carrying,
+    room_at_target_mm,
+    room_before_fixed,
+    room_in_workspace_mm,
+    standing,
+)
 from workbench.plan.view_space import Tally, ViewLimits, ViewSpace
 
 Array = NDArray[np.float64]
@@ -59,7 +67,8 @@ class ViewProblem:
     """One place of the jig: what the user knows, and what a view must fulfil.
 
     sees_all: tells whether the strings are free of occlusion at poses T_sensor_jig (N); None takes it for granted.
-    workspace: what arm and sensor must keep off beside the jig.
+    workspace: what arm and sensor must keep off beside the jig. mount: "fixed" where T_hand_sensor is T_base_sensor and
+    T_base_jig is T_hand_jig.
     """
 
     robot: Arm
@@ -70,14 +79,22 @@ class ViewProblem:
     limits: ViewLimits = field(default_factory=ViewLimits)
     sees_all: SeesAll | None = None
     workspace: Workspace = field(default_factory=Workspace)
+    mount: Mount = "hand"
 
-    def standing(self, joints_rad: Array) -> Standing:
-        """The arm with its sensor at the readings (N, n)."""
-        radius = self.workspace.link_radius_mm
-        return standing(self.robot, joints_rad, self.T_hand_sensor, self.sensor, radius)
+    def room_mm(self, joints_rad: Array) -> Room:
+        """What room is left at the readings (N, n)."""
+        how = self.workspace
+        if self.mount == "fixed":
+            arm = carrying(self.robot, joints_rad, self.T_base_jig, self.jig, how.link_radius_mm)
+            return room_before_fixed(arm, self.T_hand_sensor, self.sensor, how)
+        arm = standing(self.robot, joints_rad, self.T_hand_sensor, self.sensor, how.link_radius_mm)
+        around, where = room_in_workspace_mm(arm, how)
+        return Room(room_at_target_mm(arm, self.jig, self.T_base_jig), around, where)
 
     def hand_goals(self, T_sensor_jig: Pose) -> Pose:
-        """T_base_hand (N) that bring the sensor to the poses."""
+        """T_base_hand (N) that bring the sensor to the poses, or the target where the sensor is fixed."""
+        if self.mount == "fixed":
+            return self.T_hand_sensor @ T_sensor_jig @ self.T_base_jig.inverse()
         return self.T_base_jig @ T_sensor_jig.inverse() @ self.T_hand_sensor.inverse()
 
 
@@ -183,8 +200,7 @@ def near_views(
     rng = np.random.default_rng(0)  # not drawn from: no starts beside the seeds
     found = inverse_kinematics(problem.robot, problem.hand_goals(poses), rng, seeds=seeds[kept], max_starts=0)
     ok = found.converged & _same_posture(found.joints, seeds[kept])
-    room = room_mm(problem.standing(found.joints), problem.jig, problem.T_base_jig, problem.workspace)
-    ok &= room > 0
+    ok &= problem.room_mm(found.joints).least > 0
     return Views(found.joints[ok], poses[np.flatnonzero(ok)], parameters[kept[ok]]), kept[ok]
 
 
@@ -231,8 +247,8 @@ def _posture(problem: ViewProblem, goals: Pose, rng: np.random.Generator) -> Arr
     reached = inverse_kinematics(problem.robot, goals, rng)
     joints = reached.joints[reached.converged]
     if len(joints):
-        room = room_mm(problem.standing(joints), problem.jig, problem.T_base_jig, problem.workspace)
-        joints = joints[room > 0] if np.any(room > 0) else joints
+        free = problem.room_mm(joints).least > 0
+        joints = joints[free] if np.any(free) else joints
     return joints[first_least(np.sum(joints**2, axis=1), SAME_MOTION_RAD2)] if len(joints) else None
 
 
@@ -243,14 +259,13 @@ def _reach(
     found = inverse_kinematics(problem.robot, goals, rng, seeds=seed)
     good = found.converged
     tally.refuse(OUT_OF_REACH, ~good)
-    arm = problem.standing(found.joints)
-    room, where = room_in_workspace_mm(arm, problem.workspace)
-    low = (room <= 0) & (where < 0)
+    room = problem.room_mm(found.joints)
+    low = (room.around <= 0) & (room.where < 0)
     tests = {
         "reached in another posture of the arm only": _same_posture(found.joints, seed),
-        "with the hand or the arm too near the jig": room_at_target_mm(arm, problem.jig, problem.T_base_jig) > 0,
+        "with the hand or the arm too near the jig": room.at_target > 0,
         "with the arm or the sensor in the floor": ~low,
-        "with the arm or the sensor in a box of [workspace]": low | (room > 0),
+        "with the arm or the sensor in a box of [workspace]": low | (room.around > 0),
     }
     for why, test in tests.items():
         tally.refuse(why, good & ~test)

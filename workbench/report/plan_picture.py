@@ -10,9 +10,10 @@ import shapely
 from numpy.typing import NDArray
 
 from geometry import InputError, Pose, box_corners
+from geometry.sensor import housing_box
 from workbench.files import Cell, write_bytes, write_text
-from workbench.plan import HAND_MM, RANDOM_PLANS, SAFE_MM, Proposal, Standing, standing, target_boxes
-from workbench.report.page import picture_bytes, render_page, svg
+from workbench.plan import HAND_MM, RANDOM_PLANS, SAFE_MM, Proposal, Standing, carrying, standing, target_boxes
+from workbench.report.page import origin_of, picture_bytes, render_page, svg
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -39,16 +40,20 @@ def draw_plan(cell: Cell, proposal: Proposal) -> Figure:
     axes = figure.subplots(len(names), 2, squeeze=False)
     for row, name in zip(axes, names, strict=True):
         mine = np.array([r.location == name for r in proposal.rows])
-        arm = standing(
-            cell.arm, np.deg2rad(proposal.joints_deg[mine]), cell.design, cell.sensor, cell.workspace.link_radius_mm
-        )
+        joints, radius = np.deg2rad(proposal.joints_deg[mine]), cell.workspace.link_radius_mm
         place = cell.T_base_jig[name]
-        bearing = float(np.arctan2(place.t[1], place.t[0]))
+        fixed = cell.mount == "fixed"
+        if fixed:
+            arm, still = carrying(cell.arm, joints, place, cell.jig, radius), cell.design
+        else:
+            arm, still = standing(cell.arm, joints, cell.design, cell.sensor, radius), place
+        bearing = float(np.arctan2(still.t[1], still.t[0]))
         outwards = np.array([np.cos(bearing), np.sin(bearing), 0.0])
         numbers = [r.number for r in proposal.rows if r.location == name]
-        _panel(row[0], cell, arm, place, np.stack([outwards, [0, 0, 1.0]]), numbers)
-        row[0].set(xlabel="towards the jig / mm", ylabel="z / mm", title=f"{name} from the side: {len(numbers)} frames")
-        _panel(row[1], cell, arm, place, np.array([[1.0, 0, 0], [0, 1.0, 0]]), numbers)
+        _panel(row[0], cell, arm, still, np.stack([outwards, [0, 0, 1.0]]), numbers)
+        what, title = "sensor" if fixed else "jig", f"{name} from the side: {len(numbers)} frames"
+        row[0].set(xlabel=f"towards the {what} / mm", ylabel="z / mm", title=title)
+        _panel(row[1], cell, arm, still, np.array([[1.0, 0, 0], [0, 1.0, 0]]), numbers)
         row[1].set(xlabel="x / mm", ylabel="y / mm", title=f"{name} from above")
     return figure
 
@@ -75,25 +80,29 @@ def write_plan_report(path: Path, cell: Cell, proposal: Proposal) -> None:
         "boxes": zip(cell.workspace.names, cell.workspace.boxes_mm.tolist(), strict=True),
         "safe_mm": SAFE_MM,
     }
-    write_text(path, render_page("workbench.report", "plan.html.j2", content))
+    write_text(path, render_page("workbench.report", "plan.html.j2", content, origin_of(cell.files, cell.folder)))
 
 
-def _panel(axis: Any, cell: Cell, arm: Standing, place: Pose, across: Array, numbers: list[int]) -> None:
-    """One view; ``across`` (2, 3) are the paper's axes in the base."""
+def _panel(axis: Any, cell: Cell, arm: Standing, still: Pose, across: Array, numbers: list[int]) -> None:
+    """One view; ``across`` (2, 3) are the paper's axes in the base, ``still`` where what stands still is: the jig, or a
+    fixed sensor.
+    """
     _workspace(axis, cell, across)
     for joints, hand in zip(arm.joints_mm @ across.T, arm.hand_mm @ across.T, strict=True):
         _filled(axis, shapely.LineString(joints).buffer(arm.link_mm), ARM, 0.12)
         _filled(axis, shapely.LineString(hand).buffer(HAND_MM), ARM, 0.12)
         axis.plot(*joints.T, color=ARM, linewidth=0.8)
-    for b in target_boxes(cell.jig):
-        hull = shapely.MultiPoint((place @ box_corners(b)) @ across.T).convex_hull
-        _filled(axis, hull, TARGET, 0.5)
+    fixed = cell.mount == "fixed"
+    standing_boxes = [housing_box(cell.sensor)] if fixed else list(target_boxes(cell.jig))
+    for b in standing_boxes:
+        hull = shapely.MultiPoint((still @ box_corners(b)) @ across.T).convex_hull
+        _filled(axis, hull, HOUSING if fixed else TARGET, 0.5)
     corners = (arm.T_base_sensor @ box_corners(arm.housing_mm)[None]) @ across.T
-    middle = place @ cell.jig.anchors_mm.mean(axis=0) @ across.T
-    for number, box, emitter in zip(numbers, corners, arm.T_base_sensor @ cell.sensor.sheet.origin_mm, strict=True):
-        hull = shapely.MultiPoint(box).convex_hull
-        _filled(axis, hull, HOUSING, 0.45)
-        axis.plot(*np.stack([emitter @ across.T, middle]).T, color=SHEET, linewidth=0.4, alpha=0.6)
+    emitter, middle = cell.sensor.sheet.origin_mm, cell.jig.anchors_mm.mean(axis=0)
+    moving, there = (middle, emitter) if fixed else (emitter, middle)
+    for number, box, end in zip(numbers, corners, arm.T_base_sensor @ moving, strict=True):
+        _filled(axis, shapely.MultiPoint(box).convex_hull, TARGET if fixed else HOUSING, 0.45)
+        axis.plot(*np.stack([end, still @ there]).dot(across.T).T, color=SHEET, linewidth=0.4, alpha=0.6)
         axis.annotate(str(number), box.mean(axis=0), fontsize=7, ha="center", va="center", color="white")
     axis.set_aspect("equal", adjustable="datalim")
 

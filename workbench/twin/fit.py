@@ -42,6 +42,7 @@ SETTLED = 0.2  # of σ: a step below ends the fit
 STEP, LINEAR_STEP = 0.2, 0.5  # of a key's logarithm, of a linear key, for its derivative
 LARGEST_STEP, LARGEST_LINEAR = 0.7, 20.0  # at once, of a key's logarithm, of a linear key
 FLOOR = 0.01  # σ that no figure is taken to be better than: the surface that stands for the recorded one is not it
+SHARES = (1.0, 0.5, 0.25)  # of the first step
 POWERS = (1.0, 0.5, 2.0, 0.25, 4.0, 0.1, 10.0, 0.03, 30.0)  # of the file's, tried in turn
 MIN_PARTS = 0.7  # of the recorded stripes: so many must be found in the emulated images
 MIN_INSIDE = 0.5  # part of the points that must lie in the laser's fan
@@ -166,9 +167,15 @@ def fit_twin(
     before = np.linalg.solve(TO_KEYS, start_keys)
     target, spread = _means(recorded)
     theta = np.linalg.solve(TO_KEYS, _first(start_keys, target))
-    theta = _seen_at_all(np.asarray(theta, float), seen_with, sum(len(s.parts) for s in recorded))
-    theta = _within(theta + _first_step(target, _means(seen_with(theta))[0]))
-    emulated = seen_with(theta)
+    parts = MIN_PARTS * sum(len(s.parts) for s in recorded)
+    theta, emulated = _seen_at_all(np.asarray(theta, float), seen_with, parts)
+    step = _first_step(target, _means(emulated)[0])
+    for share in SHARES:  # what is read off the figures may lead to where too few stripes are found
+        trial = _within(theta + share * step)
+        seen = seen_with(trial)
+        if _count(seen) >= parts:
+            theta, emulated = trial, seen
+            break
     figures, noise = _means(emulated)
 
     def cost_of(figures: Array, noise: Array, theta: Array) -> float:
@@ -197,7 +204,7 @@ def fit_twin(
             step = np.linalg.solve(normal + damping * np.diag(np.diag(normal)), right)
             trial = _within(theta + np.clip(step, -LARGEST, LARGEST))
             seen = seen_with(trial)
-            if cost_of(*_means(seen), trial) < cost:
+            if _count(seen) >= parts and cost_of(*_means(seen), trial) < cost:
                 theta, emulated, (figures, noise) = trial, seen, _means(seen)
                 break
         else:
@@ -288,14 +295,24 @@ TO_KEYS = _to_keys()
 LARGEST = np.array([LARGEST_LINEAR if k.linear else LARGEST_STEP for k in KEYS])
 
 
-def _seen_at_all(theta: Array, seen_with: Callable[[Array], tuple[Seen, ...]], parts: int) -> Array:
-    """The start with power by which extraction finds most of the emulated stripes: neither lost nor clipped."""
+def _count(seen: Sequence[Seen]) -> int:
+    """Parts of stripes that extraction finds."""
+    return sum(len(s.parts) for s in seen)
+
+
+def _seen_at_all(
+    theta: Array, seen_with: Callable[[Array], tuple[Seen, ...]], parts: float
+) -> tuple[Array, tuple[Seen, ...]]:
+    """The start with power by which extraction finds most of the emulated stripes, neither lost nor clipped, and what
+    it sees there.
+    """
     power = [k.name for k in KEYS].index("power_mw")
     for factor in POWERS:
         trial = theta.copy()
         trial[power] += np.log(factor)
-        if sum(len(s.parts) for s in seen_with(trial)) >= MIN_PARTS * parts:
-            return trial
+        seen = seen_with(trial)
+        if _count(seen) >= parts:
+            return trial, seen
     raise InputError(
         f"extraction finds no stripe in the emulated images of this sensor, at {POWERS[-2]:g} to {POWERS[-1]:g} times "
         f"its power: [laser], [optics] and [noise] of the sensor's file are far from the recorded images"

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from geometry import InputError
-from workbench.cell import Progress, label_dataset, observe
+from workbench.cell import ProfileSettings, Progress, label_dataset, observe
 from workbench.files import Settings, read_cell
 from workbench.validate.measure import Measured, score
 
@@ -18,7 +18,7 @@ def measure_dataset(path: Path, settings: Settings, progress: Progress) -> Measu
     if cell.truth is None or not cell.truth.frames:
         raise InputError(f"{cell.folder / 'truth.json'}: no truth, nothing to compare with; `render` writes one")
     truth = {frame.frame: frame for frame in cell.truth.frames}
-    observed = observe(cell, settings.extraction, progress)
+    observed = observe(cell, settings.extraction, progress, ProfileSettings.of(settings))
     out = Measured([], [])
     for frame in label_dataset(cell, observed, settings.calib):
         if frame.number not in truth or frame.number in observed.complaints:

@@ -12,7 +12,16 @@ import numpy as np
 from geometry import InputError
 from geometry.sensor import stated_uncertainty
 from perceptron_emu import render
-from workbench.cell import Progress, find_emulator, find_jig, find_sensor, label_dataset, observe, with_known_grain
+from workbench.cell import (
+    ProfileSettings,
+    Progress,
+    find_emulator,
+    find_jig,
+    find_sensor,
+    label_dataset,
+    observe,
+    with_known_grain,
+)
 from workbench.defaults import DRAWN_SENSORS
 from workbench.files import Settings, read_cell, read_image
 from workbench.report import jpeg, overlay
@@ -108,7 +117,7 @@ def validate_dataset(path: Path, settings: Settings, progress: Progress) -> Vali
     chosen = dict(_worst(measured))
     if not chosen or cell.points is not None:
         return Validation(measured, [])
-    observed = observe(cell, settings.extraction)
+    observed = observe(cell, settings.extraction, None, ProfileSettings.of(settings))
     worst = []
     for frame in label_dataset(cell, observed, settings.calib):
         if frame.number in chosen:

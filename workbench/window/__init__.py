@@ -1,7 +1,6 @@
-"""The process window: a local page in the browser for tuning detection on saved stripe images."""
+"""The process window: images, profiles and boards in the browser, measured by one recipe, calibrated and compared."""
 
+from workbench.window.calibrator import Search
 from workbench.window.opening import open_session
 
-__all__ = [
-    "open_session",
-]
+__all__ = ["Search", "open_session"]

@@ -5,10 +5,12 @@ from __future__ import annotations
 import json
 from collections.abc import Awaitable, Callable
 from importlib.resources import files
+from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
+from pydantic import BaseModel
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
@@ -16,22 +18,29 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, PlainTextResponse, Response
 from starlette.routing import Route
 
-from extraction import image_to_sheet
+from extraction import Profile, image_to_sheet
 from geometry import InputError, PerceptronEmuError
-from workbench.files import carried_calib, write_text
+from workbench.files import Recipe, read_image, sensor_of_picture, write_text
+from workbench.opened import ImageRequest
+from workbench.report import scene_script
 from workbench.window import settings
+from workbench.window.calibrator import Calibrator
+from workbench.window.engine import finite
+from workbench.window.exports import points_csv
 from workbench.window.jobs import Job
 from workbench.window.overview import overview
 from workbench.window.parameters import ParameterError, parse
 from workbench.window.security import TooLargeError
 from workbench.window.session import Session
 from workbench.window.survey import Survey
-from workbench.window.thumbnails import thumbnail
+from workbench.window.thumbnails import profile_thumbnail, thumbnail
 
 MEDIA = {"html": "text/html; charset=utf-8", "css": "text/css", "js": "text/javascript", "svg": "image/svg+xml"}
 Body = dict[str, Any]
 GRID_PX = 8  # between its nodes the page goes straight: less off than the hundredths of a millimetre that it shows
 Answer = Callable[[Body], Response]
+MAX_TRIALS = 5000
+MAX_PATH = 4096
 
 
 def make_app(session: Session) -> Starlette:
@@ -39,6 +48,7 @@ def make_app(session: Session) -> Starlette:
     api = _Api(session)
     inside = files("workbench.window.static").iterdir()
     static = {f.name: f.read_bytes() for f in inside if f.name.rsplit(".", 1)[-1] in MEDIA}
+    static["scene.js"] = scene_script().encode()
 
     def page_file(request: Request) -> Response:
         name = request.path_params.get("name", "index.html")
@@ -49,11 +59,14 @@ def make_app(session: Session) -> Starlette:
     routes = [
         Route("/", page_file),
         Route("/static/{name}", page_file),
-        Route("/api/session", lambda _: JSONResponse(overview(session))),
+        Route("/api/session", lambda _: JSONResponse(overview(api.session))),
         Route("/api/plane", api.plane),
         Route("/api/image/{index:int}", api.image),
         Route("/api/thumbnail/{index:int}", api.thumbnail),
         Route("/api/calibration", lambda _: JSONResponse(api.job.state())),
+        Route("/api/search", lambda _: JSONResponse(api.searching.state())),
+        Route("/api/report", api.report),
+        Route("/api/result", api.result),
     ]
     actions: dict[str, Answer] = {
         "process": api.process,
@@ -61,6 +74,11 @@ def make_app(session: Session) -> Starlette:
         "survey": api.survey_state,
         "watch": api.watch,
         "calibrate": api.calibrate,
+        "compare": api.compare,
+        "verify": api.verify,
+        "search": api.search,
+        "points": api.points,
+        "open": api.open,
         "check": api.check,
         "toml": api.toml,
         "parse": api.parse_toml,
@@ -115,10 +133,13 @@ class _Api:
     """The answers; every parameter set comes as the JSON text whose hash the answer carries."""
 
     def __init__(self, session: Session) -> None:
+        self._take(session)
+
+    def _take(self, session: Session) -> None:
         self.session = session
         self.opened = session.opened
         self.survey = Survey(session)
-        self.job = Job()
+        self.job, self.searching = Job(), Job()
         self.model = session.opened.engine.model
 
     def plane(self, _request: Request) -> Response:
@@ -138,21 +159,39 @@ class _Api:
         return answer
 
     def image(self, request: Request) -> Response:
-        """The raw grey levels of one image."""
+        """The raw grey levels of one image, also of one that can not be measured for its size or depth."""
+        index = self._known(request.path_params["index"])
         try:
-            stamp, image = self.opened.pictures.stamped(self._known(request.path_params["index"]))
+            stamp, image = self.opened.pictures.stamped(index)
         except PerceptronEmuError as error:
-            return JSONResponse({"error": str(error)}, 410)
+            odd = self._odd(index)
+            return JSONResponse({"error": str(error)}, 410) if odd is None else odd
+        if isinstance(image, Profile):
+            return JSONResponse({"error": "a profile has no image"}, 410)
         return _pixels(image, "", str(stamp))
+
+    def _odd(self, index: int) -> Response | None:
+        """The picture as it is, where it can be read as one at all."""
+        path = self.opened.pictures.paths[index]
+        try:
+            stamp = self.opened.pictures.stamp(index)
+            image = read_image(path, sensor_of_picture(path), lossy=True)
+        except PerceptronEmuError:
+            return None
+        answer = _pixels(image, "", str(stamp))
+        answer.headers["x-odd"] = "1"
+        return answer
 
     def thumbnail(self, request: Request) -> Response:
         """A small PNG of one image, spots made visible."""
         try:
-            image = self.opened.pictures.read(self._known(request.path_params["index"]))
+            _, content = self.opened.pictures.stamped(self._known(request.path_params["index"]))
         except PerceptronEmuError as error:
             return JSONResponse({"error": str(error)}, 410)
+        if isinstance(content, Profile):
+            return Response(profile_thumbnail(content), media_type="image/png")
         full_scale = self.opened.engine.sensor.require_camera().full_scale_dn
-        return Response(thumbnail(image, full_scale), media_type="image/png")
+        return Response(thumbnail(content, full_scale), media_type="image/png")
 
     def process(self, body: Body) -> Response:
         """Detection on one image."""
@@ -167,7 +206,7 @@ class _Api:
             configuration = parse(self.model, _text(body, "config"))
             outcome = self.session.outcome(self._index(body), configuration)
             if outcome.view is None:
-                raise InputError(outcome.error)
+                raise InputError(outcome.error or "a stripe has no such stage")
             if _text(body, "stage") == "mask":
                 return _pixels((outcome.view.mask != 0).astype(np.uint8), outcome.hash, outcome.stamp)
             if self.opened.engine.sensor.require_camera().full_scale_dn > 255:
@@ -191,14 +230,90 @@ class _Api:
         return JSONResponse({"images": self.session.images[max(0, _whole(body, "since")) :]})
 
     def calibrate(self, body: Body) -> Response:
-        """Start the calibration with these parameters."""
-        run = self.opened.calibrate
-        if run is None:
-            raise InputError(self.opened.no_calibration)
+        """Start the calibration with these parameters and roles of locations."""
+        calibrator = self._calibrator()
         configuration = parse(self.model, _text(body, "config"))
-        if not self.job.start(configuration.hash, lambda: run(configuration.model)):
+        recipe, roles = _recipe(configuration.model), body.get("roles") or {}
+        if not isinstance(roles, dict) or not all(isinstance(r, str) for r in roles.values()):
+            raise InputError("roles: a role for each location is expected")
+        if not self.job.start(configuration.hash, lambda _: calibrator.run(recipe, roles)):
             raise InputError("a calibration is running already")
         return JSONResponse(self.job.state())
+
+    def _calibrator(self) -> Calibrator:
+        if self.opened.calibrator is None:
+            raise InputError(self.opened.no_calibration)
+        return self.opened.calibrator
+
+    def report(self, _request: Request) -> Response:
+        """The newest calibration's report, to be saved."""
+        try:
+            return PlainTextResponse(self._calibrator().report())
+        except PerceptronEmuError as error:
+            return JSONResponse({"error": str(error)}, 422)
+
+    def result(self, _request: Request) -> Response:
+        """The newest calibration's result as `calibrate --json` has it, to be saved."""
+        try:
+            return PlainTextResponse(self._calibrator().result_text())
+        except PerceptronEmuError as error:
+            return JSONResponse({"error": str(error)}, 422)
+
+    def compare(self, body: Body) -> Response:
+        """The difference of an earlier result and the newest answer."""
+        return JSONResponse(self._calibrator().compare(_text(body, "result"), _text(body, "name")))
+
+    def verify(self, body: Body) -> Response:
+        """An earlier result's SCP, or the design's, judged on this dataset."""
+        recipe = _recipe(parse(self.model, _text(body, "config")).model)
+        text = _text(body, "result") if body.get("result") is not None else None
+        return JSONResponse(self._calibrator().verify(text, str(body.get("name") or ""), recipe))
+
+    def search(self, body: Body) -> Response:
+        """Start the search for better parameters."""
+        search = self.opened.search
+        if search is None:
+            raise InputError("parameters are searched where strings are known: a dataset with a jig, or with truth")
+        configuration, trials = parse(self.model, _text(body, "config")), _whole(body, "trials")
+        if not 1 <= trials <= MAX_TRIALS:
+            raise InputError(f"trials: a whole number from 1 to {MAX_TRIALS} is expected")
+        recipe = _recipe(configuration.model)
+
+        def work(tell: Callable[..., None]) -> dict[str, Any]:
+            return search(recipe, trials, lambda done, of, best: tell(done=done, of=of, best_mm=finite(best)))
+
+        if not self.searching.start(configuration.hash, work):
+            raise InputError("a search is running already")
+        return JSONResponse(self.searching.state())
+
+    def points(self, body: Body) -> Response:
+        """The points of one image as CSV, as `extract` or `profile` writes them."""
+        with self.session.interactive():
+            configuration = parse(self.model, _text(body, "config"))
+            outcome = self.session.outcome(self._index(body), configuration)
+        if outcome.error:
+            raise InputError(outcome.error)
+        frame = self.session.images[outcome.index]["frame"]
+        return JSONResponse({"csv": points_csv(outcome, frame)})
+
+    def open(self, body: Body) -> Response:
+        """Open another folder in place of this one."""
+        if self.opened.reopen is None:
+            raise InputError("no other folder can be opened from here")
+        if "running" in (self.job.state()["state"], self.searching.state()["state"]):
+            raise InputError("a calibration or a search is running: wait for its end")
+        folder = _path(body, "folder")
+        if folder is None or not folder.exists():
+            raise InputError(f"{folder}: no such file or folder")
+        what = body.get("what") or None
+        if what not in ("strings", "stripe", None):
+            raise InputError("what: strings or stripe is expected")
+        opened = self.opened.reopen(
+            ImageRequest((folder,), _path(body, "sensor"), _path(body, "jig"), what=what, board=_path(body, "board"))
+        )
+        self.survey.close()
+        self._take(Session(opened))
+        return JSONResponse({"title": opened.title})
 
     def check(self, body: Body) -> Response:
         """Whether the parameters are right, and their hash."""
@@ -206,10 +321,11 @@ class _Api:
 
     def toml(self, body: Body) -> Response:
         """The settings file's text and the equivalent command."""
-        text = self.opened.to_toml(parse(self.model, _text(body, "config")).model, {})
+        model = parse(self.model, _text(body, "config")).model
+        text = self.opened.to_toml(model)
         name = str(body.get("name") or "extraction.toml")
         settings.inside(self.opened.settings_folder, name)
-        return JSONResponse({"toml": text, "command": self.opened.command(name)})
+        return JSONResponse({"toml": text, "command": self.opened.command(name, str(getattr(model, "what", "")))})
 
     def parse_toml(self, body: Body) -> Response:
         """Parameters from TOML text that the user picked on their own disk."""
@@ -228,23 +344,20 @@ class _Api:
         configuration = parse(self.model, _text(body, "config"))
         name = _text(body, "name")
         path = settings.inside(self.opened.settings_folder, name)
-        carried = {}
         if path.exists():
-            carried = self._carried(name)
+            self._is_a_recipe(name)
             if body.get("overwrite") is not True:
                 return JSONResponse({"exists": True, "name": name}, 409)
-        write_text(path, self.opened.to_toml(configuration.model, carried))
-        found = settings.names(self.opened.settings_folder)
-        return JSONResponse({"name": name, "names": found, "command": self.opened.command(name)})
+        write_text(path, self.opened.to_toml(configuration.model))
+        return JSONResponse({"name": name, "names": settings.names(self.opened.settings_folder)})
 
-    def _carried(self, name: str) -> dict[str, Any]:
-        """The tables of an older settings file that are not the window's own; InputError where it is something else."""
+    def _is_a_recipe(self, name: str) -> None:
+        """InputError where a file that would be written over is something else."""
         text = settings.read(self.opened.settings_folder, name)
         try:
             self.opened.from_toml(text, name)
         except PerceptronEmuError:
             raise InputError(f"{name}: is not a settings file and is not overwritten, choose another name") from None
-        return carried_calib(text, name)
 
     def _parameters(self, text: str, name: str) -> Response:
         return JSONResponse({"parameters": self.opened.from_toml(text, name).model_dump(mode="json"), "name": name})
@@ -256,6 +369,18 @@ class _Api:
         if not 0 <= index < len(self.opened.pictures):
             raise HTTPException(404, "no such image")
         return index
+
+
+def _recipe(config: BaseModel) -> Recipe:
+    return config if isinstance(config, Recipe) else Recipe.model_validate(config.model_dump())
+
+
+def _path(body: Body, key: str) -> Path | None:
+    """A path that was typed, ~ for the home folder; None where the field is empty."""
+    text = body.get(key) or ""
+    if not isinstance(text, str) or "\0" in text or len(text) > MAX_PATH:
+        raise InputError(f"{key}: a path is expected")
+    return Path(text.strip()).expanduser() if text.strip() else None
 
 
 def _whole(body: Body, key: str) -> int:

@@ -10,12 +10,35 @@ from numpy.typing import NDArray
 from pydantic import BaseModel
 
 from calib.label import LabelledFrame
-from extraction import ExtractionConfig, Seen, Stages, explain, extract_stages, image_to_sheet
+from extraction import (
+    ExtractionConfig,
+    Profile,
+    Seen,
+    Stages,
+    detect_stripe,
+    explain,
+    extract_profile,
+    extract_stages,
+    image_to_sheet,
+    region_mask,
+)
 from extraction.spots import Candidates
 from geometry import InputError, Sensor, SurfacePoints
-from workbench.files import Image
-from workbench.opened import Labeller
-from workbench.window.engine import Candidate, StageView
+from workbench.cell import (
+    Measured,
+    Value,
+    field_of_view_of,
+    judged,
+    measure,
+    peak_values,
+    profile_values,
+    why_no_stripe,
+)
+from workbench.files import Image, Recipe
+from workbench.opened import Content, Labeller
+from workbench.window.boards import Boards, board_values
+from workbench.window.engine import Candidate, ImageAnswer, StageView
+from workbench.window.profile_view import ProfileView
 
 Array = NDArray[np.float64]
 
@@ -26,10 +49,16 @@ MEASURES = (
 
 @dataclass(frozen=True, eq=False)
 class Detector:
-    """Extraction with all its stages, and names by ``labeller``."""
+    """The recipe's tools on one image or profile.
+
+    labeller: names strings. boards: pictures of a calibration board in place of a target's. plane_known: False where
+    images are looked at without their sensor, in pixels.
+    """
 
     labeller: Labeller
-    model: type[BaseModel] = ExtractionConfig
+    model: type[BaseModel] = Recipe
+    boards: Boards | None = None
+    plane_known: bool = True
 
     @property
     def sensor(self) -> Sensor:
@@ -57,6 +86,65 @@ class Detector:
     def label(self, index: int, points: SurfacePoints) -> LabelledFrame:
         """Names of the spots by the jig's geometry, with the robot chain's guess where there is one."""
         return self.labeller.label(index, points)
+
+    def looks_for(self, content: Content, config: BaseModel) -> str:
+        """Strings where the recipe says so, or a jig is known and it says nothing."""
+        if self.boards is not None:
+            return "board"
+        what = _recipe(config).what or ("strings" if self.strings else "stripe")
+        return "stripe" if isinstance(content, Profile) else what
+
+    def profile(self, index: int, content: Content, config: BaseModel) -> ProfileView:
+        """The stripe of an image, in the laser plane where that is known, or a profile; with what is measured in it."""
+        recipe = _recipe(config)
+        if isinstance(content, Profile):
+            reason = "" if len(content) else "the profile holds no points"
+            return ProfileView(None, content, measure(content, recipe, field_of_view_of(self.sensor)), reason)
+        if self.boards is not None:
+            return self.boards.view(index, content, recipe)
+        mask = region_mask(recipe.region, content.shape)
+        if not self.plane_known:
+            peaks = detect_stripe(content, recipe.stripe, mask=mask)
+            return ProfileView(peaks, reason="" if len(peaks) else why_no_stripe(content, self.sensor, peaks))
+        profile = extract_profile(content, self.sensor, recipe.stripe, mask=mask)
+        reason = "" if len(profile) else why_no_stripe(content, self.sensor, profile.peaks)
+        found = measure(profile, recipe, field_of_view_of(self.sensor)) if len(profile) else Measured()
+        return ProfileView(profile.peaks, profile, found, reason)
+
+    def values(self, content: Content, answer: ImageAnswer, config: BaseModel) -> list[Value]:
+        """Clipped pixels, then what the tools measured."""
+        recipe = _recipe(config)
+        out: list[Value] = []
+        if not isinstance(content, Profile):
+            clipped = int(np.count_nonzero(content >= self.sensor.require_camera().saturation_dn))
+            out.append(Value("clipped_px", "exposure", clipped, unit="px", digits=0))
+        view = answer.profile
+        if view is None:
+            out += _string_values(answer)
+        elif self.boards is not None:
+            out += board_values(view)
+        elif view.profile is not None:
+            out += profile_values(view.profile, view.measured, recipe)
+        elif view.peaks is not None:
+            out += peak_values(view.peaks, recipe)
+        return judged(out, recipe.tolerances)
+
+
+def _string_values(answer: ImageAnswer) -> list[Value]:
+    if answer.view is None:
+        return []
+    points, found = answer.view.points, [] if answer.labels is None else answer.labels.axis.label
+    variance = np.trace(points.cov_yz_mm2, axis1=1, axis2=2)
+    largest = float(np.sqrt(variance.max())) if len(points) and np.isfinite(variance).all() else None
+    spots = Value("spots", "strings", len(points), digits=0)
+    named = [] if answer.labels is None else [Value("strings", "strings", len(found), digits=0)]
+    return [*named, spots, Value("sigma_mm", "strings", largest, unit="mm", digits=4)]
+
+
+def _recipe(config: BaseModel) -> Recipe:
+    if isinstance(config, Recipe):
+        return config
+    return Recipe(**{name: getattr(config, name) for name in type(config).model_fields})
 
 
 def _checked(config: BaseModel) -> ExtractionConfig:

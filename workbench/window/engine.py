@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -11,8 +11,12 @@ from numpy.typing import NDArray
 from pydantic import BaseModel
 
 from calib.label import LabelledFrame
-from geometry import Sensor, SurfacePoints
+from extraction import Profile
+from geometry import InputError, Sensor, SurfacePoints
+from workbench.cell import Value
 from workbench.files import Image
+from workbench.opened import Content
+from workbench.window.profile_view import ProfileView, view_json
 
 Array = NDArray[np.float64]
 
@@ -76,12 +80,25 @@ class Engine(Protocol):
         """Names of the spots of image ``index`` by the jig's geometry."""
         ...
 
+    def profile(self, index: int, content: Content, config: BaseModel) -> ProfileView:
+        """The stripe of image ``index`` with what is measured in it, or the same of a profile."""
+        ...
+
+    def looks_for(self, content: Content, config: BaseModel) -> str:
+        """What is looked for in an image or profile: strings, stripe or board."""
+        ...
+
+    def values(self, content: Content, answer: ImageAnswer, config: BaseModel) -> list[Value]:
+        """What was measured, judged by the tolerances."""
+        ...
+
 
 @dataclass(frozen=True, eq=False)
 class ImageAnswer:
     """Everything about one image under one set of parameters; ``error`` is set where it could not be processed.
 
-    stamp: the state of the file that was processed, "" where there is none.
+    stamp: the state of the file that was processed, "" where there is none. view, labels: of strings; profile: of a
+    stripe, a profile or a board.
     """
 
     index: int
@@ -91,20 +108,34 @@ class ImageAnswer:
     error: str
     seconds: float
     stamp: str = ""
+    profile: ProfileView | None = None
+    values: tuple[Value, ...] = ()
 
 
-def process(engine: Engine, image: Image, config: BaseModel, index: int, hash_: str) -> ImageAnswer:
-    """Run detection and labelling on one image."""
+def process(engine: Engine, content: Content, config: BaseModel, index: int, hash_: str) -> ImageAnswer:
+    """Run the recipe's tools on one image or profile."""
     start = time.perf_counter()
-    view = engine.stages(image, config)
-    labels = engine.label(index, view.points) if engine.strings else None
-    return ImageAnswer(index, hash_, view, labels, "", time.perf_counter() - start)
+    if engine.looks_for(content, config) != "strings":
+        answer = ImageAnswer(index, hash_, None, None, "", 0.0, profile=engine.profile(index, content, config))
+    elif isinstance(content, Profile):
+        raise InputError("a profile holds no image in which strings could be found")
+    else:
+        view = engine.stages(content, config)
+        labels = engine.label(index, view.points) if engine.strings else None
+        answer = ImageAnswer(index, hash_, view, labels, "", 0.0)
+    values = tuple(engine.values(content, answer, config))
+    return replace(answer, values=values, seconds=time.perf_counter() - start)
 
 
 def badge(outcome: ImageAnswer, strings: tuple[str, ...]) -> str:
-    """How many of the jig's strings were found: all, some, none; count: no jig says how many there are; or error."""
-    if outcome.error or outcome.view is None:
+    """How many of the jig's strings were found: all, some, none; else error, out or count.
+
+    count: nothing says how many points there should be. out: a value is out of its tolerance.
+    """
+    if outcome.error or (outcome.view is None and outcome.profile is None):
         return "error"
+    if outcome.profile is not None:
+        return "out" if any(v.lamp == "bad" for v in outcome.values) else "count"
     if not strings:
         return "count"
     found = len(outcome.labels.axis) if outcome.labels else 0
@@ -125,9 +156,14 @@ def as_json(outcome: ImageAnswer, strings: tuple[str, ...]) -> dict[str, Any]:
         "spots": [],
         "labelled": 0,
         "reason": "",
+        "values": [asdict(v) for v in outcome.values],
+        "found": 0,
     }
+    if outcome.profile is not None:
+        return answer | {"reason": outcome.profile.reason, "found": outcome.profile.found} | view_json(outcome.profile)
     if outcome.view is None:
         return answer
+    answer["found"] = len(outcome.view.points)
     answer["candidates"] = [_candidate(c) for c in outcome.view.candidates]
     answer["measures"] = outcome.view.measures
     answer["spots"] = _spots(outcome.view.points, outcome.labels)

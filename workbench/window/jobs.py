@@ -8,6 +8,8 @@ from typing import Any
 
 from geometry import PerceptronEmuError
 
+Work = Callable[[Callable[..., None]], dict[str, Any]]
+
 
 class Job:
     """Runs a function in a thread; its state is idle, running, done or failed."""
@@ -17,8 +19,8 @@ class Job:
         self._lock = threading.Lock()
         self._state: dict[str, Any] = {"state": "idle"}
 
-    def start(self, hash_: str, work: Callable[[], dict[str, Any]]) -> bool:
-        """Start ``work``; False where something runs already."""
+    def start(self, hash_: str, work: Work) -> bool:
+        """Start ``work``, which may tell what to add to the state meanwhile; False where something runs already."""
         with self._lock:
             if self._state["state"] == "running":
                 return False
@@ -31,9 +33,13 @@ class Job:
         with self._lock:
             return dict(self._state)
 
-    def _run(self, hash_: str, work: Callable[[], dict[str, Any]]) -> None:
+    def _tell(self, **more: Any) -> None:
+        with self._lock:
+            self._state = self._state | more
+
+    def _run(self, hash_: str, work: Work) -> None:
         try:
-            ended = {"state": "done", "hash": hash_, "result": work()}
+            ended = {"state": "done", "hash": hash_, "result": work(self._tell)}
         except PerceptronEmuError as error:
             ended = {"state": "failed", "hash": hash_, "error": str(error)}
         except Exception as error:  # noqa: BLE001 - a fault in one job must not leave the page waiting for ever

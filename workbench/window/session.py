@@ -15,7 +15,8 @@ from pydantic import BaseModel
 
 from geometry import PerceptronEmuError
 from workbench.compare import Comparison, TrueString, match, named_points
-from workbench.opened import ImageInfo, Pictures, Stamp
+from workbench.opened import ImageInfo, ImageRequest, Pictures, ProfileRecords, Stamp
+from workbench.window.calibrator import Calibrator, Search
 from workbench.window.engine import Engine, ImageAnswer, as_json, process
 from workbench.window.parameters import HashedConfig
 from workbench.window.truth import comparison_json
@@ -24,32 +25,35 @@ _Key = tuple[int, str, int, Stamp]  # image, parameters, epoch of the engine, st
 KEPT_OUTCOMES = 8  # with their stage images, some 12 MB each
 
 
-Calibrate = Callable[[BaseModel], dict[str, Any]]
-
-
 @dataclass(frozen=True, eq=False)
 class Opened:
     """Everything about the folder that does not change while the window is open.
 
-    calibrate: runs the calibration with given parameters; None where it can not, and ``no_calibration`` says why.
+    calibrator: runs calibrations; None where there can be none, and ``no_calibration`` says why. search: looks for
+    better parameters; None where it can not. reopen: opens another folder.
     to_toml, from_toml: the settings file that the other commands take. command: the equivalent command line.
     prepare: slow work that makes labels better, done in the background first. look: the images that came meanwhile.
+    skipped: files that were left out, a sentence each. plane_known: whether pixels can be carried into the laser plane.
     """
 
     title: str
-    pictures: Pictures
+    pictures: Pictures | ProfileRecords
     engine: Engine
     frames: tuple[ImageInfo, ...]
     truth: Mapping[int, tuple[TrueString, ...]]
     start: BaseModel
     settings_folder: Path
-    to_toml: Callable[[BaseModel, dict[str, Any]], str]
+    to_toml: Callable[[BaseModel], str]
     from_toml: Callable[[str, str], BaseModel]
-    command: Callable[[str], str]
-    calibrate: Calibrate | None = None
+    command: Callable[[str, str], str]
+    calibrator: Calibrator | None = None
     no_calibration: str = ""
     prepare: Callable[[], None] | None = None
     look: Callable[[], list[Path]] | None = None
+    skipped: tuple[str, ...] = ()
+    plane_known: bool = True
+    search: Search | None = None
+    reopen: Callable[[ImageRequest], Opened] | None = None
 
 
 @dataclass(eq=False)

@@ -10,6 +10,7 @@ from typing import Any
 
 from workbench.compare import Comparison, summarise
 from workbench.window.parameters import HashedConfig
+from workbench.window.profile_view import brief_stripe
 from workbench.window.session import Session
 from workbench.window.truth import statistics_json
 
@@ -31,6 +32,14 @@ class Survey:
         self._queue: list[_Set] = []
         self._thread: threading.Thread | None = None
         self._asked = 0.0
+        self._closed = False
+
+    def close(self) -> None:
+        """End the thread: another folder was opened."""
+        with self._wake:
+            self._closed = True
+            self._queue = []
+            self._wake.notify()
 
     def ask(self, wanted: list[HashedConfig]) -> None:
         """Have these sets processed, the first one first; sets asked for earlier and not now are given up."""
@@ -74,8 +83,7 @@ class Survey:
 
     def _run(self) -> None:
         self._prepare()
-        while True:
-            one = self._next()
+        while (one := self._next()) is not None:
             while self._session.idle_for() < QUIET_SECONDS:
                 time.sleep(0.02)
             if one is self._next():  # the parameters may have changed while waiting
@@ -89,9 +97,11 @@ class Survey:
             with suppress(Exception):  # the images themselves will show what is wrong
                 prepare()
 
-    def _next(self) -> _Set:
+    def _next(self) -> _Set | None:
         with self._wake:
             while True:
+                if self._closed:
+                    return None
                 if time.monotonic() - self._asked > AWAY_SECONDS:
                     self._wake.wait()
                 for one in self._queue:
@@ -129,7 +139,10 @@ def _brief(row: dict[str, Any]) -> dict[str, Any]:
     spots = [{key: spot[key] for key in ("u", "v", "label", "flag", "peak", "cov")} for spot in row["spots"]]
     truth = row["truth"] and {"statistics": row["truth"]["statistics"]}
     rejected = sum(bool(c["reason"]) for c in row["candidates"])
-    return row | {"spots": spots, "truth": truth, "candidates": rejected, "measures": []}
+    brief = row | {"spots": spots, "truth": truth, "candidates": rejected, "measures": []}
+    if "stripe" not in row:
+        return brief
+    return brief | {"stripe": brief_stripe(row["stripe"]), "feature": None, "gap": None, "board": None}
 
 
 class _Set:

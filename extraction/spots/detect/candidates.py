@@ -16,6 +16,7 @@ from extraction.spots.detect.prepare import Prepared
 from extraction.spots.detect.regions import ESCAPED, JOINED, REGION, RegionRule, grow_regions
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 # what `refusal` counts; a later one hides the others
 REASONS = (
@@ -25,6 +26,7 @@ REASONS = (
     Reason.PART_OF_BRIGHTER,
     Reason.TOO_FAINT,
     Reason.IN_THE_NOISE,
+    Reason.OUTSIDE_REGION,
 )
 
 
@@ -68,10 +70,13 @@ class Candidates:
         return replace(self, later={**self.later, **dict(zip(index.tolist(), reasons, strict=True))})
 
 
-def find_candidates(prepared: Prepared, config: DetectConfig, mm_per_px: float) -> Candidates:
+def find_candidates(
+    prepared: Prepared, config: DetectConfig, mm_per_px: float, usable: Mask | None = None
+) -> Candidates:
     """Peaks above the noise, with the shape of their regions and the reason of each refusal.
 
-    mm_per_px: scale of the laser sheet in the image, for the limits of size that are given in mm.
+    mm_per_px: scale of the laser sheet in the image, for the limits of size that are given in mm. usable: the pixels
+    (H, W) that are looked at; a peak on another is refused.
     """
     peaks = np.sort(find_peaks(prepared, config.threshold))[: config.max_candidates]
     length = max(config.min_length_px, config.max_length_mm / mm_per_px)
@@ -95,21 +100,26 @@ def find_candidates(prepared: Prepared, config: DetectConfig, mm_per_px: float) 
         area_px=table["area"],
         length_px=table["length"],
         width_px=table["width"],
-        refusal=_refusals(table, height, config, length, width),
+        refusal=_refusals(table, height, (config, length, width), usable),
         owner=owner,
     )
 
 
 def _refusals(
-    table: NDArray[np.void], height: Array, config: DetectConfig, length_px: float, width_px: float
+    table: NDArray[np.void], height: Array, limits: tuple[DetectConfig, float, float], usable: Mask | None
 ) -> NDArray[np.uint8]:
     """Why each peak is refused: its place in REASONS."""
+    config, length_px, width_px = limits
+    outside = np.zeros(len(table), np.bool_)
+    if usable is not None:
+        outside = ~usable[table["peak_v"].astype(int), table["peak_u"].astype(int)]
     refused = {
         Reason.TOO_WIDE: table["width"] > width_px,
         Reason.TOO_LONG: (table["length"] > length_px) | (table["state"] == ESCAPED),
         Reason.PART_OF_BRIGHTER: table["state"] == JOINED,
         Reason.TOO_FAINT: height < config.min_height_dn,
         Reason.IN_THE_NOISE: height < config.threshold * table["ring_noise"],
+        Reason.OUTSIDE_REGION: outside,
     }
     codes = np.zeros(len(table), np.uint8)
     for code, reason in enumerate(REASONS[1:], start=1):

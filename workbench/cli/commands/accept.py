@@ -143,7 +143,8 @@ def ball(
     form = "PF" if found.is_scan else "PF_section"
     limits = _limits((form, max_form_mm), ("PS", max_size_mm))
     standard = BallStandard(diameter_mm, diameter_uncertainty_mm, form_mm)
-    record = accept_ball(found, standard, limits, rule, zone_deg, remark or [])
+    with progress_bar("searching", len(found.profiles)) as progress:
+        record = accept_ball(found, standard, limits, rule, zone_deg, remark or [], progress)
     _deliver(record, out, report, as_json=as_json)
 
 
@@ -177,7 +178,10 @@ def spacing(
     found = _recorded(paths, sensor, step_mm, positions, scp, location, config)
     standard = BallStandard(diameter_mm, diameter_uncertainty_mm, form_mm)
     limits = _limits(("SD", max_spacing_mm))
-    record = accept_spacing(found, standard, distance_mm, distance_uncertainty_mm, limits, rule, zone_deg, remark or [])
+    with progress_bar("searching", len(found.profiles)) as progress:
+        record = accept_spacing(
+            found, standard, distance_mm, distance_uncertainty_mm, limits, rule, zone_deg, remark or [], progress
+        )
     _deliver(record, out, report, as_json=as_json)
 
 
@@ -207,7 +211,8 @@ def flatness(
 
     found = _recorded(paths, sensor, step_mm, positions, scp, location, config)
     limits = _limits(("F" if found.is_scan else "straightness", max_flatness_mm))
-    record = accept_flatness(found, form_mm, limits, rule, remark or [])
+    with progress_bar("searching", len(found.profiles)) as progress:
+        record = accept_flatness(found, form_mm, limits, rule, remark or [], progress)
     _deliver(record, out, report, as_json=as_json)
 
 
@@ -262,11 +267,12 @@ def repeat(
         profiles: tuple[Placed, ...] = ()
         notes: list[str] = []
     else:
-        from workbench.cell import read_profile_settings
+        from workbench.files import read_settings
 
         found = _recorded(paths, sensor, None, None, None, None, config)
-        panels = read_profile_settings(config or []).gapflush
-        series, lost = series_of(found, feature, diameter_mm, panels)
+        panels = read_settings(config or []).gapflush
+        with progress_bar("measuring", len(found.profiles)) as progress:
+            series, lost = series_of(found, feature, diameter_mm, panels, progress)
         notes = [f"{len(lost)} profiles left out: {lost[0]}"] if lost else []
         profiles, files = found.profiles, found.files
     record = accept_repeat(
@@ -286,9 +292,9 @@ def _recorded(
     config: list[Path] | None,
 ) -> Recorded:
     from workbench.accept import Recording, read_recorded
-    from workbench.cell import read_profile_settings
+    from workbench.files import read_settings
 
-    stripe = read_profile_settings(config or []).stripe
+    stripe = read_settings(config or []).stripe
     what = Recording(tuple(paths), sensor, step_mm, positions, scp, location, stripe)
     with progress_bar("reading profiles", 1) as progress:
         return read_recorded(what, say_remark, progress)
@@ -320,15 +326,15 @@ def _deliver(record: Record, out: Path | None, report: Path | None, *, as_json: 
 
 
 def _show(record: Record) -> None:
-    from workbench.report import number
+    from workbench.accept import shown
 
     console = standard_output()
     table = Table(title=escape(f"{record.title}\n{record.standard}"), title_justify="left")
     for heading in ("figure", "value", "95 % interval", "unit"):
         table.add_column(heading, justify="left" if heading in ("figure", "unit") else "right")
     for f in record.figures:
-        interval = "" if f.bounds is None else f"{number(f.bounds.low, 4)} … {number(f.bounds.high, 4)}"
-        table.add_row(escape(f.name), number(f.value, 4), interval, f.unit)
+        interval = "" if f.bounds is None else f"{shown(f.bounds.low)} … {shown(f.bounds.high)}"
+        table.add_row(escape(f.name), shown(f.value), interval, f.unit)
     console.print(table)
     for line in record.not_judged:
         console.print(f"not judged: {line}", markup=False, soft_wrap=True)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import sys
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -14,7 +16,7 @@ from workbench.cli.console import progress_bar, say_on_stdout, standard_error, s
 
 if TYPE_CHECKING:
     from calib import CalibrationResult
-    from workbench.files import Cell
+    from workbench.files import Cell, Settings
 
 
 class Method(StrEnum):
@@ -79,17 +81,39 @@ def command(
         tuple[Controller, Path] | None,
         typer.Option(metavar="MAKER FILE", help="Write the tool frame as kuka, fanuc, abb, yaskawa or ur takes it."),
     ] = None,
+    watch: Annotated[
+        bool,
+        typer.Option(
+            "--watch", help="Answer anew with each image or profile and row of frames.csv; name the next pose."
+        ),
+    ] = False,
+    until: Annotated[
+        float | None,
+        typer.Option(
+            min=1e-6, max=1e6, help="With --watch: end once the longest σ, rotations at 300 mm, is so many mm."
+        ),
+    ] = None,
+    every: Annotated[
+        float,
+        typer.Option(min=0.05, max=3600, help="With --watch: seconds between looks; files must stand still so long."),
+    ] = 1.0,
     report: Annotated[Path | None, typer.Option(help="File for a self-contained HTML report.")] = None,
-    config: Annotated[list[Path] | None, typer.Option(help="Settings TOML; may be given more than once.")] = None,
+    config: Annotated[
+        list[Path] | None, typer.Option("--config", "--recipe", help="The recipe of all tools, TOML; may be repeated.")
+    ] = None,
 ) -> None:
     """Solve the sensor's pose in the hand (SCP) from a cell dataset, emulated or recorded."""
     from workbench.answered import calibrate_cell
     from workbench.files import read_cell, read_result, read_settings
     from workbench.report import json_text, print_calibration
 
+    if until is not None and not watch:
+        from geometry import InputError
+
+        raise InputError("--until says when a watch ends: give --watch, too")
     reference = None if daily is None else read_result(daily)
     settings = read_settings(config or [], method=method and method.value, model=model and model.value)
-    cell = read_cell(dataset)
+    cell = _watched(dataset, settings, until, every, as_json=as_json) if watch else read_cell(dataset)
     with progress_bar("extracting", len(cell.frames)) as progress:
         answered = calibrate_cell(cell, settings, progress)
     result = answered.result
@@ -119,6 +143,24 @@ def command(
         _export(export[1], export[0].value, cell, result)
     if moved is not None and moved.code in DIFFERENCE_EXITS:
         raise typer.Exit(DIFFERENCE_EXITS[moved.code])
+
+
+def _watched(dataset: Path, settings: Settings, until: float | None, every: float, *, as_json: bool) -> Cell:
+    """Tell every round of a watch; returns the dataset once σ is what was asked for."""
+    from workbench.plan import rounds
+    from workbench.report import print_round, round_object
+
+    def say(words: str) -> None:
+        standard_error().print(words, markup=False, soft_wrap=True)
+
+    for found in rounds(dataset, settings.extraction, settings.calib, until, every, say):
+        if as_json:
+            say_on_stdout(json.dumps(round_object(found), allow_nan=False))
+        else:
+            print_round(standard_output(), found)
+        sys.stdout.flush()  # a program reads along
+        last = found
+    return last.cell
 
 
 def _export(path: Path, maker: str, cell: Cell, result: CalibrationResult) -> None:

@@ -24,7 +24,9 @@ def command(
     csv: Annotated[Path | None, typer.Option(help="File for the points; default: standard output.")] = None,
     overlay: Annotated[Path | None, typer.Option(help="Folder for pictures of what was detected.")] = None,
     stages: Annotated[bool, typer.Option("--stages", help="With --overlay: a picture of every stage too.")] = False,
-    config: Annotated[list[Path] | None, typer.Option(help="Settings TOML; may be given more than once.")] = None,
+    config: Annotated[
+        list[Path] | None, typer.Option("--config", "--recipe", help="The recipe of all tools, TOML; may be repeated.")
+    ] = None,
 ) -> None:
     """Find the string points of stripe images: pixel, surface point, axis point, σ and label of each, as CSV."""
     from geometry import InputError

@@ -29,7 +29,9 @@ def command(
     channel: Annotated[
         Literal["red", "green", "blue", "grey", "max"] | None, typer.Option(help="Channel of colour images.")
     ] = None,
-    config: Annotated[list[Path] | None, typer.Option(help="Settings TOML with \\[stripe]; may be repeated.")] = None,
+    config: Annotated[
+        list[Path] | None, typer.Option("--config", "--recipe", help="The recipe of all tools, TOML; may be repeated.")
+    ] = None,
 ) -> None:
     """Measure the laser stripe of images: points in mm with covariance, in px without a sensor."""
     from geometry import InputError
@@ -37,10 +39,10 @@ def command(
         StripeInputs,
         is_profile_file,
         measure_stripes,
-        read_profile_settings,
         stripe_images,
         stripe_record,
     )
+    from workbench.files import read_settings
     from workbench.report import json_text
 
     if csv is None and ply is None and overlay is None and not json_output:
@@ -54,7 +56,7 @@ def command(
         if is_profile_file(image):
             raise InputError(f"{image} is a profile already; give it alone, or images only")
     paths = stripe_images(images)
-    inputs = StripeInputs(sensor, laser_off, mask, channel, read_profile_settings(config or []).stripe)
+    inputs = StripeInputs(sensor, laser_off, mask, channel, read_settings(config or []))
     many = len(paths) > 1 or any(image.is_dir() for image in images)
     records, found = [], 0
     with progress_bar("images", len(paths)) as update:

@@ -4,26 +4,43 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
 if TYPE_CHECKING:
-    from workbench.opened import ImageRequest
+    from collections.abc import Callable
+
+    from workbench.files import Recipe
+    from workbench.opened import ImageRequest, ImageSet
+    from workbench.window import Search
+
+What = Literal["strings", "stripe"]
 
 
 def command(
     inputs: Annotated[
-        list[Path], typer.Argument(metavar="IMAGES|DATASET", help="A cell dataset, or image files or their folder.")
+        list[Path],
+        typer.Argument(metavar="IMAGES|DATASET", help="A cell dataset, image or profile files, or their folder."),
     ],
-    sensor: Annotated[Path | None, typer.Option(help="sensor.toml; needed for bare images.")] = None,
-    jig: Annotated[Path | None, typer.Option(help="jig.toml; without it, bare images give unlabelled spots.")] = None,
-    config: Annotated[list[Path] | None, typer.Option(help="Settings TOML to start from.")] = None,
+    sensor: Annotated[
+        Path | None, typer.Option(help="sensor.toml of bare images; without it they are looked at in px.")
+    ] = None,
+    jig: Annotated[
+        Path | None, typer.Option(help="jig.toml of bare images; without it their stripe is measured.")
+    ] = None,
+    config: Annotated[
+        list[Path] | None, typer.Option("--config", "--recipe", help="The recipe to start from, TOML.")
+    ] = None,
     out: Annotated[
         Path | None, typer.Option(help="Folder for saved settings and the search; default: the opened folder.")
     ] = None,
     port: Annotated[int, typer.Option(min=0, max=65535, help="Port on 127.0.0.1; 0 takes a free one.")] = 0,
     browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in the browser.")] = True,
+    what: Annotated[
+        What | None, typer.Option(help="What is looked for; default: strings with a jig, else the stripe.")
+    ] = None,
+    board: Annotated[Path | None, typer.Option(help="board.toml: the pictures are of a calibration board.")] = None,
     watch: Annotated[bool, typer.Option("--watch", help="Take in images as they come into the folder.")] = False,
     auto: Annotated[int | None, typer.Option(min=1, help="Search the parameters in this many trials instead.")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the search and of its split.")] = 0,
@@ -31,13 +48,24 @@ def command(
     """Tune detection on saved stripe images: the process window in the browser, or a search with --auto."""
     from workbench.opened import ImageRequest
 
-    request = ImageRequest(tuple(inputs), sensor, jig, tuple(config or ()), out, watch)
+    request = ImageRequest(tuple(inputs), sensor, jig, tuple(config or ()), out, watch, what, board)
     if auto is not None:
         from workbench.cli.tune_auto import run_auto
 
         run_auto(request, auto, seed)
         return
     _serve(request, port, browser)
+
+
+def _search(images: ImageSet) -> Search:
+    """The search of the page, without its library until it is asked for."""
+
+    def run(recipe: Recipe, trials: int, progress: Callable[[int, int, float], None]) -> dict[str, Any]:
+        from workbench.cli.tune_auto import page_search
+
+        return page_search(images)(recipe, trials, progress)
+
+    return run
 
 
 def _serve(request: ImageRequest, port: int, browser: bool) -> None:
@@ -49,4 +77,4 @@ def _serve(request: ImageRequest, port: int, browser: bool) -> None:
         say_on_stdout(f"process window: {address}  (Ctrl+C ends it)")
         sys.stdout.flush()
 
-    serve(open_session(request), port, browser, announce)
+    serve(open_session(request, _search), port, browser, announce)

@@ -25,10 +25,12 @@ def command(
         float | None, typer.Option(min=0.0, max=1e6, help="Largest point rms of a location; exit code 1 above it.")
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
-    config: Annotated[list[Path] | None, typer.Option(help="Settings TOML; may be given more than once.")] = None,
+    config: Annotated[
+        list[Path] | None, typer.Option("--config", "--recipe", help="The recipe of all tools, TOML; may be repeated.")
+    ] = None,
 ) -> None:
     """Judge an SCP on the frames of a dataset: places are fitted, nothing is solved."""
-    from workbench.cell import observe, verify_cell
+    from workbench.cell import ProfileSettings, observe, verify_cell
     from workbench.files import read_cell, read_result, read_settings
     from workbench.report import json_text
 
@@ -36,7 +38,7 @@ def command(
     saved = None if scp is None else read_result(scp)
     cell = read_cell(dataset)
     with progress_bar("extracting", len(cell.frames)) as progress:
-        observed = observe(cell, settings.extraction, progress)
+        observed = observe(cell, settings.extraction, progress, ProfileSettings.of(settings))
     found = verify_cell(cell, observed, saved, settings.calib)
     code, text = _judged(found, max_rms_mm)
     if as_json:

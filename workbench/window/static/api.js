@@ -1,5 +1,7 @@
 // Talking to the server. Every answer about parameters carries their hash; the callers drop those that are stale.
 
+import { t } from "./words.js";
+
 export class Refused extends Error {
   constructor(message, problems = {}, status = 0) {
     super(message);
@@ -23,8 +25,14 @@ async function fetched(path, options) {
     return await fetch(path, options);
   } catch (error) {
     if (error.name === "AbortError") throw error;
-    throw new Refused("The program does not answer any more: start it again");
+    throw new Refused(t("The program does not answer any more: start it again"));
   }
+}
+
+export async function content(path) {
+  const response = await fetched("api/" + path);
+  if (!response.ok) throw await failure(response);
+  return response.text();
 }
 
 export async function get(path) {
@@ -54,7 +62,7 @@ export async function pixels(path, body, signal) {
   const head = (name) => Number(response.headers.get(name));
   const buffer = await response.arrayBuffer();
   const values = new ({ 1: Uint8Array, 2: Uint16Array, 4: Float32Array }[head("x-bytes")])(buffer);
-  return { width: head("x-width"), height: head("x-height"), step: head("x-step"), values, hash: response.headers.get("x-hash"), stamp: response.headers.get("x-stamp") };
+  return { width: head("x-width"), height: head("x-height"), step: head("x-step"), values, hash: response.headers.get("x-hash"), stamp: response.headers.get("x-stamp"), odd: response.headers.get("x-odd") === "1" };
 }
 
 const hashes = new Map();

@@ -1,13 +1,21 @@
-// One click: pose and calibration on what is found with the parameters as they stand; Fig. 7 and the verdict.
+// The calibration: model, roles of the locations, the answer with 95 % intervals, residuals, leave-one-out, conventions,
+// the cell in three dimensions, comparison with an earlier result, and what may be saved.
 
-import { get, hashOf, post } from "./api.js";
-import { $, clear, el, fitCanvas, number, style, words } from "./dom.js";
+import { content, get, hashOf, post } from "./api.js";
+import { drawFig7, drawResiduals } from "./charts.js";
+import { close, open } from "./dialog.js";
+import { $, clear, el, style, words } from "./dom.js";
+import { download } from "./export.js";
+import { showCalibrated } from "./recipe.js";
+import { say } from "./stage.js";
 import { listen, state, text } from "./state.js";
 import { go } from "./strip.js";
 import { onTab, selectTab } from "./tabs.js";
+import { number, t, word } from "./words.js";
 
 const GOOD = ["ok"], WARN = ["model_misfit", "priors_contradict", "sensor_suspect", "weak"];
-let shown = null, timer = 0;
+const ROLES = ["calibrate", "verify", "left out"];
+let shown = null, timer = 0, roles = {}, view = null, compared = null, verified = null;
 
 const whenShown = () => { if (state.view === "calibration") render(); };
 onTab(whenShown);
@@ -17,10 +25,11 @@ export async function openCalibration() {
   selectTab("calibration");
   if (!state.session.can_calibrate) return;
   try {
-    shown = await post("calibrate", { config: text() });
+    shown = await post("calibrate", { config: text(), roles });
   } catch (error) {
     shown = { state: "failed", error: error.message };
   }
+  compared = verified = null;
   render();
   if (shown.state === "running") wait();
 }
@@ -34,138 +43,176 @@ function wait() {
   }, 250);
 }
 
+const kindOf = (code) => (GOOD.includes(code) ? "good" : WARN.includes(code) ? "warn" : "bad");
+
 async function render() {
-  const page = $("calibration");
-  const run = el("button", { class: "strong", onclick: openCalibration, disabled: !state.session.can_calibrate || shown?.state === "running" },
-    shown?.result ? "Calibrate again" : "Calibrate");
-  if (!state.session.can_calibrate) { clear(page, el("h2", {}, "Calibration"), el("p", {}, state.session.no_calibration)); return; }
-  if (!shown) { clear(page, el("h2", {}, "Calibration"), el("p", {}, "Extracts every image with the parameters as they stand, finds the jig's poses and solves the sensor's pose in the hand."), run); return; }
-  if (shown.state === "running") { clear(page, el("h2", {}, "Calibration"), el("p", {}, "Extracting, labelling and solving…"), el("progress")); return; }
-  if (shown.state === "failed") { clear(page, el("div", { class: "verdict bad" }, el("b", {}, "No answer"), el("p", {}, shown.error)), run); return; }
-  const r = shown.result, stale = shown.hash !== (await hashOf(text()));
+  const page = $("calibration"), { session } = state;
+  const title = el("h2", {}, t("Calibration"));
+  if (!session.can_calibrate) { clear(page, title, el("p", {}, t(session.no_calibration))); return; }
+  const run = el("button", { class: "strong", onclick: openCalibration, disabled: shown?.state === "running" }, shown?.result ? t("Calibrate again") : t("Calibrate"));
+  if (!shown) { clear(page, title, el("p", {}, t("Extracts every image with the parameters as they stand, finds the target and solves the sensor's pose in the hand.")), choices(), run); return; }
+  if (shown.state === "running") { clear(page, title, el("p", {}, t("Measuring and solving…")), el("progress", { "aria-label": t("Calibrating") })); return; }
+  if (shown.state === "failed") { clear(page, el("div", { class: "verdict bad" }, el("b", {}, t("No answer")), el("p", {}, shown.error)), choices(), run); return; }
+  const r = shown.result, stale = shown.hash !== (await hashOf(text())) || JSON.stringify(shown.roles ?? roles) !== JSON.stringify(roles);
   if (r !== shown?.result) return; // another answer came meanwhile
+  shown.roles ??= { ...roles };
   document.documentElement.dataset.calibrationStale = stale;
-  clear(page, verdict(r), el("div", { class: "page-head" }, run, stale ? el("span", { class: "worse" }, "The parameters have changed since: this is the answer for the earlier ones.") : null),
-    el("div", { class: "columns" },
-      el("section", {}, el("h3", {}, "Distance deviation of the jig from the base (Fig. 7)"), el("canvas", { id: "fig7" })),
-      el("section", {}, el("h3", {}, "Sensor in the hand, T_hand_sensor"), scp(r)),
-      el("section", {}, el("h3", {}, "By location"), locations(r)),
-      el("section", {}, el("h3", {}, "Frames that were left out"), leftOut(r))));
+  showCalibrated(r.values, words(r.verdict.code), kindOf(r.verdict.code));
+  const section = (name, ...body) => el("section", {}, el("h3", {}, t(name)), body);
+  clear(page, verdict(r), el("div", { class: "page-head" }, run,
+    el("button", { id: "save-result", onclick: () => save("result", "result.json", "application/json") }, t("Save result…")),
+    el("button", { id: "save-report", onclick: () => save("report", "calibration.html", "text/html") }, t("Save report…")),
+    el("button", { id: "compare", onclick: () => pick(compare) }, t("Compare with a result…")),
+    el("button", { id: "verify", onclick: () => pick(verify) }, t("Verify a result…")),
+    el("button", { id: "verify-design", onclick: () => verify(null, t("the design")) }, t("Verify the design")),
+    stale ? el("span", { class: "worse" }, t("The parameters have changed since: this is the answer for the earlier ones.")) : null),
+  compared, verified,
+  el("div", { class: "columns" },
+    el("section", { class: "cell-view" }, el("h3", {}, t("The cell")), el("canvas", { id: "cell", tabIndex: 0, role: "img", "aria-label": t("Arm, sensor, sheet, targets and points in three dimensions; drag turns, Shift moves, the wheel zooms") }), walk(r)),
+    section("Sensor in the hand, T_hand_sensor", table(r), conventions(r)),
+    section("Residuals of every frame", el("canvas", { id: "residuals", class: "chart", role: "img", "aria-label": t("Residuals of every frame; a click opens the frame") })),
+    section("Distance deviation from the base (Fig. 7)", el("canvas", { id: "fig7", class: "chart", role: "img", "aria-label": t("Distance deviations by frame; a click opens the frame") })),
+    section("By location", choices(), locations(r)),
+    leftOut(r), section("Frames that were left out", unused(r)), remarks(r)));
   document.documentElement.dataset.calibrated = shown.hash;
-  figure($("fig7"), r);
-  $("fig7").onclick = (event) => openFrame(event, r);
+  drawFig7($("fig7"), r, openFrame);
+  drawResiduals($("residuals"), r, openFrame);
+  scene(r);
 }
 
-// A click on a dot of Fig. 7 opens its frame.
-function openFrame(event, r) {
-  const k = Math.round((event.offsetX - 46) / (event.currentTarget.clientWidth - 58) * places(r) - 0.5);
-  let from = 0;
-  for (const l of Object.values(r.locations)) {
-    const dot = k - from;
-    if (dot >= 0 && dot < l.distances.frame.length) {
-      const index = state.session.images.findIndex((image) => image.frame === l.distances.frame[dot]);
-      if (index >= 0) { go(index); selectTab("image"); }
-      return;
-    }
-    from += l.distances.frame.length + 1;
-  }
+function openFrame(number_) {
+  const index = state.session.images.findIndex((image) => image.frame === number_);
+  if (index >= 0) { go(index); selectTab("image"); }
 }
-
-const places = (r) => Object.values(r.locations).reduce((n, l) => n + l.distances.frame.length + 1, 0);
 
 function verdict(r) {
-  const kind = GOOD.includes(r.verdict.code) ? "good" : WARN.includes(r.verdict.code) ? "warn" : "bad";
-  return el("div", { class: `verdict ${kind}`, id: "verdict" }, el("b", {}, words(r.verdict.code)), el("p", {}, r.verdict.text),
-    el("p", {}, `method ${r.method}, model ${r.model}` + (r.chi2_per_dof === null ? "" : `, χ² per degree of freedom ${number(r.chi2_per_dof, 2)}`)));
+  return el("div", { class: `verdict ${kindOf(r.verdict.code)}`, id: "verdict" }, el("b", {}, words(r.verdict.code)), el("p", {}, r.verdict.text),
+    el("p", {}, t`method ${word(r.method)}, model ${r.model}` + (r.chi2_per_dof === null ? "" : t`, χ² per degree of freedom ${number(r.chi2_per_dof, 2)}`)));
 }
 
-function scp(r) {
-  const names = ["rotation x", "rotation y", "rotation z", "x", "y", "z"];
-  const solved = r.rotation_deg ? [...r.rotation_deg, ...r.translation_mm] : Array(6).fill(null);
-  const sigma = r.sigma_rotation_deg ? [...r.sigma_rotation_deg, ...r.sigma_translation_mm] : Array(6).fill(null);
-  const design = [...r.design.rotation_deg, ...r.design.translation_mm];
-  return el("table", {}, el("thead", {}, el("tr", {}, ["", "design", "solved", "σ", "change"].map((t) => el("th", {}, t)))),
-    el("tbody", {}, names.map((name, i) => {
-      const unit = i < 3 ? "°" : " mm", d = i < 3 ? 4 : 3;
-      return el("tr", {}, [name, number(design[i], d), number(solved[i], d) + unit, number(sigma[i], d), solved[i] === null ? "–" : number(solved[i] - design[i], d)].map((t) => el("td", {}, t)));
-    })));
+const cells = (list, tag = "td") => list.map((x) => el(tag, {}, x));
+const headed = (names, rows) => el("table", {}, el("thead", {}, el("tr", {}, names.map((n) => el(n ? "th" : "td", {}, t(n))))), el("tbody", {}, rows));
+
+// The roles of the locations, and what stands there.
+function choices() {
+  const targets = shown?.result?.targets ?? {}, places = [...new Set(state.session.images.map((i) => i.location))].filter((x) => x);
+  const roleOf = (p) => roles[p] ?? state.session.images.find((i) => i.location === p).role;
+  return el("div", { class: "roles" }, places.map((p) => el("label", {}, el("b", {}, p), targets[p] ? ` ${word(targets[p])}` : "",
+    el("select", { data: { role: p }, onchange: (e) => { roles = { ...roles, [p]: ROLES[e.target.selectedIndex] }; whenShown(); } },
+      ROLES.map((role) => el("option", { selected: role === roleOf(p) }, t(role)))))));
+}
+
+function table(r) {
+  return headed(["", "design", "solved", "σ", "95 % interval", "change"], r.table.map((row) => {
+    const d = row.unit === "°" ? 4 : 3, unit = row.unit === "°" ? "°" : " mm";
+    const [what, axis] = row.name.split(" ");
+    return el("tr", {}, cells([`${t(what)} ${axis}`, number(row.design, d), row.solved === null ? "–" : number(row.solved, d) + unit, number(row.sigma, d),
+      row.low === null ? t("withheld") : `${number(row.low, d)} … ${number(row.high, d)}`, row.solved === null || row.design === null ? "–" : number(row.solved - row.design, d)]));
+  }));
+}
+
+function conventions(r) {
+  const names = Object.keys(r.conventions ?? {});
+  if (!names.length) return null;
+  return el("details", { class: "conventions" }, el("summary", {}, t("In controllers' conventions")),
+    headed(["maker", "numbers"], names.map((n) => el("tr", {}, el("td", { title: r.convention_formulas[n] }, n.toUpperCase()),
+      el("td", { class: "left numbers" }, Object.entries(r.conventions[n]).map(([k, v]) => el("span", {}, `${k.split(" / ")[0]} ${number(v, 4)}${k.includes(" / ") ? ` ${k.split(" / ")[1]}` : ""}`)))))));
 }
 
 function locations(r) {
-  const pair = (x, d) => (x ? `${number(x.design, d)} → ${number(x.solved, d)}` : "–");
-  return el("table", {}, el("thead", {}, el("tr", {}, ["location", "role", "max deviation", "spread 3-D", "point rms"].map((t) => el("th", {}, t)))),
-    el("tbody", {}, Object.entries(r.locations).map(([name, l]) => el("tr", {},
-      [name, l.role, pair(l.max_deviation_mm, 2), pair(l.spread_3d_mm, 2), pair(l.point_rms_mm, 3)].map((t) => el("td", {}, t))))),
-    el("tfoot", {}, el("tr", {}, el("td", { colSpan: 5, class: "left" }, "mm, design → solved"))));
+  const pair = (x, d) => (x && x.solved !== null ? `${number(x.design, d)} → ${number(x.solved, d)}` : "–");
+  return el("div", {}, headed(["location", "role", "target", "max deviation", "spread 3-D", "point rms"], Object.entries(r.locations).map(([name, l]) => el("tr", {},
+    cells([name, t(l.role), word(r.targets[name] ?? ""), pair(l.max_deviation_mm, 2), pair(l.spread_3d_mm, 2), pair(l.point_rms_mm, 3)])))),
+  el("p", { class: "soft" }, t("mm, design → solved")));
 }
 
 function leftOut(r) {
+  const found = r.left_out;
+  if (!found) return null;
+  const parts = found.locations ? Object.entries(found.locations) : found.frames.map((f) => [f.frame, f]);
+  return el("section", {}, el("h3", {}, found.by === "location" ? t("Each location predicted by the others") : t("Each frame predicted by the others")),
+    headed(["left out", "point rms [mm]", "SCP moves by [mm]", "[°]"], [
+      ...parts.map(([name, p]) => el("tr", { class: found.by === "frame" ? "go" : "", onclick: () => found.by === "frame" && openFrame(name) }, cells([String(name), number(p.point_rms_mm, 3), number(p.shift_mm, 3), number(p.shift_deg, 4)]))),
+      el("tr", { class: "total" }, cells([t("all"), number(found.point_rms_mm, 3), "", ""])),
+    ]));
+}
+
+function unused(r) {
   const out = r.frames.filter((f) => !f.used);
-  if (!out.length) return el("p", {}, "None: every frame was used.");
-  return el("table", {}, el("tbody", {}, out.map((f) => el("tr", {}, el("td", {}, `frame ${f.frame}`), el("td", { class: "left" }, f.location), el("td", { class: "left" }, words(f.reason))))));
+  if (!out.length) return el("p", {}, t("None: every frame was used."));
+  return el("table", {}, el("tbody", {}, out.map((f) => el("tr", { class: "go", tabIndex: 0, onclick: () => openFrame(f.frame), onkeydown: (e) => e.key === "Enter" && openFrame(f.frame) },
+    el("td", {}, t`frame ${f.frame}`), el("td", { class: "left" }, f.location), el("td", { class: "left" }, words(f.reason)), el("td", { class: "left" }, f.complaint ?? "")))));
 }
 
-function figure(canvas, r) {
-  const { context, width, height } = fitCanvas(canvas);
-  const series = Object.entries(r.locations).map(([name, l]) => ({ name, role: l.role, design: centred(l.distances.design_mm), solved: centred(l.distances.solved_mm) }));
-  const all = series.flatMap((s) => [...s.design, ...s.solved]).filter((x) => x !== null);
-  const top = Math.max(0.5, ...all.map(Math.abs)) * 1.12;
-  const count = places(r);
-  const x = (k) => 46 + (width - 58) * (k + 0.5) / count, y = (d) => height / 2 - 6 - d / top * (height / 2 - 30);
-  axis(context, y, top, width);
-  let k = 0;
-  for (const s of series) {
-    const from = k;
-    dots(context, s.design, x, y, k, style("--changed"), false);
-    dots(context, s.solved, x, y, k, style("--accent"), true);
-    k += s.design.length;
-    context.fillStyle = style("--quiet");
-    context.textAlign = "center";
-    context.fillText(`${s.name}${s.role === "verify" ? " (verify)" : ""}`, (x(from) + x(k - 1)) / 2, height - 8);
-    k += 1;
+function remarks(r) {
+  const all = [...(r.remarks ?? []), ...(r.notes ?? [])].filter((x, i, list) => x && list.indexOf(x) === i);
+  return all.length ? el("section", { class: "remarks" }, el("h3", {}, t("Remarks")), el("ul", {}, all.map((x) => el("li", {}, x)))) : null;
+}
+
+// The three-dimensional view, and the frame that its arm stands in.
+function walk(r) {
+  if (!r.scene.frames.length) return null;
+  return el("div", { class: "page-head walk" }, el("button", { "aria-label": t("Previous frame"), onclick: () => view?.step(-1) }, "‹"), el("output", { id: "cell-frame" }),
+    el("button", { "aria-label": t("Next frame"), onclick: () => view?.step(1) }, "›"), el("button", { onclick: () => openFrame(Number($("cell-frame").dataset.frame)) }, t("Open this frame")));
+}
+
+const inks = () => Object.fromEntries(["text", "quiet", "accent", "good", "bad", "warn"].map((n) => [n, style(`--${n}`)]).concat([["ground", style("--raised")]]));
+
+function scene(r) {
+  const tell = (frame) => {
+    const found = r.scene.frames.find((f) => f.frame === frame), node = $("cell-frame");
+    if (!found || !node) return;
+    node.dataset.frame = frame;
+    node.textContent = `${t`frame ${frame}`}, ${found.location}${found.rms === null ? "" : `, rms ${number(found.rms, 3)} mm`}`;
+  };
+  view = globalThis.startScene($("cell"), r.scene, inks(), tell);
+  if (!view) { $("cell").replaceWith(el("p", { class: "soft" }, t("This browser has no WebGL: the cell can not be drawn."))); return; }
+  const first = r.scene.frames.find((f) => f.frame === state.session.images[state.index]?.frame) ?? r.scene.frames.find((f) => f.used) ?? r.scene.frames[0];
+  if (first) view.show(first.frame);
+}
+
+export function recolour() {
+  view?.colour(inks());
+  if (state.session && state.view === "calibration") render();
+}
+
+async function save(what, name, type) {
+  try { download(`${state.session.title}_${name}`, await content(what), type); } catch (error) { say(error.message, true); }
+}
+
+// An earlier result from the user's own disk: of it only what comparisons need is sent.
+function pick(act) {
+  const error = el("p", { class: "error" });
+  const file = el("input", { type: "file", accept: ".json", "aria-label": t("A result of calibrate --json"), onchange: async () => {
+    try {
+      const data = JSON.parse(await file.files[0].text());
+      const few = ["T_hand_sensor", "covariance", "T_hand_sensor_nominal", "covariance_nominal", "model", "verdict", "inputs"];
+      await act(JSON.stringify(Object.fromEntries(few.filter((k) => k in data).map((k) => [k, data[k]]))), file.files[0].name);
+      close();
+    } catch (problem) { error.textContent = problem.message; }
+  } });
+  open(el("div", { class: "body" }, el("h2", {}, t("A result of calibrate --json")), file, error, el("div", { class: "buttons" }, el("button", { onclick: close }, t("Close")))));
+}
+
+async function compare(result, name) {
+  const d = await post("compare", { result, name });
+  const row = (what, values, sigmas, digits) => (values ? el("tr", {}, cells([t(what), ...values.map((v, i) => `${number(v, digits)} ± ${number(sigmas?.[i], digits)}`)])) : null);
+  compared = el("div", { class: `verdict ${d.verdict?.code === "same" || d.code === "same" ? "good" : "warn"}`, id: "compared" }, el("b", {}, t`Against ${name}`), el("p", {}, d.verdict?.text ?? d.text),
+    headed(["", "x", "y", "z"], [row("rotation", d.rotation_deg, d.sigma_rotation_deg, 4), row("translation", d.translation_mm, d.sigma_translation_mm, 3)].filter((x) => x)));
+  render();
+}
+
+async function verify(result, name) {
+  try {
+    const v = await post("verify", { config: text(), result, name });
+    verified = el("div", { class: "verdict", id: "verified" }, el("b", {}, t`The SCP of ${name}, judged on these frames`),
+      el("p", {}, t`largest point rms of a location ${number(v.largest_point_rms_mm, 3)} mm`),
+      headed(["location", "max deviation", "spread 3-D", "point rms"], Object.entries(v.locations).map(([n, l]) => el("tr", {}, cells([n, number(l.max_deviation_mm?.solved, 2), number(l.spread_3d_mm?.solved, 2), number(l.point_rms_mm?.solved, 3)])))));
+    render();
+  } catch (problem) {
+    if (result) throw problem;
+    say(problem.message, true);
   }
-  context.textAlign = "left";
-  context.fillStyle = style("--changed");
-  context.fillText("○ by design", 50, 14);
-  context.fillStyle = style("--accent");
-  context.fillText("● solved", 128, 14);
 }
 
-function centred(values) {
-  const good = values.filter((v) => v !== null), mean = good.reduce((a, b) => a + b, 0) / (good.length || 1);
-  return values.map((v) => (v === null ? null : v - mean));
-}
 
-function axis(context, y, top, width) {
-  context.font = "11.5px system-ui, sans-serif";
-  const step = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50].find((s) => top / s <= 5) ?? 100;
-  for (let d = -Math.floor(top / step) * step; d <= top; d += step) {
-    context.strokeStyle = Math.abs(d) < 1e-9 ? style("--quiet") : style("--edge-soft");
-    context.beginPath();
-    context.moveTo(46, y(d));
-    context.lineTo(width - 8, y(d));
-    context.stroke();
-    context.fillStyle = style("--quiet");
-    context.textAlign = "right";
-    context.fillText(number(d + 0, step < 1 ? 1 : 0), 40, y(d) + 4);
-  }
-  context.textAlign = "left";
-  context.fillText("mm", 8, 14);
-}
-
-function dots(context, values, x, y, from, colour, filled) {
-  context.strokeStyle = context.fillStyle = colour;
-  context.lineWidth = 1.5;
-  context.globalAlpha = 0.55;
-  context.beginPath();
-  values.forEach((v, i) => v !== null && context.lineTo(x(from + i), y(v)));
-  context.stroke();
-  context.globalAlpha = 1;
-  values.forEach((v, i) => {
-    if (v === null) return;
-    context.beginPath();
-    context.arc(x(from + i), y(v), 3.6, 0, 2 * Math.PI);
-    if (filled) context.fill();
-    else context.stroke();
-  });
-}

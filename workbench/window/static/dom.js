@@ -1,5 +1,7 @@
 // Elements without markup strings: names from files and folders can only ever become text.
 
+import { word } from "./words.js";
+
 export const $ = (id) => document.getElementById(id);
 
 export function el(tag, properties = {}, ...children) {
@@ -12,19 +14,17 @@ export function el(tag, properties = {}, ...children) {
     else if (key in node && !key.startsWith("aria")) node[key] = value;
     else node.setAttribute(key, value);
   }
-  node.append(...children.flat().filter((c) => c !== null && c !== undefined && c !== false));
+  node.append(...children.flat(3).filter((c) => c !== null && c !== undefined && c !== false));
   return node;
 }
 
 export function clear(node, ...children) {
-  node.replaceChildren(...children.flat().filter((c) => c !== null && c !== undefined && c !== false));
+  node.replaceChildren(...children.flat(3).filter((c) => c !== null && c !== undefined && c !== false));
   return node;
 }
 
 // A code as words; a sentence, which may name files and strings, as it is.
-export const words = (reason) => (/^[a-z]+(_[a-z]+)*$/.test(reason ?? "") ? reason.replaceAll("_", " ") : reason ?? "");
-
-export const number = (x, digits = 3) => (x === null || x === undefined ? "–" : x.toFixed(digits).replace("-", "−"));
+export const words = (reason) => (/^[a-z]+(_[a-z]+)*$/.test(reason ?? "") ? word(reason.replaceAll("_", " ")) : reason ?? "");
 
 export function fitCanvas(canvas) {
   // The canvas in device pixels; gives its context scaled to CSS pixels, and its size in them.

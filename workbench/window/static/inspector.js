@@ -1,9 +1,11 @@
 // What stands under the pointer: profile, peak, width, score, σ; for a rejected candidate the reason.
 
-import { $, clear, el, fitCanvas, number, style, words } from "./dom.js";
+import { $, clear, el, fitCanvas, style, words } from "./dom.js";
 import { nameOf } from "./overlay.js";
 import { known, reveal } from "./params.js";
 import { sample } from "./picture.js";
+import { state } from "./state.js";
+import { number, t, word } from "./words.js";
 
 const REACH = 18, STEP = 0.25;
 
@@ -15,14 +17,14 @@ export function drawProfile(image, u, v, angle, names, saturation, spot = null) 
     context.fillStyle = style("--quiet");
     context.font = "12px system-ui, sans-serif";
     context.textAlign = "center";
-    context.fillText("Point at the picture to see grey levels along and across", width / 2, height / 2);
+    context.fillText(state.session.has_images ? t("Point at the picture to see grey levels along and across") : t("Profiles hold no grey levels"), width / 2, height / 2);
     return;
   }
   const curves = [0, Math.PI / 2].map((turn) => curve(image, u, v, angle + turn));
   const top = Math.max(8, ...curves.flat().map((p) => p[1]));
   const x = (s) => 36 + (width - 46) * (s + REACH) / (2 * REACH), y = (g) => height - 18 - (height - 34) * g / (top * 1.05);
   axes(context, x, y, top, width, height);
-  if (top > 0.8 * saturation) mark(context, x, y(saturation), "saturation");
+  if (top > 0.8 * saturation) mark(context, x, y(saturation), t("saturation"));
   [style("--accent"), style("--changed")].forEach((colour, i) => {
     context.strokeStyle = colour;
     context.lineWidth = 1.6;
@@ -32,7 +34,7 @@ export function drawProfile(image, u, v, angle, names, saturation, spot = null) 
     context.fillStyle = colour;
     context.font = "11px system-ui, sans-serif";
     context.textAlign = "right";
-    context.fillText(names[i], width - 12, 18 + 14 * i);
+    context.fillText(t(names[i]), width - 12, 18 + 14 * i);
   });
   if (spot) curves.forEach((curve_, i) => fitted(context, x, y, curve_, spot.peak, spot.width[i]));
 }
@@ -102,51 +104,70 @@ function mark(context, x, y, text) {
 
 const fact = (name, value) => el("div", {}, el("dt", {}, name), el("dd", {}, value));
 
-const fullWidth = (sigma) => (sigma === null ? "not measured" : `${number(2.355 * sigma, 2)} px`);
+const fullWidth = (sigma) => (sigma === null ? t("not measured") : `${number(2.355 * sigma, 2)} px`);
 
 export function showSpot(s, truth) {
   const sigma = (k) => number(Math.sqrt(Math.max(s.cov[k], 0)), 4);
   const facts = [
-    fact("peak", `${number(s.peak, 1)} DN`), fact("score", number(s.score, 3)),
-    fact("width", fullWidth(s.width[1])), fact("length", fullWidth(s.width[0])),
+    fact(t("peak"), `${number(s.peak, 1)} DN`), fact(t("score"), number(s.score, 3)),
+    fact(t("width"), fullWidth(s.width[1])), fact(t("length"), fullWidth(s.width[0])),
     fact("u", `${number(s.u, 3)} ± ${number(s.su, 3)}`), fact("v", `${number(s.v, 3)} ± ${number(s.sv, 3)}`),
     fact("y", `${number(s.surface[0], 3)} mm`), fact("σ y", `${sigma(0)} mm`),
     fact("z", `${number(s.surface[1], 3)} mm`), fact("σ z", `${sigma(3)} mm`),
   ];
-  if (s.axis) facts.push(fact("axis y", `${number(s.axis[0], 3)} mm`), fact("axis z", `${number(s.axis[1], 3)} mm`));
-  if (truth?.mm) facts.push(fact(truth.of === "axis" ? "error y" : "error y srf.", `${number(truth.mm[0], 3)} mm`), fact("error z", `${number(truth.mm[1], 3)} mm`));
+  if (s.axis) facts.push(fact(t("axis y"), `${number(s.axis[0], 3)} mm`), fact(t("axis z"), `${number(s.axis[1], 3)} mm`));
+  if (truth?.mm) facts.push(fact(truth.of === "axis" ? t("error y") : t("error y srf."), `${number(truth.mm[0], 3)} mm`), fact(t("error z"), `${number(truth.mm[1], 3)} mm`));
   clear($("inspector"),
-    el("h2", {}, s.label ? `String ${nameOf(s.label)}` : "Spot without a label"),
-    s.flag ? el("p", { class: "why" }, `Doubtful: ${words(s.flag)}`) : null,
+    el("h2", {}, s.label ? t`String ${nameOf(s.label)}` : t("Spot without a label")),
+    s.flag ? el("p", { class: "why" }, t`Doubtful: ${words(s.flag)}`) : null,
     el("dl", { class: "facts" }, facts));
 }
 
 export function showCandidate(c, measures) {
   const p = known(c.parameter);
-  const facts = measures.map((name, i) => (c.measured[i] === null ? null : fact(name, number(c.measured[i], 2)))).filter((f) => f);
+  const facts = measures.map((name, i) => (c.measured[i] === null ? null : fact(word(name), number(c.measured[i], 2)))).filter((f) => f);
   clear($("inspector"),
-    el("h2", {}, c.reason ? `Rejected: ${words(c.reason)}` : "Accepted candidate"),
+    el("h2", {}, c.reason ? t`Rejected: ${words(c.reason)}` : t("Accepted candidate")),
     c.text ? el("p", { class: c.reason ? "why" : "" }, c.text) : null,
     el("dl", { class: "facts" }, facts),
-    p ? el("p", {}, el("button", { id: "reveal", onclick: () => reveal(c.parameter) }, `Go to “${p.title}”`)) : null);
+    p ? el("p", {}, el("button", { id: "reveal", onclick: () => reveal(c.parameter) }, t`Go to “${word(p.title)}”`)) : null);
 }
 
-// Pixels at full scale, counted once an image.
-function clippedOf(image, saturation) {
-  if (image.clipped === undefined) image.clipped = image.values.reduce((n, g) => n + (g >= saturation), 0);
-  return image.clipped;
+// One point of a stripe, in the image or in the laser plane.
+export function showPoint(s, i) {
+  const facts = [];
+  if (s.u) facts.push(
+    fact(t("peak"), `${number(s.peak[i], 1)} DN`), fact(t("width"), fullWidth(s.width[i])),
+    fact("u", `${number(s.u[i], 3)} px`), fact("v", `${number(s.v[i], 3)} px`), fact("σ", `${number(s.sigma[i], 4)} px`), fact("χ²", number(s.chi2[i], 2)));
+  if (s.y) {
+    const sigma = (k) => `${number(Math.sqrt(Math.max(s.cov[k][i], 0)), 4)} mm`;
+    facts.push(fact("y", `${number(s.y[i], 3)} mm`), fact("σ y", sigma(0)), fact("z", `${number(s.z[i], 3)} mm`), fact("σ z", sigma(2)));
+  }
+  const flag = s.flag?.[i] ?? 0, names = FLAGS.filter(([bit]) => flag & bit).map(([, name]) => word(name));
+  clear($("inspector"), el("h2", {}, t`Point ${i + 1} of ${s.n}`),
+    names.length ? el("p", { class: "why" }, t`Doubtful: ${names.join(", ")}`) : null, el("dl", { class: "facts" }, facts));
 }
 
-export function showNothing(answer, image, saturation) {
+const FLAGS = [[1, "saturated"], [2, "shape"], [4, "edge"], [8, "ambiguous"]];
+
+export function showNothing(answer) {
   if (!answer) { clear($("inspector")); return; }
-  const clipped = image ? clippedOf(image, saturation) : 0;
-  const rejected = answer.candidates.filter((c) => c.reason);
-  const reasons = Object.entries(Object.groupBy(rejected, (c) => c.reason)).map(([r, list]) => fact(words(r), list.length));
-  const t = answer.truth?.statistics;
-  const facts = [fact("clipped", `${clipped} px`), fact("spots", answer.spots.length), fact("labelled", answer.labelled), fact("rejected", rejected.length), ...reasons];
-  if (t) facts.push(
-    fact("visible", t.visible), fact("missed", t.missed), fact("false", t.false), fact("mislabelled", t.mislabelled),
-    fact("rms", `${number(t.rms)} mm`), fact("bias y", number(t.bias[0])), fact("bias z", number(t.bias[1])), fact("scatter y", number(t.scatter[0])), fact("scatter z", number(t.scatter[1])));
-  clear($("inspector"), el("h2", {}, "This image"), answer.reason ? el("p", { class: "why" }, words(answer.reason)) : null,
-    clipped ? el("p", { class: "why" }, `${clipped} px clipped: what is brighter than the camera can tell is measured worse. Halve the exposure.`) : null, el("dl", { class: "facts" }, facts));
+  const s = answer.stripe, facts = [];
+  if (s) {
+    facts.push(fact(t("points"), s.n), ...Object.entries(s.flags).map(([k, n]) => fact(word(k), n)), ...Object.entries(s.refused).map(([k, n]) => fact(t`refused: ${word(k.replaceAll("_", " "))}`, n)));
+    if (answer.board?.u.length) facts.push(fact(t("corners"), answer.board.u.length));
+  } else {
+    const rejected = answer.candidates.filter((c) => c.reason);
+    const reasons = Object.entries(Object.groupBy(rejected, (c) => c.reason)).map(([r, list]) => fact(words(r), list.length));
+    facts.push(fact(t("spots"), answer.spots.length), fact(t("labelled"), answer.labelled), fact(t("rejected"), rejected.length), ...reasons);
+  }
+  const clipped = answer.values?.find((v) => v.key === "clipped_px")?.value;
+  if (clipped !== undefined) facts.unshift(fact(t("clipped"), `${clipped} px`));
+  const f = answer.truth?.statistics;
+  if (f) facts.push(
+    fact(t("visible"), f.visible), fact(t("missed"), f.missed), fact(t("false"), f.false), fact(t("mislabelled"), f.mislabelled),
+    fact("rms", `${number(f.rms)} mm`), fact(t("bias y"), number(f.bias[0])), fact(t("bias z"), number(f.bias[1])), fact(t("scatter y"), number(f.scatter[0])), fact(t("scatter z"), number(f.scatter[1])));
+  const said = [answer.reason && words(answer.reason), answer.feature?.text, answer.gap?.text, answer.gap?.flag && t`gap and flush doubtful: ${answer.gap.flag.split("+").map((k) => word(k.replaceAll("_", " "))).join(", ")}`].filter((x) => x);
+  clear($("inspector"), el("h2", {}, state.session.has_images ? t("This image") : t("This profile")), said.map((x) => el("p", { class: "why" }, x)),
+    clipped ? el("p", { class: "why" }, t`${clipped} px clipped: what is brighter than the camera can tell is measured worse. Halve the exposure.`) : null, el("dl", { class: "facts" }, facts));
 }

@@ -1,7 +1,8 @@
 // The distance of two points, taken in either pane: click one, then the other.
 
-import { $, number } from "./dom.js";
+import { $ } from "./dom.js";
 import { toImage } from "./plane.js";
+import { number, t } from "./words.js";
 
 export const measure = { on: false, points: [] }; // [y, z] mm
 const listeners = [];
@@ -30,9 +31,9 @@ const mark = () => $("measure").setAttribute("aria-pressed", measure.on);
 // What is measured, in words; `free` is the point under the pointer while the second one is open.
 export function distance(free) {
   const [a, b = free] = measure.points;
-  if (!a || !b) return "click the first point";
+  if (!a || !b) return t("click the first point");
   const dy = b[0] - a[0], dz = b[1] - a[1];
-  return `distance ${number(Math.hypot(dy, dz), 3)} mm   Δy ${number(dy, 3)}   Δz ${number(dz, 3)}`;
+  return `${t("distance")} ${number(Math.hypot(dy, dz), 3)} mm   Δy ${number(dy, 3)}   Δz ${number(dz, 3)}`;
 }
 
 export function drawMeasure(context, view, inImage, free, colour) {

@@ -1,5 +1,7 @@
 // What was detected, drawn over the image: candidates, spots, labels, truth.
 
+import { t as words } from "./words.js";
+
 export const STRING_COLOURS = { "A": "#ffd166", "B": "#4cc9f0", "C": "#8ce99a", "B'": "#ff9f6b", "C'": "#c3a6ff", "D'": "#f28ab2" };
 let strings = []; // the jig's, in its order: by it, strings of other names take the colours of the pillar's
 export const nameStrings = (names) => { strings = names; };
@@ -86,7 +88,7 @@ function truth(context, view, answer) {
       context.setLineDash(t.visible >= 0.9 ? [] : [2, 3]);
       context.strokeRect(x - 9, y - 9, 18, 18);
       context.setLineDash([]);
-      if (t.visible >= 0.9) tag(context, `${nameOf(t.label)} missed`, x + 13, y, FALSE);
+      if (t.visible >= 0.9) tag(context, words`${nameOf(t.label)} missed`, x + 13, y, FALSE);
       continue;
     }
     cross(context, x, y, 3);
@@ -95,7 +97,7 @@ function truth(context, view, answer) {
     context.moveTo(x, y);
     context.lineTo(x + t.px[0] * gain, y + t.px[1] * gain);
     context.stroke();
-    if (t.mislabelled) tag(context, `is ${nameOf(t.label)}`, x + 13, y + 12, FALSE);
+    if (t.mislabelled) tag(context, words`is ${nameOf(t.label)}`, x + 13, y + 12, FALSE);
   }
   for (const k of answer.truth.false) {
     const s = answer.spots[k];
@@ -136,11 +138,11 @@ export function hit(view, answer, show, [a, b]) {
 
 export function legend(show, hasTruth) {
   const entries = [];
-  if (show.mask) entries.push(["l-mask", "lit"]);
-  if (show.clipped) entries.push(["l-clip", "clipped"]);
-  if (show.accepted) entries.push(["l-good box", "accepted"]);
-  if (show.rejected) entries.push(["l-bad box", "rejected (click: why)"]);
-  if (show.spots) entries.push(["l-spot", "spot, 2 σ; dashed ring: flagged"]);
-  if (show.truth && hasTruth) entries.push(["l-true", `truth, error × ${GAIN}`], ["l-false", "missed or false"]);
+  if (show.mask) entries.push(["l-mask", words("lit")]);
+  if (show.clipped) entries.push(["l-clip", words("clipped")]);
+  if (show.accepted) entries.push(["l-good box", words("accepted")]);
+  if (show.rejected) entries.push(["l-bad box", words("rejected (click: why)")]);
+  if (show.spots) entries.push(["l-spot", words("spot, 2 σ; dashed ring: flagged")]);
+  if (show.truth && hasTruth) entries.push(["l-true", words`truth, error × ${GAIN}`], ["l-false", words("missed or false")]);
   return entries;
 }

@@ -1,16 +1,20 @@
-// The parameters panel, built from the groups that the server made from the configuration model.
+// The parameters' rows, built from the groups that the server made from the recipe's model.
 
 import { $, clear, el } from "./dom.js";
 import { canRedo, canUndo, change, listen, read, redo, replace, settle, state, undo } from "./state.js";
+import { plain, t, typed, word } from "./words.js";
 
 const SLIDER = 1000;
 const rows = new Map();
 
-export function buildPanel() {
-  clear($("panel"), state.session.panel.map(group));
+// The rows of tables of the recipe, in the model's order.
+export const rowsOf = (...tables) =>
+  state.session.panel.filter((g) => tables.includes(g.table)).flatMap((g) => g.parameters.map((p) => row(p)));
+
+export function startPanel() {
   $("filter").addEventListener("input", show);
   $("expert").addEventListener("change", show);
-  $("reset-all").addEventListener("click", () => replace(state.session.defaults));
+  $("reset-all").addEventListener("click", () => replace({ ...structuredClone(state.session.defaults), what: state.parameters.what }));
   $("undo").addEventListener("click", undo);
   $("redo").addEventListener("click", redo);
   listen((what) => what === "parameters" && update());
@@ -19,27 +23,18 @@ export function buildPanel() {
   explain(null);
 }
 
-function group({ title, parameters }) {
-  const count = el("small");
-  const body = parameters.map(row);
-  const node = el("details", { class: "group", open: true }, el("summary", {}, title, count), body);
-  node.addEventListener("toggle", () => node.open);
-  rows.get(parameters[0].key).count = { node: count, keys: parameters.map((p) => p.key), group: node };
-  return node;
-}
-
 function row(p) {
   const id = "p-" + p.key;
   const control = controls(p, id);
   const problem = el("div", { class: "problem", hidden: true });
   const reset = el("button", {
-    class: "reset", title: "Back to the default", "aria-label": `Reset ${p.title}`,
+    class: "reset", title: t("Back to the default"), "aria-label": t`Reset ${word(p.title)}`,
     onclick: () => change(p.key, structuredClone(p.default), true),
   }, "↺");
   const unit = el("span", { class: "unit" }, p.unit);
-  const node = el("div", { class: "parameter", title: p.help, data: { key: p.key } },
+  const node = el("div", { class: "parameter", title: word(p.help), data: { key: p.key } },
     el("div", { class: "line" },
-      el("label", { class: "word", htmlFor: id }, p.title),
+      el("label", { class: "word", htmlFor: id }, word(p.title)),
       el("span", { class: "value" }, reset, control.value, unit)),
     control.slider, problem);
   for (const event of ["focusin", "pointerenter"]) node.addEventListener(event, () => explain(p));
@@ -54,7 +49,7 @@ function controls(p, id) {
   }
   if (p.kind === "choice") {
     const list = el("select", { id, onchange: () => change(p.key, p.choices[list.selectedIndex], true) },
-      p.choices.map((c) => el("option", {}, String(c))));
+      p.choices.map((c) => el("option", {}, word(String(c)))));
     return { value: list, slider: null, put: (v) => { list.selectedIndex = p.choices.indexOf(v); } };
   }
   if (p.kind !== "number" && p.kind !== "integer") return textual(p, id);
@@ -72,7 +67,19 @@ function textual(p, id) {
   return { value: box, slider: null, put: (v) => { box.value = typeof v === "string" ? v : v === null ? "" : JSON.stringify(v); } };
 }
 
-function numeric(p, id, read_ = (v) => v) {
+// A field for numbers with the language's decimal sign; taken as it is typed where it is one.
+export function numberField(properties, take, done) {
+  const box = el("input", { type: "text", class: "number", inputMode: "decimal", spellcheck: false, autocomplete: "off", ...properties });
+  box.addEventListener("input", () => { const x = typed(box.value); if (x !== null) take(x); });
+  box.addEventListener("change", () => done(typed(box.value)));
+  return box;
+}
+
+export const putNumber = (box, value) => {
+  if (document.activeElement !== box || typed(box.value) !== value) box.value = plain(value);
+};
+
+function numeric(p, id) {
   const toSlider = (v) => p.log
     ? SLIDER * Math.log(Math.max(v, p.min) / p.min) / Math.log(p.max / p.min)
     : SLIDER * (v - p.min) / (p.max - p.min);
@@ -81,17 +88,20 @@ function numeric(p, id, read_ = (v) => v) {
     if (p.kind === "integer") return Math.round(raw);
     return p.log ? Number(raw.toPrecision(3)) : Number((Math.round(raw / p.step) * p.step).toPrecision(8));
   };
-  const box = el("input", { id, type: "number", step: "any", "aria-description": p.help });
-  const slider = el("input", { type: "range", min: 0, max: SLIDER, step: 1, "aria-label": `${p.title} slider` });
-  box.addEventListener("input", () => box.value !== "" && change(p.key, Number(box.value), false));
-  box.addEventListener("change", settle);
+  const box = numberField({ id, "aria-description": word(p.help) }, (x) => change(p.key, x, false), () => { settle(); update(); });
+  box.addEventListener("keydown", (event) => {
+    const by = { ArrowUp: 1, ArrowDown: -1 }[event.key];
+    if (!by) return;
+    event.preventDefault();
+    nudged(p, slider, by);
+  });
+  const slider = el("input", { type: "range", min: 0, max: SLIDER, step: 1, "aria-label": t`${word(p.title)} slider` });
   slider.addEventListener("input", () => change(p.key, fromSlider(Number(slider.value)), false));
   slider.addEventListener("change", settle);
   slider.addEventListener("keydown", (event) => nudge(event, p, slider));
   return { value: box, slider, put: (v) => {
-    const value = read_(v);
-    if (document.activeElement !== box || Number(box.value) !== value) box.value = value ?? "";
-    if (value !== null) slider.value = toSlider(value);
+    putNumber(box, v);
+    if (v !== null) slider.value = toSlider(v);
   } };
 }
 
@@ -100,11 +110,17 @@ function nudge(event, p, slider) {
   const arrow = { ArrowRight: 1, ArrowUp: 1, ArrowLeft: -1, ArrowDown: -1 }[event.key], page = { PageUp: 1, PageDown: -1 }[event.key];
   if (!arrow && !page) return;
   event.preventDefault();
-  if (arrow && p.kind === "integer" && !p.log) {
-    change(p.key, Math.min(p.max, Math.max(p.min, read(p.key) + arrow)), true);
-    return;
-  }
-  slider.value = Number(slider.value) + (arrow ? arrow * SLIDER / 100 : page * SLIDER / 10);
+  if (arrow) { nudged(p, slider, arrow); return; }
+  moved(slider, page * SLIDER / 10);
+}
+
+function nudged(p, slider, by) {
+  if (p.kind === "integer" && !p.log) change(p.key, Math.min(p.max, Math.max(p.min, read(p.key) + by)), true);
+  else moved(slider, by * SLIDER / 100);
+}
+
+function moved(slider, by) {
+  slider.value = Number(slider.value) + by;
   slider.dispatchEvent(new Event("input"));
   slider.dispatchEvent(new Event("change"));
 }
@@ -112,10 +128,10 @@ function nudge(event, p, slider) {
 function optional(p, id) {
   const inner = numeric(p, id);
   let kept = p.default ?? (p.log ? Math.sqrt(p.min * p.max) : (p.min + p.max) / 2);
-  const auto = el("input", { type: "checkbox", "aria-label": `${p.title} automatic`, onchange: () => {
+  const auto = el("input", { type: "checkbox", "aria-label": t`${word(p.title)} automatic`, onchange: () => {
     change(p.key, auto.checked ? null : p.kind === "integer" ? Math.round(kept) : kept, true);
   } });
-  const value = el("span", { class: "value" }, el("label", { class: "check" }, auto, "auto"), inner.value);
+  const value = el("span", { class: "value" }, el("label", { class: "check" }, auto, t("auto")), inner.value);
   return { value, slider: inner.slider, put: (v) => {
     auto.checked = v === null;
     inner.value.disabled = inner.slider.disabled = v === null;
@@ -132,36 +148,36 @@ function update() {
     put(value);
     node.classList.toggle("changed", !same(value, p.default));
   }
-  for (const { count } of rows.values()) {
-    if (!count) continue;
-    const changed = count.keys.filter((k) => !same(read(k), rows.get(k).p.default)).length;
-    count.node.textContent = changed ? `${changed} changed` : "";
+  for (const node of document.querySelectorAll(".tool")) {
+    const changed = node.querySelectorAll(".parameter.changed").length;
+    node.querySelector(".count").textContent = changed ? t`${changed} changed` : "";
   }
   $("undo").disabled = !canUndo();
   $("redo").disabled = !canRedo();
 }
 
-function show() {
+export function show() {
   const words = $("filter").value.toLowerCase().trim();
   const expert = $("expert").checked;
   for (const { p, node } of rows.values()) {
-    const found = `${p.title} ${p.key} ${p.help}`.toLowerCase().includes(words);
-    const shown = words ? found : expert || p.level === "basic" || node.classList.contains("changed");
-    node.hidden = !shown;
+    const found = `${p.title} ${word(p.title)} ${p.key} ${p.help}`.toLowerCase().includes(words);
+    node.hidden = !(words ? found : expert || p.level === "basic" || node.classList.contains("changed"));
   }
-  for (const { count } of rows.values()) {
-    if (count) count.group.hidden = count.keys.every((k) => rows.get(k).node.hidden);
+  for (const node of document.querySelectorAll(".tool")) {
+    const all = [...node.querySelectorAll(".parameter")];
+    node.classList.toggle("unmatched", Boolean(words) && all.every((n) => n.hidden));
+    if (words && all.some((n) => !n.hidden)) node.open = true;
   }
 }
 
 function explain(p) {
   if (!p) {
-    clear($("help"), "Point at a parameter to read what it does.");
+    clear($("help"), t("Point at a parameter to read what it does."));
     return;
   }
-  const range = "min" in p ? ` · slider ${p.min} … ${p.max} ${p.unit}` : "";
-  const preset = p.default === null ? "auto" : typeof p.default === "object" ? JSON.stringify(p.default) : p.default;
-  clear($("help"), el("b", {}, p.title), p.help ? p.help + " " : "", el("br"), el("code", {}, p.key), ` · default ${preset}${range}`);
+  const range = "min" in p ? ` · ${t("slider")} ${plain(p.min)} … ${plain(p.max)} ${p.unit}` : "";
+  const preset = p.default === null ? t("auto") : typeof p.default === "object" ? JSON.stringify(p.default) : typeof p.default === "number" ? plain(p.default) : word(String(p.default));
+  clear($("help"), el("b", {}, word(p.title)), p.help ? word(p.help) + " " : "", el("br"), el("code", {}, p.key), ` · ${t("default")} ${preset}${range}`);
 }
 
 export function problems(found) {
@@ -177,7 +193,6 @@ export function reveal(key) {
   const found = rows.get(key);
   if (!found) return;
   found.node.hidden = false;
-  found.node.closest("details").hidden = false;
   found.node.closest("details").open = true;
   found.node.scrollIntoView({ block: "center" });
   found.node.classList.add("flash");

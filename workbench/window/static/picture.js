@@ -1,7 +1,7 @@
 // The grey levels on the canvas: brightness, the mask's colour, pixel values when they are large enough.
 
 const cache = new Map();
-const KEPT = 6;
+const KEPT = 6, LIT = 0.2; // share of the full scale from which the usual level is a lit scene, not the dark
 
 export function keep(index, image) {
   cache.delete(index);
@@ -29,7 +29,7 @@ export function paint(image, saturation, brightness, mask, clipped) {
   const surface = image.surface ?? (image.surface = new OffscreenCanvas(image.width, image.height));
   const key = `${saturation} ${brightness} ${clipped}`;
   if (image.painted === key && image.mask === mask) return surface;
-  const floor = brightness > 0 ? Math.min(dark(image), saturation - 1) : 0;
+  const floor = brightness > 0 && dark(image) < LIT * saturation ? Math.min(dark(image), saturation - 1) : 0;
   const table = levels(floor, saturation, 1 / (1 + 3 * brightness));
   fill(surface, image, table, saturation, mask?.values, clipped ? saturation : Infinity);
   image.painted = key;

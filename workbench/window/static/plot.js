@@ -1,13 +1,16 @@
 // The (y, z) plot of the laser plane [mm]: field of view, surface points, axis points, σ and truth.
 
-import { el, clear, fitCanvas, number, style } from "./dom.js";
+import { el, clear, fitCanvas, style } from "./dom.js";
 import { LABEL_FONT, colourOf, nameOf, pillarName, tag } from "./overlay.js";
+import { drawProfilePoints, sigmaGain } from "./stripe.js";
+import { number, t as words } from "./words.js";
 
-const SIGMA_GAIN = 200, ERROR_GAIN = 200;
+export const SIGMA_GAIN = 200, ERROR_GAIN = 200;
 
 // What the plot fits to: the points with room around them; without points the field of view.
 export function plotBox(session, answer) {
-  const found = (answer?.spots ?? []).map((s) => s.surface).filter((p) => p[0] !== null);
+  const s = answer?.stripe;
+  const found = s?.y ? s.y.map((y, i) => [y, s.z[i]]) : (answer?.spots ?? []).map((p) => p.surface).filter((p) => p[0] !== null);
   const points = found.length > 1 ? found : session.sensor.field_of_view;
   if (!points.length) return [-100, 0, 100, 300];
   const ys = points.map((p) => p[0]), zs = points.map((p) => p[1]);
@@ -23,6 +26,7 @@ export function drawPlot(canvas, view, session, answer, show) {
   outline(context, view, session.sensor.field_of_view);
   if (show.spots || show.labels) answer?.spots.forEach((s, i) => point(context, view, s, show.selected === `s${i}`));
   if (show.truth && answer?.truth) answer.truth.strings.forEach((t) => trueString(context, view, t));
+  drawProfilePoints(context, view, answer, show);
   return { context, width, height };
 }
 
@@ -128,8 +132,9 @@ function trueString(context, view, t) {
   if (t.mm) line(context, x, y, x + t.mm[0] * view.scale * ERROR_GAIN, y + t.mm[1] * view.scale * ERROR_GAIN);
 }
 
-export function plotLegend(node, hasTruth) {
-  clear(node, el("em", {}, `○ lit surface  • string axis  ellipse: σ × ${SIGMA_GAIN}` + (hasTruth ? `  + truth, error × ${ERROR_GAIN}` : "")));
+export function plotLegend(node, hasTruth, stripe) {
+  const spots = words`○ lit surface  • string axis  ellipse: σ × ${SIGMA_GAIN}` + (hasTruth ? `  ${words`+ truth, error × ${ERROR_GAIN}`}` : "");
+  clear(node, el("em", {}, stripe ? words`▪ point of the stripe  bar: σ × ${sigmaGain()}` : spots));
 }
 
 export function hitPlot(view, answer, [a, b]) {

@@ -1,13 +1,19 @@
 // All images under the current parameters: contact sheet and table, before and after against the last saved set.
 
 import { hashOf, post } from "./api.js";
-import { $, clear, el, number, words } from "./dom.js";
+import { $, clear, el, words } from "./dom.js";
+import { isFailed, offerFlags, onFilter, passes } from "./filter.js";
+import { scored } from "./history.js";
 import { colourOf } from "./overlay.js";
 import { listen, state, text } from "./state.js";
-import { WORDS, badgeText, go, setBadge } from "./strip.js";
+import { titleOf } from "./recipe.js";
+import { colourOfFlag } from "./stripe.js";
+import { WORDS, badgeText, found, go, setBadge } from "./strip.js";
 import { onTab, selectTab } from "./tabs.js";
 import { refresh } from "./stage.js";
+import { download } from "./export.js";
 import { feedTrend } from "./trend.js";
+import { number, t } from "./words.js";
 
 const survey = { text: "", savedText: "", now: [], saved: [], at: 0, savedAt: 0, total: 0, statistics: null, before: null, epoch: 0 };
 let form = "sheet", order = { column: "index", down: false }, waiting = 0, busy = false;
@@ -17,6 +23,7 @@ export function startSheet() {
   buildSheet();
   listen(() => poke(0));
   onTab((id) => { if (id === "sheet") render(); });
+  onFilter(() => { if (state.view === "sheet") render(); });
   poke(0);
 }
 
@@ -36,7 +43,11 @@ async function poll() {
     if (survey.savedText !== saved) Object.assign(survey, { savedText: saved, saved: [], savedAt: 0, before: null });
     const answer = await post("survey", { config, saved, since: survey.at, since_saved: survey.savedAt });
     await take(answer, config, saved);
-  } catch { /* wrong parameters or a lost server: the picture says so */ }
+  } catch { // wrong parameters or a lost server: the picture says so
+    busy = false;
+    poke(text() !== config ? 0 : 2000);
+    return;
+  }
   busy = false;
   const done = survey.now.length >= survey.total && survey.saved.length >= survey.total;
   poke(text() !== config ? 0 : done ? 3000 : 220);
@@ -63,6 +74,8 @@ async function take({ now, saved, epoch }, config, savedText) {
   now.rows.forEach(setBadge);
   Object.assign(document.documentElement.dataset, { surveyed: survey.now.length, surveyHash: now.hash, epoch });
   summary();
+  offerFlags(now.rows);
+  if (now.done >= now.total) scored(config, score());
   if (now.rows.length || saved.rows.length) feedTrend(survey.now, survey.saved);
   if (state.view === "sheet" && (now.rows.length || saved.rows.length)) render();
 }
@@ -75,26 +88,43 @@ function overwritten(row) {
   if (row.index === state.index) refresh();
 }
 
+// What a set of parameters reached over all images.
+function score() {
+  const rows = survey.now.filter((r) => r), sum = (f) => rows.reduce((n, r) => n + f(r), 0);
+  return {
+    images: rows.length, failed: rows.filter(isFailed).length, found: sum(found), labelled: sum((r) => r.labelled),
+    rms: survey.statistics?.rms ?? null, missed: survey.statistics?.missed ?? null, false: survey.statistics?.false ?? null,
+    out: rows.reduce((n, r) => n + r.values.filter((v) => v.lamp === "bad").length, 0),
+  };
+}
+
+export const surveyed = () => survey.now;
+
 const count = (rows, kind) => rows.filter((r) => r.badge === kind).length;
 
 function summary() {
   const { now, total, statistics: s, before } = survey;
   const chips = [];
-  const chip = (kind, text) => chips.push(el("span", { class: `chip ${kind}` }, text));
+  const chip = (kind, text) => { const node = el("span", { class: `chip ${kind}` }, text); chips.push(node); return node; };
   const counted = now.filter((r) => r.badge === "count");
-  if (counted.length) chip("", `${counted.reduce((n, r) => n + r.spots.length, 0)} spots in ${counted.length} images`);
-  if (now.length < total) chip("", `${now.length} of ${total} images`);
-  if (count(now, "all")) chip("good", `${count(now, "all")} all found`);
-  if (count(now, "some")) chip("warn", `${count(now, "some")} some`);
-  if (count(now, "none")) chip("bad", `${count(now, "none")} none`);
-  if (count(now, "error")) chip("bad", `${count(now, "error")} errors`);
+  if (counted.length) {
+    const n = counted.reduce((sum, r) => sum + found(r), 0);
+    chip("", state.session.board ? t`${n} corners and points in ${counted.length} images` : counted[0].stripe ? t`${n} points in ${counted.length} images` : t`${n} spots in ${counted.length} images`);
+  }
+  if (now.length < total) chip("", t`${now.length} of ${total} images`);
+  if (count(now, "all")) chip("good", t`${count(now, "all")} all found`);
+  if (count(now, "some")) chip("warn", t`${count(now, "some")} some`);
+  if (count(now, "none")) chip("bad", t`${count(now, "none")} none`);
+  if (count(now, "out")) chip("bad", t`${count(now, "out")} out of tolerance`);
+  if (count(now, "error")) chip("bad", t`${count(now, "error")} errors`);
+  if (state.session.skipped.length) chip("warn", t`${state.session.skipped.length} left out`).title = state.session.skipped.join("\n");
   if (s && s.rms !== null) {
     const gain = before && before.rms !== null && now.length === total ? s.rms - before.rms : 0;
     const change = Math.abs(gain) >= 0.0005 ? ` (${gain > 0 ? "+" : "−"}${Math.abs(gain).toFixed(3)})` : "";
-    chip("", `rms ${number(s.rms)} mm${change}`);
+    chip("", `rms ${number(s.rms)} mm${change.replace(".", number(0.5, 1)[1])}`);
     for (const kind of ["missed", "false"]) {
       const more = before && now.length === total && survey.saved.length === total ? s[kind] - before[kind] : 0;
-      chip(more > 0 ? "bad" : more < 0 ? "good" : s[kind] ? "warn" : "", `${s[kind]} ${kind}${more ? ` (${more > 0 ? "+" : "−"}${Math.abs(more)})` : ""}`);
+      chip(more > 0 ? "bad" : more < 0 ? "good" : s[kind] ? "warn" : "", `${s[kind]} ${t(kind)}${more ? ` (${more > 0 ? "+" : "−"}${Math.abs(more)})` : ""}`);
     }
   }
   clear($("summary"), chips);
@@ -103,12 +133,14 @@ function summary() {
 let pressed = false, owed = false; // a click needs the button that it began on: nothing is rebuilt under a pressed pointer
 
 function buildSheet() {
-  const choice = (id, title) => el("button", { data: { form: id }, onclick: () => { form = id; render(); } }, title);
+  const choice = (id, title) => el("button", { data: { form: id }, onclick: () => { form = id; render(); } }, t(title));
   parts.info = el("span");
-  parts.progress = el("progress");
+  parts.progress = el("progress", { "aria-label": t("Images done") });
+  parts.sort = el("select", { "aria-label": t("Sort by"), onchange: () => { order = { column: parts.sort.value.replace(/^-/, ""), down: parts.sort.value[0] === "-" }; render(); } });
   parts.body = el("div");
   clear($("sheet"), el("div", { class: "page-head" },
-    el("span", { class: "choice" }, choice("sheet", "Contact sheet"), choice("table", "Table")), parts.progress, parts.info), parts.body);
+    el("span", { class: "choice" }, choice("sheet", "Contact sheet"), choice("table", "Table")), parts.sort, parts.progress, parts.info,
+    el("span", { class: "spring" }), el("button", { id: "table-csv", onclick: exportTable }, t("Table as CSV"))), parts.body);
   let scrolled = 0;
   $("sheet").addEventListener("scroll", () => { if (form === "table" && !scrolled) scrolled = requestAnimationFrame(() => { scrolled = 0; parts.rows?.(); }); });
   $("sheet").addEventListener("pointerdown", () => { pressed = true; });
@@ -128,8 +160,10 @@ function render() {
   const changes = saved.map((b) => (now[b.index] ? now[b.index].labelled - b.labelled : 0));
   const won = changes.reduce((n, c) => n + Math.max(c, 0), 0), lost = changes.reduce((n, c) => n + Math.max(-c, 0), 0);
   Object.assign(parts.progress, { hidden: now.length >= total, max: total || 1, value: now.length });
-  clear(parts.info, `${now.length} of ${total} images with the parameters as they stand; change against the last saved set: `,
-    el("span", { class: won ? "better" : "" }, `${won} strings gained`), ", ", el("span", { class: lost ? "worse" : "" }, `${lost} lost`));
+  const seen = now.filter((r, i) => r && passes(r, i)).length, counted = t`${now.length} of ${total} images with the parameters as they stand`;
+  clear(parts.info, counted, seen < now.length ? `; ${t`${seen} pass the filter`}` : "", won || lost ? [
+    `; ${t("change against the last saved set:")} `, el("span", { class: won ? "better" : "" }, t`${won} strings gained`), ", ", el("span", { class: lost ? "worse" : "" }, t`${lost} lost`)] : "");
+  sortChoice();
   if (form === "sheet") cards();
   else table();
 }
@@ -138,6 +172,18 @@ function render() {
 const made = new Map();
 const sight = new IntersectionObserver((entries) => entries.forEach((e) => { if (e.isIntersecting) { sight.unobserve(e.target); drawCard(Number(e.target.dataset.index)); } }));
 
+function sortChoice() {
+  const offered = columns().flatMap((c) => [[c.id, c.title], [`-${c.id}`, `${c.title} ↓`]]), now = (order.down ? "-" : "") + order.column;
+  if (parts.sort.options.length !== offered.length) clear(parts.sort, offered.map(([value, title]) => el("option", { value }, title)));
+  parts.sort.value = now;
+}
+
+// The rows that pass the filter, in the order that is asked for.
+function ordered() {
+  const all = columns(), by = all.find((c) => c.id === order.column) ?? all[0];
+  return survey.now.filter((r, i) => r && passes(r, i)).sort((a, b) => compare(by.of(a), by.of(b)) * (order.down ? -1 : 1) || a.index - b.index);
+}
+
 function cards() {
   let grid = parts.body.querySelector(".cards");
   if (!grid) {
@@ -145,17 +191,19 @@ function cards() {
     made.clear();
     clear(parts.body, grid);
   }
-  for (const [index, one] of made) if (!survey.now[index]) { one.node.remove(); made.delete(index); }
-  for (const row of survey.now) {
-    if (!row) continue;
+  const rows = ordered(), wanted = new Set(rows.map((r) => r.index));
+  for (const [index, one] of made) if (!wanted.has(index)) { one.node.remove(); made.delete(index); }
+  rows.forEach((row, place) => {
     const before = survey.saved[row.index], one = made.get(row.index);
-    if (one && one.row === row && one.before === before) continue;
-    const node = card(row);
-    if (one) one.node.replaceWith(node);
-    else grid.append(node);
-    made.set(row.index, { node, row, before });
-    sight.observe(node);
-  }
+    let node = one?.node;
+    if (!one || one.row !== row || one.before !== before) {
+      node = card(row);
+      if (one) one.node.replaceWith(node);
+      made.set(row.index, { node, row, before });
+      sight.observe(node);
+    }
+    if (grid.children[place] !== node) grid.insertBefore(node, grid.children[place] ?? null);
+  });
 }
 
 function delta(after, before, digits, lowerIsBetter) {
@@ -169,16 +217,18 @@ function delta(after, before, digits, lowerIsBetter) {
 const openImage = (index) => { go(index); selectTab("image"); };
 
 function card(row) {
-  const image = state.session.images[row.index], before = survey.saved[row.index], t = row.truth?.statistics;
+  const image = state.session.images[row.index], before = survey.saved[row.index], f = row.truth?.statistics;
   return el("button", { class: "card", data: { index: row.index }, onclick: () => openImage(row.index) },
     el("canvas", { width: 340, height: 272, data: { card: row.index } }),
     el("span", { class: `badge ${row.badge}` }, badgeText(row)),
     el("div", { class: "name" }, el("b", {}, image.name.split("/").pop()), el("span", {}, image.location)),
     el("div", { class: "note" }, row.error || [
-      row.badge === "count" ? `${row.spots.length} spots` : `${row.labelled} of ${row.spots.length} spots labelled`, delta(row.labelled, before?.labelled, 0, false),
-      t && t.rms !== null ? ` · ${number(t.rms)} mm` : null, t ? delta(t.rms, before?.truth?.statistics.rms, 3, true) : null,
+      row.stripe ? cardWords(row) : row.badge === "count" ? t`${row.spots.length} spots` : t`${row.labelled} of ${row.spots.length} spots labelled`, delta(row.labelled, before?.labelled, 0, false),
+      f && f.rms !== null ? ` · ${number(f.rms)} mm` : null, f ? delta(f.rms, before?.truth?.statistics.rms, 3, true) : null,
     ].filter((x) => x !== null)));
 }
+
+const cardWords = (row) => row.values.filter((v) => v.value !== null && v.tool !== "exposure").slice(0, 2).map((v) => `${titleOf(v.key)} ${number(v.value, v.digits)}`).join(" · ");
 
 const PICTURES = 400; // small pictures kept: what was in sight lately
 
@@ -194,10 +244,13 @@ function drawCard(index) {
   }
   if (!picture.complete) { picture.addEventListener("load", () => drawCard(index), { once: true }); return; }
   if (!picture.naturalWidth) return;
+  if (!state.session.has_images) { canvas.getContext("2d").drawImage(picture, 0, 0, canvas.width, canvas.height); return; }
   const { sensor } = state.session, context = canvas.getContext("2d");
   const scale = Math.min(canvas.width / sensor.width, canvas.height / sensor.height);
   context.drawImage(picture, 0, 0, sensor.width * scale, sensor.height * scale);
   context.lineWidth = 1.5;
+  context.fillStyle = colourOfFlag(0);
+  (row.stripe?.u ?? []).forEach((u, i) => context.fillRect((u + 0.5) * scale - 1, (row.stripe.v[i] + 0.5) * scale - 1, 2, 2));
   for (const s of row.spots) {
     context.strokeStyle = s.label ? colourOf(s.label) : "#8b96a1";
     context.beginPath();
@@ -206,13 +259,24 @@ function drawCard(index) {
   }
 }
 
+// The columns of the kind of rows that there are: strings have theirs, stripes and boards have their values.
+function columns() {
+  const row = survey.now.find((r) => r && !r.error), values = row?.stripe ? row.values : [];
+  const own = values.map((v) => ({
+    id: v.key, title: titleOf(v.key) + (v.unit ? ` [${v.unit}]` : ""), digits: v.digits, neutral: true,
+    of: (r) => r.values.find((x) => x.key === v.key)?.value ?? null, lamp: (r) => r.values.find((x) => x.key === v.key)?.lamp,
+  }));
+  const fixed = COLUMNS.filter((c) => (!c.truth || state.session.has_truth) && (!c.spots || !row?.stripe));
+  return [...fixed.slice(0, 3), ...own, ...fixed.slice(3)].map((c) => ({ ...c, title: t(c.title) }));
+}
+
 const COLUMNS = [
   { id: "index", title: "image", left: true, of: (r) => r.index, cell: (r) => state.session.images[r.index].name.split("/").pop() },
   { id: "location", title: "at", left: true, of: (r) => state.session.images[r.index].location },
-  { id: "badge", title: "found", of: (r) => ["error", "none", "some", "all", "count"].indexOf(r.badge), cell: (r) => el("span", { class: `badge ${r.badge}`, title: r.error || WORDS[r.badge] }, badgeText(r)) },
-  { id: "labelled", title: "labelled", of: (r) => r.labelled, before: (r) => r.labelled, digits: 0 },
-  { id: "spots", title: "spots", of: (r) => r.spots.length, before: (r) => r.spots.length, digits: 0, neutral: true },
-  { id: "rejected", title: "rejected", of: (r) => r.candidates, digits: 0, neutral: true },
+  { id: "badge", title: "found", of: (r) => ["error", "out", "none", "some", "all", "count"].indexOf(r.badge), cell: (r) => el("span", { class: `badge ${r.badge}`, title: r.error || t(WORDS[r.badge]) }, badgeText(r)) },
+  { id: "labelled", spots: true, title: "labelled", of: (r) => r.labelled, before: (r) => r.labelled, digits: 0 },
+  { id: "spots", spots: true, title: "spots", of: (r) => r.spots.length, before: (r) => r.spots.length, digits: 0, neutral: true },
+  { id: "rejected", spots: true, title: "rejected", of: (r) => r.candidates, digits: 0, neutral: true },
   { id: "missed", title: "missed", truth: true, of: (r) => r.truth?.statistics.missed, digits: 0, lower: true },
   { id: "false", title: "false", truth: true, of: (r) => r.truth?.statistics.false, digits: 0, lower: true },
   { id: "mislabelled", title: "mislabelled", truth: true, of: (r) => r.truth?.statistics.mislabelled, digits: 0, lower: true },
@@ -226,15 +290,13 @@ const COLUMNS = [
 const ROW_PX = 27, AROUND = 30; // height of a row, rows made beyond those in sight
 
 function table() {
-  const columns = COLUMNS.filter((c) => !c.truth || state.session.has_truth);
-  const by = columns.find((c) => c.id === order.column) ?? columns[0];
-  const rows = survey.now.filter((r) => r).sort((a, b) => compare(by.of(a), by.of(b)) * (order.down ? -1 : 1) || a.index - b.index);
-  const head = columns.map((c) => el("th", { class: c.left ? "left" : "", "aria-sort": order.column === c.id ? (order.down ? "descending" : "ascending") : null },
+  const all = columns(), rows = ordered();
+  const head = all.map((c) => el("th", { class: c.left ? "left" : "", "aria-sort": order.column === c.id ? (order.down ? "descending" : "ascending") : null },
     el("button", { onclick: () => { order = { column: c.id, down: order.column === c.id && !order.down }; render(); } }, c.title)));
   const body = el("tbody");
   made.clear();
   clear(parts.body, el("table", { class: "wide" }, el("thead", {}, el("tr", {}, head)), body));
-  parts.rows = () => fill(body, columns, rows);
+  parts.rows = () => fill(body, all, rows);
   parts.rows();
 }
 
@@ -253,6 +315,7 @@ function compare(a, b) {
 
 function cell(c, r) {
   if (c.cell) return c.cell(r);
+  if (c.lamp) return el("span", { class: c.lamp(r) === "bad" ? "worse" : c.lamp(r) === "good" ? "better" : "" }, number(c.of(r), c.digits));
   const value = c.of(r), before = survey.saved[r.index];
   if (c.digits === undefined) return value;
   return [number(value, c.digits), before && !c.neutral ? delta(value, c.of(before), c.digits, c.lower) : null].filter((x) => x !== null);
@@ -262,11 +325,24 @@ function total(columns) {
   const s = survey.statistics, b = survey.before, sum = (rows, f) => rows.reduce((n, r) => n + f(r), 0);
   const same = survey.saved.length === survey.now.length;
   const values = {
-    index: "total", labelled: [sum(survey.now, (r) => r.labelled), same ? delta(sum(survey.now, (r) => r.labelled), sum(survey.saved, (r) => r.labelled), 0, false) : null],
+    index: t("total"), labelled: [sum(survey.now, (r) => r.labelled), same ? delta(sum(survey.now, (r) => r.labelled), sum(survey.saved, (r) => r.labelled), 0, false) : null],
     spots: sum(survey.now, (r) => r.spots.length), rejected: sum(survey.now, (r) => r.candidates ?? 0),
     missed: s && [s.missed, same && b ? delta(s.missed, b.missed, 0, true) : null], false: s && [s.false, same && b ? delta(s.false, b.false, 0, true) : null],
     mislabelled: s?.mislabelled, rms: s && [number(s.rms, 4), same && b ? delta(s.rms, b.rms, 4, true) : null],
-    bias_y: s && number(s.bias[0], 4), bias_z: s && number(s.bias[1], 4), reason: s && s.scatter[0] !== null ? `scatter ${number(s.scatter[0], 4)}, ${number(s.scatter[1], 4)} mm` : "",
+    bias_y: s && number(s.bias[0], 4), bias_z: s && number(s.bias[1], 4), reason: s && s.scatter[0] !== null ? `${t("scatter")} ${number(s.scatter[0], 4)}, ${number(s.scatter[1], 4)} mm` : "",
   };
   return el("tr", { class: "total" }, columns.map((c) => el("td", { class: c.left ? "left" : "" }, [values[c.id] ?? ""].flat().filter((x) => x !== null))));
+}
+
+// The table as it is filtered and sorted, every value of every frame.
+function exportTable() {
+  const all = columns().filter((c) => c.id !== "badge"), keys = ordered().flatMap((r) => r.values.map((v) => v.key));
+  const extra = state.session.has_images && survey.now[0]?.stripe ? [] : [...new Set(keys)].filter((k) => !all.some((c) => c.id === k));
+  const quote = (x) => (/[",\n]/.test(String(x)) ? `"${String(x).replaceAll('"', '""')}"` : String(x ?? ""));
+  const head = ["image", "location", "found", ...all.slice(2).map((c) => c.id), ...extra, "sigma_of_values"];
+  const lines = ordered().map((r) => [
+    state.session.images[r.index].name, state.session.images[r.index].location, r.badge, ...all.slice(2).map((c) => c.of(r)),
+    ...extra.map((k) => r.values.find((v) => v.key === k)?.value), r.values.filter((v) => v.sigma !== null).map((v) => `${v.key}=${v.sigma}`).join(" "),
+  ]);
+  download(`${state.session.title}.csv`, [head, ...lines].map((row) => row.map(quote).join(",")).join("\n") + "\n", "text/csv");
 }

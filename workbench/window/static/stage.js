@@ -3,18 +3,24 @@
 
 import { Refused, hashOf, pixels, post } from "./api.js";
 import { $, clear, el, fitCanvas, style, words } from "./dom.js";
-import { drawProfile, showCandidate, showNothing, showSpot } from "./inspector.js";
-import { buildLayers, onLayers } from "./layers.js";
+import { exportPng, exportSvg } from "./export.js";
+import { drawProfile, showCandidate, showNothing, showPoint, showSpot } from "./inspector.js";
+import { buildLayers, looksFor, onLayers } from "./layers.js";
 import { buildMeasure, distance, drawMeasure, measure, onMeasure, place } from "./measure.js";
 import { drawOverlay, hit, legend } from "./overlay.js";
 import { problems } from "./params.js";
 import { draw, forget, keep, kept, paint, paintRange } from "./picture.js";
 import { loadPlane, toImage, toPlane } from "./plane.js";
+import { showValues } from "./recipe.js";
+import { corner, drawRegions, drawing, onRegion } from "./region.js";
+import { drawStripe, hitStripe, stripeLegend } from "./stripe.js";
 import { drawPlot, hitPlot, plotBox, plotLegend } from "./plot.js";
 import { listen, state, text } from "./state.js";
 import { mark, setBadge } from "./strip.js";
 import { onTab } from "./tabs.js";
 import { View } from "./view.js";
+import { decimal, t } from "./words.js";
+import { dragWipe, drawWipe, startWipe } from "./wipe.js";
 
 export const stage = { view: null, answer: null, layers: {} };
 const panes = {};
@@ -28,12 +34,17 @@ export function buildStage() {
   panes.image = pane("image", $("canvas"), [-0.5, -0.5, session.sensor.width - 0.5, session.sensor.height - 0.5]);
   panes.plane = pane("plane", $("plane"), plotBox(session, null));
   panes.plane.limits = [0.2, 2e4];
+  panes.image.grab = (at, moved) => dragWipe(at, moved, $("canvas").clientWidth);
   stage.view = () => panes[last];
   stage.one = oneToOne;
   stage.next = next;
   stage.redraw = redraw;
   controls();
-  loadPlane().then(redraw, (error) => say(error.message, true));
+  $("stage").dataset.panes = !session.has_images ? "plane" : session.plane ? "both" : "image";
+  if (session.plane && session.has_images) loadPlane().then(redraw, (error) => say(error.message, true));
+  if (!session.has_images) last = "plane";
+  onRegion(redraw);
+  startWipe(redraw);
   listen((what) => { if (what === "parameters") refresh(); });
   onLayers((id) => { if (stageOf(id)) refresh(); else redraw(); });
   onMeasure(redraw);
@@ -91,7 +102,7 @@ export async function refresh() {
 }
 
 const STAGES = ["background", "mask"]; // layers that are pixels of their own
-const stageOf = (id) => STAGES.includes(id) && state.layers[id];
+const stageOf = (id) => STAGES.includes(id) && state.layers[id] && looksFor() === "strings";
 const unlessAborted = (error) => { if (error.name === "AbortError") throw error; return null; };
 
 async function once(signal) {
@@ -99,15 +110,15 @@ async function once(signal) {
   try {
     const [answer, raw, ...layers] = await Promise.all([
       post("process", { index, config }, signal),
-      kept(index) ?? pixels(`image/${index}`, null, signal).catch(unlessAborted),
+      !state.session.has_images ? null : kept(index) ?? pixels(`image/${index}`, null, signal).catch(unlessAborted),
       ...wantedStages.map((name) => pixels("stage", { index, config, stage: name }, signal).catch(unlessAborted)),
     ]);
     const wanted = await hashOf(config);
     if (answer.hash !== wanted || index !== state.index || layers.some((l) => l && l.hash !== wanted)) return; // stale: dropped
-    const picture = answer.error ? null : await ofSameFile(raw, answer, signal);
+    const picture = answer.error || !state.session.has_images ? (raw?.odd ? raw : null) : await ofSameFile(raw, answer, signal);
     if (answer.error) forget(index);
     else if (picture) keep(index, picture);
-    if (picture && picture.stamp !== answer.stamp) { again = true; return; } // overwritten once more
+    if (picture && !picture.odd && picture.stamp !== answer.stamp) { again = true; return; } // overwritten once more
     accept(answer, picture, Object.fromEntries(wantedStages.map((name, i) => [name, layers[i]])), asked);
   } catch (error) {
     if (error.name === "AbortError") return;
@@ -127,10 +138,13 @@ function accept(answer, raw, layers, asked) {
   const first = stage.answer?.index !== answer.index;
   if (first || stage.answer.hash !== answer.hash) state.selected = null;
   Object.assign(stage, { answer, raw, layers });
-  if (first) {
+  if (first || !panes.plane.seen !== !seenIn(answer)) {
     panes.plane.box = plotBox(state.session, answer);
+    panes.plane.seen = seenIn(answer);
     if (panes.plane.fitted) panes.plane.fit();
   }
+  if (raw) fitImage(raw);
+  showValues(answer, raw?.odd ? null : raw);
   problems({});
   setBadge(answer);
   $("notice").className = "notice";
@@ -140,10 +154,31 @@ function accept(answer, raw, layers, asked) {
   paintNow();
   requestAnimationFrame(() => {
     const ms = performance.now() - asked;
-    $("timing").textContent = `${ms.toFixed(0)} ms (detection ${answer.ms.toFixed(0)})`;
+    $("timing").textContent = t`${ms.toFixed(0)} ms (detection ${answer.ms.toFixed(0)})`;
     $("hash").textContent = answer.hash.slice(0, 8);
     Object.assign(document.documentElement.dataset, { shown: `${answer.index}:${answer.hash}`, ms: ms.toFixed(1) });
   });
+}
+
+// The picture with its layers, of the whole image, to be saved.
+export async function savePicture(kind) {
+  const { raw } = stage, show = { ...showing(), before: false };
+  if (!raw) throw new Refused(t("There is no picture to be saved"));
+  const paintAll = (context, view) => {
+    if (show.region) drawRegions(context, view, raw.width, raw.height);
+    overlays(context, view, stage.answer, show);
+  };
+  await (kind === "svg" ? exportSvg : exportPng)(raw.surface, raw, paintAll);
+}
+
+const seenIn = (answer) => (answer.stripe?.n ?? answer.spots.length) > 1;
+
+// A picture of another size is shown as a whole, too.
+function fitImage(raw) {
+  const box = [-0.5, -0.5, raw.width - 0.5, raw.height - 0.5], view = panes.image;
+  if (view.box[2] === box[2] && view.box[3] === box[3]) return;
+  view.box = box;
+  if (view.fitted) view.fit();
 }
 
 export function say(message, bad = false) {
@@ -175,11 +210,23 @@ function picture() {
       : paint(image, session.sensor.saturation, Number($("bright").value), lit, show.clipped);
     draw(context, view, image, surface, width, height);
   }
-  drawOverlay(context, view, stage.answer, show);
+  if (show.region) drawRegions(context, view, width, height);
+  overlays(context, view, stage.answer, show);
+  drawWipe(context, width, height, (before) => {
+    if (image) draw(context, view, image, image.surface, width, height);
+    if (show.region) drawRegions(context, view, width, height);
+    overlays(context, view, before, show);
+  });
   drawMeasure(context, view, true, cursor?.yz, "#ffffff");
   if (cursor?.pane === "plane" && cursor.uv) crosshair(context, view.toScreen(...cursor.uv), width, height, "#ffffff");
-  const range = background?.range ? el("em", {}, `background, ${background.range[0]} (black) … ${background.range[1]} DN (white)`) : null;
-  clear($("legend"), range, legend(show, session.has_truth).map(([c, t]) => el("span", { class: c }, t)));
+  const range = background?.range ? el("em", {}, t`background, ${background.range[0]} (black) … ${background.range[1]} DN (white)`) : null;
+  const strings = looksFor() === "strings" ? legend(show, session.has_truth) : show.clipped ? [["l-clip", t("clipped")]] : [];
+  clear($("legend"), range, [...strings, ...stripeLegend(show, stage.answer)].map(([c, text_]) => el("span", { class: c }, text_)));
+}
+
+function overlays(context, view, answer, show) {
+  drawOverlay(context, view, answer, show);
+  drawStripe(context, view, answer, show);
 }
 
 function plane() {
@@ -187,7 +234,7 @@ function plane() {
   const { context, width, height } = drawPlot($("plane"), view, session, stage.answer, showing());
   drawMeasure(context, view, false, cursor?.yz, style("--text"));
   if (cursor?.pane === "image" && cursor.yz) crosshair(context, view.toScreen(...cursor.yz), width, height, style("--quiet"));
-  plotLegend($("plane-legend"), session.has_truth && state.layers.truth);
+  plotLegend($("plane-legend"), session.has_truth && state.layers.truth, Boolean(stage.answer?.stripe));
 }
 
 function crosshair(context, [x, y], width, height, colour) {
@@ -205,6 +252,7 @@ function crosshair(context, [x, y], width, height, colour) {
 
 function under(name, at) {
   if (!at) return null;
+  if (stage.answer?.stripe) return hitStripe(panes[name], stage.answer, at, name === "plane");
   return name === "plane" ? hitPlot(panes.plane, stage.answer, at) : hit(panes.image, stage.answer, showing(), at);
 }
 
@@ -212,6 +260,7 @@ function hover(name, at) {
   cursor = null;
   if (at) {
     const [a, b] = panes[name].toContent(...at);
+    if (drawing.kind && name === "image") drawing.free = [a, b];
     cursor = name === "plane" ? { pane: name, at, uv: toImage(a, b), yz: [a, b] } : { pane: name, at, uv: [a, b], yz: toPlane(a, b) };
   }
   redraw();
@@ -219,13 +268,19 @@ function hover(name, at) {
 
 function click(name, at) {
   if (measure.on) { hover(name, at); place(cursor.yz); return; }
+  if (drawing.kind && name === "image") {
+    const [u, v] = panes.image.toContent(...at);
+    corner(u, v, (p) => { const [x, y] = panes.image.toScreen(...p); return Math.hypot(x - at[0], y - at[1]) < 9; });
+    return;
+  }
   const found = under(name, at);
-  state.selected = found ? (found.kind === "spot" ? "s" : "c") + found.index : null;
+  state.selected = found ? found.kind[0] + found.index : null;
   redraw();
 }
 
 // The next spot, or candidate where those are shown: what a click selects, by keyboard.
 function next(by) {
+  if (stage.answer?.stripe) { nextPoint(by); return; }
   const kind = state.layers.rejected ? "c" : "s", list = kind === "c" ? stage.answer?.candidates : stage.answer?.spots;
   if (!list?.length) return;
   const now = state.selected?.[0] === kind ? Number(state.selected.slice(1)) : by > 0 ? -1 : 0;
@@ -236,10 +291,23 @@ function next(by) {
   redraw();
 }
 
+// The next point of the stripe that is in doubt, or simply the next one where none is.
+function nextPoint(by) {
+  const { n, flag } = stage.answer.stripe;
+  if (!n) return;
+  const now = state.selected?.[0] === "p" ? Number(state.selected.slice(1)) : by > 0 ? -1 : 0, doubted = flag?.some((f) => f);
+  let index = now;
+  do index = (index + by + n) % n; while (doubted && !flag[index] && index !== now);
+  state.selected = "p" + index;
+  cursor = null;
+  if (!panes.image.fitted && stage.answer.stripe.u) panes.image.centre(stage.answer.stripe.u[index], stage.answer.stripe.v[index]);
+  redraw();
+}
+
 function chosen() {
   const over = cursor ? under(cursor.pane, cursor.at) : null;
-  if (over?.kind === "spot") return over;
-  if (state.selected) return { kind: state.selected[0] === "s" ? "spot" : "candidate", index: Number(state.selected.slice(1)) };
+  if (over?.kind === "spot" || over?.kind === "point") return over;
+  if (state.selected) return { kind: { s: "spot", c: "candidate", p: "point" }[state.selected[0]], index: Number(state.selected.slice(1)) };
   return over;
 }
 
@@ -258,7 +326,14 @@ function readings() {
     drawProfile(raw, c.u, c.v, 0, ["along u", "along v"], saturation);
     return;
   }
-  showNothing(answer, raw, saturation);
+  if (found?.kind === "point" && answer?.stripe && found.index < answer.stripe.n) {
+    const i = found.index, s = answer.stripe;
+    showPoint(s, i);
+    if (s.u) drawProfile(raw, s.u[i], s.v[i], Math.atan2(s.normal[1][i], s.normal[0][i]), ["across", "along"], saturation, { peak: s.peak[i], width: [s.width[i], null] });
+    else drawProfile(null, null);
+    return;
+  }
+  showNothing(answer);
   const [u, v] = cursor?.uv ?? [null, null];
   drawProfile(raw, u === null ? null : Math.round(u), Math.round(v ?? 0), 0, ["along u", "along v"], saturation);
 }
@@ -269,7 +344,7 @@ function where(raw) {
     const [u, v] = cursor.uv.map(Math.round), inside = raw && u >= 0 && v >= 0 && u < raw.width && v < raw.height;
     if (inside) parts.push(`u ${String(u).padStart(4)}  v ${String(v).padStart(4)}  ${String(raw.values[v * raw.width + u]).padStart(3)} DN`);
   }
-  if (cursor?.yz) parts.push(`y ${cursor.yz[0].toFixed(2)}  z ${cursor.yz[1].toFixed(2)} mm`);
+  if (cursor?.yz) parts.push(`y ${cursor.yz[0].toFixed(2)}  z ${cursor.yz[1].toFixed(2)} mm`.replaceAll(".", decimal()));
   if (measure.on) parts.push(distance(cursor?.yz));
   $("where").textContent = parts.join("   ");
 }

@@ -4,7 +4,7 @@ export const state = {
   session: null,
   parameters: {},
   savedText: "",
-  savedName: "extraction.toml",
+  savedName: "recipe.toml",
   index: 0,
   view: "labels",
   selected: null,

@@ -1,9 +1,10 @@
-// The three pages: one image with its laser plane, all images, the calibration.
+// The pages: one image with its laser plane, all images, the calibration, the sets of parameters.
 
 import { $, clear, el } from "./dom.js";
 import { state } from "./state.js";
+import { t } from "./words.js";
 
-export const TABS = [{ id: "image", title: "Image" }, { id: "sheet", title: "All images" }, { id: "calibration", title: "Calibration" }];
+export const TABS = [{ id: "image", title: "Image" }, { id: "sheet", title: "All images" }, { id: "calibration", title: "Calibration" }, { id: "history", title: "History" }];
 const listeners = [];
 export const onTab = (f) => listeners.push(f);
 
@@ -18,13 +19,14 @@ export function selectTab(id) {
   for (const part of ["stage", "drawer", "tools", "layers"]) $(part).hidden = id !== "image";
   $("sheet").hidden = id !== "sheet";
   $("calibration").hidden = id !== "calibration";
+  $("history").hidden = id !== "history";
   listeners.forEach((f) => f(id));
 }
 
 function build() {
   clear($("tabs"), TABS.map(({ id, title }) => el("button", {
-    role: "tab", data: { tab: id }, onclick: () => selectTab(id), onkeydown: arrows,
-  }, title)));
+    role: "tab", id: `tab-${id}`, data: { tab: id }, "aria-controls": { image: "stage" }[id] ?? id, onclick: () => selectTab(id), onkeydown: arrows,
+  }, t(title))));
 }
 
 function arrows(event) {

@@ -1,11 +1,14 @@
 // All frames below: one dot a frame for the chosen value, the last saved set as a grey line; a click opens the frame.
 
-import { $, clear, el, fitCanvas, number, style } from "./dom.js";
+import { $, clear, el, fitCanvas, style } from "./dom.js";
+import { isFailed, onFilter, passes } from "./filter.js";
+import { titleOf } from "./recipe.js";
 import { state } from "./state.js";
 import { go, onMark } from "./strip.js";
+import { number, t } from "./words.js";
 
 const worst = (r, of) => r.spots.reduce((most, s) => Math.max(most, of(s) ?? 0), 0);
-const VALUES = [
+const SPOTS = [
   { id: "labelled", title: "strings labelled", jig: true, of: (r) => r.labelled, digits: 0 },
   { id: "spots", title: "spots", of: (r) => r.spots.length, digits: 0 },
   { id: "rejected", title: "candidates rejected", of: (r) => r.candidates, digits: 0 },
@@ -16,15 +19,15 @@ const VALUES = [
   { id: "flagged", title: "spots in doubt", of: (r) => r.spots.filter((s) => s.flag).length, digits: 0 },
   { id: "ms", title: "detection [ms]", of: (r) => r.ms, digits: 0 },
 ];
+const MS = SPOTS.find((v) => v.id === "ms");
 const shown = { now: [], saved: [] };
+let there = [];
 let value = null, over = null;
 
 export function buildTrend() {
-  const { session } = state, there = VALUES.filter((v) => (!v.truth || session.has_truth) && (!v.jig || session.strings.length));
-  value = there[0];
-  const choice = el("select", { id: "trend-value", "aria-label": "Value of every frame", onchange: () => { value = there[choice.selectedIndex]; drawTrend(); } },
-    there.map((v) => el("option", {}, v.title)));
-  clear($("trend-head"), choice, el("span", { id: "trend-text", class: "quiet" }));
+  clear($("trend-head"), el("select", { id: "trend-value", "aria-label": t("Value of every frame"), onchange: (e) => { value = there[e.target.selectedIndex]; drawTrend(); } }), el("span", { id: "trend-text", class: "quiet" }));
+  offer();
+  onFilter(drawTrend);
   const canvas = $("trend");
   canvas.addEventListener("pointermove", (event) => { over = frameAt(event); drawTrend(); });
   canvas.addEventListener("pointerleave", () => { over = null; drawTrend(); });
@@ -33,8 +36,24 @@ export function buildTrend() {
   new ResizeObserver(drawTrend).observe(canvas);
 }
 
+// The values that the rows have: of strings a fixed list, of stripes and boards what was measured.
+function offer() {
+  const { session } = state, row = shown.now.find((r) => r && !r.error);
+  const measured = (row?.stripe ? row.values : []).map((v) => ({
+    id: v.key, title: titleOf(v.key) + (v.unit ? ` [${v.unit}]` : ""), digits: v.digits, of: (r) => r.values.find((x) => x.key === v.key)?.value ?? null, range: v.tool === "feature" || v.tool === "gapflush",
+  }));
+  const spots = SPOTS.filter((v) => (!v.truth || session.has_truth) && (!v.jig || session.strings.length)).map((v) => ({ ...v, title: t(v.title) }));
+  const list = row?.stripe ? [...measured.filter((v) => v.id !== "clipped_px"), ...measured.filter((v) => v.id === "clipped_px"), { ...MS, title: t(MS.title) }] : spots;
+  if (list.map((v) => v.id).join() === there.map((v) => v.id).join()) return;
+  there = list;
+  value = there.find((v) => v.id === value?.id) ?? there[0];
+  clear($("trend-value"), there.map((v) => el("option", {}, v.title)));
+  $("trend-value").selectedIndex = there.indexOf(value);
+}
+
 export function feedTrend(now, saved) {
   Object.assign(shown, { now, saved });
+  offer();
   drawTrend();
 }
 
@@ -53,9 +72,9 @@ export function drawTrend() {
   context.clearRect(0, 0, width, height);
   const of = (rows) => rows.map((r) => (r && !r.error ? value.of(r) : null));
   const now = of(shown.now), saved = of(shown.saved), all = [...now, ...saved].filter((x) => x !== null && x !== undefined);
-  const top = Math.max(...all, value.digits ? 1e-4 : 1) * 1.08;
-  const x = (i) => LEFT + (width - LEFT - RIGHT) * (i + 0.5) / count(), y = (g) => height - 8 - (height - 16) * g / top;
-  frame(context, y, top, width);
+  const [low, top] = limits(all);
+  const x = (i) => LEFT + (width - LEFT - RIGHT) * (i + 0.5) / count(), y = (g) => height - 8 - (height - 16) * (g - low) / (top - low);
+  frame(context, y, low, top, width);
   here(context, x, height);
   line(context, saved, x, y);
   const radius = Math.max(1, Math.min(3.2, (width - LEFT) / count() / 2.2));
@@ -64,22 +83,32 @@ export function drawTrend() {
       if (shown.now[i]?.error) cross(context, x(i), height - 12);
       return;
     }
-    context.fillStyle = { all: style("--good"), some: style("--warn"), none: style("--bad") }[shown.now[i].badge] ?? style("--accent");
+    context.globalAlpha = passes(shown.now[i], i) ? 1 : 0.18;
+    context.fillStyle = { out: style("--bad"), all: style("--good"), some: style("--warn"), none: style("--bad") }[shown.now[i].badge] ?? style("--accent");
     context.beginPath();
     context.arc(x(i), y(g), i === over ? radius + 2 : radius, 0, 2 * Math.PI);
     context.fill();
+    context.globalAlpha = 1;
   });
   words(now);
 }
 
-function frame(context, y, top, width) {
+// From nothing for counts and errors; for sizes the range that there is.
+function limits(all) {
+  const high = Math.max(...all, value.digits ? 1e-4 : 1), low = Math.min(...all);
+  if (!value.range || !all.length) return [0, high * 1.08];
+  const room = 0.12 * (high - low) || 0.05 * Math.abs(high) || 1e-3;
+  return [low - room, high + room];
+}
+
+function frame(context, y, low, top, width) {
   context.strokeStyle = style("--edge-soft");
   context.fillStyle = style("--quiet");
   context.font = "10.5px system-ui, sans-serif";
   context.textAlign = "right";
   context.textBaseline = "middle";
   context.lineWidth = 1;
-  for (const g of [0, top / 1.08]) {
+  for (const g of value.range ? [low, top] : [0, top / 1.08]) {
     context.beginPath();
     context.moveTo(LEFT, y(g));
     context.lineTo(width - RIGHT, y(g));
@@ -134,6 +163,6 @@ function words(now) {
 export function nextFailed(by) {
   for (let k = 1; k <= count(); k++) {
     const index = (((state.index + by * k) % count()) + count()) % count();
-    if (["error", "none", "some"].includes(shown.now[index]?.badge)) { go(index); return; }
+    if (isFailed(shown.now[index])) { go(index); return; }
   }
 }

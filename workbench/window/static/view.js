@@ -75,15 +75,16 @@ export class View {
   down(event) {
     if (event.button > 1) return;
     this.canvas.setPointerCapture(event.pointerId);
-    this.drag = { at: this.at(event), moved: false };
+    this.drag = { at: this.at(event), moved: false, grabbed: this.grab?.(this.at(event), false) ?? false };
   }
 
   move(event) {
     const here = this.at(event);
-    if (this.drag) {
+    if (this.drag?.grabbed) this.grab(here, true);
+    else if (this.drag) {
       const dx = here[0] - this.drag.at[0], dy = here[1] - this.drag.at[1];
       if (this.drag.moved || Math.hypot(dx, dy) > 3) {
-        this.drag = { at: here, moved: true };
+        this.drag = { ...this.drag, at: here, moved: true };
         this.pan(dx, dy);
       }
     }
@@ -91,7 +92,7 @@ export class View {
   }
 
   up(event) {
-    const still = this.drag && !this.drag.moved;
+    const still = this.drag && !this.drag.moved && !this.drag.grabbed;
     this.drag = null;
     if (still) this.click?.(this.at(event));
   }

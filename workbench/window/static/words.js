@@ -1,0 +1,54 @@
+// The page's language: English as written in the modules, German by the table; the decimal sign goes with it.
+
+import { GERMAN } from "./german.js";
+
+export const LANGUAGES = ["en", "de"];
+export let language = "en";
+
+export function chooseLanguage(name) {
+  language = LANGUAGES.includes(name) ? name : "en";
+  document.documentElement.lang = language;
+}
+
+export const startLanguage = () =>
+  chooseLanguage(localStorage.getItem("language") ?? (navigator.language.startsWith("de") ? "de" : "en"));
+
+// t("words") or t`${n} of ${m} images`: the table's key has {} for each value.
+export function t(text, ...values) {
+  const parts = Array.isArray(text) ? text : [text];
+  const key = parts.join("{}");
+  let said = language === "de" ? GERMAN[key] ?? key : key;
+  for (const value of values) said = said.replace("{}", () => value);
+  return said;
+}
+
+// A word of the data, such as a reason or a parameter's title, where the table has it.
+export const word = (text) => (language === "de" ? GERMAN[text] ?? text : text);
+
+export const decimal = () => (language === "de" ? "," : ".");
+
+export function number(x, digits = 3) {
+  if (x === null || x === undefined || !Number.isFinite(x)) return "–";
+  return x.toFixed(digits).replace("-", "−").replace(".", decimal());
+}
+
+// A number as somebody types it, with either decimal sign; null where it is none.
+export function typed(text) {
+  const plain = text.trim().replace("−", "-").replace(",", ".");
+  return plain === "" || !Number.isFinite(Number(plain)) ? null : Number(plain);
+}
+
+// A number as a field shows it: every digit that it has.
+export const plain = (x) => (x === null || x === undefined ? "" : String(x).replace(".", decimal()));
+
+// The text of the page's own markup.
+export function translatePage(root = document.body) {
+  for (const node of root.querySelectorAll("[data-t]")) node.textContent = t(node.dataset.t);
+  for (const attribute of ["title", "aria-label", "placeholder"]) {
+    for (const node of root.querySelectorAll(`[${attribute}]`)) {
+      const key = node.dataset[`t${attribute.replace("-", "")}`] ?? node.getAttribute(attribute);
+      node.dataset[`t${attribute.replace("-", "")}`] = key;
+      node.setAttribute(attribute, t(key));
+    }
+  }
+}
