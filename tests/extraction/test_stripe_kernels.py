@@ -35,7 +35,7 @@ def test_the_exponential_needs_no_library() -> None:
 
 
 def test_a_fit_does_not_depend_on_those_beside_it() -> None:
-    """Sections fitted all together, in turn and one by one: the same bits, as every lane keeps its own order of sums."""
+    """Sections fitted all together, in turn and one by one: the same bits, as each keeps its order of sums."""
     rng = np.random.default_rng(0)
     rows, n = np.arange(90.0)[:, None], 150
     centre, width = rng.uniform(20, 70, n), rng.uniform(0.8, 6.0, n)
