@@ -9,6 +9,7 @@ Run: python benchmarks/gapflush_gauge_study.py [folder] [--parts N] [--operators
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -31,6 +32,7 @@ HELD = (8.0, 3.0, 8.0)  # σ among operators of the stand-off [mm], the turn [°
 HAND = (2.0, 1.0, 2.0)  # the same, of one operator from trial to trial
 STAND_OFF_MM = 305.0
 DEFINITIONS = ("extreme", "tangent", "edge", "fixed_radius", "gauge")
+By = dict[str, list[float]]
 CONFIG = GapFlushConfig(fixed_radius_mm=(RADIUS_MM[0], RADIUS_MM[0]), gauge_depth_mm=2.5, gauge_offset_mm=5.0)
 
 
@@ -53,15 +55,18 @@ def placed(held: np.ndarray, rng: np.random.Generator) -> Pose:
 
 
 def study(
-    sensor: Sensor, n_parts: int, n_operators: int, n_trials: int, *, speckle: bool
-) -> Iterator[tuple[int, int, int, PanelPair, dict[str, tuple[float, float, float, float]]]]:
-    """Every measurement: part, operator, trial, the truth, and gap, σ, flush, σ by definition."""
+    sensor: Sensor, n_parts: int, n_operators: int, n_trials: int, done: dict[str, By], *, speckle: bool
+) -> Iterator[tuple[int, int, int, PanelPair, By]]:
+    """Every measurement: part, operator, trial, the truth, and gap, σ, flush, σ by definition; those done are taken."""
     series = parts(n_parts, np.random.default_rng([SEED, 0]))
     held = np.random.default_rng([SEED, 1]).normal(size=(n_operators, 3)) * HELD
     config = EmulatorConfig.model_validate({"exposure": {"time_ms": 0.3}, "speckle": {"enabled": speckle}})
     for i, panels in enumerate(series):
         for j in range(n_operators):
             for k in range(n_trials):
+                if (key := f"{i},{j},{k}") in done:
+                    yield i, j, k, panels, done[key]
+                    continue
                 rng = np.random.default_rng([SEED, 2, i, j, k])
                 solids = panels.solids(placed(held[j], rng), MATERIAL)
                 profile = extract_profile(render(Scene(sensor, None, solids=solids), config, rng).image, sensor)
@@ -69,7 +74,7 @@ def study(
                     by = measure_gap_flush(profile, CONFIG).definitions
                 except NoAnswerError as error:
                     sys.exit(f"part {i + 1}, operator {j + 1}, trial {k + 1}: {error}")
-                rows = {n: (x.gap_mm, x.sigma_gap_mm, x.flush_mm, x.sigma_flush_mm) for n, x in by.items()}
+                rows = {n: [x.gap_mm, x.sigma_gap_mm, x.flush_mm, x.sigma_flush_mm] for n, x in by.items()}
                 yield i, j, k, panels, rows
 
 
@@ -88,12 +93,23 @@ def main() -> None:
     ask.add_argument("folder", nargs="?", default="gauge_study")
     for name, value in (("parts", 10), ("operators", 3), ("trials", 3)):
         ask.add_argument(f"--{name}", type=int, default=value)
+    ask.add_argument("--most", type=int, default=0, help="frames of this run; run again to go on")
     ask.add_argument("--plain", action="store_true", help="without speckle")
     told = ask.parse_args()
     folder = Path(told.folder)
     folder.mkdir(parents=True, exist_ok=True)
     sensor = read_sensor(asset("sensors", "nominal"))
-    made = list(study(sensor, told.parts, told.operators, told.trials, speckle=not told.plain))
+    store = folder / ("plain.json" if told.plain else "speckle.json")
+    done: dict[str, By] = json.loads(store.read_text(encoding="utf-8")) if store.exists() else {}
+    made, measured = [], 0
+    for row in study(sensor, told.parts, told.operators, told.trials, done, speckle=not told.plain):
+        made.append(row)
+        key = f"{row[0]},{row[1]},{row[2]}"
+        if key not in done:
+            done[key], measured = row[4], measured + 1
+            write_text(store, json.dumps(done))
+            if measured == told.most:
+                sys.exit(f"{len(done)} frames measured: run again to go on")
     print("quantity               EV     AV    GRR  [95 %]           PV   %GRR of T  ndc    Cg   Cgk   median σ  bias")
     for quantity, column in (("gap", 0), ("flush", 2)):
         for name in DEFINITIONS:

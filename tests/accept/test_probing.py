@@ -149,6 +149,10 @@ def test_a_ball_by_the_command_line(cli: Cli, tmp_path: Path) -> None:
     placed = cli(*asked, "--positions", table, "--json", "--report", tmp_path / "r.html")
     assert placed.json["figures"]["PF"] == moved.json["figures"]["PF"]
     assert "PF_D95" in (tmp_path / "r.html").read_text(encoding="utf-8")
+    (folder / "p004.csv").write_text("y_mm,z_mm\n1,x\n")  # one that can not be read still counts as a step
+    without = cli(*asked, "--step-mm", 2, "--json")
+    assert "p004.csv" in without.err
+    assert without.json["figures"]["PS"]["value"] == pytest.approx(moved.json["figures"]["PS"]["value"], abs=2e-3)
     alone = cli(*asked, "--max-size-mm", 0.005, "--json")
     assert alone.code == 1
     assert alone.json["verdict"]["code"] == "not_proven"

@@ -13,7 +13,7 @@ from workbench.accept.associated import FEWEST_POINTS, REJECTED, Form, fit_circl
 from workbench.accept.figures import Figure, Limit, Rule, gaussian_bounds
 from workbench.accept.on_standard import Stretch, arcs, other_notes
 from workbench.accept.record import Record, make_record
-from workbench.accept.recorded import Recorded
+from workbench.accept.recorded import Progress, Recorded
 
 STANDARD = "VDI/VDE 2634 part 2 (PF, PS), ISO 10360-8 (form D95 %, size of all points)"
 _WHOLE_BALL = (
@@ -59,6 +59,7 @@ def accept_ball(
     rule: Rule = "conformity",
     zone_deg: float | None = None,
     remarks: Sequence[str] = (),
+    progress: Progress | None = None,
 ) -> Record:
     """Probing error of form and size on a ball.
 
@@ -74,6 +75,8 @@ def accept_ball(
         Points up to so far from each section's apex count; None: all between the ends of the arc that is found.
     remarks
         The user's own words for the record.
+    progress
+        Told how many profiles are searched.
 
     Returns
     -------
@@ -85,7 +88,7 @@ def accept_ball(
         Where no profile shows the ball, or a scan does not determine the sphere.
 
     """
-    found, lost = arcs(recorded.profiles, (ball.diameter_mm,), zone_deg)
+    found, lost = arcs(recorded.profiles, (ball.diameter_mm,), zone_deg, progress)
     if not found:
         raise NoAnswerError(f"no profile shows the ball: {lost[0]}")
     sections = [s for s in found if len(s.yz_mm) >= FEWEST_POINTS]

@@ -12,7 +12,7 @@ from workbench.accept.ball import form_figure, lost_notes, standard_notes
 from workbench.accept.figures import Figure, Limit, Rule
 from workbench.accept.on_standard import other_notes, straights
 from workbench.accept.record import Record, make_record
-from workbench.accept.recorded import Recorded
+from workbench.accept.recorded import Progress, Recorded
 
 STANDARD = "VDI/VDE 2634 part 2 (F), ISO 10360-8 (flat form, D95 %)"
 _PLACES = (
@@ -30,6 +30,7 @@ def accept_flatness(
     limits: Sequence[Limit] = (),
     rule: Rule = "conformity",
     remarks: Sequence[str] = (),
+    progress: Progress | None = None,
 ) -> Record:
     """Flatness and straightness errors on a plane standard.
 
@@ -43,6 +44,8 @@ def accept_flatness(
         On F, F_D95 or straightness, and what passes.
     remarks
         The user's own words for the record.
+    progress
+        Told how many profiles are searched.
 
     Returns
     -------
@@ -54,7 +57,7 @@ def accept_flatness(
         Where no profile has a straight stretch, or a scan does not determine the plane.
 
     """
-    found, lost = straights(recorded.profiles)
+    found, lost = straights(recorded.profiles, progress)
     found = [s for s in found if len(s.yz_mm) >= FEWEST_POINTS]
     if not found:
         raise NoAnswerError(f"no profile shows the plane: {lost[0] if lost else 'too few points'}")

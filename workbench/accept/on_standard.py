@@ -6,14 +6,14 @@ but for long runs that are another thing, which is said.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from extraction import Circle, Line, find_target_points
-from workbench.accept.recorded import Placed
+from workbench.accept.recorded import Placed, Progress
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -47,8 +47,19 @@ def other_notes(stretches: Sequence[Stretch]) -> list[str]:
     return [text] if n else []
 
 
+def told(profiles: Sequence[Placed], progress: Progress | None) -> Iterator[Placed]:
+    """The profiles, each told when it is done."""
+    for k, placed in enumerate(profiles):
+        yield placed
+        if progress is not None:
+            progress(k + 1, len(profiles))
+
+
 def arcs(
-    profiles: Sequence[Placed], diameters_mm: tuple[float, ...], zone_deg: float | None
+    profiles: Sequence[Placed],
+    diameters_mm: tuple[float, ...],
+    zone_deg: float | None,
+    progress: Progress | None = None,
 ) -> tuple[list[Stretch], list[str]]:
     """Arcs of balls, with a sentence for each profile without one.
 
@@ -57,7 +68,7 @@ def arcs(
     kind = "sphere" if len(diameters_mm) == 1 else "balls"
     out: list[Stretch] = []
     lost: list[str] = []
-    for placed in profiles:
+    for placed in told(profiles, progress):
         found = find_target_points(placed.profile, kind, diameters_mm)
         if found.reason is not None:
             lost.append(f"{placed.name}: {found.text}")
@@ -102,11 +113,11 @@ def _all_of(placed: Placed, index: Index, curve: Circle | Line, zone: Callable[[
     return Stretch(placed, yz[~other], curve, int(np.count_nonzero(other)))
 
 
-def straights(profiles: Sequence[Placed]) -> tuple[list[Stretch], list[str]]:
+def straights(profiles: Sequence[Placed], progress: Progress | None = None) -> tuple[list[Stretch], list[str]]:
     """Straight stretches, the longest of each profile, with a sentence for each profile without one."""
     out: list[Stretch] = []
     lost: list[str] = []
-    for placed in profiles:
+    for placed in told(profiles, progress):
         found = find_target_points(placed.profile, "plane")
         if found.reason is not None:
             lost.append(f"{placed.name}: {found.text}")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -26,11 +26,15 @@ _LEAST_STEP_MM = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Placed:
-    """One profile in {P}, and T_scan_sensor where it is told where the sensor stood."""
+    """One profile in {P}, and T_scan_sensor where it is told where the sensor stood.
+
+    order: which of the recording it is, those that can not be used counted too.
+    """
 
     name: str
     profile: Profile
     place: Pose | None = None
+    order: int = 0
 
     def in_scan(self, yz_mm: Array) -> Array:
         """Points (N, 2) of the profile in the scan's frame (N, 3); in {P} where no place is told."""
@@ -103,8 +107,22 @@ def read_recorded(what: Recording, remark: Remark = no_remark, progress: Progres
     files = _files(what.paths)
     placed: list[Placed] = []
     sensor = None if what.sensor is None else read_sensor(what.sensor)
+    image = next((p for p in files if not is_profile_file(p)), None)
+    if image is not None:
+        if sensor is None:
+            raise InputError(f"{image} is an image, not a profile's file: it needs --sensor FILE")
+        sensor.require_camera()
+    count = 0
     for k, path in enumerate(files):
-        placed += _profiles_of(path, sensor, what, remark, alone=len(files) == 1)
+        try:
+            found = list(_profiles_of(path, sensor, what, remark))
+        except InputError as error:
+            if len(files) == 1:
+                raise
+            remark(f"{error}; left out")
+            found = [Placed(path.stem, Profile.of_points(np.zeros((0, 2)), np.zeros((0, 2, 2))))]
+        placed += [replace(p, order=count + i) for i, p in enumerate(found)]
+        count += len(found)
         if len(placed) > MOST_PROFILES:
             raise InputError(f"{path}: more than {MOST_PROFILES:,} profiles: test a part of them")
         if progress is not None:
@@ -133,29 +151,19 @@ def _files(paths: Sequence[Path]) -> list[Path]:
     return out
 
 
-def _profiles_of(
-    path: Path, sensor: Sensor | None, what: Recording, remark: Remark, *, alone: bool
-) -> Iterator[Placed]:
-    try:
-        if not is_profile_file(path):
-            if sensor is None:
-                raise InputError(f"{path} is an image, not a profile's file: it needs --sensor FILE")
-            sensor.require_camera()
-            yield Placed(path.stem, extract_profile(read_image(path, sensor, remark), sensor, what.stripe))
-            return
-        output = ProfileOutput() if sensor is None or sensor.profile is None else sensor.profile
-        told = Told(output.format, output.pitch_mm, output.start_mm, output.unit, output.width, remark)
-        lines = read_scan_lines(path, told)
-        for k, line in enumerate(lines):
-            checked = checked_profile(line, output, path)
-            for sentence in checked.remarks:
-                remark(sentence)
-            name = path.stem if len(lines) == 1 else f"{path.stem}:{k if line.number is None else line.number}"
-            yield Placed(name, checked.profile)
-    except InputError as error:
-        if alone or sensor is None:
-            raise
-        remark(f"{error}; left out")
+def _profiles_of(path: Path, sensor: Sensor | None, what: Recording, remark: Remark) -> Iterator[Placed]:
+    if sensor is not None and not is_profile_file(path):
+        yield Placed(path.stem, extract_profile(read_image(path, sensor, remark), sensor, what.stripe))
+        return
+    output = ProfileOutput() if sensor is None or sensor.profile is None else sensor.profile
+    told = Told(output.format, output.pitch_mm, output.start_mm, output.unit, output.width, remark)
+    lines = read_scan_lines(path, told)
+    for k, line in enumerate(lines):
+        checked = checked_profile(line, output, path)
+        for sentence in checked.remarks:
+            remark(sentence)
+        name = path.stem if len(lines) == 1 else f"{path.stem}:{k if line.number is None else line.number}"
+        yield Placed(name, checked.profile)
 
 
 def _with_points(placed: Sequence[Placed], files: Sequence[Path]) -> tuple[Placed, ...]:
@@ -173,8 +181,7 @@ def _placed(profiles: tuple[Placed, ...], files: tuple[Path, ...], what: Recordi
             raise InputError(f"--step-mm {what.step_mm:g}: must not be zero")
         if len(profiles) < 2:
             raise InputError("--step-mm needs profiles that follow each other, and there is one only")
-        steps = [k * what.step_mm * _ALONG_SHEET_NORMAL for k in range(len(profiles))]
-        moved = [Placed(p.name, p.profile, Pose(np.eye(3), t)) for p, t in zip(profiles, steps, strict=True)]
+        moved = [replace(p, place=Pose(np.eye(3), p.order * what.step_mm * _ALONG_SHEET_NORMAL)) for p in profiles]
         return Recorded(tuple(moved), files, f"steps of {what.step_mm:g} mm along the sheet's normal")
     if what.positions is None:
         return Recorded(profiles, files)
@@ -186,7 +193,7 @@ def _placed(profiles: tuple[Placed, ...], files: tuple[Path, ...], what: Recordi
             f'{what.positions}: no row names a profile that was read, such as "{profiles[0].name}"; the first is '
             f'"{unknown[0][:60]}"'
         )
-    kept = tuple(Placed(p.name, p.profile, places[p.name]) for p in profiles if p.name in places)
+    kept = tuple(replace(p, place=places[p.name]) for p in profiles if p.name in places)
     if len(kept) < len(profiles):
         lost = (f"{len(profiles) - len(kept)} profiles have no row in {what.positions.name} and are left out",)
     return Recorded(kept, files, f"positions of {what.positions.name}", lost)

@@ -14,8 +14,9 @@ from extraction import Circle, GapFlushConfig, Line, Profile, find_target_points
 from geometry import InputError, NoAnswerError, Remark, no_remark
 from workbench.accept.figures import COVERAGE, Bounds, Figure, Limit, Rule
 from workbench.accept.gauge_study import SHARE, STUDY
+from workbench.accept.on_standard import told
 from workbench.accept.record import Record, make_record
-from workbench.accept.recorded import Placed, Recorded
+from workbench.accept.recorded import Placed, Progress, Recorded
 from workbench.accept.variance import bounds
 from workbench.files import read_table
 
@@ -69,12 +70,16 @@ def read_series(path: Path, value: str = "value", remark: Remark = no_remark) ->
 
 
 def series_of(
-    recorded: Recorded, feature: str, diameter_mm: float | None = None, config: GapFlushConfig | None = None
+    recorded: Recorded,
+    feature: str,
+    diameter_mm: float | None = None,
+    config: GapFlushConfig | None = None,
+    progress: Progress | None = None,
 ) -> tuple[list[Series], list[str]]:
     """What a feature's measurands are in each profile, and a sentence for each profile that does not show it."""
     rows: list[dict[str, float]] = []
     lost: list[str] = []
-    for placed in recorded.profiles:
+    for placed in told(recorded.profiles, progress):
         try:
             rows.append(_measured(placed.profile, feature, diameter_mm, config))
         except NoAnswerError as error:

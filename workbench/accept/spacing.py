@@ -14,7 +14,7 @@ from workbench.accept.ball import BallStandard, form_figure, lost_notes, size_fi
 from workbench.accept.figures import Limit, Rule
 from workbench.accept.on_standard import Stretch, arcs, other_notes
 from workbench.accept.record import Record, make_record
-from workbench.accept.recorded import Recorded
+from workbench.accept.recorded import Progress, Recorded
 
 Array = NDArray[np.float64]
 
@@ -32,6 +32,7 @@ def accept_spacing(
     rule: Rule = "conformity",
     zone_deg: float | None = None,
     remarks: Sequence[str] = (),
+    progress: Progress | None = None,
 ) -> Record:
     """Sphere spacing error of two like balls.
 
@@ -49,6 +50,8 @@ def accept_spacing(
         Points up to so far from each section's apex count.
     remarks
         The user's own words for the record.
+    progress
+        Told how many profiles are searched.
 
     Returns
     -------
@@ -71,7 +74,7 @@ def accept_spacing(
             "the spacing of spheres needs to be told where the sensor stood (--step-mm, --positions, or a cell): "
             "a single section does not tell a centre beside its sheet"
         )
-    found, lost = arcs(recorded.profiles, (ball.diameter_mm, ball.diameter_mm), zone_deg)
+    found, lost = arcs(recorded.profiles, (ball.diameter_mm, ball.diameter_mm), zone_deg, progress)
     clouds = _two_balls(found, distance_mm)
     forms = [form_of(cloud, fit_sphere) for cloud in clouds]
     one, two = (form.feature for form in forms)

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from geometry import InputError, Pose, Role, Surface, exp_so3, field_of_view, inverse_kinematics, target_at
 from jig_cad import Edge, Sphere, Wedge
 from workbench.files import Cell
+from workbench.plan import carrying, room_at_target_mm, room_before_fixed, room_in_workspace_mm, standing
 
 Array = NDArray[np.float64]
 
@@ -34,14 +35,27 @@ def surface_views(cell: Cell, per_location: int, rng: np.random.Generator) -> li
         if cell.mount == "fixed":
             goals = goals.inverse()  # T_base_hand = T_base_sensor · T_sensor_target · T_hand_target⁻¹
         found = inverse_kinematics(cell.arm, goals, rng, max_starts=6)
-        reached = [q for q, ok in zip(found.joints, found.converged, strict=True) if ok and cell.arm.within_limits(q)]
+        room = room_mm(cell, found.joints, target, place)
+        good = found.converged & cell.arm.within_limits(found.joints) & (room > 0)
+        reached = list(found.joints[good])
         if len(reached) < per_location:
             raise InputError(
-                f"[locations.{name}]: the arm reaches {len(reached)} of {len(looks)} views of the target there, "
-                f"{per_location} are asked for: put it nearer, or ask for fewer with --per-location"
+                f"[locations.{name}]: the arm reaches {len(reached)} of {len(looks)} views of the target there without "
+                f"touching it, the floor or a box, {per_location} are asked for: put it nearer, or ask for fewer with "
+                "--per-location"
             )
         views += [(name, cell.roles.get(name, "calibrate"), q) for q in reached[:per_location]]
     return views
+
+
+def room_mm(cell: Cell, joints_rad: Array, target: Surface, place: Pose) -> Array:
+    """What room (N) [mm] is left beside target, floor and boxes at the readings (N, n)."""
+    radius = cell.workspace.link_radius_mm
+    if cell.mount == "fixed":
+        arm = carrying(cell.arm, joints_rad, place, target, radius)
+        return room_before_fixed(arm, cell.design, cell.sensor, cell.workspace).least
+    arm = standing(cell.arm, joints_rad, cell.design, cell.sensor, radius)
+    return np.minimum(room_at_target_mm(arm, target, place), room_in_workspace_mm(arm, cell.workspace)[0])
 
 
 def _looks(cell: Cell, target: Surface, count: int, rng: np.random.Generator) -> Pose:

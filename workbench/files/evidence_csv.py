@@ -7,8 +7,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.bundle import DistanceBetween, Evidence, SeatedTool, TrackedPoint
-from calib.bundle.evidence import DISTANCE_SIGMA_MM, SEAT_SIGMA_MM, TRACKER_SIGMA_MM
+from calib.bundle import (
+    DISTANCE_SIGMA_MM,
+    SEAT_SIGMA_MM,
+    TRACKER_SIGMA_MM,
+    DistanceBetween,
+    Evidence,
+    SeatedTool,
+    TrackedPoint,
+)
 from geometry import InputError, Remark
 from workbench.files.strict import FileSection, Positive, Text
 from workbench.files.table import Row, Table, read_table

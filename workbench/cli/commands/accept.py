@@ -143,7 +143,8 @@ def ball(
     form = "PF" if found.is_scan else "PF_section"
     limits = _limits((form, max_form_mm), ("PS", max_size_mm))
     standard = BallStandard(diameter_mm, diameter_uncertainty_mm, form_mm)
-    record = accept_ball(found, standard, limits, rule, zone_deg, remark or [])
+    with progress_bar("searching", len(found.profiles)) as progress:
+        record = accept_ball(found, standard, limits, rule, zone_deg, remark or [], progress)
     _deliver(record, out, report, as_json=as_json)
 
 
@@ -177,7 +178,10 @@ def spacing(
     found = _recorded(paths, sensor, step_mm, positions, scp, location, config)
     standard = BallStandard(diameter_mm, diameter_uncertainty_mm, form_mm)
     limits = _limits(("SD", max_spacing_mm))
-    record = accept_spacing(found, standard, distance_mm, distance_uncertainty_mm, limits, rule, zone_deg, remark or [])
+    with progress_bar("searching", len(found.profiles)) as progress:
+        record = accept_spacing(
+            found, standard, distance_mm, distance_uncertainty_mm, limits, rule, zone_deg, remark or [], progress
+        )
     _deliver(record, out, report, as_json=as_json)
 
 
@@ -207,7 +211,8 @@ def flatness(
 
     found = _recorded(paths, sensor, step_mm, positions, scp, location, config)
     limits = _limits(("F" if found.is_scan else "straightness", max_flatness_mm))
-    record = accept_flatness(found, form_mm, limits, rule, remark or [])
+    with progress_bar("searching", len(found.profiles)) as progress:
+        record = accept_flatness(found, form_mm, limits, rule, remark or [], progress)
     _deliver(record, out, report, as_json=as_json)
 
 
@@ -266,7 +271,8 @@ def repeat(
 
         found = _recorded(paths, sensor, None, None, None, None, config)
         panels = read_settings(config or []).gapflush
-        series, lost = series_of(found, feature, diameter_mm, panels)
+        with progress_bar("measuring", len(found.profiles)) as progress:
+            series, lost = series_of(found, feature, diameter_mm, panels, progress)
         notes = [f"{len(lost)} profiles left out: {lost[0]}"] if lost else []
         profiles, files = found.profiles, found.files
     record = accept_repeat(
