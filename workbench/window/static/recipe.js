@@ -55,6 +55,8 @@ function arrange() {
   }
   $("panel").dataset.what = state.parameters.what;
   for (const put of puts) put();
+  const { feature: looked, gap_and_flush: panels } = state.parameters.measure;
+  for (const [id, on] of [["feature", looked !== "none"], ["gapflush", panels]]) $("panel").querySelector(`[data-tool="${id}"]`)?.classList.toggle("off", !on);
 }
 
 const puts = []; // of the tools' own controls

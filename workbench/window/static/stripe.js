@@ -91,7 +91,7 @@ export function drawProfilePoints(context, view, answer, show) {
     context.strokeRect(x - 5, y - 5, 10, 10);
   }
   if (show.feature && answer.feature) features(context, view, answer.feature, feature);
-  if (answer.gap && !answer.gap.text) gap(context, view, answer.gap, answer.values);
+  if (show.feature && answer.gap && !answer.gap.text) gap(context, view, answer.gap, answer.values);
 }
 
 // σ along its long axis, as a stripe's covariance has rank one; where it has not, its ellipse.
