@@ -205,7 +205,7 @@ export function stripeLegend(show, answer) {
   if (show.points) entries.push(["l-good", t("point")]);
   const flags = answer.stripe.flags ?? {};
   if (show.doubtful && flags.ambiguous) entries.push(["l-rival", t("ambiguous")]);
-  if (show.doubtful && flags.saturated) entries.push(["l-clip", t("clipped")]);
+  if (show.doubtful && flags.saturated) entries.push(["l-clip", t("saturated")]);
   if (show.doubtful && (flags.shape || flags.edge)) entries.push(["l-doubt", t("doubted otherwise")]);
   if (show.feature && answer.feature?.points.length) entries.push(["l-true", t("on the feature")]);
   if (show.corners && answer.board?.u.length) entries.push(["l-mask", t("corner")]);
