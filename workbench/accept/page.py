@@ -11,7 +11,7 @@ import numpy as np
 from workbench.accept.figures import COVERAGE
 from workbench.accept.record import RULE_WORDS, Record
 from workbench.files import write_text
-from workbench.report import new_figure, render_page, svg
+from workbench.report import Origin, new_figure, render_page, svg
 
 BANNER = {"conform": "good", "no_limits": "good", "not_proven": "care", "nonconform": "bad"}
 WORDS = {
@@ -52,7 +52,11 @@ def write_record_page(record: Record, path: Path) -> None:
         "tables": _tables(record.details),
         "pictures": [_gauge_picture(record)] if record.test == "gauge" else [],
     }
-    write_text(path, render_page("workbench.accept", "page.html.j2", content))
+    write_text(path, render_page("workbench.accept", "page.html.j2", content, _origin(record)))
+
+
+def _origin(record: Record) -> Origin:
+    return Origin(inputs=record.inputs, passed=record.verdict.passed)
 
 
 def _tables(details: dict[str, Any]) -> list[PageTable]:

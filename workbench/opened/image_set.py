@@ -246,7 +246,7 @@ def _bare(found: BareImages, request: ImageRequest, settings: Settings, plane_kn
     return ImageSet(
         watched=WatchedFolder(request.inputs[0], LOSSY_SUFFIXES, set(found.paths)) if request.watch else None,
         title=folder.name,
-        pictures=Pictures(folder, found.paths, sensor),
+        pictures=Pictures(folder, found.paths, sensor if plane_known else None),
         labeller=Labeller(sensor, found.jig, settings.calib),
         images=tuple(ImageInfo(i) for i in range(len(found.paths))),
         truth={},

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from geometry import InputError, Sensor
-from workbench.files import Image, read_image
+from workbench.files import Image, read_image, sensor_of_picture
 
 CACHE_BYTES = (
     160 * 2**20
@@ -35,8 +35,11 @@ class Stamp:
 class Pictures:
     """Decoded images by index, the most recently used ones kept in memory."""
 
-    def __init__(self, root: Path, paths: Iterable[Path], sensor: Sensor) -> None:
-        """``root``: the opened folder; a path that leads out of it, also by a link, is refused when it is read."""
+    def __init__(self, root: Path, paths: Iterable[Path], sensor: Sensor | None) -> None:
+        """``root``: the opened folder; a path that leads out of it, also by a link, is refused when it is read.
+
+        sensor: None where each picture's own size and levels are all that is known.
+        """
         self.root = root.resolve()
         self.paths = list(paths)
         self._sensor = sensor
@@ -81,7 +84,8 @@ class Pictures:
             if kept is not None and kept[0] == stamp:
                 self._kept.move_to_end(index)
                 return kept
-        image = read_image(self.paths[index], self._sensor, lossy=True)
+        path = self.paths[index]
+        image = read_image(path, self._sensor or sensor_of_picture(path), lossy=True)
         self._keep(index, stamp, image)
         return stamp, image
 

@@ -10,7 +10,7 @@ from workbench.report.fig7 import draw_fig7
 from workbench.report.folder import write_results
 from workbench.report.gapflush_picture import draw_gap_flush
 from workbench.report.overlays import overlay, save_overlays
-from workbench.report.page import jpeg, new_figure, png, render_page, svg
+from workbench.report.page import Origin, jpeg, new_figure, origin_of, png, render_page, svg
 from workbench.report.plan_picture import draw_plan, save_plan_picture, write_plan_report
 from workbench.report.rounds import print_round, round_object
 from workbench.report.scene import scene_object, scene_script
@@ -19,6 +19,7 @@ from workbench.report.stage_pictures import save_stages
 __all__ = [
     "AXES",
     "Difference",
+    "Origin",
     "ReportInput",
     "arrow",
     "calibration_object",
@@ -34,6 +35,7 @@ __all__ = [
     "json_text",
     "new_figure",
     "number",
+    "origin_of",
     "overlay",
     "png",
     "print_calibration",

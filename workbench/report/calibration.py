@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import base64
+import hashlib
+import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,17 +13,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib import CalibrationResult
-from geometry import CONVENTIONS, Frame, Surface, express, target_at
+from geometry import CONVENTIONS, Frame, Surface, clean, express, target_at
 from workbench.cell import Observed
 from workbench.files import Cell, Settings, read_image, settings_text, write_text
 from workbench.report.as_text import AXES
 from workbench.report.fig7 import draw_fig7
 from workbench.report.overlays import overlay
-from workbench.report.page import jpeg, render_page, svg
+from workbench.report.page import jpeg, origin_of, render_page, svg
 from workbench.report.residuals import draw_residuals, draw_section
+from workbench.report.scene import scene_object, scene_script
 
 Array = NDArray[np.float64]
 
+# of the program's own: the page begins with it
+START = """
+{
+  const scene = JSON.parse(document.getElementById("scene").textContent), canvas = document.getElementById("cell");
+  const paper = { ground: "#ffffff", text: "#1b2328", quiet: "#8b979f", accent: "#2a6f97" };
+  const colours = { ...paper, good: "#1f7a4d", bad: "#b3261e", warn: "#8a5d00" };
+  const tell = (frame) => { document.getElementById("cell-frame").textContent = `frame ${frame}`; };
+  const view = startScene(canvas, scene, colours, tell);
+  if (view) view.step(0);
+  else canvas.parentElement.hidden = true;
+}
+"""
 QUANTILE_95 = 1.96  # of the normal distribution, both sides
 WORST = 3  # used frames that are shown beside those left out
 BANNER = {"ok": "good"} | dict.fromkeys(("model_misfit", "priors_contradict", "sensor_suspect", "weak"), "care")
@@ -66,7 +82,21 @@ def report_page(given: ReportInput) -> str:
         HTML that opens offline.
 
     """
-    return render_page("workbench.report", "report.html.j2", _content(given))
+    cell, result = given.cell, given.result
+    images = [cell.folder / (f.image or f.profile) for f in cell.frames if f.image or f.profile]
+    about = origin_of([*cell.files, *images], cell.folder, settings_text(given.settings), result.verdict.trustworthy)
+    return render_page("workbench.report", "report.html.j2", _content(given) | _in_three_dimensions(given), about)
+
+
+def _in_three_dimensions(given: ReportInput) -> dict[str, Any]:
+    """The scene and its program; the page allows this one script, by its hash."""
+    scene = scene_object(given.cell, given.result)
+    if not scene["frames"]:
+        return {"scene": "", "script": "", "script_hash": ""}
+    script = scene_script() + START
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    text = json.dumps(clean(scene), separators=(",", ":")).replace("<", "\\u003c")
+    return {"scene": text, "script": script, "script_hash": f"sha256-{digest}"}
 
 
 def _content(given: ReportInput) -> dict[str, Any]:

@@ -3,13 +3,21 @@
 from __future__ import annotations
 
 import base64
+import hashlib
 import io
+import os
+from collections.abc import Iterable
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from importlib.metadata import version
 from importlib.resources import files
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import cv2
 from numpy.typing import NDArray
 
+from workbench.files import sha256_of
 from workbench.report.as_text import number
 
 if TYPE_CHECKING:
@@ -19,14 +27,51 @@ UNDATED = {"png": {"Software": None}, "svg": {"Date": None}, "pdf": {"CreationDa
 JPEG_WIDTH_PX, JPEG_QUALITY = 1100, 82  # sharp across a page, some 100 kB a picture
 
 
-def render_page(package: str, template: str, content: dict[str, Any]) -> str:
-    """The page of a template that stands in ``package``; ``number`` is its filter for numbers that may be missing."""
+@dataclass(frozen=True)
+class Origin:
+    """What a record is of.
+
+    dataset: its name. inputs: name and SHA-256 of each file. settings_sha256: of the settings' text. passed: the
+    judgement, None where nothing is judged.
+    """
+
+    dataset: str = ""
+    inputs: tuple[tuple[str, str], ...] = ()
+    settings_sha256: str = ""
+    passed: bool | None = None
+
+
+def origin_of(paths: Iterable[Path], folder: Path, settings: str = "", passed: bool | None = None) -> Origin:
+    """The origin of what files of a folder gave; files that are gone are left out."""
+    there = sorted({p for p in paths if p.is_file()})
+    names = [(p.relative_to(folder) if p.is_relative_to(folder) else Path(p.name)).as_posix() for p in there]
+    inputs = tuple(zip(names, map(sha256_of, there), strict=True))
+    digest = hashlib.sha256(settings.encode()).hexdigest() if settings else ""
+    return Origin(folder.resolve().name, inputs, digest, passed)
+
+
+def render_page(package: str, template: str, content: dict[str, Any], origin: Origin | None = None) -> str:
+    """The page of a template that stands in ``package`` and fills the blocks of record.html.j2.
+
+    ``number`` is its filter for numbers that may be missing. The date is today's, or that of SOURCE_DATE_EPOCH.
+    """
     import jinja2
 
-    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True)
+    def load(name: str) -> str:
+        place = "workbench.report" if name == "record.html.j2" else package
+        return (files(place) / name).read_text(encoding="utf-8")
+
+    loader = jinja2.FunctionLoader(load)
+    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, loader=loader)
     environment.filters["number"] = lambda value, digits=3: number(value, digits)
-    text = (files(package) / template).read_text(encoding="utf-8")
-    return environment.from_string(text).render(**content)
+    head = {"origin": origin or Origin(), "date": _today(), "version": version("perceptron-emu")}
+    return environment.get_template(template).render(**head, **content)
+
+
+def _today() -> str:
+    given = os.environ.get("SOURCE_DATE_EPOCH", "")
+    now = datetime.fromtimestamp(int(given), UTC) if given.isdigit() else datetime.now(UTC)
+    return now.date().isoformat()
 
 
 def new_figure(width_in: float, height_in: float, columns: int = 1) -> tuple[Figure, Any]:

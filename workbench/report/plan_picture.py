@@ -13,7 +13,7 @@ from geometry import InputError, Pose, box_corners
 from geometry.sensor import housing_box
 from workbench.files import Cell, write_bytes, write_text
 from workbench.plan import HAND_MM, RANDOM_PLANS, SAFE_MM, Proposal, Standing, carrying, standing, target_boxes
-from workbench.report.page import picture_bytes, render_page, svg
+from workbench.report.page import origin_of, picture_bytes, render_page, svg
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -80,7 +80,7 @@ def write_plan_report(path: Path, cell: Cell, proposal: Proposal) -> None:
         "boxes": zip(cell.workspace.names, cell.workspace.boxes_mm.tolist(), strict=True),
         "safe_mm": SAFE_MM,
     }
-    write_text(path, render_page("workbench.report", "plan.html.j2", content))
+    write_text(path, render_page("workbench.report", "plan.html.j2", content, origin_of(cell.files, cell.folder)))
 
 
 def _panel(axis: Any, cell: Cell, arm: Standing, still: Pose, across: Array, numbers: list[int]) -> None:

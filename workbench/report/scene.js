@@ -58,7 +58,8 @@
         if (!current) continue;
         const joints = f.arm.length > 1 ? [[0, 0, 0], ...f.arm] : f.arm;
         joints.forEach((p, i) => { if (i) line(joints[i - 1], p, arm); dots.push([...p, ...arm]); });
-        if (joints.length) line(joints[joints.length - 1], f.sensor, arm);
+        if (joints.length && !f.target.length) line(joints[joints.length - 1], f.sensor, arm);
+        for (const [a, b] of f.target) line(a, b, rgba(colours.accent));
         f.sheet.forEach((p, i) => {
           const q = f.sheet[(i + 1) % f.sheet.length], ink = rgba(colours.bad, 0.16);
           line(p, q, rgba(colours.bad, 0.8));

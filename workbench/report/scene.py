@@ -50,6 +50,8 @@ def scene_object(cell: Cell, result: CalibrationResult) -> dict[str, Any]:
         }
         for name, place in places.items()
     ]
+    if cell.mount == "fixed":  # the hand carries the targets: each frame has its own
+        targets = []
     return {"targets": targets, "frames": [f for f in frames if f is not None]}
 
 
@@ -62,7 +64,10 @@ def _frame(cell: Cell, result: CalibrationResult, frame: Frame, T_hand_sensor: P
     hand, joints = _arm(cell, result, frame)
     if hand is None:
         return None
-    sensor = hand @ T_hand_sensor
+    fixed = cell.mount == "fixed"
+    sensor = T_hand_sensor if fixed else hand @ T_hand_sensor
+    carried = result.locations[frame.location].T_base_target if fixed and frame.location in result.locations else None
+    target = None if carried is None else _lines(target_at(cell.target, frame.location), hand @ carried)
     outline = field_of_view_of(cell.sensor)
     sheet = np.zeros((0, 3)) if outline is None else sensor @ _in_sheet(np.asarray(outline))
     points, residuals = frame.axis.yz_mm, frame.residual_mm
@@ -79,6 +84,7 @@ def _frame(cell: Cell, result: CalibrationResult, frame: Frame, T_hand_sensor: P
         "laser": _rounded((sensor @ np.asarray(cell.sensor.sheet.origin_mm))[None])[0],
         "sheet": _rounded(sheet),
         "points": _rounded(on),
+        "target": [] if target is None else _rounded(target),
     }
 
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from calib.sensor import SensorCalibration
 from geometry.sensor import CAMERA_PARAMETERS
-from workbench.files import write_text
-from workbench.report import render_page, svg
+from workbench.files import LOSSY_SUFFIXES, write_text
+from workbench.report import origin_of, render_page, svg
 from workbench.sensor.advice import next_views, weak_directions
 from workbench.sensor.pictures import coverage_figure, plane_figure, reprojection_figure, views_figure
 from workbench.sensor.recording import Recording
@@ -52,7 +52,9 @@ def write_sensor_report(
         "next_views": next_views(result, size) if solved else [],
         "lost": recording.lost,
     }
-    write_text(path, render_page("workbench.sensor", "page.html.j2", content))
+    pictures = [p for p in folder.rglob("*") if p.suffix.lower() in LOSSY_SUFFIXES or p.name == "board.toml"]
+    about = origin_of(pictures, folder, passed=result.verdict.code in ("ok", "weak"))
+    write_text(path, render_page("workbench.sensor", "page.html.j2", content, about))
 
 
 def _rows(result: SensorCalibration) -> list[dict[str, Any]]:

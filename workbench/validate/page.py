@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from workbench.files import write_text
-from workbench.report import json_text, render_page, svg
+from workbench.report import Origin, json_text, render_page, svg
 from workbench.validate.drawing import CLUTTER, FACTORS
 from workbench.validate.measure import Measured
 from workbench.validate.plots import bias_map, curve_plot, pull_plot
@@ -57,6 +57,7 @@ def write_pages(
     thresholds: Thresholds,
     failed: Sequence[Failure],
     worst: Sequence[dict[str, Any]],
+    origin: Origin | None = None,
 ) -> None:
     """Write report.html, strings.csv, frames.csv, result.json and, of drawn sensors, drawn_sensors.csv into ``out``."""
     curves = {factor: curve(measured, factor) for factor in FACTORS}
@@ -71,7 +72,7 @@ def write_pages(
         "curves": [(UNITS[f], svg(curve_plot(UNITS[f], points))) for f, points in curves.items() if len(points) > 1],
         "worst": worst,
     }
-    write_text(out / "report.html", render_page("workbench.validate", "page.html.j2", content))
+    write_text(out / "report.html", render_page("workbench.validate", "page.html.j2", content, origin))
     write_text(out / "strings.csv", _csv(measured.strings))
     if measured.by_drawn_sensors:
         write_text(out / "drawn_sensors.csv", _csv(measured.by_drawn_sensors))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +27,7 @@ from workbench.campaign.results.summary import (
 )
 from workbench.campaign.trial.trial import one_trial_frame
 from workbench.files import write_text
-from workbench.report import png, render_page
+from workbench.report import origin_of, png, render_page
 
 WORST = 4  # worst trials that are shown
 NO_BOUND = "∞"
@@ -58,7 +59,8 @@ def write_page(folder: Path, target: AskedAccuracy, out: Path | None = None) -> 
     """
     run = read_run(folder)
     path = out or folder / "report.html"
-    write_text(path, render_page("workbench.campaign.results", "page.html.j2", _content(run, target)))
+    about = replace(origin_of(folder.glob("*.json"), folder), settings_sha256=run.plan.fingerprint)
+    write_text(path, render_page("workbench.campaign.results", "page.html.j2", _content(run, target), about))
     return path
 
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.table import Table
@@ -11,6 +12,9 @@ from rich.table import Table
 from workbench import defaults
 from workbench.cli import exit_codes
 from workbench.cli.console import progress_bar, say_on_stdout, standard_error, standard_output
+
+if TYPE_CHECKING:
+    from workbench.report import Origin
 
 
 def command(
@@ -47,7 +51,7 @@ def command(
 ) -> None:
     """Measure point extraction against truth: detection, false points, labels, bias, scatter, honest σ, the bound."""
     from geometry import InputError
-    from workbench.files import read_settings
+    from workbench.files import read_settings, settings_text
     from workbench.validate import (
         WORDS,
         Thresholds,
@@ -76,7 +80,8 @@ def command(
             validation = validate_drawn(sensor, jig, frames, seed, settings, progress, draw_sensor)
     result = figures(validation.measured)
     failed = failures(result, limits)
-    write_pages(out, validation.measured, result, limits, failed, validation.worst)
+    about = _origin(dataset, settings_text(settings), None if thresholds is None else not failed)
+    write_pages(out, validation.measured, result, limits, failed, validation.worst, about)
     if as_json:
         say_on_stdout((out / "result.json").read_text(encoding="utf-8").rstrip("\n"))
     else:
@@ -87,6 +92,18 @@ def command(
         standard_error().print(f"threshold {failure.key} = {failure.limit:g} not held: {shown}", markup=False)
     if failed:
         raise typer.Exit(exit_codes.THRESHOLD)
+
+
+def _origin(dataset: Path | None, settings: str, passed: bool | None) -> Origin:
+    """What the record is of: the dataset's files, or frames that were rendered for it."""
+    from workbench.files import read_cell
+    from workbench.report import origin_of
+
+    if dataset is None:
+        return replace(origin_of((), Path(), settings, passed), dataset="frames rendered for this record")
+    cell = read_cell(dataset)
+    images = [cell.folder / (f.image or f.profile) for f in cell.frames if f.image or f.profile]
+    return origin_of([*cell.files, *images], cell.folder, settings, passed)
 
 
 def _of_a_twin(path: Path) -> str:

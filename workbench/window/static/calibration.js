@@ -91,7 +91,7 @@ function verdict(r) {
 }
 
 const cells = (list, tag = "td") => list.map((x) => el(tag, {}, x));
-const headed = (names, rows) => el("table", {}, el("thead", {}, el("tr", {}, cells(names.map((n) => t(n)), "th"))), el("tbody", {}, rows));
+const headed = (names, rows) => el("table", {}, el("thead", {}, el("tr", {}, names.map((n) => el(n ? "th" : "td", {}, t(n))))), el("tbody", {}, rows));
 
 // The roles of the locations, and what stands there.
 function choices() {

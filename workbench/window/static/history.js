@@ -38,7 +38,7 @@ function render() {
   const now = text();
   clear($("history"), el("div", { class: "page-head" }, el("h2", {}, t("Sets of parameters")),
     el("button", { id: "keep-set", onclick: () => keep(t`set ${sets.length + 1}`) }, t("Keep as it stands"))),
-  el("table", { id: "sets" }, el("thead", {}, el("tr", {}, el("th", {}, t("set")), el("th", {}, t("time")), shown.map(([, title]) => el("th", {}, t(title))), el("th", {}))),
+  el("table", { id: "sets" }, el("thead", {}, el("tr", {}, el("th", {}, t("set")), el("th", {}, t("time")), shown.map(([, title]) => el("th", {}, t(title))), el("td", {}))),
     el("tbody", {}, sets.map((s) => el("tr", { "aria-current": String(s.text === now) },
       el("td", {}, s.name), el("td", {}, s.at.toLocaleTimeString(document.documentElement.lang)),
       shown.map(([key, , digits]) => el("td", {}, scores.has(s.text) ? number(scores.get(s.text)[key], digits) : "…")),

@@ -39,6 +39,7 @@ async function start() {
   $("title").title = session.folder;
   document.title = `${session.title} · ${t("Process window")}`;
   $("language").textContent = language.toUpperCase();
+  $("language").setAttribute("aria-label", `${language.toUpperCase()}: ${t("English or German")}`);
   $("open").hidden = !session.can_reopen;
   $("calibrate").disabled = !session.can_calibrate;
   $("calibrate").title = session.can_calibrate ? t("Run pose and calibration on what is found (C)") : t(session.no_calibration);

@@ -29,7 +29,6 @@ export function addToStrip() {
 
 const entry = (image, i) => el("button", {
     title: image.name, data: { index: i }, onclick: () => go(i), onkeydown: arrows, tabIndex: i ? -1 : 0,
-    "aria-label": t`Image ${image.frame}, ${image.name}`,
   },
   el("img", { src: `api/thumbnail/${i}`, alt: "", loading: "lazy", decoding: "async" }),
   el("span", { class: "badge", data: { badge: "" } }, "…"),
