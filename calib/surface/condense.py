@@ -80,15 +80,22 @@ def condensed(frames: Sequence[Frame], target: Target | Mapping[str, Target]) ->
 
 def _curves(axis: AxisPoints, target: Surface) -> dict[str, _Curve]:
     out = {}
-    labels = np.array(axis.label)
     for name in target.features:
-        mine = np.flatnonzero(labels == name)
+        mine = _points_of(axis, name)
         if target.section is not None and len(mine) >= _FEWEST[target.section]:
             fit = _line if target.section == "line" else _circle
             found = fit(axis.yz_mm[mine], axis.cov_yz_mm2[mine])
             if found is not None:
                 out[name] = found
     return out
+
+
+def _points_of(axis: AxisPoints, name: str) -> Index:
+    """Which points lie on a feature; arrays of a thousand words would cost as much as the fit."""
+    count = axis.label.count(name)
+    if count in (0, len(axis)):
+        return np.arange(count)
+    return np.array([k for k, label in enumerate(axis.label) if label == name], dtype=np.intp)
 
 
 def _nodes(axis: AxisPoints, curves: Mapping[str, _Curve], factor: float) -> AxisPoints:
@@ -103,7 +110,7 @@ def _nodes(axis: AxisPoints, curves: Mapping[str, _Curve], factor: float) -> Axi
             yz.append(c.nodes)
             cov.append(factor * c.variance[:, None, None] * across + _ALONG_MM**2 * along)
         else:
-            mine = np.flatnonzero(np.array(axis.label) == name)
+            mine = _points_of(axis, name)
             mine = mine[np.unique(np.linspace(0, len(mine) - 1, min(len(mine), _MOST_KEPT)).astype(int))]
             yz.append(axis.yz_mm[mine])
             cov.append(axis.cov_yz_mm2[mine])
@@ -139,11 +146,12 @@ def _circle(yz: Array, cov: Array) -> _Curve | None:
     if found is None:
         return None
     centre, radius, weight = found
-    away = yz - centre
-    distance = np.hypot(*away.T)
-    mean = away.T @ weight
+    away = np.ascontiguousarray((yz - centre).T)
+    distance = np.hypot(away[0], away[1])
+    mean = away @ weight
     turn = np.arctan2(mean[1], mean[0])
-    angle = np.arctan2(*(away @ np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])).T[::-1])
+    cos, sin = np.cos(turn), np.sin(turn)
+    angle = np.arctan2(cos * away[1] - sin * away[0], cos * away[0] + sin * away[1])
     root = np.sqrt(weight)
     triangular = np.linalg.qr(_circle_basis(angle) * root[:, None], mode="r")
     if np.min(np.abs(np.diag(triangular))) < 1e-9 * np.max(np.abs(np.diag(triangular))):
@@ -172,30 +180,31 @@ def _circle_basis(angle: Array) -> Array:
 def _fitted_circle(yz: Array, cov: Array) -> tuple[Array, float, Array] | None:
     """Centre, radius and the points' weights across the curve; None where the points make no arc."""
     middle = yz.mean(axis=0)
-    p = yz - middle
-    size = float(np.sqrt(np.mean(np.sum(p**2, axis=1))))
+    y, z = np.ascontiguousarray((yz - middle).T)  # contiguous: a third of the time
+    square_sum = y * y + z * z
+    size = float(np.sqrt(np.mean(square_sum)))
     if size <= 0:
         return None
-    p = p / size
-    y, z = p.T
-    rows = np.stack([2 * y, 2 * z, np.ones(len(p))])
+    y, z = y / size, z / size
+    rows = np.ones((3, len(y)))
+    rows[0], rows[1] = 2 * y, 2 * z
     moments = rows @ rows.T
     if np.linalg.cond(moments) > _FLAT_ARC:
         return None
-    solution = np.linalg.solve(moments, rows @ (y**2 + z**2))
+    solution = np.linalg.solve(moments, rows @ (square_sum / size**2))
     square = float(solution[2] + solution[:2] @ solution[:2])
     if not 0 < square < _LARGEST**2:
         return None
     centre, radius = solution[:2], float(np.sqrt(square))
-    cyy, cyz, czz = cov[:, 0, 0], 2 * cov[:, 0, 1], cov[:, 1, 1]
-    weight = np.ones(len(p))
+    cyy, cyz, czz = np.ascontiguousarray(np.stack([cov[:, 0, 0], 2 * cov[:, 0, 1], cov[:, 1, 1]]))
+    weight = np.ones(len(y))
     for k in range(_STEPS):
         dy, dz = y - centre[0], z - centre[1]
-        distance = np.maximum(np.hypot(dy, dz), 1e-12)
+        distance = np.maximum(np.sqrt(dy * dy + dz * dz), 1e-12)
         ny, nz = dy / distance, dz / distance
         if k < _WEIGHED:  # the weights need the normals, and hardly change with them
             weight = 1 / np.maximum(ny * ny * cyy + ny * nz * cyz + nz * nz * czz, 1e-12)
-        rows = np.stack([ny, nz, np.ones(len(p))])
+        rows[0], rows[1] = ny, nz
         weighted = rows * weight
         try:
             step = np.linalg.solve(weighted @ rows.T, weighted @ (distance - radius))

@@ -72,9 +72,8 @@ def observe_boards(
 ) -> list[BoardView]:
     """Views of a board, tilted by up to ``tilt_rad`` about both axes, with every ``step``-th point of its stripe."""
     noise = noise or BoardNoise()
-    corners = SQUARE_MM * np.stack(np.meshgrid(np.arange(INNER_CORNERS[0]), np.arange(INNER_CORNERS[1])), -1).reshape(
-        -1, 2
-    )
+    row, column = np.divmod(np.arange(INNER_CORNERS[0] * INNER_CORNERS[1]), INNER_CORNERS[0])
+    corners: Array = np.stack([column, row], -1) * np.float64(SQUARE_MM)
     views = []
     for k in range(count):
         a, b = rng.uniform(-tilt_rad, tilt_rad, 2) if tilt_rad > 0 else (0.1, 0.2)

@@ -111,12 +111,8 @@ def _one_amount(n: int, rng: np.random.Generator) -> np.ndarray:
 
 
 def _two_by_two(n: int, rng: np.random.Generator) -> np.ndarray:
-    """Two amounts about each of two axes, to both sides."""
-    k = rng.integers(0, 4, n)
-    amounts = np.array([0.15, 0.4])[k // 2] * rng.choice([-1.0, 1.0], n)
-    return np.where(
-        (k % 2)[:, None] == 0, np.column_stack([amounts, 0 * amounts]), np.column_stack([0 * amounts, amounts])
-    )
+    """Each of two amounts about one axis with each of two about the other: four tilts."""
+    return np.column_stack([rng.choice([-0.35, 0.25], n), rng.choice([-0.3, 0.4], n)])
 
 
 _TILTS = {

@@ -1,7 +1,8 @@
 """Calibration boards in pictures: corners or dots localised with covariance, and a laser's stripe on them."""
 
+from extraction.board.charuco import dictionary
 from extraction.board.find import find_board
 from extraction.board.found import BoardCorners, NoBoard
 from extraction.board.stripe import room_light_in_both, stripe_on_board
 
-__all__ = ["BoardCorners", "NoBoard", "find_board", "room_light_in_both", "stripe_on_board"]
+__all__ = ["BoardCorners", "NoBoard", "dictionary", "find_board", "room_light_in_both", "stripe_on_board"]

@@ -52,7 +52,23 @@ def find_charuco(image: NDArray[np.uint8], board: Board, usable: Mask) -> BoardC
 
 
 def dictionary(name: str) -> cv2.aruco.Dictionary:
-    """OpenCV's dictionary of that name; InputError where it has none."""
+    """OpenCV's dictionary of markers.
+
+    Parameters
+    ----------
+    name
+        Such as "DICT_4X4_50"; the prefix may be left out.
+
+    Returns
+    -------
+    dictionary
+        Of OpenCV's own kind.
+
+    Raises
+    ------
+    InputError
+        Where it has none of that name.
+    """
     key = name if name.startswith("DICT_") else f"DICT_{name}"
     number = getattr(cv2.aruco, key, None)
     if not isinstance(number, int):

@@ -22,6 +22,7 @@ Mask = NDArray[np.bool_]
 WINDOW_SHARE = 0.5  # of the distance of neighbours: the next dots stay out
 MIN_PIXELS = 20  # of a dot that has a middle worth the name
 MIN_DOTS = 12
+MAX_NOISE, MAX_AREA = 3.0, 0.1  # of a dot against the usual: beyond, a stripe or an edge of something lies across it
 BLUR_PX = 0.8  # of an edge whose width moments do not tell
 
 
@@ -54,9 +55,12 @@ def _localised(image: NDArray[np.uint8], board: Board, start: Array, usable: Mas
     good = np.array([m is not None for m in measured])
     if good.sum() < MIN_DOTS:
         return NoBoard("too few dots are clear")
-    table = np.array([m for m in measured if m is not None])
+    table, xy = np.array([m for m in measured if m is not None]), xy[good]
+    clear = _alike(table, xy)
+    if clear.sum() < MIN_DOTS:
+        return NoBoard("too few dots are clear: something lies across most of them")
+    table, xy = table[clear], xy[clear]
     uv, area, noise, contrast = table[:, :2], table[:, 2], table[:, 3], table[:, 4]
-    xy = xy[good]
     h = board_homography(xy, uv)
     for _ in range(2):  # the homography of the middles, then with the middles set right
         radius = float(np.sqrt(np.median(area / _areas(h, xy)) / np.pi))
@@ -68,6 +72,14 @@ def _localised(image: NDArray[np.uint8], board: Board, start: Array, usable: Mas
         BLUR_PX,
         float(np.median(contrast)),
     )
+
+
+def _alike(table: Array, xy: Array) -> Mask:
+    """Which dots (N,) have the usual noise about them and the size that the board's pose gives."""
+    h = board_homography(xy, table[:, :2])
+    size = table[:, 2] / _areas(h, xy)
+    usual = np.abs(size / np.median(size) - 1) < MAX_AREA
+    return np.asarray(usual & (table[:, 3] < MAX_NOISE * np.median(table[:, 3])))
 
 
 def _dot(

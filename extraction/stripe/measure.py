@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from extraction.order import median
+from extraction.order import mean, median_of
 from extraction.stripe.chain import Chain
 from extraction.stripe.model import Records
 from extraction.stripe.ridge import FLANK
@@ -77,9 +77,10 @@ def measure(grey: NDArray[Any], ridge: Ridge, clip: float, empty: Records) -> tu
         found = one_bump(found)
     if found.peaks == 0:
         return track, np.empty(0, empty.dtype)
-    track = Track(track.first, track.place + (found.first if found.peaks == 1 else 0.0), track.width)
+    for i in range(n):
+        track.place[i] += found.first if found.peaks == 1 else 0.0
     if found.peaks == 1 and contrast > CLEAR and not rough:
-        sigma, skip = found.width / track.width[a:b].mean(), min(WALK_NODES * step, (stop - start) // 2)
+        sigma, skip = found.width / mean(track.width[a:b]), min(WALK_NODES * step, (stop - start) // 2)
         walk_out(grey, track.first, track.place, start + skip, -1, sigma, found.height)
         walk_out(grey, track.first, track.place, stop - skip, 1, sigma, found.height)
         track = Track(track.first, track.place, secant(track.place))
@@ -87,11 +88,11 @@ def measure(grey: NDArray[Any], ridge: Ridge, clip: float, empty: Records) -> tu
     if rough:
         light_on_rough_ground(grey, track.first, track.place, found.width, light)
         lit = np.empty((1, 2), np.int64)
-        lit[0] = start, stop
+        lit[0, 0], lit[0, 1] = start, stop
     else:
-        across = found.width / track.width[a:b].mean()
+        across = found.width / mean(track.width[a:b])
         half = across if found.peaks == 1 else 0.5 * (found.second - found.first) + found.width
-        light_along(grey, track.first, track.place, np.maximum(0.5, half * track.width), light)
+        light_along(grey, track.first, track.place, track.width, half, light)
         lit = lit_pieces(light, start, stop)
     return track, _pieces(grey, track, light, lit, rough, found, (start, stop), profile, reach, clip, empty)
 
@@ -107,20 +108,23 @@ def _pieces(
         low, high = lit_reach(light, lit[k, 0], lit[k, 1])
         low = max(lit[k - 1, 1] if k else 0, low)
         high = min(lit[k + 1, 0] if k + 1 < len(lit) else len(light), high)
-        least = LEAST_END * median(light[lit[k, 0] : lit[k, 1]].copy())
+        least = LEAST_END * median_of(light, lit[k, 0], lit[k, 1])
         length = lit[k, 1] - lit[k, 0]
         ends[k, 0] = low + likeliest_end(light[low:high], lit[k, 0] - low, length, least, rough)
-        backwards = light[low:high][::-1].copy()
+        backwards = np.empty(high - low)
+        for i in range(high - low):
+            backwards[i] = light[high - 1 - i]
         ends[k, 1] = high - likeliest_end(backwards, high - lit[k, 1], length, least, rough)
     for k in range(len(lit) - 1):
-        ends[len(lit) + k] = ends[k, 1] + DARK_MARGIN, ends[k + 1, 0] - DARK_MARGIN
+        ends[len(lit) + k, 0] = ends[k, 1] + DARK_MARGIN
+        ends[len(lit) + k, 1] = ends[k + 1, 0] - DARK_MARGIN
     out, number = np.empty(len(ends), empty.dtype), 0
     for k in range(max(2 * len(lit) - 1, 0)):
-        start, stop = ends[k]
+        start, stop = ends[k, 0], ends[k, 1]
         if stop - start < _SHORTEST:
             continue
         shape = found
-        if k or (start, stop) != inside:
+        if k or start != inside[0] or stop != inside[1]:
             a, b = middle(start, stop)
             shape = _profile_of(grey, track.first + a, track.place[a:b], profile, reach, clip)
             if shape.peaks == 2 and found.peaks == 1:
@@ -128,7 +132,8 @@ def _pieces(
         if shape.peaks:
             row = out[number]
             row.start, row.stop, row.dark = start, stop, k >= len(lit)
-            row.peaks, row.first, row.second, row.width, row.height, row.flat = shape
+            row.peaks, row.first, row.second = shape.peaks, shape.first, shape.second
+            row.width, row.height, row.flat = shape.width, shape.height, shape.flat
             number += 1
     return out[:number]
 
@@ -166,7 +171,9 @@ def _brightest(section: Array, response: Array, step: int, first: int, start: in
     nodes = max(1, PROFILE_SECTIONS // step)
     if len(section) <= nodes:
         return start, stop
-    total = response[:nodes].sum()
+    total = 0.0
+    for k in range(nodes):
+        total += response[k]
     best, largest = 0, math.floor(total * 1e6 + 0.5)
     for k in range(1, len(section) - nodes + 1):
         total += response[k + nodes - 1] - response[k - 1]

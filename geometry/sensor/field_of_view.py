@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from geometry.compiled import kernel
 from geometry.errors import InputError
 from geometry.sensor.camera import Camera, undistort_near
 from geometry.sensor.sensor import Sensor
@@ -64,12 +65,22 @@ def field_of_view(sensor: Sensor, margin_px: float = 0.0, samples_per_side: int 
 
 def inside_polygon(points: Array, polygon: Array) -> NDArray[np.bool_]:
     """Whether each point (..., 2) lies inside the simple polygon (N, 2) (crossing number)."""
-    p = np.asarray(points, dtype=float)[..., None, :]
-    a, b = polygon, np.roll(polygon, -1, axis=0)
-    straddles = (a[:, 1] > p[..., 1]) != (b[:, 1] > p[..., 1])
-    slope = (b[:, 0] - a[:, 0]) / np.where(b[:, 1] == a[:, 1], 1.0, b[:, 1] - a[:, 1])
-    left = p[..., 0] < a[:, 0] + slope * (p[..., 1] - a[:, 1])
-    return np.asarray(np.sum(straddles & left, axis=-1) % 2 == 1)
+    p = np.ascontiguousarray(points, dtype=float)
+    return _inside(p.reshape(-1, 2), np.array(polygon, dtype=float, order="C")).reshape(p.shape[:-1])
+
+
+@kernel
+def _inside(points: Array, polygon: Array) -> NDArray[np.bool_]:
+    out = np.zeros(len(points), np.bool_)
+    for k in range(len(points)):
+        x, y, within = points[k, 0], points[k, 1], False
+        for i in range(len(polygon)):
+            j = i + 1 if i + 1 < len(polygon) else 0
+            if (polygon[i, 1] > y) != (polygon[j, 1] > y):
+                slope = (polygon[j, 0] - polygon[i, 0]) / (polygon[j, 1] - polygon[i, 1])
+                within ^= x < polygon[i, 0] + slope * (y - polygon[i, 1])
+        out[k] = within
+    return out
 
 
 def _image_border(c: Camera, margin_px: float, n: int) -> Array:

@@ -12,6 +12,7 @@ import pytest
 
 from extraction.board import NoBoard, find_board
 from geometry import Board, Pose
+from tests.workbench.board_pictures import pictured, pose_of, radius_mm, truth_px
 from workbench.cli.main import run
 from workbench.emulate import board_solids
 from workbench.files import board_text, find_views, read_board, read_sensor
@@ -172,3 +173,50 @@ def test_exports_hold_the_camera() -> None:
     assert "camera_matrix" in exported(sensor, "ros")
     storage = cv2.FileStorage(exported(sensor, "opencv"), cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
     np.testing.assert_allclose(storage.getNode("camera_matrix").mat(), camera.matrix, rtol=0, atol=1e-9)
+
+
+KINDS = (
+    Board("circles", 8, 6, 10.0),
+    Board("asymmetric_circles", 4, 9, 8.0),
+    Board("charuco", 7, 5, 12.0, 8.0, "DICT_4X4_50"),
+)
+
+
+@pytest.mark.parametrize("board", KINDS, ids=lambda b: b.kind)
+def test_other_boards_are_found_with_a_stripe_across_them(board: Board) -> None:
+    """Steeply tilted, so that a dot's middle is off its image's by more than is allowed here; 0.03 px is its own class.
+
+    The pictures are made by OpenCV's lens and the pattern's own geometry; what the stripe lies on is left out.
+    """
+    R, t = pose_of(board, (0.5, -0.3), 0.2, (4.0, -3.0, 280.0))
+    found = find_board(pictured(board, R, t, np.random.default_rng(1), "both"), board)
+    assert not isinstance(found, NoBoard), found.reason
+    truth = truth_px(board, R, t)
+    nearest = np.linalg.norm(found.uv_px[:, None] - truth, axis=-1).argmin(axis=1)
+    error = found.uv_px - truth[nearest]
+    assert len(found) > 0.6 * len(truth)
+    np.testing.assert_allclose(found.xy_mm, board.points_mm[nearest], atol=1e-9)
+    assert np.sqrt(np.mean(error**2)) < 0.03
+    assert np.abs(error.mean(axis=0)).max() < 0.01
+
+
+def test_a_charuco_board_is_found_in_part() -> None:
+    board = KINDS[2]
+    R, t = pose_of(board, (0.2, 0.3), 0.1, (0.0, 0.0, 280.0))
+    image = pictured(board, R, t, np.random.default_rng(2))
+    image[:, :300] = 60
+    found = find_board(image, board)
+    assert not isinstance(found, NoBoard), found.reason
+    assert 6 <= len(found) < len(board.points_mm)
+    truth = truth_px(board, R, t)[[int(np.argmin(np.linalg.norm(board.points_mm - p, axis=1))) for p in found.xy_mm]]
+    assert np.abs(found.uv_px - truth).max() < 0.15
+
+
+@pytest.mark.parametrize("board", KINDS, ids=lambda b: b.kind)
+def test_every_kind_of_board_is_drawn(board: Board) -> None:
+    paper, ink = board_solids(board, Pose.identity())
+    share = ink.mesh.area / paper.mesh.area
+    assert 0.1 < share < 0.6
+    if board.kind != "charuco":
+        radius = radius_mm(board)
+        assert ink.mesh.area == pytest.approx(len(board.points_mm) * np.pi * radius**2, rel=1e-9)

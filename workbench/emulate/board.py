@@ -8,9 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from extraction.board import dictionary
 from geometry import Board, InputError, Pose, Sensor, exp_so3, field_of_view, rounded
 from geometry.sensor import project
 from perceptron_emu import EmulatorConfig, Material, Scene, Solid, mean_electrons, render
@@ -26,6 +28,10 @@ MARGIN = 1.0  # pitches of white around the squares
 LIT_SHARE = 0.55  # of the full well, of the white squares when the board is lit
 TILT_DEG = (8.0, 40.0)  # of boards about their own axes: what calibration wants
 INSIDE_PX = 12.0  # of every corner from the image's border
+INK_MM = -1e-3  # of the ink along the board's z: before the paper, by less than anything sees
+# radius of dots over the pitch, which of asymmetric ones is half of a row's step
+DOT_SHARE = {"circles": 0.3, "asymmetric_circles": 0.42}
+DOT_SIDES = 48  # of the polygons that dots are drawn as, of their area
 _TRIES = 400  # poses drawn for one view before the board is said to be too large
 
 
@@ -39,12 +45,12 @@ class BoardRecording:
 
 
 def board_solids(board: Board, T_sensor_board: Pose) -> tuple[Solid, Solid]:
-    """The bright and the dark squares of a checkerboard, as two solids that lie side by side in one plane.
+    """The bright and the dark parts of a board as two solids: side by side in one plane, or the ink on the paper.
 
     Parameters
     ----------
     board
-        A checkerboard; others are not drawn.
+        What is printed. Dots are as wide as boards usually have them; a ChArUco board is OpenCV's.
     T_sensor_board
         Its frame in {P}: origin at the first inner corner, z into the board.
 
@@ -56,10 +62,17 @@ def board_solids(board: Board, T_sensor_board: Pose) -> tuple[Solid, Solid]:
     Raises
     ------
     InputError
-        Where the board is no checkerboard.
+        Where a ChArUco board's dictionary is unknown.
     """
     if board.kind != "checkerboard":
-        raise InputError(f'render --board draws kind = "checkerboard", not "{board.kind}"')
+        low, high = board.points_mm.min(axis=0), board.points_mm.max(axis=0)
+        edge = (1.0 + MARGIN) * board.pitch_mm
+        paper = _square(*(low - edge), *(high - low + 2 * edge))
+        ink = _markers_and_squares(board) if board.kind == "charuco" else _dots(board)
+        return (
+            Solid(_together([paper]), WHITE, T_sensor_board, "paper"),
+            Solid(_together(ink), BLACK, T_sensor_board, "ink"),
+        )
     p = board.pitch_mm
     bright: list[Array] = []
     dark: list[Array] = []
@@ -80,13 +93,40 @@ def _square(x: float, y: float, width: float, height: float) -> Array:
     return np.array([[x, y, 0], [x + width, y, 0], [x + width, y + height, 0], [x, y + height, 0]], dtype=float)
 
 
-def _together(squares: list[Array]) -> trimesh.Trimesh:
-    """One mesh of all rectangles, two triangles each."""
+def _dots(board: Board) -> list[Array]:
+    """Polygons of the dots' area, a hair before the paper."""
+    turn = 2 * np.pi * np.arange(DOT_SIDES) / DOT_SIDES
+    radius = DOT_SHARE[board.kind] * board.pitch_mm
+    radius *= np.sqrt(2 * np.pi / DOT_SIDES / np.sin(2 * np.pi / DOT_SIDES))
+    rim = radius * np.stack([np.cos(turn), np.sin(turn), np.zeros(DOT_SIDES)], -1)
+    return [rim + np.array([x, y, INK_MM]) for x, y in board.points_mm]
+
+
+def _markers_and_squares(board: Board) -> list[Array]:
+    """The dark squares of a ChArUco board and the dark modules of its markers, a hair before the paper."""
+    words, p = dictionary(board.dictionary), board.pitch_mm
+    printed = cv2.aruco.CharucoBoard((board.columns + 1, board.rows + 1), p, board.marker_mm, words)
+    modules = words.markerSize + 2
+    side = board.marker_mm / modules
+    out, white = [], set()
+    for number, corners in zip(np.ravel(printed.getIds()), printed.getObjPoints(), strict=True):
+        x, y = np.asarray(corners, dtype=float)[:, :2].min(axis=0)
+        white.add((int(y // p), int(x // p)))
+        bits = cv2.aruco.generateImageMarker(words, int(number), modules, borderBits=1)
+        out += [_square(x - p + j * side, y - p + i * side, side, side) for i, j in np.argwhere(bits == 0)]
+    places = ((i, j) for i in range(board.rows + 1) for j in range(board.columns + 1))
+    out += [_square((j - 1) * p, (i - 1) * p, p, p) for i, j in places if (i, j) not in white]
+    return [polygon + np.array([0, 0, INK_MM]) for polygon in out]
+
+
+def _together(polygons: list[Array]) -> trimesh.Trimesh:
+    """One mesh of convex polygons of equally many corners, each a fan of triangles."""
     import trimesh  # a quarter of a second, and most commands build no mesh
 
-    first = 4 * np.arange(len(squares))[:, None, None]
-    faces = (first + np.array([[0, 1, 2], [0, 2, 3]])).reshape(-1, 3)
-    return trimesh.Trimesh(np.concatenate(squares), faces, process=False)
+    sides = len(polygons[0])
+    first = sides * np.arange(len(polygons))[:, None, None]
+    fan = np.array([[0, k, k + 1] for k in range(1, sides - 1)])
+    return trimesh.Trimesh(np.concatenate(polygons), (first + fan).reshape(-1, 3), process=False)
 
 
 def planned_boards(sensor: Sensor, board: Board, count: int, rng: np.random.Generator) -> tuple[Pose, ...]:
@@ -153,7 +193,7 @@ def record_boards(
     sensor, emulator
         The sensor and how it is emulated.
     board
-        A checkerboard.
+        What is recorded.
     count
         Number of views.
     seed

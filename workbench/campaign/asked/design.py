@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import qmc
 
 from geometry import InputError
 from workbench.campaign.asked.plan import MAX_TRIALS, Plan, Range
@@ -42,6 +41,8 @@ def _unit_cube(plan: Plan, samples: int) -> NDArray[np.float64]:
         return np.zeros((samples, 0))
     if plan.design == "random":
         return rng.random((samples, dimensions))
+    from scipy.stats import qmc  # half a second, and workers need none of it
+
     if plan.design == "latin_hypercube":
         return np.asarray(qmc.LatinHypercube(dimensions, rng=rng).random(samples))
     power = int(np.ceil(np.log2(max(samples, 1))))  # Sobol points are balanced in powers of two only

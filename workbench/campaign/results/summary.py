@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
-from scipy.stats import beta, binom, chi2
 
 from calib.result import TRUSTWORTHY
 from geometry import InputError
@@ -135,6 +134,8 @@ def consistency(run: Run) -> Consistency | None:
     n = len(nees)
     if n == 0:
         return None
+    from scipy.stats import chi2  # half a second, and workers need none of it
+
     inside = int(np.sum(nees <= chi2.ppf(LEVEL, 6)))
     bounds = (float(chi2.ppf(0.025, 6 * n) / n), float(chi2.ppf(0.975, 6 * n) / n))
     return Consistency(n, float(nees.mean()), bounds, inside / n, proportion_band(inside, n))
@@ -167,6 +168,8 @@ def worst_frame(run: Run, trial: int) -> int:
 
 def proportion_band(hits: int, n: int) -> tuple[float, float]:
     """95 % confidence interval of a proportion (Clopper & Pearson 1934)."""
+    from scipy.stats import beta  # half a second, and workers need none of it
+
     low = float(beta.ppf(0.025, hits, n - hits + 1)) if hits else 0.0
     high = float(beta.ppf(0.975, hits + 1, n - hits)) if hits < n else 1.0
     return low, high
@@ -180,6 +183,8 @@ def quantile_band(ordered: Array, q: float) -> tuple[float, tuple[float, float]]
     n = len(ordered)
     if n == 0:
         return float("nan"), (float("nan"), float("nan"))
+    from scipy.stats import binom  # half a second, and workers need none of it
+
     low, high = int(binom.ppf(0.025, n, q)) - 1, int(binom.ppf(0.975, n, q))
     band = (float(ordered[low]) if low >= 0 else 0.0, float(ordered[high]) if high < n else float("inf"))
     return float(np.quantile(ordered, q, method="inverted_cdf")), band
