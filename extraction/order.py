@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from geometry.compiled import kernel
@@ -53,3 +54,21 @@ def median(values: NDArray[Any]) -> float:
     for i in range(n // 2):  # those before the upper one are no larger
         lower = max(lower, values[i])
     return 0.5 * (float(lower) + upper)
+
+
+@kernel
+def mean(values: NDArray[Any]) -> float:
+    """The mean of some values (N,); numba's own takes a second to compile."""
+    total = 0.0
+    for i in range(len(values)):
+        total += values[i]
+    return total / len(values)
+
+
+@kernel
+def median_of(values: NDArray[Any], start: int, stop: int) -> float:
+    """The median of values start … stop - 1, which stay as they are."""
+    own = np.empty(max(stop - start, 0))
+    for i in range(start, stop):
+        own[i - start] = values[i]
+    return median(own)

@@ -25,7 +25,7 @@ from calib.bundle.on_target import OnTarget, OnTargetLinearised
 from calib.bundle.problem import Bundle, estimated_parameters, estimates_compliance, estimates_sensor
 from calib.bundle.robust import solve_robust
 from calib.bundle.solution import Explained, Mask, Solution, answered, explain, make_bundle, solve_problem
-from calib.bundle.solve import solve_bundle
+from calib.bundle.solve import other_linearisations, solve_bundle
 from calib.bundle.starts import chain_start, hand_eye_start
 from calib.bundle.unknown_mount import free_start, rotation_grid
 
@@ -62,6 +62,7 @@ __all__ = [
     "hand_eye_start",
     "make_bundle",
     "observability",
+    "other_linearisations",
     "reweighed",
     "rotation_grid",
     "scaled",

@@ -46,6 +46,9 @@ class Evidence(Protocol):
     def freedom(self, bundle: Bundle) -> int:
         """Residuals less unknowns."""
 
+    def called(self, group: int) -> str:
+        """What a group of its term's residuals is called in a sentence."""
+
 
 @dataclass(frozen=True, eq=False)
 class _Carried:
@@ -110,6 +113,10 @@ class TrackedPoint:
         """See Evidence."""
         return 3 * len(self.xyz_mm) - 9
 
+    def called(self, group: int) -> str:
+        """See Evidence."""
+        return f"position {group + 1} of the tracked point {self.name}"
+
 
 @dataclass(frozen=True, eq=False)
 class _Tracked:
@@ -164,6 +171,11 @@ class SeatedTool:
     def freedom(self, bundle: Bundle) -> int:
         """See Evidence."""
         return 3 * len(self.joints_rad) - 3 - 3 * len(self.names)
+
+    def called(self, group: int) -> str:
+        """See Evidence."""
+        name = self.names[int(self.socket[group])]
+        return f"reading {int(np.sum(self.socket[: group + 1] == self.socket[group]))} of socket {name}"
 
     def _in_socket(self) -> Array:
         """Derivatives (N, 3, 3 S) of each reading's socket by all sockets."""
@@ -231,6 +243,10 @@ class DistanceBetween:
     def freedom(self, bundle: Bundle) -> int:
         """See Evidence."""
         return int(self._there(bundle))
+
+    def called(self, group: int) -> str:
+        """See Evidence."""
+        return f"the distance from {self._name}"
 
     @property
     def _both(self) -> tuple[str, str]:

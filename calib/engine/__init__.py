@@ -13,6 +13,7 @@ from calib.engine.normal import (
     reduced_gradient,
     scaled_solve,
     total_normal,
+    whitener,
 )
 from calib.engine.simplex import lowest
 from calib.engine.solve import Loss, Result, cauchy, solve, total_cost
@@ -41,4 +42,5 @@ __all__ = [
     "solve_members",
     "total_cost",
     "total_normal",
+    "whitener",
 ]

@@ -1,6 +1,7 @@
 """The judgement on data and answer: verdicts, culprits, which model predicts, what can not be told apart."""
 
 from calib.judge.alike import equal_weights
+from calib.judge.beside import evidence_contradicts
 from calib.judge.causes import cause_of, with_own_poses
 from calib.judge.contradiction import frames_contradict
 from calib.judge.culprits import culprit, strangers
@@ -22,6 +23,7 @@ __all__ = [
     "cause_of",
     "culprit",
     "equal_weights",
+    "evidence_contradicts",
     "find",
     "frames_contradict",
     "frames_motion",

@@ -51,22 +51,28 @@ def cause_of(
     sensor: Sensor,
     design: Pose | None,
     config: CalibConfig,
+    *,
+    lost: bool = True,
 ) -> str:
-    """A sentence that names the file, the column or the frames at fault; "" where the frames' own poses show none."""
+    """A sentence that names the file, the column or the frames at fault; "" where the frames' own poses show none.
+
+    lost: whether frames had to be left out; else only shifted rows and names of several places are looked for.
+    """
     if len(frames) > _MOST_FRAMES:
         return ""
     rich = [f for f in frames if len(f.candidates) or len(f.points) >= LEAST_STRINGS]
     posed = tuple(g for f in rich if (g := _alone(f, jig, sensor, config)) is not None)
     if len(posed) < max(2 * _LEAST_GROUP, _POSED * len(rich)):
-        return _another_jig(rich, jig, sensor, config)
+        return _another_jig(rich, jig, sensor, config) if lost else ""
     v = views_of(posed, jig)
     if len(v.pairs) < _LEAST_GROUP:
         return ""
+    named = _shifted(v, frames) or _one_name(v)
+    if named or not lost:
+        return named
     given = share(v, stack_poses([f.at for f in v.frames]))
     return (
-        _shifted(v, frames)
-        or _one_name(v)
-        or _pose_units(v, given)
+        _pose_units(v, given)
         or (disturbed_joints(v, robot, given) if len(v.pairs) >= LEAST_PAIRS else "")
         or (_drawing(v, jig, design) if given >= _MOVES_ALIKE else "")
     )

@@ -27,13 +27,14 @@ _WORDS = {
 
 
 def frames_contradict(
-    frames: Sequence[Frame], target: Targets, verdict: Verdict, config: CalibConfig, cause: Callable[[], str]
+    frames: Sequence[Frame], target: Targets, verdict: Verdict, config: CalibConfig, cause: Callable[[bool], str]
 ) -> Verdict | None:
     """The verdict frames_contradict where more than ``max_lost_share`` of the frames had to be left out, else None.
 
-    frames: as answered. cause: finds what they contradict one another for, "" where nothing shows. The share is of
-    those that calibrate, or of all. Copies count with their twin. A set that had too few frames from the start keeps
-    its verdict. Data that contradict one another without any frame being left out get it where a cause shows.
+    frames: as answered. cause: finds what they contradict one another for, "" where nothing shows; without lost frames
+    (False) only what is wrong with their rows and places. The share is of those that calibrate, or of all. Copies count
+    with their twin. A set that had too few frames from the start keeps its verdict. Data that contradict one another
+    without any frame being left out get it where the rows are shifted or one name stands for several places.
     """
     every = tuple(f for f in frames if f.reason != COPY)
     asked = [f for f in every if f.role == "calibrate"]
@@ -42,7 +43,7 @@ def frames_contradict(
     counted = next((g for g in (asked, every) if _lost(g) > config.max_lost_share * len(g)), None)
     if counted is None and verdict.code not in _CONTRADICTED:
         return None
-    found = cause() if isinstance(target, Jig) else ""
+    found = cause(counted is not None) if isinstance(target, Jig) else ""
     if counted is None:
         return Verdict("frames_contradict", f"{found}. In all, {verdict.text}") if found else None
     found = found or "; ".join(_in_common(counted))

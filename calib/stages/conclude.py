@@ -23,7 +23,10 @@ def concluded(result: CalibrationResult, prepared: Prepared, size: str) -> Calib
     setup, labelled = prepared.setup, prepared.labelled
     named = _named(result.verdict, prepared)
     verdict = (
-        frames_contradict(result.frames, setup.target, named, setup.config, lambda: _cause(result, setup)) or named
+        frames_contradict(
+            result.frames, setup.target, named, setup.config, lambda lost: _cause(result, setup, lost=lost)
+        )
+        or named
     )
     if size and verdict.trustworthy:
         verdict = Verdict("priors_contradict", f"{size}. In all, {verdict.text}")
@@ -35,12 +38,12 @@ def concluded(result: CalibrationResult, prepared: Prepared, size: str) -> Calib
     return replace(result, verdict=verdict, remarks=remarks)
 
 
-def _cause(result: CalibrationResult, setup: Setup) -> str:
+def _cause(result: CalibrationResult, setup: Setup, *, lost: bool) -> str:
     """What of the files the frames' own poses contradict; "" where nothing shows."""
     if not isinstance(setup.target, Jig):
         return ""
     every = tuple(f for f in result.frames if f.reason != COPY)
-    return cause_of(every, setup.target, setup.robot, setup.sensor, setup.design, setup.config)
+    return cause_of(every, setup.target, setup.robot, setup.sensor, setup.design, setup.config, lost=lost)
 
 
 def _named(verdict: Verdict, prepared: Prepared) -> Verdict:

@@ -14,13 +14,14 @@ from calib.judge import (
     UNCHECKED,
     at_least,
     equal_weights,
+    evidence_contradicts,
     jackknife_covariance,
     left_out,
     misfit_limit,
     table_advice,
     weak_by_jackknife,
 )
-from calib.result import CalibrationResult, LeftOut
+from calib.result import SIGMA_HOLDS, CalibrationResult, LeftOut
 from calib.stages.setup import Prepared, Setup, Solved
 from calib.stages.solve import try_suspects
 from geometry import Frame, Surface, locations_of
@@ -30,6 +31,9 @@ def judged_answer(prepared: Prepared) -> CalibrationResult:
     """The answer of the bundle, with how well it predicts what was left out where it can be trusted."""
     setup, labelled = prepared.setup, prepared.labelled
     judged = try_suspects(setup, labelled, prepared.solved)
+    beside = None if judged.solution is None else evidence_contradicts(judged.solution)
+    if beside is not None and judged.verdict.code in SIGMA_HOLDS:
+        judged = replace(judged, verdict=beside)
     result = answered(setup, labelled, judged)
     if judged.solution is None or not judged.verdict.trustworthy:
         return result

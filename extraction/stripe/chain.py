@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from extraction.order import kth_smallest
 from extraction.stripe.model import Records
-from extraction.stripe.ridge import FLANK, IntArray, Nodes
+from extraction.stripe.ridge import FLANK, IntArray, Level, Nodes, find_nodes
 from geometry.compiled import kernel
 
 Array = NDArray[np.float64]
@@ -28,6 +28,7 @@ _NOISE_CONTRAST = 4.0  # mean response over σ of a chain that may be noise; max
 _FALSE = 1e-3  # chains of noise that may pass, per image and level
 _FEWEST = 30  # chains that have a tail
 _CLEAN = 30.0  # score that chains of clean noise above 1.5 σ do not pass: five sections of 6 σ
+_DIGITS = 1e6  # steps of a number that chains are ordered by: none hangs on the last bits of a sum
 _COURSE = 8  # stretches of a chain whose climb makes its length along its course
 
 _SAME = 1.5  # level pixels between two chains on one ridge
@@ -91,17 +92,14 @@ class Chain:
 
 def together(parts: list[Ridges]) -> Ridges:
     """The chains of several searches."""
-    if len(parts) == 1:
-        return parts[0]
-    nodes = [np.concatenate(column) for column in zip(*(p[1:] for p in parts), strict=True)]
-    chains = np.concatenate([p.chains for p in parts])
-    at = 0
-    done = 0
-    for p in parts:
-        own = chains[done : done + len(p.chains)]
-        own["start"] += at
-        own["stop"] += at
-        at, done = at + len(p.section), done + len(p.chains)
+    some = [p for p in parts if len(p.chains)] or parts[:1]
+    if len(some) == 1:
+        return some[0]
+    nodes = [np.concatenate(column) for column in zip(*(p[1:] for p in some), strict=True)]
+    chains = np.concatenate([p.chains for p in some])
+    at = np.cumsum([0, *(len(p.section) for p in some[:-1])]).repeat([len(p.chains) for p in some])
+    chains["start"] += at
+    chains["stop"] += at
     return Ridges(chains, *nodes)
 
 
@@ -111,19 +109,23 @@ def each_once(ridges: Ridges) -> list[Chain]:
     The better of two on one ridge has more light times significance: a plateau's middle beats its edges, and of two
     scales the one of better signal to noise gives place and ends.
     """
+    if len(ridges.chains) == 0:
+        return []
     out = []
-    for c in ridges.chains[_kept(ridges)].tolist():
-        row = dict(zip(CHAIN.names or (), c, strict=True))
-        own = slice(row["start"], row["stop"])
-        out.append(
-            Chain(
-                ridges.section[own],
-                ridges.place[own],
-                ridges.response[own],
-                *(row[name] for name in ("scale", "step", "significance", "light", "contrast", "evidence")),
-            )
-        )
+    for _, light, contrast, evidence, significance, *_, start, stop, scale, step in ridges.chains[
+        _kept(ridges)
+    ].tolist():
+        section, place, response = ridges.section[start:stop], ridges.place[start:stop], ridges.response[start:stop]
+        out.append(Chain(section, place, response, scale, step, significance, light, contrast, evidence))
     return out
+
+
+@kernel
+def ridges_of(level: Level, scale: int, step: int, threshold: float, empty: Records) -> Ridges:
+    """The significant chains of nodes above ``threshold`` σ of a level, whose pixel is ``scale`` rows × ``step``
+    sections. empty: (0,) of CHAIN.
+    """
+    return follow(find_nodes(level, math.sqrt(scale * step), threshold), scale, step, empty)
 
 
 @kernel
@@ -230,14 +232,14 @@ def _kept(ridges: Ridges) -> Indices:
     n = len(chains)
     bright = np.empty(n)
     for i in range(n):
-        bright[i] = np.round(chains[i].evidence, 6)
+        bright[i] = math.floor(chains[i].evidence * _DIGITS + 0.5)
     looked = _sorted(chains, bright, np.arange(n))[:MOST_CHAINS]
     m = 0
     while m < len(looked) and chains[looked[m]].evidence >= _LEAST_PART * chains[looked[0]].evidence:
         m += 1
     worth = np.empty(n)
     for i in range(n):
-        worth[i] = np.round(chains[i].light * chains[i].significance, 6)
+        worth[i] = math.floor(chains[i].light * chains[i].significance * _DIGITS + 0.5)
     kept, number = np.empty(m, np.int64), 0
     for i in _sorted(chains, worth, looked[:m]):
         own = chains[i]
@@ -250,7 +252,10 @@ def _kept(ridges: Ridges) -> Indices:
             if own.lowest > other.highest + reach or own.highest < other.lowest - reach:
                 continue
             _mark(ridges, own, other, reach, free)
-        if free.mean() > _SHARE:
+        unlike = 0
+        for j in range(len(free)):
+            unlike += free[j]
+        if unlike > _SHARE * len(free):
             kept[number] = i
             number += 1
     return _sorted(chains, bright, kept[:number])

@@ -99,8 +99,11 @@ def expected_at(lane: Lanes, k: int) -> float:
 @kernel
 def fisher_at(lane: Lanes, k: int) -> Symmetric4:
     """Its Fisher information before the last step."""
-    f = lane.numbers[_FISHER * LANES + k : _SCORE * LANES : LANES]
-    return Symmetric4(f[0], f[1], f[2], f[3], f[4], f[5], f[6], f[7], f[8], f[9])
+    f, at = lane.numbers, _FISHER * LANES + k
+    return Symmetric4(
+        f[at], f[at + LANES], f[at + 2 * LANES], f[at + 3 * LANES], f[at + 4 * LANES], f[at + 5 * LANES],
+        f[at + 6 * LANES], f[at + 7 * LANES], f[at + 8 * LANES], f[at + 9 * LANES],
+    )  # fmt: skip
 
 
 @kernel

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,6 +16,7 @@ from extraction.stripe.fit import IntArray
 from extraction.stripe.judge import Stripe, Verdict, judge
 from extraction.stripe.search import Pyramid, Search, search, search_faint
 from extraction.stripe.view import StripeView, turn
+from geometry.compiled import kernel
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -26,7 +28,7 @@ WHOLE = 0.85  # of the columns that a ridge spans, over which columns must follo
 COLUMNS_FIRST = 3.0  # times the light in ridges, that rows must show more than columns
 MOSTLY = 0.6  # of all places, from which a doubt is one of the whole image
 ALONE = 0.3  # of all stripes' light: a refused ridge with that much makes every point doubtful
-_NOTHING = np.zeros(0)
+_NO_PLACES = tuple(np.zeros(0, t) for t in (np.int32, float, float, np.int32, np.int32, bool, bool, bool))
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +57,9 @@ class Places:
         return len(self.section)
 
     def take(self, chosen: NDArray[np.intp]) -> Places:
-        """The chosen places; partners are lost, being indices."""
+        """The chosen places, in order; partners are lost, being indices."""
+        if len(chosen) == len(self) and np.all(self.partner < 0):
+            return self
         return Places(
             self.section[chosen],
             self.centre_px[chosen],
@@ -153,48 +157,66 @@ def _places(verdict: Verdict, rows: int, sections: int) -> tuple[Places, list[St
     parts: list[tuple[NDArray[Any], ...]] = []
     for s in verdict.stripes:
         n = len(s.track.place)
-        section = np.arange(s.track.first, s.track.stop)
+        section = np.arange(s.track.first, s.track.stop, dtype=np.int32)
         pair = s.bumps.peaks == 2
         doubt, number = _doubt(s, verdict) | pair, len(facts)
         for k, offset in enumerate((s.bumps.first, s.bumps.second) if pair else (0.0,)):
             facts.append(StripeFacts(s.ghost, number))
-            own = (number + k, number + 1 - k if pair else -1, s.chain.rough, s.ghost)
-            parts.append((section, s.track.place + offset, s.track.width, *(np.full(n, x) for x in own), doubt))
+            stripe, other = (np.full(n, x, np.int32) for x in (number + k, number + 1 - k if pair else -1))
+            faint, ghost = (np.full(n, x, np.bool_) for x in (s.chain.rough, s.ghost))
+            parts.append((section, s.track.place + offset, s.track.width, stripe, other, faint, ghost, doubt))
     if not parts:
-        parts.append((_NOTHING,) * 8)
-    section, centre, width, stripe, other, faint, ghost, doubt = (
-        np.concatenate(column) for column in zip(*parts, strict=True)
-    )
-    order = np.lexsort((centre, section))
-    order = order[(centre[order] >= 0) & (centre[order] <= rows - 1)]
-    own_section, own_stripe, own_other = (v[order].astype(np.int32) for v in (section, stripe, other))
-    centre = centre[order]
-    doubt = doubt.astype(bool)
-    real = order[ghost[order] == 0]
-    if len(real) and np.mean(doubt[real]) > MOSTLY:
+        parts.append(_NO_PLACES)
+    columns = parts[0] if len(parts) == 1 else tuple(np.concatenate(column) for column in zip(*parts, strict=True))
+    order = _in_order(columns[0], columns[1], rows, sections)
+    section, centre, width, stripe, other, faint, ghost, doubt = (column[order] for column in columns)
+    low, high, partner = _own_rows(section, centre, stripe, other, rows)
+    real = doubt[~ghost]
+    if len(real) and np.count_nonzero(real) > MOSTLY * len(real):
         doubt[:] = True
-    low, high = np.zeros(len(order), np.int32), np.full(len(order), rows, np.int32)
-    same = own_section[1:] == own_section[:-1]
-    middle = np.ceil((centre[1:] + centre[:-1]) / 2).astype(np.int32)
-    low[1:][same], high[:-1][same] = middle[same], middle[same]
-    partner = _partners(own_section, own_stripe, own_other, sections)
-    flags = (faint[order].astype(bool), ghost[order].astype(bool), doubt[order])
-    return Places(own_section, centre, low, high, width[order], own_stripe, partner, *flags), facts
+    return Places(section, centre, low, high, width, stripe, partner, faint, ghost, doubt), facts
 
 
-def _partners(section: IntArray, stripe: IntArray, other: IntArray, sections: int) -> IntArray:
-    """The index of each place's partner: that of the other stripe in the same section."""
-    out = np.full(len(section), -1, np.int32)
-    paired = np.flatnonzero(other >= 0)
-    if len(paired) == 0:
-        return out
-    key = stripe[paired].astype(np.int64) * sections + section[paired]
-    wanted = other[paired].astype(np.int64) * sections + section[paired]
-    order = np.argsort(key, kind="stable")
-    at = np.minimum(np.searchsorted(key[order], wanted), len(key) - 1)
-    there = key[order][at] == wanted
-    out[paired[there]] = paired[order[at[there]]].astype(np.int32)
+@kernel
+def _in_order(section: IntArray, centre: Array, rows: int, sections: int) -> NDArray[np.int64]:
+    """Indices of the places whose centre lies in the image, by section, then centre."""
+    first = np.zeros(sections + 1, np.int64)
+    for i in range(len(section)):
+        if 0 <= centre[i] <= rows - 1:
+            first[section[i] + 1] += 1
+    for c in range(sections):
+        first[c + 1] += first[c]
+    out, end = np.empty(first[sections], np.int64), first.copy()
+    for i in range(len(section)):
+        if 0 <= centre[i] <= rows - 1:
+            c = section[i]
+            k = end[c]
+            while k > first[c] and centre[out[k - 1]] > centre[i]:
+                out[k] = out[k - 1]
+                k -= 1
+            out[k] = i
+            end[c] += 1
     return out
+
+
+@kernel
+def _own_rows(
+    section: IntArray, centre: Array, stripe: IntArray, other: IntArray, rows: int
+) -> tuple[IntArray, IntArray, IntArray]:
+    """Of places in order: the rows that are each one's own, and the index of its partner in the same section."""
+    n = len(section)
+    low, high, partner = np.zeros(n, np.int32), np.full(n, rows, np.int32), np.full(n, -1, np.int32)
+    start = 0
+    for i in range(n):
+        if section[i] != section[start]:
+            start = i
+        if i > start:
+            middle = math.ceil((centre[i] + centre[i - 1]) / 2)
+            low[i], high[i - 1] = middle, middle
+        for k in range(start, i):
+            if other[k] >= 0 and stripe[i] == other[k]:
+                partner[i], partner[k] = k, i
+    return low, high, partner
 
 
 def _doubt(s: Stripe, verdict: Verdict) -> Mask:

@@ -131,11 +131,17 @@ def _variances(bins: Array, stated: Array) -> Array:
 
     Speckle only where it is significant: without it the flanks, where the position comes from, are weighted better.
     """
-    filled = bins[:, 0] > 0
-    pixels = bins[filled, 0]
-    means = bins[filled, 1:] / pixels.reshape(-1, 1)
-    terms, squares = np.ascontiguousarray(means[:, :3]), means[:, 3].copy()
-    free = np.isnan(stated)
+    terms, squares, pixels, n = np.empty((_BINS, 3)), np.empty(_BINS), np.empty(_BINS), 0
+    for i in range(len(bins)):
+        if bins[i, 0] > 0:
+            pixels[n], squares[n] = bins[i, 0], bins[i, 4] / bins[i, 0]
+            for j in range(3):
+                terms[n, j] = bins[i, 1 + j] / bins[i, 0]
+            n += 1
+    terms, squares, pixels = terms[:n], squares[:n], pixels[:n]
+    free = np.empty(3, np.bool_)
+    for j in range(3):
+        free[j] = math.isnan(stated[j])
     everything = _non_negative(terms, squares, pixels, stated, free)
     if not (free[2] and (free[0] or free[1])):
         return everything

@@ -137,7 +137,10 @@ def _fit_normals(pixels: Pixels, places: NormalPlaces, limits: Limits, noise: Pi
                     own[k], filled[k] = own[n], filled[n]
                 lane.use[:, n] = 0.0
         if n:
-            step(lane, n, int(filled[:n].max()) // 2, limits, noise)
+            reach = 0
+            for j in range(n):
+                reach = max(reach, filled[j] // 2)
+            step(lane, n, reach, limits, noise)
 
 
 @kernel

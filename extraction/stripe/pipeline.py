@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from extraction.config import StripeConfig
 from extraction.image import check_image
 from extraction.noise import PixelNoise
+from extraction.order import kth_smallest
 from extraction.sheet import image_to_sheet, propagate, sheet_table
 from extraction.stripe.faint import NEIGHBOURS, fit_faint
 from extraction.stripe.find import Found, Places, find
@@ -28,10 +29,15 @@ from geometry.compiled import kernel
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-_SAMPLE = 320  # sections that are fitted first, for the noise and the width: some 3,000 pixels for three variances
+_SAMPLE = 200  # sections that are fitted first, for the noise and the width: some 3,000 pixels for three variances
+_SETTLED, _USUAL = 320, 3.0  # sections that settle the noise where nothing of it is stated; times the middle one's χ²
+_STEADY = 9  # fits whose median width is expected
 _DARK_DN2 = 1.0  # of the dark noise where too few sections say anything
 _PIECE_GAP = 3  # sections without a point that end a piece
 _NEAR_PX, _NEAR_WIDTHS = 1.5, 1.2  # from its stripe's track, that a section's fit may end: σ of the stripe and pixels
+# of a stripe's sections, in which there may be no peak near its track: stripes with a laser have 0.03 at most in 600
+# pictures drawn and real, what lamps make of metal, boards and busts 0.15 and more
+_NO_PEAK, _SEEN = 0.1, 2.0  # the latter: amplitude over its σ, from which there is one
 _WIDTH_ERROR = 0.12  # relative, of the width expected from neighbouring sections; it steadies faint sections only
 
 
@@ -153,59 +159,103 @@ def _localise(found: Found, config: StripeConfig) -> StripePeaks:
     fits = _fit(view, places, widths, _WIDTH_ERROR, noise, config)
     fits = fit_pairs(view, places, fits, noise, config)
     fits = fit_faint(view, places, fits, noise)
-    good = np.flatnonzero(_acceptable(fits, places, config))
+    near = _near(fits, places.centre_px, places.width_px, config.min_width_px, config.max_width_px)
+    _doubt_gappy(near & (fits["snr"] >= _SEEN), places.stripe, places.doubt)
+    high = (fits["amplitude"] >= config.min_amplitude_dn) & (fits["snr"] >= config.min_snr)
+    good = np.flatnonzero(near & high & np.isfinite(fits["variance"]))
     refused = dict(found.refused)
     if len(good) < len(places):
         refused["no_fit"] = len(places) - len(good)
-    fits, places = fits[good], places.take(good)
-    noise = _settle(noise, fits, ~places.ghost, config)
+        fits = fits[good]
+        places = places.take(good)
+    told = (config.read_noise_dn, config.gain_dn_per_e, config.speckle_contrast) != (None,) * 3
+    if not told and len(fits) >= _SETTLED:
+        scale = _settle(fits, places.ghost, _USUAL)
+        noise = PixelNoise(scale * noise.floor, scale * noise.gain, noise.dark, scale * noise.speckle2)
     length = max(
         true_sigma(SigmaPlaces(places.section, places.stripe, places.faint, places.ghost), fits),
         float(NEIGHBOURS) if places.faint.any() else 0.0,
     )
     chosen = select(config, found.stripes, places, fits["centre"].copy(), fits["amplitude"].copy())
-    peaks = _peaks(view, places.take(chosen), fits[chosen], config)
+    if len(chosen) < len(places):
+        fits, places = fits[chosen], places.take(chosen)
+    peaks = _peaks(view, places, fits, config)
     peaks = replace(peaks, correlation_sections=length, refused=refused)
     return localise_along_normal(view, peaks, noise, config) if config.along_normal else peaks
 
 
 def _look_ahead(view: StripeView, places: Places, config: StripeConfig) -> tuple[PixelNoise, Array]:
     """The frame's noise, and the width to be expected at each place, from every n-th of them."""
-    alone = np.flatnonzero((places.partner < 0) & ~places.ghost)
-    if len(alone) == 0:
-        alone = np.flatnonzero(places.partner < 0)
-    some = alone[:: max(1, len(alone) // _SAMPLE)]
+    usable = (places.partner < 0) & ~places.ghost
+    alone = np.flatnonzero(usable if usable.any() else places.partner < 0)
+    sample = places.take(alone[:: max(1, len(alone) // _SAMPLE)])
     first = PixelNoise(1.0, 0.0, view.black_dn, 0.0)  # equal weights
-    fits = _fit(view, places.take(some), places.width_px[some], np.inf, first, config)
-    from scipy.ndimage import median_filter  # a tenth of a second, and most commands need none of it
-
-    good = fits["converged"] & _near(fits, places.take(some), config)
-    section, stripe = places.section[some[good]], places.stripe[some[good]]
-    noise = estimate_noise(view, section, fits[good], config, _DARK_DN2)
+    fits = _fit(view, sample, sample.width_px, np.inf, first, config)
+    good = _near(fits, sample.centre_px, sample.width_px, config.min_width_px, config.max_width_px)
+    noise = estimate_noise(view, sample.section[good], fits[good], config, _DARK_DN2)
     widths = places.width_px.copy()
-    for k in np.unique(stripe):
-        own = stripe == k
-        steady = median_filter(fits["width"][good][own], size=min(9, int(own.sum())), mode="nearest")
-        mine = places.stripe == k
-        widths[mine] = np.interp(places.section[mine], section[own], steady)
+    _expect(sample.section[good], sample.stripe[good], fits[good], places.section, places.stripe, widths)
     return noise, widths
 
 
-def _settle(noise: PixelNoise, fits: Records, usable: Mask, config: StripeConfig) -> PixelNoise:
-    """The noise scaled to what all sections say, ``fits`` with it in place: the few first ones leave some per cent.
-
-    Only where all of the noise is estimated, and robustly: sections that are no Gaussian peak keep their high χ².
+@kernel
+def _expect(
+    section: NDArray[np.int32], stripe: NDArray[np.int32], fits: Records, all_section: NDArray[np.int32],
+    all_stripe: NDArray[np.int32], widths: Array,
+) -> None:  # fmt: skip
+    """Widths (N,) at all places from those of the sample (M,), stripe by stripe: a running median, then straight
+    lines.
     """
-    if len(fits) < _SAMPLE or (config.read_noise_dn, config.gain_dn_per_e, config.speckle_contrast) != (None,) * 3:
-        return noise
-    ratio = fits["chi2"] / np.maximum(fits["dof"], 1)
-    usual = usable & (ratio <= 3 * np.median(ratio)) & (fits["dof"] > 0)
-    if usual.sum() < _SAMPLE // 2:
-        return noise
-    scale = float(np.sum(fits["chi2"][usual]) / np.sum(fits["dof"][usual]))
-    fits["chi2"] /= scale
-    fits["variance"] *= scale
-    return PixelNoise(scale * noise.floor, scale * noise.gain, noise.dark, scale * noise.speckle2)
+    own, steady, some = np.empty(len(section), np.int64), np.empty(len(section)), np.empty(_STEADY)
+    stripes = 0
+    for k in all_stripe:
+        stripes = max(stripes, k + 1)
+    for k in range(stripes):
+        n = 0
+        for i in range(len(section)):
+            if stripe[i] == k:
+                own[n] = i
+                n += 1
+        if n == 0:
+            continue
+        size = min(_STEADY, n)
+        for i in range(n):
+            for j in range(size):
+                some[j] = fits[own[min(max(i - size // 2 + j, 0), n - 1)]].width
+            steady[i] = kth_smallest(some[:size], size // 2)
+        at = 0
+        for i in range(len(all_section)):
+            if all_stripe[i] != k:
+                continue
+            s = all_section[i]
+            while at + 1 < n and section[own[at + 1]] <= s:
+                at += 1
+            a, b = section[own[at]], section[own[min(at + 1, n - 1)]]
+            t = min(max((s - a) / (b - a), 0.0), 1.0) if b > a else 0.0
+            widths[i] = (1 - t) * steady[at] + t * steady[min(at + 1, n - 1)]
+
+
+@kernel
+def _settle(fits: Records, ghost: Mask, most: float) -> float:
+    """How much larger the noise is than was expected, by all sections (N,); 1 where too few say so.
+
+    ``fits`` with it in place. Robust: sections that are no Gaussian peak keep their high χ². most: over the median.
+    """
+    ratio, n = np.empty(len(fits)), len(fits)
+    for i in range(n):
+        ratio[i] = fits[i].chi2 / max(fits[i].dof, 1.0)
+    usual = most * kth_smallest(ratio, n // 2)
+    count, chi2, dof = 0, 0.0, 0.0
+    for i in range(n):
+        row = fits[i]
+        if not ghost[i] and row.dof > 0 and row.chi2 <= usual * row.dof:
+            count, chi2, dof = count + 1, chi2 + row.chi2, dof + row.dof
+    if count < _SETTLED // 2:
+        return 1.0
+    for i in range(n):
+        fits[i].chi2 /= chi2 / dof
+        fits[i].variance *= chi2 / dof
+    return chi2 / dof
 
 
 def _fit(
@@ -219,23 +269,37 @@ def _fit(
     return table
 
 
-def _near(fits: Records, places: Places, config: StripeConfig) -> Mask:
-    """Which fits stayed on their stripe's track, as wide as a stripe may be."""
-    off = np.abs(fits["centre"] - places.centre_px)
-    width = fits["width"]
-    wide = (width >= config.min_width_px) & (width <= 1.5 * config.max_width_px)
-    return np.asarray(wide & (off <= _NEAR_PX + _NEAR_WIDTHS * np.maximum(places.width_px, width)))
+@kernel
+def _near(fits: Records, centre: Array, expected: Array, least: float, most: float) -> Mask:
+    """Which fits settled on their stripe's track, as wide as a stripe may be. least, most: of the width [px]."""
+    out = np.zeros(len(fits), np.bool_)
+    for i in range(len(fits)):
+        row = fits[i]
+        reach = _NEAR_PX + _NEAR_WIDTHS * max(expected[i], row.width)
+        out[i] = row.converged and least <= row.width <= 1.5 * most and abs(row.centre - centre[i]) <= reach
+    return out
 
 
-def _acceptable(fits: Records, places: Places, config: StripeConfig) -> Mask:
-    """Which fits are a point of their stripe: converged, near its track, high enough, neither too narrow nor wide."""
-    return np.asarray(
-        fits["converged"]
-        & _near(fits, places, config)
-        & (fits["amplitude"] >= config.min_amplitude_dn)
-        & (fits["snr"] >= config.min_snr)
-        & np.isfinite(fits["variance"])
-    )
+@kernel
+def _doubt_gappy(seen: Mask, stripe: NDArray[np.int32], doubt: Mask) -> None:
+    """Doubt every point (N,) of a stripe that is no peak near its track in many of its sections.
+
+    A laser draws a peak in each; what a lamp makes of a surface is one here and none there. Where such stripes have
+    most of the sections, the picture is doubtful as a whole.
+    """
+    stripes = 0
+    for k in stripe:
+        stripes = max(stripes, k + 1)
+    total, lost = np.zeros(stripes, np.int64), np.zeros(stripes, np.int64)
+    for i in range(len(stripe)):
+        total[stripe[i]] += 1
+        lost[stripe[i]] += not seen[i]
+    gappy = 0
+    for i in range(len(stripe)):
+        own = lost[stripe[i]] > _NO_PEAK * total[stripe[i]]
+        doubt[i], gappy = doubt[i] or own, gappy + own
+    if gappy > 0.5 * len(stripe):
+        doubt[:] = True
 
 
 def _peaks(view: StripeView, places: Places, fits: Records, config: StripeConfig) -> StripePeaks:

@@ -198,7 +198,7 @@ def _noise(level: Level, least: float) -> NoiseTable:
             sigma[j] = sigma[k] if known < 0 else (1 - t) * sigma[known] + t * sigma[k]
         known = k
     for j in range(known + 1, _BINS):
-        sigma[j] = sigma[known] if known >= 0 else max(least, float(np.std(sample[0, :n])))
+        sigma[j] = sigma[known] if known >= 0 else max(least, _spread(sample[0, :n].copy(), 0.0))
     # what most of the image is: brighter ground may be as rough in proportion, and some
     usual = dark + ((bulk + 0.5) * width) ** 2
     for k in range(_BINS):
@@ -206,11 +206,21 @@ def _noise(level: Level, least: float) -> NoiseTable:
         sigma[k] = min(sigma[k], max(_ROUGHER * sigma[bulk] * here / max(usual, 1.0), sigma[bulk]))
     split, least_cost = 0, np.inf
     for k in range(_BINS):
-        cost = start[k] / sigma[:k].min() ** 2 if k else 0.0
-        cost += (n - start[k]) / sigma[k:].min() ** 2
+        cost = start[k] / _least(sigma, 0, k) ** 2 if k else 0.0
+        cost += (n - start[k]) / _least(sigma, k, _BINS) ** 2
         if cost < least_cost:
             split, least_cost = k, cost
-    return NoiseTable(dark, width, sigma, dark + (split * width) ** 2, sigma.min(), sigma[split:].min())
+    return NoiseTable(
+        dark, width, sigma, dark + (split * width) ** 2, _least(sigma, 0, _BINS), _least(sigma, split, _BINS)
+    )
+
+
+@kernel
+def _least(values: Array, start: int, stop: int) -> float:
+    least = values[start]
+    for k in range(start + 1, stop):
+        least = min(least, values[k])
+    return float(least)
 
 
 @kernel

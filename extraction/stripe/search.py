@@ -10,8 +10,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from extraction.stripe.chain import CHAIN, Chain, Ridges, follow
-from extraction.stripe.ridge import Level, find_nodes, halve
+from extraction.stripe.chain import CHAIN, Chain, Ridges, ridges_of
+from extraction.stripe.ridge import Level, halve
 from geometry.compiled import kernel
 
 Array = NDArray[np.float64]
@@ -71,7 +71,7 @@ def search_faint(pyramid: Pyramid, scales: tuple[int, ...], turned: bool) -> lis
 def _of_level(level: Level, scale: int, step: int, threshold: float) -> Ridges:
     if level.shape[0] < _LEAST_ROWS or level.shape[1] < 1:
         return _NOTHING
-    return follow(find_nodes(level, math.sqrt(scale * step), threshold), scale, step, _NOTHING.chains)
+    return ridges_of(level, scale, step, threshold, _NOTHING.chains)
 
 
 @kernel

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from extraction.linalg import Symmetric4, Vector4, factor4, solve4
-from extraction.order import median
+from extraction.order import median, median_of
 from extraction.stripe.model import SINGULAR, Records
 from geometry.compiled import kernel
 
@@ -74,7 +74,10 @@ def true_sigma(places: SigmaPlaces, fits: Records) -> float:
         for i in range(n):
             at[i], centre[i], variance[i] = section[own[i]], fits[own[i]].centre, fits[own[i]].variance
         r = _residuals(at, centre)
-        if np.count_nonzero(r.share) < FEWEST:
+        known = 0
+        for i in range(n):
+            known += r.share[i] > 0
+        if known < FEWEST:
             short[k] = True
             continue
         excess, more = _excess(r, variance), False
@@ -104,7 +107,9 @@ def _excess(r: Residuals, variance: Array) -> Array:
     """
     residual, share, _, window = r
     out = np.zeros(len(variance))
-    windows = int(window.max()) + 1
+    windows = 0
+    for i in range(len(window)):
+        windows = max(windows, window[i] + 1)
     square, own, points = np.zeros(windows), np.zeros(windows), np.zeros(windows)
     for i in range(len(variance)):
         if share[i] > 0:
@@ -117,17 +122,21 @@ def _excess(r: Residuals, variance: Array) -> Array:
             square[n], own[n], points[n] = square[w] / points[w], own[w] / points[w], points[w]
             n += 1
         number[w] = max(n - 1, 0)
-    usual, freedom, total = _MOST * median(square[:n] / own[:n]), 0.0, 0.0
+    ratios, excess = np.empty(n), np.empty(n)
     for w in range(n):
-        if square[w] / own[w] <= usual:
+        ratios[w], excess[w] = square[w] / own[w], square[w] - own[w]
+    usual, freedom, total = _MOST * median_of(ratios, 0, n), 0.0, 0.0
+    for w in range(n):
+        if ratios[w] <= usual:
             freedom, total = freedom + points[w], total + points[w] * square[w] / own[w]
     ratio = total / freedom
     if abs(ratio - 1) <= SIGNIFICANT * math.sqrt(2 / freedom):
         return out
     if ratio < 1:  # the pixels' noise claims more than there is: clipped flanks, a noise measured on other things
-        return (max(ratio, _LEAST_RATIO) - 1) * variance
-    excess = square[:n] - own[:n]
-    most, reach = _MOST * max(median(excess.copy()), 0.0), min(WINDOWS_ABOUT, n // 2)
+        for i in range(len(out)):
+            out[i] = (max(ratio, _LEAST_RATIO) - 1) * variance[i]
+        return out
+    most, reach = _MOST * max(median_of(excess, 0, n), 0.0), min(WINDOWS_ABOUT, n // 2)
     for i in range(len(out)):
         w = number[window[i]]
         for k in range(w - reach, w + reach + 1):

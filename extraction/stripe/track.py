@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from extraction.linalg import cholesky, solve
-from extraction.order import kth_smallest, median
+from extraction.order import kth_smallest, mean, median, median_of
 from geometry.compiled import kernel
 
 Array = NDArray[np.float64]
@@ -87,7 +87,7 @@ def secant(place: Array) -> Array:
 
 @kernel
 def _slope(x: Array, y: Array) -> float:
-    middle, level = x.mean(), y.mean()
+    middle, level = mean(x), mean(y)
     total = product = 0.0
     for i in range(len(x)):
         total += (x[i] - middle) ** 2
@@ -145,18 +145,18 @@ def walk_out(grey: NDArray[Any], first: int, place: Array, start: int, step: int
 
 
 @kernel
-def light_along(grey: NDArray[Any], first: int, place: Array, halves: Array, out: Array) -> None:
+def light_along(grey: NDArray[Any], first: int, place: Array, widths: Array, share: float, out: Array) -> None:
     """Centre less flanks of each section [DN]: mean within half its width of the track less the mean of the flanks.
 
-    halves: of the centre (n,) [px]. Each flank is about as wide and begins at twice that from the track; of what the
-    border cuts off, nothing is taken.
+    Half of the centre is ``share`` of widths (n,), half a pixel at least. Each flank is about as wide and begins at
+    twice that from the track; of what the border cuts off, nothing is taken.
     """
     rows = grey.shape[0]
     for i in range(len(place)):
-        c, s, half = place[i], first + i, halves[i]
+        c, s, half = place[i], first + i, max(0.5, share * widths[i])
         inner, outer = 2.0 * half + 0.5, 3.0 * half + 1.5
         total, n, flank, m = 0.0, 0, 0.0, 0
-        for r in range(max(int(np.ceil(c - outer)), 0), min(int(c + outer), rows - 1) + 1):
+        for r in range(max(math.ceil(c - outer), 0), min(int(c + outer), rows - 1) + 1):
             off = abs(r - c)
             if off <= half + 0.5:
                 total += float(grey[r, s])
@@ -317,13 +317,13 @@ def likeliest_end(light: Array, start: int, length: int, least: float, on_nothin
     those just inside have: a rough ground is not nothing, unless ``on_nothing`` says so.
     """
     depth = min(_END_SECTIONS, max(length, 1))
-    height = max(median(light[start : start + depth].copy()), least)
+    height = max(median_of(light, start, min(start + depth, len(light))), least)
     k = _likeliest_step(light, 0, min(start + depth, len(light)), 0.5 * height)
     for _ in range(0 if on_nothing else 2):
         low, high = max(k - _NEAR_END, 0), min(k + _NEAR_END, len(light))
         if k - low < _NEAR_END // 2 or high - k < _NEAR_END:
             break
-        level = 0.5 * (light[low:k].mean() + light[k:high].mean())
+        level = 0.5 * (mean(light[low:k]) + mean(light[k:high]))
         k = _likeliest_step(light, max(k - _END_SHIFT, 0), min(k + _END_SHIFT, len(light)), level)
     return k
 
@@ -343,10 +343,10 @@ def _likeliest_step(light: Array, start: int, stop: int, level: float) -> int:
 @kernel
 def lit_reach(light: Array, start: int, stop: int) -> tuple[int, int]:
     """The track as far as it stays lit beyond start … stop, and the first dark stretch: the next piece is another's."""
-    height = median(light[start:stop].copy())
-    while stop < len(light) and light[stop : stop + _SHADOW_SECTIONS].mean() >= _SHADOW * height:
+    height = median_of(light, start, stop)
+    while stop < len(light) and mean(light[stop : stop + _SHADOW_SECTIONS]) >= _SHADOW * height:
         stop += 1
-    while start > 0 and light[max(start - _SHADOW_SECTIONS, 0) : start].mean() >= _SHADOW * height:
+    while start > 0 and mean(light[max(start - _SHADOW_SECTIONS, 0) : start]) >= _SHADOW * height:
         start -= 1
     return max(start - _SHADOW_SECTIONS, 0), min(stop + _SHADOW_SECTIONS, len(light))
 
@@ -358,7 +358,9 @@ def lit_pieces(light: Array, start: int, stop: int) -> NDArray[np.int64]:
     A ridge goes on through a shadow on what little is there; a stripe does not.
     """
     n = stop - start
-    own = light[start:stop].copy()
+    own = np.empty(n)
+    for i in range(n):
+        own[i] = light[start + i]
     kth_smallest(own, n // 2)
     level = _SHADOW * median(own[n // 2 :])
     half = min(_SHADOW_SECTIONS // 2, (n - 1) // 2)
@@ -375,10 +377,10 @@ def lit_pieces(light: Array, start: int, stop: int) -> NDArray[np.int64]:
         if since >= 0 and (not lit or i == stop - 1):
             end = i + 1 if lit else i
             if end - since >= _SHADOW_SECTIONS:
-                out[pieces] = since, end
+                out[pieces, 0], out[pieces, 1] = since, end
                 pieces += 1
             since = -1
         lit_all = lit_all and lit
     if lit_all:
-        out[0], pieces = (start, stop), 1
+        out[0, 0], out[0, 1], pieces = start, stop, 1
     return out[:pieces]

@@ -153,7 +153,9 @@ def _shape_error(robot: DhRobot, made: DhRobot) -> float:
     return float(np.sqrt(np.mean(np.sum((a @ turn - b) ** 2, axis=1))))
 
 
-@pytest.mark.parametrize(("evidence", "seed"), [("tracker", 1), ("tracker", 2), ("sockets", 1)])
+@pytest.mark.parametrize(
+    ("evidence", "seed"), [("tracker", 1), ("sockets", 1), pytest.param("tracker", 2, marks=pytest.mark.slow)]
+)
 def test_the_robot_is_known_better_and_sigma_holds(evidence: str, seed: int) -> None:
     """The table's σ shrink, the SCP lies within its own. A tracker that saw the arm's whole space tells its shape:
     positions elsewhere come nearer to the made arm's by a third; sockets at three places tell less than one draw shows.
@@ -185,6 +187,20 @@ def test_a_known_distance_between_balls_holds_the_scale() -> None:
             a, b = (np.array(result.locations[n].surface["centre_mm"]) for n in ("A", "B"))
             off[known] = max(off[known], abs(float(np.linalg.norm(a - b)) - truth))
     assert off[True] < 0.7 * off[False]  # the figures place each ball by its own location's frames alone
+
+
+def test_a_wrong_row_is_named_and_no_sigma_given() -> None:
+    """One position of the tracker 3 mm off: the answer is withheld with the row's name."""
+    rng = np.random.default_rng(6)
+    cell = random_cell(rng)
+    made = made_cell(cell, rng, Noise())
+    observed = observe(cell, made, rng, Noise())
+    seen = _tracked(rng, made.robot)
+    seen.xyz_mm[11] += [0.0, 3.0, 0.0]
+    result = calibrate(observed.frames, cell.jig, cell.robot, observed.sensor, observed.design, evidence=[seen])
+    assert not result.verdict.trustworthy
+    assert "position 12 of the tracked point reflector" in result.verdict.text
+    assert result.covariance is None
 
 
 def test_what_can_not_be_used_is_refused() -> None:

@@ -6,6 +6,7 @@ Does not prove that the trials themselves are right: the rooms' own tests do.
 from __future__ import annotations
 
 import json
+import pickle
 import sys
 import threading
 from pathlib import Path
@@ -15,10 +16,11 @@ import pyarrow.parquet as pq
 import pytest
 
 from tests.campaign.plans import tables
-from workbench.campaign import read_plan, remake_trial, run_campaign
+from workbench.campaign import Plan, read_plan, remake_trial, run_campaign
 from workbench.campaign.store.store import ShardResult
+from workbench.campaign.trial import emulated
 from workbench.campaign.work.engines import run_local
-from workbench.campaign.work.shard import run_shard
+from workbench.campaign.work.shard import plans_to_send, run_shard
 
 
 def test_tables_and_images_do_not_depend_on_who_computes_them(small_run: Path, tmp_path: Path) -> None:
@@ -67,3 +69,17 @@ def test_a_worker_takes_one_core(small_run: Path) -> None:
 
     results = list(run_local(partial(threads_after, small_run.parent / "plan.toml"), [0], 1))
     assert [json.loads(r.tables["native"]) for r in results] == [0]
+
+
+def test_workers_use_the_plans_of_views_that_they_are_sent(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The rows are the same bytes, and nothing is planned anew; what a factor changes can not be sent."""
+    asked = {"run": "extract", "repeats": 2, "base": {"poses": {"plans": 1, "locations": 1, "per_location": 3}}}
+    plan = Plan.model_validate(asked)
+    own, sent = run_shard(plan, 0), pickle.loads(pickle.dumps(plans_to_send(plan)))  # noqa: S301 - our own
+    assert len(sent) == 1
+    monkeypatch.setattr(emulated, "_known", {})
+    monkeypatch.setattr(emulated, "_planned", lambda *_: pytest.fail("planned anew"))
+    other = run_shard(plan, 0, sent)
+    assert all(own.tables[name] == other.tables[name] for name in ("trials", "frames"))
+    varied = Plan.model_validate(asked | {"factors": {"jig.string_diameter_mm": [0.2, 0.4]}})
+    assert plans_to_send(varied) == {}

@@ -82,6 +82,8 @@ def test_what_can_not_be_laid_onto_the_drawing_is_named(cli: Cli, tmp_path: Path
 
 def test_a_jig_is_held_against_a_sensor(cli: Cli, tmp_path: Path) -> None:
     assert "sees the jig whole" in cli("jig", "--sensor", "nominal").out
+    begun = cli("init", tmp_path / "cell", "--sensor", "lmi_gocator_2330")
+    assert "can not see a jig of side 100 mm" in begun.err
     told = cli("jig", "--sensor", "lmi_gocator_2330")
     assert told.code == 0
     assert "fits" in told.out

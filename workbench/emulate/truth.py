@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import Arm, Frame, InputError, Pose, Role, draw_errors
+from geometry import Arm, Frame, InputError, NoAnswerError, Pose, Role, draw_errors
 from jig_cad import sample_tolerance
 from perceptron_emu import Solid, Surroundings
 from workbench.cell import around_jig, jig_bodies, sees_all_strings
 from workbench.emulate.recording import Configuration, TrueCell, with_joint_noise
 from workbench.files import Cell
-from workbench.plan import ViewProblem, plan_views
+from workbench.plan import ViewProblem, Views, plan_views, seen_whole
 
 Array = NDArray[np.float64]
 
@@ -101,9 +101,20 @@ def planned_views(
             workspace=cell.workspace,
             mount=cell.mount,
         )
-        planned = plan_views(problem, per_location, rng)
+        planned = _planned(problem, per_location, rng)
         views += [(name, cell.roles.get(name, "calibrate"), joints) for joints in planned.joints_rad]
     return views
+
+
+def _planned(problem: ViewProblem, count: int, rng: np.random.Generator) -> Views:
+    """The views; where there are too few because the sensor can not see the jig whole, the size that it would see."""
+    try:
+        return plan_views(problem, count, rng)
+    except NoAnswerError as error:
+        whole = seen_whole(problem.sensor, problem.jig, problem.limits)
+        if whole.fits:
+            raise
+        raise NoAnswerError(whole.sentence(problem.sensor, problem.jig)) from error
 
 
 def given_views(cell: Cell, rows: Sequence[Frame]) -> list[tuple[str, Role, Array]]:

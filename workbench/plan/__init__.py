@@ -15,6 +15,7 @@ from workbench.plan.clearance import (
 from workbench.plan.expected import expected_points
 from workbench.plan.moves import Move
 from workbench.plan.next_view import NextView, SurfacePlan, next_views
+from workbench.plan.on_surface import propose_on_surface
 from workbench.plan.proposal import Proposal, ViewPools, best_plan, candidates, plan_limits, pooled, propose
 from workbench.plan.view_space import ViewLimits
 from workbench.plan.views import ViewProblem, Views, free_views, plan_views
@@ -48,6 +49,7 @@ __all__ = [
     "plan_views",
     "pooled",
     "propose",
+    "propose_on_surface",
     "random_plans",
     "room_at_target_mm",
     "room_before_fixed",

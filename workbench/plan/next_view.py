@@ -67,11 +67,19 @@ class NextView:
 
 @dataclass(frozen=True, eq=False)
 class SurfacePlan:
-    """Views in the order of choice, and the covariance (6, 6) of the SCP that is predicted with and without them."""
+    """Views in the order of choice, and the covariance (6, 6) of the SCP that is predicted with and without them.
+
+    noise: the same with them, without the robot's own errors. random, random_noise (N, 6, 6): of as many views drawn at
+    random from the same pools. frames: how many count.
+    """
 
     views: tuple[NextView, ...]
     before: Array
     after: Array
+    noise: Array
+    random: Array
+    random_noise: Array
+    frames: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,6 +124,7 @@ def next_views(
     hand_noise: tuple[float, float] | None = None,
     seed: int = 0,
     each: bool = False,
+    compared: int = 0,
 ) -> SurfacePlan:
     """The ``count`` configurations that tell most beside the frames that there are.
 
@@ -139,6 +148,8 @@ def next_views(
         σ [mm], [deg] of hand poses without an arm.
     seed
         The same seed gives the same views.
+    compared
+        How many random plans are predicted beside.
 
     Raises
     ------
@@ -172,6 +183,7 @@ def next_views(
     if all(len(v.axes) == 0 for v in pool):
         raise NoAnswerError("no view of the target is within the robot's reach and the workspace: move the target")
     told = [problem.of_views(v) for v in pool]
+    first = base
     before = scp_covariance(base, np.arange(len(base.location)))
     number = max((f.number for f in cell.frames), default=-1) + 1
     chosen: list[NextView] = []
@@ -201,7 +213,29 @@ def next_views(
         )
         row = _with_file(cell, row)
         chosen.append(NextView(row, size, float(views.tilt_deg[i]), float(views.roll_deg[i]), float(views.room_mm[i])))
-    return SurfacePlan(tuple(chosen), before, scp_covariance(base, np.arange(len(base.location))))
+    every = np.arange(len(base.location))
+    counts = [sum(v.frame.location == p.name for v in chosen) for p in given]
+    others = [_at_random(first, told, counts, rng) for _ in range(compared)]
+    return SurfacePlan(
+        tuple(chosen),
+        before,
+        scp_covariance(base, every),
+        scp_covariance(base, every, noise_alone=True),
+        np.array([o[0] for o in others]).reshape(-1, 6, 6),
+        np.array([o[1] for o in others]).reshape(-1, 6, 6),
+        len(every),
+    )
+
+
+def _at_random(
+    base: FrameInformation, told: Sequence[FrameInformation], counts: Sequence[int], rng: np.random.Generator
+) -> tuple[Array, Array]:
+    """Covariances (6, 6), with the robot's errors and by noise alone, of as many views drawn from the same pools."""
+    for info, n in zip(told, counts, strict=True):
+        size = len(info.location)
+        base = base.followed_by(info[np.sort(rng.choice(size, min(n, size), replace=False))])
+    every = np.arange(len(base.location))
+    return scp_covariance(base, every), scp_covariance(base, every, noise_alone=True)
 
 
 @dataclass(frozen=True, eq=False)

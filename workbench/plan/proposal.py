@@ -303,7 +303,7 @@ def _proposal(cell: Cell, found: ViewPools, plan: Planned, criterion: str, rando
         ratio,
         of_noise,
         observability(scaled(noise, LEVER_MM), len(frames)),
-        (*_warnings(covariance), *(m.sentence() for m in moves if m.room_mm < 0)),
+        (*plan_warnings(covariance), *(m.sentence() for m in moves if m.room_mm < 0)),
         _rooms(found, plan),
         moves,
     )
@@ -326,7 +326,8 @@ def _moves(found: ViewPools, plan: Planned, rows: tuple[Frame, ...]) -> tuple[Mo
     return tuple(moves)
 
 
-def _warnings(covariance: Array) -> tuple[str, ...]:
+def plan_warnings(covariance: Array) -> tuple[str, ...]:
+    """A sentence where a plan of this covariance (6, 6) leaves something of the SCP open."""
     values, vectors = np.linalg.eigh(scaled(covariance, LEVER_MM))
     if values[-1] <= WEAK_MM**2:
         return ()

@@ -69,18 +69,39 @@ class Place:
     views: Views
 
 
+Asked = tuple[JigPart, str, str, PosesPart, bool, int]
+Plans = dict[Asked, tuple[Place, ...] | NoAnswerError]
+_known: Plans = {}
+
+
 def shared_plan(settings: TrialSettings, plan: int) -> tuple[Place, ...]:
     """The places and views of plan number ``plan``, shared by trials and workers: of the drawing's geometry alone.
 
     Raises NoAnswerError where the plan can not be made.
     """
-    thickness = planned_diameter_mm(settings.jig.string_diameter_mm)
-    jig = settings.jig.model_copy(update={"string_diameter_mm": thickness, "tolerance_mm": 0.0})
-    poses = settings.poses.model_copy(update={"plans": 1})
-    found = _planned(jig, settings.robot.preset, settings.sensor.preset, poses, settings.clutter, plan)
+    asked = _asked(settings, plan)
+    found = _known[asked] if asked in _known else _planned(*asked)
     if isinstance(found, NoAnswerError):
         raise NoAnswerError(str(found))
     return found
+
+
+def all_plans(settings: TrialSettings) -> Plans:
+    """Every plan that trials of these settings share, made here, to be sent to the workers."""
+    return {asked: _planned(*asked) for asked in (_asked(settings, n) for n in range(settings.poses.plans))}
+
+
+def know_plans(plans: Plans) -> None:
+    """Take what another process has planned: no worker plans it anew."""
+    _known.update(plans)
+
+
+def _asked(settings: TrialSettings, plan: int) -> Asked:
+    """What a plan hangs on."""
+    thickness = planned_diameter_mm(settings.jig.string_diameter_mm)
+    jig = settings.jig.model_copy(update={"string_diameter_mm": thickness, "tolerance_mm": 0.0})
+    poses = settings.poses.model_copy(update={"plans": 1})
+    return jig, settings.robot.preset, settings.sensor.preset, poses, settings.clutter, plan
 
 
 def planned_diameter_mm(diameter_mm: float) -> float:

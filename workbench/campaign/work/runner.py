@@ -12,7 +12,7 @@ from workbench.campaign.asked.named import check_named
 from workbench.campaign.asked.plan import Plan
 from workbench.campaign.store.store import Store, opened_store
 from workbench.campaign.work.engines import default_workers, run_dask, run_local
-from workbench.campaign.work.shard import run_shard
+from workbench.campaign.work.shard import plans_to_send, run_shard
 from workbench.campaign.work.trusted import check_cache
 
 Progress = Callable[[int, int], None]
@@ -76,8 +76,8 @@ def _run(store: Store, workers: int | None, dask: str | None, progress: Progress
     summary = RunSummary(store.folder, store.trials, resumed=done)
     if progress:
         progress(done, store.trials)
-    work = partial(run_shard, store.plan)
     if missing:
+        work = partial(run_shard, store.plan, plans=plans_to_send(store.plan))
         results = run_dask(work, missing, dask) if dask else run_local(work, missing, workers or default_workers())
         with closing(results):  # type: ignore[type-var]
             for result in results:

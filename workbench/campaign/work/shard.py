@@ -15,8 +15,11 @@ from workbench.campaign.asked.trials import keeps_images, n_trials, trial_seed, 
 from workbench.campaign.store.environment import numeric_environment
 from workbench.campaign.store.rows import FRAME_SCHEMA, PARQUET, TIMING_SCHEMA, trial_schema
 from workbench.campaign.store.store import ShardResult
+from workbench.campaign.trial.emulated import Plans, all_plans, know_plans
 from workbench.campaign.trial.trial import Trial, run_trial
 from workbench.campaign.work.worker import one_thread
+
+_PLANNED_BY = ("jig", "robot.preset", "sensor.preset", "poses", "clutter")  # settings that a plan of views hangs on
 
 
 def run_one(plan: Plan, trial: int) -> Trial:
@@ -29,9 +32,19 @@ def run_one(plan: Plan, trial: int) -> Trial:
         raise
 
 
-def run_shard(plan: Plan, shard: int) -> ShardResult:
-    """Run a shard's trials; what is returned depends on the plan and the shard alone, timings apart."""
+def plans_to_send(plan: Plan) -> Plans:
+    """The plans of views that all trials share, where no factor changes what they hang on; else none."""
+    varied = any(name == own or name.startswith(f"{own}.") for name in plan.factors for own in _PLANNED_BY)
+    return {} if varied or n_trials(plan) == 0 else all_plans(trial_settings(plan, 0)[1])
+
+
+def run_shard(plan: Plan, shard: int, plans: Plans | None = None) -> ShardResult:
+    """Run a shard's trials; what is returned depends on the plan and the shard alone, timings apart.
+
+    plans: of views, as `plans_to_send` made them; the worker makes those that are missing.
+    """
     one_thread()
+    know_plans(plans or {})
     first = shard * plan.shard_trials
     last = min(first + plan.shard_trials, n_trials(plan))
     trials, frames, timings = [], [], []

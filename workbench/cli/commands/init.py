@@ -30,8 +30,25 @@ def command(
             standard_error().print(f"{kind}: {', '.join(assets.list_presets(kind))}", markup=False, soft_wrap=True)
         return
     measured = write_starter(folder, robot, sensor, jig, target)
+    if target is None:
+        _say_whether_seen(folder)
     profiles = " --profiles csv" if measured == "profiles" else ""
     say_remark(
         f"{folder}: fill frames.csv and {measured}/, then see what is missing: perceptron-emu doctor {folder}; "
         f"or emulate a recording: perceptron-emu render {folder} --out recording{profiles}"
     )
+
+
+def _say_whether_seen(folder: Path) -> None:
+    """A remark where the sensor can not see the jig whole: nobody should build it first."""
+    from geometry import InputError
+    from workbench.files import read_cell
+    from workbench.plan import plan_limits, seen_whole
+
+    cell = read_cell(folder, recorded=False)
+    try:
+        whole = seen_whole(cell.sensor, cell.jig, plan_limits())
+    except InputError:  # a profile sensor that states no field of view: nothing is known
+        return
+    if not whole.fits:
+        say_remark(whole.sentence(cell.sensor, cell.jig))

@@ -56,9 +56,10 @@ def command(
     Locations with role "verify" get spread views to check with. Arm, hand and sensor keep off the jig, the floor and
     the boxes of \[workspace] in cell.toml.
     """
+    from geometry import Surface
     from workbench.cell import located
     from workbench.files import frames_text, read_cell, write_text
-    from workbench.plan import plan_limits, propose
+    from workbench.plan import plan_limits, propose, propose_on_surface
     from workbench.report import json_text, save_plan_picture, write_plan_report
 
     limits = plan_limits(tilt_deg, roll_deg, mounting_deg)
@@ -66,7 +67,10 @@ def command(
     with progress_bar("extracting", max(1, len(given.frames))) as progress:
         given = located(given, progress)
     with progress_bar("planning", 1) as progress:
-        proposal = propose(given, per_location, criterion.value, model.value, limits, seed, progress)
+        if all(isinstance(t, Surface) for t in given.targets):
+            proposal = propose_on_surface(given, per_location, criterion.value, model.value, limits, seed)
+        else:
+            proposal = propose(given, per_location, criterion.value, model.value, limits, seed, progress)
     if out is not None:
         write_text(out, frames_text(proposal.rows, decimals=4))
         standard_error().print(f"{out} written", markup=False)

@@ -1,0 +1,54 @@
+"""The next views on a ball, a plate and a wedge: reached, telling more than random ones, and curing what is open."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calib.hands import placed
+from calib.synthetic.surfaces import ProfileNoise, observe_surface, surface_cell
+from calib.synthetic.telling_nothing import SPOILT, spoilt_cell
+from geometry import Surface
+from jig_cad import Edge, Plane, Sphere, Wedge
+from workbench.files import Cell
+from workbench.plan import next_views, size_mm
+
+CURED = 0.3  # of the σ that one plane at three tilts leaves, after four more views
+
+
+@pytest.mark.parametrize("target", [Sphere(40.0), Plane(), Wedge(90.0), Edge()])
+def test_the_next_views_are_reached_and_tell_more_than_random_ones(target: Surface, tmp_path: Path) -> None:
+    rng = np.random.default_rng(4)
+    made = surface_cell(target, rng, (("A", "calibrate", 5), ("B", "calibrate", 5), ("C", "calibrate", 5)))
+    seen = observe_surface(made, rng, ProfileNoise(), 40, labelled=False)
+    cell = Cell(tmp_path, seen.sensor, target, made.robot, seen.frames, seen.design)
+    frames = placed(seen.frames, made.robot)
+    plan = next_views(cell, made.T_hand_sensor, dict(made.T_base_target), frames, 3, model="full", compared=20)
+    assert len(plan.views) == 3
+    for view in plan.views:
+        q = view.frame.joints_rad
+        assert q is not None
+        assert bool(made.robot.within_limits(q))
+        assert view.room_mm >= 0
+        assert view.frame.number > max(f.number for f in frames)
+    after = float(size_mm(plan.after, "E"))
+    assert after < float(size_mm(plan.before, "E"))
+    assert after <= float(np.median(size_mm(plan.random, "E")))
+    sizes = [v.size_mm for v in plan.views]
+    assert sizes == sorted(sizes, reverse=True)
+    again = next_views(cell, made.T_hand_sensor, dict(made.T_base_target), frames, 1, model="full")
+    np.testing.assert_array_equal(again.views[0].frame.joints_rad, plan.views[0].frame.joints_rad)
+
+
+def test_what_is_open_is_closed(tmp_path: Path) -> None:
+    """One plane seen at three tilts leaves a direction open; the views proposed are of other tilts."""
+    spoilt = SPOILT["one plane, three tilts"]
+    rng = np.random.default_rng(5)
+    made = spoilt_cell(spoilt, rng)
+    seen = observe_surface(made, rng, ProfileNoise(), 40, labelled=False)
+    cell = Cell(tmp_path, seen.sensor, spoilt.target, made.robot, seen.frames, seen.design)
+    frames = placed(seen.frames, made.robot)
+    plan = next_views(cell, made.T_hand_sensor, dict(made.T_base_target), frames, 4)
+    assert float(size_mm(plan.noise, "E")) < CURED * float(size_mm(plan.before, "E"))

@@ -1,0 +1,69 @@
+"""A proposal of configurations for a cell of balls, plates, edges or wedges, as `propose` makes one for strings."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from calib.bundle import Model, observability, scaled
+from calib.printed import printed_sigmas
+from geometry import InputError
+from workbench.files import Cell
+from workbench.plan.choose import LEVER_MM, RANDOM_PLANS, size_mm
+from workbench.plan.next_view import next_views
+from workbench.plan.proposal import VERIFY, Proposal, plan_warnings
+from workbench.plan.view_space import ViewLimits
+
+
+def propose_on_surface(
+    cell: Cell, per_location: int, criterion: str, model: Model, limits: ViewLimits, seed: int
+) -> Proposal:
+    """Propose ``per_location`` configurations at every calibrating place, and predict what they tell.
+
+    cell: with T_base_jig of its places; its frames count as taken. criterion, model, limits, seed: as of `propose`;
+    of the limits tilt and roll count.
+    """
+    if not cell.T_base_jig:
+        raise InputError(
+            f"{cell.folder / 'cell.toml'}: [locations.NAME] T_base_target is missing: where does the target stand?"
+        )
+    told = {f.location: f.role for f in cell.frames} | dict(cell.roles)
+    places = {n: T for n, T in cell.T_base_jig.items() if told.get(n, "calibrate") != VERIFY}
+    if not places:
+        raise InputError(f"{cell.folder / 'cell.toml'}: every location has role verify; one must calibrate")
+    arm = cell.arm
+    taken = [f for f in cell.frames if f.location in places and f.reason is None]
+    plan = next_views(
+        cell,
+        cell.design,
+        places,
+        taken,
+        per_location,
+        criterion=criterion,
+        model=model,
+        tilt_deg=limits.tilt_deg,
+        roll_deg=limits.roll_deg,
+        seed=seed,
+        each=True,
+        compared=RANDOM_PLANS,
+    )
+    views = sorted(plan.views, key=lambda v: list(places).index(v.frame.location))
+    rows = tuple(v.frame for v in views)
+    ratio, of_noise = (
+        float(size_mm(own, criterion) / np.median(size_mm(others, criterion)))
+        for own, others in ((plan.after, plan.random), (plan.noise, plan.random_noise))
+    )
+    sigma_deg, sigma_mm = printed_sigmas(cell.design, plan.after)
+    return Proposal(
+        rows,
+        np.rad2deg([r.joints_rad for r in rows if r.joints_rad is not None]).reshape(-1, arm.n_joints),
+        np.array([v.tilt_deg for v in views]),
+        np.array([v.roll_deg for v in views]),
+        tuple(float(v) for v in sigma_deg),
+        tuple(float(v) for v in sigma_mm),
+        ratio,
+        of_noise,
+        observability(scaled(plan.noise, LEVER_MM), plan.frames),
+        plan_warnings(plan.after),
+        np.array([v.room_mm for v in views]),
+        (),
+    )
