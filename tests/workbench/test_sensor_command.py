@@ -246,3 +246,12 @@ def test_a_board_that_is_never_seen_whole_is_said() -> None:
     assert _never_whole(views, BOARD) == []
     (sentence,) = _never_whole(views, Board("checkerboard", 6, 5, 10.0))
     assert "every view shows 5 × 4 inner corners, board.toml says 6 × 5" in sentence
+
+
+def test_board_and_stripe_both_flooded_is_a_sentence(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for name, stripe in (("a_off", False), ("a_on", True)):
+        bright = np.maximum(drawn(1.0)[0], drawn(1.0, stripe=stripe)[0]).astype(int) * 2
+        cv2.imwrite(str(folder / "pictures" / f"{name}.png"), np.clip(bright, 0, 255).astype(np.uint8))
+    code, out, _ = called(folder, capsys, "--json")
+    assert code == 3
+    assert "a: board and stripe are both saturated, with laser on and off" in " ".join(json.loads(out)["notes"])
