@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from extraction.stripe.chain import Chain
-from extraction.stripe.measure import PIECE, measure, middle, ridge_of
+from extraction.stripe.measure import measure, middle
 from extraction.stripe.track import Bumps, Track
 
 Array = NDArray[np.float64]
@@ -33,7 +33,6 @@ GHOST_LONGER = 0.1  # of the shorter ridge's length, that the longer one goes on
 SAME_PX = 1.0  # beside a stripe's σ, within which another track is the same
 JOIN_GAP, JOIN_PX = 60.0, 3.0  # sections between two pieces of one stripe, and how far off their lines may pass
 JOIN_ABOUT_PX = 24.0  # between two ends that may be one stripe's, beside twice the gap
-_NONE = np.empty(0, PIECE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,15 +164,13 @@ def _crowding(best: Stripe, everything: list[Stripe]) -> float:
 
 def _measure(grey: NDArray[Any], chain: Chain, clip: float, least: int) -> list[Stripe]:
     """A chain's pieces, each a track with its ends."""
-    track, found = measure(grey, ridge_of(chain), clip, _NONE)
+    track, found = measure(grey, chain, clip)
     pieces = []
-    for start, stop, peaks, first, second, width, height, flat, dark in found.tolist():
-        own = track.width[start:stop]
-        a, b = middle(0, stop - start)
-        wide = own * (width / float(own[a:b].mean()))
-        shape = Bumps(peaks, first, second, width, height, flat)
-        place = Track(track.first + start, track.place[start:stop], wide)
-        pieces.append(Stripe(place, chain, shape, height, least=least, dark=dark))
+    for piece in found:
+        own, (a, b) = track.width[piece.start : piece.stop], middle(0, piece.stop - piece.start)
+        width = own * (piece.bumps.width / float(own[a:b].mean()))
+        place = Track(track.first + piece.start, track.place[piece.start : piece.stop], width)
+        pieces.append(Stripe(place, chain, piece.bumps, piece.bumps.height, least=least, dark=piece.dark))
     return pieces
 
 

@@ -232,6 +232,28 @@ def test_axe_finds_nothing(page: Page, theme: str, tab: str) -> None:
     page.tab("image")
 
 
+def test_nothing_is_cut_at_150_percent(page: Page) -> None:
+    """A screen of 1280 × 720 at 150 % has 853 × 480 points: all is within its width, in German too, which is longer."""
+    size = page.driver.get_window_size()
+    inner = page.js("return [outerWidth - innerWidth, outerHeight - innerHeight]")
+    page.driver.set_window_size(853 + inner[0], 480 + inner[1])
+    try:
+        for _ in range(2):
+            page.find("#language").click()
+            page.until("document.documentElement.dataset.shown", 30)
+            page.until("document.querySelectorAll('.tool').length > 2", 30)
+            assert page.js("return document.documentElement.scrollWidth <= innerWidth")
+            cut = page.js(
+                """return [...document.querySelectorAll('.bar button, .side-head *, .tabs button, .tools *')]
+                .filter((n) => n.getBoundingClientRect().width && n.getBoundingClientRect().right > innerWidth + 0.5)
+                .map((n) => n.id || n.textContent)"""
+            )
+            assert not cut, cut
+            assert page.js("return document.getElementById('canvas').clientHeight") > 120
+    finally:
+        page.driver.set_window_size(size["width"], size["height"])
+
+
 @pytest.mark.parametrize("key", ["save", "load", "export", "keys", "open"])
 def test_axe_finds_nothing_in_the_dialogs(page: Page, key: str) -> None:
     page.find(f"#{key}").click()

@@ -51,3 +51,15 @@ def test_images_of_a_wrong_kind_are_named_in_the_verdict(cli: Cli, dataset: Path
     assert done.code == 3
     assert done.json["verdict"]["code"] == "frames_contradict"
     assert "images unreadable: a JPEG, whose compression moves spots" in done.json["verdict"]["text"]
+
+
+def test_sentences_of_like_words_are_told_once_whatever_their_figures() -> None:
+    from workbench.cell.remarks import merged
+
+    files = ["a.csv: 3 of 9 points are marks", "b.csv: 4 of 9 points are marks", "c.csv: broken", "d.csv: broken"]
+    said = merged([*files, "no file 3"])
+    assert said == (
+        "a.csv: 3 of 9 points are marks; the like of 1 further files",
+        "c.csv: broken; the same of 1 further files",
+        "no file 3",
+    )

@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
+from calib.sensor import BoardView, Corners, Stripe
 from extraction.board import NoBoard, find_board
 from geometry import Board, Pose
 from tests.workbench.board_pictures import pictured, pose_of, radius_mm, truth_px
@@ -17,6 +18,7 @@ from workbench.cli.main import run
 from workbench.emulate import board_solids
 from workbench.files import board_text, find_views, read_board, read_sensor
 from workbench.sensor import exported
+from workbench.sensor.recording import _never_whole
 
 BOARD = Board("checkerboard", 5, 4, 10.0)
 ATOL_PX = 0.02
@@ -163,6 +165,17 @@ def test_the_drawn_squares_cover_the_board_once() -> None:
     assert bright.mesh.area + dark.mesh.area == pytest.approx(80 * 70)
 
 
+def yaml_like(text: str) -> dict[str, str]:
+    """Keys of ROS's camera_info, nested ones joined by a dot."""
+    out, above = {}, ""
+    for line in text.splitlines():
+        key, _, value = line.strip().partition(":")
+        if not line.startswith(" "):
+            above = key
+        out[f"{above}.{key}" if line.startswith(" ") else key] = value.strip()
+    return out
+
+
 def test_exports_hold_the_camera() -> None:
     sensor = read_sensor(Path(__file__).parents[2] / "assets" / "sensors" / "nominal.toml")
     camera = sensor.require_camera()
@@ -170,7 +183,11 @@ def test_exports_hold_the_camera() -> None:
     normal, distance = np.array(plain["laser_plane_camera"]["normal"]), plain["laser_plane_camera"]["distance_mm"]
     on_sheet = camera.T_sensor_camera.inverse() @ np.array([0.0, 20.0, 300.0])
     assert normal @ on_sheet == pytest.approx(distance, abs=1e-4)
-    assert "camera_matrix" in exported(sensor, "ros")
+    ros = yaml_like(exported(sensor, "ros"))
+    assert (ros["image_width"], ros["image_height"]) == (str(camera.width_px), str(camera.height_px))
+    np.testing.assert_allclose(json.loads(ros["camera_matrix.data"]), camera.matrix.ravel(), rtol=0, atol=1e-9)
+    assert len(json.loads(ros["distortion_coefficients.data"])) == int(ros["distortion_coefficients.cols"])
+    assert len(json.loads(ros["projection_matrix.data"])) == 12
     storage = cv2.FileStorage(exported(sensor, "opencv"), cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
     np.testing.assert_allclose(storage.getNode("camera_matrix").mat(), camera.matrix, rtol=0, atol=1e-9)
 
@@ -220,3 +237,21 @@ def test_every_kind_of_board_is_drawn(board: Board) -> None:
     if board.kind != "charuco":
         radius = radius_mm(board)
         assert ink.mesh.area == pytest.approx(len(board.points_mm) * np.pi * radius**2, rel=1e-9)
+
+
+def test_a_board_that_is_never_seen_whole_is_said() -> None:
+    """One corner too many each way: found as a part, in every view the same."""
+    corners = Corners(BOARD.points_mm, BOARD.points_mm, np.tile(np.eye(2), (20, 1, 1)))
+    views = [BoardView(name, corners, Stripe.nothing()) for name in "ab"]
+    assert _never_whole(views, BOARD) == []
+    (sentence,) = _never_whole(views, Board("checkerboard", 6, 5, 10.0))
+    assert "every view shows 5 × 4 inner corners, board.toml says 6 × 5" in sentence
+
+
+def test_board_and_stripe_both_flooded_is_a_sentence(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for name, stripe in (("a_off", False), ("a_on", True)):
+        bright = np.maximum(drawn(1.0)[0], drawn(1.0, stripe=stripe)[0]).astype(int) * 2
+        cv2.imwrite(str(folder / "pictures" / f"{name}.png"), np.clip(bright, 0, 255).astype(np.uint8))
+    code, out, _ = called(folder, capsys, "--json")
+    assert code == 3
+    assert "a: board and stripe are both saturated, with laser on and off" in " ".join(json.loads(out)["notes"])

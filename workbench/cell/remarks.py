@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
@@ -49,17 +50,24 @@ def out_of_limits(cell: Cell) -> Iterator[str]:
             )
 
 
+_NUMBER = re.compile(r"[-−]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
+
+
 def merged(sentences: Iterable[str]) -> tuple[str, ...]:
-    """Sentences of the form ``file: what``, those of like words told once with their number."""
+    """Sentences of the form ``file: what``, those of like words told once with their number, whatever their figures."""
     first: dict[str, str] = {}
-    count: Counter[str] = Counter()
+    words: dict[str, list[str]] = {}
     for sentence in sentences:
-        words = sentence.partition(": ")[2] or sentence
-        first.setdefault(words, sentence)
-        count[words] += 1
+        named, _, what = sentence.partition(": ")
+        what = what or named
+        kind = _NUMBER.sub("0", what) if what is not named else sentence
+        first.setdefault(kind, sentence)
+        words.setdefault(kind, []).append(what)
     return tuple(
-        f"{sentence}; the same of {count[words] - 1} further files" if count[words] > 1 else sentence
-        for words, sentence in first.items()
+        f"{sentence}; the {'same' if len(set(words[kind])) == 1 else 'like'} of {len(words[kind]) - 1} further files"
+        if len(words[kind]) > 1
+        else sentence
+        for kind, sentence in first.items()
     )
 
 

@@ -81,9 +81,26 @@ def read_recording(
             views.append(view)
             pictures[file.name] = image
         progress(i + 1, len(files))
-    if not views and files:
-        said += _other_counts(read_image(files[0].board, sensor, lossy=True), board)
+    said += _never_whole(views, board)
+    unseen = {name for name, _ in lost}
+    if len(unseen) > len(views):
+        first = next(f for f in files if f.name in unseen)
+        said += _other_counts(read_image(first.board, sensor, lossy=True), board)
     return Recording(sensor, board, tuple(views), tuple(lost), tuple(dict.fromkeys(said)), pictures)
+
+
+def _never_whole(views: Sequence[BoardView], board: Board) -> list[str]:
+    """Whether every view shows one smaller grid of a checkerboard than is stated: it is counted wrongly, or hidden."""
+    if board.kind != "checkerboard" or len(views) < 2:
+        return []
+    seen = {tuple(sorted((np.ptp(v.corners.xy_mm, axis=0) / board.pitch_mm).round().astype(int) + 1)) for v in views}
+    if len(seen) > 1 or seen == {tuple(sorted((board.columns, board.rows)))}:
+        return []
+    short, long = seen.pop()
+    return [
+        f"every view shows {long} × {short} inner corners, board.toml says {board.columns} × {board.rows}: are they "
+        "counted right (between squares, not the squares)? The calibration itself does not hang on their number"
+    ]
 
 
 def _view(file: ViewFiles, board: Board, image: Image, lit: Image, found: BoardCorners) -> tuple[BoardView, list[str]]:

@@ -167,6 +167,7 @@ export function show() {
     const all = [...node.querySelectorAll(".parameter")];
     node.classList.toggle("unmatched", Boolean(words) && all.every((n) => n.hidden));
     if (words && all.some((n) => !n.hidden)) node.open = true;
+    node.classList.toggle("searched", Boolean(words));
   }
 }
 

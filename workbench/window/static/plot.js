@@ -50,7 +50,7 @@ function grid(context, view, width, height) {
     const y = view.toScreen(0, z)[1];
     line(context, 0, y, width, y);
     context.textAlign = "left";
-    context.fillText(number(z + 0, digits), 4, y - 1);
+    if (y > 34) context.fillText(number(z + 0, digits), 4, y - 1); // above it the axis is named
   }
   context.textAlign = "right";
   context.fillText("y [mm] →", width - 6, height - 16);

@@ -55,6 +55,8 @@ function arrange() {
   }
   $("panel").dataset.what = state.parameters.what;
   for (const put of puts) put();
+  const { feature: looked, gap_and_flush: panels } = state.parameters.measure;
+  for (const [id, on] of [["feature", looked !== "none"], ["gapflush", panels]]) $("panel").querySelector(`[data-tool="${id}"]`)?.classList.toggle("off", !on);
 }
 
 const puts = []; // of the tools' own controls
@@ -69,8 +71,9 @@ export function showValues(answer, raw = answered?.rawOf) {
     const worst = own.some((v) => v.lamp === "bad") ? "bad" : own.some((v) => v.lamp === "good") ? "good" : "";
     setLamp(lamp, worst);
     brief.textContent = own.length && own[0].value !== null ? shown(own[0]) : "";
-    if (!values.contains(document.activeElement)) clear(values, own.map(valueRow));
-    else own.forEach((v) => { const node = values.querySelector(`[data-value="${v.key}"]`); if (node) fill(node, v); });
+    const there = [...values.children].map((node) => node.dataset.value).join();
+    if (own.map((v) => v.key).join() !== there) clear(values, own.map(valueRow));
+    else own.forEach((v, i) => fill(values.children[i], v)); // an open tolerance stays open
   }
   clipped(answer);
   told(answer);
@@ -105,6 +108,12 @@ export function valueRow(v) {
 function fill(node, v) {
   setLamp(node.querySelector(".lamp"), v.lamp);
   node.querySelector("output").textContent = shown(v);
+  const button = node.querySelector(".tolerance"), now = read(`tolerances.${v.key}`);
+  if (!button) return;
+  button.textContent = now ? rangeOf(now) : t("tolerance…");
+  const fields = node.querySelectorAll(".limits input");
+  putNumber(fields[0], now?.min ?? null);
+  putNumber(fields[1], now?.max ?? null);
 }
 
 // The tolerance of a value: a button that tells it and opens two fields.

@@ -106,7 +106,7 @@ function summary() {
   const { now, total, statistics: s, before } = survey;
   const chips = [];
   const chip = (kind, text) => { const node = el("span", { class: `chip ${kind}` }, text); chips.push(node); return node; };
-  const counted = now.filter((r) => r.badge === "count");
+  const counted = now.filter((r) => r.badge === "count" || (r.stripe && !r.error));
   if (counted.length) {
     const n = counted.reduce((sum, r) => sum + found(r), 0);
     chip("", state.session.board ? t`${n} corners and points in ${counted.length} images` : counted[0].stripe ? t`${n} points in ${counted.length} images` : t`${n} spots in ${counted.length} images`);
@@ -228,7 +228,8 @@ function card(row) {
     ].filter((x) => x !== null)));
 }
 
-const cardWords = (row) => row.values.filter((v) => v.value !== null && v.tool !== "exposure").slice(0, 2).map((v) => `${titleOf(v.key)} ${number(v.value, v.digits)}`).join(" · ");
+const FIRST = ["gapflush", "feature", "board", "stripe"]; // what a card says, the most special first
+const cardWords = (row) => FIRST.flatMap((tool) => row.values.filter((v) => v.tool === tool && v.value !== null)).slice(0, 2).map((v) => `${titleOf(v.key)} ${number(v.value, v.digits)}`).join(" · ");
 
 const PICTURES = 400; // small pictures kept: what was in sight lately
 

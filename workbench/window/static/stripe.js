@@ -91,7 +91,7 @@ export function drawProfilePoints(context, view, answer, show) {
     context.strokeRect(x - 5, y - 5, 10, 10);
   }
   if (show.feature && answer.feature) features(context, view, answer.feature, feature);
-  if (answer.gap && !answer.gap.text) gap(context, view, answer.gap, answer.values);
+  if (show.feature && answer.gap && !answer.gap.text) gap(context, view, answer.gap, answer.values);
 }
 
 // σ along its long axis, as a stripe's covariance has rank one; where it has not, its ellipse.
@@ -205,7 +205,7 @@ export function stripeLegend(show, answer) {
   if (show.points) entries.push(["l-good", t("point")]);
   const flags = answer.stripe.flags ?? {};
   if (show.doubtful && flags.ambiguous) entries.push(["l-rival", t("ambiguous")]);
-  if (show.doubtful && flags.saturated) entries.push(["l-clip", t("clipped")]);
+  if (show.doubtful && flags.saturated) entries.push(["l-clip", t("saturated")]);
   if (show.doubtful && (flags.shape || flags.edge)) entries.push(["l-doubt", t("doubted otherwise")]);
   if (show.feature && answer.feature?.points.length) entries.push(["l-true", t("on the feature")]);
   if (show.corners && answer.board?.u.length) entries.push(["l-mask", t("corner")]);
