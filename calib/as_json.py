@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from calib.printed import printed_sigmas
 from geometry import CONVENTIONS, Frame, clean, express
@@ -224,7 +225,7 @@ def frame_object(frame: Frame, complaint: str | None, surface: bool = False) -> 
     return out | ({"complaint": complaint} if complaint else {})
 
 
-def _point(frame: Frame, i: int, sigma_mm: Array) -> dict[str, Any]:
+def _point(frame: Frame, i: int, sigma_mm: NDArray[np.float64]) -> dict[str, Any]:
     (u, v), (y, z), (sigma_y, sigma_z) = frame.axis_uv_px[i], frame.axis.yz_mm[i], sigma_mm
     return {
         "label": frame.axis.label[i],
