@@ -66,7 +66,9 @@ class DetectConfig(_Section):
     min_length_px: float = Field(default=12.0, gt=0, description="a spot of this length is never too long [px]")
     min_width_px: float = Field(default=7.0, gt=0, description="a spot of this width is never too wide [px]")
     # twice what a lit wall makes (docs/spots.md)
-    max_candidates: int = Field(default=2000, ge=1, le=30_000, description="brightest peaks that are looked at")
+    max_candidates: int = Field(
+        default=2000, ge=1, le=30_000, description="brightest peaks that are looked at; more are said"
+    )
 
 
 class LocaliseConfig(_Section):
@@ -81,7 +83,8 @@ class LocaliseConfig(_Section):
     max_iterations: int = Field(default=20, ge=1, le=200, description="steps of a fit before it is given up")
     # a pixel alone has less than 0.3, and no lens draws a string narrower than 0.5
     min_sigma_px: float = Field(default=0.45, ge=0, description="a narrower spot is a hot pixel or a spark")
-    max_spots: int = Field(default=40, ge=1, description="spots kept, best first")
+    # a grid of 30 × 30 dots whole, at a tenth of a millisecond a spot
+    max_spots: int = Field(default=1000, ge=1, description="spots kept, best first; more are said")
     min_score: float = Field(default=0.05, ge=0, le=1, description="least score of a spot that is kept")
 
 

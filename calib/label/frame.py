@@ -167,9 +167,9 @@ def _spots(
     extra = config.labelling.floor_mm**2 + (OFFSET_SPREAD * radius) ** 2 + anchor_sigma(jig) ** 2 + doubt_mm**2
     cov = points.cov_yz_mm2[:n] + extra * np.eye(2)
     odds = 0.5 * np.log((points.score[:n] + 0.05) / (1.05 - points.score[:n]))
-    width, depth = np.ptp(points.yz_mm, axis=0)
+    width, depth = np.ptp(points.yz_mm[:n], axis=0)
     area = max(width, jig.side_mm) * max(depth, jig.side_mm)
-    return Spots(points.yz_mm[:n] - offset, cov, odds, max(len(points), 5) / area)
+    return Spots(points.yz_mm[:n] - offset, cov, odds, max(n, 5) / area)
 
 
 def _rivals(found: Hypotheses, jig: Jig) -> list[tuple[int, IntArray]]:

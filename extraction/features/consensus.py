@@ -4,23 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from extraction.config import FeatureConfig
-from extraction.features.shapes import Circle, Line
+from extraction.features.shapes import Circle, Circles, Line, Lines
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Curve = Circle | Line
+Valid = Callable[[Circles | Lines], Mask]  # which of M curves are looked for at all (M,)
 
 _MAD = 1.4826  # of a Gaussian: σ over the median of its magnitude
 _ROUNDS = 25  # of fitting and choosing anew; it settles in three to six
 _WIDEST = 3.0  # times the tolerance of the search: a choice that would grow beyond bends away from its curve
 _TRUST = 3.0  # no point weighs more or less than the usual one by more than this factor of σ
 _FEWEST_BY_SHAPE: dict[type[Curve], int] = {Circle: 3, Line: 2}
+_MANY_BY_SHAPE: dict[type[Curve], type[Circles | Lines]] = {Circle: Circles, Line: Lines}
+_FIRST_SAMPLES, _MOST_SAMPLES = 32, 256  # drawn at once: few do where most points agree; many fit a processor's cache
+_LEAST_NEAR = 0.5  # of the points that lie on a curve in the end, the search's distance from it holds this share
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,9 +74,10 @@ def agree(
     course: Course,
     free: Mask,
     shape: type[Curve],
-    valid: Callable[[Curve], bool],
+    valid: Valid,
     rng: np.random.Generator,
     config: FeatureConfig,
+    least: int = 0,
 ) -> Agreement | None:
     """The curve on which most of the free points lie; None where there is none.
 
@@ -91,68 +95,85 @@ def agree(
         Of the samples.
     config
         Of features.
+    least
+        Curves of fewer points matter to nobody, and are not searched for as long.
 
     Returns
     -------
     Agreement or None
     """
     at = np.flatnonzero(free)
-    if len(at) < config.min_points:
+    if len(at) < max(config.min_points, least):
         return None
     tolerance = max(config.tolerance_sigma * course.scatter_mm, config.min_tolerance_mm)
     thinned = at[:: -(-len(at) // config.ransac_points)]
-    best = _most_agreed(course.yz_mm[thinned], shape, valid, tolerance, rng, config)
+    sought = int(_LEAST_NEAR * max(config.min_points, least) * len(thinned) / len(at))
+    best = _most_agreed(course.yz_mm[thinned], shape, valid, sought, tolerance, rng, config)
     return None if best is None else _settled(course, free, best, valid, tolerance, config)
 
 
 def _most_agreed(
-    yz: Array,
-    shape: type[Curve],
-    valid: Callable[[Curve], bool],
-    tolerance: float,
-    rng: np.random.Generator,
+    yz: Array, shape: type[Curve], valid: Valid, least: int, tolerance: float, rng: np.random.Generator,
     config: FeatureConfig,
-) -> Curve | None:
-    from skimage import measure
+) -> Curve | None:  # fmt: skip
+    """The curve through a sample that has most points near it, of equal ones the first, fitted to these points.
 
-    fewest = _FEWEST_BY_SHAPE[shape]
+    Samples are drawn, and their curves counted, some hundreds at once. They end once a curve with more points than the
+    best one, or than ``least``, would have been met with the wanted certainty.
+    """
+    fewest, many = _FEWEST_BY_SHAPE[shape], _MANY_BY_SHAPE[shape]
+    best, most, drawn, wanted = None, fewest, 0, _samples_for(least / len(yz), fewest, config)
+    while drawn < wanted:
+        count = min(max(drawn, _FIRST_SAMPLES), _MOST_SAMPLES, wanted - drawn)
+        curves = many.through(yz[_distinct(len(yz), count, fewest, rng)])
+        curves = curves.only(valid(curves))
+        drawn += count
+        if len(curves) == 0:
+            continue
+        near = curves.near(yz, tolerance)
+        agreed = np.count_nonzero(near, axis=1)
+        first = int(np.argmax(agreed))
+        if agreed[first] > most:
+            best, most = near[first], int(agreed[first])
+            wanted = min(wanted, _samples_for(most / len(yz), fewest, config))
+    if best is None:
+        return None
+    curve = shape.fit(yz[best], np.ones(most))
+    return curve if curve is not None and _is_valid(curve, valid) else None
 
-    class Model:
-        """What ransac asks for. A sample without a valid curve agrees with one point, so that it never wins."""
 
-        def __init__(self, curve: Curve | None) -> None:
-            self.curve = curve
-
-        @classmethod
-        def from_estimate(cls, data: Array) -> Model:
-            curve = shape.through(data) if len(data) == fewest else _fit(shape, data)
-            return cls(curve if curve is not None and valid(curve) else None)
-
-        def residuals(self, data: Array) -> Array:
-            if self.curve is None:
-                return np.where(np.arange(len(data)) == 0, 0.0, 2 * tolerance)
-            return self.curve.residuals(data)
-
-    ransac: Any = measure.ransac  # it has no types
-    model, inliers = ransac(
-        yz,
-        Model,
-        min_samples=fewest,
-        residual_threshold=tolerance,
-        max_trials=config.ransac_trials,
-        stop_probability=config.ransac_certainty,
-        rng=rng,
+def _samples_for(share: float, fewest: int, config: FeatureConfig) -> int:
+    """Samples after which one within so large a share of the points has been drawn, as sure as is wanted."""
+    alike = min(share, 1.0) ** fewest
+    if alike >= 1:
+        return 1
+    missed = float(np.log1p(-alike))
+    return (
+        config.ransac_trials
+        if missed == 0
+        else min(config.ransac_trials, int(np.ceil(np.log1p(-config.ransac_certainty) / missed)))
     )
-    enough = inliers is not None and np.count_nonzero(inliers) > fewest
-    return model.curve if enough and isinstance(model, Model) else None
 
 
-def _fit(shape: type[Curve], yz: Array) -> Curve | None:
-    return shape.fit(yz, np.ones(len(yz))) if len(yz) > _FEWEST_BY_SHAPE[shape] else None
+def _distinct(n: int, count: int, size: int, rng: np.random.Generator) -> NDArray[np.intp]:
+    """Samples (count, size) of as many different numbers below n each."""
+    out = np.empty((count, size), dtype=np.intp)
+    for k in range(size):
+        drawn = rng.integers(0, n - k, count)
+        for taken in np.sort(out[:, :k], axis=1).T:
+            drawn += drawn >= taken
+        out[:, k] = drawn
+    return out
+
+
+def _is_valid(curve: Curve, valid: Valid) -> bool:
+    if isinstance(curve, Circle):
+        return bool(valid(Circles(curve.centre_mm[None], np.array([curve.radius_mm])))[0])
+    return bool(valid(Lines(curve.origin_mm[None], curve.direction[None]))[0])
 
 
 def _settled(
-    course: Course, free: Mask, curve: Curve, valid: Callable[[Curve], bool], tolerance: float, config: FeatureConfig
+    course: Course, free: Mask, curve: Curve, valid: Valid, tolerance: float, config: FeatureConfig
 ) -> Agreement | None:
     """Fitted and chosen anew until the choice stands: points within some σ of their own scatter about the curve."""
     inliers: Mask = free & (np.abs(curve.residuals(course.yz_mm)) <= tolerance)
@@ -161,7 +182,7 @@ def _settled(
             return None
         sigma = course.sigma_across(curve)
         fitted = type(curve).fit(course.yz_mm[inliers], sigma[inliers] ** -2)
-        if fitted is None or not valid(fitted):
+        if fitted is None or not _is_valid(fitted, valid):
             return None
         curve = fitted
         off = curve.residuals(course.yz_mm)

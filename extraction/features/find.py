@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from extraction.config import FeatureConfig
-from extraction.features.consensus import Agreement, Course, Curve, agree, course_of
+from extraction.features.consensus import Agreement, Course, Curve, Valid, agree, course_of
 from extraction.features.points import TargetPoints
-from extraction.features.shapes import Circle, Line
+from extraction.features.shapes import Circle, Circles, Line, Lines
 from extraction.stripe import Profile
 from geometry import InputError, did_you_mean, inside_polygon
 
@@ -41,11 +41,12 @@ class Search:
         """Nothing found."""
         return TargetPoints.none(self.kind, len(self.order), reason, text)
 
-    def near_expected(self, place: Array) -> bool:
-        """Whether a place (2,) is near one where the target is expected; True where nothing is."""
+    def near_expected(self, places: Array) -> Mask:
+        """Which places (..., 2) are near one where the target is expected; all where nothing is."""
         if self.expected_mm is None:
-            return True
-        return bool(np.min(np.hypot(*(self.expected_mm - place).T)) <= self.within_mm)
+            return np.ones(np.shape(places)[:-1], dtype=bool)
+        off = np.asarray(places)[..., None, :] - self.expected_mm
+        return np.asarray(np.min(np.hypot(off[..., 0], off[..., 1]), axis=-1) <= self.within_mm)
 
 
 def find_target_points(
@@ -138,14 +139,16 @@ def _arcs(search: Search, most: int) -> list[Agreement]:
     low = config.min_section * min(known) if whole else 0.0
     high = config.max_section * max(known) if whole else config.max_radius_mm
 
-    def valid(curve: Curve) -> bool:
-        return isinstance(curve, Circle) and low <= curve.radius_mm <= high and search.near_expected(curve.centre_mm)
+    def valid(curves: Circles | Lines) -> Mask:
+        if not isinstance(curves, Circles):
+            return np.zeros(len(curves), dtype=bool)
+        return (low <= curves.radius_mm) & (curves.radius_mm <= high) & search.near_expected(curves.centre_mm)
 
     def arched(found: Agreement) -> bool:
         curve, yz = found.curve, search.course.yz_mm[found.inliers]
         return isinstance(curve, Circle) and curve.arc_rad(yz) >= np.deg2rad(config.min_arc_deg)
 
-    return _things(search, Circle, valid, arched, most)
+    return _things(search, Circle, valid, arched, most, config.rival_share)
 
 
 def _no_arc(search: Search) -> str:
@@ -181,10 +184,10 @@ def _lines(search: Search, most: int) -> list[Agreement]:
     """Straight stretches, the one with most points first."""
     config, expected = search.config, search.expected_mm
 
-    def valid(curve: Curve) -> bool:
+    def valid(curves: Circles | Lines) -> Mask:
         if search.kind != "plane" or expected is None:
-            return True
-        return bool(np.min(np.abs(curve.residuals(expected))) <= search.within_mm)
+            return np.ones(len(curves), dtype=bool)
+        return np.asarray(np.any(curves.near(expected, search.within_mm), axis=1))
 
     def straight(found: Agreement) -> bool:
         line, yz = found.curve, search.course.yz_mm[found.inliers]
@@ -292,19 +295,26 @@ def _on_its_side(search: Search, side: Agreement, ridge: Array) -> Agreement:
 def _things(
     search: Search,
     shape: type[Curve],
-    valid: Callable[[Curve], bool],
+    valid: Valid,
     accept: Callable[[Agreement], bool],
     most: int,
+    share: float = 0.0,
 ) -> list[Agreement]:
-    """Curves found one after the other, each among the points that the ones before left; most points first."""
+    """Curves found one after the other, each among the points that the ones before left; most points first.
+
+    Once a curve is found, others with less than a share of its points are asked for by nobody.
+    """
     free = np.ones(len(search.order), dtype=bool)
     out: list[Agreement] = []
     for _ in range(_MOST_THINGS):
-        found = agree(search.course, free, shape, valid, search.rng, search.config)
-        if found is None or len(out) == most:
+        least = share * max((np.count_nonzero(a.inliers) for a in out), default=0)
+        found = agree(search.course, free, shape, valid, search.rng, search.config, int(np.ceil(least)))
+        if found is None:
             break
         if accept(found):
             out.append(found)
+            if len(out) == most:
+                break
         free = free & ~found.inliers
     return sorted(out, key=lambda a: -int(np.count_nonzero(a.inliers)))
 

@@ -1,4 +1,4 @@
-"""Circles and lines of the laser plane, as scikit-image's RANSAC asks for them: ``from_estimate`` and ``residuals``.
+"""Circles and lines of the laser plane, one by one and many at once, as a search by random samples asks for them.
 
 They are fitted by distance, with weights; what three or two points give is exact.
 """
@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 _STEPS = 30  # of Gauss and Newton; an arc that has not settled by then is no arc
 _SETTLED_MM = 1e-10
@@ -27,13 +28,8 @@ class Circle:
     @classmethod
     def through(cls, yz_mm: Array) -> Circle | None:
         """Through three points (3, 2); None where they lie on a line."""
-        a, b = yz_mm[1] - yz_mm[0], yz_mm[2] - yz_mm[0]
-        area = 2 * (a[0] * b[1] - a[1] * b[0])
-        if area == 0:
-            return None
-        away = np.array([b[1] * (a @ a) - a[1] * (b @ b), a[0] * (b @ b) - b[0] * (a @ a)]) / area
-        radius = float(np.hypot(*away))
-        return cls(yz_mm[0] + away, radius) if np.isfinite(radius) and radius > 0 else None
+        found = Circles.through(yz_mm[None])
+        return found[0] if len(found) else None
 
     @classmethod
     def fit(cls, yz_mm: Array, weight: Array) -> Circle | None:
@@ -67,12 +63,8 @@ class Line:
     @classmethod
     def through(cls, yz_mm: Array) -> Line | None:
         """Through two points (2, 2); None where they are one."""
-        step = yz_mm[1] - yz_mm[0]
-        length = float(np.hypot(*step))
-        if length == 0:
-            return None
-        towards_y = step[0] > 0 or (step[0] == 0 and step[1] > 0)
-        return cls(yz_mm[0], step / length if towards_y else -step / length)
+        found = Lines.through(yz_mm[None])
+        return found[0] if len(found) else None
 
     @classmethod
     def fit(cls, yz_mm: Array, weight: Array) -> Line | None:
@@ -109,6 +101,82 @@ class Line:
             return None
         s = np.linalg.solve(across, other.origin_mm - self.origin_mm)
         return np.asarray(self.origin_mm + s[0] * self.direction)
+
+
+@dataclass(frozen=True, eq=False)
+class Circles:
+    """M circles: centres (M, 2) and radii (M,) [mm]."""
+
+    centre_mm: Array
+    radius_mm: Array
+
+    @classmethod
+    def through(cls, yz_mm: Array) -> Circles:
+        """Through three points each (M, 3, 2), in order; those whose points lie on a line are left out."""
+        (ay, az), (by, bz) = (yz_mm[:, 1] - yz_mm[:, 0]).T, (yz_mm[:, 2] - yz_mm[:, 0]).T
+        area = 2 * (ay * bz - az * by)
+        aa, bb = ay * ay + az * az, by * by + bz * bz
+        over = np.where(area == 0, np.nan, area)
+        away = np.column_stack([bz * aa - az * bb, ay * bb - by * aa]) / over[:, None]
+        radius = np.hypot(*away.T)
+        proper = np.isfinite(radius) & (radius > 0)
+        return cls((yz_mm[:, 0] + away)[proper], radius[proper])
+
+    def __len__(self) -> int:
+        """How many."""
+        return len(self.radius_mm)
+
+    def __getitem__(self, k: int) -> Circle:
+        """One of them."""
+        return Circle(self.centre_mm[k], float(self.radius_mm[k]))
+
+    def only(self, which: Mask) -> Circles:
+        """Those chosen (M,)."""
+        return Circles(self.centre_mm[which], self.radius_mm[which])
+
+    def near(self, yz_mm: Array, distance_mm: float) -> Mask:
+        """Which points (N, 2) lie nearer than a distance to each circle (M, N)."""
+        y, z = yz_mm.T[:, None] - self.centre_mm.T[:, :, None]
+        square = y * y + z * z
+        inner = np.maximum(self.radius_mm - distance_mm, 0.0)
+        low = np.where(self.radius_mm > distance_mm, inner**2, -1.0)  # within a tiny circle all is near
+        high = (self.radius_mm + distance_mm) ** 2
+        return np.asarray((square > low[:, None]) & (square < high[:, None]))
+
+
+@dataclass(frozen=True, eq=False)
+class Lines:
+    """M straight lines: a point of each (M, 2) and unit directions (M, 2), towards +y."""
+
+    origin_mm: Array
+    direction: Array
+
+    @classmethod
+    def through(cls, yz_mm: Array) -> Lines:
+        """Through two points each (M, 2, 2), in order; those whose points are one are left out."""
+        step = yz_mm[:, 1] - yz_mm[:, 0]
+        length = np.hypot(*step.T)
+        proper = length > 0
+        step, length = step[proper], length[proper]
+        towards_y = (step[:, 0] > 0) | ((step[:, 0] == 0) & (step[:, 1] > 0))
+        return cls(yz_mm[proper, 0], step / np.where(towards_y, length, -length)[:, None])
+
+    def __len__(self) -> int:
+        """How many."""
+        return len(self.direction)
+
+    def __getitem__(self, k: int) -> Line:
+        """One of them."""
+        return Line(self.origin_mm[k], self.direction[k])
+
+    def only(self, which: Mask) -> Lines:
+        """Those chosen (M,)."""
+        return Lines(self.origin_mm[which], self.direction[which])
+
+    def near(self, yz_mm: Array, distance_mm: float) -> Mask:
+        """Which points (N, 2) lie nearer than a distance to each line (M, N)."""
+        y, z = yz_mm.T[:, None] - self.origin_mm.T[:, :, None]
+        return np.asarray(np.abs(z * self.direction[:, :1] - y * self.direction[:, 1:]) < distance_mm)
 
 
 def _algebraic_circle(yz: Array, weight: Array) -> Circle | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -20,7 +20,7 @@ from extraction.spots.error import ErrorBudget, SpotErrors, concatenate, estimat
 from extraction.spots.localise import LocalisedSpots, localise
 from extraction.spots.noise import noise_model
 from extraction.spots.score import flag_spots, refuse_spots, score_spots
-from extraction.spots.stages import Stages, why_empty
+from extraction.spots.stages import Stages, left_out, why_empty
 from geometry import Sensor, SurfacePoints
 
 Array = NDArray[np.float64]
@@ -35,7 +35,12 @@ class _Extraction:
     budget: ErrorBudget | None
 
 
-def extract(image: object, sensor: Sensor, config: ExtractionConfig | None = None) -> SurfacePoints:
+def extract(
+    image: object,
+    sensor: Sensor,
+    config: ExtractionConfig | None = None,
+    remark: Callable[[str], None] | None = None,
+) -> SurfacePoints:
     """The lit string spots of an image as unlabelled points of the laser sheet.
 
     Parameters
@@ -46,6 +51,8 @@ def extract(image: object, sensor: Sensor, config: ExtractionConfig | None = Non
         A sensor with a camera.
     config
         Settings; the defaults where None.
+    remark
+        Told in a sentence each what a limit of number left out, and which setting holds it.
 
     Returns
     -------
@@ -62,7 +69,12 @@ def extract(image: object, sensor: Sensor, config: ExtractionConfig | None = Non
     ----------
     docs/spots.md tells the stages and what they reach.
     """
-    return _extract(image, sensor, config or ExtractionConfig()).points
+    config = config or ExtractionConfig()
+    result = _extract(image, sensor, config)
+    if remark is not None:
+        for sentence in left_out(result.candidates, config):
+            remark(sentence)
+    return result.points
 
 
 def extract_stages(image: object, sensor: Sensor, config: ExtractionConfig | None = None) -> Stages:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from extraction.config import ExtractionConfig
 from extraction.image import Image
+from extraction.reasons import Reason
 from extraction.spots.detect import Candidates, Image32, Prepared
 from geometry import Sensor, SurfacePoints
 
@@ -45,3 +48,20 @@ def why_empty(prepared: Prepared, candidates: Candidates, sensor: Sensor) -> str
     counts = {reason: candidates.reason.count(reason) for reason in dict.fromkeys(candidates.reason)}
     listed = ", ".join(f"{number} {reason}" for reason, number in sorted(counts.items(), key=lambda c: -c[1]))
     return f"none of {len(candidates)} candidates is a string spot: {listed}"
+
+
+def left_out(candidates: Candidates, config: ExtractionConfig) -> Iterator[str]:
+    """A sentence for each limit of number that left something out, with the setting that holds it."""
+    beyond, spots = candidates.beyond, config.localise.max_spots
+    if beyond:
+        most = config.detect.max_candidates
+        yield (
+            f"{most + beyond} peaks stand above the noise and the {most} brightest were looked at, {beyond} left "
+            "out: max_candidates of [detect] may be raised, or threshold"
+        )
+    cut = candidates.reason.count(Reason.BEYOND_MAX_SPOTS)
+    if cut:
+        yield (
+            f"{spots + cut} spots were found and the {spots} best kept, {cut} left out: max_spots of [localise] "
+            "may be raised"
+        )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 
 from extraction.spots import TrueSpot, mean_image
@@ -53,3 +54,17 @@ def some_spots(rng: np.random.Generator, count: int = 8, width: int = 640, heigh
                 )
             )
     return spots
+
+
+def dot_grid(side: int, pitch_px: float, rng: np.random.Generator, size: int = 512) -> tuple[np.ndarray, np.ndarray]:
+    """A noisy image (size, size) of side × side blurred discs drawn by OpenCV, and their centres (side², 2)."""
+    fine, bits = 4, 8
+    first = (size - 1 - (side - 1) * pitch_px) / 2
+    centres = first + pitch_px * np.stack(np.meshgrid(np.arange(side), np.arange(side)), axis=-1).reshape(-1, 2)
+    centres += rng.uniform(-0.5, 0.5, centres.shape)
+    canvas = np.zeros((size * fine, size * fine), np.uint8)
+    for at in np.rint((centres * fine + (fine - 1) / 2) * 2**bits).astype(int):
+        cv2.circle(canvas, at.tolist(), fine * 2**bits, 255, cv2.FILLED, cv2.LINE_AA, bits)
+    light = cv2.resize(canvas.astype(np.float32), (size, size), interpolation=cv2.INTER_AREA)
+    light = cv2.GaussianBlur(light, (0, 0), 1.2)
+    return rng.normal(10.0 + 120.0 / light.max() * light, 1.0).round().clip(0, 255).astype(np.uint8), centres

@@ -5,9 +5,17 @@ import numpy as np
 import pytest
 
 import assets
-from extraction import ExtractionConfig, LocaliseConfig, SpotNoiseConfig, extract, extract_stages, image_to_sheet
+from extraction import (
+    DetectConfig,
+    ExtractionConfig,
+    LocaliseConfig,
+    SpotNoiseConfig,
+    extract,
+    extract_stages,
+    image_to_sheet,
+)
 from extraction.spots import TrueSpot
-from tests.extraction.spots import camera, make_sensor, mean_frame, some_spots
+from tests.extraction.spots import camera, dot_grid, make_sensor, mean_frame, some_spots
 from tests.recordings import MISSING, recording
 
 SAMPLE, CELL_A = assets.path("samples", "cell_a"), recording("cell_a")  # half of the recording, and all of it
@@ -157,3 +165,35 @@ def test_cell_a_shows_its_strings_above_all_clutter(folder):
         assert np.sum(points.score > 0.65) >= visible
         narrow = points.sigma_px[:visible, 1]
         assert np.all((narrow > 0.6) & (narrow < 1.1))
+
+
+def test_a_grid_of_dots_is_measured_whole():
+    image, centres = dot_grid(20, 24.0, np.random.default_rng(21))
+    said = []
+    points = extract(image, make_sensor(512, 512), None, said.append)
+    assert len(points) == 400
+    assert not said
+    distance = np.linalg.norm(points.uv_px[:, None] - centres, axis=2)
+    assert np.all(distance.min(axis=0) < 0.1)
+    assert len(set(distance.argmin(axis=1))) == 400
+
+
+@pytest.mark.parametrize(
+    ("config", "words"),
+    [
+        (
+            {"localise": LocaliseConfig(max_spots=30)},
+            "100 spots were found and the 30 best kept, 70 left out: max_spots of [localise] may be raised",
+        ),
+        (
+            {"detect": DetectConfig(max_candidates=30)},
+            "100 peaks stand above the noise and the 30 brightest were looked at, 70 left out: max_candidates of "
+            "[detect] may be raised, or threshold",
+        ),
+    ],
+)
+def test_what_a_limit_of_number_leaves_out_is_said(config, words):
+    image, _ = dot_grid(10, 40.0, np.random.default_rng(22))
+    said = []
+    assert len(extract(image, make_sensor(512, 512), ExtractionConfig(**config), said.append)) == 30
+    assert said == [words]

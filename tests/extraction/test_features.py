@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from extraction import Circle, Line, Profile, StripePeaks, find_target_points
+from extraction.features.shapes import Circles, Lines
 from geometry import InputError
 
 SIGMA_MM = 0.03
@@ -81,6 +82,50 @@ def test_two_balls_are_refused_unless_it_is_known_which():
     pair = find_target_points(both, "balls", (40.0, 40.0))
     assert [round(c.centre_mm[0]) for c in pair.curves] == [-25, 25]
     assert set(pair.feature.tolist()) == {0, 1}
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_second_ball_is_seen_among_clutter(seed):
+    """Of somewhat more than the share of points that makes a rival, which is what the search ends at."""
+    rng = np.random.default_rng(seed)
+    first, second = ball((-25.0, 220.0), 17.0, rng), ball((25.0, 225.0), 15.0, rng, 32.0)
+    assert 0.45 < len(second) / len(first) < 0.6
+    clutter = rng.uniform([-60, 150], [60, 300], (150, 2))
+    found = find_target_points(profile(np.concatenate([first, second, clutter])), "sphere", (40.0,))
+    assert found.rivals == 1
+
+
+def test_clutter_too_small_for_a_second_ball_is_not_searched():
+    class Counted:
+        def __init__(self):
+            self.drawn, self.rng = 0, np.random.default_rng(0)
+
+        def integers(self, low, high, count):
+            self.drawn += count
+            return self.rng.integers(low, high, count)
+
+    rng = np.random.default_rng(1)
+    arc = ball((0.0, 220.0), 17.0, rng)
+    clutter = rng.uniform([-60, 150], [60, 300], (len(arc) // 3, 2))
+    counted = Counted()
+    found = find_target_points(profile(np.concatenate([arc, clutter])), "sphere", (40.0,), rng=counted)
+    assert found.reason is None
+    assert counted.drawn < 300  # of three numbers each; 12,000 where the search ended by itself
+
+
+def test_many_curves_are_as_each_alone():
+    rng = np.random.default_rng(2)
+    triples, yz = rng.normal(size=(20, 3, 2)), rng.normal(size=(50, 2))
+    triples[3, 2] = triples[3, 0] + 3 * (triples[3, 1] - triples[3, 0])
+    for many, points in ((Circles, triples), (Lines, triples[:, :2])):
+        curves = many.through(points)
+        for k in range(len(curves)):
+            assert np.array_equal(curves.near(yz, 0.3)[k], np.abs(curves[k].residuals(yz)) < 0.3)
+    circles = Circles.through(triples)
+    others = [c for c in (Circle.fit(t, np.ones(3)) for t in np.delete(triples, 3, axis=0)) if c is not None]
+    assert len(others) >= 17
+    for other in others:
+        assert np.min(np.hypot(*(circles.centre_mm - other.centre_mm).T)) < 1e-6 * other.radius_mm
 
 
 @pytest.mark.parametrize("bend_mm", [0.0, 0.4])

@@ -134,3 +134,18 @@ def test_poses_of_a_frame(cli: Cli, recording: Path, tmp_path: Path) -> None:
     text = cli("pose", points, "--frame", 0)
     assert "likelihood" in text.out
     assert cli("pose", points, "--frame", 99).code == 2
+
+
+def test_spots_beyond_a_limit_are_said_by_every_command(cli: Cli, dataset: Path, tmp_path: Path) -> None:
+    """With the number and the setting; the images of a dataset in one sentence."""
+    (tmp_path / "few.toml").write_text("[localise]\nmax_spots = 4\n")
+    image = dataset / "images" / "000.png"
+    alone = cli("extract", image, "--sensor", dataset / "sensor.toml", "--config", tmp_path / "few.toml")
+    assert f"remark: {image}: 7 spots were found and the 4 best kept, 3 left out: max_spots of [loc" in alone.err
+    for command in ("extract", "calibrate"):
+        told = cli(command, dataset, "--config", tmp_path / "few.toml")
+        words = " ".join((told.out + told.err).split())
+        assert " left out: max_spots of [localise] may be raised; the like of " in words, command
+    (tmp_path / "few.toml").write_text("[calib.labelling]\nmax_candidates = 4\n")
+    told = cli("calibrate", dataset, "--config", tmp_path / "few.toml")
+    assert "the 4 best of a frame are considered as strings, the others left out; " in " ".join(told.out.split())

@@ -61,7 +61,10 @@ def _images(
     for number, path in enumerate(files):
         frame = Frame(number, "", image=path.name)
         try:
-            frame = replace(frame, points=extract(read_image(path, sensor, said.append), sensor, config))
+            image = read_image(path, sensor, said.append)
+            left_out: list[str] = []
+            frame = replace(frame, points=extract(image, sensor, config, left_out.append))
+            said += [f"{path}: {text}" for text in left_out]
             frame = frame if jig is None else label_alone(frame, jig, sensor)
         except InputError as error:
             complaints[number], frame = str(error), replace(frame, reason="image_unreadable")

@@ -26,7 +26,7 @@ from extraction.features import string_points
 from geometry import Frame, InputError, Sensor, Surface, SurfacePoints, Target, target_at
 from jig_cad import Jig
 from workbench.cell.on_surface import OnSurface, dataset_remarks, on_surface
-from workbench.cell.remarks import merged, out_of_limits, remarks, with_complaints
+from workbench.cell.remarks import beyond_labelling, merged, out_of_limits, remarks, with_complaints
 from workbench.cell.speckle import dataset_config
 from workbench.files import Cell, Settings, read_image
 from workbench.profiles import frame_profiles
@@ -133,7 +133,14 @@ def solve(cell: Cell, observed: Observed, config: CalibConfig | None = None) -> 
         cell.evidence,
     )
     verdict = with_complaints(result.verdict, observed.complaints, cell.folder)
-    notes = (*remarks(result), *out_of_limits(cell), *cell.remarks, *observed.remarks, *result.remarks)
+    notes = (
+        *remarks(result),
+        *out_of_limits(cell),
+        *cell.remarks,
+        *observed.remarks,
+        *beyond_labelling(cell, observed.frames, config or CalibConfig()),
+        *result.remarks,
+    )
     return replace(result, verdict=verdict, remarks=notes)
 
 
@@ -209,7 +216,7 @@ def _from_image(
             mask = region_mask(config.region, image.shape)
             seen = extract_profile(image, sensor, profile.stripe, mask=mask)
             return _found(on_surface(frame, seen, target, sensor, profile.feature), said)
-        points = extract(image, sensor, config)
+        points = extract(image, sensor, config, lambda text: said.append(f"{cell.folder / frame.image}: {text}"))
     except (InputError, MemoryError) as error:
         why = str(error) or f"{frame.image}: not enough memory"
         return _Measured(replace(frame, reason="image_unreadable"), why)

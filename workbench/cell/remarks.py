@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from calib import CalibrationResult, Verdict
+from calib import CalibConfig, CalibrationResult, Verdict
+from geometry import Frame, target_at
+from jig_cad import Jig
 from workbench.files import Cell
 
 _SUSPECTS = {
@@ -48,6 +50,24 @@ def out_of_limits(cell: Cell) -> Iterator[str]:
                 f"joint {joint + 1} reads {readings[k, joint]:g}° in frame {frames[k].number}, {word} limit of "
                 f"{limit[joint]:g}°{more}: frames out of a robot's limits are left out"
             )
+
+
+def beyond_labelling(cell: Cell, frames: Sequence[Frame], config: CalibConfig) -> Iterator[str]:
+    """A sentence where frames hold more spots than labelling considers."""
+    most = config.labelling.max_candidates
+    unnamed = [f for f in frames if not f.labels_given and len(f.points) > most and _has_strings(cell, f.location)]
+    if unnamed:
+        worst = max(unnamed, key=lambda f: len(f.points))
+        more = f", and {len(unnamed) - 1} further frames hold more than {most}" if len(unnamed) > 1 else ""
+        yield (
+            f"frame {worst.number} holds {len(worst.points)} spots{more}: the {most} best of a frame are considered as "
+            "strings, the others left out; max_candidates of [calib.labelling] may be raised"
+        )
+
+
+def _has_strings(cell: Cell, location: str) -> bool:
+    known = not isinstance(cell.target, Mapping) or location in cell.target
+    return known and isinstance(target_at(cell.target, location), Jig)
 
 
 _NUMBER = re.compile(r"[-−]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")

@@ -43,7 +43,7 @@ SLIDERS: Mapping[str, Slider] = {
     "localise.max_half_window_px": Slider(3, 60, search=False),
     "localise.max_iterations": Slider(1, 100, search=False),
     "localise.min_sigma_px": Slider(basic=True, search=False),
-    "localise.max_spots": Slider(1, 100, basic=True, search=False),
+    "localise.max_spots": Slider(1, 5000, basic=True, log=True, search=False),
     "localise.min_score": Slider(0, 1, basic=True),
     "stripe.direction": Slider(basic=True, search=False),
     "stripe.along_normal": Slider(search=False),

@@ -40,6 +40,7 @@ class Candidates:
     area_px, length_px, width_px: of that region, along and across its long axis (N,).
     refusal: place in REASONS (N,). later: reason of those that were refused after they were localised.
     owner: 1 + index of the candidate whose region a pixel belongs to, 0 for none (H, W).
+    beyond: fainter peaks that `max_candidates` left out.
     """
 
     peak_uv_px: Array
@@ -54,6 +55,7 @@ class Candidates:
     width_px: Array
     refusal: NDArray[np.uint8]
     owner: NDArray[np.int16]
+    beyond: int = 0
     later: Mapping[int, str] = field(default_factory=dict)
 
     def __len__(self) -> int:
@@ -78,7 +80,8 @@ def find_candidates(
     mm_per_px: scale of the laser sheet in the image, for the limits of size that are given in mm. usable: the pixels
     (H, W) that are looked at; a peak on another is refused.
     """
-    peaks = np.sort(find_peaks(prepared, config.threshold))[: config.max_candidates]
+    seen = find_peaks(prepared, config.threshold)
+    peaks = np.sort(seen)[: config.max_candidates]
     length = max(config.min_length_px, config.max_length_mm / mm_per_px)
     width = max(config.min_width_px, config.max_width_mm / mm_per_px)
     owner = np.zeros(prepared.smooth.shape, np.int16)  # pages that no region touches stay unwritten
@@ -102,6 +105,7 @@ def find_candidates(
         width_px=table["width"],
         refusal=_refusals(table, height, (config, length, width), usable),
         owner=owner,
+        beyond=len(seen) - len(peaks),
     )
 
 

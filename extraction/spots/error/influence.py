@@ -171,7 +171,7 @@ def _dot(first: Array, second: Array) -> float:
 @kernel
 def _largest(values: Array) -> float:
     """The largest of a row; numba's own brings all that raises errors about axes, a second to compile."""
-    largest = values[0]
+    largest: float = values[0]
     for i in range(1, len(values)):
         largest = max(largest, values[i])
     return largest
