@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 from jig_cad.files import jig_from_table, jig_text, read_jig, write_jig
 from jig_cad.flat import Edge, Plane, Wedge, frame_with_x
 from jig_cad.jig import Jig, sample_tolerance
-from jig_cad.measured import Measured, measured_balls, measured_jig
+from jig_cad.measured import MeasuredTarget, measured_balls, measured_jig
 from jig_cad.pillar import ANCHORS, DEFAULT_STRINGS, STRINGS, Pillar, nominal_anchors
 from jig_cad.sized import SIZES, SizedJig
 from jig_cad.sphere import Balls, Sphere
@@ -24,7 +24,7 @@ __all__ = [
     "Balls",
     "Edge",
     "Jig",
-    "Measured",
+    "MeasuredTarget",
     "Pillar",
     "PillarDesign",
     "Plane",

@@ -22,7 +22,7 @@ CLEARLY = 0.2  # of the rms deviation that another naming or a mirrored frame le
 
 
 @dataclass(frozen=True, eq=False)
-class Measured(Generic[T]):
+class MeasuredTarget(Generic[T]):
     """The target with its anchors or centres as measured, and how far they lie from the drawing.
 
     deviation_mm: (N, 3) by ``names``, measured less drawn, in the target's axes after the best rigid motion.
@@ -38,7 +38,7 @@ class Measured(Generic[T]):
         return float(np.sqrt(np.mean(np.sum(self.deviation_mm**2, axis=1))))
 
 
-def measured_jig(jig: Jig, points_mm: Mapping[str, Array]) -> Measured[Jig]:
+def measured_jig(jig: Jig, points_mm: Mapping[str, Array]) -> MeasuredTarget[Jig]:
     """The jig with its anchors as measured, in any right-handed axes.
 
     Parameters
@@ -50,7 +50,7 @@ def measured_jig(jig: Jig, points_mm: Mapping[str, Array]) -> Measured[Jig]:
 
     Returns
     -------
-    Measured
+    MeasuredTarget
         The jig, its tolerance no longer in force, and the deviations from the drawing.
 
     Raises
@@ -63,15 +63,17 @@ def measured_jig(jig: Jig, points_mm: Mapping[str, Array]) -> Measured[Jig]:
     there, deviation = _laid_onto("anchor", used, drawn, points_mm)
     anchors = jig.nominal_anchors_mm.copy()
     anchors[jig.used_anchors] = there
-    return Measured(replace(jig, anchors_mm=anchors, measured=True), used, deviation)
+    return MeasuredTarget(replace(jig, anchors_mm=anchors, measured=True), used, deviation)
 
 
-def measured_balls(balls: Balls, points_mm: Mapping[str, Array], diameters_mm: Mapping[str, float]) -> Measured[Balls]:
+def measured_balls(
+    balls: Balls, points_mm: Mapping[str, Array], diameters_mm: Mapping[str, float]
+) -> MeasuredTarget[Balls]:
     """As `measured_jig`, of balls and their diameters where they were measured too."""
     there, deviation = _laid_onto("ball", balls.names, balls.centres_mm, points_mm)
     size = np.array([diameters_mm.get(n, d) for n, d in zip(balls.names, balls.diameters_mm, strict=True)])
     table = {n: (float(d), c) for n, d, c in zip(balls.names, size, there, strict=True)}
-    return Measured(Balls.of(table, balls.name), balls.names, deviation)
+    return MeasuredTarget(Balls.of(table, balls.name), balls.names, deviation)
 
 
 def _laid_onto(what: str, names: tuple[str, ...], drawn: Array, points_mm: Mapping[str, Array]) -> tuple[Array, Array]:

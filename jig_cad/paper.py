@@ -40,7 +40,7 @@ def xy(right: float, up: float) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class Shape:
+class Stroke:
     """One thing on the sheet: a path through points (N, 2), closed or not; with a radius a circle about the point."""
 
     layer: Layer
@@ -69,16 +69,16 @@ class Paper:
     title: str
     size: tuple[float, float] = A3_MM
     material: str = ""
-    shapes: list[Shape] = field(default_factory=list)
+    shapes: list[Stroke] = field(default_factory=list)
     words: list[Words] = field(default_factory=list)
 
     def path(self, layer: Layer, points: ArrayLike, *, closed: bool = False) -> None:
         """A line through points (N, 2)."""
-        self.shapes.append(Shape(layer, np.asarray(points, dtype=float), closed))
+        self.shapes.append(Stroke(layer, np.asarray(points, dtype=float), closed))
 
     def circle(self, layer: Layer, centre: ArrayLike, radius: float) -> None:
         """A circle."""
-        self.shapes.append(Shape(layer, np.asarray(centre, dtype=float)[None], radius=radius))
+        self.shapes.append(Stroke(layer, np.asarray(centre, dtype=float)[None], radius=radius))
 
     def text(
         self, at: ArrayLike, text: str, height: float = 2.8, anchor: Anchor = "start", turn_deg: float = 0.0
@@ -215,7 +215,7 @@ def dxf_text(paper: Paper) -> str:
     return "".join(f"{code:>3}\n{_value(value)}\n" for code, value in groups)
 
 
-def _entity(s: Shape) -> list[tuple[int, object]]:
+def _entity(s: Stroke) -> list[tuple[int, object]]:
     layer = s.layer.upper()
     if s.radius:
         x, y = s.points[0].tolist()

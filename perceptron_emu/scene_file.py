@@ -24,14 +24,14 @@ Vector = tuple[float, float, float]
 Frame = Literal["sensor", "jig", "base"]
 
 
-class Table(BaseModel):
+class SceneTable(BaseModel):
     """A table of scene.toml: unknown keys, NaN and infinities are errors."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, defer_build=True)
     name: str = ""
 
 
-class Placed(Table):
+class PlaceTable(SceneTable):
     """A place: rotations about fixed X, Y, Z [deg] and a translation [mm].
 
     frame: in {P}, in the jig's axes, or in the robot's base. Default: {P} before one sensor, the base around a cell.
@@ -43,7 +43,7 @@ class Placed(Table):
     material: str = "matte"
 
 
-class SceneJig(Table):
+class SceneJig(SceneTable):
     """[jig]: its file and T_sensor_jig; solids = false leaves out plates and posts."""
 
     file: str
@@ -52,7 +52,7 @@ class SceneJig(Table):
     solids: bool = True
 
 
-class MeshTable(Placed):
+class MeshTable(PlaceTable):
     """[[mesh]]: STL, OBJ, PLY or GLB. unit: default mm, for GLB m (as glTF has it). open = true allows one with
     holes.
     """
@@ -62,7 +62,7 @@ class MeshTable(Placed):
     open: bool = False
 
 
-class PanelTable(Placed):
+class PanelTable(PlaceTable):
     """[[panel]]: a flat panel in its own x-y plane, centred."""
 
     width_mm: Annotated[float, Field(gt=0)]
@@ -70,7 +70,7 @@ class PanelTable(Placed):
     material: str = "wall"
 
 
-class MaterialTable(Table):
+class MaterialTable(SceneTable):
     """[materials.NAME]: the albedo, the gloss and its width."""
 
     diffuse: float = 0.5
@@ -78,7 +78,7 @@ class MaterialTable(Table):
     roughness: float = 0.3
 
 
-class SceneFile(Table):
+class SceneFile(SceneTable):
     """The tables of a scene.toml.
 
     Parameters
@@ -235,7 +235,7 @@ def _thread(path: Path, file: SceneFile, materials: dict[str, Material]) -> Mate
     return _find(f"{path}: string_material", file.string_material, materials) if file.string_material else None
 
 
-def _pose(table: Placed) -> Pose:
+def _pose(table: PlaceTable) -> Pose:
     return Pose.from_fixed_xyz_deg(np.array(table.rotation_deg), np.array(table.translation_mm))
 
 

@@ -139,14 +139,14 @@ def string_truths(parts: list[LitScene], shares: list[Array], now: LitScene, sen
         sums, unhidden = np.zeros(1, SUMS), 0.0
         for part, share in zip(parts, shares, strict=True):
             nodes = part.string_samples[i]
-            seen = Nodes(project(sensor, nodes.xyz_mm), nodes.xyz_mm, nodes.electrons)
+            seen = StringNodes(project(sensor, nodes.xyz_mm), nodes.xyz_mm, nodes.electrons)
             taken = _add(sums, seen, share, camera.width_px)
             unhidden += taken * float(part.unhidden[i])
         truths.append(_string_truth(label, axes[i], sums[0], unhidden))
     return tuple(truths)
 
 
-class Nodes(NamedTuple):
+class StringNodes(NamedTuple):
     """Nodes of a string for compiled code: places in the image (N, 2) [px] and in {P} (N, 3) [mm], electrons (N,)."""
 
     uv_px: Array
@@ -155,7 +155,7 @@ class Nodes(NamedTuple):
 
 
 @kernel
-def _add(sums: NDArray[np.void], nodes: Nodes, share: Array, width: int) -> float:
+def _add(sums: NDArray[np.void], nodes: StringNodes, share: Array, width: int) -> float:
     """Add the nodes inside the image to the sums (1,); returns the mean share (H,) of the rows of all nodes."""
     uv, xyz, electrons = nodes
     height, total = len(share), sums[0]

@@ -17,7 +17,7 @@ from calib.config import CalibConfig
 from calib.figures import agreeing_pose, pose_distance
 from calib.judge.culprits import LEAST_PAIRS, disturbed_joints
 from calib.judge.culprits_jig import LEAST_STRINGS, wrong_jig
-from calib.judge.screws import Views, disagreement, largest_group, numbers_of, share, views_of
+from calib.judge.screws import ScrewViews, disagreement, largest_group, numbers_of, share, views_of
 from calib.label import label_frame
 from geometry import Frame, Pose, Robot, Sensor, SurfacePoints, stack_poses
 from jig_cad import STRINGS, Jig
@@ -139,7 +139,7 @@ def _times(points: SurfacePoints, factor: float, sigma_mm: float) -> SurfacePoin
     return replace(points, yz_mm=points.yz_mm * factor, cov_yz_mm2=sigma)
 
 
-def _pose_units(v: Views, given: float) -> str:
+def _pose_units(v: ScrewViews, given: float) -> str:
     """Hand poses in another unit than millimetres."""
     if any(f.T_base_hand is None for f in v.frames) or given >= _FITS:
         return ""
@@ -154,7 +154,7 @@ def _pose_units(v: Views, given: float) -> str:
     return ""
 
 
-def _drawing(v: Views, jig: Jig, design: Pose | None) -> str:
+def _drawing(v: ScrewViews, jig: Jig, design: Pose | None) -> str:
     """The sensor's place that the motions tell, where the drawing's is another; "" where they tell none."""
     if design is None:
         return ""
@@ -202,7 +202,7 @@ def _turn_words(axis: Array, angle_deg: float) -> str:
     return f"it is turned by {angle_deg:.0f}°{quarter}: check the order and the axes of its rotations (R = Rz·Ry·Rx)"
 
 
-def _labelled_alike(v: Views, jig: Jig) -> tuple[Pose, NDArray[np.intp]]:
+def _labelled_alike(v: ScrewViews, jig: Jig) -> tuple[Pose, NDArray[np.intp]]:
     """Poses of the jig with one choice of its symmetries a location, and which frames (K,) of the views have one."""
     turns = (Pose.identity(), *(s.pose for s in jig.symmetries))
     apart = disagreement(v, stack_poses([f.at for f in v.frames]))
@@ -225,7 +225,7 @@ def _labelled_alike(v: Views, jig: Jig) -> tuple[Pose, NDArray[np.intp]]:
     return stack_poses([own[int(i)] for i in known]), known
 
 
-def _shifted(v: Views, frames: tuple[Frame, ...]) -> str:
+def _shifted(v: ScrewViews, frames: tuple[Frame, ...]) -> str:
     """Which rows have the reading of a neighbouring row, where shifting them back makes all motions agree.
 
     Where a row was lost, the reading of the frame there is nowhere in the file: its pairs do not count. Where one was
@@ -259,7 +259,7 @@ def _shift_words(first: int, everywhere: bool, step: int) -> str:
     )
 
 
-def _one_name(v: Views) -> str:
+def _one_name(v: ScrewViews) -> str:
     """Whether frames under one location's name fall into groups that each move as one: several places, one name."""
     contrary = disagreement(v, stack_poses([f.at for f in v.frames])).min(axis=0) >= 1.0
     for name in dict.fromkeys(v.names):

@@ -13,7 +13,7 @@ from itertools import combinations, product
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.judge.screws import Views, disagreement, holds, jig_screws, largest_group, numbers_of, share, views_of
+from calib.judge.screws import ScrewViews, disagreement, holds, jig_screws, largest_group, numbers_of, share, views_of
 from geometry import Arm, DhRobot, Frame, InputError, Pose, Robot, stack_poses
 from geometry.robot import DH_ROWS
 from geometry.ties import first_least
@@ -67,7 +67,7 @@ def strangers(labelled: tuple[Frame, ...], jig: Jig, gone: Collection[int]) -> s
     return _frames(v, np.where(off, apart, 0.0), jig)
 
 
-def _turned(v: Views, only: Mask, jig: Jig) -> str:
+def _turned(v: ScrewViews, only: Mask, jig: Jig) -> str:
     """The frames whose labels are those of the turned jig against most others of their location.
 
     only: which pairs (P,) agree with one frame's labels turned by a symmetry, and not as labelled.
@@ -92,7 +92,7 @@ def _exchanged(jig: Jig) -> str:
     return ", ".join(f"{a} and {b}" for a, b in pairs.values())
 
 
-def _frames(v: Views, apart: Array, jig: Jig) -> str:
+def _frames(v: ScrewViews, apart: Array, jig: Jig) -> str:
     """The frames that do not move as the others of their location; "" where no location has a sound majority."""
     sound: dict[str, list[int]] = {}
     strange: dict[str, list[int]] = {}
@@ -112,7 +112,7 @@ def _frames(v: Views, apart: Array, jig: Jig) -> str:
 
 
 def _stranger(
-    v: Views, name: str, rest: list[int], sound: dict[str, list[int]], strange: dict[str, list[int]], jig: Jig
+    v: ScrewViews, name: str, rest: list[int], sound: dict[str, list[int]], strange: dict[str, list[int]], jig: Jig
 ) -> str:
     """What is said of the frames ``rest`` of a location: whose they are, where that shows."""
     does, it = ("does", "its") if len(rest) == 1 else ("do", "their")
@@ -128,15 +128,15 @@ def _stranger(
     return f"{text}: check {it} location, joint readings and image"
 
 
-def _fits(v: Views, rest: list[int], kept: list[int], jig: Jig) -> bool:
+def _fits(v: ScrewViews, rest: list[int], kept: list[int], jig: Jig) -> bool:
     """Whether the frames ``rest`` move as the frames ``kept`` of another location."""
     used = tuple(v.frames[i] for i in (*kept, *rest))
     pairs = np.array([(i, len(kept) + j) for i in range(len(kept)) for j in range(len(rest))], dtype=np.intp)
-    across = Views(used, v.names, pairs, jig_screws(used, pairs, jig), None)
+    across = ScrewViews(used, v.names, pairs, jig_screws(used, pairs, jig), None)
     return share(across, stack_poses([s.at for s in used])) >= AGREED
 
 
-def disturbed_joints(v: Views, robot: Robot | None, given: float) -> str:
+def disturbed_joints(v: ScrewViews, robot: Robot | None, given: float) -> str:
     """What in the joint columns or in the robot's table makes the motions agree; "" where nothing does."""
     if not isinstance(robot, Arm) or v.joints is None:
         return ""
@@ -152,7 +152,7 @@ def disturbed_joints(v: Views, robot: Robot | None, given: float) -> str:
     return ""
 
 
-def _other_units(v: Views, robot: Arm) -> Iterator[tuple[float, str]]:
+def _other_units(v: ScrewViews, robot: Arm) -> Iterator[tuple[float, str]]:
     """Radians for degrees, and readings of a neighbouring row."""
     q = np.asarray(v.joints)
     yield share(v, robot.pose(np.rad2deg(q))), "the joint columns hold radians, not degrees"
@@ -162,7 +162,7 @@ def _other_units(v: Views, robot: Arm) -> Iterator[tuple[float, str]]:
     yield from _other_tables(v, robot.dh_part(), q)
 
 
-def _other_tables(v: Views, arm: DhRobot, q: Array) -> Iterator[tuple[float, str]]:
+def _other_tables(v: ScrewViews, arm: DhRobot, q: Array) -> Iterator[tuple[float, str]]:
     """The whole table in another unit, or by the other convention."""
     other = "modified" if arm.convention == "standard" else "standard"
     for changed, words in (
@@ -178,7 +178,7 @@ def _other_tables(v: Views, arm: DhRobot, q: Array) -> Iterator[tuple[float, str
             yield share(v, replace(arm, **changed).pose(q)), words
 
 
-def _other_columns(v: Views, robot: Arm) -> Iterator[tuple[float, str]]:
+def _other_columns(v: ScrewViews, robot: Arm) -> Iterator[tuple[float, str]]:
     """One joint of the other sign, or two columns exchanged."""
     q = np.asarray(v.joints)
     for k in range(q.shape[1]):
@@ -191,7 +191,7 @@ def _other_columns(v: Views, robot: Arm) -> Iterator[tuple[float, str]]:
         yield share(v, robot.pose(other)), f"the columns of joints {i + 1} and {j + 1} are exchanged"
 
 
-def _other_rows(v: Views, robot: Arm) -> Iterator[tuple[float, str]]:
+def _other_rows(v: ScrewViews, robot: Arm) -> Iterator[tuple[float, str]]:
     """One number of the robot's table of another value: the best over a grid, then over a finer one."""
     q, arm = np.asarray(v.joints), robot.dh_part()
     hands, twists = arm.pose(q), arm.table_jacobian(q)
@@ -207,7 +207,7 @@ def _other_rows(v: Views, robot: Arm) -> Iterator[tuple[float, str]]:
         )
 
 
-def _best(v: Views, hands: Pose, twist: Array, values: Array) -> float:
+def _best(v: ScrewViews, hands: Pose, twist: Array, values: Array) -> float:
     """The value (V,) with which hand's and jig's motions are nearest: the mean of nearnesses in (0, 1]."""
     apart = disagreement(v, hands @ Pose.exp(values[:, None, None] * twist)).min(axis=-2)  # (V, P)
     return float(values[first_least(-np.mean(1.0 / (1.0 + apart**2), axis=-1), NEARNESS_TIE)])

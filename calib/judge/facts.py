@@ -12,7 +12,7 @@ from calib.config import CalibConfig
 from calib.engine import Result, covariance
 from calib.judge.finding import UNCERTAINTY, Finding, widened
 from calib.judge.identifiability import weak_directions
-from calib.judge.suspects import FILE_BLOCK, Trial
+from calib.judge.suspects import FILE_BLOCK, SuspectTrial
 from calib.judge.verdict import Contradiction, Facts
 from calib.result import Culprit, Estimate, Nominal, Pull
 from geometry import Frame, Surface, Target
@@ -98,7 +98,7 @@ def _floor(solution: Solution, config: CalibConfig) -> Array:
     return hand_floor(config) if solution.bundle.hands.poses_only else np.zeros((6, 6))
 
 
-def _pull(trial: Trial) -> Pull:
+def _pull(trial: SuspectTrial) -> Pull:
     """A trial in the words and units of files; of several components the length."""
     s = trial.suspect
     if s.parameter == UNCERTAINTY:

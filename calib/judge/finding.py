@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from calib.bundle import Bundle, Explained, Solution, answered, estimated_parameters, estimates_sensor, explain
 from calib.config import CalibConfig
-from calib.judge.suspects import Evidence, Suspect, Trial, evidence_of, grown, suspected_bundle
+from calib.judge.suspects import Evidence, Suspect, SuspectTrial, evidence_of, grown, suspected_bundle
 from geometry import Pose, Sensor
 
 Array = NDArray[np.float64]
@@ -45,15 +45,15 @@ class Finding:
 
     solution: Solution
     evidence: Evidence
-    trials: tuple[Trial, ...]
-    culprit: Trial | None
-    alike: tuple[Trial, ...]
+    trials: tuple[SuspectTrial, ...]
+    culprit: SuspectTrial | None
+    alike: tuple[SuspectTrial, ...]
     rest: float
     allowed: Array
     prior_cost: float
     prior_expected: float
 
-    def hypotheses(self, limit: float) -> list[tuple[Trial | None, float]]:
+    def hypotheses(self, limit: float) -> list[tuple[SuspectTrial | None, float]]:
         """What could be wrong with its probability, most probable first; None stands for nothing."""
         gains = [(None, limit**2), *((t, t.gain) for t in self.trials if t.seen)]
         if self.culprit is not None and self.culprit.suspect.parameter == UNCERTAINTY:
@@ -99,7 +99,7 @@ def _fits(explained: Explained, config: CalibConfig) -> bool:
     return whole and explained.cost <= LOOK_CHI2 * max(explained.kept.degrees_of_freedom, 1)
 
 
-def _worth_while(solution: Solution, trials: tuple[Trial, ...]) -> bool:
+def _worth_while(solution: Solution, trials: tuple[SuspectTrial, ...]) -> bool:
     if not solution.every.converged or solution.explained > BEYOND_CHI2:
         return False
     removed = np.any(solution.outlier) or np.any(solution.frame_outlier)
@@ -107,7 +107,7 @@ def _worth_while(solution: Solution, trials: tuple[Trial, ...]) -> bool:
     return bool(removed) or largest > LOOK or solution.explained > LOOK_CHI2
 
 
-def _tried(evidence: Evidence, trials: tuple[Trial, ...]) -> list[Trial]:
+def _tried(evidence: Evidence, trials: tuple[SuspectTrial, ...]) -> list[SuspectTrial]:
     """The suspects of the largest pulls, and the robot's stated uncertainty as a whole."""
     single = sorted((t for t in trials if t.seen), key=lambda t: -t.gain)[: TRIED + MORE]
     whole = _uncertainty(evidence)
@@ -117,7 +117,7 @@ def _tried(evidence: Evidence, trials: tuple[Trial, ...]) -> list[Trial]:
     return [whole, *single] if whole.gain > alone + EVIDENCE else single
 
 
-def _uncertainty(evidence: Evidence) -> Trial | None:
+def _uncertainty(evidence: Evidence) -> SuspectTrial | None:
     """All priors of the robot wider by a factor, as one suspect whose size is the factor."""
     robot = evidence.bundle.unknowns.block("robot")
     if bool(evidence.bundle.hands.inferred) or not np.any(robot.sigma > 0):
@@ -131,7 +131,7 @@ def _uncertainty(evidence: Evidence) -> Trial | None:
     times = max(gains, key=lambda t: gains[t])
     suspect = Suspect("robot", UNCERTAINTY, None, "times", times, np.arange(len(where)), times * robot.sigma)
     pull = float(np.sqrt(max(gains[times], 0.0)))
-    return Trial(suspect, where, np.zeros(len(where)), times * robot.sigma, pull, seen=True)
+    return SuspectTrial(suspect, where, np.zeros(len(where)), times * robot.sigma, pull, seen=True)
 
 
 def _explained(
@@ -146,7 +146,7 @@ def _explained(
     return found if found.every.converged else None
 
 
-def _relaxed(bundle: Bundle, evidence: Evidence, trial: Trial, config: CalibConfig) -> Bundle:
+def _relaxed(bundle: Bundle, evidence: Evidence, trial: SuspectTrial, config: CalibConfig) -> Bundle:
     """The problem of all suspects, one of them with a prior of its size."""
     suspect, u = trial.suspect, bundle.unknowns
     sigma = {b: u.block(b).sigma.copy() for b in ("robot", *bundle.shape_blocks, "sensor")}
@@ -175,7 +175,7 @@ def _gone(outlier: Mask, solution: Solution) -> float:
     return float((outlier | solution.frame_outlier[:, None])[solution.bundle.present].sum())
 
 
-def _finding(culprit: Trial | None, solution: Solution, first: Evidence, sensor: Sensor | None) -> Finding:
+def _finding(culprit: SuspectTrial | None, solution: Solution, first: Evidence, sensor: Sensor | None) -> Finding:
     about = evidence_of(solution, sensor)
     allowed = about.variance
     if culprit is None:
@@ -193,7 +193,7 @@ def _finding(culprit: Trial | None, solution: Solution, first: Evidence, sensor:
     return Finding(solution, stated, trials, named, alike, rest, allowed, *_priors(stated))
 
 
-def _largest(trials: tuple[Trial, ...], but: Trial | None) -> float:
+def _largest(trials: tuple[SuspectTrial, ...], but: SuspectTrial | None) -> float:
     name = None if but is None else but.suspect.parameter
     return max((abs(t.pull) for t in trials if t.seen and t.suspect.parameter != name), default=0.0)
 

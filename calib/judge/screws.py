@@ -25,7 +25,7 @@ LEAST_TURN_RAD = float(np.deg2rad(5.0))  # a smaller motion has no axis to speak
 
 
 @dataclass(frozen=True, eq=False)
-class Views:
+class ScrewViews:
     """Frames, the names of their locations, pairs (P, 2) that share one, and the jig's screw between them."""
 
     frames: tuple[Frame, ...]
@@ -35,7 +35,7 @@ class Views:
     joints: Array | None
 
 
-def views_of(used: tuple[Frame, ...], jig: Jig) -> Views:
+def views_of(used: tuple[Frame, ...], jig: Jig) -> ScrewViews:
     """The pairs of frames that share a location and turned against each other, with the jig's screws."""
     names = tuple(s.location for s in used)
     index = [(i, j) for i, j in combinations(range(len(used)), 2) if names[i] == names[j]]
@@ -43,10 +43,10 @@ def views_of(used: tuple[Frame, ...], jig: Jig) -> Views:
     joints = [s.joints_rad for s in used]
     known = None if any(q is None for q in joints) or not joints else np.array(joints)
     if not len(pairs):
-        return Views(used, names, pairs, np.zeros((2, 0, 2)), known)
+        return ScrewViews(used, names, pairs, np.zeros((2, 0, 2)), known)
     screws = jig_screws(used, pairs, jig)
     far = screws[0, :, 0] > LEAST_TURN_RAD
-    return Views(used, names, pairs[far], screws[:, far], known)
+    return ScrewViews(used, names, pairs[far], screws[:, far], known)
 
 
 def jig_screws(used: tuple[Frame, ...], pairs: NDArray[np.intp], jig: Jig) -> Array:
@@ -64,30 +64,30 @@ def screw(motion: Pose) -> Array:
     return np.stack([angle, np.sum(w * motion.t, axis=-1) / np.maximum(angle, 1e-9)], axis=-1)
 
 
-def disagreement(v: Views, hands: Pose) -> Array:
+def disagreement(v: ScrewViews, hands: Pose) -> Array:
     """How far screws of hands (..., F) and jig are apart over what they may be (..., 1 + K, P): as labelled, turned."""
     of_hand = screw(hands[..., v.pairs[:, 1]].inverse() @ hands[..., v.pairs[:, 0]])
     return np.asarray(np.linalg.norm((v.screws - of_hand[..., None, :, :]) / [ANGLE_RAD, ADVANCE_MM], axis=-1))
 
 
-def share(v: Views, hands: Pose, known: Mask | None = None) -> float:
+def share(v: ScrewViews, hands: Pose, known: Mask | None = None) -> float:
     """Share of the pairs that agree, whichever way their labels are turned; of frames whose hand is ``known`` (F,)."""
     agree = disagreement(v, hands).min(axis=0) < 1.0
     return float(np.mean(agree if known is None else agree[known[v.pairs].all(axis=1)]))
 
 
-def holds(v: Views, which: Mask, i: int, j: int) -> bool:
+def holds(v: ScrewViews, which: Mask, i: int, j: int) -> bool:
     """Whether the pair of frames i and j is one of ``which`` (P,)."""
     return bool(np.any(which & (v.pairs[:, 0] == min(i, j)) & (v.pairs[:, 1] == max(i, j))))
 
 
-def numbers_of(v: Views, index: list[int]) -> str:
+def numbers_of(v: ScrewViews, index: list[int]) -> str:
     """The numbers of the frames of an index: "frame 3", "frames 3, 4"."""
     numbers = [str(v.frames[i].number) for i in sorted(index)]
     return f"frame {numbers[0]}" if len(numbers) == 1 else f"frames {', '.join(numbers)}"
 
 
-def largest_group(v: Views, contrary: Mask, group: list[int]) -> list[int]:
+def largest_group(v: ScrewViews, contrary: Mask, group: list[int]) -> list[int]:
     """The frames about the one that contradicts fewest, of which each contradicts few of the others.
 
     contrary: which pairs (P,) disagree; frames that hardly turned against each other are no pair and tell nothing.

@@ -64,7 +64,7 @@ class Suspect:
 
 
 @dataclass(frozen=True, eq=False)
-class Trial:
+class SuspectTrial:
     """One suspect tried.
 
     where (k,): among the common unknowns. size (k,): what it would be with no prior, in the block's own unit. sigma
@@ -117,19 +117,19 @@ class Evidence:
         z, cov = self._scaled(self.variance if variance is None else variance)
         return Posterior(z * self.scale, cov * np.outer(self.scale, self.scale))
 
-    def trials(self) -> tuple[Trial, ...]:
+    def trials(self) -> tuple[SuspectTrial, ...]:
         """Every suspect alone."""
         _, cov = self._scaled(self.variance)
         taken = self.S @ cov
         c, G = self.b - taken @ self.b, self.S - taken @ self.S
         return tuple(self._trial(s, c, G) for s in suspects_of(self.bundle))
 
-    def alike(self, first: Trial, trials: tuple[Trial, ...]) -> tuple[Trial, ...]:
+    def alike(self, first: SuspectTrial, trials: tuple[SuspectTrial, ...]) -> tuple[SuspectTrial, ...]:
         """The other suspects that explain the data as well as the first, best first."""
         same = [t for t in trials if t is not first and t.seen and t.gain > first.gain - SAME_CHI2]
         return tuple(sorted(same, key=lambda t: -t.gain))
 
-    def relaxed(self, trial: Trial) -> Array:
+    def relaxed(self, trial: SuspectTrial) -> Array:
         """Variances (C,) with the prior of a suspect as wide as an error of its size."""
         out = self.variance.copy()
         out[trial.where] = np.maximum(trial.suspect.gross, np.abs(trial.size)) ** 2
@@ -165,18 +165,18 @@ class Evidence:
         z[active], cov[np.ix_(active, active)] = inverse @ self.b[active], inverse
         return z, cov
 
-    def _trial(self, suspect: Suspect, c: Array, G: Array) -> Trial:
+    def _trial(self, suspect: Suspect, c: Array, G: Array) -> SuspectTrial:
         where = self.bundle.unknowns.indices(suspect.block)[suspect.index]
         information = G[np.ix_(where, where)]  # of its components, in units of their gross size
         seen = bool(np.linalg.eigvalsh(information)[0] > SEEN**2)
         if not seen:
-            return Trial(suspect, where, np.zeros(len(where)), np.full(len(where), np.inf), 0.0, seen)
+            return SuspectTrial(suspect, where, np.zeros(len(where)), np.full(len(where), np.inf), 0.0, seen)
         inverse = np.linalg.inv(information)
         size = inverse @ c[where]
         pull = float(np.sqrt(max(float(c[where] @ size) - MORE_COMPONENTS * (len(where) - 1), 0.0)))
         sign = -1.0 if len(where) == 1 and size[0] < 0 else 1.0
         gross = self.scale[where]
-        return Trial(
+        return SuspectTrial(
             suspect, where, size * gross, np.sqrt(np.maximum(np.diag(inverse), 0.0)) * gross, sign * pull, seen
         )
 

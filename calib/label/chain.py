@@ -18,7 +18,7 @@ Index = int | NDArray[np.intp]
 
 
 @dataclass(frozen=True, eq=False)
-class Chain:
+class HandChain:
     """Hand poses of a location's frames, the SCP, and how wrong both may be.
 
     Ts_base_hand: (N). scp_covariance: of ξ in T = T_hand_sensor · Exp(ξ) (6, 6). robot_covariance: of every hand
@@ -31,11 +31,11 @@ class Chain:
     robot_covariance: Array
 
     @staticmethod
-    def build(Ts_base_hand: Pose, T_hand_sensor: Pose, config: LabellingConfig, refined: bool) -> Chain:
+    def build(Ts_base_hand: Pose, T_hand_sensor: Pose, config: LabellingConfig, refined: bool) -> HandChain:
         """The chain with the configuration's σ; a solved SCP is taken to be wrong by a tenth of the design's."""
         share = 0.1 if refined else 1.0
         scp = _diagonal(share * config.scp_sigma_mm, share * config.scp_sigma_deg)
-        return Chain(Ts_base_hand, T_hand_sensor, scp, _diagonal(config.robot_sigma_mm, config.robot_sigma_deg))
+        return HandChain(Ts_base_hand, T_hand_sensor, scp, _diagonal(config.robot_sigma_mm, config.robot_sigma_deg))
 
     @cached_property
     def Ts_base_sensor(self) -> Pose:

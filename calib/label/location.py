@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.config import CalibConfig
-from calib.label.chain import Chain, mahalanobis2
+from calib.label.chain import HandChain, mahalanobis2
 from calib.label.evidence import SAME_CHI2, Prior
 from calib.label.frame import label_spots
 from calib.label.gates import SAME_GATE
@@ -42,7 +42,7 @@ def label_location(
     Ts_base_hand: (N) by the robot. T_hand_sensor: by design, or solved: then set ``refined``, which narrows the gates.
     T_base_jig: where known (cell.toml, or solved before); it then decides that.
     """
-    chain = Chain.build(Ts_base_hand, T_hand_sensor, config.labelling, refined)
+    chain = HandChain.build(Ts_base_hand, T_hand_sensor, config.labelling, refined)
     priors: list[Prior | None] = []
     if T_base_jig is not None:
         share = SOLVED_SHARE if refined else 1.0
@@ -104,13 +104,13 @@ class _Pool:
         """Squared distances (C,) from a prediction of one frame, or of each candidate's own."""
         return mahalanobis2(prior, self.T_sensor_jig, self.covariance)
 
-    def distances_by(self, i: int, chain: Chain) -> Array:
+    def distances_by(self, i: int, chain: HandChain) -> Array:
         """Squared distances (C,) from what the chosen candidate of frame i predicts."""
         k = int(np.argmax(self.frame == i))
         return self.distances(chain.from_frame(i, self.T_sensor_jig[k], self.covariance[k], self.frame))
 
 
-def _priors_by_vote(found: list[LabelledFrame], chain: Chain, jig: Jig) -> list[Prior | None]:
+def _priors_by_vote(found: list[LabelledFrame], chain: HandChain, jig: Jig) -> list[Prior | None]:
     """Every frame's prediction from the frames that agree with most others, turned for now as the first of them."""
     pool = _Pool.of(found, jig)
     labelled = np.unique(pool.frame)
@@ -125,7 +125,7 @@ def _priors_by_vote(found: list[LabelledFrame], chain: Chain, jig: Jig) -> list[
     return _best_priors(pool, np.array(nearest), chain, len(found))
 
 
-def _best_priors(pool: _Pool, references: NDArray[np.intp], chain: Chain, n_frames: int) -> list[Prior | None]:
+def _best_priors(pool: _Pool, references: NDArray[np.intp], chain: HandChain, n_frames: int) -> list[Prior | None]:
     """The prediction of every frame by that reference, of another frame, which leaves the smallest gates."""
     frames = pool.frame[references]
     T, covariance = pool.T_sensor_jig[references], pool.covariance[references]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from extraction.order import kth_smallest
 from extraction.stripe.model import Records
-from extraction.stripe.ridge import FLANK, IntArray, Level, Nodes, find_nodes
+from extraction.stripe.ridge import FLANK, IntArray, Level, RidgeNodes, find_nodes
 from geometry.compiled import kernel
 
 Array = NDArray[np.float64]
@@ -129,7 +129,7 @@ def ridges_of(level: Level, scale: int, step: int, threshold: float, empty: Reco
 
 
 @kernel
-def follow(nodes: Nodes, scale: int, step: int, empty: Records) -> Ridges:
+def follow(nodes: RidgeNodes, scale: int, step: int, empty: Records) -> Ridges:
     """The significant chains of a level, whose pixel is ``scale`` rows × ``step`` sections. empty: (0,) of CHAIN."""
     response, near_by, far_by, noise = nodes.response, nodes.near, nodes.far, nodes.noise  # each costs a count of
     n = len(response)  # references where it is taken out
@@ -168,7 +168,7 @@ def follow(nodes: Nodes, scale: int, step: int, empty: Records) -> Ridges:
 
 @kernel
 def _write(
-    nodes: Nodes, own: IntArray, scale: int, step: int, out: Ridges, at: int, ratio: Array, some: Array, row: Any
+    nodes: RidgeNodes, own: IntArray, scale: int, step: int, out: Ridges, at: int, ratio: Array, some: Array, row: Any
 ) -> int:
     """A chain of those nodes to its record and to the nodes from ``at`` on; returns how many those are.
 
@@ -309,7 +309,7 @@ def _before(a: Any, b: Any, key_a: float, key_b: float) -> bool:
 
 
 @kernel
-def _links(nodes: Nodes, ahead: IntArray, back: IntArray) -> None:
+def _links(nodes: RidgeNodes, ahead: IntArray, back: IntArray) -> None:
     """Each node's best successor and predecessor: near and bright; -1 for none."""
     ahead[:], back[:] = -1, -1
     for gap in range(1, _SKIP + 1):
@@ -318,7 +318,7 @@ def _links(nodes: Nodes, ahead: IntArray, back: IntArray) -> None:
 
 
 @kernel
-def _link(nodes: Nodes, gap: int, best: IntArray) -> None:
+def _link(nodes: RidgeNodes, gap: int, best: IntArray) -> None:
     """The best node ``gap`` sections on, of those that have none yet; places of a section are in order."""
     _, place, response, _, _, _, first = nodes
     sections, reach = len(first) - 1, np.float32(GATE * abs(gap))

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from extraction.linalg import Symmetric4, Vector4, factor4, solve4
 from extraction.noise import PixelNoise
-from extraction.stripe.model import SINGULAR, Limits, Peak
+from extraction.stripe.model import SINGULAR, FitLimits, Peak
 from geometry.compiled import kernel
 
 Array = NDArray[np.float64]
@@ -126,7 +126,7 @@ def move(lane: Lanes, source: int, target: int) -> None:
 
 
 @kernel
-def step(lane: Lanes, n: int, reach: int, limits: Limits, noise: PixelNoise) -> None:
+def step(lane: Lanes, n: int, reach: int, limits: FitLimits, noise: PixelNoise) -> None:
     """One step of the first n lanes over the pixels within ``reach`` of their middles.
 
     The weights are those of the fitted mean, not of the data (quasi-likelihood): efficient and without their bias.

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from extraction.config import StripeConfig
 from extraction.stripe.chain import each_once, together
 from extraction.stripe.fit import IntArray
-from extraction.stripe.judge import Stripe, Verdict, judge
-from extraction.stripe.search import Pyramid, Search, search, search_faint
+from extraction.stripe.judge import Stripe, StripeVerdict, judge
+from extraction.stripe.search import Pyramid, RidgeSearch, search, search_faint
 from extraction.stripe.view import StripeView, turn
 from geometry.compiled import kernel
 
@@ -106,25 +106,25 @@ def find(view: StripeView, config: StripeConfig) -> Found:
     return Found(view, places, facts, verdict.refused)
 
 
-def _search(pyramid: Pyramid, scales: tuple[int, ...], directions: tuple[bool, ...]) -> Search:
+def _search(pyramid: Pyramid, scales: tuple[int, ...], directions: tuple[bool, ...]) -> RidgeSearch:
     """The ridges along the direction that shows more: coarse ones of both, then fine ones of what is left in doubt."""
     coarse = {turned: search(pyramid, scales[1:], turned) for turned in directions}
-    order = sorted((Search(each_once(together(c)), t) for t, c in coarse.items()), key=_claim, reverse=True)
+    order = sorted((RidgeSearch(each_once(together(c)), t) for t, c in coarse.items()), key=_claim, reverse=True)
     first = order[0]
     clear = first.chains and first.chains[0].contrast > CLEAR and _claim(first) > CLEAR * _claim(order[-1])
     turns = [s.turned for s in ([first] if clear else order)]
-    best = _direction([Search(each_once(together(coarse[t] + search(pyramid, scales[:1], t))), t) for t in turns])
+    best = _direction([RidgeSearch(each_once(together(coarse[t] + search(pyramid, scales[:1], t))), t) for t in turns])
     if not best.chains or max(c.significance for c in best.chains) < FAINT:
-        best = _direction([Search(each_once(together(search_faint(pyramid, scales, t))), t) for t in directions])
+        best = _direction([RidgeSearch(each_once(together(search_faint(pyramid, scales, t))), t) for t in directions])
     return best
 
 
-def _claim(s: Search) -> float:
+def _claim(s: RidgeSearch) -> float:
     """What speaks for a direction."""
     return round(s.evidence, 3)
 
 
-def _direction(searches: list[Search]) -> Search:
+def _direction(searches: list[RidgeSearch]) -> RidgeSearch:
     """The search that is believed: columns where rows do not show far more, and they follow the ridge as far.
 
     A section sees a stripe wider by the secant of its slope: a steep one that is wide is followed along rows only.
@@ -152,7 +152,7 @@ def _without(view: StripeView) -> NDArray[Any]:
     return grey
 
 
-def _places(verdict: Verdict, rows: int, sections: int) -> tuple[Places, list[StripeFacts]]:
+def _places(verdict: StripeVerdict, rows: int, sections: int) -> tuple[Places, list[StripeFacts]]:
     facts: list[StripeFacts] = []
     parts: list[tuple[NDArray[Any], ...]] = []
     for s in verdict.stripes:
@@ -219,7 +219,7 @@ def _own_rows(
     return low, high, partner
 
 
-def _doubt(s: Stripe, verdict: Verdict) -> Mask:
+def _doubt(s: Stripe, verdict: StripeVerdict) -> Mask:
     """Where another ridge has as good a claim: one of like light that was kept, or a stronger one that was refused."""
     out = np.full(len(s.track.place), s.ghost)
     total = sum(k.light for k in verdict.stripes if not k.ghost)

@@ -22,7 +22,7 @@ from extraction.stripe.climb import (
     peak_at,
     step,
 )
-from extraction.stripe.model import FEWEST_PIXELS, Array, Limits, Mask, Peak, Records, centre_variance
+from extraction.stripe.model import FEWEST_PIXELS, Array, FitLimits, Mask, Peak, Records, centre_variance
 from extraction.stripe.plateau import PLATEAU_PIXELS, between_flanks
 from geometry.compiled import kernel
 
@@ -72,28 +72,28 @@ def peak_of(record: Any) -> Peak:
 WINDOW = np.dtype([(name, np.int64) for name in ("place", "centre", "half", "tried", "low", "high", "filled")])
 
 
-class Task(NamedTuple):
+class FitTask(NamedTuple):
     """What is the same for all sections of an image: expected widths' relative error, largest half of a window."""
 
     width_error: float
     widest: int
-    limits: Limits
+    limits: FitLimits
     noise: PixelNoise
 
 
 def fit_sections(
-    pixels: Pixels, places: SectionPlaces, width_error: float, limits: Limits, noise: PixelNoise, table: Records
+    pixels: Pixels, places: SectionPlaces, width_error: float, limits: FitLimits, noise: PixelNoise, table: Records
 ) -> None:
     """Fit every section; fill the table (N,) of SECTION, all zero before.
 
     width_error: relative, of the expected widths; infinite where nothing is expected.
     """
-    task = Task(width_error, int(4 * limits.max_width) + 2, limits, noise)
+    task = FitTask(width_error, int(4 * limits.max_width) + 2, limits, noise)
     _fit_sections(pixels, places, task, table, np.zeros(LANES, WINDOW))
 
 
 @kernel
-def _fit_sections(pixels: Pixels, places: SectionPlaces, task: Task, table: Records, window: Records) -> None:
+def _fit_sections(pixels: Pixels, places: SectionPlaces, task: FitTask, table: Records, window: Records) -> None:
     (grey, left_out), (section, start, low, high, expected) = pixels, places  # taken out once: each costs a count of
     lane, total = lanes(task.widest, False), len(section)  # references
     state, use, scratch = lane.state, lane.use, np.empty(2 * task.widest + 1)
@@ -141,7 +141,7 @@ def _copy(source: Any, target: Any) -> None:
 
 @kernel
 def _look(
-    grey: NDArray[Any], left_out: Mask, section: int, low: int, high: int, start: float, expected: float, task: Task,
+    grey: NDArray[Any], left_out: Mask, section: int, low: int, high: int, start: float, expected: float, task: FitTask,
     lane: Lanes, k: int, scratch: Array, window: Any, row: Any,
 ) -> bool:  # fmt: skip
     """Give lane k the pixels of its window and a start; False where there is nothing to climb."""

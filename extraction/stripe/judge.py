@@ -63,7 +63,7 @@ class Stripe:
 
 
 @dataclass(frozen=True, eq=False)
-class Verdict:
+class StripeVerdict:
     """The stripes, most light first; ridges that were measured and refused; how many were for each reason."""
 
     stripes: list[Stripe]
@@ -71,7 +71,7 @@ class Verdict:
     refused: dict[str, int]
 
 
-def judge(grey: NDArray[Any], chains: list[Chain], clip: float, max_width: float, least_sections: int) -> Verdict:
+def judge(grey: NDArray[Any], chains: list[Chain], clip: float, max_width: float, least_sections: int) -> StripeVerdict:
     """The stripes among the ridges of one direction. grey: sections are columns."""
     refused: dict[str, int] = {}
 
@@ -80,7 +80,7 @@ def judge(grey: NDArray[Any], chains: list[Chain], clip: float, max_width: float
             refused[reason] = refused.get(reason, 0) + n
 
     if not chains:
-        return Verdict([], [], refused)
+        return StripeVerdict([], [], refused)
     least = PART_JOINED * chains[0].evidence
     measured: list[Stripe] = []
     flat: list[Stripe] = []
@@ -105,10 +105,10 @@ def judge(grey: NDArray[Any], chains: list[Chain], clip: float, max_width: float
     best = next((s for s in measured if not (s.ghost or s.dark) and _stands_alone(s)), None)
     if best is None:
         refuse("short", len(measured))
-        return Verdict([], [], refused)
+        return StripeVerdict([], [], refused)
     if _crowding(best, measured + flat) >= CROWD:
         refuse("one_of_many", len(measured))
-        return Verdict([], [], refused)
+        return StripeVerdict([], [], refused)
     kept: list[Stripe] = [best]
     asked = _asked_contrast(best)
     waiting = [s for s in measured if s is not best]
@@ -127,7 +127,7 @@ def judge(grey: NDArray[Any], chains: list[Chain], clip: float, max_width: float
                 waiting.remove(s)
                 changed = True
     refuse("weak_beside_the_stripe", len(waiting))
-    return Verdict(sorted(_rivalry(kept), key=lambda s: -s.light), waiting + flat, refused)
+    return StripeVerdict(sorted(_rivalry(kept), key=lambda s: -s.light), waiting + flat, refused)
 
 
 def _near_end(chain: Chain, k: Chain) -> bool:

@@ -28,7 +28,7 @@ class Peak(NamedTuple):
     background: float
 
 
-class Limits(NamedTuple):
+class FitLimits(NamedTuple):
     """The smallest grey level that is clipped, smallest and largest σ [px]."""
 
     clip: float

@@ -25,7 +25,7 @@ from extraction.stripe.climb import (
     step,
 )
 from extraction.stripe.fit import Pixels
-from extraction.stripe.model import FEWEST_PIXELS, Limits, Peak, Records, centre_variance
+from extraction.stripe.model import FEWEST_PIXELS, FitLimits, Peak, Records, centre_variance
 from extraction.stripe.profile import StripePeaks
 from extraction.stripe.view import StripeView
 from geometry.compiled import kernel
@@ -64,7 +64,7 @@ def localise_along_normal(view: StripeView, peaks: StripePeaks, noise: PixelNois
     along, across = (0, 1) if view.turned else (1, 0)
     own = peaks.uv_px - view.origin_px
     slope = _slopes(own[:, across], own[:, along])
-    limits = Limits(view.clip_dn, config.min_width_px, config.max_width_px)
+    limits = FitLimits(view.clip_dn, config.min_width_px, config.max_width_px)
     places = NormalPlaces(own[:, across], own[:, along], slope, peaks.amplitude_dn, peaks.width_px, peaks.background_dn)
     answer = np.zeros(len(peaks), ALONG_NORMAL)
     _fit_normals(view.pixels, places, limits, noise, answer)
@@ -103,7 +103,7 @@ def _slopes(across: Array, along: Array) -> Array:
 
 
 @kernel
-def _fit_normals(pixels: Pixels, places: NormalPlaces, limits: Limits, noise: PixelNoise, answer: Records) -> None:
+def _fit_normals(pixels: Pixels, places: NormalPlaces, limits: FitLimits, noise: PixelNoise, answer: Records) -> None:
     """Fit every point along its normal; fill the answer (N,) of ALONG_NORMAL, all zero before."""
     across, along, slopes, amplitude, widths, background = places
     lane, total, following, n = lanes(MOST_PIXELS // 2, True), len(answer), 0, 0
@@ -144,7 +144,7 @@ def _fit_normals(pixels: Pixels, places: NormalPlaces, limits: Limits, noise: Pi
 
 
 @kernel
-def _report(lane: Lanes, k: int, pixels: int, limits: Limits, row: Any) -> None:
+def _report(lane: Lanes, k: int, pixels: int, limits: FitLimits, row: Any) -> None:
     """Write what lane k has found, where it is a peak near its point."""
     peak = peak_at(lane, k)
     if lane.state[k] != SETTLED or abs(peak.centre) > 2 * expected_at(lane, k):

@@ -15,7 +15,7 @@ from extraction.sheet import image_to_sheet, propagate, sheet_table
 from extraction.stripe.faint import NEIGHBOURS, fit_faint
 from extraction.stripe.find import Found, Places, find
 from extraction.stripe.fit import SECTION, SectionPlaces, fit_sections
-from extraction.stripe.model import Limits, Records
+from extraction.stripe.model import FitLimits, Records
 from extraction.stripe.noise import estimate_noise
 from extraction.stripe.normal import localise_along_normal
 from extraction.stripe.pair import fit_pairs
@@ -264,7 +264,7 @@ def _fit(
     """The fits of all places (N,), records of SECTION; widths (N,): expected, with that relative error."""
     table = np.zeros(len(places), SECTION)
     asked = SectionPlaces(places.section, places.centre_px, places.low, places.high, widths)
-    limits = Limits(view.clip_dn, config.min_width_px, config.max_width_px)
+    limits = FitLimits(view.clip_dn, config.min_width_px, config.max_width_px)
     fit_sections(view.pixels, asked, width_error, limits, noise, table)
     return table
 

@@ -49,7 +49,7 @@ class NoiseTable(NamedTuple):
     above: float
 
 
-class Limits(NamedTuple):
+class PeakLimits(NamedTuple):
     """Below ``border`` (four times the ground) a peak is above ``dark``, else above ``bright``."""
 
     border: np.float32
@@ -57,7 +57,7 @@ class Limits(NamedTuple):
     bright: np.float32
 
 
-class Nodes(NamedTuple):
+class RidgeNodes(NamedTuple):
     """Peaks of one level ordered by section, then place (N,).
 
     place: along the section [level px]. response, near, far: centre less mean, lower-index and higher-index flank [DN].
@@ -84,7 +84,7 @@ def halve(image: NDArray[Any]) -> Level:
 
 
 @kernel
-def find_nodes(level: Level, scale: float, threshold: float) -> Nodes:
+def find_nodes(level: Level, scale: float, threshold: float) -> RidgeNodes:
     """Peaks along the columns of a level (H, W) whose response is ``threshold`` σ. scale: pixels to a level pixel."""
     table = _noise(level, _QUANTISATION / scale)
     room = max(level.size // (4 if threshold < 2 else 8), 64)
@@ -101,7 +101,7 @@ def find_nodes(level: Level, scale: float, threshold: float) -> Nodes:
         own[k] = section[i]
         for j in range(5):
             columns[j, k] = values[i, j]
-    return Nodes(own, columns[0], columns[1], columns[2], columns[3], columns[4], first)
+    return RidgeNodes(own, columns[0], columns[1], columns[2], columns[3], columns[4], first)
 
 
 @kernel
@@ -233,7 +233,7 @@ def _spread(values: Level, middle: float) -> float:
 
 @kernel(fastmath=True)
 def _candidates(
-    level: Level, r: int, around: tuple[Level, Level, Level], least: Limits, out: NDArray[np.uint8]
+    level: Level, r: int, around: tuple[Level, Level, Level], least: PeakLimits, out: NDArray[np.uint8]
 ) -> None:
     """Mark the pixels of a row (W,) that may be peaks: above the least, and no less than both rows beside it."""
     last = level.shape[0] - 1
@@ -257,7 +257,7 @@ def _peaks(level: Level, table: NoiseTable, threshold: float, section: IntArray,
     dark, step, sigma = table.dark, table.step, table.sigma
     # four times the flanks' mean, a little brighter: no rounding makes one dark that is not
     border = np.float32(4 * table.border * (1 + 1e-6) + 1e-6)
-    least = Limits(border, np.float32(threshold * table.below), np.float32(threshold * table.above * (1 - 1e-6)))
+    least = PeakLimits(border, np.float32(threshold * table.below), np.float32(threshold * table.above * (1 - 1e-6)))
     marks = np.zeros((columns + _WORD - 1) // _WORD * _WORD, np.uint8)
     words = marks.view(np.uint64)
     ring = np.full((_RING, columns), -np.inf, np.float32)

@@ -23,7 +23,7 @@ _NOTHING = Ridges(np.empty(0, CHAIN), np.empty(0), np.empty(0), np.empty(0))
 
 
 @dataclass(frozen=True)
-class Search:
+class RidgeSearch:
     """What was found along one direction: chains, best first; whether a section is an image row."""
 
     chains: list[Chain]

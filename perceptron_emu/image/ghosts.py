@@ -20,7 +20,7 @@ from perceptron_emu.config import EmulatorConfig, OpticsConfig
 from perceptron_emu.image.blurred import gaussian_taps
 from perceptron_emu.image.deposit import convolved
 from perceptron_emu.lens import Gather, gather, gathered, sharp_sigma_px
-from perceptron_emu.light import IN_A_GROUP, Cylinders, Room, Sources, bounce_sources, radiance
+from perceptron_emu.light import IN_A_GROUP, BounceRoom, Cylinders, Sources, bounce_sources, radiance
 from perceptron_emu.scene import Material, Scene
 from perceptron_emu.solids import World, first_met, normal_at, world_of
 
@@ -49,7 +49,7 @@ class PixelRays(NamedTuple):
     of_radiance: Float32
 
 
-class View(NamedTuple):
+class GhostView(NamedTuple):
     """The camera in {P} for compiled code: rotation (3, 3), centre (3,) [mm], its pixels' rays."""
 
     R: Array
@@ -85,9 +85,9 @@ def ghost_electrons(
     glossy = [m.roughness for m in (s.material for s in scene.solids) if m.specular > 0]
     side = first_side_px(camera.width_px, min(glossy, default=1.0))
     rays = pixel_rays(scene.sensor, config.optics, config.laser.wavelength_nm)
-    view = View(np.array(camera.T_sensor_camera.R, order="C"), np.array(camera.centre_mm, dtype=float), rays)
+    view = GhostView(np.array(camera.T_sensor_camera.R, order="C"), np.array(camera.centre_mm, dtype=float), rays)
     light = np.zeros(camera.shape, np.float32)
-    canvas = Canvas(np.zeros(rays.x.shape, np.float32), np.full(rays.x.shape, -2, np.int32))
+    canvas = GhostCanvas(np.zeros(rays.x.shape, np.float32), np.full(rays.x.shape, -2, np.int32))
     first, last = _draw(light, canvas, view, world_of(scene.solids), sources, side)
     if first > last:
         return None
@@ -130,7 +130,7 @@ def _gathered(lens: Gather, cosine: Array, out: Array) -> None:
         out[i] = gathered(lens, cosine[i], 1.0)
 
 
-class Canvas(NamedTuple):
+class GhostCanvas(NamedTuple):
     """Electrons known at pixels (H', W'), and which face each shows (-1: nothing, -2: not yet asked)."""
 
     light: Float32
@@ -138,10 +138,12 @@ class Canvas(NamedTuple):
 
 
 @kernel
-def _draw(light: Float32, canvas: Canvas, view: View, world: World, sources: Sources, side: int) -> tuple[int, int]:
+def _draw(
+    light: Float32, canvas: GhostCanvas, view: GhostView, world: World, sources: Sources, side: int
+) -> tuple[int, int]:
     """Set the light (H, W) square by square; the first and the last row that have any."""
     height, width = light.shape
-    room = Room(np.empty(256, np.int64), np.empty((3, 3)), np.empty(IN_A_GROUP))
+    room = BounceRoom(np.empty(256, np.int64), np.empty((3, 3)), np.empty(IN_A_GROUP))
     most = np.float32(0)
     for j in range(0, height + side, side):
         for i in range(0, width + side, side):
@@ -179,11 +181,11 @@ def _draw(light: Float32, canvas: Canvas, view: View, world: World, sources: Sou
 
 @kernel
 def _is_even(
-    canvas: Canvas,
-    view: View,
+    canvas: GhostCanvas,
+    view: GhostView,
     world: World,
     sources: Sources,
-    room: Room,
+    room: BounceRoom,
     faint: np.float32,
     square: tuple[int, int, int],
 ) -> bool:
@@ -222,7 +224,9 @@ def _one_surface(world: World, one: int, other: int) -> bool:
 
 
 @kernel
-def _ask(canvas: Canvas, view: View, world: World, sources: Sources, room: Room, j: int, i: int) -> None:
+def _ask(
+    canvas: GhostCanvas, view: GhostView, world: World, sources: Sources, room: BounceRoom, j: int, i: int
+) -> None:
     """What the pixel shows, where it is not known yet."""
     if canvas.face[j, i] > -2:
         return

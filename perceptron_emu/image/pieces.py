@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from geometry.compiled import kernel
 from perceptron_emu.image.deposit import REACH, GaussianSpots, convolved, deposit, spread
-from perceptron_emu.image.speckle import Speckle, row_of_grains
+from perceptron_emu.image.speckle import SpeckleField, row_of_grains
 
 Float32 = NDArray[np.float32]
 Index = NDArray[np.int64]
 
 
-class Pieces(NamedTuple):
+class SpotPieces(NamedTuple):
     """Spots that are drawn together: where each piece's begin and the last one's end (P + 1,), how far its speckle has
     moved (P, 2) [sub-pixels: u, v], and the sub-pixels of a pixel's side.
     """
@@ -36,7 +36,9 @@ class _Lit(NamedTuple):
 
 
 @kernel(fastmath=True)
-def draw_pieces(electrons: Float32, spots: GaussianSpots, pieces: Pieces, taps: Float32, speckle: Speckle) -> None:
+def draw_pieces(
+    electrons: Float32, spots: GaussianSpots, pieces: SpotPieces, taps: Float32, speckle: SpeckleField
+) -> None:
     """Add the light of pieces to the electrons (H, W). taps: of the splines, where all spots are alike; else empty."""
     for p in range(len(pieces.bounds) - 1):
         begin, end = pieces.bounds[p], pieces.bounds[p + 1]
@@ -52,7 +54,7 @@ def draw_pieces(electrons: Float32, spots: GaussianSpots, pieces: Pieces, taps: 
 
 @kernel(fastmath=True)
 def _draw_piece(
-    electrons: Float32, spots: GaussianSpots, q: int, moved: Index, taps: Float32, speckle: Speckle
+    electrons: Float32, spots: GaussianSpots, q: int, moved: Index, taps: Float32, speckle: SpeckleField
 ) -> None:
     height, width = electrons.shape
     left, right, top, bottom, sigma = np.inf, -np.inf, np.inf, -np.inf, 0.0

@@ -44,7 +44,7 @@ def grain_px(config: EmulatorConfig, sensor: Sensor) -> float:
 
     References
     ----------
-    Goodman, Speckle Phenomena in Optics, 2007; Dorsch, Häusler & Herrmann, "Laser triangulation: fundamental
+    Goodman, SpeckleField Phenomena in Optics, 2007; Dorsch, Häusler & Herrmann, "Laser triangulation: fundamental
     uncertainty in distance measurement", 1994.
     """
     working = working_f_number(config.optics, sensor)
@@ -69,7 +69,7 @@ def contrast(config: EmulatorConfig) -> float:
 
     References
     ----------
-    Goodman, Speckle Phenomena in Optics, 2007, section 6.3; Parry 1974.
+    Goodman, SpeckleField Phenomena in Optics, 2007, section 6.3; Parry 1974.
     """
     speckle, laser = config.speckle, config.laser
     if speckle.contrast is not None:
@@ -87,7 +87,7 @@ def oversampling(config: EmulatorConfig, sensor: Sensor) -> int:
     return min(max(math.ceil(2 / grain_px(config, sensor)), 2), 8)
 
 
-class Speckle(NamedTuple):
+class SpeckleField(NamedTuple):
     """The speckle of one frame: amplitudes of a field of it in numbers, and how the endless grid is laid with them.
 
     Parameters
@@ -115,7 +115,7 @@ class Speckle(NamedTuple):
     steady: float
 
 
-def speckle_of(grain: float, strength: float, key: int) -> Speckle:
+def speckle_of(grain: float, strength: float, key: int) -> SpeckleField:
     """The speckle of a key.
 
     The pattern is Gaussian noise by example: a field of amplitudes is made once for a grain; tiles cut from it at
@@ -133,12 +133,12 @@ def speckle_of(grain: float, strength: float, key: int) -> Speckle:
 
     Returns
     -------
-    Speckle
+    SpeckleField
         For `add_grains`.
 
     References
     ----------
-    Goodman, Speckle Phenomena in Optics, 2007, sections 3.2 and 3.3; Heitz & Neyret, "High-performance by-example
+    Goodman, SpeckleField Phenomena in Optics, 2007, sections 3.2 and 3.3; Heitz & Neyret, "High-performance by-example
     noise using a histogram-preserving blending operator", 2018.
     """
     field = _field(round(grain, 3))
@@ -147,10 +147,10 @@ def speckle_of(grain: float, strength: float, key: int) -> Speckle:
     weights = _weights(min(drawn / field.contrast, 1.0)) if strength > 0 else []
     keys = np.array([(key + 0x51_7C_C1 * (n + 1)) & 0xFFFFFFFFFFFFFFFF for n in range(len(weights))], np.uint64)
     each = (share * np.array(weights)).astype(np.float32)
-    return Speckle(field.real, field.imaginary, field.tile, field.rise, each, keys, 1 - share)
+    return SpeckleField(field.real, field.imaginary, field.tile, field.rise, each, keys, 1 - share)
 
 
-def speckle_field(origin: tuple[int, int], shape: tuple[int, int], speckle: Speckle) -> Float32:
+def speckle_field(origin: tuple[int, int], shape: tuple[int, int], speckle: SpeckleField) -> Float32:
     """Speckle intensity of mean 1 on a part of an endless sub-pixel grid.
 
     Parameters
@@ -159,7 +159,7 @@ def speckle_field(origin: tuple[int, int], shape: tuple[int, int], speckle: Spec
         (row, column) of the part's first cell on the grid; parts that overlap agree.
     shape : tuple of int
         Its rows and columns.
-    speckle : Speckle
+    speckle : SpeckleField
         The pattern.
 
     Returns
@@ -173,14 +173,16 @@ def speckle_field(origin: tuple[int, int], shape: tuple[int, int], speckle: Spec
 
 
 @kernel(fastmath=True)
-def _grains(speckle: Speckle, row: int, column: int, out: Float32) -> None:
+def _grains(speckle: SpeckleField, row: int, column: int, out: Float32) -> None:
     real, imaginary = np.empty(out.shape[1], np.float32), np.empty(out.shape[1], np.float32)
     for j in range(len(out)):
         row_of_grains(speckle, row + j, column, real, imaginary, out[j])
 
 
 @kernel(fastmath=True)
-def row_of_grains(speckle: Speckle, row: int, column: int, real: Float32, imaginary: Float32, out: Float32) -> None:
+def row_of_grains(
+    speckle: SpeckleField, row: int, column: int, real: Float32, imaginary: Float32, out: Float32
+) -> None:
     """Fill out (W,) with the intensity in a row of the grid from a column on; two more (W,) are room to work in."""
     tile, seam = speckle.tile, len(speckle.rise)
     places = np.uint64(len(speckle.real) - tile - seam + 1)
@@ -208,7 +210,7 @@ def row_of_grains(speckle: Speckle, row: int, column: int, real: Float32, imagin
 
 
 @kernel
-def _share(speckle: Speckle, y: int) -> np.float32:
+def _share(speckle: SpeckleField, y: int) -> np.float32:
     """Of the amplitude, in row y of a tile."""
     seam = len(speckle.rise)
     share: np.float32 = np.float32(1)
@@ -220,7 +222,9 @@ def _share(speckle: Speckle, y: int) -> np.float32:
 
 
 @kernel(fastmath=True)
-def _add_tile(speckle: Speckle, cut: tuple[int, int], share: np.float32, at: int, re: Float32, im: Float32) -> None:
+def _add_tile(
+    speckle: SpeckleField, cut: tuple[int, int], share: np.float32, at: int, re: Float32, im: Float32
+) -> None:
     """Add a row of one tile, cut from the field at (row, column), to amplitudes, in whose cell ``at`` it begins."""
     (row, left), tile, rise = cut, speckle.tile, speckle.rise
     seam, width = len(rise), len(re)

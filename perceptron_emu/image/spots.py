@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from geometry import Pose, Sensor
 from perceptron_emu.config import EmulatorConfig
 from perceptron_emu.image.deposit import GaussianSpots, deposit, spline_taps
-from perceptron_emu.image.pieces import Pieces, draw_pieces
+from perceptron_emu.image.pieces import SpotPieces, draw_pieces
 from perceptron_emu.image.speckle import contrast, grain_px, oversampling, speckle_of
 from perceptron_emu.lens import defocus_radius_px, project, sharp_sigma_px, to_camera
 from perceptron_emu.light import LightNodes
@@ -68,14 +68,14 @@ def draw(
         moved[:] = [np.round(_speckle_shift(xyz, sensor, drift) * q) for xyz in at]
     low, high = float(np.min(spots.sigma)) * q, float(np.max(spots.sigma)) * q
     if low >= SPLINE_SIGMA and high - low < ALIKE * low:
-        draw_pieces(electrons, spots, Pieces(bounds, moved, q), spline_taps((low + high) / 2), pattern)
+        draw_pieces(electrons, spots, SpotPieces(bounds, moved, q), spline_taps((low + high) / 2), pattern)
         return
     for n, (begin, end) in enumerate(pairwise(bounds)):  # each with its own blur
         part = spots.part(slice(begin, end))
         low, high = float(np.min(part.sigma)) * q, float(np.max(part.sigma)) * q
         alike = low >= SPLINE_SIGMA and high - low < ALIKE * low
         taps = spline_taps((low + high) / 2) if alike else np.zeros(0, np.float32)
-        draw_pieces(electrons, part, Pieces(np.array([0, end - begin]), moved[n : n + 1], q), taps, pattern)
+        draw_pieces(electrons, part, SpotPieces(np.array([0, end - begin]), moved[n : n + 1], q), taps, pattern)
 
 
 def _speckle_shift(xyz_mm: Array, sensor: Sensor, drift: Pose) -> Array:

@@ -1,6 +1,6 @@
 """The laser on the scene: the sheet, what it reaches first, and the light that each lit point sends to the chip."""
 
-from perceptron_emu.light.bounce import IN_A_GROUP, Room, Sources, bounce_sources, radiance
+from perceptron_emu.light.bounce import IN_A_GROUP, BounceRoom, Sources, bounce_sources, radiance
 from perceptron_emu.light.lighting import LitScene, light_scene, thread_of
 from perceptron_emu.light.motion import Moment, moments, moved
 from perceptron_emu.light.nodes import TILE_PX, LightNodes, join, string_group, stripe_group
@@ -15,13 +15,13 @@ __all__ = [
     "OFF_SURFACE_MM",
     "SHEET_REACH",
     "TILE_PX",
+    "BounceRoom",
     "Cylinders",
     "Faces",
     "Light",
     "LightNodes",
     "LitScene",
     "Moment",
-    "Room",
     "Sources",
     "across",
     "along",

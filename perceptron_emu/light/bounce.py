@@ -23,7 +23,7 @@ from perceptron_emu.light.strings import Cylinders
 from perceptron_emu.light.stripes import lit_pieces
 from perceptron_emu.light.transport import Cosines, Light, LightPath, Surfaces, brdf, surfaces_of
 from perceptron_emu.scene import Material, Scene
-from perceptron_emu.solids import Pieces, World, between, hidden_by_solid
+from perceptron_emu.solids import SheetPieces, World, between, hidden_by_solid
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -221,7 +221,7 @@ def _farthest(triangles: Array, path: LightPath) -> Array:
 
 
 @kernel
-def _lamps(pieces: Pieces, slant: Array, solid: Index, side: float, path: LightPath, length: float) -> Lamps:
+def _lamps(pieces: SheetPieces, slant: Array, solid: Index, side: float, path: LightPath, length: float) -> Lamps:
     """Middles of equal parts of the pieces; slant: width on each face of 1 mm of the sheet; side: the outer planes."""
     parts = np.empty(len(pieces.face), np.int64)
     for p in range(len(parts)):
@@ -369,7 +369,7 @@ def _groups(bunches: Lamps) -> Index:
     return begin[: count + 1].copy()
 
 
-class Room(NamedTuple):
+class BounceRoom(NamedTuple):
     """Arrays to work in: a stack (256,), points (3, 3), and what bunches bring (IN_A_GROUP,)."""
 
     stack: Index
@@ -378,7 +378,7 @@ class Room(NamedTuple):
 
 
 @kernel
-def radiance(sources: Sources, world: World, element: Array, surface: int, room: Room) -> float:
+def radiance(sources: Sources, world: World, element: Array, surface: int, room: BounceRoom) -> float:
     """Light per area and solid angle that a surface element lit by lamps sends to the camera.
 
     L = Σ Φ f_A cos θ_A · cos θ_B f_B / r², Φ the flux on lamp A; r² + A/π in place of r² for lamps as near as they are
@@ -426,7 +426,7 @@ def radiance(sources: Sources, world: World, element: Array, surface: int, room:
 
 
 @kernel
-def _in_sight(lamp: np.void, world: World, room: Room) -> bool:
+def _in_sight(lamp: np.void, world: World, room: BounceRoom) -> bool:
     for a in range(3):
         room.points[0, a] = lamp["xyz"][a] + OFF_MM * lamp["normal"][a]
     return not between(world, room.points[2], room.points[0], room.stack)

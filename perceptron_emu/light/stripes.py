@@ -17,7 +17,7 @@ from perceptron_emu.light.sheet_faces import Faces, faces_in_sheet, sheet_planes
 from perceptron_emu.light.strings import Cylinders, hidden_by_strings
 from perceptron_emu.light.transport import Light
 from perceptron_emu.scene import Scene
-from perceptron_emu.solids import LaserRays, Pieces, Shades, body_of, hidden_by_solid, lit_in_planes
+from perceptron_emu.solids import LaserRays, Shades, SheetPieces, body_of, hidden_by_solid, lit_in_planes
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -56,7 +56,7 @@ def light_solids(scene: Scene, strings: Cylinders | None, config: EmulatorConfig
     return _seen(nodes, scene, strings, light)
 
 
-def lit_pieces(faces: Faces, strings: Cylinders | None, planes: Array, sensor: Sensor) -> Pieces:
+def lit_pieces(faces: Faces, strings: Cylinders | None, planes: Array, sensor: Sensor) -> SheetPieces:
     """What the laser reaches first in planes of constant x.
 
     Parameters
@@ -72,7 +72,7 @@ def lit_pieces(faces: Faces, strings: Cylinders | None, planes: Array, sensor: S
 
     Returns
     -------
-    Pieces
+    SheetPieces
         Straight pieces of surface.
     """
     origin = np.array(sensor.sheet.origin_mm[1:], dtype=float)
@@ -104,7 +104,7 @@ def _silhouettes(strings: Cylinders | None, planes: Array, origin: Array) -> Sha
     return Shades(ends, reached)
 
 
-def _in_view(faces: Faces, pieces: Pieces, sensor: Sensor) -> tuple[Pieces, Array]:
+def _in_view(faces: Faces, pieces: SheetPieces, sensor: Sensor) -> tuple[SheetPieces, Array]:
     """The pieces that turn the lit side to the camera and whose box in the image touches it, and the lengths (n,) [px]
     of their images, NaN where they reach behind the camera.
     """
@@ -116,8 +116,8 @@ def _in_view(faces: Faces, pieces: Pieces, sensor: Sensor) -> tuple[Pieces, Arra
 
 @kernel
 def _kept(
-    pieces: Pieces, uv: Array, triangles: Array, facing: Array, eyes: tuple[Array, Array], size: tuple[int, int]
-) -> tuple[Pieces, Array]:
+    pieces: SheetPieces, uv: Array, triangles: Array, facing: Array, eyes: tuple[Array, Array], size: tuple[int, int]
+) -> tuple[SheetPieces, Array]:
     """`_in_view`, for ends at uv (n, 2, 2) in the image. eyes: the emitter and the camera's centre."""
     (origin, centre), n = eyes, 0
     ends, normals, face = np.empty_like(pieces.ends), np.empty_like(pieces.normals), np.empty_like(pieces.face)
@@ -141,7 +141,7 @@ def _kept(
         u, v = uv[p, 1, 0] - uv[p, 0, 0], uv[p, 1, 1] - uv[p, 0, 1]
         ends[n], normals[n], face[n], length[n] = pieces.ends[p], pieces.normals[p], f, math.sqrt(u * u + v * v)
         n += 1
-    return Pieces(ends[:n].copy(), normals[:n].copy(), face[:n].copy()), length[:n].copy()
+    return SheetPieces(ends[:n].copy(), normals[:n].copy(), face[:n].copy()), length[:n].copy()
 
 
 def _seen(nodes: SurfaceNodes, scene: Scene, strings: Cylinders | None, light: Light) -> LightNodes:
@@ -179,7 +179,7 @@ def _within(uv: Array, last_u: float, last_v: float) -> NDArray[np.bool_]:
 
 
 def _nodes(
-    faces: Faces, pieces: Pieces, length_px: Array, step: float, sensor: Sensor, config: EmulatorConfig
+    faces: Faces, pieces: SheetPieces, length_px: Array, step: float, sensor: Sensor, config: EmulatorConfig
 ) -> SurfaceNodes:
     """Pairs of Gauss-Legendre nodes along the pieces."""
     step_px = NODE_STEP * sharp_sigma_px(config.optics, sensor, config.laser.wavelength_nm)
@@ -189,7 +189,7 @@ def _nodes(
 
 @kernel
 def _place(
-    pieces: Pieces, length_px: Array, steps: tuple[float, float], facing: Array, solid: Index, origin: Array
+    pieces: SheetPieces, length_px: Array, steps: tuple[float, float], facing: Array, solid: Index, origin: Array
 ) -> SurfaceNodes:
     """Nodes of pieces whose images are so long. steps: along the image [px], across the sheet [mm]."""
     ends, normals = pieces.ends, pieces.normals

@@ -5,7 +5,7 @@ from perceptron_emu.solids.bvh import Bvh, blocked, build_bvh
 from perceptron_emu.solids.flat_faces import facets
 from perceptron_emu.solids.panels import PanelPair, profile_strip, random_panels
 from perceptron_emu.solids.raster import rasterise
-from perceptron_emu.solids.section import LaserRays, Pieces, Shades, lit_in_planes
+from perceptron_emu.solids.section import LaserRays, Shades, SheetPieces, lit_in_planes
 from perceptron_emu.solids.world import Hit, World, between, first_met, normal_at, world_of
 
 __all__ = [
@@ -14,8 +14,8 @@ __all__ = [
     "Hit",
     "LaserRays",
     "PanelPair",
-    "Pieces",
     "Shades",
+    "SheetPieces",
     "World",
     "between",
     "blocked",

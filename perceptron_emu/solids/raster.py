@@ -25,7 +25,7 @@ class DepthBuffer(NamedTuple):
     inverse_depth: Float32
 
 
-class Rows(NamedTuple):
+class FaceRows(NamedTuple):
     """The rows of a face, first to last, and where each enters and leaves it [px]."""
 
     first: int
@@ -68,7 +68,7 @@ def rasterise(
     level : Float32
         (F,).
     shape : tuple of int
-        Rows and columns.
+        FaceRows and columns.
     intrinsics : tuple of float
         fx, fy, cx, cy [px].
 
@@ -109,7 +109,7 @@ def _rasterise(
             corners[k, 0], corners[k, 1], corners[k, 2] = fx * x / z + cx, fy * y / z + cy, 1 / z
         first, last = _edges(corners, left, right)
         if first <= last:
-            _draw_facet(drawn, corners, Rows(first, last, left, right), level[f])
+            _draw_facet(drawn, corners, FaceRows(first, last, left, right), level[f])
             low, high = corners[0, 0], corners[0, 0]
             for k in range(1, 4):
                 low, high = min(low, corners[k, 0]), max(high, corners[k, 0])
@@ -140,7 +140,7 @@ def _edges(corners: Array, left: Array, right: Array) -> tuple[int, int]:
 
 
 @kernel(fastmath=True)
-def _draw_facet(drawn: DepthBuffer, corners: Array, rows: Rows, level: np.float32) -> None:
+def _draw_facet(drawn: DepthBuffer, corners: Array, rows: FaceRows, level: np.float32) -> None:
     picture, inverse_depth = drawn
     left, right = rows.left, rows.right
     last_column = picture.shape[1] - 1.0

@@ -49,7 +49,7 @@ class LaserRays(NamedTuple):
     fan_rad: float
 
 
-class Pieces(NamedTuple):
+class SheetPieces(NamedTuple):
     """Straight pieces of surface that the laser reaches first, each in one plane of the sheet.
 
     Parameters
@@ -115,7 +115,7 @@ def cut_plane(triangles: Array, normals: Array, x: float) -> tuple[Array, Array,
 
 
 @kernel
-def lit_in_planes(triangles: Array, normals: Array, planes: Array, shades: Shades, rays: LaserRays) -> Pieces:
+def lit_in_planes(triangles: Array, normals: Array, planes: Array, shades: Shades, rays: LaserRays) -> SheetPieces:
     """The pieces of triangles that the laser reaches first in planes of constant x. Compiled.
 
     Parameters
@@ -133,7 +133,7 @@ def lit_in_planes(triangles: Array, normals: Array, planes: Array, shades: Shade
 
     Returns
     -------
-    Pieces
+    SheetPieces
         In the order of planes and angles.
     """
     grid = _grid(rays.fan_rad)
@@ -158,7 +158,7 @@ def lit_in_planes(triangles: Array, normals: Array, planes: Array, shades: Shade
                     normal[n, e, a] = turned[w, 0, a] + where[i, e] * (turned[w, 1, a] - turned[w, 0, a])
             face[n] = owner[w]
             n += 1
-    return Pieces(ends[:n].copy(), normal[:n].copy(), face[:n].copy())
+    return SheetPieces(ends[:n].copy(), normal[:n].copy(), face[:n].copy())
 
 
 @kernel

@@ -14,7 +14,7 @@ from extraction import Profile
 from geometry import Pose
 from tests.accept.standards import Ball, across, write
 from tests.workbench.helpers import Cli
-from workbench.accept import BallStandard, Placed, Recorded, accept_ball, accept_flatness, accept_spacing
+from workbench.accept import BallStandard, PlacedProfile, Recorded, accept_ball, accept_flatness, accept_spacing
 
 ATOL_MM = 1e-6
 REJECTED_MM = 0.01  # by which rejecting three points in a thousand of a distorted ball moves its size
@@ -28,7 +28,7 @@ def scan(profiles: list[np.ndarray], at: np.ndarray | None) -> Recorded:
     for k, yz in enumerate(profiles):
         place = None if at is None else Pose(np.eye(3), np.array([at[k], 0.0, 0.0]))
         cov = np.broadcast_to(np.eye(2) * 1e-4**2, (len(yz), 2, 2))
-        placed.append(Placed(f"p{k}", Profile.of_points(yz, cov), place))
+        placed.append(PlacedProfile(f"p{k}", Profile.of_points(yz, cov), place))
     return Recorded(tuple(placed), (), "" if at is None else "a stage")
 
 

@@ -12,7 +12,7 @@ from scipy.stats import binom, chi2
 from extraction import Profile
 from tests.accept.standards import across, write
 from tests.workbench.helpers import Cli
-from workbench.accept import Placed, Series, accept_repeat
+from workbench.accept import PlacedProfile, Series, accept_repeat
 from workbench.accept.repeat import pointwise
 
 N_SERIES, LEVEL, LIKELY = 200, 0.95, 1e-3
@@ -60,7 +60,7 @@ def test_scatter_place_by_place_and_its_interval(grain: float) -> None:
         noise = noise if grain == 0 else gaussian_filter1d(noise, grain, axis=1) / scale
         profiles = [np.column_stack([y, 80 + 0.1 * y + 0.02 * row]) for row in noise]
         cov = np.zeros((len(y), 2, 2))
-        figure = pointwise([Placed("p", Profile.of_points(yz, cov)) for yz in profiles])
+        figure = pointwise([PlacedProfile("p", Profile.of_points(yz, cov)) for yz in profiles])
         assert figure.bounds is not None
         assert figure.value is not None
         inside += figure.bounds.low <= 0.02 <= figure.bounds.high

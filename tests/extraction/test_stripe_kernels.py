@@ -8,7 +8,7 @@ from extraction.noise import PixelNoise
 from extraction.order import kth_smallest, median
 from extraction.stripe.climb import exponential
 from extraction.stripe.fit import SECTION, Pixels, SectionPlaces, fit_sections
-from extraction.stripe.model import Limits
+from extraction.stripe.model import FitLimits
 
 RELATIVE = 1e-11
 
@@ -47,7 +47,7 @@ def test_a_fit_does_not_depend_on_those_beside_it() -> None:
         whole = np.zeros(len(chosen), np.int32)
         places = SectionPlaces(chosen.astype(np.int32), centre[chosen], whole, whole + 90, np.full(len(chosen), 2.0))
         table = np.zeros(len(chosen), SECTION)
-        fit_sections(pixels, places, np.inf, Limits(255.0, 0.45, 14.0), PixelNoise(1.0, 0.0, 0.0, 0.0), table)
+        fit_sections(pixels, places, np.inf, FitLimits(255.0, 0.45, 14.0), PixelNoise(1.0, 0.0, 0.0, 0.0), table)
         return table
 
     together, turned = fits(np.arange(n)), fits(np.arange(n)[::-1])[::-1]

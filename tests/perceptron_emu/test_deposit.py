@@ -7,7 +7,7 @@ import pytest
 from scipy.special import ndtr
 
 from perceptron_emu.image.deposit import GaussianSpots, deposit, spline_taps
-from perceptron_emu.image.pieces import Pieces, draw_pieces
+from perceptron_emu.image.pieces import SpotPieces, draw_pieces
 from perceptron_emu.image.speckle import speckle_of
 
 
@@ -37,7 +37,9 @@ def test_pieces_agree_with_the_integral(sigma: float, splines: bool) -> None:
     image, q = np.zeros((61, 83), np.float32), 4
     spots = GaussianSpots(u, v, weight, np.full(50, sigma))
     taps = spline_taps(sigma * q) if splines else np.zeros(0, np.float32)
-    draw_pieces(image, spots, Pieces(np.array([0, 25, 50]), np.zeros((2, 2), np.int64), q), taps, speckle_of(2.0, 0, 1))
+    draw_pieces(
+        image, spots, SpotPieces(np.array([0, 25, 50]), np.zeros((2, 2), np.int64), q), taps, speckle_of(2.0, 0, 1)
+    )
     assert np.max(np.abs(image - exact(image.shape, u, v, weight, sigma))) < 1e-4 * image.max()
 
 

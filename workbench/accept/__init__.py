@@ -1,14 +1,14 @@
 """Acceptance tests by the metrologist's usual standards: from profiles, images or a table to a record."""
 
 from workbench.accept.ball import BallStandard, accept_ball
-from workbench.accept.figures import RULES, Bounds, Check, Figure, Limit, Rule, Verdict
+from workbench.accept.figures import RULES, Bounds, Check, Conformity, Figure, Limit, Rule
 from workbench.accept.flatness import accept_flatness
 from workbench.accept.gauge import accept_gauge
 from workbench.accept.gauge_study import GaugeStudy, study_gauge
 from workbench.accept.gauge_table import GaugeColumns, GaugeTable, read_gauge_table
 from workbench.accept.page import shown, write_record_page
 from workbench.accept.record import RULE_WORDS, Record, make_record, record_object
-from workbench.accept.recorded import Placed, Recorded, Recording, read_recorded
+from workbench.accept.recorded import PlacedProfile, ProfileRecording, Recorded, read_recorded
 from workbench.accept.repeat import Series, accept_repeat, read_series, series_of
 from workbench.accept.spacing import accept_spacing
 
@@ -18,18 +18,18 @@ __all__ = [
     "BallStandard",
     "Bounds",
     "Check",
+    "Conformity",
     "Figure",
     "GaugeColumns",
     "GaugeStudy",
     "GaugeTable",
     "Limit",
-    "Placed",
+    "PlacedProfile",
+    "ProfileRecording",
     "Record",
     "Recorded",
-    "Recording",
     "Rule",
     "Series",
-    "Verdict",
     "accept_ball",
     "accept_flatness",
     "accept_gauge",

@@ -65,7 +65,7 @@ class Check:
 
 
 @dataclass(frozen=True)
-class Verdict:
+class Conformity:
     """conform, nonconform, not_proven (no limit is broken for certain, and not all are kept for certain), no_limits."""
 
     code: str
@@ -113,18 +113,18 @@ def check(limit: Limit, figure: Figure, rule: Rule) -> Check:
     return Check(limit, figure, decision, not broken if rule == "nonconformity" else sure)
 
 
-def judge(limits: Sequence[Limit], figures: Sequence[Figure], rule: Rule) -> tuple[tuple[Check, ...], Verdict]:
+def judge(limits: Sequence[Limit], figures: Sequence[Figure], rule: Rule) -> tuple[tuple[Check, ...], Conformity]:
     """Every limit's check, and the verdict over all."""
     by_name = {f.name: f for f in figures}
     checks = tuple(check(limit, by_name[limit.figure], rule) for limit in limits)
     if not checks:
-        return checks, Verdict("no_limits", "no limit was given: the figures are stated and nothing is judged", True)
+        return checks, Conformity("no_limits", "no limit was given: the figures are stated and nothing is judged", True)
     passed = all(c.passed for c in checks)
     broken = [c for c in checks if c.decision in (CONTRARY, BEYOND)]
     unsure = [c for c in checks if c.decision == OPEN]
     text = "; ".join(said(c) for c in (broken or unsure or checks))
     code = "nonconform" if broken else "not_proven" if unsure else "conform"
-    return checks, Verdict(code, text, passed)
+    return checks, Conformity(code, text, passed)
 
 
 def said(c: Check) -> str:

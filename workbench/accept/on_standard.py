@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from extraction import Circle, Line, find_target_points
-from workbench.accept.recorded import Placed, Progress
+from workbench.accept.recorded import PlacedProfile, Progress
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -27,7 +27,7 @@ OBJECT_RUN = 20  # neighbours in a row off the curve: something else stands ther
 class Stretch:
     """Points (N, 2) of a profile on a standard, the curve that they were found on, and what was left out between."""
 
-    of: Placed
+    of: PlacedProfile
     yz_mm: Array
     curve: Circle | Line
     other: int = 0
@@ -47,7 +47,7 @@ def other_notes(stretches: Sequence[Stretch]) -> list[str]:
     return [text] if n else []
 
 
-def told(profiles: Sequence[Placed], progress: Progress | None) -> Iterator[Placed]:
+def told(profiles: Sequence[PlacedProfile], progress: Progress | None) -> Iterator[PlacedProfile]:
     """The profiles, each told when it is done."""
     for k, placed in enumerate(profiles):
         yield placed
@@ -56,7 +56,7 @@ def told(profiles: Sequence[Placed], progress: Progress | None) -> Iterator[Plac
 
 
 def arcs(
-    profiles: Sequence[Placed],
+    profiles: Sequence[PlacedProfile],
     diameters_mm: tuple[float, ...],
     zone_deg: float | None,
     progress: Progress | None = None,
@@ -93,7 +93,9 @@ def _zone(curve: Circle, bulge: float, zone_deg: float | None) -> Callable[[Arra
     return within
 
 
-def _all_of(placed: Placed, index: Index, curve: Circle | Line, zone: Callable[[Array], Mask] | None = None) -> Stretch:
+def _all_of(
+    placed: PlacedProfile, index: Index, curve: Circle | Line, zone: Callable[[Array], Mask] | None = None
+) -> Stretch:
     """All points between the first and the last one found, or in the zone, but for what stands there as an object."""
     yz = placed.profile.yz_mm
     found = np.zeros(len(yz), dtype=bool)
@@ -113,7 +115,7 @@ def _all_of(placed: Placed, index: Index, curve: Circle | Line, zone: Callable[[
     return Stretch(placed, yz[~other], curve, int(np.count_nonzero(other)))
 
 
-def straights(profiles: Sequence[Placed], progress: Progress | None = None) -> tuple[list[Stretch], list[str]]:
+def straights(profiles: Sequence[PlacedProfile], progress: Progress | None = None) -> tuple[list[Stretch], list[str]]:
     """Straight stretches, the longest of each profile, with a sentence for each profile without one."""
     out: list[Stretch] = []
     lost: list[str] = []

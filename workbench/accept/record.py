@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from workbench.accept.figures import COVERAGE, Check, Figure, Limit, Rule, Verdict, judge
+from workbench.accept.figures import COVERAGE, Check, Conformity, Figure, Limit, Rule, judge
 from workbench.files import sha256_of
 
 RULE_WORDS = {
@@ -31,7 +31,7 @@ class Record:
     standard: str
     figures: tuple[Figure, ...]
     checks: tuple[Check, ...]
-    verdict: Verdict
+    verdict: Conformity
     rule: Rule
     details: dict[str, Any] = field(default_factory=dict)
     not_judged: tuple[str, ...] = ()

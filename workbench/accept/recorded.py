@@ -25,7 +25,7 @@ _LEAST_STEP_MM = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Placed:
+class PlacedProfile:
     """One profile in {P}, and T_scan_sensor where it is told where the sensor stood.
 
     order: which of the recording it is, those that can not be used counted too.
@@ -46,7 +46,7 @@ class Placed:
 class Recorded:
     """Profiles in order, the files that they come from, and what moved the sensor, in words; "" where nobody told."""
 
-    profiles: tuple[Placed, ...]
+    profiles: tuple[PlacedProfile, ...]
     files: tuple[Path, ...]
     moved_by: str = ""
     notes: tuple[str, ...] = ()
@@ -58,7 +58,7 @@ class Recorded:
 
 
 @dataclass(frozen=True)
-class Recording:
+class ProfileRecording:
     """What is told of the profiles: the sensor, where it stood, and which part of a cell is meant.
 
     step_mm: along the sheet's normal from profile to profile. positions: a table profile, x_mm (y_mm, z_mm). scp: a
@@ -74,7 +74,7 @@ class Recording:
     stripe: StripeConfig = field(default_factory=StripeConfig)
 
 
-def read_recorded(what: Recording, remark: Remark = no_remark, progress: Progress | None = None) -> Recorded:
+def read_recorded(what: ProfileRecording, remark: Remark = no_remark, progress: Progress | None = None) -> Recorded:
     """The profiles of an acceptance test.
 
     Parameters
@@ -105,7 +105,7 @@ def read_recorded(what: Recording, remark: Remark = no_remark, progress: Progres
     if what.scp is not None or what.location is not None:
         raise InputError(f"--scp and --location belong to a cell dataset, and {what.paths[0]} is none")
     files = _files(what.paths)
-    placed: list[Placed] = []
+    placed: list[PlacedProfile] = []
     sensor = None if what.sensor is None else read_sensor(what.sensor)
     image = next((p for p in files if not is_profile_file(p)), None)
     if image is not None:
@@ -120,7 +120,7 @@ def read_recorded(what: Recording, remark: Remark = no_remark, progress: Progres
             if len(files) == 1:
                 raise
             remark(f"{error}; left out")
-            found = [Placed(path.stem, Profile.of_points(np.zeros((0, 2)), np.zeros((0, 2, 2))))]
+            found = [PlacedProfile(path.stem, Profile.of_points(np.zeros((0, 2)), np.zeros((0, 2, 2))))]
         placed += [replace(p, order=count + i) for i, p in enumerate(found)]
         count += len(found)
         if len(placed) > MOST_PROFILES:
@@ -151,9 +151,9 @@ def _files(paths: Sequence[Path]) -> list[Path]:
     return out
 
 
-def _profiles_of(path: Path, sensor: Sensor | None, what: Recording, remark: Remark) -> Iterator[Placed]:
+def _profiles_of(path: Path, sensor: Sensor | None, what: ProfileRecording, remark: Remark) -> Iterator[PlacedProfile]:
     if sensor is not None and not is_profile_file(path):
-        yield Placed(path.stem, extract_profile(read_image(path, sensor, remark), sensor, what.stripe))
+        yield PlacedProfile(path.stem, extract_profile(read_image(path, sensor, remark), sensor, what.stripe))
         return
     output = ProfileOutput() if sensor is None or sensor.profile is None else sensor.profile
     told = Told(output.format, output.pitch_mm, output.start_mm, output.unit, output.width, remark)
@@ -163,17 +163,17 @@ def _profiles_of(path: Path, sensor: Sensor | None, what: Recording, remark: Rem
         for sentence in checked.remarks:
             remark(sentence)
         name = path.stem if len(lines) == 1 else f"{path.stem}:{k if line.number is None else line.number}"
-        yield Placed(name, checked.profile)
+        yield PlacedProfile(name, checked.profile)
 
 
-def _with_points(placed: Sequence[Placed], files: Sequence[Path]) -> tuple[Placed, ...]:
+def _with_points(placed: Sequence[PlacedProfile], files: Sequence[Path]) -> tuple[PlacedProfile, ...]:
     kept = tuple(p for p in placed if len(p.profile))
     if not kept:
         raise NoAnswerError(f"none of the {len(placed)} profiles of {files[0]}{' …' * (len(files) > 1)} has points")
     return kept
 
 
-def _placed(profiles: tuple[Placed, ...], files: tuple[Path, ...], what: Recording) -> Recorded:
+def _placed(profiles: tuple[PlacedProfile, ...], files: tuple[Path, ...], what: ProfileRecording) -> Recorded:
     """With the places that were told."""
     lost: tuple[str, ...] = ()
     if what.step_mm is not None:
@@ -214,7 +214,7 @@ def _read_positions(path: Path) -> dict[str, Pose]:
     return out
 
 
-def _of_cell(what: Recording, remark: Remark, progress: Progress | None) -> Recorded:
+def _of_cell(what: ProfileRecording, remark: Remark, progress: Progress | None) -> Recorded:
     """The frames of one location, placed by the robot and the SCP."""
     if what.step_mm is not None or what.positions is not None or what.sensor is not None:
         raise InputError(f"{what.paths[0]} is a cell: its own files tell the sensor and where it stood")
@@ -233,7 +233,7 @@ def _of_cell(what: Recording, remark: Remark, progress: Progress | None) -> Reco
     frames = [f for f in cell.frames if f.location == location]
     placed = []
     for k, (frame, profile) in enumerate(_frame_profiles(cell, frames, what.stripe, remark)):
-        placed.append(Placed(f"frame {frame.number}", profile, _hand(cell, frame) @ T_hand_sensor))
+        placed.append(PlacedProfile(f"frame {frame.number}", profile, _hand(cell, frame) @ T_hand_sensor))
         if progress is not None:
             progress(k + 1, len(frames))
     files = tuple(p for p in (*cell.files, what.scp) if p is not None)

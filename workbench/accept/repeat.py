@@ -16,7 +16,7 @@ from workbench.accept.figures import COVERAGE, Bounds, Figure, Limit, Rule
 from workbench.accept.gauge_study import SHARE, STUDY
 from workbench.accept.on_standard import told
 from workbench.accept.record import Record, make_record
-from workbench.accept.recorded import Placed, Progress, Recorded
+from workbench.accept.recorded import PlacedProfile, Progress, Recorded
 from workbench.accept.variance import bounds
 from workbench.files import read_table
 
@@ -125,7 +125,7 @@ def accept_repeat(
     of: str | None = None,
     reference: float | None = None,
     tolerance: float | None = None,
-    profiles: Sequence[Placed] = (),
+    profiles: Sequence[PlacedProfile] = (),
     notes: Sequence[str] = (),
     remarks: Sequence[str] = (),
 ) -> Record:
@@ -199,7 +199,7 @@ def sigma_bounds(sigma: float, dof: float) -> Bounds:
     return Bounds(float(low), float(high), float(least), float(most))
 
 
-def pointwise(profiles: Sequence[Placed]) -> Figure:
+def pointwise(profiles: Sequence[PlacedProfile]) -> Figure:
     """Pooled σ of z over the places that all profiles share; its interval counts neighbours as far as they agree."""
     words = "pooled standard deviation of z, place by place along the profile"
     heights = _on_common_grid([p.profile.yz_mm for p in profiles])

@@ -35,7 +35,7 @@ PART, OPERATOR, INTERACTION, TRIAL = "part", "operator", "part × operator", "tr
 
 
 @dataclass(frozen=True)
-class Source:
+class VarianceRow:
     """A row of the table of variance; f and p are None where nothing is tested."""
 
     name: str
@@ -54,8 +54,8 @@ class Components:
     negative: sources whose estimate came out below zero, and is zero.
     """
 
-    table: tuple[Source, ...]
-    used: tuple[Source, ...]
+    table: tuple[VarianceRow, ...]
+    used: tuple[VarianceRow, ...]
     pooled: bool
     interaction_p: float | None
     variance: dict[str, float]
@@ -108,7 +108,7 @@ def bounds(drawn: Array) -> Bounds:
     return Bounds(float(low), float(high), float(least), float(most))
 
 
-def _one_way(values: Array) -> tuple[Source, ...]:
+def _one_way(values: Array) -> tuple[VarianceRow, ...]:
     p, _, r = values.shape
     flat = values[:, 0]
     part = r * float(np.sum((flat.mean(axis=1) - flat.mean()) ** 2))
@@ -116,7 +116,7 @@ def _one_way(values: Array) -> tuple[Source, ...]:
     return _tested({PART: (p - 1, part), TRIAL: (p * (r - 1), trial)}, TRIAL)
 
 
-def _two_way(values: Array) -> tuple[Source, ...]:
+def _two_way(values: Array) -> tuple[VarianceRow, ...]:
     p, o, r = values.shape
     values = values - values.mean()  # a large value common to all must not eat the digits
     cell, part, operator = values.mean(axis=2), values.mean(axis=(1, 2)), values.mean(axis=(0, 2))
@@ -129,7 +129,7 @@ def _two_way(values: Array) -> tuple[Source, ...]:
     return _tested(sums, INTERACTION)
 
 
-def _tested(sums: dict[str, tuple[int, float]], against: str) -> tuple[Source, ...]:
+def _tested(sums: dict[str, tuple[int, float]], against: str) -> tuple[VarianceRow, ...]:
     """Rows with F and p: main effects against ``against``, the interaction against the trials."""
     square = {name: total / dof for name, (dof, total) in sums.items()}
     out = []
@@ -139,11 +139,11 @@ def _tested(sums: dict[str, tuple[int, float]], against: str) -> tuple[Source, .
         if below is not None and square[below] > 0:
             ratio = square[name] / square[below]
             p = float(f_distribution.sf(ratio, dof, sums[below][0]))
-        out.append(Source(name, dof, total, square[name], ratio, p))
+        out.append(VarianceRow(name, dof, total, square[name], ratio, p))
     return tuple(out)
 
 
-def _pooled(table: tuple[Source, ...]) -> tuple[Source, ...]:
+def _pooled(table: tuple[VarianceRow, ...]) -> tuple[VarianceRow, ...]:
     """The interaction counted with the trials."""
     sums = {s.name: (s.dof, s.sum_of_squares) for s in table}
     extra = sums.pop(INTERACTION)
@@ -152,7 +152,7 @@ def _pooled(table: tuple[Source, ...]) -> tuple[Source, ...]:
     return _tested(sums, TRIAL)
 
 
-def _combinations(used: tuple[Source, ...], p: int, o: int, r: int) -> dict[str, Array]:
+def _combinations(used: tuple[VarianceRow, ...], p: int, o: int, r: int) -> dict[str, Array]:
     """Each component as a row over the mean squares used."""
     names = [s.name for s in used]
     unit = dict(zip(names, np.eye(len(names)), strict=True))

@@ -5,7 +5,7 @@ from workbench.cell.extracting import Extracted, extract_inputs
 from workbench.cell.inputs import BareImages, read_inputs
 from workbench.cell.labels import label_alone, label_dataset, poses_in_sensor
 from workbench.cell.locating import located
-from workbench.cell.measuring import Measured, Value, judged, measure, peak_values, profile_values, value_objects
+from workbench.cell.measuring import MeasuredProfile, Value, judged, measure, peak_values, profile_values, value_objects
 from workbench.cell.on_surface import field_of_view_of
 from workbench.cell.pipeline import Observed, ProfileSettings, Progress, observe, solve
 from workbench.cell.points_table import rows
@@ -42,7 +42,7 @@ __all__ = [
     "DataSheet",
     "Extracted",
     "FramePose",
-    "Measured",
+    "MeasuredProfile",
     "MeasuredStripe",
     "Observed",
     "ProfileSettings",

@@ -46,7 +46,7 @@ class Value:
 
 
 @dataclass(frozen=True, eq=False)
-class Measured:
+class MeasuredProfile:
     """What was measured in a profile. gap_text: why there is no gap, "" where there is one or none was asked for."""
 
     feature: TargetPoints | None = None
@@ -54,7 +54,7 @@ class Measured:
     gap_text: str = ""
 
 
-def measure(profile: Profile, recipe: Recipe, field_of_view_mm: Array | None = None) -> Measured:
+def measure(profile: Profile, recipe: Recipe, field_of_view_mm: Array | None = None) -> MeasuredProfile:
     """What the recipe asks for in a profile.
 
     Parameters
@@ -68,7 +68,7 @@ def measure(profile: Profile, recipe: Recipe, field_of_view_mm: Array | None = N
 
     Returns
     -------
-    Measured
+    MeasuredProfile
         What was asked for; what is missing is said in words.
 
     """
@@ -76,11 +76,11 @@ def measure(profile: Profile, recipe: Recipe, field_of_view_mm: Array | None = N
     if asked.feature != "none":
         feature = find_feature(profile, asked.feature, asked.diameter_mm, recipe.feature, field_of_view_mm)
     if not asked.gap_and_flush:
-        return Measured(feature)
+        return MeasuredProfile(feature)
     try:
-        return Measured(feature, measure_gap_flush(profile, recipe.gapflush))
+        return MeasuredProfile(feature, measure_gap_flush(profile, recipe.gapflush))
     except NoAnswerError as error:
-        return Measured(feature, None, str(error))
+        return MeasuredProfile(feature, None, str(error))
 
 
 def find_feature(
@@ -91,7 +91,7 @@ def find_feature(
     return find_target_points(profile, kind, (diameter_mm,), field_of_view_mm=polygon, config=config)
 
 
-def profile_values(profile: Profile, measured: Measured, recipe: Recipe) -> list[Value]:
+def profile_values(profile: Profile, measured: MeasuredProfile, recipe: Recipe) -> list[Value]:
     """The values of a stripe in millimetres, of its feature and of its gap, judged."""
     sigma = np.sqrt(np.maximum(np.trace(profile.cov_yz_mm2, axis1=1, axis2=2), 0))
     middle = float(np.median(sigma)) if len(sigma) else None

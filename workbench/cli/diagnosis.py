@@ -38,7 +38,7 @@ GL_PURPOSE = "for --renderer pyrender and the picture of the cell; all else need
 
 
 @dataclass(frozen=True)
-class Finding:
+class Diagnosed:
     """One thing that was looked at. broken: the default path does not work without it."""
 
     state: State
@@ -46,7 +46,7 @@ class Finding:
     detail: str
 
 
-def diagnose() -> Iterator[Finding]:
+def diagnose() -> Iterator[Diagnosed]:
     """Look at everything, one finding after the other."""
     yield _python()
     yield from _libraries()
@@ -56,63 +56,63 @@ def diagnose() -> Iterator[Finding]:
     yield _chain()
 
 
-def _python() -> Finding:
+def _python() -> Diagnosed:
     ok = sys.version_info >= (3, 11)
     detail = f"{platform.python_version()} on {platform.system()} {platform.machine()}, {os.cpu_count()} processors"
-    return Finding("ok" if ok else "broken", "Python", detail + ("" if ok else "; 3.11 or newer is needed"))
+    return Diagnosed("ok" if ok else "broken", "Python", detail + ("" if ok else "; 3.11 or newer is needed"))
 
 
-def _libraries() -> Iterator[Finding]:
+def _libraries() -> Iterator[Diagnosed]:
     for module, distribution in CORE.items():
         try:
             version = importlib.metadata.version(distribution)
         except importlib.metadata.PackageNotFoundError:
             version = "?"
         if importlib.util.find_spec(module) is None:
-            yield Finding("broken", distribution, f"not installed: pip install {distribution}")
+            yield Diagnosed("broken", distribution, f"not installed: pip install {distribution}")
         else:
-            yield Finding("ok", distribution, version)
+            yield Diagnosed("ok", distribution, version)
 
 
-def _extras() -> Iterator[Finding]:
+def _extras() -> Iterator[Diagnosed]:
     for extra, (modules, purpose) in EXTRAS.items():
         missing = [m for m in modules if importlib.util.find_spec(m) is None]
         if missing:
             hint = f"{', '.join(missing)} missing, for {purpose}: pip install 'perceptron-emu[{extra}]'"
-            yield Finding("absent", f"extra {extra}", hint)
+            yield Diagnosed("absent", f"extra {extra}", hint)
         else:
-            yield Finding("ok", f"extra {extra}", purpose)
+            yield Diagnosed("ok", f"extra {extra}", purpose)
 
 
-def _gl() -> Finding:
+def _gl() -> Diagnosed:
     """Whether a frame can truly be drawn: a library that is there may still find no device."""
     from perceptron_emu.gl import gl_problem
 
     problem = gl_problem()
     if problem is None:
         platform = os.environ.get("PYOPENGL_PLATFORM", "egl")
-        return Finding("ok", "off-screen GL", f"by {platform}, {GL_PURPOSE}")
-    return Finding("absent", "off-screen GL", f"{problem} ({GL_PURPOSE})")
+        return Diagnosed("ok", "off-screen GL", f"by {platform}, {GL_PURPOSE}")
+    return Diagnosed("absent", "off-screen GL", f"{problem} ({GL_PURPOSE})")
 
 
-def _cache() -> Finding:
+def _cache() -> Diagnosed:
     """Compiled code is kept between runs where numba can write; else every run compiles again."""
     place = Path(os.environ.get("NUMBA_CACHE_DIR", Path(__file__).parent))
     if os.access(place, os.W_OK) or os.access(Path.home(), os.W_OK):
-        return Finding("ok", "compiled code's cache", "can be written")
+        return Diagnosed("ok", "compiled code's cache", "can be written")
     hint = "can not be written, every run compiles again: set NUMBA_CACHE_DIR to a folder of yours"
-    return Finding("absent", "compiled code's cache", hint)
+    return Diagnosed("absent", "compiled code's cache", hint)
 
 
-def _chain() -> Finding:
+def _chain() -> Diagnosed:
     """Render one frame of a jig, write and read it as PNG, extract and label it."""
     start = time.perf_counter()
     try:
         found, wanted = _one_frame()
     except Exception as error:  # noqa: BLE001 - whatever fails here is what the user must hear of
-        return Finding("broken", "chain", f"render, write, read, extract, label: {type(error).__name__}: {error}")
+        return Diagnosed("broken", "chain", f"render, write, read, extract, label: {type(error).__name__}: {error}")
     detail = f"one emulated frame: {found} of {wanted} strings found and labelled, {time.perf_counter() - start:.1f} s"
-    return Finding("ok" if found == wanted else "broken", "chain", detail)
+    return Diagnosed("ok" if found == wanted else "broken", "chain", detail)
 
 
 def _one_frame() -> tuple[int, int]:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geometry import InputError, Remark, no_remark
-from jig_cad import Balls, Jig, Measured, measured_balls, measured_jig
+from jig_cad import Balls, Jig, MeasuredTarget, measured_balls, measured_jig
 from workbench.files.table import read_table
 
 COLUMNS = ("name", "x_mm", "y_mm", "z_mm")
@@ -56,7 +56,9 @@ def read_anchors(path: Path, remark: Remark = no_remark) -> GivenAnchors:
     return GivenAnchors(points, diameters)
 
 
-def lay_onto(target: Jig | Balls, path: Path, remark: Remark = no_remark) -> Measured[Jig] | Measured[Balls]:
+def lay_onto(
+    target: Jig | Balls, path: Path, remark: Remark = no_remark
+) -> MeasuredTarget[Jig] | MeasuredTarget[Balls]:
     """The target of a drawing with what a file says was measured; InputError names the file."""
     given = read_anchors(path, remark)
     try:

@@ -86,7 +86,7 @@ def link_radius(robot: Arm) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class Room:
+class Clearance:
     """What is left at configurations (N) [mm], negative where it is missing: between arm, sensor and target, and in the
     workspace; where: at the floor (-1) or at a box (k).
     """
@@ -110,7 +110,7 @@ def carrying(
     return _with_box(robot, joints_rad, T_hand_target, box, link_radius_mm)
 
 
-def room_before_fixed(arm: Standing, T_base_sensor: Pose, sensor: Sensor, workspace: Workspace) -> Room:
+def room_before_fixed(arm: Standing, T_base_sensor: Pose, sensor: Sensor, workspace: Workspace) -> Clearance:
     """The room of an arm that carries the target before a sensor that stands: links, hand and target keep off it."""
     box = housing_box(sensor)[None]
     T_sensor_base = T_base_sensor.inverse()
@@ -121,7 +121,7 @@ def room_before_fixed(arm: Standing, T_base_sensor: Pose, sensor: Sensor, worksp
         box_to_boxes_mm(T_sensor_base @ arm.T_base_sensor, arm.housing_mm, box)[..., 0],
     ]
     around, where = room_in_workspace_mm(arm, workspace)
-    return Room(np.min(off, axis=0) - SAFE_MM, around, where)
+    return Clearance(np.min(off, axis=0) - SAFE_MM, around, where)
 
 
 def sensor_clearance_mm(sensor: Sensor, jig: Jig, T_sensor_jig: Pose) -> Array:

@@ -13,7 +13,7 @@ from geometry.ties import first_least, first_most
 from jig_cad import Jig
 from workbench.cell import SeesAll
 from workbench.plan.clearance import (
-    Room,
+    Clearance,
     carrying,
     room_at_target_mm,
     room_before_fixed,
@@ -81,7 +81,7 @@ class ViewProblem:
     workspace: Workspace = field(default_factory=Workspace)
     mount: Mount = "hand"
 
-    def room_mm(self, joints_rad: Array) -> Room:
+    def room_mm(self, joints_rad: Array) -> Clearance:
         """What room is left at the readings (N, n)."""
         how = self.workspace
         if self.mount == "fixed":
@@ -89,7 +89,7 @@ class ViewProblem:
             return room_before_fixed(arm, self.T_hand_sensor, self.sensor, how)
         arm = standing(self.robot, joints_rad, self.T_hand_sensor, self.sensor, how.link_radius_mm)
         around, where = room_in_workspace_mm(arm, how)
-        return Room(room_at_target_mm(arm, self.jig, self.T_base_jig), around, where)
+        return Clearance(room_at_target_mm(arm, self.jig, self.T_base_jig), around, where)
 
     def hand_goals(self, T_sensor_jig: Pose) -> Pose:
         """T_base_hand (N) that bring the sensor to the poses, or the target where the sensor is fixed."""

@@ -27,7 +27,7 @@ from perceptron_emu import (
     render,
     speckle_contrast,
 )
-from workbench.twin.seen import NAMES, Image, Seen, see, smooth
+from workbench.twin.seen import NAMES, Image, ImageSeen, see, smooth
 
 Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
@@ -101,8 +101,8 @@ class Twin:
     sensor: Sensor
     config: EmulatorConfig
     keys: tuple[Fitted, ...]
-    recorded: tuple[Seen, ...]
-    emulated: tuple[Seen, ...]
+    recorded: tuple[ImageSeen, ...]
+    emulated: tuple[ImageSeen, ...]
     chi2_per_dof: float
     converged: bool
 
@@ -147,7 +147,7 @@ def fit_twin(
     start = _start(sensor, config)
     total, done = ITERATIONS * (len(KEYS) + 1) + 1, 0
 
-    def seen_with(at: NDArray[np.floating[Any]]) -> tuple[Seen, ...]:
+    def seen_with(at: NDArray[np.floating[Any]]) -> tuple[ImageSeen, ...]:
         nonlocal done
         twin_sensor, twin_config = _with(np.asarray(at, float), sensor, config)
         out = tuple(
@@ -228,7 +228,7 @@ def fit_twin(
     )
 
 
-def _check_fan(recorded: Sequence[Seen], sensor: Sensor) -> None:
+def _check_fan(recorded: Sequence[ImageSeen], sensor: Sensor) -> None:
     yz = np.concatenate([s.profile.yz_mm for s in recorded]) - sensor.sheet.origin_mm[1:]
     inside = np.mean(np.abs(np.arctan2(yz[:, 0], yz[:, 1])) <= sensor.sheet.fan_rad / 2)
     if inside < MIN_INSIDE:
@@ -238,7 +238,7 @@ def _check_fan(recorded: Sequence[Seen], sensor: Sensor) -> None:
         )
 
 
-def _scene(seen: Seen, sensor: Sensor) -> tuple[Solid, ...]:
+def _scene(seen: ImageSeen, sensor: Sensor) -> tuple[Solid, ...]:
     """The recorded profile as a surface that the sheet meets square: smooth, in pieces where it jumps."""
     section, yz = seen.profile.peaks.section, seen.profile.yz_mm
     line = np.column_stack([smooth(section, yz[:, k]) for k in range(2)])
@@ -295,14 +295,14 @@ TO_KEYS = _to_keys()
 LARGEST = np.array([LARGEST_LINEAR if k.linear else LARGEST_STEP for k in KEYS])
 
 
-def _count(seen: Sequence[Seen]) -> int:
+def _count(seen: Sequence[ImageSeen]) -> int:
     """Parts of stripes that extraction finds."""
     return sum(len(s.parts) for s in seen)
 
 
 def _seen_at_all(
-    theta: Array, seen_with: Callable[[Array], tuple[Seen, ...]], parts: float
-) -> tuple[Array, tuple[Seen, ...]]:
+    theta: Array, seen_with: Callable[[Array], tuple[ImageSeen, ...]], parts: float
+) -> tuple[Array, tuple[ImageSeen, ...]]:
     """The start with power by which extraction finds most of the emulated stripes, neither lost nor clipped, and what
     it sees there.
     """
@@ -356,7 +356,7 @@ def _within(theta: Array) -> Array:
     return np.asarray(np.linalg.solve(TO_KEYS, np.clip(TO_KEYS @ theta, low, high)), float)
 
 
-def _means(seen: Sequence[Seen]) -> tuple[Array, Array]:
+def _means(seen: Sequence[ImageSeen]) -> tuple[Array, Array]:
     """Means of the figures over all parts, NaN where none tells, and their covariance by the images' scatter."""
     rows = np.concatenate([s.parts for s in seen])
     count = np.isfinite(rows).sum(0)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from workbench.files import sensor_text, write_text
 from workbench.report import jpeg, new_figure, render_page, svg
 from workbench.twin.fit import Twin
-from workbench.twin.seen import Seen, gaps
+from workbench.twin.seen import ImageSeen, gaps
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -51,7 +51,7 @@ def compared(twin: Twin) -> list[Compared]:
     return out
 
 
-def _values(name: str, seen: tuple[Seen, ...]) -> Array:
+def _values(name: str, seen: tuple[ImageSeen, ...]) -> Array:
     column = {
         "width_px": "width_px",
         "height_dn": "amplitude_dn",
@@ -116,7 +116,7 @@ def write_twin(twin: Twin, out: Path, report: Path | None) -> None:
     write_text(report, render_page("workbench.twin", "page.html.j2", content))
 
 
-def _picture(seen: Seen) -> str:
+def _picture(seen: ImageSeen) -> str:
     """The image by the square root of its brightness."""
     image = seen.image.astype(float) / max(float(np.percentile(seen.image, 99.95)), 1.0)
     grey = (255 * np.sqrt(np.clip(image, 0, 1))).astype(np.uint8)

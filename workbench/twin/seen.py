@@ -44,7 +44,7 @@ _LOG = {
 
 
 @dataclass(frozen=True, eq=False)
-class Seen:
+class ImageSeen:
     """What extraction sees of one image.
 
     image: grey levels. profile: its points, those in doubt left out. residual_px: of each point from the smooth line
@@ -57,7 +57,7 @@ class Seen:
     parts: Array
 
 
-def see(image: Image, sensor: Sensor, config: StripeConfig) -> Seen:
+def see(image: Image, sensor: Sensor, config: StripeConfig) -> ImageSeen:
     """Extract an image's stripe and take its figures."""
     profile = extract_profile(image, sensor, config)
     profile = profile[profile.peaks.flag == 0]
@@ -70,10 +70,10 @@ def see(image: Image, sensor: Sensor, config: StripeConfig) -> Seen:
     rows = [
         _figures(image, sensor, profile, residual, slice(a, b)) for a, b in pairwise(bounds) if b - a >= MIN_SECTIONS
     ]
-    return Seen(image, profile, residual, np.array(rows).reshape(-1, len(NAMES)))
+    return ImageSeen(image, profile, residual, np.array(rows).reshape(-1, len(NAMES)))
 
 
-def gaps(seen: Seen) -> int:
+def gaps(seen: ImageSeen) -> int:
     """Sections without a point between the stripe's first and last."""
     section = seen.profile.peaks.section
     return int(np.ptp(section) + 1 - len(np.unique(section))) if len(section) else 0

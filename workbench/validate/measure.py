@@ -25,7 +25,7 @@ Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True, eq=False)
-class Measured:
+class MeasuredFrames:
     """All frames. strings: a row for each string; counts: a row for each frame.
 
     by_drawn_sensors: rows of strings that sensors with errors of their own saw, read by the file's numbers.
@@ -60,7 +60,7 @@ def measure_drawn_sensors(frames: Sequence[Drawn], settings: Settings, progress:
     return rows
 
 
-def measure_drawn(frames: Sequence[Drawn], settings: Settings, progress: Progress) -> Measured:
+def measure_drawn(frames: Sequence[Drawn], settings: Settings, progress: Progress) -> MeasuredFrames:
     """Render, extract and label every drawn frame and set it beside its truth."""
     strings: list[dict[str, Any]] = []
     counts: list[dict[str, Any]] = []
@@ -76,7 +76,7 @@ def measure_drawn(frames: Sequence[Drawn], settings: Settings, progress: Progres
         strings += [common | row | {"signal_e": electrons_of[row["label"]]} for row in rows]
         counts.append(common | count)
         progress(done, len(frames))
-    return Measured(strings, counts)
+    return MeasuredFrames(strings, counts)
 
 
 def label_drawn(frame: Drawn, image: NDArray[Any], settings: Settings) -> Frame:

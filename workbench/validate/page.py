@@ -11,7 +11,7 @@ from typing import Any
 from workbench.files import write_text
 from workbench.report import Origin, json_text, render_page, svg
 from workbench.validate.drawing import CLUTTER, FACTORS
-from workbench.validate.measure import Measured
+from workbench.validate.measure import MeasuredFrames
 from workbench.validate.plots import bias_map, curve_plot, pull_plot
 from workbench.validate.summary import Failure, Thresholds, curve
 
@@ -52,7 +52,7 @@ UNITS = {
 
 def write_pages(
     out: Path,
-    measured: Measured,
+    measured: MeasuredFrames,
     result: dict[str, float | None],
     thresholds: Thresholds,
     failed: Sequence[Failure],

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from workbench.report import new_figure
-from workbench.validate.measure import Measured
+from workbench.validate.measure import MeasuredFrames
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -18,7 +18,7 @@ MIN_IN_CELL = 3  # points; a mean of fewer is no bias
 BLUE, RED, GREY = "#2a6f97", "#c44e52", "0.6"
 
 
-def bias_map(measured: Measured) -> Figure:
+def bias_map(measured: MeasuredFrames) -> Figure:
     """Mean error in cells of the laser plane as arrows, with the number of points."""
     figure, axis = new_figure(5.2, 4.2)
     rows = [s for s in measured.strings if s["found"] and s["visible"] and not s["flag"]]
@@ -70,7 +70,7 @@ def curve_plot(factor: str, points: Sequence[dict[str, Any]]) -> Figure:
     return figure
 
 
-def pull_plot(measured: Measured) -> Figure:
+def pull_plot(measured: MeasuredFrames) -> Figure:
     """Errors over their claimed σ, beside the normal distribution that they should follow."""
     figure, axis = new_figure(5.2, 3.0)
     rows = [s for s in measured.strings if s["found"] and s["visible"] and not s["flag"] and s["nominal"]]

@@ -27,7 +27,7 @@ from workbench.files import Settings, read_cell, read_image
 from workbench.report import jpeg, overlay
 from workbench.validate.dataset import measure_dataset
 from workbench.validate.drawing import Drawn, draw_frames, with_drawn_sensors
-from workbench.validate.measure import Measured, label_drawn, measure_drawn, measure_drawn_sensors
+from workbench.validate.measure import MeasuredFrames, label_drawn, measure_drawn, measure_drawn_sensors
 
 WORST = 4  # frames that are shown
 
@@ -36,7 +36,7 @@ WORST = 4  # frames that are shown
 class Validation:
     """What was measured, and pictures of the worst frames."""
 
-    measured: Measured
+    measured: MeasuredFrames
     worst: list[dict[str, Any]]
 
 
@@ -126,7 +126,7 @@ def validate_dataset(path: Path, settings: Settings, progress: Progress) -> Vali
     return Validation(measured, worst)
 
 
-def _worst(measured: Measured) -> Sequence[tuple[int, str]]:
+def _worst(measured: MeasuredFrames) -> Sequence[tuple[int, str]]:
     """Frames with false or mislabelled points first, then missed strings, then the largest error."""
     out = []
     for count in measured.counts:

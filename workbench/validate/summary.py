@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from workbench.files import FileSection, NotNegative, read_toml, validate
-from workbench.validate.measure import Measured
+from workbench.validate.measure import MeasuredFrames
 
 ERRORS = (
     "bias_y_mm", "bias_z_mm", "scatter_y_mm", "scatter_z_mm", "bias_u_px", "bias_v_px", "scatter_px", "sigma_ratio",
@@ -58,7 +58,7 @@ def read_thresholds(path: Path) -> Thresholds:
     return validate(Thresholds, read_toml(path))
 
 
-def figures(measured: Measured) -> dict[str, float | None]:
+def figures(measured: MeasuredFrames) -> dict[str, float | None]:
     """Figures over the nominal frames; errors over visible, rightly labelled points without a flag.
 
     sigma_ratio: claimed over empirical, 1 is honest. bound_ratio: error over the camera's bound, speckle not in it.
@@ -131,7 +131,7 @@ def failures(result: dict[str, float | None], thresholds: Thresholds) -> list[Fa
     return out
 
 
-def curve(measured: Measured, factor: str) -> list[dict[str, Any]]:
+def curve(measured: MeasuredFrames, factor: str) -> list[dict[str, Any]]:
     """Figures in bins of a factor over the varied frames, each with as many strings."""
     rows = [s for s in measured.strings if not s["nominal"] and s["visible"] and np.isfinite(s.get(factor, np.nan))]
     values = np.array([r[factor] for r in rows])

@@ -31,7 +31,7 @@ MAX_TEXT = 32 * 2**20  # of a result that is compared with
 
 
 @dataclass(frozen=True, eq=False)
-class Solved:
+class NewestAnswer:
     """The newest answer and what it was made of."""
 
     cell: Cell
@@ -45,7 +45,7 @@ class Calibrator:
     """Calibrates an opened dataset; one calibration at a time."""
 
     images: ImageSet
-    last: Solved | None = None
+    last: NewestAnswer | None = None
     _measured: tuple[str, Observed] | None = None
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
@@ -58,7 +58,7 @@ class Calibrator:
             settings = Settings.of(recipe)
             chosen, observed = with_roles(cell, self._observe(recipe), roles)
             result = solve(chosen, observed, settings.calib)
-            self.last = Solved(chosen, observed, result, settings)
+            self.last = NewestAnswer(chosen, observed, result, settings)
             self.images.learn(result)
         answer: dict[str, Any] = clean(calibration_object(result, observed.complaints, chosen))
         return answer | {
@@ -76,7 +76,7 @@ class Calibrator:
             self._measured = (measuring, self.images.observe(Settings.of(recipe)))
         return self._measured[1]
 
-    def answered(self) -> Solved:
+    def answered(self) -> NewestAnswer:
         """The newest answer; InputError where there is none."""
         if self.last is None:
             raise InputError("nothing has been calibrated yet")

@@ -25,7 +25,7 @@ from extraction import (
 from extraction.spots import Candidates
 from geometry import InputError, Sensor, SurfacePoints
 from workbench.cell import (
-    Measured,
+    MeasuredProfile,
     Value,
     field_of_view_of,
     judged,
@@ -108,7 +108,7 @@ class Detector:
             return ProfileView(peaks, reason="" if len(peaks) else why_no_stripe(content, self.sensor, peaks))
         profile = extract_profile(content, self.sensor, recipe.stripe, mask=mask)
         reason = "" if len(profile) else why_no_stripe(content, self.sensor, profile.peaks)
-        found = measure(profile, recipe, field_of_view_of(self.sensor)) if len(profile) else Measured()
+        found = measure(profile, recipe, field_of_view_of(self.sensor)) if len(profile) else MeasuredProfile()
         return ProfileView(profile.peaks, profile, found, reason)
 
     def values(self, content: Content, answer: ImageAnswer, config: BaseModel) -> list[Value]:

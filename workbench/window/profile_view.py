@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from extraction import Circle, Line, Profile, StripePeaks, TargetPoints
 from extraction.board import BoardCorners
 from extraction.gapflush import GapFlush, PanelEdge
-from workbench.cell import Measured, flag_counts
+from workbench.cell import MeasuredProfile, flag_counts
 
 Array = NDArray[np.float64]
 
@@ -29,7 +29,7 @@ class ProfileView:
 
     peaks: StripePeaks | None = None
     profile: Profile | None = None
-    measured: Measured = field(default_factory=Measured)
+    measured: MeasuredProfile = field(default_factory=MeasuredProfile)
     reason: str = ""
     board: BoardCorners | None = None
     board_text: str = ""

@@ -13,7 +13,7 @@ from workbench.cli import exit_codes
 from workbench.cli.console import progress_bar, say_on_stdout, say_remark, standard_output
 
 if TYPE_CHECKING:
-    from workbench.accept import Limit, Placed, Record, Recorded
+    from workbench.accept import Limit, PlacedProfile, Record, Recorded
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, rich_markup_mode="rich")
 
@@ -264,7 +264,7 @@ def repeat(
         if len(paths) != 1 or sensor is not None or max_sigma_z_mm is not None:
             raise InputError("profiles and images need --feature, what stands still; without it one table is read")
         series, files = [read_series(paths[0], of or "value", say_remark)], tuple(paths)
-        profiles: tuple[Placed, ...] = ()
+        profiles: tuple[PlacedProfile, ...] = ()
         notes: list[str] = []
     else:
         from workbench.files import read_settings
@@ -291,11 +291,11 @@ def _recorded(
     location: str | None,
     config: list[Path] | None,
 ) -> Recorded:
-    from workbench.accept import Recording, read_recorded
+    from workbench.accept import ProfileRecording, read_recorded
     from workbench.files import read_settings
 
     stripe = read_settings(config or []).stripe
-    what = Recording(tuple(paths), sensor, step_mm, positions, scp, location, stripe)
+    what = ProfileRecording(tuple(paths), sensor, step_mm, positions, scp, location, stripe)
     with progress_bar("reading profiles", 1) as progress:
         return read_recorded(what, say_remark, progress)
 

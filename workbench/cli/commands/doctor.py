@@ -12,7 +12,7 @@ from workbench.cli import exit_codes
 from workbench.cli.console import standard_output
 
 if TYPE_CHECKING:
-    from workbench.cli.diagnosis import Finding
+    from workbench.cli.diagnosis import Diagnosed
     from workbench.files import FileFinding
 
 MARKS = {
@@ -45,7 +45,7 @@ def command(
         raise typer.Exit(exit_codes.INPUT)
 
 
-def _findings(dataset: Path | None) -> Iterator[Finding | FileFinding]:
+def _findings(dataset: Path | None) -> Iterator[Diagnosed | FileFinding]:
     if dataset is None:
         from workbench.cli.diagnosis import diagnose
 

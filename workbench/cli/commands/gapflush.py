@@ -59,7 +59,7 @@ def command(
     """Measure gap, flush and edge radii of two panels in a profile, with their standard deviations."""
     from extraction import measure_gap_flush
     from geometry import InputError
-    from workbench.cell import Measured, ProfileSource, profile_values, read_profile, value_objects, with_options
+    from workbench.cell import MeasuredProfile, ProfileSource, profile_values, read_profile, value_objects, with_options
     from workbench.files import MeasureConfig, read_settings
     from workbench.report import json_text
 
@@ -86,7 +86,7 @@ def command(
         text = "points only, without the stripe's widths and light: the blur's part in the gap is not taken out"
         standard_error().print(text, soft_wrap=True)
     asked = settings.recipe.model_copy(update={"measure": MeasureConfig(gap_and_flush=True)})
-    values = profile_values(points, Measured(gap=answer), asked)
+    values = profile_values(points, MeasuredProfile(gap=answer), asked)
     broken = [v for v in values if v.lamp == "bad"]
     if as_json:
         judged = {"tolerances": value_objects([v for v in values if v.lamp])} if settings.tolerances.given else {}
