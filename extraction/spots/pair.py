@@ -22,7 +22,16 @@ from extraction.spots.error.influence import CLASSES, CORE, LAGS, REACH, WITHIN_
 from extraction.spots.fit import PLACE, Window, Windows, fit_window
 from extraction.spots.frame import FRAGMENT, Fits
 from extraction.spots.localise import JointErrors, LocalisedSpots
-from extraction.spots.model import FLAT, MIN_VARIANCE_PX2, PIXEL_VARIANCE_PX2, SPOT, Spot, shapes_px2, spot_of
+from extraction.spots.model import (
+    FLAT,
+    MIN_VARIANCE_PX2,
+    PIXEL_VARIANCE_PX2,
+    SPOT,
+    Spot,
+    long_axis,
+    shapes_px2,
+    spot_of,
+)
 from extraction.spots.noise import FrameNoise
 
 Array = NDArray[np.float64]
@@ -34,7 +43,9 @@ FARTHEST = 4.0  # full widths, beyond which a refused peak is no neighbour: the 
 FAINTEST = 0.15  # height of the fainter over the brighter: less is a grain or a wing
 LEAST_F = 20.0  # of the three parameters that a second spot adds; Gaussian noise gets there once in 10^5 and more
 LEAST_RESIDUAL = 0.06  # rms of the single fit over its signal: a bent arc of a 1 mm string leaves as much
-FLAT_TOP = -0.25  # fourth Hermite term of the residual, along an axis, below which a spot is looked at as two
+MOMENTS = 5  # along a spot, from the nought-th to the fourth
+EXPLAINED = 0.6  # share of a single fit's residual, in squares, that these must explain where it is two spots
+LONGEST_PX = 9.0  # σ along a single fit, beyond which it is a piece of stripe: two of 3 px, 2 full widths apart, have 8
 APART = 0.67  # of one spot's variance along an axis: what two, 1.2 full widths apart, make of it by their places
 START_PX2 = 0.3  # of a start, as of single fits
 STEPS, TOLERANCE, MOST_DAMPING = 40, 1e-3, 1e6
@@ -78,7 +89,8 @@ def take_apart(
         m = neighbour.get(k, -1)
         if m < 0 and not (spots.converged[k] and _flat_topped(spots.fits, k)):
             continue
-        if not spots.variances_px2[k, 0] > config.localise.min_sigma_px**2:
+        across, along = spots.variances_px2[k]
+        if spots.clipped[k] or not (across > config.localise.min_sigma_px**2 and along < LONGEST_PX**2):
             continue
         cut = _cut(prepared, candidates, spots, k, m, noise)
         pair = _fit(cut, spots, candidates, k, m)
@@ -115,14 +127,18 @@ def _flat_topped(fits: Fits, k: int) -> bool:
     x, y = x - spot.u, y - spot.v
     signal = spot.height * np.exp(-0.5 * (spot.a * x * x + 2 * spot.h * x * y + spot.c * y * y))
     core = use & (signal > CORE * spot.height)
-    values, axes = np.linalg.eigh([[spot.a, spot.h], [spot.h, spot.c]])
-    left = (grey - level - signal)[core]
-    for value, axis in zip(values, axes.T, strict=True):
-        t2 = value * (axis[0] * x[core] + axis[1] * y[core]) ** 2
-        term = signal[core] * (t2 * (t2 - 6.0) + 3.0) / 24.0
-        if left @ term < FLAT_TOP * (term @ term):
-            return True
-    return False
+    left, signal = (grey - level - signal)[core], signal[core]
+    cosine, sine, along = long_axis(spot)
+    t = along * (cosine * x[core] + sine * y[core])
+    square = max(float(left @ left), 1e-30)
+    if square < LEAST_RESIDUAL**2 * float(signal @ signal):
+        return False
+    if len(t) <= 2 * MOMENTS:
+        return False
+    terms = signal[:, None] * t[:, None] ** np.arange(MOMENTS)  # a weighted fit leaves something of the lower ones too
+    by, *_ = np.linalg.lstsq(terms, left, rcond=None)
+    rest = left - terms @ by
+    return bool(by[-1] < 0 and float(rest @ rest) < (1.0 - EXPLAINED) * square)
 
 
 def _cut(prepared: Prepared, candidates: Candidates, spots: LocalisedSpots, k: int, m: int, noise: FrameNoise) -> Cut:
@@ -184,7 +200,7 @@ def _single_mean(s: Spot, shape: tuple[int, ...]) -> Array:
 
 
 def _starts(old: Spot, single: Spot, settled: bool, cut: Cut, candidates: Candidates, m: int) -> list[Array]:
-    """Parameters to begin with: from the neighbour's peak, or from one spot's axes."""
+    """Parameters to begin with: from the neighbour's peak, or along one spot's axis."""
     base = single if settled else old
     covariance = np.linalg.inv([[base.a, base.h], [base.h, base.c]])
     starts = []
@@ -195,10 +211,8 @@ def _starts(old: Spot, single: Spot, settled: bool, cut: Cut, candidates: Candid
         width = np.clip(values, START_PX2, max(2.0 * values[0], START_PX2))
         starts.append((first, second, axes * width @ axes.T, old.height, float(candidates.height_dn[m])))
     values, axes = np.linalg.eigh(covariance)
-    for value, axis in zip(values, axes.T, strict=True):
-        half, middle = math.sqrt(APART * value) * axis, np.array([base.u, base.v])
-        shape = covariance - np.outer(half, half)
-        starts.append((middle - half, middle + half, shape, base.height, base.height))
+    half, middle = math.sqrt(APART * values[1]) * axes[:, 1], np.array([base.u, base.v])
+    starts.append((middle - half, middle + half, covariance - np.outer(half, half), base.height, base.height))
     out = []
     for first, second, shape, high, other in starts:
         a, h, _, c = np.linalg.inv(shape).ravel()
