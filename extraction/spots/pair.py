@@ -48,7 +48,7 @@ EXPLAINED = 0.6  # share of a single fit's residual, in squares, that these must
 LONGEST_PX = 9.0  # σ along a single fit, beyond which it is a piece of stripe: two of 3 px, 2 full widths apart, have 8
 APART = 0.67  # of one spot's variance along an axis: what two, 1.2 full widths apart, make of it by their places
 START_PX2 = 0.3  # of a start, as of single fits
-STEPS, TOLERANCE, MOST_DAMPING = 40, 1e-3, 1e6
+STEPS, TOLERANCE, MOST_DAMPING = 25, 1e-3, 1e6
 U, V, HEIGHT, SHAPE, LEVEL = (0, 3), (1, 4), (2, 5), slice(6, 9), 9
 TERMS = 10
 
