@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from calib.printed import printed_sigmas
 from geometry import CONVENTIONS, Frame, clean, express
@@ -201,13 +202,16 @@ def frame_object(frame: Frame, complaint: str | None, surface: bool = False) -> 
     surface: its points are counted, not listed.
     """
     residual = frame.residual_mm[np.isfinite(frame.residual_mm)]
-    measured: dict[str, Any] = {"points": [_point(frame, i) for i in range(len(frame.axis))]}
+    measured: dict[str, Any]
     if surface:
         measured = {
             "n_points": frame.n_points,
             "n_found": len(frame.axis),
             "rms_mm": float(np.sqrt(np.mean(residual**2))) if len(residual) else None,
         }
+    else:
+        sigma_mm = frame.axis.sigma_yz_mm
+        measured = {"points": [_point(frame, i, sigma_mm[i]) for i in range(len(frame.axis))]}
     out = {
         "frame": frame.number,
         "location": frame.location,
@@ -221,8 +225,8 @@ def frame_object(frame: Frame, complaint: str | None, surface: bool = False) -> 
     return out | ({"complaint": complaint} if complaint else {})
 
 
-def _point(frame: Frame, i: int) -> dict[str, Any]:
-    (u, v), (y, z), (sigma_y, sigma_z) = frame.axis_uv_px[i], frame.axis.yz_mm[i], frame.axis.sigma_yz_mm[i]
+def _point(frame: Frame, i: int, sigma_mm: NDArray[np.float64]) -> dict[str, Any]:
+    (u, v), (y, z), (sigma_y, sigma_z) = frame.axis_uv_px[i], frame.axis.yz_mm[i], sigma_mm
     return {
         "label": frame.axis.label[i],
         "u_px": u,

@@ -136,8 +136,14 @@ class Evidence:
         return out
 
     def gain(self, variance: Array) -> float:
-        """Twice the logarithm of how much likelier priors of ``variance`` (C,) make the data than those stated."""
-        return self._log(variance) - self._log(self.variance)
+        """Twice the logarithm of how much likelier priors of ``variance`` (C,) make the data than those stated.
+
+        None are, where data that contradict one another leave a number without a prior open.
+        """
+        try:
+            return self._log(variance) - self._log(self.variance)
+        except np.linalg.LinAlgError:
+            return 0.0
 
     def unscaled(self) -> Array:
         """S (C, C) in the blocks' own units."""

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from calib.engine import Covariance, Result
 from calib.sensor.bundle import SensorBundle, camera_start
 from calib.sensor.choice import Choice, choose_terms
+from calib.sensor.contradiction import common_error_px, contradicting_stripes
 from calib.sensor.curvature import with_bend
 from calib.sensor.left_out import left_out
 from calib.sensor.noise import with_noise
@@ -30,7 +31,6 @@ FEWEST_VIEWS = 3
 COARSE_PX, FINE_PX = 3.0, 1.0  # from a board's line, before and after the lens is known
 CORNER_SIGMAS, STRIPE_SIGMAS = 5.0, 4.5  # beyond which a point is none; of robust σ: one in a million by chance
 VIEW_RATIO = 3.0  # reprojection of a left-out view over the usual: beyond what tilt and focus make
-OFFSET_SIGMAS, OFFSET_RATIO = 5.0, 5.0  # of a left-out view's stripe: its own σ, and robust σ of all views'
 MAX_LEFT_OUT = 1 / 3  # share of views without which there is no answer
 _ROUNDS = 2  # of dropping points and solving again
 
@@ -82,7 +82,8 @@ def calibrate_sensor(
     attempt = _Attempt.start(given, size_px, settings)
     while True:
         worst = attempt.worst()
-        if worst is None or len(attempt.dropped) + 1 > MAX_LEFT_OUT * len(given):
+        out = len(attempt.dropped) + 1
+        if worst is None or out > MAX_LEFT_OUT * len(given) or len(given) - out < FEWEST_VIEWS:
             break
         attempt = attempt.without(*worst)
     return attempt.answer(centre, contradicted=worst is not None)
@@ -134,15 +135,15 @@ class _Attempt:
         out, names = self.choice.left_out, self.choice.bundle.views.names
         ratio = np.sqrt(out.corner_deviance / np.maximum(out.corner_dof, 1))
         ratio = ratio / np.median(ratio) / VIEW_RATIO
-        offset = _offset_ratio(self.choice)
-        if max(ratio.max(), offset.max()) <= 1:
-            return None
-        if ratio.max() >= offset.max():
+        if ratio.max() > 1:
             i = int(np.argmax(ratio))
             return names[i], f"its corners are {out.corner_px[i]:.2f} px off where the other views expect them"
-        i = int(np.argmax(offset))
-        return names[i], (
-            f"its stripe lies {out.stripe_mm[i]:.3f} mm off the plane of the others "
+        most = int(MAX_LEFT_OUT * len(self.given)) + 1 - len(self.dropped)  # one more than may be: then it is said
+        found = contradicting_stripes(self.choice.bundle, self.choice.result, most)
+        if found is None:
+            return None
+        return names[found.views[0]], (
+            f"its stripe lies {found.off_px[0]:.2f} px off where the other views expect it "
             f"(the board moved between the two pictures?)"
         )
 
@@ -164,7 +165,8 @@ class _Attempt:
         errors = bundle.corner_term.errors(result.state).residual
         solution = _solution(bundle, result, cov, frame, centre)
         depth, sigma = _depth_sigma(bundle, result, cov, self.settings.origin_yz_mm)
-        verdict = judge(choice, solution, len(self.given), len(self.dropped), contradicted)
+        between = common_error_px(bundle, result)
+        verdict = judge(choice, solution, len(self.given), contradicted=contradicted, stripes_apart_px=between)
         whitened = bundle.corner_term.independent_rows(result.state).residual * bundle.corner_scale
         return (
             SensorCalibration(
@@ -227,19 +229,6 @@ def _without_outliers(views: Views, choice: Choice) -> Views:
         corners = v.corners[kept] if kept.sum() >= 4 else v.corners
         out.append(replace(v, corners=corners, stripe=stripe))
     return Views(tuple(out))
-
-
-def _offset_ratio(choice: Choice) -> Array:
-    """How far each left-out view's stripe is off, over what is allowed (V,)."""
-    out = choice.left_out
-    offset = np.abs(np.nan_to_num(out.offset_px))
-    seen = out.stripe_count > 0
-    if seen.sum() < FEWEST_VIEWS + 1:
-        return np.zeros(len(offset))
-    usual = 1.4826 * float(np.median(offset[seen]))
-    sigma = np.sqrt(np.maximum(out.offset_sigma_px**2 - choice.bundle.stripe_noise.offset_px**2, 0.0))
-    allowed = np.maximum(OFFSET_SIGMAS * np.nan_to_num(sigma, nan=np.inf), OFFSET_RATIO * usual)
-    return np.asarray(offset / np.maximum(allowed, 1e-12))
 
 
 def _view_results(choice: Choice, frame: SheetFrame, centre: Array) -> dict[str, ViewResult]:

@@ -76,11 +76,11 @@ def left_out(bundle: SensorBundle, result: Result) -> LeftOutViews:
     """What the others predict of each view."""
     u, views = result.unknowns, bundle.views
     free = u.free
-    rows = _rows_by_term(bundle, result)
+    rows = rows_by_term(bundle, result)
     corners = bundle.corner_term.errors(result.state)
-    by_corner = _common(corners.jacobian, u, free)
+    by_corner = common_columns(corners.jacobian, u, free)
     raw = bundle.stripe_term.distances(result.state) if bundle.has_plane else None
-    reduced = [_reduced([r.of(v) for r in rows]) for v in range(len(views))]
+    reduced = [pose_eliminated([r.of(v) for r in rows]) for v in range(len(views))]
     hessian = sum((s.information for s in reduced), np.diag(u.prior_weight[free]))
     ones = bundle.stripe_term.independent(np.ones((len(raw.residual), 1)))[:, 0] if raw is not None else None
     table = np.full((len(views), 10), np.nan)
@@ -102,7 +102,9 @@ def left_out(bundle: SensorBundle, result: Result) -> LeftOutViews:
             a_s, b_s, r_s = rows[1].of(v)
             predicted = r_s + a_s @ step + b_s @ pose
             distance = (
-                raw.residual[seen] + _common(raw.jacobian, u, free)[seen] @ step + raw.jacobian[BOARD][seen] @ pose
+                raw.residual[seen]
+                + common_columns(raw.jacobian, u, free)[seen] @ step
+                + raw.jacobian[BOARD][seen] @ pose
             )
             one = ones[seen]
             gain = one / (one @ one)  # the mean's weights, for independent rows
@@ -122,7 +124,7 @@ def left_out(bundle: SensorBundle, result: Result) -> LeftOutViews:
 
 def stacked_rows(bundle: SensorBundle, result: Result) -> WhiteRows:
     """The rows of all terms at a solution, one below the other."""
-    every = _rows_by_term(bundle, result)
+    every = rows_by_term(bundle, result)
     return WhiteRows(*(np.concatenate([getattr(r, name) for r in every]) for name in WhiteRows.__dataclass_fields__))
 
 
@@ -141,16 +143,17 @@ class WhiteRows:
         return self.common[mine], self.pose[mine], self.residual[mine]
 
 
-def _rows_by_term(bundle: SensorBundle, result: Result) -> list[WhiteRows]:
+def rows_by_term(bundle: SensorBundle, result: Result) -> list[WhiteRows]:
+    """The rows of corners and, where any was seen, of stripes."""
     u = result.unknowns
     return [_rows(term.independent_rows(result.state), u, u.free) for term in bundle.evidence]
 
 
 def _rows(rows: Rows, unknowns: Unknowns, free: Mask) -> WhiteRows:
-    return WhiteRows(_common(rows.jacobian, unknowns, free), rows.jacobian[BOARD], rows.residual, rows.view)
+    return WhiteRows(common_columns(rows.jacobian, unknowns, free), rows.jacobian[BOARD], rows.residual, rows.view)
 
 
-def _common(jacobian: dict[str, Array], unknowns: Unknowns, free: Mask) -> Array:
+def common_columns(jacobian: dict[str, Array], unknowns: Unknowns, free: Mask) -> Array:
     """Columns (…, C) by the free common unknowns."""
     shape = jacobian[BOARD].shape[:-1]
     columns = [jacobian.get(b.name, np.zeros((*shape, b.size))) for b in unknowns.common]
@@ -158,7 +161,7 @@ def _common(jacobian: dict[str, Array], unknowns: Unknowns, free: Mask) -> Array
 
 
 @dataclass(frozen=True, eq=False)
-class _Reduced:
+class Reduced:
     """A view's squared residuals as a quadratic in the common unknowns, its pose eliminated: r·r + 2 g·x + x·A·x."""
 
     information: Array
@@ -166,15 +169,15 @@ class _Reduced:
     square: float
 
 
-def _reduced(parts: list[tuple[Array, Array, Array]]) -> _Reduced:
+def pose_eliminated(parts: list[tuple[Array, Array, Array]]) -> Reduced:
     """Of rows (a, b, r) by the common unknowns and by the pose."""
     a, b, r = (np.concatenate(p) for p in zip(*parts, strict=True))
     q = np.linalg.qr(b)[0]
     a, r = a - q @ (q.T @ a), r - q @ (q.T @ r)
-    return _Reduced(a.T @ a, a.T @ r, float(r @ r))
+    return Reduced(a.T @ a, a.T @ r, float(r @ r))
 
 
-def _surprise(own: _Reduced, rest: Array, step: Array) -> float:
+def _surprise(own: Reduced, rest: Array, step: Array) -> float:
     """Minus twice the log density of a view's residuals (R,) with covariance I + a rest⁻¹ aᵀ, less R log 2π.
 
     By the matrix inversion and determinant lemmas, so that no matrix of the residuals' size appears.

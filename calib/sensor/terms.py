@@ -202,7 +202,7 @@ class StripeOnBoard:
         alike, first = self._likeness()
         scale = np.broadcast_to(self.noise.scale, len(self.views))
         sigma = self.views.stripe.sigma_px * scale[self.views.view_of_stripe]
-        table = np.concatenate([table, self.noise.offset_px * self._common], 1) / sigma[:, None]
+        table = np.concatenate([table, self.noise.offset_px * self.in_common], 1) / sigma[:, None]
         previous = np.concatenate([np.zeros((1, table.shape[1])), table[:-1]])
         previous[first] = 0
         table = (table - alike[:, None] * previous) / np.sqrt(1 - alike**2)[:, None]
@@ -225,7 +225,7 @@ class StripeOnBoard:
         return tuple((int(i), int(j)) for i, j in pairwise(ends) if j > i)
 
     @cached_property
-    def _common(self) -> Array:
+    def in_common(self) -> Array:
         """What a view's points have in common (M, 2), of unit mean square: a shift, and a turn about their middle."""
         out = np.ones((len(self.views.stripe), 2))
         for start, end in self._spans:

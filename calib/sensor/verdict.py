@@ -17,6 +17,8 @@ WEAK_PLANE_SIGMA_DEG = 0.1  # 0.5 mm at 300 mm
 WEAK_FOCAL_SHARE = 0.005
 WEAK_VIEWS = 5
 MISFIT_PX = 1.0  # a lens that OpenCV's model knows leaves tenths
+APART_PX = 1.0  # of whole stripes: a flat board that stood still leaves tenths
+TOLD_APART = 4  # views with a stripe, from which what they have in common is part of every σ
 
 
 def too_few(count: int) -> SensorVerdict:
@@ -27,8 +29,22 @@ def too_few(count: int) -> SensorVerdict:
     )
 
 
-def judge(choice: Choice, solution: SensorSolution, given: int, dropped: int, contradicted: bool) -> SensorVerdict:
-    """The verdict on a solution; contradicted: a view still stands out though no more may be left out."""
+def judge(
+    choice: Choice, solution: SensorSolution, given: int, *, contradicted: bool, stripes_apart_px: float
+) -> SensorVerdict:
+    """The verdict on a solution.
+
+    Parameters
+    ----------
+    choice, solution
+        The terms chosen and their solution.
+    given
+        Views before any was left out.
+    contradicted
+        Whether a view still stands out though no more may be left out.
+    stripes_apart_px
+        How far whole stripes lie apart beyond their own noise.
+    """
     sigma = solution.uncertainty.sigma
     turn = float(np.rad2deg(np.hypot(sigma["plane_tilt_y_rad"], sigma["plane_tilt_z_rad"])))
     focal = sigma["fx_px"] / solution.camera[0]
@@ -36,8 +52,8 @@ def judge(choice: Choice, solution: SensorSolution, given: int, dropped: int, co
     if contradicted:
         return SensorVerdict(
             "outliers",
-            f"more than a third of {given} views contradict the others: was the board moved between laser off and on, "
-            "is the sensor itself the same in all, is the board flat?",
+            f"more of {given} views contradict the others than can be left out (a third, and three must stay): was the "
+            "board moved between laser off and on, is the sensor itself the same in all, is the board flat?",
         )
     if _largest_angle_deg(solution) < MIN_ANGLE_DEG:
         return SensorVerdict(
@@ -53,10 +69,17 @@ def judge(choice: Choice, solution: SensorSolution, given: int, dropped: int, co
             f"the laser plane is open to {turn:.2g}°: {with_stripe} views show the stripe, and they meet the sheet in "
             "nearly one line; record boards at other distances, so that the stripe falls elsewhere in the image",
         )
-    return _on_quality(choice, solution, turn, focal)
+    apart = (
+        f"stripes of whole views lie {stripes_apart_px:.2f} px apart beyond their noise and none stands out (a board "
+        "that is not flat, or that moved between laser off and on?)"
+    )
+    told = stripes_apart_px > APART_PX
+    if told and with_stripe < TOLD_APART:
+        return SensorVerdict("outliers", f"{apart}; {with_stripe} do not tell which: record ten or more")
+    return _on_quality(choice, solution, turn, focal, [apart] if told else [])
 
 
-def _on_quality(choice: Choice, solution: SensorSolution, turn: float, focal: float) -> SensorVerdict:
+def _on_quality(choice: Choice, solution: SensorSolution, turn: float, focal: float, weak: list[str]) -> SensorVerdict:
     used = len(choice.bundle.views)
     errors = choice.bundle.corner_term.errors(choice.result.state).residual
     rms = float(np.sqrt(np.mean(np.sum(errors**2, axis=1))))
@@ -66,7 +89,7 @@ def _on_quality(choice: Choice, solution: SensorSolution, turn: float, focal: fl
             f"corners are {rms:.2f} px off: the board is not flat, the lens not of this kind, or corners are counted "
             "wrongly in board.toml; σ are widened by what is left",
         )
-    weak = []
+    weak = list(weak)
     if used < WEAK_VIEWS:
         weak.append(f"only {used} views")
     if focal > WEAK_FOCAL_SHARE:

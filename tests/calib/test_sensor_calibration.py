@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from calib.sensor import SensorCalibration, calibrate_sensor, fit_direct
+from calib.sensor import BoardView, SensorCalibration, SensorSettings, calibrate_sensor, fit_direct
 from calib.sensor.bundle import stripe_points
 from calib.sensor.lens import project, undistort
 from calib.sensor.sheet_frame import sheet_frame
@@ -21,6 +22,7 @@ from geometry import Pose, State
 STEP = 1e-30
 ATOL_PX = 1e-9
 ATOL_MM = 0.02
+SHORT = SensorSettings(max_terms=4)  # where the lens is not what is asked
 CENTRE = (np.array(SIZE) - 1) / 2
 
 
@@ -206,3 +208,34 @@ def test_a_direct_map_follows_the_bundle():
     assert plain.homography is not None
     assert len(bent.polynomial) == 15
     assert bent.rms_mm < 0.01 < plain.rms_mm  # the lens is in the polynomial, not in the homography
+
+
+def _moved(view: BoardView, by_px: float) -> BoardView:
+    """A view whose stripe lies elsewhere, as after its board moved; the other views know nothing of it."""
+    way = view.stripe.normal.mean(axis=0)
+    way = way / np.linalg.norm(way)
+    return replace(view, stripe=replace(view.stripe, uv_px=view.stripe.uv_px + by_px * way))
+
+
+@pytest.mark.parametrize(("count", "moved"), [(6, {0: 9.0}), (8, {1: -6.0, 2: 9.0})])
+def test_a_stripe_that_bends_the_plane_of_few_views_is_left_out_by_name(count: int, moved: dict[int, float]):
+    rng = np.random.default_rng([8, 0, count])
+    views = observe_boards(synthetic_sensor(rng), rng, count)
+    given = [_moved(v, moved[i]) if i in moved else v for i, v in enumerate(views)]
+    found = calibrate_sensor(given, SIZE, SHORT)
+    out = {v.name: v.reason for v in found.views if not v.used}
+    assert set(out) == {views[i].name for i in moved}
+    assert found.left_out_mm < 0.03
+    for i, px in moved.items():
+        said = float(re.search(r"its stripe lies (\S+) px off", out[views[i].name]).group(1))
+        assert said == pytest.approx(abs(px), rel=0.06)
+
+
+def test_three_stripes_that_contradict_one_another_give_no_answer():
+    """None can be told from the others: two stripes always lie on some plane."""
+    rng = np.random.default_rng([8, 1, 3])
+    views = observe_boards(synthetic_sensor(rng), rng, 3)
+    assert calibrate_sensor(views, SIZE, SHORT).verdict.is_answer
+    bad = calibrate_sensor([views[0], _moved(views[1], 9.0), views[2]], SIZE, SHORT)
+    assert bad.verdict.code == "outliers"
+    assert not bad.verdict.is_answer

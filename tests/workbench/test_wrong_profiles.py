@@ -13,6 +13,7 @@ from calib.synthetic.cell import DESIGN
 from calib.synthetic.surfaces import ProfileNoise, observe_surface, surface_cell
 from jig_cad import Plane, Sphere
 from tests.workbench.helpers import Cli, edit
+from workbench.cli.main import run
 from workbench.files import robot_text
 from workbench.profiles import ScanLine, Told, write_scan_lines
 
@@ -140,6 +141,59 @@ def test_profiles_out_of_step_with_their_poses_are_named(cli: Cli, ball: Path, t
     assert outcome.code == 3
     assert outcome.json["T_hand_sensor"] is None
     assert "out of step" in outcome.json["verdict"]["text"]
+
+
+@pytest.fixture(scope="module")
+def rendered(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("rendered")
+    plan, out = str(folder / "plan"), str(folder / "cell")
+    assert run(["init", plan, "--target", "sphere", "--sensor", "lmi_gocator_2340"]) == 0
+    assert run(["render", plan, "--out", out, "--profiles", "csv", "--per-location", "9", "--seed", "2"]) == 0
+    return folder / "cell"
+
+
+def _wider(pitch: float) -> Callable[[Path], None]:
+    def change(folder: Path) -> None:
+        for path in sorted((folder / "profiles").iterdir()):
+            yz = np.genfromtxt(path, delimiter=",", skip_header=1)
+            path.write_text(_text((yz * [pitch, 1.0])[np.isfinite(yz[:, 1])]))
+
+    return change
+
+
+def _one_pose_lost(frame: int) -> Callable[[Path], None]:
+    """From a frame on every pose is written beside the profile after its own."""
+
+    def change(folder: Path) -> None:
+        header, *rows = (folder / "frames.csv").read_text().splitlines()
+        cells = [r.split(",") for r in rows]
+        names = [c[1] for c in cells]
+        del names[frame]
+        shifted = [",".join([c[0], name, *c[2:]]) for c, name in zip(cells[:-1], names, strict=True)]
+        (folder / "frames.csv").write_text("\n".join([header, *shifted]) + "\n")
+
+    return change
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        pytest.param(_wider(1.1), id="wide"),
+        pytest.param(_wider(0.9), id="narrow", marks=pytest.mark.slow),
+        pytest.param(_one_pose_lost(4), id="early", marks=pytest.mark.slow),
+        pytest.param(_one_pose_lost(18), id="late"),
+    ],
+)
+def test_rendered_profiles_with_a_wrong_pitch_or_a_lost_pose_are_no_answer(
+    cli: Cli, rendered: Path, tmp_path: Path, change: Callable[[Path], None]
+) -> None:
+    folder = tmp_path / "cell"
+    shutil.copytree(rendered, folder)
+    change(folder)
+    outcome = cli("calibrate", folder, "--json")
+    assert outcome.code == 3, outcome.err
+    assert outcome.json["T_hand_sensor"] is None
+    assert outcome.json["verdict"]["code"] == "frames_contradict"
 
 
 def test_a_bent_plate_is_said(cli: Cli, tmp_path: Path) -> None:
