@@ -4,8 +4,8 @@
     python benchmarks/calibrate_sensor.py --sensors 200 [--tilt 1 10] [--seed 0] [--kept FILE.jsonl]
 
 The first form prints left-out views of ours and of cv2.calibrateCamera with a plane fitted afterwards, on the same
-pictures: the peer with our stripes, and with a plain centre of mass of its own. Left out: the camera and the plane from
-the other views, the left-out board's pose from its corners alone.
+pictures: the peer with our stripes, and with a plain centre of mass of its own (columns, or rows, within the board's
+corners). Left out: the camera and the plane from the other views, the left-out board's pose from its corners alone.
 
 The second draws sensors (every other one with its chip tilted), views of them as points by geometry's lens (which is
 OpenCV's to rounding) with noise of 0.03 px, and prints
@@ -37,7 +37,7 @@ from calib.sensor.sheet_frame import camera_rows, sheet_deviations, sheet_frame,
 from calib.sensor.terms import BOARD, CAMERA, PLANE
 from calib.sensor.views import Views
 from calib.synthetic.boards import SIZE_PX, SyntheticSensor, observe_boards, parameter_errors, synthetic_sensor
-from geometry import Board, State
+from geometry import Board, Sensor, State
 from workbench.files import ViewFiles, find_views, read_board, read_image
 from workbench.sensor import calibrate_recording, read_recording
 
@@ -46,6 +46,7 @@ Array = NDArray[np.float64]
 CENTRE = (np.array(SIZE_PX) - 1) / 2
 EVERY = 5  # of the stripes' pixels, where the mapping is compared
 COVERED = 1.96  # sigma that hold 95 %
+COM_SHARE, COM_REACH_PX = 0.5, 12  # of the brightest level, and about it: what counts in a plain centre of mass
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,9 +203,9 @@ def consistency(trials: Sequence[Trial]) -> None:
         print("  verdicts: " + ", ".join(f"{c} {codes.count(c)}" for c in dict.fromkeys(codes)))
 
 
-def peer_corners(files: ViewFiles, board: Board, sensor: object) -> Array | None:
+def peer_corners(files: ViewFiles, board: Board, sensor: Sensor) -> Array | None:
     """OpenCV's corners (N, 2) of a view, refined by cornerSubPix."""
-    image = read_image(files.board, sensor, lossy=True)  # type: ignore[arg-type]
+    image = read_image(files.board, sensor, lossy=True)
     found, corners = cv2.findChessboardCorners(image, (board.columns, board.rows))
     if not found:
         return None
@@ -226,19 +227,44 @@ def on_board(K: Array, d: Array, rvec: Array, tvec: Array, uv: Array) -> Array:
     return q * ((normal @ tvec.ravel()) / (q @ normal))[:, None]
 
 
-def peer(corners: list[Array], views: list[BoardView], board: Board, size: tuple[int, int]) -> tuple[float, float]:
+def centre_of_mass(files: ViewFiles, sensor: Sensor, corners: Array) -> Array:
+    """A plain stripe (M, 2), within the hull of the board's corners.
+
+    Of every column, or row where the stripe runs down, the centre of the levels about its brightest; the picture
+    without laser is taken off where the room is lit in both.
+    """
+    assert files.stripe is not None
+    off, on = (read_image(p, sensor, lossy=True).astype(float) for p in (files.board, files.stripe))
+    hull = np.zeros(on.shape, np.uint8)
+    cv2.fillConvexPoly(hull, cv2.convexHull(np.round(corners).astype(np.int32)), 1)
+    inside = hull > 0
+    lit = files.stripe != files.board and np.median(on[inside]) > np.median(off[inside]) / 2
+    light = np.where(inside, np.maximum(on - off if lit else on, 0.0), 0.0)
+    v, u = np.nonzero(light > COM_SHARE * light.max())
+    down = np.ptp(v) > np.ptp(u)
+    light = light.T if down else light
+    top = light.max(axis=0)
+    near = np.abs(np.arange(len(light))[:, None] - light.argmax(axis=0)) <= COM_REACH_PX
+    light = np.where(near & (light > COM_SHARE * top) & (top > COM_SHARE * light.max()), light, 0.0)
+    mass = light.sum(axis=0)
+    seen = np.flatnonzero(mass)
+    across = (np.arange(len(light)) @ light)[seen] / mass[seen]
+    return np.column_stack([across, seen] if down else [seen, across])
+
+
+def peer(corners: list[Array], stripes: list[Array], board: Board, size: tuple[int, int]) -> tuple[float, float]:
     """Reprojection [px] over all views, and left-out distances of the stripes from the plane [mm]."""
     xyz = np.column_stack([board.points_mm, np.zeros(len(board.points_mm))]).astype(np.float32)
     usual = [c.astype(np.float32) for c in corners]
     rms = cv2.calibrateCamera([xyz] * len(usual), usual, size, None, None)[0]
     off = []
-    for k, view in enumerate(views):
+    for k, stripe in enumerate(stripes):
         rest = [i for i in range(len(usual)) if i != k]
         _, K, d, rs, ts = cv2.calibrateCamera([xyz] * len(rest), [usual[i] for i in rest], size, None, None)
-        seen = [on_board(K, d, r, t, views[i].stripe.uv_px) for i, r, t in zip(rest, rs, ts, strict=True)]
+        seen = [on_board(K, d, r, t, stripes[i]) for i, r, t in zip(rest, rs, ts, strict=True)]
         middle, normal = plane_of(np.concatenate(seen))
         _, r, t = cv2.solvePnP(xyz, usual[k], K, d)
-        off.append((on_board(K, d, r, t, view.stripe.uv_px) - middle) @ normal)
+        off.append((on_board(K, d, r, t, stripe) - middle) @ normal)
     return float(rms), float(np.sqrt(np.mean(np.concatenate(off) ** 2)))
 
 
@@ -251,11 +277,17 @@ def beside_peers(folder: Path, board_file: Path) -> None:
         f"ours: {result.reprojection_rms_px:.4f} px, left-out plane {result.left_out_mm:.4f} mm, {result.verdict.code}"
     )
     by_name = {v.name: v for v in recording.views}
-    both = [(peer_corners(f, board, recording.sensor), by_name[f.name]) for f in files if f.name in by_name]
-    good = [(c, v) for c, v in both if c is not None and len(v.stripe)]
+    both = [(f, peer_corners(f, board, recording.sensor), by_name[f.name]) for f in files if f.name in by_name]
+    good = [(f, c, v) for f, c, v in both if c is not None and len(v.stripe)]
     camera = recording.sensor.require_camera()
-    rms, off = peer([c for c, _ in good], [v for _, v in good], board, (camera.width_px, camera.height_px))
-    print(f"OpenCV and a plane afterwards: {rms:.4f} px, left-out plane {off:.4f} mm")
+    corners = [c for _, c, _ in good]
+    stripes = {
+        "our stripes": [v.stripe.uv_px for _, _, v in good],
+        "a plain centre of mass": [centre_of_mass(f, recording.sensor, c) for f, c, _ in good],
+    }
+    for name, points in stripes.items():
+        rms, off = peer(corners, points, board, (camera.width_px, camera.height_px))
+        print(f"OpenCV, {name}, a plane afterwards ({len(good)} views): {rms:.4f} px, left-out plane {off:.4f} mm")
 
 
 def main() -> None:

@@ -164,7 +164,11 @@ def _size(target: Surface) -> float:
 def observe_surface(
     cell: SurfaceCell, rng: np.random.Generator, noise: ProfileNoise, points: int = 300, labelled: bool = True
 ) -> CellFrames:
-    """Profiles of the cell as built: joints move with noise, points scatter along the rays."""
+    """Profiles of the cell as built: joints move with noise, points scatter along the rays.
+
+    An edge is one point a profile, which no other one backs: it falls anywhere between two rays, so it is off across
+    them, too, by up to half of their distance there.
+    """
     true_joints = cell.joints_rad + rng.normal(size=cell.joints_rad.shape) * noise.joint_rad
     sensors = cell.built.pose(true_joints) @ cell.T_hand_sensor
     frames = []
@@ -178,6 +182,11 @@ def observe_surface(
         yz = yz * (1 + scatter / np.linalg.norm(yz, axis=1))[:, None]
         direction = yz / np.linalg.norm(yz, axis=1)[:, None]
         cov = noise.point_mm**2 * (direction[:, :, None] * direction[:, None, :] + 1e-4 * np.eye(2))
+        if isinstance(cell.target, Edge):
+            across = direction[:, ::-1] * [1.0, -1.0]
+            pitch = 2 * np.tan(np.deg2rad(FAN_DEG) / 2) * float(yz[0, 1]) / points
+            yz = yz + across * (pitch * rng.uniform(-0.5, 0.5))
+            cov = cov + pitch**2 / 12 * across[:, :, None] * across[:, None, :]
         axis = AxisPoints(label, np.full(n, -1, dtype=np.intp), yz, cov, ("",) * n)
         frames.append(
             Frame(i, name, cell.role[i], joints_rad=cell.joints_rad[i], axis=axis, labels_given=labelled, n_points=n)

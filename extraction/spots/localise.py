@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -26,6 +27,15 @@ MAX_RING_VARIANCE = 25.0  # of the frame's noise: an uneven ring is not noise
 
 
 @dataclass(frozen=True, eq=False)
+class JointErrors:
+    """One spot's part of a joint fit's errors, as of `ErrorBudget`: camera, white (2, 2), speckle (2, 2, K)."""
+
+    camera: Array
+    speckle: Array
+    white: Array
+
+
+@dataclass(frozen=True, eq=False)
 class LocalisedSpots:
     """Localised spots of one image.
 
@@ -34,6 +44,8 @@ class LocalisedSpots:
     clipped, foreign (N,): pixels left out as saturated, and as part of something else.
     converged (N,). candidate (N,): index into the candidates.
     fits: for the errors; without it (the fast method) cov_uv_px2 (N, 2, 2) holds them.
+    merged (N,): two spots too near to be taken apart; None where it was not looked at. joint: by index, the errors of
+    spots that were fitted jointly with another.
     """
 
     uv_px: Array
@@ -45,6 +57,8 @@ class LocalisedSpots:
     candidate: NDArray[np.intp]
     fits: Fits | None = None
     cov_uv_px2: Array | None = None
+    merged: NDArray[np.bool_] | None = None
+    joint: Mapping[int, JointErrors] = field(default_factory=dict)
 
     def __len__(self) -> int:
         """The number of spots."""

@@ -19,6 +19,7 @@ from extraction.spots.detect import Candidates, Image32, Prepared, find_candidat
 from extraction.spots.error import ErrorBudget, SpotErrors, concatenate, estimate_speckle, spot_errors
 from extraction.spots.localise import LocalisedSpots, localise
 from extraction.spots.noise import noise_model
+from extraction.spots.pair import take_apart
 from extraction.spots.score import flag_spots, refuse_spots, score_spots
 from extraction.spots.stages import Stages, left_out, why_empty
 from geometry import Sensor, SurfacePoints
@@ -110,7 +111,7 @@ def _extract(image: object, sensor: Sensor, config: ExtractionConfig) -> _Extrac
     usable = region_mask(config.region, prepared.image.shape)
     candidates = find_candidates(prepared, config.detect, sheet_scale(sensor), usable)
     noise = noise_model(prepared, sensor, config.noise)
-    spots = localise(prepared, candidates, noise, config)
+    spots = take_apart(prepared, candidates, localise(prepared, candidates, noise, config), noise, config)
     yz_mm, jacobian = image_to_sheet(sensor, spots.uv_px)
     score = score_spots(candidates, spots, config)
     reasons = refuse_spots(candidates, spots, score, yz_mm, config)
@@ -123,8 +124,9 @@ def _extract(image: object, sensor: Sensor, config: ExtractionConfig) -> _Extrac
     settled = np.flatnonzero(errors.good)
     kept, errors = kept[settled], errors[settled]
     points = _points(spots, kept, errors, yz_mm, jacobian, score, config)
+    told = np.argsort(reasons == "", kind="stable")  # of two spots of one candidate the kept one speaks for it
     return _Extraction(
-        prepared, candidates.refused(spots.candidate, reasons), points, spots.candidate[kept], errors.budget
+        prepared, candidates.refused(spots.candidate[told], reasons[told]), points, spots.candidate[kept], errors.budget
     )
 
 

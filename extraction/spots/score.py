@@ -56,6 +56,7 @@ def refuse_spots(
     """Why each localised spot (N,) is no string spot after all, "" while it may be one."""
     reasons = np.full(len(spots), "", dtype=object)
     moved = np.linalg.norm(spots.uv_px - candidates.mean_uv_px[spots.candidate], axis=1)
+    moved[list(spots.joint)] = 0.0  # a region that holds two has its centre between them
     width = np.sqrt(np.trace(spots.shape_px2, axis1=1, axis2=2))
     reasons[score < config.localise.min_score] = Reason.LOW_SCORE
     reasons[~np.all(np.isfinite(yz_mm), axis=1)] = Reason.NOT_IN_THE_SHEET
@@ -72,6 +73,8 @@ def flag_spots(
     flags = np.full(len(kept), "", dtype=object)
     flags[np.abs(errors.skew_sigma) > config.max_skew_sigma] = Reason.PARTLY_HIDDEN
     flags[errors.misfit > config.max_misfit] = Reason.ODD_SHAPE
+    if spots.merged is not None:
+        flags[spots.merged[kept]] = Reason.ODD_SHAPE
     flags[spots.foreign[kept] > 0] = Reason.CROWDED
     flags[spots.clipped[kept] > 0] = Reason.SATURATED
     return flags

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -12,6 +13,7 @@ from calib.printed import nees
 from calib.surface import condensed
 from calib.synthetic.surfaces import ProfileNoise, SurfaceCell, observe_surface, surface_cell
 from geometry import AxisPoints, Frame, Pose, SheetPoints, Surface, exp_so3
+from geometry.robot import RobotUncertainty
 from jig_cad import Balls, Edge, Plane, Sphere, Wedge
 
 NEES_LIMIT = 30.0  # a sound covariance exceeds it in 4 of 100,000 runs
@@ -47,6 +49,21 @@ def test_truth_lies_within_sigma(name: str) -> None:
     assert result.T_hand_sensor is not None
     assert result.covariance is not None
     assert nees(_cell(name).T_hand_sensor, result.T_hand_sensor, result.covariance) < NEES_LIMIT
+
+
+def test_an_edges_sigma_are_as_large_as_its_errors() -> None:
+    """With an exact arm nothing but the points' noise is left: along the rays, and where the border falls between."""
+    exact, squared = ProfileNoise(joint_rad=1e-9, robot=False), []
+    for seed in range(1, 17):
+        rng = np.random.default_rng(seed)
+        cell = surface_cell(Edge(), rng, noise=exact)
+        seen = observe_surface(cell, rng, exact, labelled=False)
+        robot = replace(cell.robot, uncertainty=RobotUncertainty(1e-9, 0.0, 0.0, 0.0, 0.0))
+        result = calibrate(seen.frames, Edge(), robot, seen.sensor, seen.design, config=CalibConfig(model="scp"))
+        assert result.T_hand_sensor is not None
+        assert result.covariance is not None
+        squared.append(nees(cell.T_hand_sensor, result.T_hand_sensor, result.covariance))
+    assert 3.0 < np.mean(squared) < 9.5  # 6 ± 0.87; 0.2 with points that scatter along the rays alone
 
 
 @pytest.mark.parametrize("name", TARGETS)

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from geometry import Camera, InputError, Pose, Sensor, Sheet
-from workbench.files import read_image
+from workbench.files import read_image, sensor_of_picture
 
 W, H = 37, 23  # rows of packed levels do not end on whole bytes
 
@@ -108,6 +108,22 @@ def test_pixels_stay_as_they_are_stored(tmp_path: Path, orientation: int) -> Non
     image, said = _read(tmp_path, _png(levels, (b"eXIf", exif)), _sensor(8), "a.png")
     np.testing.assert_array_equal(image, levels)
     assert f"({orientation})" in said[0]
+
+
+@pytest.mark.parametrize("orientation", [1, 3, 6, 8])
+def test_a_turned_jpeg_is_taken_as_it_is_stored(tmp_path: Path, orientation: int) -> None:
+    ramp = np.tile(np.linspace(0, 250, 48), (32, 1)).astype(np.uint8)
+    ramp[:8] = 255
+    plain = cv2.imencode(".jpg", ramp)[1].tobytes()
+    exif = b"Exif\0\0II*\0" + struct.pack("<IHHHIHHI", 8, 1, 274, 3, 1, orientation, 0, 0)
+    path = tmp_path / "a.jpg"
+    path.write_bytes(plain[:2] + struct.pack(">HH", 0xFFE1, len(exif) + 2) + exif + plain[2:])
+    said: list[str] = []
+    image = read_image(path, sensor_of_picture(path), said.append, lossy=True)
+    assert np.abs(image.astype(int) - ramp).max() < 20
+    turned = [s for s in said if "to be turned" in s]
+    assert len(turned) == (orientation != 1)
+    assert all("as they are stored" in s and f"({orientation})" in s for s in turned)
 
 
 @pytest.mark.parametrize(("bits", "top", "depth"), [(8, 255, 8), (16, 65535, 16), (16, 65535, 12), (16, 4095, 12)])

@@ -255,3 +255,21 @@ def test_board_and_stripe_both_flooded_is_a_sentence(folder: Path, capsys: pytes
     code, out, _ = called(folder, capsys, "--json")
     assert code == 3
     assert "a: board and stripe are both saturated, with laser on and off" in " ".join(json.loads(out)["notes"])
+
+
+def test_a_board_flooded_with_the_laser_off_alone_is_a_sentence(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name, gain in (("a_off", 2.0), ("b_off", 1.0)):
+        bright = np.clip(gain * drawn(1.0)[0].astype(float), 0, 255).astype(np.uint8)
+        cv2.imwrite(str(folder / "pictures" / f"{name}.png"), bright)
+        cv2.imwrite(str(folder / "pictures" / f"{name[0]}_on.png"), drawn(1.0, stripe=True)[0] // 3)
+    cv2.imwrite(str(folder / "pictures" / "c_off.png"), np.full((240, 320), 255, np.uint8))
+    cv2.imwrite(str(folder / "pictures" / "c_on.png"), drawn(1.0, stripe=True)[0] // 3)
+    code, out, _ = called(folder, capsys, "--json")
+    answer = json.loads(out)
+    assert code == 3
+    said = [n for n in answer["notes"] if "saturated" in n]
+    assert len(said) == 1
+    assert said[0].startswith("a: the board's white squares are saturated with the laser off")
+    assert "100 % of the picture are saturated: expose shorter" in answer["views"][2]["reason"]

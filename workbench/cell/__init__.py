@@ -1,5 +1,8 @@
 """A cell and its frames: found by name, measured, labelled and solved."""
 
+from importlib import import_module
+from typing import TYPE_CHECKING
+
 from workbench.cell.data_sheet import DataSheet, data_sheet_text
 from workbench.cell.extracting import Extracted, extract_inputs
 from workbench.cell.inputs import BareImages, read_inputs
@@ -32,8 +35,10 @@ from workbench.cell.stripes import (
     stripe_record,
     why_no_stripe,
 )
-from workbench.cell.surroundings import SeesAll, around_jig, jig_bodies, sees_all_strings, wall_behind
 from workbench.cell.verifying import scp_of, verify_cell
+
+if TYPE_CHECKING:
+    from workbench.cell.surroundings import SeesAll, around_jig, jig_bodies, sees_all_strings, wall_behind
 
 __all__ = [
     "DESIGN_SCP",
@@ -95,3 +100,13 @@ __all__ = [
     "with_options",
     "write_starter",
 ]
+
+# they load the emulator's kernels, and calibration needs none
+_OF_SURROUNDINGS = ("SeesAll", "around_jig", "jig_bodies", "sees_all_strings", "wall_behind")
+
+
+def __getattr__(name: str) -> object:
+    """The names that need the emulator, imported when first used."""
+    if name in _OF_SURROUNDINGS:
+        return getattr(import_module("workbench.cell.surroundings"), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

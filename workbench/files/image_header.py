@@ -11,6 +11,7 @@ from typing import Literal
 from geometry import InputError
 
 PNG, BMP, JPEG = b"\x89PNG\r\n\x1a\n", b"BM", b"\xff\xd8"
+_APP1, _EXIF = 0xE1, b"Exif\0\0"  # of a JPEG: the segment that holds a camera's tags, and how it begins
 TIFF, BIG_TIFF = (b"II*\x00", b"MM\x00*"), (b"II+\x00", b"MM\x00+")
 MAX_TAGS = 4096  # of a directory; cameras write some twenty
 MAX_STRIPS = 2**20
@@ -241,7 +242,7 @@ def _bmp(path: Path, data: bytes) -> ImageHeader:
 
 
 def _jpeg(path: Path, data: bytes) -> ImageHeader:
-    at = 2
+    at, orientation = 2, 1
     while at + 9 < len(data) and data[at] == 0xFF:
         marker, length = data[at + 1], struct.unpack_from(">H", data, at + 2)[0]
         if marker == 0xFF:
@@ -250,7 +251,10 @@ def _jpeg(path: Path, data: bytes) -> ImageHeader:
             bits, height, width, channels = struct.unpack_from(">BHHB", data, at + 4)
             if data.rstrip(b"\x00\r\n")[-2:] != b"\xff\xd9":
                 raise InputError(f"{path}: the JPEG is cut short")
-            return ImageHeader("JPEG", width, height, bits, channels)
+            return ImageHeader("JPEG", width, height, bits, channels, orientation=orientation)
         else:
+            body = data[at + 4 : at + 2 + length]
+            if marker == _APP1 and body.startswith(_EXIF):
+                orientation = _exif_orientation(body[len(_EXIF) :])
             at += 2 + length
     raise InputError(f"{path}: the JPEG is damaged or cut short")

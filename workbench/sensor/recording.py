@@ -12,10 +12,14 @@ from extraction.board import BoardCorners, NoBoard, find_board, room_light_in_bo
 from geometry import Board, InputError, Sensor
 from workbench.files import Image, ViewFiles, picture_sensor, read_image
 
-FULL_SHARE = 0.03  # of a board's pixels at full level: its white squares are flooded, corners and stripe with them
+FULL_SHARE = 0.28  # of a board's pixels at full level: its white squares are flooded, corners and stripe with them
+BLOWN_SHARE = 0.5  # of a picture's pixels at full level, in which no board is found
 SOFT_BLUR_PX = 3.0  # Gaussian σ of a square's edge beyond which a board is out of focus
 MOVED_PX = 0.5  # of a corner between the two pictures of a view, beside five of its σ
 FLOODED = "board and stripe are both saturated, with laser on and off: nothing is left to measure; expose shorter"
+BLOWN = (
+    "the board's white squares are saturated with the laser off: its corners may be off; expose that picture shorter"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +78,9 @@ def read_recording(
             lit = read_image(file.stripe, sensor, said.append, lossy=True)
         found = find_board(image, board)
         if isinstance(found, NoBoard):
-            lost.append((file.name, found.reason))
+            full = _full_share(image)
+            bright = f"; {100 * full:.0f} % of the picture are saturated: expose shorter" if full > BLOWN_SHARE else ""
+            lost.append((file.name, found.reason + bright))
         else:
             view, more = _view(file, board, image, lit, found)
             said += more
@@ -111,11 +117,14 @@ def _view(file: ViewFiles, board: Board, image: Image, lit: Image, found: BoardC
             f"{file.name}: the board is out of focus (its edges are blurred by {found.blur_px:.1f} px): stop down, or "
             "keep it within the depth of field"
         )
+    single = file.stripe == file.board
+    flooded = _flooded(image, found)
+    if file.stripe is not None and flooded and (single or _flooded(lit, found)):
+        return BoardView(file.name, corners, Stripe.nothing()), [*said, f"{file.name}: {FLOODED}"]
+    if flooded:
+        said.append(f"{file.name}: {BLOWN}")
     if file.stripe is None:
         return BoardView(file.name, corners, Stripe.nothing()), said
-    single = file.stripe == file.board
-    if _flooded(image, found) and (single or _flooded(lit, found)):
-        return BoardView(file.name, corners, Stripe.nothing()), [*said, f"{file.name}: {FLOODED}"]
     if not single and room_light_in_both(lit, image, board, found):
         moved = _moved(lit, board, found)
         if moved is not None:
@@ -128,9 +137,15 @@ def _view(file: ViewFiles, board: Board, image: Image, lit: Image, found: BoardC
 def _flooded(image: Image, found: BoardCorners) -> bool:
     """Whether the bright squares of a board are at full level."""
     low, high = np.floor(found.uv_px.min(axis=0)).astype(int), np.ceil(found.uv_px.max(axis=0)).astype(int) + 1
-    cut = image[max(low[1], 0) : high[1], max(low[0], 0) : high[0]]
+    return _full_share(image[max(low[1], 0) : high[1], max(low[0], 0) : high[0]]) > FULL_SHARE
+
+
+def _full_share(image: Image) -> float:
+    """Share of the pixels at full level: of 8 bits 255, else the highest there is."""
+    if not image.size:
+        return 0.0
     full = 255 if image.dtype == np.uint8 else int(image.max())
-    return bool(cut.size) and float((cut >= full).mean()) > FULL_SHARE + 0.25
+    return float((image >= full).mean())
 
 
 def _moved(lit: Image, board: Board, found: BoardCorners) -> float | None:

@@ -50,7 +50,15 @@ def spot_errors(spots: LocalisedSpots, kept: NDArray[np.intp], noise: FrameNoise
         cov = given[kept] if given is not None else np.zeros((len(kept), 2, 2))
         return SpotErrors(cov, zero, zero, np.ones(len(kept), dtype=np.bool_), None)
     budget = error_budget(spots.fits[kept])
-    speckle = estimate_speckle(budget, spots.converged[kept], noise.speckle_contrast, noise.speckle_grain_px)
+    alone = np.ones(len(kept), dtype=np.bool_)
+    for k, one in enumerate(kept.tolist()):
+        if one in spots.joint:  # the other's place is not known either
+            errors, alone[k] = spots.joint[one], False
+            budget.camera[k, :2, :2], budget.speckle[k, :2, :2] = errors.camera, errors.speckle
+            budget.white[k, :2, :2] = errors.white
+    # the other's grains are left in a joint fit's residuals: it speaks for the speckle where no spot stands alone
+    told = spots.converged[kept] & (alone | ~np.any(spots.converged[kept] & alone))
+    speckle = estimate_speckle(budget, told, noise.speckle_contrast, noise.speckle_grain_px)
     cov = budget.camera + budget.speckle @ speckle.variances
     shape = SHAPE_CONTRAST**2 * budget.variance_speckle[:, 0]
     expected = budget.variance_camera + budget.variance_speckle @ speckle.variances + shape
