@@ -35,7 +35,7 @@ from calib.sensor import BoardView, SensorCalibration, calibrate_sensor
 from calib.sensor.bundle import SensorBundle
 from calib.sensor.sheet_frame import camera_rows, sheet_deviations, sheet_frame, to_sheet
 from calib.sensor.terms import BOARD, CAMERA, PLANE
-from calib.sensor.views import Views
+from calib.sensor.views import BoardViews
 from calib.synthetic.boards import SIZE_PX, SyntheticSensor, observe_boards, parameter_errors, synthetic_sensor
 from geometry import Board, Sensor, State
 from workbench.files import ViewFiles, find_views, read_board, read_image
@@ -104,7 +104,7 @@ def mapping(
     yz = to_sheet(true_camera, sheet_frame(true_camera, true_plane), uv)
     rigid = _without_motion(yz)
     error = rigid(to_sheet(camera, sheet_frame(camera, plane), uv).reshape(-1) - yz.reshape(-1))
-    bundle = SensorBundle(Views.of([_centred(v) for v in views]), sensor.terms, float(SIZE_PX[0]))
+    bundle = SensorBundle(BoardViews.of([_centred(v) for v in views]), sensor.terms, float(SIZE_PX[0]))
     if len(found.views) == found.n_views:
         start = State({CAMERA: true_camera, BOARD: s.boards, PLANE: true_plane})
         result = bundle.settle(start)

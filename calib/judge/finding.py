@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from calib.bundle import Bundle, Explained, Solution, answered, estimated_parameters, estimates_sensor, explain
 from calib.config import CalibConfig
-from calib.judge.suspects import Evidence, Suspect, SuspectTrial, evidence_of, grown, suspected_bundle
+from calib.judge.suspects import LinearEvidence, Suspect, SuspectTrial, evidence_of, grown, suspected_bundle
 from geometry import Pose, Sensor
 
 Array = NDArray[np.float64]
@@ -44,7 +44,7 @@ class Finding:
     """
 
     solution: Solution
-    evidence: Evidence
+    evidence: LinearEvidence
     trials: tuple[SuspectTrial, ...]
     culprit: SuspectTrial | None
     alike: tuple[SuspectTrial, ...]
@@ -107,7 +107,7 @@ def _worth_while(solution: Solution, trials: tuple[SuspectTrial, ...]) -> bool:
     return bool(removed) or largest > LOOK or solution.explained > LOOK_CHI2
 
 
-def _tried(evidence: Evidence, trials: tuple[SuspectTrial, ...]) -> list[SuspectTrial]:
+def _tried(evidence: LinearEvidence, trials: tuple[SuspectTrial, ...]) -> list[SuspectTrial]:
     """The suspects of the largest pulls, and the robot's stated uncertainty as a whole."""
     single = sorted((t for t in trials if t.seen), key=lambda t: -t.gain)[: TRIED + MORE]
     whole = _uncertainty(evidence)
@@ -117,7 +117,7 @@ def _tried(evidence: Evidence, trials: tuple[SuspectTrial, ...]) -> list[Suspect
     return [whole, *single] if whole.gain > alone + EVIDENCE else single
 
 
-def _uncertainty(evidence: Evidence) -> SuspectTrial | None:
+def _uncertainty(evidence: LinearEvidence) -> SuspectTrial | None:
     """All priors of the robot wider by a factor, as one suspect whose size is the factor."""
     robot = evidence.bundle.unknowns.block("robot")
     if bool(evidence.bundle.hands.inferred) or not np.any(robot.sigma > 0):
@@ -146,7 +146,7 @@ def _explained(
     return found if found.every.converged else None
 
 
-def _relaxed(bundle: Bundle, evidence: Evidence, trial: SuspectTrial, config: CalibConfig) -> Bundle:
+def _relaxed(bundle: Bundle, evidence: LinearEvidence, trial: SuspectTrial, config: CalibConfig) -> Bundle:
     """The problem of all suspects, one of them with a prior of its size."""
     suspect, u = trial.suspect, bundle.unknowns
     sigma = {b: u.block(b).sigma.copy() for b in ("robot", *bundle.shape_blocks, "sensor")}
@@ -175,7 +175,7 @@ def _gone(outlier: Mask, solution: Solution) -> float:
     return float((outlier | solution.frame_outlier[:, None])[solution.bundle.present].sum())
 
 
-def _finding(culprit: SuspectTrial | None, solution: Solution, first: Evidence, sensor: Sensor | None) -> Finding:
+def _finding(culprit: SuspectTrial | None, solution: Solution, first: LinearEvidence, sensor: Sensor | None) -> Finding:
     about = evidence_of(solution, sensor)
     allowed = about.variance
     if culprit is None:
@@ -198,7 +198,7 @@ def _largest(trials: tuple[SuspectTrial, ...], but: SuspectTrial | None) -> floa
     return max((abs(t.pull) for t in trials if t.seen and t.suspect.parameter != name), default=0.0)
 
 
-def _priors(evidence: Evidence) -> tuple[float, float]:
+def _priors(evidence: LinearEvidence) -> tuple[float, float]:
     """Squared departures from the priors in σ, and their expectation."""
     found = evidence.solve()
     known = np.isfinite(evidence.variance) & (evidence.variance > 0)

@@ -99,7 +99,7 @@ class Posterior:
 
 
 @dataclass(frozen=True, eq=False)
-class Evidence:
+class LinearEvidence:
     """The linear problem about a solution: S (C, C) and b (C,) in units of ``scale`` (C,).
 
     bundle: names all unknowns. variance (C,): of their priors, 0 where a number is taken for exact, infinite where
@@ -189,7 +189,7 @@ def _inverse(matrix: Array) -> Array:
         return np.asarray(np.linalg.pinv(matrix, hermitian=True))
 
 
-def evidence_of(solution: Solution, sensor: Sensor | None) -> Evidence:
+def evidence_of(solution: Solution, sensor: Sensor | None) -> LinearEvidence:
     """All that could be wrong, linearised where everything was free within its prior."""
     bundle = suspected_bundle(solution.bundle, sensor)
     every, u = solution.every, bundle.unknowns
@@ -209,7 +209,7 @@ def evidence_of(solution: Solution, sensor: Sensor | None) -> Evidence:
     scale[u["scp"]] = [1.0] * 3 + [1e-3] * 3
     for suspect in suspects_of(bundle):
         scale[u.indices(suspect.block)[suspect.index]] = suspect.gross
-    return Evidence(bundle, data * np.outer(scale, scale), b * scale, scale, u.sigma**2)
+    return LinearEvidence(bundle, data * np.outer(scale, scale), b * scale, scale, u.sigma**2)
 
 
 def grown(bundle: Bundle, state: State) -> State:

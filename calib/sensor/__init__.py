@@ -4,7 +4,7 @@ from calib.sensor.calibrate import SensorSettings, calibrate_sensor
 from calib.sensor.choice import Tried
 from calib.sensor.direct import DirectMap, DirectModel, fit_direct
 from calib.sensor.result import SensorCalibration, SensorSolution, SensorVerdict, ViewResult
-from calib.sensor.views import BoardView, Corners, Stripe
+from calib.sensor.views import BoardView, Corners, StripePoints
 
 __all__ = [
     "BoardView",
@@ -15,7 +15,7 @@ __all__ = [
     "SensorSettings",
     "SensorSolution",
     "SensorVerdict",
-    "Stripe",
+    "StripePoints",
     "Tried",
     "ViewResult",
     "calibrate_sensor",

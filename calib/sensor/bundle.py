@@ -11,8 +11,8 @@ from calib import engine
 from calib.engine import Covariance, Result, covariance
 from calib.sensor.lens import PINHOLE, TERMS, undistort
 from calib.sensor.start import board_poses, fitted_plane, focal_length, view_homographies
-from calib.sensor.terms import BOARD, CAMERA, PLANE, BoardCorners, StripeNoise, StripeOnBoard
-from calib.sensor.views import Views
+from calib.sensor.terms import BOARD, CAMERA, PLANE, CornerResiduals, StripeNoise, StripeOnBoard
+from calib.sensor.views import BoardViews
 from geometry import Block, Pose, State, Unknowns, exp_so3
 from geometry.sensor import CAMERA_PARAMETERS
 
@@ -40,7 +40,7 @@ class SensorBundle:
     All pixels are counted from the image's centre, so that priors have their mean at zero; width_px is the image's.
     """
 
-    views: Views
+    views: BoardViews
     terms: tuple[str, ...]
     width_px: float
     corner_scale: float = 1.0
@@ -66,9 +66,9 @@ class SensorBundle:
         return len(self.views.stripe) > 0
 
     @property
-    def corner_term(self) -> BoardCorners:
+    def corner_term(self) -> CornerResiduals:
         """The corners' evidence."""
-        return BoardCorners(self.views, self.corner_scale)
+        return CornerResiduals(self.views, self.corner_scale)
 
     @property
     def stripe_term(self) -> StripeOnBoard:
@@ -76,7 +76,7 @@ class SensorBundle:
         return StripeOnBoard(self.views, self.stripe_noise)
 
     @property
-    def evidence(self) -> tuple[BoardCorners] | tuple[BoardCorners, StripeOnBoard]:
+    def evidence(self) -> tuple[CornerResiduals] | tuple[CornerResiduals, StripeOnBoard]:
         """The terms that are summed."""
         return (self.corner_term, self.stripe_term) if self.has_plane else (self.corner_term,)
 
@@ -108,10 +108,10 @@ class SensorBundle:
     def without_stripes(self) -> SensorBundle:
         """The bundle of the boards alone."""
         empty = tuple(replace(v, stripe=v.stripe[np.zeros(0, dtype=np.intp)]) for v in self.views.views)
-        return replace(self, views=Views(empty))
+        return replace(self, views=BoardViews(empty))
 
 
-def camera_start(views: Views, width_px: float) -> State:
+def camera_start(views: BoardViews, width_px: float) -> State:
     """Camera and boards from corners alone: closed form, then the bundle with one term of the lens."""
     closed = focal_length(view_homographies(views.views))
     tries = [closed] if 0.2 * width_px < closed < 20 * width_px else [k * width_px for k in _FOCAL_GRID]
@@ -141,18 +141,18 @@ def tilted_start(state: State) -> State:
     return moved.with_value(PLANE, turn.R @ state.vector(PLANE)) if PLANE in state.values else moved
 
 
-def _pinhole(views: Views, focal: float) -> State:
+def _pinhole(views: BoardViews, focal: float) -> State:
     camera = np.zeros(len(CAMERA_PARAMETERS))
     camera[:2] = focal
     return State({CAMERA: camera, BOARD: board_poses(views, focal)})
 
 
-def plane_start(views: Views, state: State) -> State:
+def plane_start(views: BoardViews, state: State) -> State:
     """The state with the plane through what the boards make of the stripes' points."""
     return state.with_value(PLANE, fitted_plane(stripe_points(views, state)))
 
 
-def stripe_points(views: Views, state: State) -> Array:
+def stripe_points(views: BoardViews, state: State) -> Array:
     """Points (M, 3) [mm] where the stripes' rays meet their boards, in the camera's frame."""
     board, member = state.pose(BOARD), views.view_of_stripe
     return on_board(state.vector(CAMERA), Pose(board.R[member], board.t[member]), views.stripe.uv_px)

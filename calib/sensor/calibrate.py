@@ -20,7 +20,7 @@ from calib.sensor.result import SensorCalibration, SensorSolution, SensorVerdict
 from calib.sensor.sheet_frame import SheetFrame, camera_rows, sheet_deviations, sheet_frame, to_sheet
 from calib.sensor.terms import BOARD, CAMERA, PLANE
 from calib.sensor.verdict import judge, too_few
-from calib.sensor.views import BoardView, Views
+from calib.sensor.views import BoardView, BoardViews
 from geometry import State
 from geometry.sensor import CAMERA_PARAMETERS, SensorUncertainty
 
@@ -112,7 +112,7 @@ class _Attempt:
     def _of(
         given: tuple[BoardView, ...], size_px: tuple[int, int], settings: SensorSettings, dropped: dict[str, str]
     ) -> _Attempt:
-        views = Views(tuple(v for v in given if v.name not in dropped))
+        views = BoardViews(tuple(v for v in given if v.name not in dropped))
         width = float(size_px[0])
         state = camera_start(views, width)
         views = _on_lines(views, state, COARSE_PX)
@@ -206,11 +206,11 @@ def _centred(view: BoardView, centre: Array) -> BoardView:
     )
 
 
-def _on_lines(views: Views, state: State, tolerance_px: float) -> Views:
-    return Views(tuple(on_one_line(v, state, i, tolerance_px) for i, v in enumerate(views.views)))
+def _on_lines(views: BoardViews, state: State, tolerance_px: float) -> BoardViews:
+    return BoardViews(tuple(on_one_line(v, state, i, tolerance_px) for i, v in enumerate(views.views)))
 
 
-def _without_outliers(views: Views, choice: Choice) -> Views:
+def _without_outliers(views: BoardViews, choice: Choice) -> BoardViews:
     """The views without corners and stripe points that lie far off all others of their kind."""
     bundle = replace(choice.bundle, views=views)
     state = choice.result.state
@@ -228,7 +228,7 @@ def _without_outliers(views: Views, choice: Choice) -> Views:
         kept = fine[views.view_of_corner == i]
         corners = v.corners[kept] if kept.sum() >= 4 else v.corners
         out.append(replace(v, corners=corners, stripe=stripe))
-    return Views(tuple(out))
+    return BoardViews(tuple(out))
 
 
 def _view_results(choice: Choice, frame: SheetFrame, centre: Array) -> dict[str, ViewResult]:

@@ -31,7 +31,7 @@ _HALVINGS = 60
 
 
 @dataclass(frozen=True, eq=False)
-class Contradiction:
+class StripeContradiction:
     """Views whose stripes the others contradict.
 
     Parameters
@@ -46,7 +46,7 @@ class Contradiction:
     off_px: Array
 
 
-def contradicting_stripes(bundle: SensorBundle, result: Result, most: int) -> Contradiction | None:
+def contradicting_stripes(bundle: SensorBundle, result: Result, most: int) -> StripeContradiction | None:
     """The smallest set of at most ``most`` stripes that the others contradict, None where none do.
 
     Of all sets of one size that one counts without which the rest agree best; it is tested by an F test of what it
@@ -69,7 +69,7 @@ def contradicting_stripes(bundle: SensorBundle, result: Result, most: int) -> Co
         if _chance(ratio, _VIEW_FREEDOM * k, dof) * comb(count, k) < CHANCE:
             off = stripes.predicted(own, kept)[out]
             order = np.argsort(-np.linalg.norm(off, axis=1), kind="stable")
-            return Contradiction(stripes.view[out][order], np.linalg.norm(off, axis=1)[order])
+            return StripeContradiction(stripes.view[out][order], np.linalg.norm(off, axis=1)[order])
     return None
 
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from calib.engine import Result, scaled_solve
 from calib.sensor.bundle import SensorBundle
-from calib.sensor.terms import BOARD, Rows
+from calib.sensor.terms import BOARD, ResidualRows
 from geometry import Unknowns
 
 Array = NDArray[np.float64]
@@ -149,7 +149,7 @@ def rows_by_term(bundle: SensorBundle, result: Result) -> list[WhiteRows]:
     return [_rows(term.independent_rows(result.state), u, u.free) for term in bundle.evidence]
 
 
-def _rows(rows: Rows, unknowns: Unknowns, free: Mask) -> WhiteRows:
+def _rows(rows: ResidualRows, unknowns: Unknowns, free: Mask) -> WhiteRows:
     return WhiteRows(common_columns(rows.jacobian, unknowns, free), rows.jacobian[BOARD], rows.residual, rows.view)
 
 

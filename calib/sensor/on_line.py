@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from calib.sensor.bundle import on_board
 from calib.sensor.terms import BOARD, CAMERA
-from calib.sensor.views import BoardView, Stripe
+from calib.sensor.views import BoardView, StripePoints
 from geometry import Pose, State
 
 Array = NDArray[np.float64]
@@ -37,7 +37,7 @@ def on_one_line(view: BoardView, state: State, index: int, tolerance_px: float) 
     return replace(view, stripe=_steadied(stripe[good]) if good.sum() >= MIN_POINTS else stripe[:0])
 
 
-def _steadied(stripe: Stripe) -> Stripe:
+def _steadied(stripe: StripePoints) -> StripePoints:
     """The stripe with σ as its neighbours have it: errors that neighbours share do not follow each point's own σ."""
     from scipy.ndimage import median_filter  # a tenth of a second, and most commands need none of it
 

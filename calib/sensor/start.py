@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.sensor.views import BoardView, Views
+from calib.sensor.views import BoardView, BoardViews
 from geometry import Pose, nearest_rotation, stack_poses
 
 Array = NDArray[np.float64]
@@ -50,7 +50,7 @@ def board_pose(h: Array, focal: float) -> Pose:
     return Pose(r, m[:, 2])
 
 
-def board_poses(views: Views, focal: float) -> Pose:
+def board_poses(views: BoardViews, focal: float) -> Pose:
     """T_camera_board of all views."""
     return stack_poses([board_pose(homography(v.corners.xy_mm, v.corners.uv_px), focal) for v in views.views])
 

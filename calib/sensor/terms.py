@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.sensor.lens import project, undistort
-from calib.sensor.views import Views
+from calib.sensor.views import BoardViews
 from geometry import Linearised, State, skew
 
 Array = NDArray[np.float64]
@@ -47,7 +47,7 @@ class StripeNoise:
 
 
 @dataclass(frozen=True, eq=False)
-class Rows:
+class ResidualRows:
     """Independent residuals (R,) of unit variance with Jacobians (R, n) by block, and whose view each is (R,)."""
 
     residual: Array
@@ -83,23 +83,23 @@ class CornerErrors:
 
 
 @dataclass(frozen=True, eq=False)
-class BoardCorners:
+class CornerResiduals:
     """Corners of flat boards: projected less seen, two rows a corner; scale is of their stated σ."""
 
-    views: Views
+    views: BoardViews
     scale: float = 1.0
 
     def linearise(self, state: State) -> Linearised:
         """Reprojection errors in units of their σ."""
         return self.independent_rows(state).linearised()
 
-    def independent_rows(self, state: State) -> Rows:
+    def independent_rows(self, state: State) -> ResidualRows:
         """As ``errors``, independent and of unit variance."""
         found = self.errors(state)
         white = self._white
         jacobian = {n: (white @ j).reshape(-1, j.shape[-1]) for n, j in found.jacobian.items()}
         residual = (white @ found.residual[..., None]).reshape(-1)
-        return Rows(residual, jacobian, np.repeat(self.views.view_of_corner, 2))
+        return ResidualRows(residual, jacobian, np.repeat(self.views.view_of_corner, 2))
 
     @cached_property
     def _white(self) -> Array:
@@ -138,14 +138,14 @@ class StripeOnBoard:
     autoregression), and all of a view have a shift and a turn in common.
     """
 
-    views: Views
+    views: BoardViews
     noise: StripeNoise = field(default_factory=StripeNoise)
 
     def linearise(self, state: State) -> Linearised:
         """Errors in units of their σ, a view's rows mixed with each other only."""
         return self.independent_rows(state).linearised()
 
-    def independent_rows(self, state: State) -> Rows:
+    def independent_rows(self, state: State) -> ResidualRows:
         """As ``errors``, independent and of unit variance."""
         found = self.errors(state)
         names = tuple(found.jacobian)
@@ -153,7 +153,7 @@ class StripeOnBoard:
         table = self.independent(table)
         ends = np.cumsum([1, *(found.jacobian[n].shape[1] for n in names)])
         jacobian = {n: table[:, i:j] for n, i, j in zip(names, ends[:-1], ends[1:], strict=True)}
-        return Rows(table[:, 0], jacobian, self.views.view_of_stripe)
+        return ResidualRows(table[:, 0], jacobian, self.views.view_of_stripe)
 
     def errors(self, state: State) -> StripeErrors:
         """How far along their normals [px] the stripes are seen from where boards and plane meet."""

@@ -42,7 +42,7 @@ class Corners:
 
 
 @dataclass(frozen=True, eq=False)
-class Stripe:
+class StripePoints:
     """Points of a laser stripe in the image, in order along it.
 
     Parameters
@@ -63,14 +63,14 @@ class Stripe:
         """The number of points."""
         return len(self.uv_px)
 
-    def __getitem__(self, chosen: Mask | Index | slice) -> Stripe:
+    def __getitem__(self, chosen: Mask | Index | slice) -> StripePoints:
         """The chosen points."""
-        return Stripe(self.uv_px[chosen], self.normal[chosen], self.sigma_px[chosen])
+        return StripePoints(self.uv_px[chosen], self.normal[chosen], self.sigma_px[chosen])
 
     @staticmethod
-    def nothing() -> Stripe:
+    def nothing() -> StripePoints:
         """No point."""
-        return Stripe(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0))
+        return StripePoints(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,19 +79,19 @@ class BoardView:
 
     name: str
     corners: Corners
-    stripe: Stripe
+    stripe: StripePoints
 
 
 @dataclass(frozen=True, eq=False)
-class Views:
+class BoardViews:
     """All views, their points one after the other."""
 
     views: tuple[BoardView, ...]
 
     @staticmethod
-    def of(views: Sequence[BoardView]) -> Views:
+    def of(views: Sequence[BoardView]) -> BoardViews:
         """The views in their order."""
-        return Views(tuple(views))
+        return BoardViews(tuple(views))
 
     def __len__(self) -> int:
         """The number of views."""
@@ -109,10 +109,12 @@ class Views:
         return Corners(*(np.concatenate([getattr(c, n) for c in every]) for n in Corners.__dataclass_fields__))
 
     @cached_property
-    def stripe(self) -> Stripe:
+    def stripe(self) -> StripePoints:
         """All points of stripes."""
         every = [v.stripe for v in self.views]
-        return Stripe(*(np.concatenate([getattr(s, n) for s in every]) for n in Stripe.__dataclass_fields__))
+        return StripePoints(
+            *(np.concatenate([getattr(s, n) for s in every]) for n in StripePoints.__dataclass_fields__)
+        )
 
     @cached_property
     def view_of_corner(self) -> Index:
@@ -124,11 +126,11 @@ class Views:
         """Whose stripe each point belongs to (ΣM,)."""
         return np.repeat(np.arange(len(self)), [len(v.stripe) for v in self.views])
 
-    def __getitem__(self, chosen: Mask | Index) -> Views:
+    def __getitem__(self, chosen: Mask | Index) -> BoardViews:
         """The chosen views."""
-        return Views(tuple(self.views[i] for i in np.arange(len(self))[chosen]))
+        return BoardViews(tuple(self.views[i] for i in np.arange(len(self))[chosen]))
 
-    def thinned(self, points: int) -> Views:
+    def thinned(self, points: int) -> BoardViews:
         """The views with every n-th point of their stripes, so that no more than that many are left."""
         steps = (-(-len(v.stripe) // points) or 1 for v in self.views)
-        return Views(tuple(replace(v, stripe=v.stripe[::n]) for v, n in zip(self.views, steps, strict=True)))
+        return BoardViews(tuple(replace(v, stripe=v.stripe[::n]) for v, n in zip(self.views, steps, strict=True)))

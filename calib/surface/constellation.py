@@ -32,7 +32,7 @@ _SAME = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Section:
+class FrameCircle:
     """A circle in one frame's sheet, with the name that its points bear: centre (2,) and radius [mm]."""
 
     label: str
@@ -40,7 +40,7 @@ class Section:
     radius: float
 
 
-def sections_of(f: Frame) -> list[Section]:
+def sections_of(f: Frame) -> list[FrameCircle]:
     """The circles through a condensed frame's nodes, three to each."""
     labels = np.array(f.axis.label)
     out = []
@@ -53,11 +53,11 @@ def sections_of(f: Frame) -> list[Section]:
         if abs(area) < 1e-9:
             continue
         away = np.array([v[1] * (u @ u) - u[1] * (v @ v), u[0] * (v @ v) - v[0] * (u @ u)]) / area
-        out.append(Section(label, yz[0] + away, float(np.hypot(*away))))
+        out.append(FrameCircle(label, yz[0] + away, float(np.hypot(*away))))
     return out
 
 
-def possible(sections: Sequence[Section], target: Balls) -> list[tuple[int, ...]]:
+def possible(sections: Sequence[FrameCircle], target: Balls) -> list[tuple[int, ...]]:
     """The balls (by number) that the sections of one frame can be of, by their sizes and distances alone."""
     radii = target.diameters_mm / 2
     apart = np.linalg.norm(target.centres_mm[:, None] - target.centres_mm, axis=-1)
@@ -74,7 +74,7 @@ def possible(sections: Sequence[Section], target: Balls) -> list[tuple[int, ...]
     return out
 
 
-def _can_stand(a: Section, b: Section, depth_a: float, depth_b: float, apart: float, slack: float) -> bool:
+def _can_stand(a: FrameCircle, b: FrameCircle, depth_a: float, depth_b: float, apart: float, slack: float) -> bool:
     """Whether balls can be so far apart whose sections and depths beside the sheet these are; either side each."""
     across = float(np.hypot(*(a.centre - b.centre)))
     # a depth hangs steeply on a section's radius near the ball's middle

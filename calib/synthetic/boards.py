@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.sensor import BoardView, Corners, SensorSolution, Stripe
+from calib.sensor import BoardView, Corners, SensorSolution, StripePoints
 from geometry import Camera, Pose, exp_so3
 from geometry.sensor import CAMERA_PARAMETERS, project
 
@@ -97,7 +97,7 @@ def _seen(sensor: SyntheticSensor, board: Pose, xy: Array) -> Array:
     return project(camera, facing @ points)
 
 
-def _stripe(sensor: SyntheticSensor, board: Pose, rng: np.random.Generator, sigma_px: float, step: int) -> Stripe:
+def _stripe(sensor: SyntheticSensor, board: Pose, rng: np.random.Generator, sigma_px: float, step: int) -> StripePoints:
     """Points where board and laser plane meet, on the board, moved across the stripe by its noise."""
     across = (board.R.T @ sensor.normal)[:2]
     reach = sensor.distance_mm - sensor.normal @ board.t
@@ -108,12 +108,12 @@ def _stripe(sensor: SyntheticSensor, board: Pose, rng: np.random.Generator, sigm
     high = SQUARE_MM * (np.array(INNER_CORNERS) - 1) + 0.8 * SQUARE_MM
     xy = xy[np.all((xy > -0.8 * SQUARE_MM) & (xy < high), axis=1)][::step]
     if len(xy) < 20:
-        return Stripe.nothing()
+        return StripePoints.nothing()
     uv = _seen(sensor, board, xy)
     tangent = np.gradient(uv, axis=0)
     normal = np.column_stack([-tangent[:, 1], tangent[:, 0]]) / np.linalg.norm(tangent, axis=1)[:, None]
     moved = uv + normal * (sigma_px * rng.standard_normal(len(uv)))[:, None]
-    return Stripe(moved, normal, np.full(len(uv), max(sigma_px, _LEAST)))
+    return StripePoints(moved, normal, np.full(len(uv), max(sigma_px, _LEAST)))
 
 
 def parameter_errors(solution: SensorSolution, truth: SyntheticSensor) -> Array:

@@ -24,7 +24,7 @@ _BEYOND_PITCHES = 2.0  # an end this near the field's border is the field's, not
 
 
 @dataclass(frozen=True, eq=False)
-class Search:
+class FeatureSearch:
     """What is asked of one profile; ``order``: the profile's points along y."""
 
     kind: str
@@ -101,7 +101,7 @@ def find_target_points(
     order = np.argsort(profile.yz_mm[:, 0], kind="stable")
     course = course_of(profile.yz_mm[order], profile.cov_yz_mm2[order])
     expected = None if expected_mm is None else np.asarray(expected_mm, dtype=float).reshape(-1, 2)
-    search = Search(
+    search = FeatureSearch(
         kind, course, order, tuple(diameters_mm), expected, within_mm, field_of_view_mm,
         config or FeatureConfig(), np.random.default_rng(0) if rng is None else rng,
     )  # fmt: skip
@@ -110,7 +110,7 @@ def find_target_points(
     return _FINDERS[kind](search)
 
 
-def _sphere(search: Search) -> TargetPoints:
+def _sphere(search: FeatureSearch) -> TargetPoints:
     arcs = _arcs(search, 2)
     if not arcs:
         return search.none(_no_arc(search))
@@ -123,7 +123,7 @@ def _sphere(search: Search) -> TargetPoints:
     return _points(search, [arcs[0]])
 
 
-def _balls(search: Search) -> TargetPoints:
+def _balls(search: FeatureSearch) -> TargetPoints:
     arcs = _arcs(search, min(_MOST_THINGS, len(search.diameters_mm)))
     arcs = [a for i, a in enumerate(arcs) if i == 0 or _is_rival(search, a, arcs[0])]
     if not arcs:
@@ -132,7 +132,7 @@ def _balls(search: Search) -> TargetPoints:
     return _points(search, arcs)
 
 
-def _arcs(search: Search, most: int) -> list[Agreement]:
+def _arcs(search: FeatureSearch, most: int) -> list[Agreement]:
     """Arcs of balls, the one with most points first."""
     config, known = search.config, [d / 2 for d in search.diameters_mm if d is not None]
     whole = len(known) == len(search.diameters_mm) and bool(known)
@@ -151,14 +151,14 @@ def _arcs(search: Search, most: int) -> list[Agreement]:
     return _things(search, Circle, valid, arched, most, config.rival_share)
 
 
-def _no_arc(search: Search) -> str:
+def _no_arc(search: FeatureSearch) -> str:
     known = [d / 2 for d in search.diameters_mm if d is not None]
     of = f" of radius {search.config.min_section * min(known):.3g} … {max(known):.3g} mm" if known else ""
     where = "" if search.expected_mm is None else f" within {search.within_mm:g} mm of where it is expected"
     return f"none of the {len(search.order)} points lie on an arc{of}{where}"
 
 
-def _is_rival(search: Search, other: Agreement, first: Agreement) -> bool:
+def _is_rival(search: FeatureSearch, other: Agreement, first: Agreement) -> bool:
     """Whether a second arc can be a ball's as well: points enough, and wide enough for no stem."""
     share = np.count_nonzero(other.inliers) / np.count_nonzero(first.inliers)
     if not isinstance(other.curve, Circle) or not isinstance(first.curve, Circle):
@@ -168,7 +168,7 @@ def _is_rival(search: Search, other: Agreement, first: Agreement) -> bool:
     return bool(share >= search.config.rival_share and wide)
 
 
-def _plane(search: Search) -> TargetPoints:
+def _plane(search: FeatureSearch) -> TargetPoints:
     lines = _lines(search, 2)
     if not lines:
         return search.none(_no_line(search))
@@ -180,7 +180,7 @@ def _plane(search: Search) -> TargetPoints:
     return found
 
 
-def _lines(search: Search, most: int) -> list[Agreement]:
+def _lines(search: FeatureSearch, most: int) -> list[Agreement]:
     """Straight stretches, the one with most points first."""
     config, expected = search.config, search.expected_mm
 
@@ -199,7 +199,7 @@ def _lines(search: Search, most: int) -> list[Agreement]:
     return _things(search, Line, valid, straight, most)
 
 
-def _no_line(search: Search) -> str:
+def _no_line(search: FeatureSearch) -> str:
     where = "" if search.expected_mm is None else f" within {search.within_mm:g} mm of where it is expected"
     return (
         f"none of the {len(search.order)} points make a straight stretch of {search.config.min_line_mm:g} mm or "
@@ -207,7 +207,7 @@ def _no_line(search: Search) -> str:
     )
 
 
-def _edge(search: Search) -> TargetPoints:
+def _edge(search: FeatureSearch) -> TargetPoints:
     """The corners: ends of the longest straight stretch that are not the field of view's."""
     lines = _lines(search, 1)
     if not lines:
@@ -234,7 +234,7 @@ def _edge(search: Search) -> TargetPoints:
     )
 
 
-def _ends(search: Search, line: Line, found: Agreement) -> list[tuple[Array, Array]]:
+def _ends(search: FeatureSearch, line: Line, found: Agreement) -> list[tuple[Array, Array]]:
     """Corner (2,) and covariance (2, 2) at each end of a straight stretch, left end first.
 
     The last point lies anywhere within one pitch of the border, on its inner side: half a pitch outwards is its mean.
@@ -254,7 +254,7 @@ def _ends(search: Search, line: Line, found: Agreement) -> list[tuple[Array, Arr
     return out
 
 
-def _wedge(search: Search) -> TargetPoints:
+def _wedge(search: FeatureSearch) -> TargetPoints:
     lines = _lines(search, 4)
     pairs = [(a, b) for i, a in enumerate(lines) for b in lines[i + 1 :]]
     met = [(a, b, ridge) for a, b in pairs if (ridge := _ridge(search, a, b)) is not None]
@@ -267,7 +267,7 @@ def _wedge(search: Search) -> TargetPoints:
     return _points(search, [_on_its_side(search, side, ridge) for side in sides])
 
 
-def _ridge(search: Search, a: Agreement, b: Agreement) -> Array | None:
+def _ridge(search: FeatureSearch, a: Agreement, b: Agreement) -> Array | None:
     """Where two straight stretches meet (2,); None where they are too parallel or end too far from there."""
     if not isinstance(a.curve, Line) or not isinstance(b.curve, Line):
         return None
@@ -281,7 +281,7 @@ def _ridge(search: Search, a: Agreement, b: Agreement) -> Array | None:
     return ridge
 
 
-def _on_its_side(search: Search, side: Agreement, ridge: Array) -> Agreement:
+def _on_its_side(search: FeatureSearch, side: Agreement, ridge: Array) -> Agreement:
     """A face without the points beyond the ridge and at it, where the stripe's centre mixes both faces."""
     if not isinstance(side.curve, Line):
         raise TypeError("a wedge's face is a line")
@@ -293,7 +293,7 @@ def _on_its_side(search: Search, side: Agreement, ridge: Array) -> Agreement:
 
 
 def _things(
-    search: Search,
+    search: FeatureSearch,
     shape: type[Curve],
     valid: Valid,
     accept: Callable[[Agreement], bool],
@@ -319,7 +319,7 @@ def _things(
     return sorted(out, key=lambda a: -int(np.count_nonzero(a.inliers)))
 
 
-def _points(search: Search, things: list[Agreement]) -> TargetPoints:
+def _points(search: FeatureSearch, things: list[Agreement]) -> TargetPoints:
     """The points of curves as the target's, their covariance scaled to their own scatter."""
     course = search.course
     at = [np.flatnonzero(thing.inliers) for thing in things]
@@ -368,7 +368,7 @@ def _bend(line: Line, yz: Array) -> tuple[float, float]:
     return float(solution[2]), float(np.sqrt(variance))
 
 
-_FINDERS: dict[str, Callable[[Search], TargetPoints]] = {
+_FINDERS: dict[str, Callable[[FeatureSearch], TargetPoints]] = {
     "sphere": _sphere,
     "balls": _balls,
     "plane": _plane,

@@ -77,7 +77,7 @@ FIT = np.dtype(
 )
 
 
-class Found(NamedTuple):
+class FittedSpots(NamedTuple):
     """What N fits found: records of SPOT and of FIT. clipped, foreign, left_out: pixels, see `frame`."""
 
     spot: Records
@@ -248,7 +248,7 @@ def _centre_covariance(spot: Spot, fisher: Array, factor: Array, n: int) -> tupl
 
 
 @kernel
-def write_fit(fit: SpotFit, found: Found, k: int) -> None:
+def write_fit(fit: SpotFit, found: FittedSpots, k: int) -> None:
     """Write a fit to the records k."""
     spot, to, row = fit.spot, found.spot[k], found.fit[k]
     to.u, to.v, to.height, to.a, to.h, to.c = spot.u, spot.v, spot.height, spot.a, spot.h, spot.c

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from extraction.noise import PixelNoise, noise_of, pixel_variance
-from extraction.spots.fit import Found, Window, Windows, fit_window, window_of, write_fit
+from extraction.spots.fit import FittedSpots, Window, Windows, fit_window, window_of, write_fit
 from extraction.spots.model import Array, Records, Spot, background, distance2, spot_of
 from geometry.compiled import kernel
 
@@ -20,7 +20,7 @@ FRAGMENT = 0.4  # of the height, below which a neighbouring region is a grain of
 NEAR = 16.0  # squared distance within which other candidates crowd a spot: four widths
 
 
-class View(NamedTuple):
+class SpotImage(NamedTuple):
     """An image as its fits see it.
 
     grey (H, W). owner: 1 + number of the candidate that a pixel belongs to, 0 for none (H, W). height: of every
@@ -57,7 +57,7 @@ class Fits:
 
 
 @kernel
-def fit_frame(view: View, tasks: Tasks, max_iterations: int, windows: Windows, found: Found) -> None:
+def fit_frame(view: SpotImage, tasks: Tasks, max_iterations: int, windows: Windows, found: FittedSpots) -> None:
     """Fit every spot; fill the windows and what was found (N,), all zero before."""
     for k in range(len(found.fit)):
         place, start, noise, row = tasks.place[k], spot_of(tasks.start[k]), noise_of(tasks.noise[k]), found.fit[k]
@@ -71,7 +71,7 @@ def fit_frame(view: View, tasks: Tasks, max_iterations: int, windows: Windows, f
 
 
 @kernel
-def _cut(view: View, place: Any, spot: Spot, window: Window) -> tuple[int, int]:
+def _cut(view: SpotImage, place: Any, spot: Spot, window: Window) -> tuple[int, int]:
     """Copy the window; leave out clipped pixels and those of other candidates; → how many there are within the spot."""
     k, clipped_near, foreign_near = place.candidate, 0, 0
     for j in range(place.rows):

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from extraction.config import ExtractionConfig
 from extraction.noise import NOISE
-from extraction.spots.detect import Candidates, Prepared
+from extraction.spots.detect import Candidates, PreparedImage
 from extraction.spots.fast import fit_peaks
-from extraction.spots.fit import FIT, PLACE, Found, Windows
-from extraction.spots.frame import Fits, Tasks, View, fit_frame
+from extraction.spots.fit import FIT, PLACE, FittedSpots, Windows
+from extraction.spots.frame import Fits, SpotImage, Tasks, fit_frame
 from extraction.spots.model import FLAT, SLOPED, SPOT, shapes_px2
 from extraction.spots.noise import PRIOR_CONTRAST, FrameNoise
 from extraction.spots.start import Regions, StartRule, start_fits
@@ -78,7 +78,9 @@ class LocalisedSpots:
         return np.asarray(0.5 * np.arctan2(2.0 * uv, uu - vv))
 
 
-def localise(prepared: Prepared, candidates: Candidates, noise: FrameNoise, config: ExtractionConfig) -> LocalisedSpots:
+def localise(
+    prepared: PreparedImage, candidates: Candidates, noise: FrameNoise, config: ExtractionConfig
+) -> LocalisedSpots:
     """Localise every candidate that was not refused."""
     index = np.flatnonzero(candidates.refusal == 0)
     if config.localise.method == "fast":
@@ -89,7 +91,7 @@ def localise(prepared: Prepared, candidates: Candidates, noise: FrameNoise, conf
 
 
 def _fit(
-    prepared: Prepared,
+    prepared: PreparedImage,
     candidates: Candidates,
     index: NDArray[np.intp],
     noise: FrameNoise,
@@ -114,8 +116,11 @@ def _fit(
     tasks.noise["speckle2"] = noise.speckle_weight**2
     tasks.noise["model2"] = (noise.model_error * tasks.start["height"]) ** 2
     size = (n, int(tasks.place["rows"].max()), int(tasks.place["columns"].max()))
-    windows, found = Windows(np.zeros(size), np.zeros(size, dtype=np.bool_)), Found(np.zeros(n, SPOT), np.zeros(n, FIT))
-    view = View(prepared.image, candidates.owner, candidates.height_dn, noise.saturation_dn)
+    windows, found = (
+        Windows(np.zeros(size), np.zeros(size, dtype=np.bool_)),
+        FittedSpots(np.zeros(n, SPOT), np.zeros(n, FIT)),
+    )
+    view = SpotImage(prepared.image, candidates.owner, candidates.height_dn, noise.saturation_dn)
     fit_frame(view, tasks, rule.max_iterations, windows, found)
     spot, fit = found
     return LocalisedSpots(
@@ -130,7 +135,9 @@ def _fit(
     )
 
 
-def _fast(prepared: Prepared, candidates: Candidates, index: NDArray[np.intp], noise: FrameNoise) -> LocalisedSpots:
+def _fast(
+    prepared: PreparedImage, candidates: Candidates, index: NDArray[np.intp], noise: FrameNoise
+) -> LocalisedSpots:
     """The fast method: no window is cut, clipped and foreign pixels are only looked for beside the peak."""
     peaks = candidates.peak_uv_px[index].astype(np.intp)
     signal = np.maximum(candidates.height_dn[index], 0.0)

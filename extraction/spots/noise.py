@@ -11,7 +11,7 @@ from scipy.special import ndtr
 from extraction.config import SpotNoiseConfig
 from extraction.image import clipping_level
 from extraction.noise import QUANTISATION_VARIANCE
-from extraction.spots.detect import BLOCK_PX, ROW_STEP, Image32, Prepared
+from extraction.spots.detect import BLOCK_PX, ROW_STEP, Image32, PreparedImage
 from geometry import Sensor
 
 PRIOR_CONTRAST = 0.33  # of the speckle, where nothing is known of it; see `error.speckle`
@@ -47,7 +47,7 @@ class FrameNoise:
     model_error: float
 
 
-def noise_model(prepared: Prepared, sensor: Sensor, config: SpotNoiseConfig) -> FrameNoise:
+def noise_model(prepared: PreparedImage, sensor: Sensor, config: SpotNoiseConfig) -> FrameNoise:
     """The frame's noise, from the configuration where it says and else from the frame itself."""
     camera = sensor.require_camera()
     gain = config.gain_dn_per_e

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from extraction.config import ExtractionConfig
 from extraction.noise import NOISE, PixelNoise, noise_of
 from extraction.reasons import Reason
-from extraction.spots.detect import Candidates, Prepared
+from extraction.spots.detect import Candidates, PreparedImage
 from extraction.spots.error.influence import CLASSES, CORE, LAGS, REACH, WITHIN_PIXEL
 from extraction.spots.fit import PLACE, Window, Windows, fit_window
 from extraction.spots.frame import FRAGMENT, Fits
@@ -76,7 +76,7 @@ class Pair(NamedTuple):
 
 
 def take_apart(
-    prepared: Prepared, candidates: Candidates, spots: LocalisedSpots, noise: FrameNoise, config: ExtractionConfig
+    prepared: PreparedImage, candidates: Candidates, spots: LocalisedSpots, noise: FrameNoise, config: ExtractionConfig
 ) -> LocalisedSpots:
     """The spots, those that are two replaced by both; `merged` marks what is two but too near to be taken apart."""
     if spots.fits is None or not len(spots):
@@ -141,7 +141,9 @@ def _flat_topped(fits: Fits, k: int) -> bool:
     return bool(by[-1] < 0 and float(rest @ rest) < (1.0 - EXPLAINED) * square)
 
 
-def _cut(prepared: Prepared, candidates: Candidates, spots: LocalisedSpots, k: int, m: int, noise: FrameNoise) -> Cut:
+def _cut(
+    prepared: PreparedImage, candidates: Candidates, spots: LocalisedSpots, k: int, m: int, noise: FrameNoise
+) -> Cut:
     """The single fit's window, widened to hold the neighbour; clipped and foreign pixels are not used."""
     fits = spots.fits
     if fits is None:

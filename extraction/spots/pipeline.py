@@ -15,7 +15,7 @@ from extraction.image import check_image
 from extraction.reasons import Reason
 from extraction.region import region_mask
 from extraction.sheet import image_to_sheet, propagate
-from extraction.spots.detect import Candidates, Image32, Prepared, find_candidates, prepare
+from extraction.spots.detect import Candidates, Image32, PreparedImage, find_candidates, prepare
 from extraction.spots.error import ErrorBudget, SpotErrors, concatenate, estimate_speckle, spot_errors
 from extraction.spots.localise import LocalisedSpots, localise
 from extraction.spots.noise import noise_model
@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class _Extraction:
-    prepared: Prepared
+    prepared: PreparedImage
     candidates: Candidates
     points: SurfacePoints
     candidate: NDArray[np.intp]

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from extraction.noise import PixelNoise
-from extraction.spots.fit import FIT, Found, Window, fit_window, write_fit
+from extraction.spots.fit import FIT, FittedSpots, Window, fit_window, write_fit
 from extraction.spots.model import FLAT, SPOT, Array, Spot, precision, shapes_px2
 from geometry import InputError
 from geometry.compiled import kernel
@@ -78,7 +78,7 @@ def fit_stack(
         raise InputError(f"read_variance {read_variance:g}: must be above 0, quantisation alone gives 1/12 grey level²")
     if not np.all(np.isfinite(data)):
         raise InputError("the stack holds values that are not finite")
-    found = Found(np.zeros(len(data), SPOT), np.zeros(len(data), FIT))
+    found = FittedSpots(np.zeros(len(data), SPOT), np.zeros(len(data), FIT))
     noise = PixelNoise(float(read_variance), float(gain), 0.0, float(speckle_contrast) ** 2)
     _fit_all(data, noise, float(saturation), max_iterations, found)
     spot, fit = found
@@ -91,7 +91,7 @@ def fit_stack(
 
 
 @kernel
-def _fit_all(data: Array, noise: PixelNoise, saturation: float, max_iterations: int, found: Found) -> None:
+def _fit_all(data: Array, noise: PixelNoise, saturation: float, max_iterations: int, found: FittedSpots) -> None:
     """Fit every image (N, H, W); fill what was found (N,)."""
     use = np.ones((data.shape[1], data.shape[2]), np.bool_)
     for k in range(data.shape[0]):

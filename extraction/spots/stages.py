@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from extraction.config import ExtractionConfig
 from extraction.image import Image
 from extraction.reasons import Reason
-from extraction.spots.detect import Candidates, Image32, Prepared
+from extraction.spots.detect import Candidates, Image32, PreparedImage
 from geometry import Sensor, SurfacePoints
 
 FLOODED_SHARE = 0.5  # of clipped pixels, above which the image is said to be saturated
@@ -35,7 +35,7 @@ class Stages:
     reason: str
 
 
-def why_empty(prepared: Prepared, candidates: Candidates, sensor: Sensor) -> str:
+def why_empty(prepared: PreparedImage, candidates: Candidates, sensor: Sensor) -> str:
     """One sentence on why an image gave no spot."""
     camera = sensor.require_camera()
     image = prepared.image

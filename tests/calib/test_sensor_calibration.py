@@ -13,8 +13,8 @@ from calib.sensor.bundle import stripe_points
 from calib.sensor.lens import project, undistort
 from calib.sensor.sheet_frame import sheet_frame
 from calib.sensor.start import fitted_plane
-from calib.sensor.terms import BOARD, CAMERA, PLANE, BoardCorners, StripeNoise, StripeOnBoard
-from calib.sensor.views import Views
+from calib.sensor.terms import BOARD, CAMERA, PLANE, CornerResiduals, StripeNoise, StripeOnBoard
+from calib.sensor.views import BoardViews
 from calib.synthetic.boards import SIZE_PX as SIZE
 from calib.synthetic.boards import BoardNoise, SyntheticSensor, observe_boards, parameter_errors, synthetic_sensor
 from geometry import Pose, State
@@ -73,9 +73,9 @@ def test_synthetic_views_are_opencvs_projection():
         np.testing.assert_allclose(on_board @ sensor.normal, sensor.distance_mm, rtol=0, atol=1e-4)
 
 
-def _scene() -> tuple[Views, State]:
+def _scene() -> tuple[BoardViews, State]:
     rng = np.random.default_rng(3)
-    views = Views(tuple(observe_boards(synthetic_sensor(rng, 5.0), rng, 3, step=12)))
+    views = BoardViews(tuple(observe_boards(synthetic_sensor(rng, 5.0), rng, 3, step=12)))
     shifted = (
         replace(
             v,
@@ -84,7 +84,7 @@ def _scene() -> tuple[Views, State]:
         )
         for v in views.views
     )
-    views = Views(tuple(shifted))
+    views = BoardViews(tuple(shifted))
     boards = Pose(np.broadcast_to(np.eye(3), (3, 3, 3)).copy(), np.zeros((3, 3)))
     boards = boards @ Pose.exp(rng.normal(0, 0.3, (3, 6)))
     boards = Pose(boards.R, boards.t + np.array([-40.0, -25.0, 290.0]))
@@ -95,7 +95,7 @@ def _scene() -> tuple[Views, State]:
 @pytest.mark.parametrize("kind", ["corners", "stripe", "distance"])
 def test_jacobians_are_those_of_the_complex_step(kind: str):
     views, state = _scene()
-    corners, stripe = BoardCorners(views), StripeOnBoard(views)
+    corners, stripe = CornerResiduals(views), StripeOnBoard(views)
     rows = {"corners": corners.errors, "stripe": stripe.errors, "distance": stripe.distances}[kind]
     found = rows(state)
     for name in found.jacobian:

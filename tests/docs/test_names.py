@@ -74,3 +74,13 @@ def test_files_of_docstrings_and_comments() -> None:
             names = [n for n in files_named(text) if n.endswith((".py", ".md"))]
             missing += [f"{path.relative_to(ROOT)}: {name}" for name in names if not (ROOT / name).exists()]
     assert not missing
+
+
+def test_no_class_name_means_two_things() -> None:
+    found: dict[str, list[str]] = {}
+    for package in PACKAGES:
+        for path in sorted((ROOT / package).rglob("*.py")):
+            for node in ast.parse(path.read_text(encoding="utf-8")).body:
+                if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                    found.setdefault(node.name, []).append(str(path.relative_to(ROOT)))
+    assert not {name: paths for name, paths in found.items() if len(paths) > 1}

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
-from calib.sensor import BoardView, Corners, Stripe
+from calib.sensor import BoardView, Corners, StripePoints
 from extraction.board import NoBoard, find_board
 from geometry import Board, Pose
 from tests.workbench.board_pictures import pictured, pose_of, radius_mm, truth_px
@@ -242,7 +242,7 @@ def test_every_kind_of_board_is_drawn(board: Board) -> None:
 def test_a_board_that_is_never_seen_whole_is_said() -> None:
     """One corner too many each way: found as a part, in every view the same."""
     corners = Corners(BOARD.points_mm, BOARD.points_mm, np.tile(np.eye(2), (20, 1, 1)))
-    views = [BoardView(name, corners, Stripe.nothing()) for name in "ab"]
+    views = [BoardView(name, corners, StripePoints.nothing()) for name in "ab"]
     assert _never_whole(views, BOARD) == []
     (sentence,) = _never_whole(views, Board("checkerboard", 6, 5, 10.0))
     assert "every view shows 5 × 4 inner corners, board.toml says 6 × 5" in sentence

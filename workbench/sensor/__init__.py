@@ -2,11 +2,11 @@
 
 from workbench.sensor.answer import answer_object, calibrated_sensor, calibrated_text, exported
 from workbench.sensor.page import write_sensor_report
-from workbench.sensor.recording import Recording, read_recording
+from workbench.sensor.recording import BoardFolder, read_recording
 from workbench.sensor.run import calibrate_recording
 
 __all__ = [
-    "Recording",
+    "BoardFolder",
     "answer_object",
     "calibrate_recording",
     "calibrated_sensor",

@@ -13,13 +13,13 @@ from workbench.files import LOSSY_SUFFIXES, write_text
 from workbench.report import origin_of, render_page, svg
 from workbench.sensor.advice import next_views, weak_directions
 from workbench.sensor.pictures import coverage_figure, plane_figure, reprojection_figure, views_figure
-from workbench.sensor.recording import Recording
+from workbench.sensor.recording import BoardFolder
 
 BANNER = {"ok": "good", "weak": "care", "model_misfit": "care"}
 
 
 def write_sensor_report(
-    path: Path, folder: Path, recording: Recording, result: SensorCalibration, answer: dict[str, Any]
+    path: Path, folder: Path, recording: BoardFolder, result: SensorCalibration, answer: dict[str, Any]
 ) -> None:
     """Write the page of a calibration, whole or not at all; it opens offline.
 

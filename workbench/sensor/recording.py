@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib.sensor import BoardView, Corners, Stripe
+from calib.sensor import BoardView, Corners, StripePoints
 from extraction.board import BoardCorners, NoBoard, find_board, room_light_in_both, stripe_on_board
 from geometry import Board, InputError, Sensor
 from workbench.files import Image, ViewFiles, picture_sensor, read_image
@@ -23,7 +23,7 @@ BLOWN = (
 
 
 @dataclass(frozen=True, eq=False)
-class Recording:
+class BoardFolder:
     """The views of a folder as numbers, and what was seen on the way.
 
     lost: (name, why) of views without a board.
@@ -42,7 +42,7 @@ def read_recording(
     board: Board,
     channel: str | None = None,
     progress: Callable[[int, int], None] = lambda done, of: None,
-) -> Recording:
+) -> BoardFolder:
     """Find board and stripe in every view.
 
     Parameters
@@ -58,7 +58,7 @@ def read_recording(
 
     Returns
     -------
-    Recording
+    BoardFolder
         Views with a board; those without are named with the reason.
 
     Raises
@@ -92,7 +92,7 @@ def read_recording(
     if len(unseen) > len(views):
         first = next(f for f in files if f.name in unseen)
         said += _other_counts(read_image(first.board, sensor, lossy=True), board)
-    return Recording(sensor, board, tuple(views), tuple(lost), tuple(dict.fromkeys(said)), pictures)
+    return BoardFolder(sensor, board, tuple(views), tuple(lost), tuple(dict.fromkeys(said)), pictures)
 
 
 def _never_whole(views: Sequence[BoardView], board: Board) -> list[str]:
@@ -120,18 +120,18 @@ def _view(file: ViewFiles, board: Board, image: Image, lit: Image, found: BoardC
     single = file.stripe == file.board
     flooded = _flooded(image, found)
     if file.stripe is not None and flooded and (single or _flooded(lit, found)):
-        return BoardView(file.name, corners, Stripe.nothing()), [*said, f"{file.name}: {FLOODED}"]
+        return BoardView(file.name, corners, StripePoints.nothing()), [*said, f"{file.name}: {FLOODED}"]
     if flooded:
         said.append(f"{file.name}: {BLOWN}")
     if file.stripe is None:
-        return BoardView(file.name, corners, Stripe.nothing()), said
+        return BoardView(file.name, corners, StripePoints.nothing()), said
     if not single and room_light_in_both(lit, image, board, found):
         moved = _moved(lit, board, found)
         if moved is not None:
             text = f"{file.name}: the board moved by {moved:.1f} px between laser off and on: its stripe is left out"
-            return BoardView(file.name, corners, Stripe.nothing()), [*said, text]
+            return BoardView(file.name, corners, StripePoints.nothing()), [*said, text]
     peaks = stripe_on_board(lit, None if single else image, board, found)
-    return BoardView(file.name, corners, Stripe(peaks.uv_px, peaks.normal, peaks.sigma_px)), said
+    return BoardView(file.name, corners, StripePoints(peaks.uv_px, peaks.normal, peaks.sigma_px)), said
 
 
 def _flooded(image: Image, found: BoardCorners) -> bool:

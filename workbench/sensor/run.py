@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from calib.sensor import SensorCalibration, SensorSettings, calibrate_sensor
-from workbench.sensor.recording import Recording
+from workbench.sensor.recording import BoardFolder
 
 
 def calibrate_recording(
-    recording: Recording, max_terms: int = 14, origin_yz_mm: tuple[float, float] = (0.0, 0.0)
+    recording: BoardFolder, max_terms: int = 14, origin_yz_mm: tuple[float, float] = (0.0, 0.0)
 ) -> SensorCalibration:
     """Camera, lens and laser plane of what was recorded.
 

@@ -2,6 +2,6 @@
 
 from extraction.spots.detect.blur import BLOCK_PX, ROW_STEP, Image32
 from extraction.spots.detect.candidates import Candidates, find_candidates
-from extraction.spots.detect.prepare import Prepared, prepare
+from extraction.spots.detect.prepare import PreparedImage, prepare
 
-__all__ = ["BLOCK_PX", "ROW_STEP", "Candidates", "Image32", "Prepared", "find_candidates", "prepare"]
+__all__ = ["BLOCK_PX", "ROW_STEP", "Candidates", "Image32", "PreparedImage", "find_candidates", "prepare"]

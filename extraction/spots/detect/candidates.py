@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from extraction.config import DetectConfig
 from extraction.reasons import Reason
 from extraction.spots.detect.peaks import find_peaks
-from extraction.spots.detect.prepare import Prepared
+from extraction.spots.detect.prepare import PreparedImage
 from extraction.spots.detect.regions import ESCAPED, JOINED, REGION, RegionRule, grow_regions
 
 Array = NDArray[np.float64]
@@ -73,7 +73,7 @@ class Candidates:
 
 
 def find_candidates(
-    prepared: Prepared, config: DetectConfig, mm_per_px: float, usable: Mask | None = None
+    prepared: PreparedImage, config: DetectConfig, mm_per_px: float, usable: Mask | None = None
 ) -> Candidates:
     """Peaks above the noise, with the shape of their regions and the reason of each refusal.
 

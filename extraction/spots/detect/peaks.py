@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from extraction.spots.detect.blur import BLOCK_PX, Image32
-from extraction.spots.detect.prepare import Prepared
+from extraction.spots.detect.prepare import PreparedImage
 from geometry.compiled import kernel
 
 Indices = NDArray[np.int64]
@@ -28,7 +28,7 @@ class Blocks(NamedTuple):
     noise: Image32
 
 
-def find_peaks(prepared: Prepared, threshold: float) -> Indices:
+def find_peaks(prepared: PreparedImage, threshold: float) -> Indices:
     """Keys (N,) of the peaks ``threshold`` · noise above the background, at most MAX_PEAKS.
 
     The smaller a key the brighter the peak; of equal ones the first in reading order has the smaller. `place` reads it.

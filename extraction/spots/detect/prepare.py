@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Prepared:
+class PreparedImage:
     """An image ready for detection.
 
     image: the raw grey levels (H, W). smooth: after the matched blur (H, W) [DN]. kernel: that blur's row (K,).
@@ -32,11 +32,11 @@ class Prepared:
     tops: Image32
 
 
-def prepare(image: Image, config: DetectConfig) -> Prepared:
+def prepare(image: Image, config: DetectConfig) -> PreparedImage:
     """Blur the image with the matched filter and measure background and noise block by block."""
     blurred = blur(image, config.blur_sigma_px)
     # a spot or a stripe lies in the minority of 5 × 5 blocks; the blurred quantisation error is the least noise
     background = np.asarray(cv2.medianBlur(blurred.mean, 5), dtype=np.float32)
     floor = QUANTISATION_VARIANCE * float(np.sum(blurred.kernel**2)) ** 2
     noise = np.sqrt(np.maximum(cv2.medianBlur(blurred.variance, 5), np.float32(floor)))
-    return Prepared(image, blurred.smooth, blurred.kernel, background, np.asarray(noise, np.float32), blurred.tops)
+    return PreparedImage(image, blurred.smooth, blurred.kernel, background, np.asarray(noise, np.float32), blurred.tops)
