@@ -52,7 +52,9 @@ class Covariance:
     def sigma(self, name: str) -> Array:
         """σ (n,) of a common block: after the data where it was estimated, else its prior's."""
         block = self.unknowns.block(name)
-        return np.where(block.free, np.sqrt(np.diag(self.of(name))), block.sigma)
+        variance = np.diag(self.of(name))
+        sound = np.where(variance >= 0, variance, np.inf)  # rounding leaves a negative one where nothing is determined
+        return np.where(block.free, np.sqrt(sound), block.sigma)
 
 
 def covariance(result: Result) -> Covariance:

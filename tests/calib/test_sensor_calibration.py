@@ -166,6 +166,7 @@ def nees(found: SensorCalibration, truth: SyntheticSensor) -> tuple[float, int]:
     return float(e @ np.linalg.solve(found.solution.uncertainty.covariance, e)), len(e)
 
 
+@pytest.mark.slow
 def test_sigmas_are_true_for_upright_and_tilted_chips():
     total = dof = 0.0
     for seed in range(1):

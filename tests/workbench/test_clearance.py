@@ -140,7 +140,7 @@ def test_a_straight_move_through_a_box_is_told(tmp_path: Path) -> None:
         space = Workspace(None, boxes, names)
         far = Pose(np.eye(3), np.array([5000.0, 0, 0]))
         problem = ViewProblem(cell.arm, cell.sensor, cell.jig, far, cell.design, workspace=space)
-        assert np.all(room_in_workspace_mm(problem.standing(ends), space)[0] > 0)
+        assert np.all(room_in_workspace_mm(standing(cell.arm, ends, cell.design, cell.sensor), space)[0] > 0)
         (move,) = straight_moves(problem, "A", [4, 9], ends)
         assert (move.room_mm < 0) == hits
         if hits:

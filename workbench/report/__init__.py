@@ -3,7 +3,6 @@
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-from geometry import json_text
 from workbench.report.as_json import calibration_object, inputs_of
 from workbench.report.as_text import AXES, arrow, number, print_calibration, print_verdict
 from workbench.report.calibration import ReportInput, report_page, scp_rows, write_report
@@ -37,7 +36,6 @@ __all__ = [
     "frame_object",
     "inputs_of",
     "jpeg",
-    "json_text",
     "new_figure",
     "number",
     "origin_of",

@@ -165,7 +165,7 @@ def exported(sensor: Sensor, kind: str) -> str:
         p = np.column_stack([k, np.zeros(3)])
         lines += ["projection_matrix:", "  rows: 3", "  cols: 4", f"  data: {p.ravel().tolist()!r}"]
         return "\n".join(lines) + "\n"
-    from workbench.report import json_text
+    from geometry import json_text
 
     T = c.T_sensor_camera
     return (

@@ -8,8 +8,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from geometry import json_text
 from workbench.files import write_text
-from workbench.report import Origin, json_text, render_page, svg
+from workbench.report import Origin, render_page, svg
 from workbench.validate.drawing import CLUTTER, FACTORS
 from workbench.validate.measure import MeasuredFrames
 from workbench.validate.plots import bias_map, curve_plot, pull_plot

@@ -308,9 +308,9 @@ def _limits(*asked: tuple[str, float | None]) -> list[Limit]:
 
 def _deliver(record: Record, out: Path | None, report: Path | None, *, as_json: bool) -> None:
     """Write and print a record; exit code 1 where it does not pass."""
+    from geometry import json_text
     from workbench.accept import record_object, write_record_page
     from workbench.files import write_text
-    from workbench.report import json_text
 
     text = json_text(record_object(record))
     if out is not None:

@@ -103,9 +103,10 @@ def command(
     ] = None,
 ) -> None:
     """Solve the sensor's pose in the hand (SCP) from a cell dataset, emulated or recorded."""
+    from geometry import json_text
     from workbench.answered import calibrate_cell
     from workbench.files import read_cell, read_result, read_settings
-    from workbench.report import json_text, print_calibration
+    from workbench.report import print_calibration
 
     if until is not None and not watch:
         from geometry import InputError

@@ -61,9 +61,8 @@ def command(
 ) -> None:
     """Calibrate a line sensor from pictures of a board with the laser's stripe on it: camera, lens and laser plane."""
     from calib.sensor import fit_direct
-    from geometry import InputError
+    from geometry import InputError, json_text
     from workbench.files import find_views, read_board, write_text
-    from workbench.report import json_text
     from workbench.sensor import (
         answer_object,
         calibrate_recording,

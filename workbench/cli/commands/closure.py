@@ -39,10 +39,9 @@ def command(
 ) -> None:
     """Fit tool and robot to a point that stands still, and judge the robot on locations that it did not see."""
     from calib.closure import closure
-    from geometry import require_arm
+    from geometry import json_text, require_arm
     from workbench.cell import find_robot
     from workbench.files import read_sockets, robot_text
-    from workbench.report import json_text
 
     arm = find_robot(robot)
     sockets = read_sockets(joints, arm.n_joints, degrees=degrees)

@@ -30,8 +30,9 @@ def command(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
 ) -> None:
     """The second SCP against the first, with σ; exit code 1 where they differ by more than 4 σ."""
+    from geometry import json_text
     from workbench.files import read_result
-    from workbench.report import difference, difference_object, json_text, print_difference
+    from workbench.report import difference, difference_object, print_difference
 
     found = difference(read_result(first), read_result(second), max_mm, other_sensor=other_sensor)
     if as_json:

@@ -21,9 +21,10 @@ def command(
     The sensor is mounted as Table 1's calibrated row says, the solution starts from its design row, the arm and the jig
     have errors of the usual size. The dataset in the folder is one like any other, with truth.json beside it.
     """
+    from geometry import json_text
     from workbench.demo import print_demo, run_demo
     from workbench.files import Settings
-    from workbench.report import calibration_object, json_text
+    from workbench.report import calibration_object
 
     demo = run_demo(out, seed, Settings(), progress_bar)
     if demo.remark:

@@ -58,10 +58,9 @@ def command(
 ) -> None:
     """Measure gap, flush and edge radii of two panels in a profile, with their standard deviations."""
     from extraction import measure_gap_flush
-    from geometry import InputError
+    from geometry import InputError, json_text
     from workbench.cell import MeasuredProfile, ProfileSource, profile_values, read_profile, value_objects, with_options
     from workbench.files import MeasureConfig, read_settings
-    from workbench.report import json_text
 
     if (master is None) != (master_mm is None):
         raise InputError("--master, what was measured, and --master-mm GAP FLUSH, what is true, belong together")

@@ -38,8 +38,8 @@ def command(
 ) -> None:
     """Repeat the paper's experiment with errors drawn anew: Table 1 and Fig. 7 with spreads, and what explains them."""
     from calib.synthetic import paper_ensemble
+    from geometry import json_text
     from workbench.cli.console import progress_bar
-    from workbench.report import json_text
 
     setting = _setting(moving, robot, sensor, jig, mounting)
     with progress_bar("calibrating", runs) as progress:

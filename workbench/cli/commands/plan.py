@@ -56,11 +56,11 @@ def command(
     Locations with role "verify" get spread views to check with. Arm, hand and sensor keep off the jig, the floor and
     the boxes of \[workspace] in cell.toml.
     """
-    from geometry import Surface
+    from geometry import Surface, json_text
     from workbench.cell import located
     from workbench.files import frames_text, read_cell, write_text
     from workbench.plan import plan_limits, propose, propose_on_surface
-    from workbench.report import json_text, save_plan_picture, write_plan_report
+    from workbench.report import save_plan_picture, write_plan_report
 
     limits = plan_limits(tilt_deg, roll_deg, mounting_deg)
     given = read_cell(cell, recorded=False)

@@ -28,8 +28,8 @@ def command(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
 ) -> None:
     """Show every pose of the jig in the sensor that explains a frame's points, with its likelihood."""
+    from geometry import json_text
     from workbench.cell import frame_poses
-    from workbench.report import json_text
 
     poses = frame_poses(points, jig, sensor, frame)
     if as_json:

@@ -34,7 +34,7 @@ def command(
     ] = None,
 ) -> None:
     """Measure the laser stripe of images: points in mm with covariance, in px without a sensor."""
-    from geometry import InputError
+    from geometry import InputError, json_text
     from workbench.cell import (
         StripeInputs,
         is_profile_file,
@@ -43,7 +43,6 @@ def command(
         stripe_record,
     )
     from workbench.files import read_settings
-    from workbench.report import json_text
 
     if csv is None and ply is None and overlay is None and not json_output:
         raise InputError("nothing to write: give --csv, --ply or --overlay FILE, or --json")

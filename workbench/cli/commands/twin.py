@@ -22,8 +22,8 @@ def command(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
 ) -> None:
     """Fit the emulation keys of a sensor to its recorded stripe images, with σ, and show what still differs."""
+    from geometry import json_text
     from workbench.files import read_emulator, read_image, read_sensor
-    from workbench.report import json_text
     from workbench.twin import find_images, fit_twin, twin_object, write_twin
 
     model, emulator = read_sensor(sensor), read_emulator(sensor)

@@ -30,9 +30,9 @@ def command(
     ] = None,
 ) -> None:
     """Judge an SCP on the frames of a dataset: places are fitted, nothing is solved."""
+    from geometry import json_text
     from workbench.cell import ProfileSettings, observe, verify_cell
     from workbench.files import read_cell, read_result, read_settings
-    from workbench.report import json_text
 
     settings = read_settings(config or [])
     saved = None if scp is None else read_result(scp)
