@@ -117,3 +117,9 @@ def test_the_readme_s_lines_run_as_written() -> None:
     lines = [line.partition("  #")[0] for line in block[1].splitlines()]
     assert len(lines) == 3
     assert set(lines) <= example
+
+
+def test_every_page_is_in_the_contents_of_the_site() -> None:
+    listed = re.findall(r"^[\w/]+$", (ROOT / "docs" / "index.md").read_text(encoding="utf-8"), re.MULTILINE)
+    pages = {str(p.relative_to(ROOT / "docs").with_suffix("")) for p in (ROOT / "docs").rglob("*.md")}
+    assert pages - {"index"} == set(listed)
