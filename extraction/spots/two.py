@@ -36,7 +36,9 @@ FAINTEST = 0.15  # height of the fainter over the brighter: less is a grain or a
 LEAST_F = 20.0  # of the three parameters that a second spot adds; Gaussian noise gets there once in 10^5 and more
 LEAST_RESIDUAL = 0.06  # rms of the single fit over its signal: a bent arc of a 1 mm string leaves as much
 MOMENTS = 5  # along a spot, from the nought-th to the fourth
-EXPLAINED = 0.6  # share of a single fit's residual, in squares, that these must explain where it is two spots
+# share of a single fit's residual, in squares, that these must explain where it is two spots; and of what LEAST_F asks
+# of these: the moments tell nearly all that a second spot does
+EXPLAINED, NEARLY = 0.6, 0.8
 APART = 0.67  # of one spot's variance along an axis: what two, 1.2 full widths apart, make of it by their places
 START_PX2 = 0.3  # of a start, as of single fits
 STEPS, TOLERANCE, MOST_DAMPING = 25, 1e-3, 1e6
@@ -116,7 +118,8 @@ def flat_topped(windows: Windows, place: Records, spots: Records, out: Mask) -> 
         explained = 0.0
         for r in range(MOMENTS):
             explained += by[r] * right[r]
-        out[k] = by[MOMENTS - 1] < 0.0 and explained > EXPLAINED * square
+        asked = 3.0 * LEAST_F / (3.0 * LEAST_F + n - (TERMS - 1))
+        out[k] = by[MOMENTS - 1] < 0.0 and explained > max(EXPLAINED, NEARLY * asked) * square
 
 
 @kernel
