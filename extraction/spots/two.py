@@ -264,7 +264,7 @@ def _add(t: Array, w: float, wr: float, fisher: Array, score: Array) -> None:
 def _is_pair(q: Array) -> bool:
     a, h, c = q[A], q[H], q[C]
     narrowest = 2.0 / (MIN_VARIANCE_PX2 + PIXEL_VARIANCE_PX2)
-    return q[2] > 0.0 and q[5] > 0.0 and a > 0.0 and a * c > h * h and a + c < narrowest
+    return bool(q[2] > 0.0 and q[5] > 0.0 and a > 0.0 and a * c > h * h and a + c < narrowest)
 
 
 @kernel
