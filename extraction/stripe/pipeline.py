@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -179,8 +177,7 @@ def _localise(found: Found, config: StripeConfig) -> StripePeaks:
     chosen = select(config, found.stripes, places, fits["centre"].copy(), fits["amplitude"].copy())
     if len(chosen) < len(places):
         fits, places = fits[chosen], places.take(chosen)
-    peaks = _peaks(view, places, fits, config)
-    peaks = replace(peaks, correlation_sections=length, refused=refused)
+    peaks = _peaks(view, places, fits, config, length, refused)
     return localise_along_normal(view, peaks, noise, config) if config.along_normal else peaks
 
 
@@ -302,7 +299,10 @@ def _doubt_gappy(seen: Mask, stripe: NDArray[np.int32], doubt: Mask) -> None:
         doubt[:] = True
 
 
-def _peaks(view: StripeView, places: Places, fits: Records, config: StripeConfig) -> StripePeaks:
+def _peaks(
+    view: StripeView, places: Places, fits: Records, config: StripeConfig, length: float, refused: dict[str, int]
+) -> StripePeaks:
+    """The fits (N,) as points of the image. length: of the correlation, in sections. refused: ridges by reason."""
     section = places.section
     chi2 = fits["chi2"] / np.maximum(fits["dof"], 1)
     near_border = np.minimum(fits["centre"] - fits["low"], fits["high"] - 1 - fits["centre"])
@@ -324,6 +324,8 @@ def _peaks(view: StripeView, places: Places, fits: Records, config: StripeConfig
         chi2_per_dof=chi2,
         flag=flag.astype(np.uint8),
         piece=_pieces(section, places.stripe, fits["centre"].copy()),
+        correlation_sections=length,
+        refused=refused,
     )
 
 
