@@ -10,16 +10,25 @@ from extraction.image import check_image
 from extraction.noise import PixelNoise
 from extraction.order import kth_smallest
 from extraction.sheet import image_to_sheet, propagate, sheet_table
-from extraction.stripe.faint import NEIGHBOURS, fit_faint
-from extraction.stripe.find import Found, Places, find
-from extraction.stripe.fit import SECTION, SectionPlaces, fit_sections
-from extraction.stripe.model import FitLimits, Records
-from extraction.stripe.noise import estimate_noise
-from extraction.stripe.normal import localise_along_normal
-from extraction.stripe.pair import fit_pairs
+from extraction.stripe.find import Found, find
+from extraction.stripe.places import Places
 from extraction.stripe.profile import AMBIGUOUS, EDGE, SATURATED, SHAPE, Profile, StripePeaks
+from extraction.stripe.sections import (
+    NEIGHBOURS,
+    SECTION,
+    STEP_PX,
+    FitLimits,
+    Records,
+    SectionPlaces,
+    SigmaPlaces,
+    estimate_noise,
+    fit_faint,
+    fit_pairs,
+    fit_sections,
+    localise_along_normal,
+    true_sigma,
+)
 from extraction.stripe.select import select
-from extraction.stripe.sigma import STEP_PX, SigmaPlaces, true_sigma
 from extraction.stripe.view import StripeView, stripe_view
 from geometry import Sensor
 from geometry.compiled import kernel

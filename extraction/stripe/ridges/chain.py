@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from extraction.order import kth_smallest
-from extraction.stripe.model import Records
-from extraction.stripe.ridge import FLANK, IntArray, Level, RidgeNodes, find_nodes
+from extraction.stripe.ridges.ridge import FLANK, IntArray, Level, RidgeNodes, find_nodes
 from geometry.compiled import kernel
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
+Records = NDArray[np.void]
 
 GATE = 2.6  # level pixels per section that a link may climb: an arc's end at 70° to the sections
 _SKIP = 2  # sections that a link may span

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from extraction.stripe.chain import Chain
-from extraction.stripe.measure import measure, middle
-from extraction.stripe.track import Bumps, Track
+from extraction.stripe.ridges import Chain
+from extraction.stripe.verdict.measure import measure, middle
+from extraction.stripe.verdict.track import Bumps, Track
 
 Array = NDArray[np.float64]
 
