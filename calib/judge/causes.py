@@ -111,7 +111,7 @@ def _another_jig(frames: list[Frame], jig: Jig, sensor: Sensor, config: CalibCon
         changed = (replace(f, points=_times(f.points, times, share * extent)) for f in tried)
         return tuple(g for f in changed if (g := _alone(f, other, sensor, config)) is not None)
 
-    enough, spots, fits = _POSED * len(tried), "y_mm, z_mm of points.csv", "the points fit the jig if"
+    enough, spots, fits = _POSED * len(tried), _lengths(tried), "the points fit the jig if"
     for times, unit in _UNITS.items():
         if len(posed(times, _UNIT_SHARE, jig)) >= enough:
             return f"{fits} {spots} are {unit}, or {_sizes(jig)} is {times:g} times too large"
@@ -126,6 +126,12 @@ def _another_jig(frames: list[Frame], jig: Jig, sensor: Sensor, config: CalibCon
         found = posed(1.0, _SIDE_SHARE, other)
         best = found if len(found) > len(best) else best
     return wrong_jig(best, jig) if len(best) >= enough else ""
+
+
+def _lengths(frames: list[Frame]) -> str:
+    """Where the lengths of spots come from: a file of points, or the camera's place by which images were measured."""
+    given = any(np.any(~np.isfinite(f.points.amplitude_dn)) for f in frames)
+    return "y_mm, z_mm of points.csv" if given else "translation_mm of [camera.pose] in sensor.toml, hence all spots,"
 
 
 def _sizes(jig: Jig) -> str:

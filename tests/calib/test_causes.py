@@ -30,7 +30,8 @@ class Files:
 @pytest.fixture(scope="module")
 def files() -> Files:
     rng = np.random.default_rng(4)
-    cell = random_cell(rng, CALIBRATE_ONLY)
+    # spots are put on the axes themselves: strings of no thickness
+    cell = random_cell(rng, CALIBRATE_ONLY, Jig.nominal(string_diameter_mm=1e-3))
     seen = observe(cell, made_cell(cell, rng, Noise()), rng, Noise())
     frames = tuple(_unlabelled(f) for f in seen.frames)
     return Files(frames, cell.jig, cell.robot, seen.design)
@@ -49,7 +50,7 @@ def _unlabelled(f: Frame) -> Frame:
         ("",) * n,
         np.zeros(n),
         np.ones((n, 2)),
-        np.full(n, 100.0),
+        np.full(n, np.nan),  # as of a points.csv
     )
     return replace(f, points=points, axis=AxisPoints.empty(), labels_given=False)
 
@@ -74,7 +75,7 @@ def _points(files: Files, change: Callable[[np.ndarray], np.ndarray]) -> Files:
 
 
 def _sized(jig: Jig, side: float, height: float) -> Jig:
-    return Jig.nominal(jig.side_mm * side, jig.height_mm * height, strings=jig.strings)
+    return Jig.nominal(jig.side_mm * side, jig.height_mm * height, jig.string_diameter_mm, strings=jig.strings)
 
 
 def _table(robot: DhRobot, times: float) -> DhRobot:
