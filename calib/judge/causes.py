@@ -17,6 +17,7 @@ from calib.config import CalibConfig
 from calib.figures import agreeing_pose, pose_distance
 from calib.judge.culprits import LEAST_PAIRS, disturbed_joints
 from calib.judge.culprits_jig import LEAST_STRINGS, wrong_jig
+from calib.judge.order import reordered
 from calib.judge.screws import ScrewViews, disagreement, largest_group, numbers_of, share, views_of
 from calib.label import label_frame
 from geometry import Frame, Pose, Robot, Sensor, SurfacePoints, stack_poses
@@ -67,7 +68,7 @@ def cause_of(
     v = views_of(posed, jig)
     if len(v.pairs) < _LEAST_GROUP:
         return ""
-    named = _shifted(v, frames) or _one_name(v)
+    named = _shifted(v, frames) or _one_name(v) or reordered(v, frames, jig)
     if named or not lost:
         return named
     given = share(v, stack_poses([f.at for f in v.frames]))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -82,6 +82,16 @@ def _table(robot: DhRobot, times: float) -> DhRobot:
     return replace(robot, d=robot.d * times, a=robot.a * times)
 
 
+def _rows(files: Files, order: Sequence[int], places: bool = False) -> Files:
+    """Every image with the readings of another row; the names of places with the readings or with the images."""
+
+    def changed(f: Frame, k: int) -> Frame:
+        other = files.frames[k]
+        return replace(f, joints_rad=other.joints_rad, location=other.location if places else f.location)
+
+    return replace(files, frames=tuple(changed(f, k) for f, k in zip(files.frames, order, strict=True)))
+
+
 SPOILT: dict[str, Callable[[Files], Files]] = {
     "half a turn off, 179° about z of the sensor: the sensor is mounted the other way round (a roll of 180°)": (
         lambda f: _turned(f, [0, 0, 180])
@@ -95,6 +105,15 @@ SPOILT: dict[str, Callable[[Files], Files]] = {
     "side_mm with height_mm of jig.toml is in centimetres": lambda f: replace(f, jig=_sized(f.jig, 0.1, 0.1)),
     "its side_mm is about 100, not 90": lambda f: replace(f, jig=_sized(f.jig, 0.9, 1.0)),
     "d_mm and a_mm of robot.toml hold metres": lambda f: replace(f, robot=_table(f.robot, 1e-3)),
+    "different orders: one of them stands the other way round, last first": (
+        lambda f: _rows(f, range(len(f.frames))[::-1])
+    ),
+    "different orders: one of them stands sorted as text": (
+        lambda f: _rows(f, sorted(range(len(f.frames)), key=str), places=True)
+    ),
+    "are not each other's rows: the image of frame 0 goes with the readings of frame 8, 1 with 9": (
+        lambda f: _rows(f, np.roll(np.arange(len(f.frames)), 8))
+    ),
     'the table of robot.toml is convention = "standard"': lambda f: replace(
         f, robot=replace(f.robot, convention="modified")
     ),

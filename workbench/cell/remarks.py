@@ -9,7 +9,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-
 from numpy.typing import NDArray
 
 from calib import CalibConfig, CalibrationResult, Verdict
