@@ -24,8 +24,8 @@ _NO_JOINTS = (
     "SCP: the SCP alone was solved (model scp)"
 )
 _ARM_OPEN = (
-    "with hand poses and no columns of status and turn it is open in which of its configurations the arm was, hence how "
-    "its errors act: they are not estimated, and the SCP alone was solved (model scp); these columns, or joint "
+    "with hand poses and no columns of status and turn it is open in which of its configurations the arm was, hence "
+    "how its errors act: they are not estimated, and the SCP alone was solved (model scp); these columns, or joint "
     "readings, would let them be estimated (model full)"
 )
 
