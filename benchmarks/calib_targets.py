@@ -227,7 +227,9 @@ def table(kind: str, arm_is: str, rows: Sequence[Error]) -> str:
     mm, deg = (np.percentile([getattr(r, what) for r in given], 95) for what in ("mm", "deg"))
     share = float(np.mean(squared < chi2.isf(0.05, 6)))
     spread = squared.std() / np.sqrt(len(squared))
-    out = f"{kind:8s} {arm_is:9s} {len(rows):5d} {squared.mean():6.2f} ± {spread:4.2f} {share:6.1%} {mm:9.3f} {deg:8.4f}"
+    out = (
+        f"{kind:8s} {arm_is:9s} {len(rows):5d} {squared.mean():6.2f} ± {spread:4.2f} {share:6.1%} {mm:9.3f} {deg:8.4f}"
+    )
     ratio = f"{np.sqrt(squared.mean() / 6):6.3f}" if arm_is == "exact" else " " * 6
     codes = {c: sum(r.code == c for r in rows) for c in sorted({r.code for r in rows})}
     return f"{out} {ratio} {len(rows) - len(given):8d}  {codes}"
