@@ -33,8 +33,9 @@ Index = NDArray[np.intp]
 # how far off a number that is wrong usually is: makers' tables and typing errors, encoders that lost their zero
 GROSS = {"theta": np.deg2rad(0.5), "d": 2.0, "a": 2.0, "alpha": np.deg2rad(0.5), "beta": np.deg2rad(0.5)}
 GROSS_TIMES = 10.0  # a prior's σ, for kinds of parameters that are not listed
-GROSS_ANCHOR_MM, GROSS_SIZE_MM = 0.5, 1.0
-GROSSER = 6.0  # times these: 12 mm, 3°, 6 mm of a jig; what was linearised and labelled is not what is there
+GROSS_ANCHOR_MM = 0.5
+GROSS_SIZE_MM = {"side_mm": 1.0, "height_mm": 1.0, "string_diameter_mm": 0.3}
+GROSSER = 6.0  # times these: 12 mm, 3°, 6 mm of a jig, 1.8 mm of a string; what was linearised is not what is there
 SEEN = 1.0  # pull that an error of gross size makes at least, if its number can be suspected from the data at all
 MORE_COMPONENTS = 4.0  # gain that chance gives for each component beyond the first, at the tail that matters
 SAME_CHI2 = 9.0  # suspects whose gains are this near are told apart by nothing: a likelihood ratio of 90
@@ -253,7 +254,7 @@ def _of_shape(bundle: Bundle) -> Iterator[Suspect]:
     labels = jig.shape.labels
     for name in SIZES:
         where = np.array([labels.index(name)])
-        yield Suspect("shape", name, None, "mm", 1.0, where, np.array([GROSS_SIZE_MM]))
+        yield Suspect("shape", name, None, "mm", 1.0, where, np.array([GROSS_SIZE_MM[name]]))
 
 
 def _of_sensor(bundle: Bundle) -> Iterator[Suspect]:
