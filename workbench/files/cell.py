@@ -151,6 +151,11 @@ class Cell:
         )
 
     @property
+    def has_surfaces(self) -> bool:
+        """Whether balls, plates or other surfaces are measured, at one location at least."""
+        return any(isinstance(target, Surface) for target in self.targets)
+
+    @property
     def targets(self) -> tuple[Target, ...]:
         """All targets, each once."""
         if not isinstance(self.target, Mapping):
