@@ -24,7 +24,6 @@ import numba
 import numpy as np
 from numba.core.caching import FunctionCache, InTreeCacheLocator, UserProvidedCacheLocator, UserWideCacheLocator
 from numba.core.runtime.nrt import rtsys
-from numba.core.types import unliteral
 
 # LLVM's leave to take values for finite; none to reorder sums, to divide by reciprocals or to fuse products with sums,
 # which gives other last bits on a processor of another width or with other instructions
@@ -80,25 +79,12 @@ def kernel(
         options["inline"] = "always" if inline else "never"
         options["no_cfunc_wrapper"] = True  # nobody calls them from C, and it compiles faster
         dispatcher: F = numba.njit(**options)(function)
-        _take_plain_numbers(dispatcher)
         with _own_cache(function) as can_keep:
             if can_keep:
                 setattr(dispatcher, "_cache", _KernelCache(function))  # noqa: B010 - as numba's cache=True does
         return dispatcher
 
     return compiled if function is None else compiled(function)
-
-
-def _take_plain_numbers(dispatcher: Any) -> None:
-    """Let other kernels' calls mean any number of a type: numba would compile a kernel once more for every constant that
-    it is given, and for a counter's first value before it knows that it counts.
-    """
-    template = dispatcher.get_call_template
-
-    def get_call_template(args: tuple[Any, ...], kws: Mapping[str, Any]) -> Any:
-        return template(tuple(map(unliteral, args)), {name: unliteral(kind) for name, kind in kws.items()})
-
-    dispatcher.get_call_template = get_call_template
 
 
 class _KernelCache(FunctionCache):
