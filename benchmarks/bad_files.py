@@ -288,7 +288,8 @@ def _more(folder: Path) -> list[Format]:
     (folder / "balls.toml").write_text('kind = "balls"\n' + balls)
     (folder / "wedge.toml").write_text('kind = "wedge"\nangle_deg = 90.0\n')
     (folder / "lines.toml").write_text(
-        'kind = "strings"\nstring_diameter_mm = 0.3\ntolerance_mm = 0.1\n[anchors_mm]\np = [0, 0, 0]\nq = [100, 5, 0]\nr = [0, 80, 9]\n'
+        'kind = "strings"\nstring_diameter_mm = 0.3\ntolerance_mm = 0.1\n[anchors_mm]\n'
+        "p = [0, 0, 0]\nq = [100, 5, 0]\nr = [0, 80, 9]\n"
         's = [100, 80, 40]\n[strings]\none = ["p", "q"]\ntwo = ["r", "s"]\nthree = ["p", "s"]\n'
     )
     jig = read_jig(sample / "jig.toml")

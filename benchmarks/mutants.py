@@ -248,16 +248,17 @@ def _span(body: list[ast.stmt]) -> Iterator[int]:
 
 
 def _drawn(session: object, count: int, seed: int) -> None:
-    """Every mutant that Cosmic Ray can make, and by the seed so many of them."""
+    """By the seed so many mutants: a file by the length of its code, of all that Cosmic Ray makes of it one."""
     from cosmic_ray.commands.init import _all_work_items
 
+    rng = random.Random(seed)  # noqa: S311
     files = [f for p in PACKAGES for f in sorted(Path(p).rglob("*.py"))]
-    all_of_them = list(_all_work_items(files, {}))
-    told = {str(f): _annotated(ast.parse(f.read_text())) for f in files}
-    fair = [i for i in all_of_them if _can_be_told(i.mutations[0], told)]
-    fair.sort(key=lambda i: (str(i.mutations[0].module_path), i.mutations[0].operator_name, i.mutations[0].occurrence))
-    print(f"{len(all_of_them)} mutants can be made, {len(fair)} of them can be told; {count} are drawn by seed {seed}")
-    session.add_work_items(random.Random(seed).sample(fair, count))  # type: ignore[attr-defined]  # noqa: S311
+    drawn = Counter(rng.choices(files, [len(f.read_text().splitlines()) for f in files], k=count))
+    for file in sorted(drawn):
+        annotations = _annotated(ast.parse(file.read_text()))
+        fair = [item for item in _all_work_items([file], {}) if _can_be_told(item.mutations[0], annotations)]
+        fair.sort(key=lambda item: (item.mutations[0].operator_name, item.mutations[0].occurrence))
+        session.add_work_items(rng.sample(fair, min(drawn[file], len(fair))))  # type: ignore[attr-defined]
 
 
 def _annotated(module: ast.Module) -> list[tuple[tuple[int, int], tuple[int, int]]]:
@@ -269,11 +270,11 @@ def _annotated(module: ast.Module) -> list[tuple[tuple[int, int], tuple[int, int
     return found
 
 
-def _can_be_told(mutation: object, annotated: dict[str, list[tuple[tuple[int, int], tuple[int, int]]]]) -> bool:
+def _can_be_told(mutation: object, annotations: list[tuple[tuple[int, int], tuple[int, int]]]) -> bool:
     at = tuple(mutation.start_pos)  # type: ignore[attr-defined]
     if any(str(mutation.operator_name).endswith(name) for name in EQUAL):  # type: ignore[attr-defined]
         return False
-    return not any(start <= at < end for start, end in annotated[str(mutation.module_path)])  # type: ignore[attr-defined]
+    return not any(start <= at < end for start, end in annotations)
 
 
 def _preloaded() -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import cv2
+import pytest
 import numpy as np
 
 from geometry.sensor import calibration_covariance
