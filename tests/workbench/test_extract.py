@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import cv2
-import pytest
 import numpy as np
+import pytest
 
 from geometry.sensor import calibration_covariance
 from tests.workbench.helpers import Cli
