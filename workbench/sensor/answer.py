@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from calib.sensor import DirectMap, SensorCalibration, SensorSolution
+from calib.sensor import DirectMap, SensorCalibration, SensorSolution, UntakenTilt
 from geometry import (
     DIGITS,
     Camera,
@@ -68,6 +68,7 @@ def answer_object(
             "stripe_scale": result.stripe_scale,
             "view_offset_px": result.offset_px,
         },
+        "untaken_tilt": None if result.untaken is None else tilt_object(result.untaken),
         "terms_tried": [
             {
                 "terms": t.terms,
@@ -78,8 +79,27 @@ def answer_object(
         ],
         "verdict": {"code": result.verdict.code, "text": result.verdict.text},
         "views": sorted(views, key=lambda v: str(v["view"])),
-        "notes": [*result.notes, *remarks, *UNSEEN],
+        "notes": [*result.notes, *remarks, *untaken_note(result.untaken), *UNSEEN],
     }
+
+
+def tilt_object(tilt: UntakenTilt) -> dict[str, Any]:
+    """A tilt of the chip that the answer does not hold and the views do not exclude."""
+    angles = np.rad2deg([*tilt.tau_rad, *tilt.sigma_rad])
+    names = ("tau_x_deg", "tau_y_deg", "sigma_tau_x_deg", "sigma_tau_y_deg")
+    return {"probability": tilt.probability} | dict(zip(names, angles.tolist(), strict=True))
+
+
+def untaken_note(tilt: UntakenTilt | None) -> list[str]:
+    """The same in words."""
+    if tilt is None:
+        return []
+    (x, y), (sx, sy) = np.rad2deg(tilt.tau_rad), np.rad2deg(tilt.sigma_rad)
+    chance = f"{100 * tilt.probability:.0f} %"
+    return [
+        f"the chip is taken to stand upright; the views leave a chance of {chance} that it is tilted "
+        f"(by {x:.2f} ± {sx:.2f}° about x and {y:.2f} ± {sy:.2f}° about y), which every σ holds: tilt the board more"
+    ]
 
 
 def _by_depth(values: tuple[float, float, float] | None) -> dict[str, float] | None:
