@@ -11,7 +11,18 @@ from calib.copies import in_order, without_copies
 from calib.hands import with_joints
 from calib.mount import Mount, chain_of, mount_words, seen_from
 from calib.result import CalibrationResult
-from calib.stages import Setup, concluded, judged_answer, of_true_size, one_or_more, paper_answer, prepare, with_model
+from calib.stages import (
+    Setup,
+    concluded,
+    judged_answer,
+    of_true_size,
+    one_or_more,
+    paper_answer,
+    prepare,
+    sound_evidence,
+    sound_readings,
+    with_model,
+)
 from geometry import Frame, InputError, Pose, Robot, Sensor, Target
 
 
@@ -70,7 +81,7 @@ def calibrate(
     setup = Setup(one_or_more(target, frames), robot, sensor, T_hand_sensor, places or {}, asked)
     check_evidence(evidence, robot, all(f.joints_rad is not None for f in given))
     setup, model_words = with_model(replace(setup, evidence=tuple(evidence)), given)
-    setup = replace(setup, robot=chain_of(mount, setup.robot))
+    setup, false_words = sound_readings(replace(setup, robot=chain_of(mount, setup.robot)))
 
     stated = prepare(setup, given)  # labels and axis points, by design and then by the chain that the bundle solves
     if asked.method == "paper":
@@ -78,7 +89,9 @@ def calibrate(
         result = paper_answer(prepared)
     else:
         prepared, size_words = of_true_size(stated)
+        prepared, more_false = sound_evidence(prepared)
+        false_words += more_false
         result = judged_answer(prepared)  # every number a suspect; locations left out in turn; figures
-    words = (*model_words, *mount_words(mount))
+    words = (*model_words, *mount_words(mount), *false_words)
     result = replace(result, model_asked=asked.model, mount=mount, remarks=(*words, *result.remarks))
     return concluded(result, prepared, size_words)

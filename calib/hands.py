@@ -20,9 +20,8 @@ FLOOR_NOTE = (
     "σ carry a floor of {mm:g} mm and {deg:g}° for them (hand_floor_mm, hand_floor_deg)"
 )
 INFERRED_NOTE = (
-    "the frames give hand poses: joint readings were found from them by the robot's nominal table, so that σ carry "
-    "[uncertainty] of robot.toml; of the arm's configurations one was chosen for all frames: status and turn columns, "
-    "or joint readings, would tell which"
+    "the frames give hand poses: joint readings were found from them by the robot's nominal table, all in one of the "
+    "arm's configurations that may be another than it was in; σ carry [uncertainty] of robot.toml"
 )
 
 STANDING_NOTE = (

@@ -63,6 +63,8 @@ class AxisPoints:
     label: string names, "A", "B'" … (N,). spot: index into the frame's SurfacePoints (N,), -1 where none was given.
     yz_mm: axis point in {P} (N, 2). cov_yz_mm2: its covariance, surface model included (N, 2, 2).
     flag: "" for a point to be trusted, else the reason for doubt (N,).
+    offset_mm: the lit surface less the axis, which the string's stated diameter is a factor of (N, 2); None where the
+    points were given as they are.
     """
 
     label: tuple[str, ...]
@@ -70,10 +72,12 @@ class AxisPoints:
     yz_mm: Array
     cov_yz_mm2: Array
     flag: tuple[str, ...]
+    offset_mm: Array | None = None
 
     def __post_init__(self) -> None:
         """InputError where the columns differ in length."""
-        _check_columns(self, len(self.label), {"spot": (), "yz_mm": (2,), "cov_yz_mm2": (2, 2)})
+        offset: dict[str, tuple[int, ...]] = {} if self.offset_mm is None else {"offset_mm": (2,)}
+        _check_columns(self, len(self.label), {"spot": (), "yz_mm": (2,), "cov_yz_mm2": (2, 2), **offset})
 
     def __len__(self) -> int:
         """The number of points."""
@@ -108,12 +112,15 @@ class SheetPoints:
     present : ndarray (F, M) of bool
     feature : ndarray (F, M) of int
         Which of the target's features each point lies on.
+    offset_mm : ndarray (F, M, 2) or None
+        The lit surface less the axis of a string, by its stated diameter; 0 where absent. None: of no point known.
     """
 
     yz_mm: Array
     cov_mm2: Array
     present: Mask
     feature: Index
+    offset_mm: Array | None = None
 
     @staticmethod
     def of(frames: Sequence[AxisPoints], features: Sequence[str]) -> SheetPoints:
@@ -122,11 +129,14 @@ class SheetPoints:
         shape = (len(frames), max(1, max((len(f) for f in frames), default=0)))
         yz, present, feature = np.zeros((*shape, 2)), np.zeros(shape, dtype=bool), np.zeros(shape, dtype=np.intp)
         covariance = np.broadcast_to(np.eye(2), (*shape, 2, 2)).copy()
+        offset = None if all(f.offset_mm is None for f in frames) else np.zeros((*shape, 2))
         for i, f in enumerate(frames):
             n = len(f)
             yz[i, :n], present[i, :n], feature[i, :n] = f.yz_mm, True, [number[label] for label in f.label]
             covariance[i, :n] = f.cov_yz_mm2 + np.eye(2) * _SIGMA_FLOOR_MM**2
-        return SheetPoints(yz, covariance, present, feature)
+            if offset is not None and f.offset_mm is not None:
+                offset[i, :n] = f.offset_mm
+        return SheetPoints(yz, covariance, present, feature, offset)
 
     def __len__(self) -> int:
         """The number of frames."""
@@ -134,7 +144,8 @@ class SheetPoints:
 
     def __getitem__(self, index: Index) -> SheetPoints:
         """The frames of ``index``."""
-        return SheetPoints(self.yz_mm[index], self.cov_mm2[index], self.present[index], self.feature[index])
+        offset = None if self.offset_mm is None else self.offset_mm[index]
+        return SheetPoints(self.yz_mm[index], self.cov_mm2[index], self.present[index], self.feature[index], offset)
 
     @property
     def xyz_mm(self) -> Array:

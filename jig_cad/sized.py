@@ -1,4 +1,4 @@
-"""A string jig whose side and height are uncertain, too, beside its anchors' places."""
+"""A string jig whose side, height and string diameter are uncertain, too, beside its anchors' places."""
 
 from __future__ import annotations
 
@@ -14,12 +14,15 @@ from jig_cad.jig import Jig
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
-SIZES = ("side_mm", "height_mm")
+SIZES = ("side_mm", "height_mm", "string_diameter_mm")
 
 
 @dataclass(frozen=True, eq=False)
 class SizedJig:
-    """``jig`` with two more shape unknowns [mm]: what is to be added to its side (y and z) and height (x)."""
+    """``jig`` with three more shape unknowns [mm]: what is to be added to its side (y and z), height (x) and strings.
+
+    A string's diameter moves no anchor: it is a factor of how far the axis lies behind the lit surface that was seen.
+    """
 
     jig: Jig
 
@@ -51,20 +54,24 @@ class SizedJig:
 
     def resized(self, side_mm: float, height_mm: float) -> Jig:
         """The jig with so much more side and height."""
-        return replace(self.jig, anchors_mm=self._anchors(np.array([side_mm, height_mm])))
+        return replace(self.jig, anchors_mm=self._anchors(side_mm, height_mm))
 
     def predict(self, T_sensor_target: Pose, shape: Array, points: SheetPoints) -> Prediction:
         """See Target."""
         shifts, sizes = shape[: -len(SIZES)], shape[-len(SIZES) :]
         j = self.jig
         side, height = j.anchors_mm * [0, 1, 1] / j.side_mm, j.anchors_mm * [1, 0, 0] / j.height_mm
-        anchors, motions = self._anchors(sizes), np.stack([side, height])
-        return predict_crossings(anchors, j.start_index, j.end_index, T_sensor_target, shifts, points, motions)
+        anchors, motions = self._anchors(sizes[0], sizes[1]), np.stack([side, height])
+        by_diameter = np.zeros_like(points.yz_mm) if points.offset_mm is None else points.offset_mm
+        by_diameter = by_diameter / j.string_diameter_mm
+        seen = replace(points, yz_mm=points.yz_mm - sizes[2] * by_diameter)
+        found = predict_crossings(anchors, j.start_index, j.end_index, T_sensor_target, shifts, seen, motions)
+        return replace(found, by_shape=np.concatenate([found.by_shape, by_diameter[..., None]], -1))
 
     def offset(self, points_mm: Array, feature: Index) -> tuple[Array, Array]:
         """See Target."""
         return self.jig.offset(points_mm, feature)
 
-    def _anchors(self, sizes: Array) -> Array:
-        across, along = 1 + sizes[0] / self.jig.side_mm, 1 + sizes[1] / self.jig.height_mm
+    def _anchors(self, side_mm: float, height_mm: float) -> Array:
+        across, along = 1 + side_mm / self.jig.side_mm, 1 + height_mm / self.jig.height_mm
         return np.asarray(self.jig.anchors_mm * np.array([along, across, across]))

@@ -5,7 +5,7 @@ known distances between targets. Each is one Term with the unknowns that it brin
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -46,8 +46,15 @@ class Evidence(Protocol):
     def freedom(self, bundle: Bundle) -> int:
         """Residuals less unknowns."""
 
+    @property
+    def rows(self) -> int:
+        """How many positions, readings or distances it has."""
+
     def called(self, group: int) -> str:
         """What a group of its term's residuals is called in a sentence."""
+
+    def without(self, group: int) -> Evidence | None:
+        """The same less the row of that group; None where the rest would tell nothing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +76,8 @@ class _Carried:
 class TrackedPoint:
     """Positions (N, 3) [mm] of a point on the hand, in the frame of the tracker or measuring machine that saw it.
 
-    Unknown beside the robot: T_tracker_base, common to all points of one ``tracker``, and the point in the hand.
+    Unknown beside the robot: T_tracker_base, common to all points of one ``tracker``, and the point in the hand. row
+    (N,): which of the file's rows each is, from 0; by default all of them in order.
     """
 
     name: str
@@ -77,6 +85,7 @@ class TrackedPoint:
     xyz_mm: Array
     sigma_mm: float = TRACKER_SIGMA_MM
     tracker: str = "tracker"
+    row: Index = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
 
     def __post_init__(self) -> None:
         """InputError where there are too few positions."""
@@ -84,6 +93,8 @@ class TrackedPoint:
             raise InputError(
                 f"tracked point {self.name}: {len(self.xyz_mm)} positions; {_FEWEST} or more are needed, one a reading"
             )
+        if len(self.row) != len(self.xyz_mm):
+            object.__setattr__(self, "row", np.arange(len(self.xyz_mm)))
 
     @property
     def _point(self) -> str:
@@ -113,9 +124,21 @@ class TrackedPoint:
         """See Evidence."""
         return 3 * len(self.xyz_mm) - 9
 
+    @property
+    def rows(self) -> int:
+        """See Evidence."""
+        return len(self.row)
+
     def called(self, group: int) -> str:
         """See Evidence."""
-        return f"position {group + 1} of the tracked point {self.name}"
+        return f"position {self.row[group] + 1} of the tracked point {self.name}"
+
+    def without(self, group: int) -> TrackedPoint | None:
+        """See Evidence."""
+        if len(self.row) <= _FEWEST:
+            return None
+        stays = np.arange(len(self.row)) != group
+        return replace(self, joints_rad=self.joints_rad[stays], xyz_mm=self.xyz_mm[stays], row=self.row[stays])
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,19 +162,24 @@ class _Tracked:
 class SeatedTool:
     """A ball on the hand seated in sockets that stand still: readings (N, n), and which socket (N,) each is in.
 
-    Unknown beside the robot: the ball in the hand, and every socket in the base.
+    Unknown beside the robot: the ball in the hand, and every socket in the base. row (N,): which of its socket's rows
+    in the file each is, from 0; by default all of them in order.
     """
 
     joints_rad: Array
     socket: Index
     names: tuple[str, ...]
     sigma_mm: float = SEAT_SIGMA_MM
+    row: Index = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
 
     def __post_init__(self) -> None:
         """InputError where the readings tell nothing."""
         for k, name in enumerate(self.names):
             if np.sum(self.socket == k) < 2:
                 raise InputError(f"socket {name}: one reading tells nothing of the robot; two or more are needed")
+        if len(self.row) != len(self.socket):
+            before = [int(np.sum(self.socket[:k] == s)) for k, s in enumerate(self.socket)]
+            object.__setattr__(self, "row", np.array(before, dtype=np.intp))
 
     def blocks(self, bundle: Bundle) -> tuple[Block, ...]:
         """See Evidence."""
@@ -172,10 +200,26 @@ class SeatedTool:
         """See Evidence."""
         return 3 * len(self.joints_rad) - 3 - 3 * len(self.names)
 
+    @property
+    def rows(self) -> int:
+        """See Evidence."""
+        return len(self.row)
+
     def called(self, group: int) -> str:
         """See Evidence."""
-        name = self.names[int(self.socket[group])]
-        return f"reading {int(np.sum(self.socket[: group + 1] == self.socket[group]))} of socket {name}"
+        return f"reading {self.row[group] + 1} of socket {self.names[int(self.socket[group])]}"
+
+    def without(self, group: int) -> SeatedTool | None:
+        """See Evidence. A socket that is left with one reading goes with it."""
+        stays = np.arange(len(self.socket)) != group
+        alone = [k for k in range(len(self.names)) if np.sum(self.socket[stays] == k) < 2]
+        stays &= ~np.isin(self.socket, alone)
+        if not np.any(stays):
+            return None
+        names = tuple(n for k, n in enumerate(self.names) if k not in alone)
+        number = np.cumsum([k not in alone for k in range(len(self.names))]) - 1
+        socket = number[self.socket[stays]].astype(np.intp)
+        return replace(self, joints_rad=self.joints_rad[stays], socket=socket, names=names, row=self.row[stays])
 
     def _in_socket(self) -> Array:
         """Derivatives (N, 3, 3 S) of each reading's socket by all sockets."""
@@ -244,9 +288,17 @@ class DistanceBetween:
         """See Evidence."""
         return int(self._there(bundle))
 
+    @property
+    def rows(self) -> int:
+        """See Evidence."""
+        return 1
+
     def called(self, group: int) -> str:
         """See Evidence."""
         return f"the distance from {self._name}"
+
+    def without(self, group: int) -> None:
+        """See Evidence: of one number nothing is left."""
 
     @property
     def _both(self) -> tuple[str, str]:

@@ -1,7 +1,7 @@
 """The judgement on data and answer: verdicts, culprits, which model predicts, what can not be told apart."""
 
 from calib.judge.alike import equal_weights
-from calib.judge.beside import evidence_contradicts
+from calib.judge.beside import FalseRow, evidence_contradicts, worst_row
 from calib.judge.causes import cause_of, with_own_poses
 from calib.judge.contradiction import frames_contradict
 from calib.judge.culprits import culprit, strangers
@@ -17,6 +17,7 @@ __all__ = [
     "FEWEST_LEFT_OUT",
     "UNCHECKED",
     "Facts",
+    "FalseRow",
     "at_least",
     "bundle_estimate",
     "bundle_facts",
@@ -36,5 +37,6 @@ __all__ = [
     "table_advice",
     "weak_by_jackknife",
     "with_own_poses",
+    "worst_row",
     "wrong_jig",
 ]

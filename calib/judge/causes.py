@@ -17,6 +17,7 @@ from calib.config import CalibConfig
 from calib.figures import agreeing_pose, pose_distance
 from calib.judge.culprits import LEAST_PAIRS, disturbed_joints
 from calib.judge.culprits_jig import LEAST_STRINGS, wrong_jig
+from calib.judge.order import reordered
 from calib.judge.screws import ScrewViews, disagreement, largest_group, numbers_of, share, views_of
 from calib.label import label_frame
 from geometry import Frame, Pose, Robot, Sensor, SurfacePoints, stack_poses
@@ -67,7 +68,7 @@ def cause_of(
     v = views_of(posed, jig)
     if len(v.pairs) < _LEAST_GROUP:
         return ""
-    named = _shifted(v, frames) or _one_name(v)
+    named = _shifted(v, frames) or _one_name(v) or reordered(v, frames, jig)
     if named or not lost:
         return named
     given = share(v, stack_poses([f.at for f in v.frames]))
@@ -111,7 +112,7 @@ def _another_jig(frames: list[Frame], jig: Jig, sensor: Sensor, config: CalibCon
         changed = (replace(f, points=_times(f.points, times, share * extent)) for f in tried)
         return tuple(g for f in changed if (g := _alone(f, other, sensor, config)) is not None)
 
-    enough, spots, fits = _POSED * len(tried), "y_mm, z_mm of points.csv", "the points fit the jig if"
+    enough, spots, fits = _POSED * len(tried), _lengths(tried), "the points fit the jig if"
     for times, unit in _UNITS.items():
         if len(posed(times, _UNIT_SHARE, jig)) >= enough:
             return f"{fits} {spots} are {unit}, or {_sizes(jig)} is {times:g} times too large"
@@ -126,6 +127,12 @@ def _another_jig(frames: list[Frame], jig: Jig, sensor: Sensor, config: CalibCon
         found = posed(1.0, _SIDE_SHARE, other)
         best = found if len(found) > len(best) else best
     return wrong_jig(best, jig) if len(best) >= enough else ""
+
+
+def _lengths(frames: list[Frame]) -> str:
+    """Where the lengths of spots come from: a file of points, or the camera's place by which images were measured."""
+    given = any(np.any(~np.isfinite(f.points.amplitude_dn)) for f in frames)
+    return "y_mm, z_mm of points.csv" if given else "translation_mm of [camera.pose] in sensor.toml, hence all spots,"
 
 
 def _sizes(jig: Jig) -> str:

@@ -33,8 +33,9 @@ Index = NDArray[np.intp]
 # how far off a number that is wrong usually is: makers' tables and typing errors, encoders that lost their zero
 GROSS = {"theta": np.deg2rad(0.5), "d": 2.0, "a": 2.0, "alpha": np.deg2rad(0.5), "beta": np.deg2rad(0.5)}
 GROSS_TIMES = 10.0  # a prior's σ, for kinds of parameters that are not listed
-GROSS_ANCHOR_MM, GROSS_SIZE_MM = 0.5, 1.0
-GROSSER = 6.0  # times these: 12 mm, 3°, 6 mm of a jig; what was linearised and labelled is not what is there
+GROSS_ANCHOR_MM = 0.5
+GROSS_SIZE_MM = {"side_mm": 1.0, "height_mm": 1.0, "string_diameter_mm": 0.3}
+GROSSER = 6.0  # times these: 12 mm, 3°, 6 mm of a jig, 1.8 mm of a string; what was linearised is not what is there
 SEEN = 1.0  # pull that an error of gross size makes at least, if its number can be suspected from the data at all
 MORE_COMPONENTS = 4.0  # gain that chance gives for each component beyond the first, at the tail that matters
 SAME_CHI2 = 9.0  # suspects whose gains are this near are told apart by nothing: a likelihood ratio of 90
@@ -69,7 +70,8 @@ class SuspectTrial:
 
     where (k,): among the common unknowns. size (k,): what it would be with no prior, in the block's own unit. sigma
     (k,): how well the data know that, the prior's σ of the number included. pull: how many σ that is, with the sign of
-    a single component. seen: whether a gross error of it would show.
+    a single component. seen: whether a gross error of it would show. support: logarithm of how much likelier an error
+    of gross size (of the size found, where that is larger) makes the data than none, its own size averaged over.
     """
 
     suspect: Suspect
@@ -78,6 +80,7 @@ class SuspectTrial:
     sigma: Array
     pull: float
     seen: bool
+    support: float = 0.0
 
     @property
     def gross(self) -> bool:
@@ -176,9 +179,11 @@ class LinearEvidence:
         pull = float(np.sqrt(max(float(c[where] @ size) - MORE_COMPONENTS * (len(where) - 1), 0.0)))
         sign = -1.0 if len(where) == 1 and size[0] < 0 else 1.0
         gross = self.scale[where]
-        return SuspectTrial(
-            suspect, where, size * gross, np.sqrt(np.maximum(np.diag(inverse), 0.0)) * gross, sign * pull, seen
-        )
+        expected = information + np.diag(1 / np.maximum(np.abs(size), 1.0) ** 2)
+        occam = np.linalg.slogdet(expected)[1] + 2 * np.sum(np.log(np.maximum(np.abs(size), 1.0)))
+        support = (float(c[where] @ np.linalg.solve(expected, c[where])) - float(occam)) / 2
+        sigma = np.sqrt(np.maximum(np.diag(inverse), 0.0)) * gross
+        return SuspectTrial(suspect, where, size * gross, sigma, sign * pull, seen, support)
 
 
 def _inverse(matrix: Array) -> Array:
@@ -253,7 +258,7 @@ def _of_shape(bundle: Bundle) -> Iterator[Suspect]:
     labels = jig.shape.labels
     for name in SIZES:
         where = np.array([labels.index(name)])
-        yield Suspect("shape", name, None, "mm", 1.0, where, np.array([GROSS_SIZE_MM]))
+        yield Suspect("shape", name, None, "mm", 1.0, where, np.array([GROSS_SIZE_MM[name]]))
 
 
 def _of_sensor(bundle: Bundle) -> Iterator[Suspect]:

@@ -93,5 +93,5 @@ def _with_offsets(
     index = np.array([[jig.strings.index(label) for label in f.axis.label] for f in frames])
     directions = jig.directions[index] @ np.swapaxes(Ts_sensor_jig.R, -1, -2)
     offset, spread = surface_offset(yz, directions, jig.string_diameter_mm / 2, sensor, config.surface)
-    points = zip(frames, yz - offset, cov + spread, strict=True)
-    return [replace(f, axis=replace(f.axis, yz_mm=p, cov_yz_mm2=c)) for f, p, c in points]
+    points = zip(frames, yz - offset, cov + spread, offset, strict=True)
+    return [replace(f, axis=replace(f.axis, yz_mm=p, cov_yz_mm2=c, offset_mm=o)) for f, p, c, o in points]

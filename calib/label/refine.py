@@ -92,7 +92,7 @@ class _Part:
         given = None if self.prior is None else (self.prior.T_sensor_jig, self.prior.root_information)
         T = self.T_sensor_jig
         yz, cov = axis_points(spots, names, self.jig, self.sensor, T, self.config)
-        axis = AxisPoints(names, labels[index], yz, cov, spots.flag)
+        axis = AxisPoints(names, labels[index], yz, cov, spots.flag, spots.yz_mm - yz)
         if given is not None and len(index) < FULL:
             return axis, pose_near(axis, self.jig, *given)
         return axis, fit_pose(axis, self.jig, T if given is None else given[0], self.starts)
@@ -193,8 +193,9 @@ def _renamed(frame: LabelledFrame, turn: Symmetry, jig: Jig) -> LabelledFrame:
     names = [turn.relabelled(label) for label in axis.label]
     order = sorted(range(len(axis)), key=lambda i: jig.strings.index(names[i]))
     flags = tuple(axis.flag[i] for i in order) if axis.flag else ()
+    offset = None if axis.offset_mm is None else axis.offset_mm[order]
     turned = AxisPoints(
-        tuple(names[i] for i in order), axis.spot[order], axis.yz_mm[order], axis.cov_yz_mm2[order], flags
+        tuple(names[i] for i in order), axis.spot[order], axis.yz_mm[order], axis.cov_yz_mm2[order], flags, offset
     )
     carried = turn.pose.inverse().adjoint
     candidates = tuple(

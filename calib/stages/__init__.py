@@ -2,6 +2,7 @@
 
 from calib.stages.by_paper import paper_answer
 from calib.stages.conclude import concluded
+from calib.stages.evidence import sound_evidence, sound_readings
 from calib.stages.judged import judged_answer
 from calib.stages.preparation import prepare, with_model
 from calib.stages.setup import Prepared, Setup, by_target, one_or_more
@@ -17,5 +18,7 @@ __all__ = [
     "one_or_more",
     "paper_answer",
     "prepare",
+    "sound_evidence",
+    "sound_readings",
     "with_model",
 ]

@@ -24,9 +24,9 @@ _NO_JOINTS = (
     "SCP: the SCP alone was solved (model scp)"
 )
 _ARM_OPEN = (
-    "a hand pose has several joint solutions, and through the wrong one the robot's errors act otherwise: they are not "
-    "estimated but carried in σ, and the SCP alone was solved (model scp); status and turn columns, or joint readings, "
-    "would let them be estimated (model full)"
+    "with hand poses and no columns of status and turn it is open in which of its configurations the arm was, hence "
+    "how its errors act: they are not estimated, and the SCP alone was solved (model scp); these columns, or joint "
+    "readings, would let them be estimated (model full)"
 )
 
 

@@ -18,6 +18,7 @@ CHANNELS = ("red", "green", "blue", "grey", "max")
 MOST_TILT_RAD = 0.8  # of a Scheimpflug adapter: 45°, beyond which no light arrives
 MOST_DISTORTION = 0.6  # half way to the corner, of the distance from the centre; a fisheye of 180° has some 0.4
 FARTHEST_MM = 1e5  # of the camera from the sheet's origin
+NEAREST_MM = 1.0  # of the camera's centre to the laser plane: no lens is so small, and metres for millimetres are
 FARTHEST_CENTRE = 50.0  # image sides, of the principal point: cut-outs of a large chip may lie outside
 
 
@@ -189,6 +190,11 @@ def _check_optics(c: Camera) -> None:
     if abs(c.T_sensor_camera.t[0]) < 1e-6:
         raise InputError(
             "the camera's centre lies in the laser plane x = 0: it sees the sheet edge-on and measures no depth"
+        )
+    if abs(c.T_sensor_camera.t[0]) < NEAREST_MM:
+        raise InputError(
+            f"[camera.pose] translation_mm puts the camera's centre {abs(c.T_sensor_camera.t[0]):g} mm from the laser "
+            f"plane x = 0, where no camera has room (at least {NEAREST_MM:g} mm): millimetres are right"
         )
     if _rays_hit_nowhere(c):
         raise InputError(

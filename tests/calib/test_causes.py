@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -30,7 +30,8 @@ class Files:
 @pytest.fixture(scope="module")
 def files() -> Files:
     rng = np.random.default_rng(4)
-    cell = random_cell(rng, CALIBRATE_ONLY)
+    # spots are put on the axes themselves: strings of no thickness
+    cell = random_cell(rng, CALIBRATE_ONLY, Jig.nominal(string_diameter_mm=1e-3))
     seen = observe(cell, made_cell(cell, rng, Noise()), rng, Noise())
     frames = tuple(_unlabelled(f) for f in seen.frames)
     return Files(frames, cell.jig, cell.robot, seen.design)
@@ -49,7 +50,7 @@ def _unlabelled(f: Frame) -> Frame:
         ("",) * n,
         np.zeros(n),
         np.ones((n, 2)),
-        np.full(n, 100.0),
+        np.full(n, np.nan),  # as of a points.csv
     )
     return replace(f, points=points, axis=AxisPoints.empty(), labels_given=False)
 
@@ -74,11 +75,21 @@ def _points(files: Files, change: Callable[[np.ndarray], np.ndarray]) -> Files:
 
 
 def _sized(jig: Jig, side: float, height: float) -> Jig:
-    return Jig.nominal(jig.side_mm * side, jig.height_mm * height, strings=jig.strings)
+    return Jig.nominal(jig.side_mm * side, jig.height_mm * height, jig.string_diameter_mm, strings=jig.strings)
 
 
 def _table(robot: DhRobot, times: float) -> DhRobot:
     return replace(robot, d=robot.d * times, a=robot.a * times)
+
+
+def _rows(files: Files, order: Sequence[int], places: bool = False) -> Files:
+    """Every image with the readings of another row; the names of places with the readings or with the images."""
+
+    def changed(f: Frame, k: int) -> Frame:
+        other = files.frames[k]
+        return replace(f, joints_rad=other.joints_rad, location=other.location if places else f.location)
+
+    return replace(files, frames=tuple(changed(f, k) for f, k in zip(files.frames, order, strict=True)))
 
 
 SPOILT: dict[str, Callable[[Files], Files]] = {
@@ -94,6 +105,15 @@ SPOILT: dict[str, Callable[[Files], Files]] = {
     "side_mm with height_mm of jig.toml is in centimetres": lambda f: replace(f, jig=_sized(f.jig, 0.1, 0.1)),
     "its side_mm is about 100, not 90": lambda f: replace(f, jig=_sized(f.jig, 0.9, 1.0)),
     "d_mm and a_mm of robot.toml hold metres": lambda f: replace(f, robot=_table(f.robot, 1e-3)),
+    "different orders: one of them stands the other way round, last first": (
+        lambda f: _rows(f, range(len(f.frames))[::-1])
+    ),
+    "different orders: one of them stands sorted as text": (
+        lambda f: _rows(f, sorted(range(len(f.frames)), key=str), places=True)
+    ),
+    "are not each other's rows: the image of frame 0 goes with the readings of frame 8, 1 with 9": (
+        lambda f: _rows(f, np.roll(np.arange(len(f.frames)), 8))
+    ),
     'the table of robot.toml is convention = "standard"': lambda f: replace(
         f, robot=replace(f.robot, convention="modified")
     ),

@@ -189,18 +189,54 @@ def test_a_known_distance_between_balls_holds_the_scale() -> None:
     assert off[True] < 0.7 * off[False]  # the figures place each ball by its own location's frames alone
 
 
-def test_a_wrong_row_is_named_and_no_sigma_given() -> None:
-    """One position of the tracker 3 mm off: the answer is withheld with the row's name."""
+@pytest.mark.parametrize(("evidence", "off_mm"), [("tracker", 1.0), ("tracker", 3000.0), ("sockets", 3.0)])
+def test_a_wrong_row_is_left_out_and_named(evidence: str, off_mm: float) -> None:
+    """The answer is that without the row, to the last digit, and a remark says which and how far off it is.
+
+    A socket's reading is off by what its first joint moves the ball by.
+    """
+    rng = np.random.default_rng(6)
+    cell = random_cell(rng)
+    made = made_cell(cell, rng, Noise())
+    observed = observe(cell, made, rng, Noise())
+    seen = _tracked(rng, made.robot) if evidence == "tracker" else _seated(rng, made.robot)
+    without = seen.without(11)
+    if isinstance(seen, TrackedPoint):
+        seen.xyz_mm[11] += [0.0, off_mm, 0.0]
+        name = "position 12 of the tracked point reflector"
+    else:
+        seen.joints_rad[11, 0] += off_mm / np.hypot(*(made.robot.pose(seen.joints_rad[11]) @ REFLECTOR)[:2])
+        name = "reading 12 of socket one"
+    args = (observed.frames, cell.jig, cell.robot, observed.sensor, observed.design)
+    result, right = (calibrate(*args, evidence=[e]) for e in (seen, without))
+    assert result.verdict.code == "ok", result.verdict.text
+    (words,) = [w for w in result.remarks if "[evidence]" in w]
+    assert words.startswith(name)
+    told = float(words.split(" mm from")[0].split()[-1])
+    assert abs(told - off_mm) < 0.3 + 0.05 * off_mm
+    np.testing.assert_array_equal(result.T_hand_sensor.matrix, right.T_hand_sensor.matrix)
+    np.testing.assert_array_equal(result.covariance, right.covariance)
+
+
+def test_what_nothing_overrules() -> None:
+    """A distance that is 5 mm off is one number against the frames: withheld. With every third row off a tracker is
+    none: the answer is that without it.
+    """
     rng = np.random.default_rng(6)
     cell = random_cell(rng)
     made = made_cell(cell, rng, Noise())
     observed = observe(cell, made, rng, Noise())
     seen = _tracked(rng, made.robot)
-    seen.xyz_mm[11] += [0.0, 3.0, 0.0]
-    result = calibrate(observed.frames, cell.jig, cell.robot, observed.sensor, observed.design, evidence=[seen])
+    seen.xyz_mm[::3] += rng.normal(size=(9, 3)) * 20.0
+    apart = float(np.linalg.norm(cell.T_base_jig["A"].t - cell.T_base_jig["B"].t))
+    args = (observed.frames, cell.jig, cell.robot, observed.sensor, observed.design)
+    result = calibrate(*args, evidence=[DistanceBetween("A", "B", apart + 5.0)])
     assert not result.verdict.trustworthy
-    assert "position 12 of the tracked point reflector" in result.verdict.text
+    assert "the distance from A" in result.verdict.text
     assert result.covariance is None
+    result, without = calibrate(*args, evidence=[seen]), calibrate(*args)
+    assert any("of the tracked point" in w and "none of them was used" in w for w in result.remarks)
+    np.testing.assert_array_equal(result.covariance, without.covariance)
 
 
 def test_what_can_not_be_used_is_refused() -> None:

@@ -14,10 +14,11 @@ import pytest
 from calib import CalibConfig
 from calib.bundle import solve_problem
 from calib.judge.suspects import evidence_of
+from calib.label.surface_offset import rough_offset
 from calib.printed import nees
 from calib.synthetic.cell import Noise, SyntheticCell, calibrated, made_cell, observe, random_cell
 from calib.synthetic.problem import CALIBRATE_ONLY, problem_of, true_candidates
-from geometry import DhRobot
+from geometry import DhRobot, Frame
 from jig_cad import Jig
 
 NEES_LIMIT = 30.0  # a sound covariance exceeds it in 4 of 100,000 runs
@@ -101,3 +102,37 @@ def test_sensor_errors_by_its_file_widen_the_covariance() -> None:
     assert estimated.trusted is not None
     assert set(estimated.trusted.sensor_delta) == {"fx_px", "plane_tilt_y_rad"}
     assert np.trace(estimated.covariance[:3, :3]) < np.trace(wide.covariance[:3, :3])
+
+
+@pytest.mark.parametrize(("stated_mm", "trustworthy"), [(1.0, True), (3.0, False)])
+def test_a_string_that_is_not_as_thick_as_its_file_says_is_named(stated_mm: float, trustworthy: bool) -> None:
+    """Axes as labelling would have them, each as far behind the light that was seen as the file's diameter says.
+
+    That the lit surface lies where it does is tested elsewhere: its place and its error are of one formula here.
+    """
+    rng = np.random.default_rng(7)
+    cell = random_cell(rng, CALIBRATE_ONLY)
+    made = made_cell(cell, rng, Noise())
+    observed = observe(cell, made, rng, Noise())
+    chain = made.robot.pose(cell.joints_rad) @ made.T_hand_sensor
+
+    def thick(f: Frame, i: int) -> Frame:
+        R = (chain[i].inverse() @ made.T_base_jig[f.location]).R
+        towards = np.stack([
+            rough_offset(p, cell.jig.directions[k] @ R.T, 1.0, observed.sensor) for k, p in enumerate(f.axis.yz_mm)
+        ])  # fmt: skip
+        wrong = (stated_mm - cell.jig.string_diameter_mm) / 2
+        yz = f.axis.yz_mm - wrong * towards
+        return replace(f, axis=replace(f.axis, yz_mm=yz, offset_mm=stated_mm / 2 * towards))
+
+    frames = tuple(thick(f, i) for i, f in enumerate(observed.frames))
+    jig = replace(cell.jig, string_diameter_mm=stated_mm)
+    result = calibrated(replace(observed, frames=frames), jig, cell.robot)
+    assert result.verdict.code == "priors_contradict"
+    assert "string_diameter_mm of jig.toml" in result.verdict.text
+    assert result.culprit[0].parameter == "string_diameter_mm"
+    assert result.verdict.trustworthy == trustworthy
+    if trustworthy:
+        assert result.T_hand_sensor is not None
+        assert result.covariance is not None
+        assert nees(made.T_hand_sensor, result.T_hand_sensor, result.covariance) < NEES_LIMIT

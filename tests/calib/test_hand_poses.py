@@ -199,6 +199,6 @@ def test_what_auto_is_with_an_arm_whose_solution_is_open_is_said() -> None:
     _, poses = _draw(np.random.default_rng(5), cell)
     with_table = calibrated(poses, cell.jig, cell.robot)
     assert with_table.model == "scp"
-    assert any("several joint solutions" in r for r in with_table.remarks)
+    assert any("in which of its configurations the arm was" in r for r in with_table.remarks)
     without = calibrated(poses, cell.jig, None)
     assert any("no joint readings that a robot's table turns into poses" in r for r in without.remarks)

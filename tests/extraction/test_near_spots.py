@@ -2,8 +2,13 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import least_squares
 
 from extraction import ExtractionConfig, SpotNoiseConfig, extract
+from extraction.noise import PixelNoise
+from extraction.spots.fit import PLACE, Window, Windows
+from extraction.spots.model import SPOT, Spot
+from extraction.spots.two import Peak, fit_two, flat_topped, full_widths_apart
 from tests.extraction.spots import make_sensor
 
 WIDTH, HEIGHT, FINE, SIGMA_PX = 160, 128, 5, 1.3
@@ -69,3 +74,42 @@ def test_one_spot_stays_one(shape, contrast):
     rng = np.random.default_rng(5)
     for _ in range(30):
         assert len(extract(picture(rng, 0.0, 0.5, shape, contrast)[0], SENSOR)) == 1
+
+
+def test_the_joint_fit_is_that_of_another_solver():
+    """Weights of one variance: then least squares by scipy has the same answer, from the truth on."""
+    rng = np.random.default_rng(6)
+    y, x = np.mgrid[:19, :23].astype(float)
+
+    def mean(q):
+        a, h, c = q[6:9]
+        bells = [
+            np.exp(-0.5 * (a * (x - u) ** 2 + 2 * h * (x - u) * (y - v) + c * (y - v) ** 2))
+            for u, v in (q[0:2], q[3:5])
+        ]
+        return q[2] * bells[0] + q[5] * bells[1] + q[9]
+
+    truth = np.array([9.3, 8.8, 100.0, 13.9, 10.1, 70.0, 0.5, -0.1, 0.6, 12.0])
+    grey = mean(truth) + rng.normal(0, 2, x.shape)
+    other = least_squares(lambda q: (mean(q) - grey).ravel(), truth, xtol=1e-12, ftol=1e-12).x
+    one = Spot(11.0, 9.0, 110.0, 0.2, 0.0, 0.5, 12.0, 0.0, 0.0)
+    window = Window(grey, np.ones(grey.shape, dtype=np.bool_))
+    stands, found = fit_two(window, one, Peak(14.0, 10.0, 65.0), PixelNoise(4.0, 0.0, 0.0, 0.0))
+    assert stands
+    assert np.abs(found.q - other).max() < 1e-2 * np.abs(other).max()
+    assert np.abs(found.q[[0, 1, 3, 4]] - other[[0, 1, 3, 4]]).max() < 2e-3  # a hundredth of σ
+    assert 1.3 < full_widths_apart(found.q) < 1.5
+
+
+def test_one_grainy_spot_is_no_flat_top():
+    """A dozen pixels of speckle are explained by five moments to most; two spots would have to explain nearly all."""
+    rng, n = np.random.default_rng(7), 400
+    y, x = np.mgrid[:11, :11].astype(float)
+    signal = 100 * np.exp(-0.5 * ((x - 5) ** 2 + (y - 5) ** 2) / 1.2)
+    grey = signal * (1 + 0.3 * rng.normal(0, 1, (n, 11, 11))) + 5
+    place, spots, out = np.zeros(n, PLACE), np.zeros(n, SPOT), np.zeros(n, dtype=np.bool_)
+    place["rows"] = place["columns"] = 11
+    for name, value in zip(SPOT.names, (5, 5, 100, 1 / 1.2, 0, 1 / 1.2, 5, 0, 0), strict=True):
+        spots[name] = value
+    flat_topped(Windows(grey, np.ones(grey.shape, dtype=np.bool_)), place, spots, out)
+    assert np.mean(out) < 0.1

@@ -49,6 +49,14 @@ CASES: dict[str, tuple[Callable[[Path], object], tuple[str, ...]]] = {
         _edit("cell.toml", '"jig.toml"', '"jigs.toml"'),
         ("cell.toml, line", 'jigs.toml is no file: did you mean "jig.toml"'),
     ),
+    "missing file beside others": (
+        lambda d: (d / "sensor.toml").unlink(),
+        ("cell.toml, line", "sensor.toml is no file: put it there, or name the file that holds it"),
+    ),
+    "camera in metres": (
+        _edit("sensor.toml", "translation_mm = [120.0, 0.0, 0.0]", "translation_mm = [0.12, 0.0, 0.0]"),
+        ("sensor.toml", "[camera.pose] translation_mm", "0.12 mm from the laser plane", "millimetres"),
+    ),
     "preset for a file": (
         _edit("cell.toml", '"robot.toml"', '"abb_irb2400"'),
         ("cell.toml, line", "it is a preset", "init --robot abb_irb2400"),

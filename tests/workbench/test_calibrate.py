@@ -153,6 +153,22 @@ def test_points_stand_in_place_of_images(cli: Cli, dataset: Path, answer: Any) -
     assert np.allclose(bare.json["T_hand_sensor"], with_images["T_hand_sensor"], rtol=0, atol=0.1)
 
 
+def test_points_that_the_camera_can_not_see_are_told(cli: Cli, dataset: Path) -> None:
+    """Points in millimetres need no camera: it is checked all the same, for its place's unit and for another's file."""
+    assert cli("extract", dataset, "--csv", dataset / "points.csv").code == 0
+    for image in (dataset / "images").iterdir():
+        image.unlink()
+    plain = (dataset / "sensor.toml").read_text()
+    edit(dataset / "sensor.toml", "fx_px = 2300", "fx_px = 2400")
+    other = cli("calibrate", dataset, "--json")
+    assert any("measured by another sensor.toml" in note for note in other.json["notes"])
+    (dataset / "sensor.toml").write_text(plain)
+    edit(dataset / "sensor.toml", "translation_mm = [120.0, 0.0, 0.0]", "translation_mm = [4.72, 0.0, 0.0]")
+    inches = cli("calibrate", dataset)
+    assert inches.code == 2
+    assert "nearly all if translation_mm of [camera.pose] holds inches" in inches.err
+
+
 def test_hand_poses_stand_in_place_of_joints(cli: Cli, dataset: Path) -> None:
     """Without a table that the readings are known by, the default is the SCP alone, and the notes say so."""
     from geometry import quaternion_wxyz

@@ -26,7 +26,14 @@ from extraction.features import string_points
 from geometry import Frame, InputError, Sensor, Surface, SurfacePoints, Target, target_at
 from jig_cad import Jig
 from workbench.cell.on_surface import OnSurface, dataset_remarks, on_surface
-from workbench.cell.remarks import beyond_labelling, merged, out_of_limits, remarks, with_complaints
+from workbench.cell.remarks import (
+    beside_the_camera,
+    beyond_labelling,
+    merged,
+    out_of_limits,
+    remarks,
+    with_complaints,
+)
 from workbench.cell.speckle import dataset_config
 from workbench.files import Cell, Settings, read_image
 from workbench.profiles import frame_profiles
@@ -120,6 +127,7 @@ def solve(cell: Cell, observed: Observed, config: CalibConfig | None = None) -> 
         With a verdict; without an SCP where none can be trusted.
 
     """
+    beside = tuple(beside_the_camera(cell))
     result = calibrate(
         observed.frames,
         cell.target,
@@ -137,6 +145,7 @@ def solve(cell: Cell, observed: Observed, config: CalibConfig | None = None) -> 
         *remarks(result),
         *out_of_limits(cell),
         *cell.remarks,
+        *beside,
         *observed.remarks,
         *beyond_labelling(cell, observed.frames, config or CalibConfig()),
         *result.remarks,

@@ -9,9 +9,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from calib import CalibConfig, CalibrationResult, Verdict
-from geometry import Frame, target_at
+from geometry import Camera, Frame, InputError, Pose, target_at
+from geometry.sensor import project
 from jig_cad import Jig
 from workbench.files import Cell
 
@@ -24,6 +26,10 @@ _SUSPECTS = {
     "robot_out_of_range": "check min_deg and max_deg of robot.toml, and the joint columns",
 }
 MAX_KINDS = 3  # of complaints about images that are named in the verdict
+LEAST_SEEN = 0.5  # share of given points that the sensor's camera must have in its image
+UNITS = {25.4: "inches", 10.0: "centimetres", 1e3: "metres"}  # how many mm one is
+LEAST_PIXELS = 5  # points with pixels, to judge by
+SAME_PX = 2.0  # spots are known to tenths of a pixel, and a file's rounding is less
 
 
 def remarks(result: CalibrationResult) -> tuple[str, ...]:
@@ -63,6 +69,56 @@ def beyond_labelling(cell: Cell, frames: Sequence[Frame], config: CalibConfig) -
             f"frame {worst.number} holds {len(worst.points)} spots{more}: the {most} best of a frame are considered as "
             "strings, the others left out; max_candidates of [calib.labelling] may be raised"
         )
+
+
+def beside_the_camera(cell: Cell) -> Iterator[str]:
+    """A sentence where the given points are not what the camera of sensor.toml sees: most not at all, or elsewhere."""
+    camera = cell.sensor.camera
+    if camera is None or not cell.points:
+        return
+    given = [g.points for g in cell.points.values() if len(g.points)]
+    axes = [g.axis for g in cell.points.values() if g.axis is not None and not len(g.points)]
+    yz = np.concatenate([*(p.yz_mm for p in given), *(a.yz_mm for a in axes), np.zeros((0, 2))])
+    if not len(yz):
+        return
+    seen = _seen(camera, yz)
+    file = cell.folder / "points.csv"
+    if np.mean(seen) < LEAST_SEEN:
+        fits = [unit for times, unit in UNITS.items() if np.mean(_seen(_moved(camera, times), yz)) > 1 - LEAST_SEEN]
+        if fits:
+            raise InputError(
+                f"{cell.folder}: the camera of sensor.toml sees {np.mean(seen):.0%} of the points of {file.name}, and "
+                f"nearly all if translation_mm of [camera.pose] holds {fits[0]}: millimetres are right"
+            )
+        yield (
+            f"the camera of sensor.toml sees {np.mean(seen):.0%} of the points of {file.name}: check [camera] and "
+            "[camera.pose], or whether the points are another sensor's"
+        )
+        return
+    uv = np.concatenate([*(p.uv_px for p in given), np.zeros((0, 2))])
+    there = np.isfinite(uv).all(axis=1)
+    if np.sum(there) < LEAST_PIXELS:
+        return
+    by = project(camera, np.insert(np.concatenate([p.yz_mm for p in given])[there], 0, 0.0, axis=1))
+    off = float(np.median(np.nan_to_num(np.linalg.norm(by - uv[there], axis=1), nan=np.inf)))
+    if off > SAME_PX:
+        yield (
+            f"u_px, v_px of {file.name} lie {off:.2g} px (median) from where sensor.toml sees y_surface_mm, "
+            "z_surface_mm: the points were measured by another sensor.toml, and an SCP belongs to its own"
+        )
+
+
+def _seen(camera: Camera, yz_mm: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Which points (N, 2) of the sheet lie in the camera's image."""
+    uv = project(camera, np.insert(yz_mm, 0, 0.0, axis=1))
+    with np.errstate(invalid="ignore"):
+        return np.asarray(np.all((uv > -1.0) & (uv < [camera.width_px, camera.height_px]), axis=1))
+
+
+def _moved(camera: Camera, times: float) -> Camera:
+    """The camera with its place in another unit."""
+    pose = camera.T_sensor_camera
+    return replace(camera, T_sensor_camera=Pose(pose.R, pose.t * times))
 
 
 def _has_strings(cell: Cell, location: str) -> bool:

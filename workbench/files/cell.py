@@ -151,6 +151,11 @@ class Cell:
         )
 
     @property
+    def has_surfaces(self) -> bool:
+        """Whether balls, plates or other surfaces are measured, at one location at least."""
+        return any(isinstance(target, Surface) for target in self.targets)
+
+    @property
     def targets(self) -> tuple[Target, ...]:
         """All targets, each once."""
         if not isinstance(self.target, Mapping):
@@ -357,9 +362,11 @@ def _named(folder: Path, name: str, source: TomlSource, key: str, where: Locatio
     if any(len(part.encode()) > LONGEST_NAME for part in path.parts):
         raise InputError(f"{source.where(where or (key,))}: {key} is too long for the name of a file")
     if not name or not path.is_file():
-        near = did_you_mean(name, [p.name for p in folder.iterdir() if p.is_file()])
+        taken = {source.path.name, *(v for k, v in source.data.items() if k != key and isinstance(v, str))}
+        near = did_you_mean(name, [p.name for p in folder.iterdir() if p.is_file() and p.name not in taken])
         raise InputError(
-            f'{source.where(where or (key,))}: {key} = "{name}", but {path} is no file' + (near or _preset(name, key))
+            f'{source.where(where or (key,))}: {key} = "{name}", but {path} is no file'
+            + (near or _preset(name, key) or ": put it there, or name the file that holds it")
         )
     return path
 

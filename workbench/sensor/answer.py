@@ -2,12 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from calib.sensor import DirectMap, SensorCalibration, SensorSolution
-from geometry import Camera, Sensor, Sheet, toml_value
+from calib.sensor import DirectMap, SensorCalibration, SensorSolution, UntakenTilt
+from geometry import (
+    DIGITS,
+    Camera,
+    Pose,
+    Sensor,
+    Sheet,
+    rounded_by_sigma,
+    rounded_covariance,
+    rounded_transform,
+    toml_value,
+)
+from geometry.sensor import CAMERA_PARAMETERS
 from perceptron_emu import EmulatorConfig
 from workbench.files import sensor_text
 
@@ -56,6 +68,7 @@ def answer_object(
             "stripe_scale": result.stripe_scale,
             "view_offset_px": result.offset_px,
         },
+        "untaken_tilt": None if result.untaken is None else tilt_object(result.untaken),
         "terms_tried": [
             {
                 "terms": t.terms,
@@ -66,8 +79,27 @@ def answer_object(
         ],
         "verdict": {"code": result.verdict.code, "text": result.verdict.text},
         "views": sorted(views, key=lambda v: str(v["view"])),
-        "notes": [*result.notes, *remarks, *UNSEEN],
+        "notes": [*result.notes, *remarks, *untaken_note(result.untaken), *UNSEEN],
     }
+
+
+def tilt_object(tilt: UntakenTilt) -> dict[str, Any]:
+    """A tilt of the chip that the answer does not hold and the views do not exclude."""
+    angles = np.rad2deg([*tilt.tau_rad, *tilt.sigma_rad])
+    names = ("tau_x_deg", "tau_y_deg", "sigma_tau_x_deg", "sigma_tau_y_deg")
+    return {"probability": tilt.probability} | dict(zip(names, angles.tolist(), strict=True))
+
+
+def untaken_note(tilt: UntakenTilt | None) -> list[str]:
+    """The same in words."""
+    if tilt is None:
+        return []
+    (x, y), (sx, sy) = np.rad2deg(tilt.tau_rad), np.rad2deg(tilt.sigma_rad)
+    chance = f"{100 * tilt.probability:.0f} %"
+    return [
+        f"the chip is taken to stand upright; the views leave a chance of {chance} that it is tilted "
+        f"(by {x:.2f} ± {sx:.2f}° about x and {y:.2f} ± {sy:.2f}° about y), which every σ holds: tilt the board more"
+    ]
 
 
 def _by_depth(values: tuple[float, float, float] | None) -> dict[str, float] | None:
@@ -85,12 +117,15 @@ def camera_object(s: SensorSolution) -> dict[str, Any]:
 
 
 def calibrated_sensor(result: SensorCalibration, pictures: Sensor) -> Sensor | None:
-    """The sensor of a calibration; its emitter and fan are assumed. None where there is no solution."""
+    """The sensor of a calibration, rounded as its file has it; emitter and fan are assumed. None without a solution."""
     s = result.solution
     if s is None:
         return None
-    seen = pictures.require_camera()
-    fx, fy, cx, cy = (float(v) for v in s.camera[:4])
+    seen, sigma = pictures.require_camera(), s.uncertainty.sigma
+    given = (*s.camera[:4], *s.distortion)
+    numbers = [rounded_by_sigma(float(v), sigma.get(k, 0.0)) for k, v in zip(CAMERA_PARAMETERS, given, strict=False)]
+    fx, fy, cx, cy, *distortion = numbers
+    T = rounded_transform(s.frame.T_sensor_camera.matrix)
     camera = Camera(
         seen.width_px,
         seen.height_px,
@@ -98,12 +133,13 @@ def calibrated_sensor(result: SensorCalibration, pictures: Sensor) -> Sensor | N
         fy,
         cx,
         cy,
-        s.frame.T_sensor_camera,
-        s.distortion,
+        Pose(T[:3, :3], T[:3, 3]),
+        tuple(distortion),
         seen.bit_depth,
         channel=seen.channel,
     )
-    return Sensor(Sheet(np.zeros(3), np.deg2rad(_fan_deg(result))), camera, uncertainty=s.uncertainty)
+    known = replace(s.uncertainty, covariance=rounded_covariance(s.uncertainty.covariance))
+    return Sensor(Sheet(np.zeros(3), np.deg2rad(_fan_deg(result))), camera, uncertainty=known)
 
 
 def _fan_deg(result: SensorCalibration) -> float:
@@ -134,11 +170,16 @@ def direct_text(direct: DirectMap | None) -> str:
     if direct is None:
         return ""
     if direct.homography is not None:
-        return f"[direct]   # u v 1 -> y z 1\nhomography = {toml_value(direct.homography.tolist())}\n"
-    rows = ", ".join(f"[{i}, {j}, {y!r}, {z!r}]" for i, j, y, z in direct.polynomial)
+        return f"[direct]   # u v 1 -> y z 1\nhomography = {toml_value(_short(direct.homography.tolist()))}\n"
+    rows = ", ".join(f"[{i}, {j}, {_short(y)}, {_short(z)}]" for i, j, y, z in direct.polynomial)
     return (
         f"[direct]   # i, j, y, z of u^i v^j, from the image's centre over its half diagonal\npolynomial = [{rows}]\n"
     )
+
+
+def _short(value: Any) -> Any:
+    """Numbers to DIGITS significant digits, however small: a direct map multiplies them by powers of pixels."""
+    return [_short(v) for v in value] if isinstance(value, list) else float(f"{value:.{DIGITS}g}")
 
 
 def exported(sensor: Sensor, kind: str) -> str:

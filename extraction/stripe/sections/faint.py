@@ -10,10 +10,9 @@ from numpy.typing import NDArray
 
 from extraction.linalg import Symmetric4, Vector4, factor4, solve4
 from extraction.noise import PixelNoise, pixel_variance
-from extraction.stripe.find import Places
-from extraction.stripe.fit import IntArray
-from extraction.stripe.model import SINGULAR, Array, Records
-from extraction.stripe.view import StripeView
+from extraction.stripe.places import Places
+from extraction.stripe.sections.model import SINGULAR, Array, Records
+from extraction.stripe.view import IntArray, StripeView
 from geometry.compiled import kernel
 
 NEIGHBOURS = 4  # sections on either side that are averaged along the track

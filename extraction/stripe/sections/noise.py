@@ -11,9 +11,9 @@ from extraction.config import StripeConfig
 from extraction.linalg import Symmetric4, Vector4, cholesky, factor4, solve, solve4
 from extraction.noise import QUANTISATION_VARIANCE, PixelNoise
 from extraction.order import kth_smallest
-from extraction.stripe.fit import Pixels, peak_of
-from extraction.stripe.model import SINGULAR, Records, slopes
-from extraction.stripe.view import StripeView
+from extraction.stripe.sections.fit import peak_of
+from extraction.stripe.sections.model import SINGULAR, Records, slopes
+from extraction.stripe.view import Pixels, StripeView
 from geometry.compiled import kernel
 
 Array = NDArray[np.float64]

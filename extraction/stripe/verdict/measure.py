@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from extraction.order import mean, median_of
-from extraction.stripe.chain import Chain
-from extraction.stripe.ridge import FLANK
-from extraction.stripe.track import (
+from extraction.stripe.ridges import FLANK, Chain
+from extraction.stripe.verdict.track import (
     LEAST_END,
     Bumps,
     Track,

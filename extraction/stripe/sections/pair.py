@@ -9,11 +9,10 @@ import numpy as np
 from extraction.config import StripeConfig
 from extraction.linalg import cholesky, solve
 from extraction.noise import PixelNoise, pixel_variance
-from extraction.stripe.climb import STEPS
-from extraction.stripe.find import Places
-from extraction.stripe.fit import IntArray, Pixels
-from extraction.stripe.model import SINGULAR, Array, Records
-from extraction.stripe.view import StripeView
+from extraction.stripe.places import Places
+from extraction.stripe.sections.climb import STEPS
+from extraction.stripe.sections.model import SINGULAR, Array, Records
+from extraction.stripe.view import IntArray, Pixels, StripeView
 from geometry.compiled import kernel
 
 _PARAMETERS = 6  # two centres, two amplitudes, the common σ and the background

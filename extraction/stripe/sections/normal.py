@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from extraction.config import StripeConfig
 from extraction.noise import PixelNoise
-from extraction.stripe.climb import (
+from extraction.stripe.profile import StripePeaks
+from extraction.stripe.sections.climb import (
     GOING,
     LANES,
     SETTLED,
@@ -24,10 +25,8 @@ from extraction.stripe.climb import (
     peak_at,
     step,
 )
-from extraction.stripe.fit import Pixels
-from extraction.stripe.model import FEWEST_PIXELS, FitLimits, Peak, Records, centre_variance
-from extraction.stripe.profile import StripePeaks
-from extraction.stripe.view import StripeView
+from extraction.stripe.sections.model import FEWEST_PIXELS, FitLimits, Peak, Records, centre_variance
+from extraction.stripe.view import Pixels, StripeView
 from geometry.compiled import kernel
 
 Array = NDArray[np.float64]

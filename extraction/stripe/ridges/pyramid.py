@@ -10,8 +10,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from extraction.stripe.chain import CHAIN, Chain, Ridges, ridges_of
-from extraction.stripe.ridge import Level, halve
+from extraction.stripe.ridges.chain import CHAIN, Chain, Ridges, ridges_of
+from extraction.stripe.ridges.ridge import Level, halve
 from geometry.compiled import kernel
 
 Array = NDArray[np.float64]

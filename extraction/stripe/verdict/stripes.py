@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from extraction.stripe.chain import Chain
-from extraction.stripe.measure import measure, middle
-from extraction.stripe.track import Bumps, Track
+from extraction.stripe.ridges import Chain
+from extraction.stripe.verdict.measure import measure, middle
+from extraction.stripe.verdict.track import Bumps, Track
 
 Array = NDArray[np.float64]
 
@@ -123,7 +123,7 @@ def judge(grey: NDArray[Any], chains: list[Chain], clip: float, max_width: float
             if (joined and s.chain.contrast >= max(LEAST_JOINED, ASKED_JOINED * asked)) or (
                 bright and _stands_alone(s)
             ):
-                kept.append(replace(s, joined=joined))
+                kept.append(replace(s, joined=True) if joined else s)
                 waiting.remove(s)
                 changed = True
     refuse("weak_beside_the_stripe", len(waiting))
@@ -201,7 +201,7 @@ def _each_once(stripes: list[Stripe]) -> list[Stripe]:
 
 def _ghosts(stripes: list[Stripe]) -> list[Stripe]:
     """Ridges marked as ghost: they begin or end beside one that goes on."""
-    return [replace(b, ghost=any(a is not b and _goes_on(a, b) for a in stripes)) for b in stripes]
+    return [replace(b, ghost=True) if any(a is not b and _goes_on(a, b) for a in stripes) else b for b in stripes]
 
 
 def _goes_on(a: Stripe, b: Stripe) -> bool:
@@ -232,7 +232,7 @@ def _continues(s: Stripe, k: Stripe) -> bool:
 
 def _rivalry(kept: list[Stripe]) -> list[Stripe]:
     """Stripes of like light beside each other, marked."""
-    return [replace(s, rivals=s.bumps.peaks == 2 or _neighbours(s, kept) > 0) for s in kept]
+    return [replace(s, rivals=True) if s.bumps.peaks == 2 or _neighbours(s, kept) > 0 else s for s in kept]
 
 
 def _neighbours(s: Stripe, kept: list[Stripe]) -> int:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from extraction.linalg import Symmetric4, Vector4, factor4, solve4
 from extraction.order import median, median_of
-from extraction.stripe.model import SINGULAR, Records
+from extraction.stripe.sections.model import SINGULAR, Records
 from geometry.compiled import kernel
 
 Array = NDArray[np.float64]

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from extraction.noise import PixelNoise
-from extraction.stripe.climb import (
+from extraction.stripe.sections.climb import (
     GOING,
     LANES,
     SETTLED,
@@ -22,11 +22,10 @@ from extraction.stripe.climb import (
     peak_at,
     step,
 )
-from extraction.stripe.model import FEWEST_PIXELS, Array, FitLimits, Mask, Peak, Records, centre_variance
-from extraction.stripe.plateau import PLATEAU_PIXELS, between_flanks
+from extraction.stripe.sections.model import FEWEST_PIXELS, Array, FitLimits, Mask, Peak, Records, centre_variance
+from extraction.stripe.sections.plateau import PLATEAU_PIXELS, between_flanks
+from extraction.stripe.view import IntArray, Pixels
 from geometry.compiled import kernel
-
-IntArray = NDArray[np.int32]
 
 HALF_SIGMA, HALF_PX, LEAST_HALF_PX = 3.5, 2.5, 4  # half a section's window: so many σ and pixels more, at least
 WINDOWS = 4  # tried of a section, as its width and centre become known
@@ -42,13 +41,6 @@ SECTION = np.dtype(
     ],
     align=True,
 )
-
-
-class Pixels(NamedTuple):
-    """Grey levels with sections as columns (H, W), and which to leave out (H, W), or (0, 0) for none."""
-
-    grey: NDArray[Any]
-    left_out: Mask
 
 
 class SectionPlaces(NamedTuple):
