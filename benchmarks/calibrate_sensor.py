@@ -111,7 +111,9 @@ def mapping(
         bound = bundle.covariance(result).total
         u = result.unknowns
         columns = np.concatenate([u.indices(CAMERA)[list(camera_rows(sensor.terms))], u.indices(PLANE)])
-        by = rigid(_by_parameters(true_camera, true_plane, camera_rows(sensor.terms), uv))
+        # both where the fit is: the mapping stays along the bent valley, not along a tangent that was drawn elsewhere
+        fitted = result.state.vector(CAMERA), result.state.vector(PLANE)
+        by = rigid(_by_parameters(*fitted, camera_rows(sensor.terms), uv))
         bound_square = float(np.sum((by @ bound[np.ix_(columns, columns)]) * by)) / len(uv)
     else:
         bound_square = np.nan

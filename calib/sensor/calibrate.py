@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from calib.engine import Covariance, Result
 from calib.sensor.bundle import SensorBundle, camera_start
-from calib.sensor.choice import Choice, choose_terms
+from calib.sensor.choice import LENGTH, Choice, choose_terms
 from calib.sensor.contradiction import common_error_px, contradicting_stripes
 from calib.sensor.curvature import with_bend
 from calib.sensor.left_out import left_out
@@ -19,6 +19,7 @@ from calib.sensor.on_line import MIN_POINTS, on_one_line
 from calib.sensor.result import SensorCalibration, SensorSolution, SensorVerdict, ViewResult
 from calib.sensor.sheet_frame import SheetFrame, camera_rows, sheet_deviations, sheet_frame, to_sheet
 from calib.sensor.terms import BOARD, CAMERA, PLANE
+from calib.sensor.untaken import TILT_NAMES, untaken_tilt
 from calib.sensor.verdict import judge, too_few
 from calib.sensor.views import BoardView, BoardViews
 from geometry import State
@@ -163,10 +164,15 @@ class _Attempt:
         results |= _view_results(choice, frame, centre)
         distances = bundle.stripe_term.distances(result.state).residual
         errors = bundle.corner_term.errors(result.state).residual
-        solution = _solution(bundle, result, cov, frame, centre)
-        depth, sigma = _depth_sigma(bundle, result, cov, self.settings.origin_yz_mm)
+        solution = _solution(bundle, result, cov, frame, centre, bundle.terms)
         between = common_error_px(bundle, result)
         verdict = judge(choice, solution, len(self.given), contradicted=contradicted, stripes_apart_px=between)
+        tilt_fits = verdict.is_answer and self.settings.max_terms >= LENGTH[TILT_NAMES[0]]
+        untaken = untaken_tilt(bundle, result, cov) if tilt_fits else None
+        if untaken is not None:
+            cov = untaken.covariance
+            solution = _solution(bundle, result, cov, frame, centre, (*bundle.terms, *TILT_NAMES))
+        depth, sigma = _depth_sigma(bundle, result, cov, self.settings.origin_yz_mm)
         whitened = bundle.corner_term.independent_rows(result.state).residual * bundle.corner_scale
         return (
             SensorCalibration(
@@ -184,6 +190,7 @@ class _Attempt:
                 sigma_z_mm=sigma,
                 depth_mm=depth,
                 tried=choice.tried,
+                untaken=untaken,
             )
             if len(whitened)
             else SensorCalibration(verdict, tuple(results.values()))
@@ -260,11 +267,12 @@ def _view_results(choice: Choice, frame: SheetFrame, centre: Array) -> dict[str,
 
 
 def _solution(
-    bundle: SensorBundle, result: Result, cov: Covariance, frame: SheetFrame, centre: Array
+    bundle: SensorBundle, result: Result, cov: Covariance, frame: SheetFrame, centre: Array, stated: tuple[str, ...]
 ) -> SensorSolution:
+    """stated: the terms of the lens that the uncertainty names."""
     state, u = result.state, result.unknowns
     plane = state.vector(PLANE)
-    rows = camera_rows(bundle.terms)
+    rows = camera_rows(stated)
     to_named = np.zeros((len(rows) + 3, u.size))
     to_named[np.arange(len(rows)), np.array(u.indices(CAMERA))[list(rows)]] = 1.0
     to_named[len(rows) :, u[PLANE]] = sheet_deviations(frame, plane)

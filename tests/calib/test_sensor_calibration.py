@@ -178,6 +178,31 @@ def test_sigmas_are_true_for_upright_and_tilted_chips():
     assert 0.4 * dof < total < 1.9 * dof
 
 
+def test_a_tilt_that_can_not_be_told_is_in_every_sigma():
+    """A chip tilted by 0.4° that the views do not show beyond chance: its principal point is 16 px off, and so said."""
+    rng = np.random.default_rng([0, 303])
+    truth = synthetic_sensor(rng, 0.4)
+    views = observe_boards(truth, rng)
+    found, short = calibrate_sensor(views, SIZE), calibrate_sensor(views, SIZE, SensorSettings(max_terms=8))
+    assert found.solution is not None
+    assert short.solution is not None
+    assert "tau_x" not in found.solution.terms
+    assert not np.any(found.solution.camera[-2:])
+    assert found.untaken is not None
+    assert 0.02 <= found.untaken.probability < 0.5
+    assert np.all(np.abs(found.untaken.tau_rad - truth.camera[-2:]) < 2 * found.untaken.sigma_rad)
+    value, count = nees(found, truth)
+    assert value < 4 * count < nees(short, truth)[0]  # without: the σ of an upright chip
+    assert "tau_x" not in short.solution.uncertainty.parameters
+
+
+def test_a_tilt_that_is_excluded_is_in_no_sigma():
+    found, _ = _solved(1, 0.0, noise=BoardNoise(0.01, 0.01))
+    assert found.untaken is None
+    assert found.solution is not None
+    assert "tau_x" not in found.solution.uncertainty.parameters
+
+
 def test_a_board_that_moved_is_left_out_by_name():
     rng = np.random.default_rng(5)
     views = observe_boards(synthetic_sensor(rng), rng, 9)
