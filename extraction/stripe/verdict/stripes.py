@@ -192,19 +192,38 @@ def _overlap(a: Stripe, b: Stripe) -> int:
 
 
 def _each_once(stripes: list[Stripe]) -> list[Stripe]:
-    """Without those that lie on a brighter one's track over half of their sections: their chains met only in part."""
+    """Without those that lie on a brighter one's track over half of their sections, and the rest less what lies there.
+
+    Chains of one ridge may meet only in part, and a ridge that is followed beyond its end may run onto another.
+    """
     out: list[Stripe] = []
     for s in stripes:
-        on = 0
+        on = np.zeros(len(s.track.place), np.bool_)
         for k in out:
             start, stop = max(s.track.first, k.track.first), min(s.track.stop, k.track.stop)
             if stop > start:
                 mine = s.track.place[start - s.track.first : stop - s.track.first]
                 theirs = k.track.place[start - k.track.first : stop - k.track.first]
-                on += int(np.count_nonzero(np.abs(mine - theirs) < SAME_PX + max(s.bumps.width, k.bumps.width)))
-        if on < 0.5 * len(s.track.place):
+                near = np.abs(mine - theirs) < SAME_PX + max(s.bumps.width, k.bumps.width)
+                on[start - s.track.first : stop - s.track.first] |= near
+        if not on.any():
             out.append(s)
+        elif np.count_nonzero(on) < 0.5 * len(on):
+            out.append(_cut_to(s, *_longest_free(on)))
     return out
+
+
+def _longest_free(on: NDArray[np.bool_]) -> tuple[int, int]:
+    """The stretch start … stop - 1 with the most sections that are free over those that are not."""
+    total = np.concatenate([[0], np.cumsum(np.where(on, -1, 1))])
+    least = np.minimum.accumulate(total)
+    stop = int(np.argmax(total - least))
+    return int(np.argmin(total[: stop + 1])), stop
+
+
+def _cut_to(s: Stripe, start: int, stop: int) -> Stripe:
+    track = Track(s.track.first + start, s.track.place[start:stop], s.track.width[start:stop])
+    return replace(s, track=track)
 
 
 def _ghosts(stripes: list[Stripe]) -> list[Stripe]:
