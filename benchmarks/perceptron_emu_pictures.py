@@ -135,6 +135,33 @@ def scheimpflug() -> tuple[Picture, Picture]:
     return pictures[0], pictures[1]
 
 
+def plate_stripe(off: Material, on: Material) -> tuple[Picture, Picture]:
+    """The stripe on a slanted plate of both materials."""
+    place = Pose.from_fixed_xyz_deg([0, 35, 0], [0, 0, 300.0])
+    images = (
+        zoom(shot(Scene(sensor(), solids=(panel(30, 60, place, m),)), config()), (640, 540), 24) for m in (off, on)
+    )
+    first, second = images
+    return first, second
+
+
+def bright_plate() -> Scene:
+    """A white plate under the stripe."""
+    return Scene(sensor(), solids=(panel(90, 60, Pose(np.eye(3), np.array([0.0, 0, 300])), Material(0.9)),))
+
+
+def aperture() -> tuple[Picture, Picture]:
+    """A plate's stripe behind an edge 60 mm before the lens, seen by a pinhole and by a lens of F/2."""
+    s = sensor()
+    place = s.require_camera().T_sensor_camera @ Pose(np.eye(3), np.array([200.0, 0, 60.0]))
+    scene = Scene(s, solids=(*bright_plate().solids, panel(400, 40, place, Material(0.0))))
+    shots = (
+        shot(scene, config(optics={"f_number": 2.0, "aperture_points": n}, exposure={"time_ms": 0.3})) for n in (1, 100)
+    )
+    first, second = (zoom(image, (600, 540), 100) for image in shots)
+    return first, second
+
+
 def labels() -> tuple[Picture, Picture]:
     """A frame and its labels."""
     scene = jig_scene(wall=True)
@@ -211,6 +238,21 @@ PAIRS: dict[str, Callable[[], tuple[Picture, Picture]]] = {
         [jig_scene(wall=True)] * 2,
         [EmulatorConfig.model_validate({"exposure": {"laser_on": on}}) for on in (True, False)],
         8.0,
+    ),
+    "aperture": aperture,
+    "corner": lambda: at_string("A", 14, *(config(optics={"blur_corner_px": b}) for b in (0.9, 4.0))),
+    "glare": lambda: whole(
+        [bright_plate()] * 2,
+        [config(optics={"veiling_glare": g}, exposure={"time_ms": 3.0}) for g in (0.0, 0.05)],
+        6.0,
+    ),
+    "marble": lambda: plate_stripe(Material(0.8), Material(0.8, scatter_mm=0.3)),
+    "lamp": lambda: whole(
+        [jig_scene(wall=True)] * 2,
+        [
+            config(ambient={"enabled": True, "irradiance_mw_m2_nm": 120.0, "shadows": s}, exposure={"laser_on": False})
+            for s in (False, True)
+        ],
     ),
     "labels": labels,
 }
