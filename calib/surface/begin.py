@@ -30,9 +30,17 @@ class Begun:
 
 
 def begin_on_surfaces(
-    frames: Sequence[Frame], target: Targets, robot: Robot | None, design: Pose | None, config: CalibConfig
+    frames: Sequence[Frame],
+    target: Targets,
+    robot: Robot | None,
+    design: Pose | None,
+    config: CalibConfig,
+    search: bool = True,
 ) -> Begun:
-    """The frames with their points on surfaces, and where to begin; frames on strings stay as they are."""
+    """The frames with their points on surfaces, and where to begin; frames on strings stay as they are.
+
+    search: whether the data are asked for a start where the design gives none.
+    """
     ready = tuple(_on_surface(f, target_at(target, f.location)) for f in frames)
     mine = tuple(f for f in ready if f.usable and len(f.axis) and isinstance(target_at(target, f.location), Surface))
     if not mine:
@@ -43,7 +51,7 @@ def begin_on_surfaces(
     start: SurfaceStart | None = None
     if solved or design is not None:
         bundle = make_bundle(solved, started, robot, config) if solved else None
-        start = surface_start(small, started, bundle, design)
+        start = surface_start(small, started, bundle, design, search)
     if start is None:
         return Begun(ready, started, design, {})
     named = {

@@ -46,6 +46,7 @@ BESIDE = 0.7  # of a ball's radius, that a view cuts it beside its middle at mos
 LEAST_SECTION = 0.3  # of a ball's radius: a smaller section is a cap that is hardly lit
 ARC_RAD = 0.9  # to either side of a section's middle, that is lit
 FACE_MM = (4.0, 20.0)  # from a wedge's ridge, between which its faces are seen
+GRAZING_RAD = np.deg2rad(25.0)  # between the laser's ray and a face: a flatter one sends hardly any light back
 SPREAD_MM = 12.0  # beside where the frames so far saw the target
 LINE_MM = 15.0  # to either side, that a plate's line is seen
 HAND_NOISE_MM, HAND_NOISE_DEG = 0.1, 0.02  # of hand poses of which nothing is known yet
@@ -418,7 +419,7 @@ def _arc(centre: Array, radius: float, name: str) -> tuple[list[Array], list[str
 
 def _line(T: Pose, seen: Array) -> list[Array]:
     n = T.R[:, 2]
-    if abs(n[2]) < 0.1:
+    if abs(n[2]) < np.sin(GRAZING_RAD):
         return []
     y = seen[1] + np.array([-LINE_MM, LINE_MM])
     return [np.array([v, (n @ T.t - n[1] * v) / n[2]]) for v in y]
@@ -433,6 +434,11 @@ def _ridge(T: Pose, target: Edge | Wedge) -> tuple[list[Array], list[str]]:
         return [ridge], ["edge"]
     nodes, labels = [], []
     down = -T.R[:, 2]
+    ray = np.array([0.0, *ridge]) / max(float(np.linalg.norm(ridge)), 1e-9)
+    lit = T.R @ target.normals.T
+    facing = -ray @ lit
+    if np.min(np.abs(facing)) < np.sin(GRAZING_RAD) or facing[0] * facing[1] < 0:  # from outside, or both from inside
+        return [], []
     for name, own in zip(target.features, target.normals, strict=True):
         n = T.R @ own
         line = np.array([n[2], -n[1]])
