@@ -10,6 +10,7 @@ from calib.answer import location_pose
 from calib.bundle import Solution, estimates_compliance, free_start
 from calib.config import Model
 from calib.hands import placed
+from calib.judge import RIVAL_CHI2
 from calib.label import label_alone, label_frames, relabel, settled
 from calib.result import Verdict
 from calib.stages.setup import Prepared, Setup, Solved, by_target
@@ -104,6 +105,8 @@ def _labelled_and_solved(s: Setup, begun: Begun) -> tuple[tuple[Frame, ...], Sol
     still = hands_tell_nothing(s, begun.frames)
     if still:
         return begun.frames, Solved(Verdict("rotation_too_small", still))
+    if begun.found and begun.rival < RIVAL_CHI2:
+        return begun.frames, Solved(_ambiguous(begun))
     labelled = by_target(
         s.target,
         lambda target, frames: label_frames(frames, target, s.sensor, T, places, s.config),
@@ -117,6 +120,17 @@ def hands_tell_nothing(s: Setup, frames: tuple[Frame, ...]) -> str:
     used = placed([f for f in frames if f.role == "calibrate" and f.usable and len(f.axis) + len(f.points)], s.robot)
     still = degenerate(used, s.target, None, {}) if len(used) > 2 else None
     return "" if still is None else still.text
+
+
+def _ambiguous(begun: Begun) -> Verdict:
+    """What is said where so few frames fit another SCP about as well."""
+    count = sum(f.role == "calibrate" and f.usable and len(f.axis) > 0 for f in begun.frames)
+    return Verdict(
+        "ambiguous_pose",
+        f"two sensor centre positions explain the {count} calibrate frames about equally well (χ² differs by "
+        f"{begun.rival:.2g}), and without [scp_initial] nothing tells which is true: take more configurations, turned "
+        "about two axes, or give the sensor's place by its drawing",
+    )
 
 
 def _no_start(s: Setup, frames: tuple[Frame, ...]) -> Verdict:

@@ -20,13 +20,17 @@ Targets = Target | Mapping[str, Target]
 
 @dataclass(frozen=True, eq=False)
 class Begun:
-    """What a calibration begins with. found: whether the SCP follows from the data alone, without a design."""
+    """What a calibration begins with. found: whether the SCP follows from the data alone, without a design.
+
+    rival: how much larger the χ² of the next best SCP that follows from them is.
+    """
 
     frames: tuple[Frame, ...]
     target: Targets
     T_hand_sensor: Pose | None
     places: Mapping[str, Pose]
     found: bool = False
+    rival: float = np.inf
 
 
 def begin_on_surfaces(
@@ -58,7 +62,7 @@ def begin_on_surfaces(
         f.number: dict(zip(f.axis.label, g.axis.label, strict=True)) for f, g in zip(small, start.frames, strict=True)
     }
     ready = tuple(with_names(f, named[f.number]) if f.number in named else f for f in ready)
-    return Begun(ready, started, start.T_hand_sensor, start.places, start.found)
+    return Begun(ready, started, start.T_hand_sensor, start.places, start.found, start.rival)
 
 
 def _begun(target: Targets, small: Sequence[Frame]) -> Targets:

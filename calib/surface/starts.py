@@ -35,6 +35,7 @@ _ITERATIONS = 40
 _NEARLY = 4.0  # times the best naming's misfit: a drawing some degrees off makes a right one as large
 _PLACES_OF_BALLS, _MOST_CHOICES = 3, 27  # that a location's balls may have by an SCP of a drawing, and together
 _GROSS = 300.0  # cost of a row at a false minimum: as built, an arm of the usual priors gives some 25
+_OTHER_MM, _OTHER_RAD = 5.0, 0.02  # SCPs that are farther apart are different answers
 _SAME_COST = 1e-6  # share by which a later candidate must be better, so that rounding chooses none
 
 
@@ -42,13 +43,15 @@ _SAME_COST = 1e-6  # share by which a later candidate must be better, so that ro
 class SurfaceStart:
     """An SCP, T_base_target by location, and the frames with the names of their features as they fit it.
 
-    found: whether the SCP was found from the data alone.
+    found: whether the SCP was found from the data alone. rival: how much larger the χ² of the next best SCP found
+    is, the robot's errors free within their priors; infinite where there is none.
     """
 
     T_hand_sensor: Pose
     places: Mapping[str, Pose]
     frames: tuple[Frame, ...]
     found: bool
+    rival: float = np.inf
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,14 +96,43 @@ def surface_start(
             return SurfaceStart(T, _places(named, target, T), named, found=False)
     if len(solved) < 3 or bundle is None or not search:
         return None
-    for T in _candidates(_told(solved, target), target):
-        end = _solved(solved, target, bundle, T)
-        if end is not None and (best is None or end[0] < best[0] * (1 - _SAME_COST)):
-            best = end
+    ends = [_solved(solved, target, bundle, T) for T in _candidates(_told(solved, target), target)]
+    best, rival = _likeliest([e for e in ends if e is not None], solved, target, bundle)
     if best is None:
         return None
-    named = _renamed(frames, target, best[1])
-    return SurfaceStart(best[1], _places(named, target, best[1]), named, found=True)
+    named = _renamed(frames, target, best)
+    return SurfaceStart(best, _places(named, target, best), named, found=True, rival=rival)
+
+
+def _likeliest(
+    ends: Sequence[tuple[float, Pose]], frames: Sequence[Frame], target: Target | Mapping[str, Target], bundle: Bundle
+) -> tuple[Pose | None, float]:
+    """The SCP of the least cost, and by how much the next one that differs is larger.
+
+    Few frames fit several: the arm's errors decide between them, so those that come near are solved with these free.
+    """
+    apart: list[tuple[float, Pose]] = []
+    for cost, T in sorted(ends, key=lambda e: float(f"{e[0]:.5e}")):
+        if all(_different(T, other) for _, other in apart):
+            apart.append((cost, T))
+    rows = sum(int(np.sum(t.points.present)) for t in bundle.terms)
+    near = [e for e in apart if e[0] < _GROSS * rows]
+    if len(near) < 2:
+        return (apart[0][1], np.inf) if apart else (None, np.inf)
+    free = bundle.estimating(np.ones(len(bundle.estimated), dtype=bool))
+    solved = [_solved(frames, target, free, T) for _, T in near]
+    good = sorted((e for e in solved if e is not None), key=lambda e: float(f"{e[0]:.5e}"))
+    if not good:
+        return near[0][1], np.inf
+    cost, best = good[0]
+    scale = max(1.0, cost / max(bundle.degrees_of_freedom, 1))  # the noise of hand poses is not known beforehand
+    return best, min(((c - cost) / scale for c, T in good[1:] if _different(T, best)), default=np.inf)
+
+
+def _different(a: Pose, b: Pose) -> bool:
+    """Whether two SCPs are answers apart."""
+    xi = (a.inverse() @ b).log()
+    return bool(np.linalg.norm(xi[:3]) > _OTHER_MM or np.linalg.norm(xi[3:]) > _OTHER_RAD)
 
 
 def _told(frames: Sequence[Frame], target: Target | Mapping[str, Target]) -> list[Frame]:
