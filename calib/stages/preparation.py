@@ -15,7 +15,7 @@ from calib.label import label_alone, label_frames, relabel, settled
 from calib.result import Verdict
 from calib.stages.setup import Prepared, Setup, Solved, by_target
 from calib.stages.solve import solve
-from calib.surface import Begun, begin_on_surfaces, degenerate
+from calib.surface import Begun, begin_on_surfaces, degenerate, general_advice
 from geometry import Frame, Pose, Target, locations_of, stack_poses, target_at, with_compliance_prior
 from jig_cad import Balls, Jig
 
@@ -105,8 +105,9 @@ def _labelled_and_solved(s: Setup, begun: Begun) -> tuple[tuple[Frame, ...], Sol
     still = hands_tell_nothing(s, begun.frames)
     if still:
         return begun.frames, Solved(Verdict("rotation_too_small", still))
-    if begun.found and begun.rival < RIVAL_CHI2:
-        return begun.frames, Solved(_ambiguous(begun))
+    other = _ambiguous(s, begun, T)
+    if other is not None:
+        return begun.frames, Solved(other)
     labelled = by_target(
         s.target,
         lambda target, frames: label_frames(frames, target, s.sensor, T, places, s.config),
@@ -122,14 +123,18 @@ def hands_tell_nothing(s: Setup, frames: tuple[Frame, ...]) -> str:
     return "" if still is None else still.text
 
 
-def _ambiguous(begun: Begun) -> Verdict:
-    """What is said where so few frames fit another SCP about as well."""
-    count = sum(f.role == "calibrate" and f.usable and len(f.axis) > 0 for f in begun.frames)
+def _ambiguous(s: Setup, begun: Begun, T_hand_sensor: Pose) -> Verdict | None:
+    """What is said where so few frames fit another SCP about as well, and their views have no name that says why."""
+    if not begun.found or begun.rival > RIVAL_CHI2:
+        return None
+    used = tuple(f for f in begun.frames if f.role == "calibrate" and f.usable and len(f.axis))
+    if degenerate(used, s.target, T_hand_sensor, begun.places) is not None:
+        return None
     return Verdict(
         "ambiguous_pose",
-        f"two sensor centre positions explain the {count} calibrate frames about equally well (χ² differs by "
-        f"{begun.rival:.2g}), and without [scp_initial] nothing tells which is true: take more configurations, turned "
-        "about two axes, or give the sensor's place by its drawing",
+        f"two sensor centre positions explain the {len(used)} calibrate frames about equally well (χ² differs by "
+        f"{begun.rival:.2g}), and without [scp_initial] nothing tells which is true: {general_advice(s.target, used)}; "
+        "or give the sensor's place by its drawing",
     )
 
 
