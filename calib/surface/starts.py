@@ -97,11 +97,11 @@ def surface_start(
     if len(solved) < 3 or bundle is None or not search:
         return None
     ends = [_solved(solved, target, bundle, T) for T in _candidates(_told(solved, target), target)]
-    best, rival = _likeliest([e for e in ends if e is not None], solved, target, bundle)
-    if best is None:
+    likeliest, rival = _likeliest([e for e in ends if e is not None], solved, target, bundle)
+    if likeliest is None:
         return None
-    named = _renamed(frames, target, best)
-    return SurfaceStart(best, _places(named, target, best), named, found=True, rival=rival)
+    named = _renamed(frames, target, likeliest)
+    return SurfaceStart(likeliest, _places(named, target, likeliest), named, found=True, rival=rival)
 
 
 def _likeliest(
