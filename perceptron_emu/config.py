@@ -39,6 +39,14 @@ class OpticsConfig(Section):
     blur_px: Annotated[float, Field(gt=0.2, le=20, description="σ of the lens's own Gaussian blur in focus")] = 0.9
     diffraction: bool = True
     defocus: Annotated[bool, Field(description="thin-lens blur; a tilted chip (τx, τy) is taken into account")] = False
+    aperture_points: Annotated[
+        int,
+        Field(
+            ge=1,
+            le=200,
+            description="points of the entrance pupil that an edge before the lens hides one by one; 1: a pinhole's",
+        ),
+    ] = 1
     focus_distance_mm: Annotated[
         float | None,
         Field(

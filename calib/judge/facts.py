@@ -89,7 +89,7 @@ def _joint(finding: Finding, total: Array, result: Result, config: CalibConfig) 
     embedded[np.ix_(place, place)] = total
     free = np.zeros(all_of.size, dtype=bool)
     free[place] = mine.free
-    every = widened(finding, free, embedded, config.pull_limit)
+    every = widened(finding, free, embedded)
     kept = np.concatenate([all_of.indices(name) for name in ("scp", "robot", "sensor")])
     return np.asarray(every[np.ix_(kept, kept)])
 

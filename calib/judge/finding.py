@@ -28,6 +28,7 @@ LOOK_CHI2 = 1.3  # and the χ² per degree of freedom from which it is, whatever
 BEYOND_CHI2 = 300.0  # beyond this no small error of one number is the cause, and nothing that was linearised holds
 TIMES = (3.0, 10.0, 30.0)  # by which [uncertainty] of a robot is tried
 EVIDENCE = 4.0  # by which that must be better than one number alone: a likelihood ratio of 7
+WRONG = 0.02  # odds that a number of the files is wrong, before anything is seen: one of some 45 in every other cell
 POSSIBLE = 1e-4  # a hypothesis less probable than this widens nothing
 UNCERTAINTY = "[uncertainty]"
 LEFT_OUT = 25.0  # cost of a point that is left out: the gate that it failed
@@ -53,13 +54,13 @@ class Finding:
     prior_cost: float
     prior_expected: float
 
-    def hypotheses(self, limit: float) -> list[tuple[SuspectTrial | None, float]]:
+    def hypotheses(self) -> list[tuple[SuspectTrial | None, float]]:
         """What could be wrong with its probability, most probable first; None stands for nothing."""
-        gains = [(None, limit**2), *((t, t.gain) for t in self.trials if t.seen)]
+        odds = [(None, 0.0), *((t, t.support + np.log(WRONG)) for t in self.trials if t.seen)]
         if self.culprit is not None and self.culprit.suspect.parameter == UNCERTAINTY:
             return [(self.culprit, 1.0)]
-        top = max(gain for _, gain in gains)
-        weights = [(t, float(np.exp((gain - top) / 2))) for t, gain in gains]
+        top = max(logarithm for _, logarithm in odds)
+        weights = [(t, float(np.exp(logarithm - top))) for t, logarithm in odds]
         total = sum(w for _, w in weights)
         return sorted(((t, w / total) for t, w in weights if w / total > POSSIBLE), key=lambda h: -h[1])
 
@@ -206,12 +207,12 @@ def _priors(evidence: LinearEvidence) -> tuple[float, float]:
     return float(np.sum(found.z[known] ** 2 / V)), float(np.sum(1 - np.diag(found.covariance)[known] / V))
 
 
-def widened(finding: Finding, estimated: Mask, total: Array, limit: float) -> Array:
+def widened(finding: Finding, estimated: Mask, total: Array) -> Array:
     """Covariance (C, C) of all common unknowns with what could be wrong beside what was allowed for.
 
     estimated (C,): what the answer estimates; the rest it leaves at rest. total (C, C): with the priors allowed.
     """
-    hypotheses = finding.hypotheses(limit)
+    hypotheses = finding.hypotheses()
     ev, allowed = finding.evidence, finding.allowed
     out, considered = total.copy(), np.zeros(len(allowed))
     free = np.where(estimated, allowed, 0.0)

@@ -70,7 +70,8 @@ class SuspectTrial:
 
     where (k,): among the common unknowns. size (k,): what it would be with no prior, in the block's own unit. sigma
     (k,): how well the data know that, the prior's σ of the number included. pull: how many σ that is, with the sign of
-    a single component. seen: whether a gross error of it would show.
+    a single component. seen: whether a gross error of it would show. support: logarithm of how much likelier an error
+    of gross size (of the size found, where that is larger) makes the data than none, its own size averaged over.
     """
 
     suspect: Suspect
@@ -79,6 +80,7 @@ class SuspectTrial:
     sigma: Array
     pull: float
     seen: bool
+    support: float = 0.0
 
     @property
     def gross(self) -> bool:
@@ -177,9 +179,11 @@ class LinearEvidence:
         pull = float(np.sqrt(max(float(c[where] @ size) - MORE_COMPONENTS * (len(where) - 1), 0.0)))
         sign = -1.0 if len(where) == 1 and size[0] < 0 else 1.0
         gross = self.scale[where]
-        return SuspectTrial(
-            suspect, where, size * gross, np.sqrt(np.maximum(np.diag(inverse), 0.0)) * gross, sign * pull, seen
-        )
+        expected = information + np.diag(1 / np.maximum(np.abs(size), 1.0) ** 2)
+        occam = np.linalg.slogdet(expected)[1] + 2 * np.sum(np.log(np.maximum(np.abs(size), 1.0)))
+        support = (float(c[where] @ np.linalg.solve(expected, c[where])) - float(occam)) / 2
+        sigma = np.sqrt(np.maximum(np.diag(inverse), 0.0)) * gross
+        return SuspectTrial(suspect, where, size * gross, sigma, sign * pull, seen, support)
 
 
 def _inverse(matrix: Array) -> Array:

@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 from geometry import Sensor
 from geometry.compiled import kernel
 from perceptron_emu.config import EmulatorConfig, OpticsConfig
-from perceptron_emu.image.blurred import gaussian_taps
-from perceptron_emu.image.deposit import convolved
+from perceptron_emu.image.deposit import convolved, gaussian_taps
 from perceptron_emu.lens import Gather, gather, gathered, sharp_sigma_px
 from perceptron_emu.light import IN_A_GROUP, BounceRoom, Cylinders, Sources, bounce_sources, radiance
 from perceptron_emu.scene import Material, Scene

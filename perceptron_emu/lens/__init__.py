@@ -9,6 +9,7 @@ from perceptron_emu.lens.optics import (
     gather,
     gathered,
     principal_distance_mm,
+    pupil_points_mm,
     sharp_sigma_px,
     working_f_number,
 )
@@ -25,6 +26,7 @@ __all__ = [
     "lens",
     "principal_distance_mm",
     "project",
+    "pupil_points_mm",
     "sharp_sigma_px",
     "tilt_rotation",
     "to_camera",

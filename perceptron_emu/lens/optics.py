@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -79,6 +80,37 @@ def focal_length_mm(optics: OpticsConfig, sensor: Sensor) -> float:
         [mm].
     """
     return 1 / (1 / principal_distance_mm(optics, sensor) + 1 / focus_distance_mm(optics, sensor))
+
+
+@lru_cache(maxsize=32)
+def pupil_points_mm(optics: OpticsConfig, sensor: Sensor) -> Array:
+    """Points that fill the entrance pupil evenly: what an edge hides from some of them alone is dimmed, not dark.
+
+    Parameters
+    ----------
+    optics : OpticsConfig
+        The lens, and how many points.
+    sensor : Sensor
+        With a camera.
+
+    Returns
+    -------
+    Array
+        (N, 3) [mm] in {P}; the camera's centre where there is one.
+
+    References
+    ----------
+    Vogel, "A better way to construct the sunflower head", Mathematical Biosciences 44, 1979.
+    """
+    pose, count = sensor.require_camera().T_sensor_camera, optics.aperture_points
+    if count == 1:
+        return np.array(pose.t, dtype=float)[None]
+    radius = focal_length_mm(optics, sensor) / optics.f_number / 2
+    points = np.empty((count, 3))
+    for k in range(count):
+        distance, turn = radius * math.sqrt((k + 0.5) / count), k * math.pi * (3 - math.sqrt(5))
+        points[k] = distance * math.cos(turn), distance * math.sin(turn), 0.0
+    return np.asarray(points @ pose.R.T + pose.t)
 
 
 class Band(NamedTuple):

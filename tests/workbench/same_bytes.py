@@ -68,7 +68,12 @@ verify = 2
 "jig.string_diameter_mm" = [0.2, 0.4]
 clutter = [false, true]
 """
-WORKS = ("demo", "render", "sweep")
+BOARD = """
+kind = "checkerboard"
+corners = [9, 6]
+square_mm = 10.0
+"""
+WORKS = ("demo", "render", "sweep", "surfaces", "stripes", "board")
 
 
 def digests(environment: str, folder: Path, cache: Path, *works: str) -> dict[str, str]:
@@ -112,6 +117,20 @@ def _commands(work: str, folder: Path, workers: str) -> list[list[str]]:
     if work == "render":
         render = ["render", "known/cell.toml", "--out", "cell", "--seed", "3", "--per-location", "3", "--full-truth"]
         return [init, render, ["calibrate", "cell", "--out", "solved", "--json"]]
+    if work == "surfaces":
+        init = ["init", "--target", "sphere", "--sensor", "lmi_gocator_2340", "ball"]
+        render = ["render", "ball/cell.toml", "--out", "profiles", "--seed", "3", "--per-location", "4"]
+        plan = ["plan", "ball/cell.toml", "--per-location", "3", "--json"]
+        return [init, [*render, "--profiles", "gocator"], ["calibrate", "profiles", "--out", "found", "--json"], plan]
+    if work == "stripes":
+        init = ["init", "--target", "wedge", "wedge"]
+        render = ["render", "wedge/cell.toml", "--out", "images", "--seed", "3", "--per-location", "3"]
+        stripe = ["profile", "images/images", "--sensor", "images/sensor.toml", "--json"]
+        return [init, render, stripe, ["calibrate", "images", "--out", "known", "--json"]]
+    if work == "board":
+        (folder / "board.toml").write_text(BOARD, encoding="utf-8")
+        render = ["render", "--board", "board.toml", "--sensor", "nominal", "--views", "6", "--out", "board"]
+        return [render, ["calibrate-sensor", "board", "--board", "board.toml", "--out", "sensor.toml", "--json"]]
     if work == "short":
         render = ["render", "known/cell.toml", "--out", "cell", "--seed", "3", "--per-location", "1"]
         return [init, render, ["extract", "cell", "--csv", "points.csv"]]

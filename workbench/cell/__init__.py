@@ -38,7 +38,14 @@ from workbench.cell.stripes import (
 from workbench.cell.verifying import scp_of, verify_cell
 
 if TYPE_CHECKING:
-    from workbench.cell.surroundings import SeesAll, around_jig, jig_bodies, sees_all_strings, wall_behind
+    from workbench.cell.surroundings import (
+        SeesAll,
+        around_jig,
+        jig_bodies,
+        sees_all_strings,
+        target_bodies,
+        wall_behind,
+    )
 
 __all__ = [
     "DESIGN_SCP",
@@ -91,6 +98,7 @@ __all__ = [
     "stripe_images",
     "stripe_overlay",
     "stripe_record",
+    "target_bodies",
     "usable",
     "value_objects",
     "verify_cell",
@@ -102,7 +110,7 @@ __all__ = [
 ]
 
 # they load the emulator's kernels, and calibration needs none
-_OF_SURROUNDINGS = ("SeesAll", "around_jig", "jig_bodies", "sees_all_strings", "wall_behind")
+_OF_SURROUNDINGS = ("SeesAll", "around_jig", "jig_bodies", "sees_all_strings", "target_bodies", "wall_behind")
 
 
 def __getattr__(name: str) -> object:

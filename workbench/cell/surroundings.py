@@ -9,8 +9,9 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import Pose, Sensor, cross_plane_x0
+from geometry import Pose, Sensor, Target, cross_plane_x0
 from jig_cad import Jig
+from jig_cad.bodies import target_meshes
 from jig_cad.jig import MIN_SLENDERNESS
 from jig_cad.solids import jig_solids
 from perceptron_emu import (
@@ -72,6 +73,13 @@ def _bodies(shape: _Shape) -> Bodies:
     return tuple(
         Solid(m, ALUMINIUM if name.startswith("post") else BLACK_PLATE, name=name) for name, m in meshes.items()
     )
+
+
+def target_bodies(target: Target) -> tuple[Solid, ...]:
+    """What is to be lit besides strings, in the target's axes: a jig's plates and posts, or the matte body itself."""
+    if isinstance(target, Jig):
+        return jig_bodies(target)
+    return tuple(Solid(mesh, name=name) for name, mesh in target_meshes(target).items())
 
 
 def wall_behind(jig: Jig, distance_mm: float, size_mm: float = 900.0, turn_deg: float = 0.0) -> Solid:

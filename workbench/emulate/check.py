@@ -37,5 +37,5 @@ def never_met(names: Iterable[str], met: set[str]) -> str:
 def all_hidden(truth: Truth | None) -> str:
     """One line about the frames in which something hides every string, "" where there are none."""
     frames = truth.frames if truth else ()
-    dark = [str(f.frame) for f in frames if not any(p.visible_fraction for p in f.points)]
+    dark = [str(f.frame) for f in frames if f.points and not any(p.visible_fraction for p in f.points)]
     return f"frame {', '.join(dark)}: every string is hidden from the laser or the camera" * bool(dark)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.mount import Mount
-from geometry import DH_ROWS, Arm, Frame, InputError, NoAnswerError, Pose, Role
+from geometry import DH_ROWS, Arm, Frame, InputError, Pose, Role
 from jig_cad import Jig
 from perceptron_emu import Material, Scene, Solid
 from workbench.emulate.extras import NONE, Extras, Renderer, truth_points
@@ -30,13 +30,14 @@ PARTS = ".parts"
 class TrueCell:
     """What stands behind a recording: the true robot, jig and mounting, the jig's places and what is around them.
 
-    solids: by location, in jig axes; plates and posts as well as anything else in the light's way. carried: solids on
-    the sensor, in {P}. string_material: the thread's surface, None for that of the sensor's file. mount: "fixed" where
+    jig: None where a ball, plate or another body is measured, which is then among the solids. solids: by location, in
+    the target's axes; plates and posts as well as anything else in the light's way. carried: solids on the sensor, in
+    {P}. string_material: the thread's surface, None for that of the sensor's file. mount: "fixed" where
     T_hand_sensor is T_base_sensor and T_base_jig is T_hand_jig.
     """
 
     robot: Arm
-    jig: Jig
+    jig: Jig | None
     T_hand_sensor: Pose
     T_base_jig: dict[str, Pose]
     solids: dict[str, tuple[Solid, ...]] = field(default_factory=dict)
@@ -153,9 +154,7 @@ def _frame(
         return known
     scene = frame_scene(cell, true, configuration)
     frame = extras.render(folder, number, scene, cell.emulator, seed, renderer)
-    if frame.truth.T_sensor_jig is None:
-        raise NoAnswerError(f"frame {number} has no jig in its scene")
-    pose = frame.truth.T_sensor_jig.matrix.tolist()
+    pose = true.T_sensor_target(configuration).matrix.tolist()
     truth = TruthFrame(frame=number, T_sensor_jig=pose, points=truth_points(frame))
     write_png(image, frame.image)
     write_text(part, json.dumps({"recipe": recipe, **truth.model_dump()}))
@@ -172,13 +171,13 @@ def _part(path: Path, recipe: str) -> TruthFrame | None:
 
 
 def _truth(true: TrueCell, frames: list[TruthFrame], recipe: str) -> Truth:
-    table = true.robot.dh_part()
+    table, jig = true.robot.dh_part(), true.jig
     columns = {row.file_key: row.to_file(getattr(table, row.column)) for row in DH_ROWS}
     return Truth(
         name=recipe,
         T_hand_sensor=true.T_hand_sensor.matrix.tolist(),
         dh=[{key: float(column[i]) for key, column in columns.items()} for i in range(table.n_joints)],
-        anchors_mm={a: tuple(p) for a, p in zip(true.jig.anchors, true.jig.anchors_mm.tolist(), strict=True)},
+        anchors_mm=dict(zip(jig.anchors, map(tuple, jig.anchors_mm.tolist()), strict=True)) if jig else {},
         locations={name: pose.matrix.tolist() for name, pose in true.T_base_jig.items()},
         frames=tuple(frames),
     )

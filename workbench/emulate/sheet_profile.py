@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from geometry import InputError, Pose, Sensor, Target, field_of_view, inside_polygon
 from geometry.sensor import ProfileOutput
 from jig_cad import Balls, Edge, Jig, Plane, Sphere, Wedge
+from jig_cad.bodies import FACE_MM, FACE_WIDTH_MM, PLATE_MM
 from workbench.profiles import ScanLine
 
 Array = NDArray[np.float64]
@@ -26,9 +27,6 @@ LEAST_SINE = 0.2  # between a ray and the profile it falls on; flatter, hardly a
 LOST_SHARE = 0.003  # of the points: dust, and speckle's darkest grains
 NOISE_OF_PITCH = 0.25  # σ of a point over the lateral pitch: as real and path-traced profiles scatter
 POINTS = 1280  # of a profile, where a camera's own width says no more
-PLATE_MM = (180.0, 140.0)  # of a plane or an edge whose size is not given
-FACE_MM = 60.0  # of a wedge's faces, from the ridge
-FACE_WIDTH_MM = 200.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import Arm, Frame, InputError, NoAnswerError, Pose, Role, draw_errors
+from geometry import Arm, Frame, InputError, NoAnswerError, Pose, Role, draw_errors, target_at
 from jig_cad import sample_tolerance
-from perceptron_emu import Solid, Surroundings
-from workbench.cell import around_jig, jig_bodies, sees_all_strings
+from perceptron_emu import Surroundings
+from workbench.cell import around_jig, jig_bodies, sees_all_strings, target_bodies
+from workbench.emulate.looking import surface_views
 from workbench.emulate.recording import Configuration, TrueCell, with_joint_noise
 from workbench.files import Cell
 from workbench.plan import ViewProblem, Views, plan_views, seen_whole
@@ -63,10 +64,14 @@ def draw_truth(cell: Cell, errors: Errors, rng: np.random.Generator, around: Sur
             f"{cell.folder / 'cell.toml'}: [locations.NAME] T_base_jig is missing: where does the jig stand?"
         )
     robot = built_arm(cell, errors, rng)
-    jig = sample_tolerance(cell.jig, rng) if errors.built and not cell.jig.measured else cell.jig
+    jig = None if cell.has_surfaces else cell.jig
+    if jig and errors.built and not jig.measured:
+        jig = sample_tolerance(jig, rng)
     mounted = mounting(cell, errors, rng)
-    bodies: tuple[Solid, ...] = jig_bodies(cell.jig)  # as drawn: the strings have room in the holes
-    solids = {name: (*bodies, *around_jig(around, place)) for name, place in cell.T_base_jig.items()}
+    # a jig's as drawn: the strings have room in the holes
+    solids = {
+        k: (*target_bodies(target_at(cell.target, k)), *around_jig(around, T)) for k, T in cell.T_base_jig.items()
+    }
     carried = around.standing_in("sensor")
     return TrueCell(robot, jig, mounted, cell.T_base_jig, solids, carried, around.string_material, cell.mount)
 
@@ -86,7 +91,12 @@ def mounting(cell: Cell, errors: Errors, rng: np.random.Generator) -> Pose:
 def planned_views(
     cell: Cell, per_location: int, rng: np.random.Generator, around: Surroundings = NOTHING
 ) -> list[tuple[str, Role, Array]]:
-    """Views (location, role, joints) planned at every location, with what the files say."""
+    """Views (location, role, joints) planned at every location, with what the files say.
+
+    Of a jig the most telling ones, of a surface tilted, rolled and shifted at random.
+    """
+    if cell.has_surfaces:
+        return surface_views(cell, per_location, rng)
     views = []
     for name, place in cell.T_base_jig.items():
         bodies = (*jig_bodies(cell.jig), *around_jig(around, place))

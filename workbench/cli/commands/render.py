@@ -167,16 +167,9 @@ def _record(
 
 def _gives_profiles(path: Path, profiles: str | None) -> bool:
     """Whether profiles are asked for, or the cell's sensor gives nothing else."""
-    from geometry import InputError
-    from jig_cad import Jig
     from workbench.files import read_cell
 
-    cell = read_cell(path, recorded=False)
-    if profiles is not None or cell.sensor.profile is not None:
-        return True
-    if not isinstance(cell.target, Jig):
-        raise InputError(f"{path}: images are rendered of string jigs; of this target give --profiles FORMAT")
-    return False
+    return profiles is not None or read_cell(path, recorded=False).sensor.profile is not None
 
 
 def _record_profiles(
@@ -191,7 +184,6 @@ def _record_profiles(
     import numpy as np
 
     from geometry import InputError
-    from jig_cad import Jig
     from workbench.emulate import (
         Errors,
         built_arm,
@@ -200,7 +192,6 @@ def _record_profiles(
         mounting,
         planned_views,
         record_profiles,
-        surface_views,
     )
     from workbench.files import read_cell, read_frames
 
@@ -212,12 +203,7 @@ def _record_profiles(
     arm, T_hand_sensor = built_arm(given, errors, rng), mounting(given, errors, rng)
     rows = read_frames(joints, given.arm.n_joints) if joints else given.frames
     with progress_bar("planning", 1):
-        if rows:
-            views = given_views(given, rows)
-        elif isinstance(given.target, Jig):
-            views = planned_views(given, per_location, rng)
-        else:
-            views = surface_views(given, per_location, rng)
+        views = given_views(given, rows) if rows else planned_views(given, per_location, rng)
     taken = configurations(views, arm, errors, rng)
     with progress_bar("measuring", len(taken)) as progress:
         record_profiles(out, given, arm, T_hand_sensor, taken, form, seed, errors.built, progress)
