@@ -24,6 +24,9 @@ FLAT = 0.6  # flatness of an unclipped profile from which it is a lit face with 
 FLAT_FROM_PX = 2.6  # Gaussian σ from which flatness shows: blur rounds what is narrower
 CROWD = 2.6  # ridges of like light beside one another, on average: a pattern, not stripes
 CROWD_PART = 0.15  # of the best's height times length, that such a ridge has at least
+# of a short ridge's significance, from which refused ones are its like, and how many such make it one of the texture:
+# the best of a dozen chance ridges is 1.4 times the middle one, a piece of a stripe among them 2 to 4 times
+TEXTURE_LIKE, TEXTURE = 0.6, 6
 DARK_WIDTH = 1.0  # of the stripe's width, at most, where it is dark: less light is narrower; a border's glow is not
 LEAST_JOINED, ASKED_JOINED = 3.0, 0.8  # contrast of a ridge that goes on where a stripe ends; of that asked elsewhere
 LIKE = 0.45  # of a ridge's light and height, from which another is its like
@@ -112,16 +115,21 @@ def judge(grey: NDArray[Any], chains: list[Chain], clip: float, max_width: float
     kept: list[Stripe] = [best]
     asked = _asked_contrast(best)
     waiting = [s for s in measured if s is not best]
+
+    def bright(s: Stripe) -> bool:
+        enough = s.light >= PART * best.light and s.height >= DIMMER * best.height and s.chain.contrast >= asked
+        return enough and not s.dark and _stands_alone(s)
+
+    texture = [s.chain.significance for s in waiting + flat if not bright(s)]
     changed = True
     while changed:
         changed = False
         for s in list(waiting):
             joined = any(_continues(s, k) for k in kept if not k.ghost)
-            bright = s.light >= PART * best.light and s.height >= DIMMER * best.height and s.chain.contrast >= asked
             joined &= not s.dark or (s.bumps.peaks == 1 and s.bumps.width <= DARK_WIDTH * best.bumps.width)
-            bright &= not s.dark
+            alike = sum(k >= TEXTURE_LIKE * s.chain.significance for k in texture)
             if (joined and s.chain.contrast >= max(LEAST_JOINED, ASKED_JOINED * asked)) or (
-                bright and _stands_alone(s)
+                bright(s) and alike < TEXTURE
             ):
                 kept.append(replace(s, joined=True) if joined else s)
                 waiting.remove(s)
