@@ -4,7 +4,7 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 export PIP_DISABLE_PIP_VERSION_CHECK = 1
 
-.PHONY: demo test test-packaging test-slow docs check lint format clean setup setup-dev
+.PHONY: demo test test-packaging test-slow test-mutation docs check lint format clean setup setup-dev
 
 $(VENV)/.setup: pyproject.toml
 	$(PYTHON) -c 'import sys; sys.exit("Python 3.11 or newer is needed, this is " + sys.version.split()[0] + ": set PYTHON=...") if sys.version_info < (3, 11) else None'
@@ -28,7 +28,11 @@ test: check
 	$(BIN)/python -m pytest -n 2 --dist loadscope --no-loadscope-reorder
 
 test-packaging: setup-dev
-	$(BIN)/python -m pytest -m packaging
+	$(if $(MATRIX),PACKAGING_MATRIX=1 )$(BIN)/python -m pytest -m packaging
+
+test-mutation: setup-dev
+	$(BIN)/pip install --quiet --editable '.[mutation]'
+	$(BIN)/python benchmarks/mutants.py
 
 test-slow: setup-dev
 	$(BIN)/python -m pytest -m slow

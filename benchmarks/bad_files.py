@@ -37,24 +37,32 @@ from geometry import InputError, NoAnswerError
 from jig_cad import read_jig
 from perceptron_emu import read_scene
 from perceptron_emu.mesh_file import read_mesh
+from tests.profiles.mutants import samples
 from workbench.accept import accept_gauge, accept_repeat, read_series
 from workbench.campaign import read_plan
 from workbench.cli.main import run
 from workbench.files import (
+    find_views,
     is_whole,
+    lay_onto,
+    read_board,
     read_cell,
     read_emulator,
     read_image,
     read_points,
+    read_result,
     read_robot,
     read_sensor,
     read_settings,
+    read_sockets,
+    read_target,
     read_truth,
     write_png,
 )
-from workbench.files.urdf import read_urdf
+from workbench.files.robots.urdf import read_urdf
 from workbench.profiles import read_scan_lines, write_scan_lines
 from workbench.profiles.scan_line import ScanLine, Told
+from workbench.validate import read_thresholds
 
 PATIENCE_S = 20.0
 MEMORY_BYTES = 6 * 2**30  # of address space: what a mutation makes a reader ask for beyond it is a MemoryError
@@ -100,7 +108,11 @@ def mutate(folder: Path, count: int, seed: int) -> list[str]:
     signal.signal(signal.SIGALRM, _too_long)
     start = time.perf_counter()
     whole = {form.name: _outcome(form, folder / form.file) for form in formats}
-    faults += [f"{name}: the good file is not read: {outcome}" for name, outcome in whole.items() if outcome != "read"]
+    faults += [
+        f"{form.name}: the good file is not read: {whole[form.name]}: {' '.join(form.said)}"
+        for form in formats
+        if whole[form.name] != "read"
+    ]
     for i in range(count):
         form = formats[i % len(formats)]
         path = folder / form.file
@@ -230,6 +242,7 @@ def good_files(folder: Path) -> list[Format]:
     forms.append(Format("profile csv, stripes", "profile_csv.csv", read_profile_csv))
     study = [f"{i},{o},{t},{i + 0.1 * t + 0.3 * (o == 'B'):.2f}" for i in range(4) for o in "AB" for t in (1, 2)]
     (folder / "study.csv").write_text("part,operator,trial,value\n" + "\n".join(study) + "\n")
+    forms += _more(folder)
     forms.append(Format("gauge study", "study.csv", lambda p: accept_gauge(p, tolerance_mm=1.0)))
     forms.append(
         Format("series of a master", "study.csv", lambda p: accept_repeat([read_series(p)], [p], tolerance=1.0))
@@ -237,6 +250,117 @@ def good_files(folder: Path) -> list[Format]:
     return forms
 
 
+def _more(folder: Path) -> list[Format]:
+    """Files that a cell, a sensor's calibration or a check may have beside the usual ones."""
+    sample = folder / "cell"
+    full = folder / "full"
+    shutil.copytree(sample, full)
+    (full / "cell.toml").write_text((full / "cell.toml").read_text() + _CELL)
+    axes = ",".join(f"j{k}_deg" for k in range(1, 7))
+    readings = [",".join(f"{10 * np.sin(r + 2 * k):.3f}" for k in range(6)) for r in range(8)]
+    positions = [f"p{r % 2},{1500 + 3 * r},{20 * r},{700 - r}" for r in range(8)]
+    (full / "tracker.csv").write_text(f"point,x_mm,y_mm,z_mm,{axes}\n" + _joined(positions, readings))
+    (full / "sockets.csv").write_text(f"socket,{axes}\n" + _joined([f"s{r % 2}" for r in range(8)], readings))
+    poses = folder / "poses"
+    shutil.copytree(sample, poses)
+    (poses / "robot.toml").unlink()
+    (poses / "points.csv").unlink()
+    text = re.sub(r"(?m)^robot *=.*$", "", (poses / "cell.toml").read_text())
+    (poses / "cell.toml").write_text(text + '\n[poses]\nconvention = "fanuc"\ntool = [0, 0, 0, 0, 0, 0]\n')
+    rows = [f"{k};000.png;A;calibrate;1200,5;-3{k},25;80{k};17{k},5;2,25;-91,5;N U T, 0, 0, 0" for k in range(6)]
+    (poses / "frames.csv").write_bytes(
+        ("frame;image;location;role;X;Y;Z;W;P;R;config;;\r\n" + "\r\n".join(rows)).encode("utf-8-sig")
+    )
+    with contextlib.redirect_stdout(io.StringIO()) as said:
+        run(["calibrate", str(sample), "--json"])
+    (folder / "result.json").write_text(said.getvalue())
+    (folder / "recipe.toml").write_text(_RECIPE)
+    (folder / "board.toml").write_text('kind = "checkerboard"\ncorners = [9, 6]\nsquare_mm = 12.5\n')
+    (folder / "charuco.toml").write_text(
+        'kind = "charuco"\nsquares = [9, 6]\nsquare_mm = 12.5\nmarker_mm = 9.0\ndictionary = "DICT_4X4_50"\n'
+    )
+    views = folder / "views"
+    views.mkdir()
+    (views / "views.csv").write_text("view,board,stripe\n1,1_off.png,1_on.png\n2,2.png,2.png\n3,3_off.png,\n")
+    balls = "".join(
+        f"[[ball]]\nname = 'b{k}'\ndiameter_mm = 30.0\ncentre_mm = [{80 * k}, {9 * k * k}, 0.0]\n" for k in range(3)
+    )
+    (folder / "balls.toml").write_text('kind = "balls"\n' + balls)
+    (folder / "wedge.toml").write_text('kind = "wedge"\nangle_deg = 90.0\n')
+    (folder / "lines.toml").write_text(
+        'kind = "strings"\nstring_diameter_mm = 0.3\ntolerance_mm = 0.1\n[anchors_mm]\n'
+        "p = [0, 0, 0]\nq = [100, 5, 0]\nr = [0, 80, 9]\n"
+        's = [100, 80, 40]\n[strings]\none = ["p", "q"]\ntwo = ["r", "s"]\nthree = ["p", "s"]\n'
+    )
+    jig = read_jig(sample / "jig.toml")
+    (folder / "cmm.csv").write_text(
+        "name;x_mm;y_mm;z_mm;diameter_mm\nb0;1,5;2;3;29,98\nb1;81,5;11;3;29,99\nb2;161,5;38;3;30,01\n"
+    )
+    places = [f"{n},{','.join(f'{v + 7:.3f}' for v in p)}" for n, p in zip(jig.anchors, jig.anchors_mm, strict=True)]
+    (folder / "anchors.csv").write_text("name,x_mm,y_mm,z_mm\n" + "\n".join(places) + "\n")
+    (folder / "load.toml").write_text((sample / "robot.toml").read_text() + "\n[compliance]\npayload_kg = 12.0\n")
+    (folder / "thresholds.toml").write_text("min_detection_rate = 0.9\n")
+    (folder / "joints.csv").write_text("\n".join(readings) + "\n")
+    out = [
+        Format("cell.toml with all", "full/cell.toml", read_cell),
+        Format("tracker.csv", "full/tracker.csv", lambda p: read_cell(p.parent)),
+        Format("sockets.csv", "full/sockets.csv", lambda p: read_cell(p.parent)),
+        Format("cell.toml of poses", "poses/cell.toml", read_cell),
+        Format("frames.csv of poses", "poses/frames.csv", lambda p: read_cell(p.parent)),
+        Format("result.json", "result.json", read_result),
+        Format("recipe", "recipe.toml", lambda p: read_settings([p])),
+        Format("board.toml", "board.toml", read_board),
+        Format("board.toml, ChArUco", "charuco.toml", read_board),
+        Format("views.csv", "views/views.csv", lambda p: find_views(p.parent)),
+        Format("target.toml, balls", "balls.toml", read_target),
+        Format("target.toml, wedge", "wedge.toml", read_target),
+        Format("target.toml, lines", "lines.toml", read_target),
+        Format("anchors of a jig", "anchors.csv", lambda p: lay_onto(jig, p)),
+        Format("balls as measured", "cmm.csv", lambda p: lay_onto(read_target(p.parent / "balls.toml"), p)),
+        Format("robot.toml with load", "load.toml", read_robot),
+        Format("thresholds", "thresholds.toml", read_thresholds),
+        Format("joints of sockets", "joints.csv", lambda p: read_sockets([p], 6, degrees=True)),
+    ]
+    makers = folder / "makers"
+    makers.mkdir()
+    told = Told(pitch_mm=0.25, start_mm=-4.0, unit=1000)
+    named = (f for f in samples(makers) if f.suffix != ".xml" and f.name != "c.pcd")  # a cloud, no profile
+    return out + [Format(f"profile {f.name}", f"makers/{f.name}", lambda p: read_scan_lines(p, told)) for f in named]
+
+
+def _joined(heads: list[str], tails: list[str]) -> str:
+    return "\n".join(f"{head},{tail}" for head, tail in zip(heads, tails, strict=True)) + "\n"
+
+
+_CELL = """
+[workspace]
+floor_z_mm = -20.0
+[[workspace.box]]
+min_mm = [2000.0, -500.0, 0.0]
+max_mm = [2600.0, 500.0, 900.0]
+[evidence]
+tracker = "tracker.csv"
+tracker_sigma_mm = 0.05
+sockets = "sockets.csv"
+[[evidence.distance]]
+between = ["A", "B"]
+distance_mm = 900.0
+sigma_mm = 0.1
+"""
+_RECIPE = """what = "stripe"
+[region]
+keep = [[[10, 10], [600, 10], [600, 400]]]
+[stripe]
+min_snr = 5.0
+[measure]
+feature = "sphere"
+diameter_mm = 40.0
+[tolerances.radius_mm]
+min = 19.9
+max = 20.1
+[gapflush]
+definition = "tangent"
+"""
 _URDF = (
     '<?xml version="1.0"?>\n<robot name="r"><link name="a"/><link name="b"/><link name="c"/>\n'
     '<joint name="j" type="revolute"><parent link="a"/><child link="b"/><origin xyz="0.1 0 0.3" rpy="0 1.5707963 0"/>'

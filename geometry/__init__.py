@@ -51,7 +51,16 @@ from geometry.robot import (
     with_beta_prior,
     with_compliance_prior,
 )
-from geometry.rounding import clean, json_text, rounded, rounded_number
+from geometry.rounding import (
+    DIGITS,
+    clean,
+    json_text,
+    rounded,
+    rounded_by_sigma,
+    rounded_covariance,
+    rounded_number,
+    rounded_transform,
+)
 from geometry.sensor import Camera, Sensor, Sheet, field_of_view, inside_polygon
 from geometry.target import Prediction, Section, Shape, Surface, Symmetry, Target, target_at
 from geometry.unknowns import Block, Linearised, State, Step, Term, Unknowns
@@ -62,6 +71,7 @@ __all__ = [
     "BOARD_KINDS",
     "CONVENTIONS",
     "DH_ROWS",
+    "DIGITS",
     "LONGEST_WORD",
     "NO_POSES",
     "TYPICAL_SIGMA",
@@ -144,7 +154,10 @@ __all__ = [
     "robot_from_axes",
     "robot_from_chain",
     "rounded",
+    "rounded_by_sigma",
+    "rounded_covariance",
     "rounded_number",
+    "rounded_transform",
     "segments_to_boxes_mm",
     "skew",
     "stack_poses",

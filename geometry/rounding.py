@@ -17,6 +17,7 @@ DIGITS = 9  # significant, of any number
 DECIMALS = 7  # at most: of mm, px, degrees, and of what has no unit
 ROTATION_DECIMALS = 9  # of the entries of a rotation: a micrometre at a kilometre
 COVARIANCE_DIGITS = 6  # of a σ, and places of a correlation
+_SIGMA_PLACES = 6  # of a number, below the first digit of its σ: numbers that only count together keep what they say
 
 
 def rounded(value: Any, name: str = "") -> Any:
@@ -31,9 +32,9 @@ def rounded(value: Any, name: str = "") -> Any:
         return rounded(value.tolist(), name)
     if isinstance(value, list | tuple):
         if name.startswith("T_") and _is_full(value, (4, 4)):
-            return _like(_transform(value), value)
+            return _like(rounded_transform(value), value)
         if name == "covariance" and (_is_full(value, (6, 6)) or _is_full(value, (2, 2))):
-            return _like(_covariance(value), value)
+            return _like(rounded_covariance(value), value)
         return [rounded(v, name) for v in value]
     return rounded_number(value) if isinstance(value, float) else value
 
@@ -41,6 +42,13 @@ def rounded(value: Any, name: str = "") -> Any:
 def rounded_number(value: float, decimals: int = DECIMALS) -> float:
     """A number to DIGITS significant digits and no more than ``decimals`` places, never a negative zero."""
     return round(float(f"{value:.{DIGITS}g}"), decimals) + 0.0 if math.isfinite(value) else value
+
+
+def rounded_by_sigma(value: float, sigma: float) -> float:
+    """A number to a millionth of its σ; as any other where the σ is none."""
+    if not 0 < sigma < math.inf:
+        return rounded_number(value)
+    return round(value, _SIGMA_PLACES - math.floor(math.log10(sigma))) + 0.0
 
 
 def _is_full(value: Any, shape: tuple[int, int]) -> bool:
@@ -52,7 +60,8 @@ def _is_full(value: Any, shape: tuple[int, int]) -> bool:
     return m.shape in (shape, (shape[0] * shape[1],)) and bool(np.all(np.isfinite(m)))
 
 
-def _transform(value: ArrayLike) -> NDArray[np.float64]:
+def rounded_transform(value: ArrayLike) -> NDArray[np.float64]:
+    """A transform (4, 4), or its 16 numbers, with lengths and rotation rounded."""
     m = np.array(value, dtype=float).reshape(4, 4)
     translation = [rounded_number(float(t)) for t in m[:3, 3]]
     m = np.round(m, ROTATION_DECIMALS)
@@ -60,8 +69,11 @@ def _transform(value: ArrayLike) -> NDArray[np.float64]:
     return m + 0.0
 
 
-def _covariance(value: ArrayLike) -> NDArray[np.float64]:
-    """σ and correlations rounded: an entry near zero is rounding noise of the diagonal's size."""
+def rounded_covariance(value: ArrayLike) -> NDArray[np.float64]:
+    """A covariance (n, n), or its n² numbers, by σ and correlations rounded.
+
+    An entry near zero is rounding noise of the diagonal's size.
+    """
     m = np.array(value, dtype=float)
     m = m.reshape((math.isqrt(m.size),) * 2)
     variance = np.diag(m)

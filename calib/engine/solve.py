@@ -15,7 +15,6 @@ Array = NDArray[np.float64]
 Loss = Callable[[Array], Array]  # weights (G,) of a term's groups by their whitened lengths (G,)
 
 _MAX_DAMPING = 1e10  # a step so short that rounding decides
-_ROUNDING = 1e-16  # a decrement below this changes the cost by less than its last digits
 _CHI3_MEDIAN = 1.538  # median of the length of three standard normal numbers
 
 
@@ -86,7 +85,8 @@ def solve(
         For each term a robust loss for its groups, or None.
     max_iterations : int
     tolerance : float
-        The iteration stops at a step shorter than this many σ of its unknowns.
+        The iteration stops at a step shorter than this many σ of its unknowns. Such a step is taken as it is: what it
+        gains is less than the rounding of the cost, which must not decide whether it is damped.
     plain_iterations : int
         Iterations before the losses count, so that a poor start does not decide what is trusted.
 
@@ -101,7 +101,7 @@ def solve(
     damping, initial, iterations, converged = 0.0, here.cost, 0, False
     while iterations < max_iterations and not converged and damping < _MAX_DAMPING:
         iterations += 1
-        found, damping, step = _advance(here, damping)
+        found, damping, step = _advance(here, damping, tolerance**2)
         try:
             here = _Point.at(problem, found, weighted=robust and iterations >= plain_iterations)
         except np.linalg.LinAlgError:  # the data say nothing there (strings in the sheet): no place to go on from
@@ -182,15 +182,18 @@ class _Point:
         return _Point(problem, found, tuple(whites), tuple(weights), problem.cost(found, whites))
 
 
-def _advance(here: _Point, damping: float) -> tuple[_Found, float, Step]:
-    """The first damped step that lowers the cost, at weights held fixed; the same state where none does."""
+def _advance(here: _Point, damping: float, short: float) -> tuple[_Found, float, Step]:
+    """The first damped step that lowers the cost, at weights held fixed; the same state where none does.
+
+    short: a decrement below which a step is taken unjudged.
+    """
     problem, at = here.problem, here.found
     normal = total_normal(problem.unknowns, at.state, at.linearised, here.whites, problem.unknowns.free)
     while True:
         step = normal_step(normal, problem.unknowns.free, damping)
         trial = problem.linearise(at.state.moved(problem.unknowns, step))
         cost = problem.cost(trial, here.whites)
-        if cost <= here.cost * (1 + 1e-12) + 1e-18 or step.decrement < _ROUNDING:
+        if cost <= here.cost * (1 + 1e-12) + 1e-18 or step.decrement < short:
             return trial, 0.0 if damping < 1e-6 else damping / 10, step
         damping = max(10 * damping, 1e-4)
         if damping >= _MAX_DAMPING:

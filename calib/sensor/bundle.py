@@ -24,6 +24,7 @@ _SETTLED_SIGMA = (
     0.03  # a step shorter than this many σ: a tilt's valley is so long and bent that shorter ones never end
 )
 _MORE = 4  # times that many, before a set of terms is given up
+TILT_PLACES = [CAMERA_PARAMETERS.index(name) for name in ("tau_x", "tau_y")]
 # what no lens exceeds: keeps a term that the views hardly tell from running away; far beyond what is usual
 PRIOR_SIGMA = dict(zip(TERMS, (1.0, 5.0, 0.05, 0.05, 20.0, 5.0, 20.0, 50.0, 0.1, 0.5, 0.1, 0.5, 0.5, 0.5), strict=True))
 
@@ -38,6 +39,7 @@ class SensorBundle:
     """Views with the terms of the lens that are free, and the noise that their residuals have.
 
     All pixels are counted from the image's centre, so that priors have their mean at zero; width_px is the image's.
+    tilt_rad: at which the chip's tilt is held, where it is not among the terms; None for an upright chip.
     """
 
     views: BoardViews
@@ -45,11 +47,12 @@ class SensorBundle:
     width_px: float
     corner_scale: float = 1.0
     stripe_noise: StripeNoise = field(default_factory=StripeNoise)
+    tilt_rad: tuple[float, float] | None = None
 
     @property
     def unknowns(self) -> Unknowns:
         """Camera, plane and boards."""
-        tilted = {"p1", "p2"} if "tau_x" in self.terms else set()
+        tilted = {"p1", "p2"} if "tau_x" in self.terms or self.tilt_rad is not None else set()
         lens = [TANGENTIAL_BESIDE_TILT if name in tilted else PRIOR_SIGMA[name] for name in TERMS]
         middle = CENTRE_BESIDE_TILT * self.width_px if tilted else np.inf
         sigma = [np.inf, np.inf, middle, middle, *lens]
@@ -97,9 +100,12 @@ class SensorBundle:
         return result
 
     def held(self, state: State) -> State:
-        """The state with all terms that are not free at zero."""
+        """The state with all terms that are not free at zero, and the tilt where it is held."""
         kept = np.array([name in PINHOLE or name in self.terms for name in CAMERA_PARAMETERS])
-        return state.with_value(CAMERA, np.where(kept, state.vector(CAMERA), 0.0))
+        camera = np.where(kept, state.vector(CAMERA), 0.0)
+        if self.tilt_rad is not None:
+            camera[TILT_PLACES] = self.tilt_rad
+        return state.with_value(CAMERA, camera)
 
     def covariance(self, result: Result) -> Covariance:
         """Of camera and plane."""
@@ -126,17 +132,24 @@ def camera_start(views: BoardViews, width_px: float) -> State:
 
 
 def tilted_start(state: State) -> State:
-    """The same pictures, to first order, of a camera whose principal point is the image's centre, its chip tilted.
+    """The same pictures, to first order, of a camera whose principal point is the image's centre, its chip tilted."""
+    camera = state.vector(CAMERA)
+    off = camera[2:4] / camera[:2]
+    tilted = tilted_more(state, np.array([-off[1], off[0]]))
+    camera = tilted.vector(CAMERA).copy()
+    camera[[CAMERA_PARAMETERS.index(name) for name in ("p1", "p2")]] = 0.0
+    return tilted.with_value(CAMERA, camera)
+
+
+def tilted_more(state: State, tau_rad: Array) -> State:
+    """The same pictures, to first order, of a camera whose chip is tilted by (2,) more.
 
     Tilt τ, a turn of the camera by (τx, τy, 0) and a shift of the principal point by f (-τy, τx) cancel.
     """
     camera = state.vector(CAMERA).copy()
-    off = camera[2:4] / camera[:2]
-    tau = np.array([-off[1], off[0]])
-    camera[2:4] = 0.0
-    camera[[CAMERA_PARAMETERS.index(name) for name in ("tau_x", "tau_y")]] = tau
-    camera[[CAMERA_PARAMETERS.index(name) for name in ("p1", "p2")]] = 0.0
-    turn = Pose(exp_so3(np.array([tau[0], tau[1], 0.0])), np.zeros(3))
+    camera[2:4] += camera[:2] * np.array([-tau_rad[1], tau_rad[0]])
+    camera[TILT_PLACES] += tau_rad
+    turn = Pose(exp_so3(np.array([tau_rad[0], tau_rad[1], 0.0])), np.zeros(3))
     moved = state.with_value(CAMERA, camera).with_value(BOARD, turn @ state.pose(BOARD))
     return moved.with_value(PLANE, turn.R @ state.vector(PLANE)) if PLANE in state.values else moved
 

@@ -10,15 +10,16 @@ from numpy.typing import NDArray
 
 from calib.engine import Covariance, Result
 from calib.sensor.bundle import SensorBundle, camera_start
-from calib.sensor.choice import Choice, choose_terms
+from calib.sensor.choice import LENGTH, Choice, choose_terms
 from calib.sensor.contradiction import common_error_px, contradicting_stripes
 from calib.sensor.curvature import with_bend
 from calib.sensor.left_out import left_out
 from calib.sensor.noise import with_noise
-from calib.sensor.on_line import MIN_POINTS, on_one_line
+from calib.sensor.on_line import MIN_POINTS, on_one_line, second_line
 from calib.sensor.result import SensorCalibration, SensorSolution, SensorVerdict, ViewResult
 from calib.sensor.sheet_frame import SheetFrame, camera_rows, sheet_deviations, sheet_frame, to_sheet
 from calib.sensor.terms import BOARD, CAMERA, PLANE
+from calib.sensor.untaken import TILT_NAMES, untaken_tilt
 from calib.sensor.verdict import judge, too_few
 from calib.sensor.views import BoardView, BoardViews
 from geometry import State
@@ -32,6 +33,7 @@ COARSE_PX, FINE_PX = 3.0, 1.0  # from a board's line, before and after the lens 
 CORNER_SIGMAS, STRIPE_SIGMAS = 5.0, 4.5  # beyond which a point is none; of robust σ: one in a million by chance
 VIEW_RATIO = 3.0  # reprojection of a left-out view over the usual: beyond what tilt and focus make
 MAX_LEFT_OUT = 1 / 3  # share of views without which there is no answer
+SECOND_SHARE = 0.15  # of a view's stripe points, on another line than the rest: worth a word
 _ROUNDS = 2  # of dropping points and solving again
 
 
@@ -147,6 +149,22 @@ class _Attempt:
             f"(the board moved between the two pictures?)"
         )
 
+    def _second_stripes(self, choice: Choice) -> list[str]:
+        """Views in which many points of the stripe lie on another straight line than those that were used."""
+        given = {v.name: v for v in self.given}
+        said = []
+        for i, kept in enumerate(choice.bundle.views.views):
+            if not len(kept.stripe):
+                continue
+            every = given[kept.name]
+            count = second_line(every, kept, choice.result.state, i, COARSE_PX)
+            if count > SECOND_SHARE * len(every.stripe):
+                said.append(
+                    f"{kept.name}: {count} of {len(every.stripe)} points of the stripe lie on another line than the "
+                    "rest (a reflection of the laser, or a surface that is not the board): they are left out"
+                )
+        return said
+
     def answer(self, centre: Array, contradicted: bool) -> SensorCalibration:
         """Everything that is told."""
         results = {n: ViewResult(n, False, reason) for n, reason in self.dropped.items()}
@@ -163,10 +181,15 @@ class _Attempt:
         results |= _view_results(choice, frame, centre)
         distances = bundle.stripe_term.distances(result.state).residual
         errors = bundle.corner_term.errors(result.state).residual
-        solution = _solution(bundle, result, cov, frame, centre)
-        depth, sigma = _depth_sigma(bundle, result, cov, self.settings.origin_yz_mm)
+        solution = _solution(bundle, result, cov, frame, centre, bundle.terms)
         between = common_error_px(bundle, result)
         verdict = judge(choice, solution, len(self.given), contradicted=contradicted, stripes_apart_px=between)
+        tilt_fits = verdict.is_answer and self.settings.max_terms >= LENGTH[TILT_NAMES[0]]
+        untaken = untaken_tilt(bundle, result, cov) if tilt_fits else None
+        if untaken is not None:
+            cov = untaken.covariance
+            solution = _solution(bundle, result, cov, frame, centre, (*bundle.terms, *TILT_NAMES))
+        depth, sigma = _depth_sigma(bundle, result, cov, self.settings.origin_yz_mm)
         whitened = bundle.corner_term.independent_rows(result.state).residual * bundle.corner_scale
         return (
             SensorCalibration(
@@ -184,6 +207,8 @@ class _Attempt:
                 sigma_z_mm=sigma,
                 depth_mm=depth,
                 tried=choice.tried,
+                untaken=untaken,
+                notes=tuple(self._second_stripes(choice)),
             )
             if len(whitened)
             else SensorCalibration(verdict, tuple(results.values()))
@@ -260,11 +285,12 @@ def _view_results(choice: Choice, frame: SheetFrame, centre: Array) -> dict[str,
 
 
 def _solution(
-    bundle: SensorBundle, result: Result, cov: Covariance, frame: SheetFrame, centre: Array
+    bundle: SensorBundle, result: Result, cov: Covariance, frame: SheetFrame, centre: Array, stated: tuple[str, ...]
 ) -> SensorSolution:
+    """stated: the terms of the lens that the uncertainty names."""
     state, u = result.state, result.unknowns
     plane = state.vector(PLANE)
-    rows = camera_rows(bundle.terms)
+    rows = camera_rows(stated)
     to_named = np.zeros((len(rows) + 3, u.size))
     to_named[np.arange(len(rows)), np.array(u.indices(CAMERA))[list(rows)]] = 1.0
     to_named[len(rows) :, u[PLANE]] = sheet_deviations(frame, plane)

@@ -31,7 +31,7 @@ LENGTH |= dict.fromkeys(("tau_x", "tau_y"), 14)  # of OpenCV's vector that holds
 
 # surprise of left-out views that each further term must save: what a needless one saves by chance, at most, in one of
 # twenty sensors (benchmarks/calibrate_sensor.py --sensors)
-PRICE = 3.0
+PRICE = 2.0
 POINTS = 60  # of a view's stripe, which tell terms apart as well as all
 _ROUNDS = 2  # radial terms and the others in turn
 MAX_CONTRADICTED = 1.0  # standard errors of the views' own gains: one view alone is no evidence

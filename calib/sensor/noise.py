@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from calib.engine import Result
 from calib.sensor.bundle import SensorBundle
-from calib.sensor.left_out import BOARD_FREEDOM, left_out
+from calib.sensor.condensed import condensed_stripes
+from calib.sensor.left_out import BOARD_FREEDOM
 from calib.sensor.terms import StripeNoise
 from geometry import State
 
@@ -17,6 +18,7 @@ Array = NDArray[np.float64]
 
 _LINE_FREEDOM = 2
 _FEWEST_PAIRS = 20  # of points at a lag, over all views
+_CHANCE = 2.0  # standard deviations that whole stripes may scatter beyond their own noise before it counts
 _QUIET = 0.1  # correlation that is as good as none
 
 
@@ -30,7 +32,10 @@ def with_noise(bundle: SensorBundle, result: Result, offsets: bool = True) -> Se
         return bundle
     noise = _along_stripes(bundle, result.state)
     bundle = replace(bundle, stripe_noise=noise)
-    return replace(bundle, stripe_noise=replace(noise, offset_px=_offset(bundle, result))) if offsets else bundle
+    if not offsets:
+        return bundle
+    offset = condensed_stripes(bundle, result).common_error(by_chance=_CHANCE)
+    return replace(bundle, stripe_noise=replace(noise, offset_px=offset))
 
 
 def first_noise(bundle: SensorBundle, boards: Result) -> SensorBundle:
@@ -99,29 +104,3 @@ def _sum(a: Array, b: Array) -> Array:
     out[: len(a)] += a
     out[: len(b)] += b
     return out
-
-
-def _offset(bundle: SensorBundle, result: Result) -> float:
-    """σ [px] of what a view's points have in common, beyond what the views' own noise makes of their left-out means.
-
-    References
-    ----------
-    The moment estimator of Paule & Mandel, J. Res. NBS 87 (1982) 377: Σ mean² / (σ² + offset²) = degrees of freedom.
-    """
-    alone = replace(bundle, stripe_noise=replace(bundle.stripe_noise, offset_px=0.0))
-    out = left_out(alone, alone.solve(result.state))
-    seen = np.isfinite(out.offset_px)
-    means, sigma, dof = out.offset_px[seen], out.offset_sigma_px[seen], int(seen.sum()) - 3
-    if dof < 1:
-        return 0.0
-
-    def excess(offset: float) -> float:
-        return float(np.sum(means**2 / (sigma**2 + offset**2))) - dof
-
-    if excess(0.0) <= 2 * np.sqrt(2 * dof):  # chance alone
-        return 0.0
-    low, high = 0.0, float(np.max(np.abs(means)) * np.sqrt(len(means)))
-    for _ in range(60):
-        middle = (low + high) / 2
-        low, high = (middle, high) if excess(middle) > 0 else (low, middle)
-    return high

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from calib.sensor.choice import Tried
 from calib.sensor.sheet_frame import SheetFrame
+from calib.sensor.untaken import UntakenTilt
 from geometry import Pose
 from geometry.sensor import SensorUncertainty
 
@@ -95,7 +96,8 @@ class SensorSolution:
     frame : SheetFrame
         {P}.
     uncertainty : SensorUncertainty
-        Of the camera's parameters and of the plane's turns and shift in {P}.
+        Of the camera's parameters and of the plane's turns and shift in {P}; also of a tilt that was not taken and is
+        possible, which is zero in camera.
     boards : Pose
         T_camera_board of the views used.
     """
@@ -135,6 +137,7 @@ class SensorCalibration:
     sigma_z_mm: tuple[float, float, float] | None = None
     depth_mm: tuple[float, float, float] | None = None
     tried: tuple[Tried, ...] = ()
+    untaken: UntakenTilt | None = None
     notes: tuple[str, ...] = ()
 
     @property

@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.sensor.lens import project, undistort
+from calib.sensor.lens import project, rays, undistort
 from calib.sensor.views import BoardViews
 from geometry import Linearised, State, skew
 
@@ -158,11 +158,11 @@ class StripeOnBoard:
     def errors(self, state: State) -> StripeErrors:
         """How far along their normals [px] the stripes are seen from where boards and plane meet."""
         stripe = self.views.stripe
-        shift = np.zeros(len(stripe))
+        shift, near = np.zeros(len(stripe)), None
         for _ in range(_NEWTON):
-            found = self._distances(state, stripe.uv_px - shift[:, None] * stripe.normal)
-            shift = shift + found.residual / found.by_pixel
-        found = self._distances(state, stripe.uv_px - shift[:, None] * stripe.normal)
+            residual, by_pixel, near = self._off(state, stripe.uv_px - shift[:, None] * stripe.normal, near)
+            shift = shift + residual / by_pixel
+        found = self._distances(state, stripe.uv_px - shift[:, None] * stripe.normal, near)
         jacobian = {name: j / found.by_pixel[:, None] for name, j in found.jacobian.items()}
         return StripeErrors(shift + found.residual / found.by_pixel, jacobian, np.ones(len(stripe)))
 
@@ -170,11 +170,25 @@ class StripeOnBoard:
         """Distances of the stripes' points on their boards from the laser plane [mm]."""
         return self._distances(state, self.views.stripe.uv_px)
 
-    def _distances(self, state: State, uv: Array) -> StripeErrors:
+    def _off(self, state: State, uv: Array, near: Array | None) -> tuple[Array, Array, Array]:
+        """Distances (M,) from the plane [mm], by a shift along the normal, and the rays (M, 2), found from near."""
+        stripe, member = self.views.stripe, self.views.view_of_stripe
+        board, plane = state.pose(BOARD), state.vector(PLANE)
+        ray = rays(state.vector(CAMERA), uv, near)
+        q = np.concatenate([ray.value, np.ones((len(stripe), 1))], 1)
+        normal = board.R[member, :, 2]
+        reach = _dot(normal, board.t[member]) / _dot(normal, q)
+        unit = plane / np.sqrt(plane @ plane)
+        slope = q @ unit / _dot(normal, q)
+        by_xy = reach[:, None] * (unit[None, :2] - slope[:, None] * normal[:, :2])
+        by_uv = (by_xy[:, None] @ ray.by_point)[:, 0]
+        return reach * (q @ unit) - 1 / np.sqrt(plane @ plane), _dot(by_uv, stripe.normal), ray.value
+
+    def _distances(self, state: State, uv: Array, near: Array | None = None) -> StripeErrors:
         stripe, member = self.views.stripe, self.views.view_of_stripe
         board, plane = state.pose(BOARD), state.vector(PLANE)
         R, t = board.R[member], board.t[member]
-        ray = undistort(state.vector(CAMERA), uv)
+        ray = undistort(state.vector(CAMERA), uv, near)
         q = np.concatenate([ray.value, np.ones((len(stripe), 1))], 1)
         normal = R[:, :, 2]  # of the board
         reach = _dot(normal, t) / _dot(normal, q)

@@ -18,6 +18,7 @@ WEAK_FOCAL_SHARE = 0.005
 WEAK_VIEWS = 5
 MISFIT_PX = 1.0  # a lens that OpenCV's model knows leaves tenths
 APART_PX = 1.0  # of whole stripes: a flat board that stood still leaves tenths
+APART_OF_FEW_PX = 0.3  # of two or three, which follow the plane that they bend: a third of what they are off is seen
 TOLD_APART = 4  # views with a stripe, from which what they have in common is part of every σ
 
 
@@ -73,8 +74,9 @@ def judge(
         f"stripes of whole views lie {stripes_apart_px:.2f} px apart beyond their noise and none stands out (a board "
         "that is not flat, or that moved between laser off and on?)"
     )
-    told = stripes_apart_px > APART_PX
-    if told and with_stripe < TOLD_APART:
+    few = with_stripe < TOLD_APART
+    told = stripes_apart_px > (APART_OF_FEW_PX if few else APART_PX)
+    if told and few:
         return SensorVerdict("outliers", f"{apart}; {with_stripe} do not tell which: record ten or more")
     return _on_quality(choice, solution, turn, focal, [apart] if told else [])
 

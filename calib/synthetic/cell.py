@@ -156,10 +156,15 @@ def made_cell(cell: SyntheticCell, rng: np.random.Generator, noise: Noise) -> Sy
 
 
 def axis_points(T_sensor_jig: Pose, jig: Jig) -> Array:
-    """Where the strings' axes cross the laser plane, (..., S, 2) as (y, z) in {P} [mm]."""
-    starts = T_sensor_jig @ np.broadcast_to(jig.starts, (*T_sensor_jig.t.shape[:-1], *jig.starts.shape))
-    ends = T_sensor_jig @ np.broadcast_to(jig.ends, (*T_sensor_jig.t.shape[:-1], *jig.ends.shape))
-    return cross_plane_x0(starts, ends - starts)[0][..., 1:]
+    """Where the strings' axes cross the laser plane, (..., S, 2) as (y, z) in {P} [mm].
+
+    By Plücker's coordinates in the jig's own axes: what solves carries the lines to the sensor, and shares no line
+    with this. A line of direction d and moment m meets the plane n·p + c = 0 in (n × m - c d) / (n·d).
+    """
+    direction, moment = jig.ends - jig.starts, np.cross(jig.starts, jig.ends)
+    normal, c = T_sensor_jig.R[..., None, 0, :], T_sensor_jig.t[..., None, 0, None]
+    met = (np.cross(normal, moment) - c * direction) / np.sum(normal * direction, axis=-1, keepdims=True)
+    return np.asarray(np.einsum("...ij,...sj->...si", T_sensor_jig.R[..., 1:, :], met) + T_sensor_jig.t[..., None, 1:])
 
 
 def observe(cell: SyntheticCell, made: SyntheticCell, rng: np.random.Generator, noise: Noise) -> CellFrames:

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.label import centroid_offsets
-from calib.pose import crossings
+from calib.synthetic.cell import axis_points
+from calib.synthetic.lit_string import lit_centroids
 from geometry import (
     Camera,
     Pose,
@@ -37,7 +37,7 @@ class JigView:
     @property
     def yz_mm(self) -> Array:
         """True axis points (S, 2) in {P}."""
-        return crossings(self.T_sensor_jig, self.made.starts, self.made.directions)[0]
+        return axis_points(self.T_sensor_jig, self.made)
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,8 @@ def random_pose(
         if jig.pillar is None:
             aim += jig.foot_mm - np.array([0, 0, 0.45]) * jig.side_mm
         T = Pose(R, aim - R @ np.array([0, rng.uniform(-15, 15), distance_mm * rng.uniform(0.9, 1.1)])).inverse()
-        share = crossings(T, jig.starts, jig.directions)[1] / jig.lengths
+        low, high = (T.R[0] @ p.T + T.t[0] for p in (jig.starts, jig.ends))  # how far before the sheet the ends stand
+        share = low / (low - high)
         if np.all((share > 0.02) & (share < 0.98)):
             return T
 
@@ -132,8 +133,8 @@ def observe_spots(view: JigView, noise: SpotNoise, rng: np.random.Generator) -> 
     strings = view.jig.strings
     thread = noise.thread or (rng.uniform(0.05, 0.7), float(rng.choice([0.0, 0.05, 0.3])), rng.uniform(0.15, 0.5))
     directions = view.made.directions @ view.T_sensor_jig.R.T
-    offset = centroid_offsets(view.yz_mm, directions, view.sensor, np.array([thread]))[:, 0]
-    yz = view.yz_mm + offset * view.jig.string_diameter_mm / 2 + rng.normal(size=(len(strings), 2)) * noise.sigma_yz_mm
+    lit = lit_centroids(view.yz_mm, directions, view.jig.string_diameter_mm / 2, view.sensor, thread)
+    yz = lit + rng.normal(size=(len(strings), 2)) * noise.sigma_yz_mm
     order = rng.permutation(len(strings))
     seen, cut = np.sort(order[noise.hidden :]), order[noise.hidden : noise.hidden + noise.cut]
     angle = rng.uniform(0, 2 * np.pi, len(cut))

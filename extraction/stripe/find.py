@@ -11,11 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from extraction.config import StripeConfig
-from extraction.stripe.chain import each_once, together
-from extraction.stripe.fit import IntArray
-from extraction.stripe.judge import Stripe, StripeVerdict, judge
-from extraction.stripe.search import Pyramid, RidgeSearch, search, search_faint
-from extraction.stripe.view import StripeView, turn
+from extraction.stripe.places import Places, StripeFacts
+from extraction.stripe.ridges import Pyramid, RidgeSearch, each_once, search, search_faint, together
+from extraction.stripe.verdict import Stripe, StripeVerdict, judge
+from extraction.stripe.view import IntArray, StripeView, turn
 from geometry.compiled import kernel
 
 Array = NDArray[np.float64]
@@ -29,57 +28,6 @@ COLUMNS_FIRST = 3.0  # times the light in ridges, that rows must show more than 
 MOSTLY = 0.6  # of all places, from which a doubt is one of the whole image
 ALONE = 0.3  # of all stripes' light: a refused ridge with that much makes every point doubtful
 _NO_PLACES = tuple(np.zeros(0, t) for t in (np.int32, float, float, np.int32, np.int32, bool, bool, bool))
-
-
-@dataclass(frozen=True, eq=False)
-class Places:
-    """What is to be fitted (N,), ordered by section, then place.
-
-    section. centre_px: about where. low, high: the half-open range of rows that is this one's own: it ends midway to
-    its neighbours. width_px: Gaussian σ expected. stripe: which of the stripes. partner: of a pair fitted jointly, the
-    index of the other; -1 for none. faint: whether sections are too faint to be measured alone. ghost: whether their
-    stripe is one. doubt: whether another ridge has as good a claim.
-    """
-
-    section: IntArray
-    centre_px: Array
-    low: IntArray
-    high: IntArray
-    width_px: Array
-    stripe: IntArray
-    partner: IntArray
-    faint: Mask
-    ghost: Mask
-    doubt: Mask
-
-    def __len__(self) -> int:
-        """The number of places."""
-        return len(self.section)
-
-    def take(self, chosen: NDArray[np.intp]) -> Places:
-        """The chosen places, in order; partners are lost, being indices."""
-        if len(chosen) == len(self) and np.all(self.partner < 0):
-            return self
-        return Places(
-            self.section[chosen],
-            self.centre_px[chosen],
-            self.low[chosen],
-            self.high[chosen],
-            self.width_px[chosen],
-            self.stripe[chosen],
-            np.full(len(chosen), -1, np.int32),
-            self.faint[chosen],
-            self.ghost[chosen],
-            self.doubt[chosen],
-        )
-
-
-@dataclass(frozen=True, eq=False)
-class StripeFacts:
-    """What selection asks of a stripe: whether it is a ghost, and the number of the first of its pair, or its own."""
-
-    ghost: bool
-    pair: int
 
 
 @dataclass(frozen=True, eq=False)

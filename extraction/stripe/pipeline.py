@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,16 +10,25 @@ from extraction.image import check_image
 from extraction.noise import PixelNoise
 from extraction.order import kth_smallest
 from extraction.sheet import image_to_sheet, propagate, sheet_table
-from extraction.stripe.faint import NEIGHBOURS, fit_faint
-from extraction.stripe.find import Found, Places, find
-from extraction.stripe.fit import SECTION, SectionPlaces, fit_sections
-from extraction.stripe.model import FitLimits, Records
-from extraction.stripe.noise import estimate_noise
-from extraction.stripe.normal import localise_along_normal
-from extraction.stripe.pair import fit_pairs
+from extraction.stripe.find import Found, find
+from extraction.stripe.places import Places
 from extraction.stripe.profile import AMBIGUOUS, EDGE, SATURATED, SHAPE, Profile, StripePeaks
+from extraction.stripe.sections import (
+    NEIGHBOURS,
+    SECTION,
+    STEP_PX,
+    FitLimits,
+    Records,
+    SectionPlaces,
+    SigmaPlaces,
+    estimate_noise,
+    fit_faint,
+    fit_pairs,
+    fit_sections,
+    localise_along_normal,
+    true_sigma,
+)
 from extraction.stripe.select import select
-from extraction.stripe.sigma import STEP_PX, SigmaPlaces, true_sigma
 from extraction.stripe.view import StripeView, stripe_view
 from geometry import Sensor
 from geometry.compiled import kernel
@@ -158,7 +165,7 @@ def _localise(found: Found, config: StripeConfig) -> StripePeaks:
     noise, widths = _look_ahead(view, places, config)
     fits = _fit(view, places, widths, _WIDTH_ERROR, noise, config)
     fits = fit_pairs(view, places, fits, noise, config)
-    fits = fit_faint(view, places, fits, noise)
+    fits = fit_faint(view, places, fits, config.min_snr)
     near = _near(fits, places.centre_px, places.width_px, config.min_width_px, config.max_width_px)
     _doubt_gappy(near & (fits["snr"] >= _SEEN), places.stripe, places.doubt)
     high = (fits["amplitude"] >= config.min_amplitude_dn) & (fits["snr"] >= config.min_snr)
@@ -179,8 +186,7 @@ def _localise(found: Found, config: StripeConfig) -> StripePeaks:
     chosen = select(config, found.stripes, places, fits["centre"].copy(), fits["amplitude"].copy())
     if len(chosen) < len(places):
         fits, places = fits[chosen], places.take(chosen)
-    peaks = _peaks(view, places, fits, config)
-    peaks = replace(peaks, correlation_sections=length, refused=refused)
+    peaks = _peaks(view, places, fits, config, length, refused)
     return localise_along_normal(view, peaks, noise, config) if config.along_normal else peaks
 
 
@@ -302,7 +308,10 @@ def _doubt_gappy(seen: Mask, stripe: NDArray[np.int32], doubt: Mask) -> None:
         doubt[:] = True
 
 
-def _peaks(view: StripeView, places: Places, fits: Records, config: StripeConfig) -> StripePeaks:
+def _peaks(
+    view: StripeView, places: Places, fits: Records, config: StripeConfig, length: float, refused: dict[str, int]
+) -> StripePeaks:
+    """The fits (N,) as points of the image. length: of the correlation, in sections. refused: ridges by reason."""
     section = places.section
     chi2 = fits["chi2"] / np.maximum(fits["dof"], 1)
     near_border = np.minimum(fits["centre"] - fits["low"], fits["high"] - 1 - fits["centre"])
@@ -324,6 +333,8 @@ def _peaks(view: StripeView, places: Places, fits: Records, config: StripeConfig
         chi2_per_dof=chi2,
         flag=flag.astype(np.uint8),
         piece=_pieces(section, places.stripe, fits["centre"].copy()),
+        correlation_sections=length,
+        refused=refused,
     )
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from extraction.config import StripeConfig
-from extraction.stripe.find import Places, StripeFacts
+from extraction.stripe.places import Places, StripeFacts
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -11,11 +11,19 @@ from numpy.typing import NDArray
 
 from extraction.config import StripeConfig
 from extraction.image import clipping_level, grey_levels
-from extraction.stripe.fit import Pixels
 from geometry import InputError
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+IntArray = NDArray[np.int32]
+
+
+class Pixels(NamedTuple):
+    """Grey levels with sections as columns (H, W), and which to leave out (H, W), or (0, 0) for none."""
+
+    grey: NDArray[Any]
+    left_out: Mask
+
 
 _NO_MASK = np.zeros((0, 0), dtype=bool)
 

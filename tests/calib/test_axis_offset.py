@@ -7,52 +7,11 @@ from hypothesis import strategies as st
 
 from calib.config import CalibConfig, SurfaceConfig
 from calib.label.surface_offset import axis_points, centroid_offsets, surface_offset
+from calib.synthetic.lit_string import lit_centroids
 from calib.synthetic.views import SpotNoise, observe_spots, random_view
-from geometry import Sensor
 
 ATOL_MM = 0.001  # of a string of 0.3 mm
 seeds = st.integers(0, 2**32 - 1)
-
-
-def brute_centroid(sensor: Sensor, axis_mm, d, radius_mm, thread, waist_mm=0.15):
-    """Where the camera's ray through the spot's centroid meets the sheet: every patch of the string on its own.
-
-    Point emitter, exact pinhole, Gaussian sheet, Lambert beside GGX written out anew. It does not prove the reflectance
-    of real thread, nor what a finite aperture does.
-    """
-    albedo, f0, alpha = thread
-    e1 = np.cross(d, [0.3, 0.5, 0.8])
-    e1 /= np.linalg.norm(e1)
-    e2 = np.cross(d, e1)
-    phi = np.linspace(0, 2 * np.pi, 361)[:-1, None, None]
-    s = np.linspace(-6, 6, 241)[None, :, None] * waist_mm / abs(d[0])
-    n = np.cos(phi) * e1 + np.sin(phi) * e2
-    x = np.array([0, *axis_mm]) + s * d + radius_mm * n
-    light, view = sensor.sheet.origin_mm - x, sensor.camera.centre_mm - x
-    far2 = np.sum(view**2, -1)
-    light = light / np.linalg.norm(light, axis=-1, keepdims=True)
-    view = view / np.sqrt(far2)[..., None]
-    n = np.broadcast_to(n, x.shape)
-    nl, nv = np.clip(np.sum(n * light, -1), 0, None), np.clip(np.sum(n * view, -1), 0, None)
-    half = light + view
-    half = half / np.linalg.norm(half, axis=-1, keepdims=True)
-    nh = np.sum(n * half, -1)
-    cos2 = nh**2
-    tan2 = (1 - cos2) / cos2
-    density = np.where(nh > 0, alpha**2 / (np.pi * cos2**2 * (alpha**2 + tan2) ** 2), 0.0)
-
-    def mask(c):
-        t = (1 - c**2) / np.maximum(c, 1e-12) ** 2
-        return 2 / (1 + np.sqrt(1 + alpha**2 * t))
-
-    fresnel = f0 + (1 - f0) * (1 - np.sum(half * light, -1)) ** 5 if f0 > 0 else 0.0
-    glossy = density * fresnel * mask(nl) * mask(nv) / np.maximum(4 * nl * nv, 1e-12)
-    sheet = np.exp(-2 * (x[..., 0] / waist_mm) ** 2)
-    weight = sheet * nl * nv * (albedo / np.pi + glossy) / far2
-    camera = (x - sensor.camera.centre_mm) @ sensor.camera.T_sensor_camera.R
-    uv = np.average((camera[..., :2] / camera[..., 2:]).reshape(-1, 2), axis=0, weights=weight.ravel())
-    ray = sensor.camera.T_sensor_camera.R @ np.array([*uv, 1.0])
-    return (sensor.camera.centre_mm - ray * sensor.camera.centre_mm[0] / ray[0])[1:]
 
 
 THREADS = [(0.6, 0.0, 0.5), (0.5, 0.05, 0.3), (0.1, 0.3, 0.3), (0.02, 0.6, 0.25)]
@@ -68,7 +27,7 @@ def test_known_thread_matches_the_brute_integral(thread):
         for yz, direction in zip(view.yz_mm, d, strict=True):
             if abs(direction[0]) < 0.35:
                 continue
-            seen = brute_centroid(view.sensor, yz, direction, radius, thread)
+            seen = lit_centroids(yz[None], direction[None], radius, view.sensor, thread, turns=360, steps=241)[0]
             offset = centroid_offsets(seen, direction, view.sensor, np.array([thread]))[0] * radius
             np.testing.assert_allclose(seen - offset, yz, atol=ATOL_MM)
 
@@ -102,7 +61,7 @@ def test_unknown_gloss_lies_within_its_sigma():
         view = random_view(rng, six=False, tilt_deg=(8.0, 26.0))
         d = view.made.directions @ view.T_sensor_jig.R.T
         thread = (rng.uniform(0.02, 0.7), rng.choice([0.0, 0.05, 0.3, 0.6]), rng.uniform(0.2, 0.5))
-        truth = centroid_offsets(view.yz_mm, d, view.sensor, np.array([thread]))[:, 0] * 0.15
+        truth = lit_centroids(view.yz_mm, d, 0.15, view.sensor, thread) - view.yz_mm
         mean, spread = surface_offset(view.yz_mm, d, 0.15, view.sensor, SurfaceConfig())
         errors += np.abs(truth - mean).max(axis=1).tolist()
         scaled += (np.abs(truth - mean) / np.sqrt(np.diagonal(spread, axis1=1, axis2=2))).ravel().tolist()

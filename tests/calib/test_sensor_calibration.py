@@ -178,6 +178,31 @@ def test_sigmas_are_true_for_upright_and_tilted_chips():
     assert 0.4 * dof < total < 1.9 * dof
 
 
+def test_a_tilt_that_can_not_be_told_is_in_every_sigma():
+    """A chip tilted by 0.4° that the views do not show beyond chance: its principal point is 16 px off, and so said."""
+    rng = np.random.default_rng([0, 303])
+    truth = synthetic_sensor(rng, 0.4)
+    views = observe_boards(truth, rng)
+    found, short = calibrate_sensor(views, SIZE), calibrate_sensor(views, SIZE, SensorSettings(max_terms=8))
+    assert found.solution is not None
+    assert short.solution is not None
+    assert "tau_x" not in found.solution.terms
+    assert not np.any(found.solution.camera[-2:])
+    assert found.untaken is not None
+    assert 0.02 <= found.untaken.probability < 0.5
+    assert np.all(np.abs(found.untaken.tau_rad - truth.camera[-2:]) < 2 * found.untaken.sigma_rad)
+    value, count = nees(found, truth)
+    assert value < 4 * count < nees(short, truth)[0]  # without: the σ of an upright chip
+    assert "tau_x" not in short.solution.uncertainty.parameters
+
+
+def test_a_tilt_that_is_excluded_is_in_no_sigma():
+    found, _ = _solved(1, 0.0, noise=BoardNoise(0.01, 0.01))
+    assert found.untaken is None
+    assert found.solution is not None
+    assert "tau_x" not in found.solution.uncertainty.parameters
+
+
 def test_a_board_that_moved_is_left_out_by_name():
     rng = np.random.default_rng(5)
     views = observe_boards(synthetic_sensor(rng), rng, 9)
@@ -240,3 +265,31 @@ def test_three_stripes_that_contradict_one_another_give_no_answer():
     bad = calibrate_sensor([views[0], _moved(views[1], 9.0), views[2]], SIZE, SHORT)
     assert bad.verdict.code == "outliers"
     assert not bad.verdict.is_answer
+
+
+def test_a_second_stripe_by_reflection_is_left_out_and_said():
+    """A third of one view's points lie on a second line, 25 px beside; all of another's lie on one, which bends it."""
+    rng = np.random.default_rng([8, 2])
+    truth = synthetic_sensor(rng)
+    views = observe_boards(truth, rng, 8)
+    sound = calibrate_sensor(views, SIZE, SHORT)
+    stripe = views[3].stripe
+    uv = stripe.uv_px.copy()
+    uv[::3] += 25.0 * stripe.normal[::3]
+    mixed = [
+        *views[:3],
+        replace(views[3], stripe=replace(stripe, uv_px=uv)),
+        *views[4:6],
+        _moved(views[6], 25.0),
+        views[7],
+    ]
+    found = calibrate_sensor(mixed, SIZE, SHORT)
+    assert [v.name for v in found.views if not v.used] == [views[6].name]
+    assert found.solution is not None
+    assert sound.solution is not None
+    assert [n for n in found.notes if "another line" in n and n.startswith(f"{views[3].name}: ")]
+    assert len(found.notes) == 1
+    assert not sound.notes
+    assert (
+        abs(found.solution.plane_mm - sound.solution.plane_mm) < 4 * found.solution.uncertainty.sigma["plane_shift_mm"]
+    )

@@ -9,7 +9,8 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from workbench.campaign import AskedAccuracy, Plan, Run, advice, quantile_band, write_page
+from geometry import clean
+from workbench.campaign import AskedAccuracy, Plan, Run, advice, quantile_band, run_object, write_page
 from workbench.campaign.results.summary import by_factor, worst_trials
 
 TARGET = AskedAccuracy(0.1, 0.03, 0.95)
@@ -88,6 +89,22 @@ def test_the_worst_trials_of_an_extraction_are_those_that_lost_spots(small_run: 
     found = [5, 5, 3, 5, 4, 5]
     harmed = replace(run, trials=run.trials | {"spots_found": found, "spots_visible": [5] * 6})
     assert worst_trials(harmed, 2) == [2, 4]
+
+
+def test_the_pages_numbers_as_json() -> None:
+    """Shares and quantiles are those of the errors, groups those of the factor; open bands are None."""
+    run = run_of([0.05] * 90 + [0.3] * 8 + [None] * 2, calib__model=["scp", "full"] * 50)
+    run.trials["nees"] = [6.0] * 98 + [None] * 2
+    told = clean(run_object(run, TARGET))
+    assert (told["consistency"]["trials"], told["consistency"]["nees"]) == (98, 6.0)
+    assert told["answered"] == 98
+    assert told["reached"]["share"] == 0.9
+    assert told["verdicts"] == {"ok": 98, "no_answer": 2}
+    assert told["errors"]["error_mm"]["median"] == 0.05
+    assert told["errors"]["error_mm"]["p95"] == 0.3
+    groups = told["factors"]["calib.model"]["error_mm"]
+    assert [(g["value"], g["trials"], g["answered"]) for g in groups] == [("full", 50, 49), ("scp", 50, 49)]
+    assert groups[0]["p95_band"][1] is None
 
 
 def test_a_page_of_every_kind_of_run_stands_alone(small_run: Path, tmp_path: Path) -> None:

@@ -6,9 +6,10 @@ import pytest
 from extraction import detect_stripe
 from extraction.noise import PixelNoise
 from extraction.order import kth_smallest, median
-from extraction.stripe.climb import exponential
-from extraction.stripe.fit import SECTION, Pixels, SectionPlaces, fit_sections
-from extraction.stripe.model import FitLimits
+from extraction.stripe.sections.climb import exponential
+from extraction.stripe.sections.fit import SECTION, SectionPlaces, fit_sections
+from extraction.stripe.sections.model import FitLimits
+from extraction.stripe.view import Pixels
 
 RELATIVE = 1e-11
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -144,6 +145,11 @@ def test_the_command_prints_its_judgement_and_saves(
     assert "held out" in printed
     assert "defaults" in printed
     assert ("already as good" in printed) != ("beat the defaults" in printed)
+    assert run(["tune", str(folder), "--auto", "2", "--out", str(tmp_path), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert (told["trials"], told["better"]) == (2, "beat the defaults" in printed)
+    assert f"{told['scores']['found']['loss_mm']:.4f}" in printed
+    assert run(["tune", str(folder), "--json"]) == 2
     saved = read_settings([tmp_path / "tuned.toml"]).extraction
     if "already as good" in printed:
         assert saved == ExtractionConfig()

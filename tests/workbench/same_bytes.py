@@ -70,8 +70,7 @@ clutter = [false, true]
 """
 BOARD = """
 kind = "checkerboard"
-columns = 9
-rows = 7
+corners = [9, 6]
 square_mm = 10.0
 """
 WORKS = ("demo", "render", "sweep", "surfaces", "stripes", "board")

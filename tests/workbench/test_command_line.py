@@ -62,7 +62,7 @@ def test_help_keeps_square_brackets(name: str) -> None:
     ("arguments", "words"),
     [
         (("callibrate", "x"), ("calibrate",)),
-        (("calibrate",), ("dataset",)),
+        (("calibrate",), ("DATASET",)),
         (("calibrate", "x", "--modle", "scp"), ("--model",)),
         (("calibrate", "x", "--model", "huge"), ("huge", "scp")),
         (("calibrate", "nowhere"), ("nowhere",)),

@@ -8,6 +8,7 @@ from typing import Any
 
 import cv2
 import numpy as np
+import pytest
 
 from geometry.sensor import calibration_covariance
 from tests.workbench.helpers import Cli
@@ -23,15 +24,18 @@ def _rows(text: str) -> list[dict[str, str]]:
 
 
 def test_a_dataset_with_overlays(cli: Cli, recording: Path, tmp_path: Path, answer: Any) -> None:
-    result = cli("extract", recording, "--csv", tmp_path / "p.csv", "--overlay", tmp_path / "pictures")
+    words = ("--csv", tmp_path / "p.csv", "--overlay", tmp_path / "pictures", "--json")
+    result = cli("extract", recording, *words)
     assert result.code == 0
-    assert result.out == ""
     rows = _rows((tmp_path / "p.csv").read_text())
     labelled = [r for r in rows if r["label"]]
     assert {r["label"] for r in labelled} == LABELS
     assert all(r["y_mm"] and r["z_mm"] and r["u_px"] for r in labelled)
     assert all(not r["y_mm"] and not r["z_mm"] and r["y_surface_mm"] for r in rows if not r["label"])
     assert len(labelled) == sum(len(f["points"]) for f in answer["frames"])
+    told = [{"frame": f["frame"]} | p for f in result.json["frames"] for p in f["points"]]
+    assert [(p["frame"], p["label"]) for p in told] == [(int(r["frame"]), r["label"]) for r in rows]
+    assert [p["u_px"] for p in told] == pytest.approx([float(r["u_px"]) for r in rows], abs=1e-5)
     pictures = sorted((tmp_path / "pictures").iterdir())
     assert len(pictures) == len(answer["frames"])
     assert cv2.imread(str(pictures[0])).shape[0] == 1024

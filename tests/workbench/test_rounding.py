@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from geometry import Pose, rounded
+from geometry import Pose, rounded, rounded_by_sigma
 
 NOISE = 1e-12  # relative, of a solved number from one processor to another
 
@@ -47,3 +47,10 @@ def test_plain_values_stay_and_no_zero_is_negative() -> None:
 def test_flat_matrices_stay_flat() -> None:
     assert rounded({"T_x": list(np.eye(4).ravel())})["T_x"] == np.eye(4).ravel().tolist()
     assert len(rounded({"covariance": list(np.eye(6).ravel())})["covariance"]) == 36
+
+
+def test_numbers_that_count_together_keep_a_millionth_of_their_sigma() -> None:
+    assert rounded_by_sigma(2299.276242961158, 1.6) == rounded_by_sigma(2299.276242961155, 1.6) == 2299.276243
+    assert rounded_by_sigma(-0.00028054503355640, 2e-4) == -0.000280545
+    assert rounded_by_sigma(-1e-15, 2e-4) == 0.0
+    assert rounded_by_sigma(1.23456789012, 0.0) == 1.2345679

@@ -3,7 +3,7 @@
 from workbench.campaign.asked.plan import Plan, read_plan
 from workbench.campaign.asked.settings import TrialSettings
 from workbench.campaign.results.advice import advice, reached
-from workbench.campaign.results.page import write_page
+from workbench.campaign.results.page import run_object, write_page
 from workbench.campaign.results.summary import (
     LEVEL,
     AskedAccuracy,
@@ -37,6 +37,7 @@ __all__ = [
     "remake_trial",
     "render_frame",
     "run_campaign",
+    "run_object",
     "verdicts",
     "write_page",
 ]

@@ -13,9 +13,9 @@ from pydantic import BaseModel
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from geometry import PerceptronEmuError
+from geometry import PerceptronEmuError, json_text
 from workbench.cli import exit_codes
-from workbench.cli.console import standard_error, standard_output
+from workbench.cli.console import say_on_stdout, standard_error, standard_output
 from workbench.files import Recipe, Settings, settings_toml, write_text
 from workbench.opened import ImageRequest, ImageSet, open_images
 from workbench.tune import Judgement, Score, SearchResult, Task, judge, make_task, search
@@ -25,7 +25,7 @@ JOURNAL = "tune.journal"
 PAGE_SEED = 0  # of a search from the page, so that it goes on where an earlier one ended
 
 
-def run_auto(request: ImageRequest, trials: int, seed: int) -> None:
+def run_auto(request: ImageRequest, trials: int, seed: int, *, as_json: bool = False) -> None:
     """Search ``trials`` settings and print what the held-out images say of them."""
     images = open_images(request)
     start, folder = images.settings.extraction, images.folder
@@ -37,7 +37,16 @@ def run_auto(request: ImageRequest, trials: int, seed: int) -> None:
     defaults = type(start)()
     chosen = found.config if judgement.better else defaults
     write_text(folder / RESULT, settings_toml(chosen))
-    _print(task, found, judgement, defaults, folder / RESULT)
+    if as_json:
+        shown = _judged(task, found, judgement, defaults)
+        shown["scores"]["defaults"] = _score(judgement.defaults)
+        counts = {"trials": found.trials, "resumed": found.resumed, "interrupted": found.interrupted}
+        say_on_stdout(json_text(counts | shown | {"saved": str(folder / RESULT)}))
+    else:
+        _print(task, found, judgement, defaults, folder / RESULT)
+    if found.interrupted:
+        standard_error().print("Interrupted; the same command goes on from here.")
+        raise typer.Exit(exit_codes.INTERRUPTED)
 
 
 def page_search(images: ImageSet) -> Callable[[Recipe, int, Callable[[int, int, float], None]], dict[str, Any]]:
@@ -49,20 +58,25 @@ def page_search(images: ImageSet) -> Callable[[Recipe, int, Callable[[int, int, 
         found = search(task, start, trials, PAGE_SEED, images.folder / JOURNAL, progress)
         judgement = judge(task, start, found.config, PAGE_SEED)
         tables = {name: getattr(found.config, name) for name in type(found.config).model_fields}
-        low, high = judgement.gain_90
-        return {
-            "parameters": recipe.model_copy(update=tables).model_dump(mode="json"),
-            "better": bool(judgement.better),
-            "gain": finite(judgement.gain),
-            "gain_90": [finite(low), finite(high)],
-            "scores": {name: _score(s) for name, s in (("start", judgement.start), ("found", judgement.found))},
-            "changes": changes(found.config, start),
-            "train": len(task.train),
-            "held_out": len(task.held_out),
-            "skipped": list(task.skipped.values()),
-        }
+        parameters = recipe.model_copy(update=tables).model_dump(mode="json")
+        return {"parameters": parameters} | _judged(task, found, judgement, start)
 
     return run
+
+
+def _judged(task: Task, found: SearchResult, judgement: Judgement, before: BaseModel) -> dict[str, Any]:
+    """What the held-out images say, plainly; ``before``: the settings that the changes are told against."""
+    low, high = judgement.gain_90
+    return {
+        "better": bool(judgement.better),
+        "gain": finite(judgement.gain),
+        "gain_90": [finite(low), finite(high)],
+        "scores": {name: _score(s) for name, s in (("start", judgement.start), ("found", judgement.found))},
+        "changes": changes(found.config, before),
+        "train": len(task.train),
+        "held_out": len(task.held_out),
+        "skipped": list(task.skipped.values()),
+    }
 
 
 def finite(x: float) -> float | None:
@@ -114,9 +128,6 @@ def _print(task: Task, found: SearchResult, judgement: Judgement, defaults: Base
     else:
         console.print(f"The defaults are already as good on the held-out images, keep them: {margin}.")
     console.print(f"saved: {path}", markup=False, soft_wrap=True)
-    if found.interrupted:
-        console.print("Interrupted; the same command goes on from here.")
-        raise typer.Exit(exit_codes.INTERRUPTED)
 
 
 def _table(judgement: Judgement) -> Table:

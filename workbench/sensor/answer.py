@@ -2,12 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from calib.sensor import DirectMap, SensorCalibration, SensorSolution
-from geometry import Camera, Sensor, Sheet, toml_value
+from calib.sensor import SensorCalibration, SensorSolution, UntakenTilt
+from geometry import (
+    Camera,
+    Pose,
+    Sensor,
+    Sheet,
+    rounded_by_sigma,
+    rounded_covariance,
+    rounded_transform,
+)
+from geometry.sensor import CAMERA_PARAMETERS, DirectMap
 from perceptron_emu import EmulatorConfig
 from workbench.files import sensor_text
 
@@ -46,7 +56,7 @@ def answer_object(
         "plane_rms_mm": result.plane_rms_mm,
         "left_out": {"by": "view", "reprojection_rms_px": result.left_out_px, "plane_rms_mm": result.left_out_mm},
         "camera": None if s is None else camera_object(s),
-        "laser_plane_camera": None if s is None else {"normal": s.plane_normal, "distance_mm": s.plane_mm},
+        "laser_plane_camera": None if s is None else plane_object(s),
         "T_sensor_camera": None if s is None else s.frame.T_sensor_camera.matrix,
         "sigma_z_mm": _by_depth(result.sigma_z_mm),
         "depth_mm": _by_depth(result.depth_mm),
@@ -56,6 +66,7 @@ def answer_object(
             "stripe_scale": result.stripe_scale,
             "view_offset_px": result.offset_px,
         },
+        "untaken_tilt": None if result.untaken is None else tilt_object(result.untaken),
         "terms_tried": [
             {
                 "terms": t.terms,
@@ -66,12 +77,43 @@ def answer_object(
         ],
         "verdict": {"code": result.verdict.code, "text": result.verdict.text},
         "views": sorted(views, key=lambda v: str(v["view"])),
-        "notes": [*result.notes, *remarks, *UNSEEN],
+        "notes": [*result.notes, *remarks, *untaken_note(result.untaken), *UNSEEN],
     }
+
+
+def tilt_object(tilt: UntakenTilt) -> dict[str, Any]:
+    """A tilt of the chip that the answer does not hold and the views do not exclude."""
+    angles = np.rad2deg([*tilt.tau_rad, *tilt.sigma_rad])
+    names = ("tau_x_deg", "tau_y_deg", "sigma_tau_x_deg", "sigma_tau_y_deg")
+    return {"probability": tilt.probability} | dict(zip(names, angles.tolist(), strict=True))
+
+
+def untaken_note(tilt: UntakenTilt | None) -> list[str]:
+    """The same in words."""
+    if tilt is None:
+        return []
+    (x, y), (sx, sy) = np.rad2deg(tilt.tau_rad), np.rad2deg(tilt.sigma_rad)
+    chance = f"{100 * tilt.probability:.0f} %"
+    return [
+        f"the chip is taken to stand upright; the views leave a chance of {chance} that it is tilted "
+        f"(by {x:.2f} ± {sx:.2f}° about x and {y:.2f} ± {sy:.2f}° about y), which every σ holds: tilt the board more"
+    ]
 
 
 def _by_depth(values: tuple[float, float, float] | None) -> dict[str, float] | None:
     return None if values is None else dict(zip(("near", "middle", "far"), values, strict=True))
+
+
+def plane_object(s: SensorSolution) -> dict[str, Any]:
+    """The laser plane in the camera's frame, with σ of its turns about {P}'s y and z and of its distance."""
+    sigma = s.uncertainty.sigma
+    return {
+        "normal": s.plane_normal,
+        "distance_mm": s.plane_mm,
+        "sigma_tilt_y_deg": float(np.rad2deg(sigma["plane_tilt_y_rad"])),
+        "sigma_tilt_z_deg": float(np.rad2deg(sigma["plane_tilt_z_rad"])),
+        "sigma_distance_mm": sigma["plane_shift_mm"],
+    }
 
 
 def camera_object(s: SensorSolution) -> dict[str, Any]:
@@ -85,12 +127,15 @@ def camera_object(s: SensorSolution) -> dict[str, Any]:
 
 
 def calibrated_sensor(result: SensorCalibration, pictures: Sensor) -> Sensor | None:
-    """The sensor of a calibration; its emitter and fan are assumed. None where there is no solution."""
+    """The sensor of a calibration, rounded as its file has it; emitter and fan are assumed. None without a solution."""
     s = result.solution
     if s is None:
         return None
-    seen = pictures.require_camera()
-    fx, fy, cx, cy = (float(v) for v in s.camera[:4])
+    seen, sigma = pictures.require_camera(), s.uncertainty.sigma
+    given = (*s.camera[:4], *s.distortion)
+    numbers = [rounded_by_sigma(float(v), sigma.get(k, 0.0)) for k, v in zip(CAMERA_PARAMETERS, given, strict=False)]
+    fx, fy, cx, cy, *distortion = numbers
+    T = rounded_transform(s.frame.T_sensor_camera.matrix)
     camera = Camera(
         seen.width_px,
         seen.height_px,
@@ -98,12 +143,13 @@ def calibrated_sensor(result: SensorCalibration, pictures: Sensor) -> Sensor | N
         fy,
         cx,
         cy,
-        s.frame.T_sensor_camera,
-        s.distortion,
+        Pose(T[:3, :3], T[:3, 3]),
+        tuple(distortion),
         seen.bit_depth,
         channel=seen.channel,
     )
-    return Sensor(Sheet(np.zeros(3), np.deg2rad(_fan_deg(result))), camera, uncertainty=s.uncertainty)
+    known = replace(s.uncertainty, covariance=rounded_covariance(s.uncertainty.covariance))
+    return Sensor(Sheet(np.zeros(3), np.deg2rad(_fan_deg(result))), camera, uncertainty=known)
 
 
 def _fan_deg(result: SensorCalibration) -> float:
@@ -113,8 +159,8 @@ def _fan_deg(result: SensorCalibration) -> float:
     return float(np.clip(np.ceil(np.rad2deg(2 * widest) * FAN_MARGIN), *FAN_DEG))
 
 
-def calibrated_text(sensor: Sensor, result: SensorCalibration, direct: DirectMap | None = None) -> str:
-    """The sensor.toml of a calibration, with a direct map where one was asked for."""
+def calibrated_text(sensor: Sensor, result: SensorCalibration) -> str:
+    """The sensor.toml of a calibration."""
     facing = result.solution is not None and result.solution.frame.z_is_image_v
     axis = (
         "the image's v direction, for the optical axis stands near the plane's normal" if facing else "the optical axis"
@@ -126,19 +172,13 @@ def calibrated_text(sensor: Sensor, result: SensorCalibration, direct: DirectMap
         "# [laser] origin_mm and fan_deg are assumed: a board does not show where the light comes from",
         f"# verdict {result.verdict.code}: left-out views {result.left_out_px:.4f} px, {result.left_out_mm:.4f} mm off",
     ]
-    return "\n".join(head) + "\n" + sensor_text(sensor, EmulatorConfig()) + direct_text(direct)
+    return "\n".join(head) + "\n" + sensor_text(sensor, EmulatorConfig())
 
 
-def direct_text(direct: DirectMap | None) -> str:
-    """[direct] of a sensor.toml."""
-    if direct is None:
-        return ""
-    if direct.homography is not None:
-        return f"[direct]   # u v 1 -> y z 1\nhomography = {toml_value(direct.homography.tolist())}\n"
-    rows = ", ".join(f"[{i}, {j}, {y!r}, {z!r}]" for i, j, y, z in direct.polynomial)
-    return (
-        f"[direct]   # i, j, y, z of u^i v^j, from the image's centre over its half diagonal\npolynomial = [{rows}]\n"
-    )
+def direct_object(direct: DirectMap) -> dict[str, Any]:
+    """A direct map as sensor.toml has it."""
+    values = {"homography": direct.homography, "polynomial": [list(row) for row in direct.polynomial] or None}
+    return values | {"rms_mm": direct.rms_mm, "seen_px": direct.seen_px}
 
 
 def exported(sensor: Sensor, kind: str) -> str:
@@ -176,6 +216,7 @@ def exported(sensor: Sensor, kind: str) -> str:
                 "distortion": d,
                 "T_sensor_camera": T.matrix,
                 "laser_plane_camera": {"normal": -T.R[0] * np.sign(T.t[0]), "distance_mm": float(abs(T.t[0]))},
+                "direct": None if sensor.direct is None else direct_object(sensor.direct),
             }
         )
         + "\n"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,7 @@ from workbench.campaign.results.summary import (
     consistency,
     groups_of,
     proportion_band,
+    quantile_band,
     read_run,
     verdicts,
     worst_frame,
@@ -62,6 +63,40 @@ def write_page(folder: Path, target: AskedAccuracy, out: Path | None = None) -> 
     about = replace(origin_of(folder.glob("*.json"), folder), settings_sha256=run.plan.fingerprint)
     write_text(path, render_page("workbench.campaign.results", "page.html.j2", _content(run, target), about))
     return path
+
+
+def run_object(run: Run, target: AskedAccuracy) -> dict[str, Any]:
+    """The page's numbers plainly: the whole run, and each factor's groups; open ends of a band are None."""
+    solved = run.plan.run == "calibrate"
+    true = consistency(run)
+    good = reached(run, target) if solved else None
+    return {
+        "folder": str(run.folder),
+        "trials": run.size,
+        "answered": int(run.answered.sum()),
+        "verdicts": dict(verdicts(run)),
+        "target": {"mm": target.mm, "deg": target.deg, "level": target.level},
+        "reached": None if good is None else _share(int(good.sum()), run.size),
+        "consistency": None if true is None else asdict(true),
+        "errors": {c: _quantiles(np.where(run.answered, run.real(c), np.nan)) for c, _ in ERRORS[run.plan.run]},
+        "factors": {
+            name: {
+                column: [asdict(group) for group in by_factor(run, name, column)] for column, _ in ERRORS[run.plan.run]
+            }
+            for name in run.plan.factors
+        },
+        "advice": advice(run, target) if solved else _spots(run),
+    }
+
+
+def _share(hits: int, trials: int) -> dict[str, Any]:
+    return {"trials": hits, "share": hits / max(trials, 1), "share_band": list(proportion_band(hits, trials))}
+
+
+def _quantiles(values: Any) -> dict[str, Any]:
+    known = np.sort(values[np.isfinite(values)])
+    median, p95 = (quantile_band(known, q) for q in (0.5, 0.95))
+    return {"median": median[0], "median_band": list(median[1]), "p95": p95[0], "p95_band": list(p95[1])}
 
 
 def _content(run: Run, target: AskedAccuracy) -> dict[str, Any]:

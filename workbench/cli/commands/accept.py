@@ -27,7 +27,7 @@ RuleOption = Annotated[
 ]
 Out = Annotated[Path | None, typer.Option(help="File of the record, JSON.")]
 Report = Annotated[Path | None, typer.Option(help="File of the record, HTML.")]
-AsJson = Annotated[bool, typer.Option("--json", help="Print the record as one JSON object on standard output.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")]
 Remarks = Annotated[
     list[str] | None, typer.Option("--remark", help="A line for the record: who, where, serial number.")
 ]
@@ -35,7 +35,7 @@ Remarks = Annotated[
 
 Profiles = Annotated[
     list[Path],
-    typer.Argument(metavar="PROFILES…|IMAGES…|CELL", help="Files or folders, in order; or one cell dataset."),
+    typer.Argument(metavar="PROFILES…|IMAGES…|DATASET", help="Files or folders, in order; or one cell dataset."),
 ]
 Uncertainty = Annotated[
     float | None, typer.Option(min=0, max=1e3, help="Expanded uncertainty (k = 2) of the diameter by the certificate.")
@@ -55,7 +55,9 @@ Zone = Annotated[
     float | None,
     typer.Option(min=5, max=89, help="Points up to so far from a section's apex count; else the arc that is found."),
 ]
-Settings = Annotated[list[Path] | None, typer.Option("--config", help="Settings TOML with \\[stripe], \\[gapflush].")]
+Settings = Annotated[
+    list[Path] | None, typer.Option("--config", "--recipe", help="The recipe of all tools, TOML; may be repeated.")
+]
 
 
 @app.callback()

@@ -55,7 +55,7 @@ class CalibrateModel(StrEnum):
 
 
 def command(
-    dataset: Annotated[Path, typer.Argument(help="Folder of a cell dataset, or its cell.toml.")],
+    dataset: Annotated[Path, typer.Argument(metavar="DATASET", help="Folder of a cell dataset, or its cell.toml.")],
     method: Annotated[
         Method | None, typer.Option(help="A bundle over raw points (default), or the paper's own iteration.")
     ] = None,

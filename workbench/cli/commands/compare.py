@@ -18,8 +18,10 @@ EXITS = {
 
 
 def command(
-    first: Annotated[Path, typer.Argument(help="A result of calibrate --json, or a folder of --out.")],
-    second: Annotated[Path, typer.Argument(help="Another one.")],
+    first: Annotated[
+        Path, typer.Argument(metavar="FIRST.json", help="A result of calibrate --json, or a folder of --out.")
+    ],
+    second: Annotated[Path, typer.Argument(metavar="SECOND.json", help="Another one.")],
     max_mm: Annotated[
         float | None, typer.Option(min=0.0, max=1e6, help="Exit code 1 also where the origins are farther apart.")
     ] = None,

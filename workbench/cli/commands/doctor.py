@@ -26,7 +26,10 @@ MARKS = {
 
 def command(
     dataset: Annotated[
-        Path | None, typer.Argument(help="A dataset's folder, to be looked through in place of the installation.")
+        Path | None,
+        typer.Argument(
+            metavar="DATASET", help="A dataset's folder, to be looked through in place of the installation."
+        ),
     ] = None,
 ) -> None:
     """Check the installation, or a dataset file by file: what is missing or doubtful, and what each frame is good for.

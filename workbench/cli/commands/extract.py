@@ -27,9 +27,10 @@ def command(
     config: Annotated[
         list[Path] | None, typer.Option("--config", "--recipe", help="The recipe of all tools, TOML; may be repeated.")
     ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
 ) -> None:
     """Find the string points of stripe images: pixel, surface point, axis point, σ and label of each, as CSV."""
-    from geometry import InputError
+    from geometry import InputError, json_text
     from workbench.cell import extract_inputs, rows
     from workbench.files import points_text, read_settings, write_text
 
@@ -38,18 +39,38 @@ def command(
         extracted = extract_inputs(inputs, sensor, jig, settings, progress)
     for line in _remarks(extracted):
         standard_error().print(line, soft_wrap=True, markup=False)
-    text = points_text(rows(extracted.frames, extracted.sensor))
+    table = rows(extracted.frames, extracted.sensor)
     if overlay is not None:
         _overlays(extracted, overlay, settings.extraction if stages else None)
     elif stages:
         raise InputError("--stages needs --overlay DIR, the folder for its pictures")
+    if as_json:
+        say_on_stdout(json_text(_as_object(extracted, table)))
     if csv is None:
-        say_on_stdout(text.rstrip("\n"))
+        if not as_json:
+            say_on_stdout(points_text(table).rstrip("\n"))
     else:
-        write_text(csv, text)
+        write_text(csv, points_text(table))
         labelled = sum(len(t.axis) for t in extracted.frames)
         spots = sum(len(t.points) for t in extracted.frames)
         standard_error().print(f"{csv}: {labelled} labelled of {spots} spots in {len(extracted.frames)} frames")
+
+
+def _as_object(extracted: Extracted, table: list[dict[str, object]]) -> dict[str, object]:
+    """Frame by frame its points, by the names of the table's columns; what a row does not have is not there."""
+    points: dict[object, list[dict[str, object]]] = {frame.number: [] for frame in extracted.frames}
+    for row in table:
+        points[row["frame"]].append({name: value for name, value in row.items() if name != "frame"})
+    frames = [
+        {
+            "frame": frame.number,
+            "image": frame.image,
+            "reason": extracted.complaints.get(frame.number) or frame.reason or None,
+            "points": points[frame.number],
+        }
+        for frame in extracted.frames
+    ]
+    return {"frames": frames, "remarks": list(extracted.remarks)}
 
 
 def _remarks(extracted: Extracted) -> Iterator[str]:

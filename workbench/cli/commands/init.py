@@ -12,12 +12,12 @@ from workbench.cli.console import say_remark, standard_error
 
 
 def command(
-    folder: Annotated[Path, typer.Argument(help="A new or empty folder.")] = Path("cell"),
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="A new or empty folder.")] = Path("cell"),
     robot: Annotated[str, typer.Option(help="robot.toml or preset.")] = defaults.ROBOT,
     sensor: Annotated[str, typer.Option(help="sensor.toml or preset.")] = defaults.SENSOR,
     jig: Annotated[str, typer.Option(help="jig.toml or preset.")] = defaults.JIG,
     target: Annotated[
-        str | None, typer.Option(help="sphere, balls, plane, edge, wedge or a target.toml, in place of the jig.")
+        str | None, typer.Option(help="In place of the jig: sphere, balls, plane, edge, wedge or a target.toml.")
     ] = None,
     presets: Annotated[bool, typer.Option("--list", help="List the presets and write nothing.")] = False,
 ) -> None:

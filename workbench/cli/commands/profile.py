@@ -23,7 +23,7 @@ def command(
     csv: Annotated[Path | None, typer.Option(help="File for the points; of several images a folder.")] = None,
     ply: Annotated[Path | None, typer.Option(help="File for the points as a PLY cloud; of several a folder.")] = None,
     overlay: Annotated[Path | None, typer.Option(help="PNG of the image with its points; of several a folder.")] = None,
-    json_output: Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")] = False,
+    json_output: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
     laser_off: Annotated[Path | None, typer.Option(help="The same view without laser, subtracted.")] = None,
     mask: Annotated[Path | None, typer.Option(help="Image that is 0 where pixels must not be used.")] = None,
     channel: Annotated[

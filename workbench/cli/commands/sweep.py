@@ -12,13 +12,13 @@ from workbench.cli.console import progress_bar, say_on_stdout, standard_output
 
 
 def command(
-    plan: Annotated[Path, typer.Argument(help="Plan of the campaign (TOML).")],
+    plan: Annotated[Path, typer.Argument(metavar="PLAN.toml", help="The plan of the campaign.")],
     out: Annotated[Path | None, typer.Option(help="Folder of the run; default: the plan's name without .toml.")] = None,
     workers: Annotated[int | None, typer.Option(min=1, help="Processes on this machine; default: all cores.")] = None,
     dask: Annotated[
         str | None, typer.Option(help="Address of a Dask scheduler, tcp://…, in place of processes.")
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object, no progress.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
 ) -> None:
     """Run the plan's trials: render, extract, calibrate, a row each. The same command goes on where it was stopped."""
     from workbench.campaign import read_plan, run_campaign

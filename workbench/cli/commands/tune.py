@@ -21,7 +21,7 @@ What = Literal["strings", "stripe"]
 def command(
     inputs: Annotated[
         list[Path],
-        typer.Argument(metavar="IMAGES|DATASET", help="A cell dataset, image or profile files, or their folder."),
+        typer.Argument(metavar="DATASET|IMAGES", help="A cell dataset, image or profile files, or their folder."),
     ],
     sensor: Annotated[
         Path | None, typer.Option(help="sensor.toml of bare images; without it they are looked at in px.")
@@ -44,16 +44,22 @@ def command(
     watch: Annotated[bool, typer.Option("--watch", help="Take in images as they come into the folder.")] = False,
     auto: Annotated[int | None, typer.Option(min=1, help="Search the parameters in this many trials instead.")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the search and of its split.")] = 0,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="With --auto: print one JSON object on standard output.")
+    ] = False,
 ) -> None:
     """Tune detection on saved stripe images: the process window in the browser, or a search with --auto."""
+    from geometry import InputError
     from workbench.opened import ImageRequest
 
     request = ImageRequest(tuple(inputs), sensor, jig, tuple(config or ()), out, watch, what, board)
     if auto is not None:
         from workbench.cli.tune_auto import run_auto
 
-        run_auto(request, auto, seed)
+        run_auto(request, auto, seed, as_json=as_json)
         return
+    if as_json:
+        raise InputError("--json needs --auto: the process window shows its numbers in the browser")
     _serve(request, port, browser)
 
 

@@ -12,7 +12,9 @@ from workbench.cli.console import progress_bar, say_on_stdout, say_remark, stand
 
 
 def command(
-    folder: Annotated[Path, typer.Argument(help="A dataset, or a folder of stripe images: PNG, TIFF, BMP.")],
+    folder: Annotated[
+        Path, typer.Argument(metavar="DATASET|IMAGES", help="A dataset, or a folder of stripe images: PNG, TIFF, BMP.")
+    ],
     sensor: Annotated[
         Path, typer.Option(help="sensor.toml of these images: its geometry stands, its light is fitted.")
     ],

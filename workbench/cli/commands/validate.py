@@ -19,7 +19,8 @@ if TYPE_CHECKING:
 
 def command(
     dataset: Annotated[
-        Path | None, typer.Argument(help="A dataset with truth.json; without it, frames are rendered.")
+        Path | None,
+        typer.Argument(metavar="DATASET", help="A dataset with truth.json; without it, frames are rendered."),
     ] = None,
     sensor: Annotated[str, typer.Option(help="sensor.toml or preset of the frames to render.")] = defaults.SENSOR,
     jig: Annotated[str, typer.Option(help="jig.toml or preset of the frames to render.")] = defaults.JIG,

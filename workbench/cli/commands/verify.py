@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def command(
-    dataset: Annotated[Path, typer.Argument(help="Folder of a cell dataset, or its cell.toml.")],
+    dataset: Annotated[Path, typer.Argument(metavar="DATASET", help="Folder of a cell dataset, or its cell.toml.")],
     scp: Annotated[
         Path | None, typer.Option(help="A result of calibrate --json whose SCP is judged; else \\[scp_initial].")
     ] = None,

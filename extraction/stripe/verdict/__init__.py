@@ -1,0 +1,5 @@
+"""Which ridges are stripe: each measured along its track and judged against the others."""
+
+from extraction.stripe.verdict.stripes import Stripe, StripeVerdict, judge
+
+__all__ = ["Stripe", "StripeVerdict", "judge"]
