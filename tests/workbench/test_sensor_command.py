@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import struct
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -366,3 +367,34 @@ def test_exports_measure_as_the_sensor_does() -> None:
         np.testing.assert_allclose(points[:, 1:], expected, rtol=0, atol=1e-5)
         np.testing.assert_allclose(points[:, 0], 0, rtol=0, atol=1e-5)
     assert DirectMap(polynomial=tuple(map(tuple, plain["direct"]["polynomial"]))).polynomial == MAPS[1].polynomial
+
+
+def test_a_board_out_of_focus_is_said(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for name, blur in (("a", 4.5), ("b", 0.0)):
+        image = drawn(1.0)[0]
+        soft = cv2.GaussianBlur(image, None, blur) if blur else image
+        cv2.imwrite(str(folder / "pictures" / f"{name}_off.png"), soft)
+    _, out, _ = called(folder, capsys, "--json")
+    said = [n for n in json.loads(out)["notes"] if "out of focus" in n]
+    assert len(said) == 1
+    assert said[0].startswith("a: the board is out of focus (its edges are blurred by 4.")
+
+
+def test_a_mirrored_board_with_markers_is_not_taken() -> None:
+    board = KINDS[2]
+    R, t = pose_of(board, (0.2, 0.3), 0.1, (0.0, 0.0, 280.0))
+    found = find_board(np.ascontiguousarray(pictured(board, R, t, np.random.default_rng(2))[:, ::-1]), board)
+    assert isinstance(found, NoBoard)
+    assert found.reason.startswith("the picture is mirrored")
+
+
+def test_pictures_that_are_to_be_turned_are_taken_as_stored(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    exif = b"Exif\0\0II*\0" + struct.pack("<IHHHIHHI", 8, 1, 274, 3, 1, 6, 0, 0)
+    for state in ("off", "on"):
+        plain = cv2.imencode(".jpg", drawn(1.0, stripe=state == "on")[0])[1].tobytes()
+        marked = plain[:2] + struct.pack(">HH", 0xFFE1, len(exif) + 2) + exif + plain[2:]
+        (folder / "pictures" / f"a_{state}.jpg").write_bytes(marked)
+    _, out, _ = called(folder, capsys, "--json")
+    answer = json.loads(out)
+    assert answer["n_corners"] == 20
+    assert any("turn" in n and "stored" in n for n in answer["notes"])

@@ -56,7 +56,7 @@ def answer_object(
         "plane_rms_mm": result.plane_rms_mm,
         "left_out": {"by": "view", "reprojection_rms_px": result.left_out_px, "plane_rms_mm": result.left_out_mm},
         "camera": None if s is None else camera_object(s),
-        "laser_plane_camera": None if s is None else {"normal": s.plane_normal, "distance_mm": s.plane_mm},
+        "laser_plane_camera": None if s is None else plane_object(s),
         "T_sensor_camera": None if s is None else s.frame.T_sensor_camera.matrix,
         "sigma_z_mm": _by_depth(result.sigma_z_mm),
         "depth_mm": _by_depth(result.depth_mm),
@@ -102,6 +102,18 @@ def untaken_note(tilt: UntakenTilt | None) -> list[str]:
 
 def _by_depth(values: tuple[float, float, float] | None) -> dict[str, float] | None:
     return None if values is None else dict(zip(("near", "middle", "far"), values, strict=True))
+
+
+def plane_object(s: SensorSolution) -> dict[str, Any]:
+    """The laser plane in the camera's frame, with σ of its turns about {P}'s y and z and of its distance."""
+    sigma = s.uncertainty.sigma
+    return {
+        "normal": s.plane_normal,
+        "distance_mm": s.plane_mm,
+        "sigma_tilt_y_deg": float(np.rad2deg(sigma["plane_tilt_y_rad"])),
+        "sigma_tilt_z_deg": float(np.rad2deg(sigma["plane_tilt_z_rad"])),
+        "sigma_distance_mm": sigma["plane_shift_mm"],
+    }
 
 
 def camera_object(s: SensorSolution) -> dict[str, Any]:
