@@ -190,7 +190,7 @@ def test_a_dim_stripe_on_blotches_is_found_whole_and_its_sigma_is_true():
 
 
 def test_a_ridge_that_runs_onto_another_is_cut_there():
-    """What was followed beyond its end ends where the brighter one's track begins; what lies there whole is left out."""
+    """What was followed beyond its end ends where the brighter one's track begins; what lies there is left out."""
     chain = Chain(np.zeros(2), np.zeros(2), np.zeros(2), 2, 2, 50.0, 9.0, 9.0, 9.0)
 
     def stripe(first, place):
