@@ -270,8 +270,9 @@ def test_points_of_unequal_columns_are_refused() -> None:
     assert len(SurfacePoints.empty()) == len(AxisPoints.empty()) == 0
     with pytest.raises(InputError, match="2 points need"):
         replace(SurfacePoints.empty(), score=np.ones(2))
-    with pytest.raises(InputError, match="flags"):
-        AxisPoints(("A",), np.zeros(1, dtype=np.intp), np.zeros((1, 2)), np.zeros((1, 2, 2)), ())
+    for flag in ((), ("", "")):
+        with pytest.raises(InputError, match=f"{len(flag)} flags for 1 points"):
+            AxisPoints(("A",), np.zeros(1, dtype=np.intp), np.zeros((1, 2)), np.zeros((1, 2, 2)), flag)
 
 
 def test_suggestions_come_only_where_something_is_near() -> None:
