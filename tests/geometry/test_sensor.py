@@ -177,6 +177,8 @@ def test_a_sensor_gives_images_or_profiles() -> None:
         ({"sigma_z_mm": np.nan}, "sigma_z_mm"),
         ({"pitch_mm": -0.1}, "pitch_mm"),
         ({"start_mm": np.inf}, "start_mm"),
+        ({"unit": 0}, "unit = 0: must be 1"),
+        ({"width": 10**6}, "width = 1000000: must be 1"),
         ({"field_of_view_mm": FIELD[:2]}, "three or more"),
         ({"field_of_view_mm": FIELD * np.nan}, "finite"),
         ({"field_of_view_mm": np.column_stack([FIELD[:, 0], FIELD[:, 0]])}, "no area"),
@@ -185,6 +187,10 @@ def test_a_sensor_gives_images_or_profiles() -> None:
 def test_numbers_that_are_no_profile_sensor_are_refused(values: dict[str, object], message: str) -> None:
     with pytest.raises(InputError, match=message):
         ProfileOutput(**values)  # type: ignore[arg-type]
+
+
+def test_counts_of_a_profile_sensor_are_taken_to_their_ends() -> None:
+    assert (ProfileOutput(unit=1, width=999_999).unit, ProfileOutput(width=999_999).width) == (1, 999_999)
 
 
 def test_standard_deviations_by_name_are_a_diagonal_covariance() -> None:
