@@ -59,7 +59,7 @@ from workbench.files import (
     read_truth,
     write_png,
 )
-from workbench.files.urdf import read_urdf
+from workbench.files.robots.urdf import read_urdf
 from workbench.profiles import read_scan_lines, write_scan_lines
 from workbench.profiles.scan_line import ScanLine, Told
 from workbench.validate import read_thresholds

@@ -1,6 +1,7 @@
 """A sensor's calibration: beside OpenCV's on pictures, and against truth on emulated sensors.
 
     python benchmarks/calibrate_sensor.py FOLDER board.toml
+    python benchmarks/calibrate_sensor.py FOLDER board.toml --published profile3d.yaml
     python benchmarks/calibrate_sensor.py --sensors 200 [--tilt 1 10] [--seed 0] [--kept FILE.jsonl]
 
 The first form prints left-out views of ours and of cv2.calibrateCamera with a plane fitted afterwards, on the same
@@ -31,7 +32,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from calib.sensor import BoardView, SensorCalibration, calibrate_sensor
+from calib.sensor import BoardView, SensorCalibration, SensorSolution, calibrate_sensor
 from calib.sensor.bundle import SensorBundle
 from calib.sensor.sheet_frame import camera_rows, sheet_deviations, sheet_frame, to_sheet
 from calib.sensor.terms import BOARD, CAMERA, PLANE
@@ -292,10 +293,66 @@ def beside_peers(folder: Path, board_file: Path) -> None:
         print(f"OpenCV, {name}, a plane afterwards ({len(good)} views): {rms:.4f} px, left-out plane {off:.4f} mm")
 
 
+def beside_published(folder: Path, board_file: Path, published: Path) -> None:
+    """Print how far a published map of pixels to the laser plane in the camera's frame lies from ours.
+
+    published: a YAML file of openlmd/etna, whose 4 × 3 ``trans`` takes (u, v, 1) to homogeneous points [m].
+    """
+    import yaml
+
+    matrix = np.array(yaml.safe_load(published.read_text())["trans"])
+    recording = read_recording(find_views(folder), read_board(board_file))
+    for terms in (8, 14):
+        result = calibrate_recording(recording, terms)
+        s = result.solution
+        if s is None:
+            print(f"{terms} terms: {result.verdict.code}")
+            continue
+        uv = np.concatenate([v.stripe_px for v in result.views if v.stripe_px is not None])[::EVERY]
+        h = np.column_stack([uv, np.ones(len(uv))]) @ matrix.T
+        theirs = 1e3 * h[:, :3] / h[:, 3:]
+        middle, normal = plane_of(theirs)
+        normal = normal * np.sign(normal @ middle)
+        _, y, z = s.frame.T_sensor_camera.R
+        off = [np.rad2deg(z @ normal), np.rad2deg(-y @ normal), float(s.plane_normal @ middle) - s.plane_mm]
+        sigma = s.uncertainty.sigma
+        known = [np.rad2deg(sigma["plane_tilt_y_rad"]), np.rad2deg(sigma["plane_tilt_z_rad"]), sigma["plane_shift_mm"]]
+        turn = np.rad2deg(np.arccos(np.clip(normal @ s.plane_normal, -1, 1)))
+        print(
+            f"{terms} terms at most, {', '.join(s.terms)}: {result.reprojection_rms_px:.3f} px, plane "
+            f"{result.plane_rms_mm:.3f} mm, left out {result.left_out_mm:.3f} mm; "
+            f"published plane turned by {turn:.2f} deg: "
+            + ", ".join(
+                f"{n} {o:.2f} +- {k:.2f} {u}"
+                for n, o, k, u in zip(
+                    ("about y", "about z", "at the stripes' middle"), off, known, ("deg", "deg", "mm"), strict=True
+                )
+            )
+        )
+        camera = np.concatenate([s.camera[:2], s.camera[2:4] - CENTRE, s.camera[4:]])
+        yz = to_sheet(camera, s.frame, uv - CENTRE)
+        own = s.frame.T_sensor_camera.inverse() @ np.column_stack([np.zeros(len(yz)), yz])
+        a, b = own - own.mean(axis=0), theirs - middle
+        u, _, vt = np.linalg.svd(a.T @ b)
+        R = u @ np.diag([1, 1, np.sign(np.linalg.det(u @ vt))]) @ vt
+        rest = b @ R.T - a
+        print(f"    mapping after the best rigid motion: {np.sqrt(np.mean(np.sum(rest**2, axis=1))):.3f} mm apart")
+        jacobian, covariance = _stated(
+            s.uncertainty.covariance, tuple(s.uncertainty.parameters[4:-3]), camera, plane_vector(s), uv - CENTRE
+        )
+        print(f"    stated for ours: {np.sqrt(float(np.sum((jacobian @ covariance) * jacobian)) / len(uv)):.3f} mm")
+
+
+def plane_vector(solution: SensorSolution) -> Array:
+    """The plane p · X = 1 of a solution."""
+    return solution.plane_normal / solution.plane_mm
+
+
 def main() -> None:
     """As the module's text says."""
     parser = argparse.ArgumentParser()
     parser.add_argument("pictures", nargs="*", type=Path, metavar="FOLDER board.toml")
+    parser.add_argument("--published", type=Path, help="profile3d.yaml of others, to compare the laser plane with")
     parser.add_argument("--sensors", type=int, default=0)
     parser.add_argument("--tilt", type=float, nargs=2, default=(1.0, 10.0))
     parser.add_argument("--seed", type=int, default=0)
@@ -303,7 +360,9 @@ def main() -> None:
     asked = parser.parse_args()
     if asked.sensors:
         consistency(kept_trials(asked.sensors, tuple(asked.tilt), asked.seed, asked.kept))
-    if len(asked.pictures) == 2:
+    if len(asked.pictures) == 2 and asked.published is not None:
+        beside_published(*asked.pictures, asked.published)
+    elif len(asked.pictures) == 2:
         beside_peers(*asked.pictures)
 
 

@@ -2,7 +2,7 @@
 
 from calib.sensor.calibrate import SensorSettings, calibrate_sensor
 from calib.sensor.choice import Tried
-from calib.sensor.direct import DirectMap, DirectModel, fit_direct
+from calib.sensor.direct import DirectModel, fit_direct
 from calib.sensor.result import SensorCalibration, SensorSolution, SensorVerdict, ViewResult
 from calib.sensor.untaken import UntakenTilt
 from calib.sensor.views import BoardView, Corners, StripePoints
@@ -10,7 +10,6 @@ from calib.sensor.views import BoardView, Corners, StripePoints
 __all__ = [
     "BoardView",
     "Corners",
-    "DirectMap",
     "DirectModel",
     "SensorCalibration",
     "SensorSettings",

@@ -15,7 +15,7 @@ from calib.sensor.contradiction import common_error_px, contradicting_stripes
 from calib.sensor.curvature import with_bend
 from calib.sensor.left_out import left_out
 from calib.sensor.noise import with_noise
-from calib.sensor.on_line import MIN_POINTS, on_one_line
+from calib.sensor.on_line import MIN_POINTS, on_one_line, second_line
 from calib.sensor.result import SensorCalibration, SensorSolution, SensorVerdict, ViewResult
 from calib.sensor.sheet_frame import SheetFrame, camera_rows, sheet_deviations, sheet_frame, to_sheet
 from calib.sensor.terms import BOARD, CAMERA, PLANE
@@ -33,6 +33,7 @@ COARSE_PX, FINE_PX = 3.0, 1.0  # from a board's line, before and after the lens 
 CORNER_SIGMAS, STRIPE_SIGMAS = 5.0, 4.5  # beyond which a point is none; of robust σ: one in a million by chance
 VIEW_RATIO = 3.0  # reprojection of a left-out view over the usual: beyond what tilt and focus make
 MAX_LEFT_OUT = 1 / 3  # share of views without which there is no answer
+SECOND_SHARE = 0.15  # of a view's stripe points, on another line than the rest: worth a word
 _ROUNDS = 2  # of dropping points and solving again
 
 
@@ -148,6 +149,22 @@ class _Attempt:
             f"(the board moved between the two pictures?)"
         )
 
+    def _second_stripes(self, choice: Choice) -> list[str]:
+        """Views in which many points of the stripe lie on another straight line than those that were used."""
+        given = {v.name: v for v in self.given}
+        said = []
+        for i, kept in enumerate(choice.bundle.views.views):
+            if not len(kept.stripe):
+                continue
+            every = given[kept.name]
+            count = second_line(every, kept, choice.result.state, i, COARSE_PX)
+            if count > SECOND_SHARE * len(every.stripe):
+                said.append(
+                    f"{kept.name}: {count} of {len(every.stripe)} points of the stripe lie on another line than the "
+                    "rest (a reflection of the laser, or a surface that is not the board): they are left out"
+                )
+        return said
+
     def answer(self, centre: Array, contradicted: bool) -> SensorCalibration:
         """Everything that is told."""
         results = {n: ViewResult(n, False, reason) for n, reason in self.dropped.items()}
@@ -191,6 +208,7 @@ class _Attempt:
                 depth_mm=depth,
                 tried=choice.tried,
                 untaken=untaken,
+                notes=tuple(self._second_stripes(choice)),
             )
             if len(whitened)
             else SensorCalibration(verdict, tuple(results.values()))

@@ -8,7 +8,7 @@ The homography by the direct linear transform with normalised coordinates: Hartl
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from calib.sensor.result import SensorCalibration
 from calib.sensor.start import homography
-from geometry import InputError
+from geometry import DIGITS, InputError
+from geometry.sensor import DirectMap
 
 Array = NDArray[np.float64]
 
@@ -24,25 +25,6 @@ DirectModel = Literal["homography", "polynomial"]
 
 ORDER = 4  # of the polynomial: lens and tilt of usual size leave micrometres beyond it
 MIN_POINTS = 60  # four for each of fifteen coefficients
-
-
-@dataclass(frozen=True, eq=False)
-class DirectMap:
-    """(u, v) to (y, z).
-
-    Parameters
-    ----------
-    homography : ndarray (3, 3) or None
-        (u, v, 1) to (y, z, 1) [mm].
-    polynomial : tuple of (i, j, y, z)
-        Coefficients [mm] of uⁱvʲ, in pixels from the image's centre over its half diagonal; empty for a homography.
-    rms_mm : float
-        Of the stripes' points from what the bundle makes of them.
-    """
-
-    homography: Array | None
-    polynomial: tuple[tuple[int, int, float, float], ...]
-    rms_mm: float
 
 
 def fit_direct(result: SensorCalibration, model: DirectModel, size_px: tuple[int, int]) -> DirectMap:
@@ -67,22 +49,37 @@ def fit_direct(result: SensorCalibration, model: DirectModel, size_px: tuple[int
     InputError
         Where there are too few points.
     """
-    seen = [v for v in result.views if v.stripe_px is not None and v.stripe_yz_mm is not None]
-    if not seen or sum(len(v.stripe_px) for v in seen if v.stripe_px is not None) < MIN_POINTS:
+    views = [v for v in result.views if v.stripe_px is not None and v.stripe_yz_mm is not None]
+    if not views or sum(len(v.stripe_px) for v in views if v.stripe_px is not None) < MIN_POINTS:
         raise InputError(f"a direct map needs at least {MIN_POINTS} points of the stripe")
-    uv = np.concatenate([v.stripe_px for v in seen if v.stripe_px is not None])
-    yz = np.concatenate([v.stripe_yz_mm for v in seen if v.stripe_yz_mm is not None])
-    if model == "homography":
-        h = homography(uv, yz)
-        h = h / h[2, 2]
-        p = np.column_stack([uv, np.ones(len(uv))]) @ h.T
-        return DirectMap(h, (), _rms(p[:, :2] / p[:, 2:] - yz))
+    uv = np.concatenate([v.stripe_px for v in views if v.stripe_px is not None])
+    yz = np.concatenate([v.stripe_yz_mm for v in views if v.stripe_yz_mm is not None])
+    seen = (*np.floor(uv.min(axis=0)), *np.ceil(uv.max(axis=0)))
+    box = (float(seen[0]), float(seen[1]), float(seen[2]), float(seen[3]))
+    found = _homography(uv, yz) if model == "homography" else _polynomial(uv, yz, size_px)
+    return replace(found, rms_mm=_short(_rms(found.to_sheet(uv, size_px)[0] - yz)), seen_px=box)
+
+
+def _homography(uv: Array, yz: Array) -> DirectMap:
+    h = homography(uv, yz)
+    return DirectMap(np.array([[_short(v) for v in row] for row in (h / h[2, 2]).tolist()]))
+
+
+def _polynomial(uv: Array, yz: Array, size_px: tuple[int, int]) -> DirectMap:
     powers = [(i, j) for i in range(ORDER + 1) for j in range(ORDER + 1 - i)]
     at = (uv - (np.array(size_px) - 1) / 2) / (np.hypot(*size_px) / 2)
     basis = np.stack([at[:, 0] ** i * at[:, 1] ** j for i, j in powers], -1)
     coefficients = np.linalg.lstsq(basis, yz, rcond=None)[0]
-    rows = tuple((i, j, float(c[0]), float(c[1])) for (i, j), c in zip(powers, coefficients, strict=True))
-    return DirectMap(None, rows, _rms(basis @ coefficients - yz))
+    return DirectMap(
+        polynomial=tuple(
+            (i, j, _short(float(y)), _short(float(z))) for (i, j), (y, z) in zip(powers, coefficients, strict=True)
+        )
+    )
+
+
+def _short(value: float) -> float:
+    """A number to DIGITS significant digits, however small: a direct map multiplies it by powers of pixels."""
+    return float(f"{value:.{DIGITS}g}")
 
 
 def _rms(error: Array) -> float:

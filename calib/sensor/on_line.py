@@ -37,6 +37,17 @@ def on_one_line(view: BoardView, state: State, index: int, tolerance_px: float) 
     return replace(view, stripe=_steadied(stripe[good]) if good.sum() >= MIN_POINTS else stripe[:0])
 
 
+def second_line(view: BoardView, kept: BoardView, state: State, index: int, tolerance_px: float) -> int:
+    """How many points of a view's stripe that were not ``kept`` lie on another straight line of the board."""
+    rest = view.stripe[~np.isin(_numbers(view), _numbers(kept))]
+    return len(on_one_line(replace(view, stripe=rest), state, index, tolerance_px).stripe)
+
+
+def _numbers(view: BoardView) -> NDArray[np.complex128]:
+    """The stripe's pixels as one number each."""
+    return np.asarray(view.stripe.uv_px[:, 1] + 1j * view.stripe.uv_px[:, 0])
+
+
 def _steadied(stripe: StripePoints) -> StripePoints:
     """The stripe with σ as its neighbours have it: errors that neighbours share do not follow each point's own σ."""
     from scipy.ndimage import median_filter  # a tenth of a second, and most commands need none of it

@@ -12,6 +12,7 @@ from calib.hands import hand_pose_notes
 from calib.judge import cause_of, culprit, frames_contradict, strangers, with_own_poses, wrong_jig
 from calib.printed import gimbal_note
 from calib.result import CalibrationResult, Verdict
+from calib.stages.preparation import hands_tell_nothing
 from calib.stages.setup import CONTRADICTED, Prepared, Setup
 from calib.stages.steps import out_of_step
 from geometry import Frame, Pose, locations_of, target_at
@@ -54,7 +55,7 @@ def _named(verdict: Verdict, prepared: Prepared) -> Verdict:
     if isinstance(setup.target, Jig):
         found = wrong_jig(labelled, setup.target) or culprit(labelled, setup.target, setup.robot)
     else:
-        found = out_of_step(prepared)
+        found = "" if hands_tell_nothing(setup, labelled) else out_of_step(prepared)
     return replace(verdict, text=f"{found}. In all, {verdict.text}") if found else verdict
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -21,19 +23,29 @@ Mask = NDArray[np.bool_]
 MIN_CORNERS = 6  # names make up for number
 
 
-def find_charuco(image: NDArray[np.uint8], board: Board, usable: Mask) -> BoardCorners | NoBoard:
-    """The corners of a ChArUco board in a picture of 8 bits (H, W)."""
-    squares = (board.columns + 1, board.rows + 1)
-    printed = cv2.aruco.CharucoBoard(squares, board.pitch_mm, board.marker_mm, dictionary(board.dictionary))
+def _detected(image: NDArray[np.uint8], printed: cv2.aruco.CharucoBoard) -> tuple[Any, Any, Any]:
+    """Corners, their numbers, and markers, as OpenCV finds them; None where there are none."""
+    uv = ids = markers = None
     for legacy in (False, True):  # boards with an even number of rows were printed the other way before OpenCV 4.6
         printed.setLegacyPattern(legacy)
         uv, ids, _, markers = cv2.aruco.CharucoDetector(printed).detectBoard(image)
         if ids is not None and len(ids) >= MIN_CORNERS:
             break
+    return uv, ids, markers
+
+
+def find_charuco(image: NDArray[np.uint8], board: Board, usable: Mask) -> BoardCorners | NoBoard:
+    """The corners of a ChArUco board in a picture of 8 bits (H, W)."""
+    squares = (board.columns + 1, board.rows + 1)
+    printed = cv2.aruco.CharucoBoard(squares, board.pitch_mm, board.marker_mm, dictionary(board.dictionary))
+    uv, ids, markers = _detected(image, printed)
     if ids is None or len(ids) < MIN_CORNERS:
+        again = _detected(np.ascontiguousarray(image[:, ::-1]), printed)[1]
+        if again is not None and len(again) >= MIN_CORNERS:
+            return NoBoard("the picture is mirrored: switch the flip in the camera's driver off")
         if markers is not None and len(markers):
             return NoBoard("markers were found but too few of the board's corners")
-        return NoBoard("no marker of the board was found (is the dictionary right, the picture not mirrored?)")
+        return NoBoard("no marker of the board was found (is the dictionary right?)")
     xy = board.points_mm[ids.ravel()]
     start = uv.reshape(-1, 2).astype(float)
     # the window ends where the markers begin

@@ -26,8 +26,8 @@ def image_to_sheet(sensor: Sensor, uv_px: ArrayLike) -> tuple[Array, Array]:
     yz_mm
         Points (N, 2) in the laser plane x = 0 of {P}.
     jacobian
-        d(yz)/d(uv) (N, 2, 2) [mm/px]. Both are NaN where the ray runs away from the sheet or the lens model has no
-        inverse.
+        d(yz)/d(uv) (N, 2, 2) [mm/px]. Both are NaN where the ray runs away from the sheet, where the lens model has no
+        inverse, and beyond the pixels that a direct map was fitted to.
 
     Raises
     ------
@@ -41,6 +41,9 @@ def image_to_sheet(sensor: Sensor, uv_px: ArrayLike) -> tuple[Array, Array]:
     uv = np.asarray(uv_px, dtype=float)
     if uv.ndim != 2 or uv.shape[1] != 2:
         raise InputError(f"pixels must be an array of shape (N, 2), not {uv.shape}")
+    if sensor.direct is not None:
+        camera = sensor.require_camera()
+        return sensor.direct.to_sheet(uv, (camera.width_px, camera.height_px))
     rays = undistort(sensor, uv)
     yz, yz_by_xy = _meet_sheet(sensor, rays.xy)
     return yz, yz_by_xy @ rays.jacobian

@@ -165,7 +165,7 @@ def _localise(found: Found, config: StripeConfig) -> StripePeaks:
     noise, widths = _look_ahead(view, places, config)
     fits = _fit(view, places, widths, _WIDTH_ERROR, noise, config)
     fits = fit_pairs(view, places, fits, noise, config)
-    fits = fit_faint(view, places, fits, noise)
+    fits = fit_faint(view, places, fits, config.min_snr)
     near = _near(fits, places.centre_px, places.width_px, config.min_width_px, config.max_width_px)
     _doubt_gappy(near & (fits["snr"] >= _SEEN), places.stripe, places.doubt)
     high = (fits["amplitude"] >= config.min_amplitude_dn) & (fits["snr"] >= config.min_snr)

@@ -2,6 +2,7 @@
 
 from geometry.sensor.camera import CHANNELS, Camera, project
 from geometry.sensor.deviation import SensorDeviation, SheetSeen, calibration_covariance, stated_uncertainty
+from geometry.sensor.direct import DirectMap
 from geometry.sensor.field_of_view import field_of_view, inside_polygon
 from geometry.sensor.housing import housing_box
 from geometry.sensor.optics import Optics
@@ -19,6 +20,7 @@ __all__ = [
     "SENSOR_PARAMETERS",
     "SOURCES",
     "Camera",
+    "DirectMap",
     "Optics",
     "ProfileOutput",
     "Sensor",

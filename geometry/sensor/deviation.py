@@ -104,7 +104,10 @@ class SensorDeviation:
         pose = sheet_pose(change).inverse() @ camera.T_sensor_camera
         terms = tuple(lens.tolist()) if np.any(lens) else ()
         return replace(
-            self.sensor, camera=replace(camera, **pinhole, distortion=terms, T_sensor_camera=pose), uncertainty=None
+            self.sensor,
+            camera=replace(camera, **pinhole, distortion=terms, T_sensor_camera=pose),
+            uncertainty=None,
+            direct=None,
         )
 
 
@@ -122,13 +125,14 @@ def calibration_covariance(sensor: Sensor, yz_mm: Array) -> Array | None:
     -------
     ndarray (N, 2, 2) or None
         Covariance of each point [mm²], beside its random part. All points share its causes: it does not average out.
-        None where the file takes itself for exact.
+        None where the file takes itself for exact. What a direct map leaves of its camera is in it.
     """
     known = stated_uncertainty(sensor)
     if known is None:
         return None
     motions = SensorDeviation(sensor, known.parameters).motions(np.asarray(yz_mm, dtype=float).reshape(-1, 2))
-    return np.asarray(motions @ known.covariance @ np.swapaxes(motions, 1, 2))
+    own = np.asarray(motions @ known.covariance @ np.swapaxes(motions, 1, 2))
+    return own if sensor.direct is None else own + sensor.direct.rms_mm**2 / 2 * np.eye(2)
 
 
 def stated_uncertainty(sensor: Sensor) -> SensorUncertainty | None:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from geometry.errors import InputError
 from geometry.sensor.camera import Camera
+from geometry.sensor.direct import DirectMap
 from geometry.sensor.optics import Optics
 from geometry.sensor.profile import ProfileOutput
 from geometry.sensor.sheet import Sheet
@@ -38,6 +39,8 @@ class Sensor:
         As its maker or its file calls it.
     housing_mm : Array or None
         Least and largest corner (2, 3) in {P} of the box that its housing fills; None where it is not stated.
+    direct : DirectMap or None
+        What takes pixels to the sheet in place of the camera's model; None where the camera does.
 
     Raises
     ------
@@ -52,12 +55,15 @@ class Sensor:
     uncertainty: SensorUncertainty | None = None
     name: str = ""
     housing_mm: Array | None = None
+    direct: DirectMap | None = None
 
     def __post_init__(self) -> None:
         if self.housing_mm is not None and not np.all(self.housing_mm[0] < self.housing_mm[1]):
             raise InputError("[housing] min_mm must lie below max_mm in x, y and z")
         if self.camera is not None and self.profile is not None:
             raise InputError("a sensor has [camera] or [profile], not both: it gives images or profiles")
+        if self.camera is None and self.direct is not None:
+            raise InputError("[direct] takes pixels to the laser plane: it needs [image] and [camera] beside it")
         if self.camera is None and self.uncertainty is not None:
             stray = [name for name in self.uncertainty.parameters if name in CAMERA_PARAMETERS]
             if stray:

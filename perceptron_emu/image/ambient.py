@@ -3,32 +3,31 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from geometry import Sensor
+from geometry.compiled import kernel
 from perceptron_emu.config import EmulatorConfig
-from perceptron_emu.image.blurred import PixelPlaces, draw_blurred, gaussian_taps
-from perceptron_emu.image.level_cells import Boxes, fill, levels, sources
-from perceptron_emu.lens import sharp_sigma_px, to_camera, working_f_number
+from perceptron_emu.image.deposit import gaussian_taps
+from perceptron_emu.image.face_cells import Outlines, draw_cells, face_edges, faces_in_cells, pixel_cells
+from perceptron_emu.image.ghosts import GLOSS_SEEN, lamp_electrons
+from perceptron_emu.lens import sharp_sigma_px, working_f_number
 from perceptron_emu.light import Cylinders, Light
 from perceptron_emu.scene import Material, Scene
-from perceptron_emu.solids import body_of, rasterise
+from perceptron_emu.solids import FlatFaces, body_of
 
 Array = NDArray[np.float64]
 Float32 = NDArray[np.float32]
 
-LEVEL_DECIMALS = 6  # of a face's radiance: faces of one plane stay alike whatever rounding made of their normals
+LEVELS = 1e6  # steps of a face's radiance: faces of one plane stay alike whatever rounding made of their normals
 NEAR_MM = 5.0  # what is nearer to the camera than this is not drawn
 BLUR_REACH = 3.0  # σ of the blur that its kernel takes in
 # room light is coarse on purpose: it is there to be told from the laser's, not to be measured
 SIDE_LIT = 0.6  # about the mean cosine of light from the camera's side on a cylinder, 2/π
-GLOSS_SEEN = 0.5  # part of the glossy reflectance that sends room light to the camera
-MAX_VIEW = 4.0  # image sizes: farther out a lens's distortion shows nothing
 
 
 def ambient_electrons(scene: Scene, strings: Cylinders | None, material: Material, config: EmulatorConfig) -> Float32:
@@ -53,45 +52,147 @@ def ambient_electrons(scene: Scene, strings: Cylinders | None, material: Materia
     Float32
         (H, W) [e⁻].
     """
-    sensor = scene.sensor
-    facets, level = _facets(scene, strings, material, config)
-    seen = to_camera(sensor, facets)
-    keep = seen[..., 2].max(1, initial=0.0) > NEAR_MM
-    seen, level = _clip_near(seen[keep], level[keep])
+    sensor, camera = scene.sensor, scene.camera
+    faces = _before_camera(_outlines(scene, strings, material, config))
     sigma = sharp_sigma_px(config.optics, sensor, config.laser.wavelength_nm)
-    view = _view(sensor, math.ceil(BLUR_REACH * sigma))
-    camera = sensor.require_camera()
-    intrinsics = (camera.fx_px, camera.fy_px, camera.cx_px - view.left, camera.cy_px - view.top)
-    picture, box = rasterise(seen, np.round(level, LEVEL_DECIMALS).astype(np.float32), view.shape, intrinsics)
-    shown, several = levels(picture, box, view.boxes)
-    of_white = _electrons_of_white(config, sensor)
+    reach = math.ceil(BLUR_REACH * sigma)
+    edges, cells = face_edges(faces, (camera.fx_px, camera.fy_px)), pixel_cells(sensor, reach)
     electrons = np.zeros(camera.shape, np.float32)
-    fill(electrons, shown, several, of_white)
-    draw_blurred(electrons, picture, view.places, several, gaussian_taps(sigma, view.reach_px), of_white)
+    lists = faces_in_cells(cells, edges)
+    taps, of_white = gaussian_taps(sigma, reach), _electrons_of_white(config, sensor)
+    draw_cells(cells, edges, lists, taps, of_white, electrons)
+    lamp = lamp_electrons(scene, config, of_white) if config.ambient.shadows else None
+    if lamp is not None:
+        threads = 0 if strings is None else len(strings.labels)
+        before = np.zeros(len(edges.level), np.float32)
+        before[len(before) - threads :] = 1  # strings come last, one face each
+        cover = np.zeros(camera.shape, np.float32)
+        draw_cells(cells, edges._replace(level=before), lists, taps, np.ones_like(cover), cover)
+        electrons += lamp * (1 - cover)
     return electrons
 
 
-def _facets(scene: Scene, strings: Cylinders | None, material: Material, config: EmulatorConfig) -> tuple[Array, Array]:
-    """All flat faces (F, 4, 3) in {P} and the light that each sends back, in units of the irradiance."""
-    camera = scene.camera.centre_mm
+def _outlines(scene: Scene, strings: Cylinders | None, material: Material, config: EmulatorConfig) -> Outlines:
+    """All flat faces that turn to the camera, and the light that each sends back, in units of the irradiance."""
     towards = -np.array(config.ambient.direction) / np.linalg.norm(config.ambient.direction)
-    fill = config.ambient.fill
-    facets, levels = [np.zeros((0, 4, 3))], [np.zeros(0)]
-    for solid in scene.solids:
-        pose, body = solid.T_sensor_mesh, body_of(solid)
-        above = np.einsum("ij,ij->i", body.facing, pose.R.T @ (camera - pose.t) - body.facets[:, 0])
-        seen = above > 0 if body.closed else np.ones(len(above), dtype=bool)
-        facets.append((body.facets[seen].reshape(-1, 3) @ pose.R.T + pose.t).reshape(-1, 4, 3))
-        towards_light = np.where(above[seen] < 0, -1, 1) * (body.facing[seen] @ (pose.R.T @ towards))
+    bodies, fill = [body_of(solid) for solid in scene.solids], config.ambient.fill
+    threads = 0 if strings is None else len(strings.labels)
+    count = sum(len(body.flat.facing) for body in bodies) + threads
+    room = Outlines(
+        np.zeros(count + 1, np.int64),
+        np.empty((sum(len(body.flat.ends) for body in bodies) + 4 * threads, 2, 3)),
+        np.empty((count, 3)),
+        np.empty(count, np.float32),
+    )
+    n, view = 0, scene.camera.T_sensor_camera
+    for solid, body in zip(scene.solids, bodies, strict=True):
         albedo = solid.material.diffuse + solid.material.specular * GLOSS_SEEN
-        levels.append(albedo * (fill + (1 - fill) * np.maximum(towards_light, 0)))
+        R = solid.T_sensor_mesh.R
+        direct = 0.0 if config.ambient.shadows else albedo * (1 - fill)
+        lamp = _Lamp(R.T @ towards, albedo * fill, direct)
+        t = view.R.T @ (solid.T_sensor_mesh.t - view.t)
+        n = _add_body(room, n, body.flat, body.closed, (np.ascontiguousarray(view.R.T @ R), t), lamp)
     if strings is not None:
         ends = strings.starts, strings.starts + strings.lengths[:, None] * strings.directions
-        side = np.cross(strings.directions, camera - strings.starts)
-        side *= strings.radius / np.linalg.norm(side, axis=1, keepdims=True)
-        facets.append(np.stack([ends[0] - side, ends[1] - side, ends[1] + side, ends[0] + side], 1))
-        levels.append(np.full(len(side), material.diffuse * (fill + (1 - fill) * SIDE_LIT)))
-    return np.concatenate(facets), np.concatenate(levels)
+        level = np.float32(material.diffuse * (fill + (1 - fill) * SIDE_LIT))
+        starts, stops = ((p - view.t) @ view.R for p in ends)
+        n = _add_strings(room, n, starts, stops, strings.radius, level)
+    return Outlines(room.begin[: n + 1], room.ends[: room.begin[n]], room.normal[:n], room.level[:n])
+
+
+class _Lamp(NamedTuple):
+    """Room light on a body: the unit way to the lamp in its axes, what it sends back of the light from everywhere, and
+    of the lamp's.
+    """
+
+    towards: Array
+    fill: float
+    direct: float
+
+
+@kernel
+def _add_body(room: Outlines, n: int, flat: FlatFaces, closed: bool, place: tuple[Array, Array], lamp: _Lamp) -> int:
+    """Put those faces of a body that turn to the camera behind the first n; how many there are then.
+
+    place: rotation and translation from the body's axes to the camera's.
+    """
+    R, t = place
+    eye = np.empty(3)
+    for a in range(3):
+        eye[a] = -(R[0, a] * t[0] + R[1, a] * t[1] + R[2, a] * t[2])
+    for f in range(len(flat.facing)):
+        normal, first = flat.facing[f], flat.ends[flat.begin[f], 0]
+        above = 0.0
+        for a in range(3):
+            above += normal[a] * (eye[a] - first[a])
+        if closed and not above > 0:
+            continue
+        cosine = normal[0] * lamp.towards[0] + normal[1] * lamp.towards[1] + normal[2] * lamp.towards[2]
+        level = lamp.fill + lamp.direct * max(-cosine if above < 0 else cosine, 0.0)
+        room.level[n] = math.floor(level * LEVELS + 0.5) / LEVELS
+        begin = room.begin[n]
+        for e in range(flat.begin[f], flat.begin[f + 1]):
+            for k in range(2):
+                p = flat.ends[e, k]
+                for a in range(3):
+                    room.ends[begin, k, a] = R[a, 0] * p[0] + R[a, 1] * p[1] + R[a, 2] * p[2] + t[a]
+            begin += 1
+        for a in range(3):
+            room.normal[n, a] = R[a, 0] * normal[0] + R[a, 1] * normal[1] + R[a, 2] * normal[2]
+        room.begin[n + 1] = begin
+        n += 1
+    return n
+
+
+@kernel
+def _add_strings(room: Outlines, n: int, starts: Array, stops: Array, radius: float, level: np.float32) -> int:
+    """Put strings behind the first n faces, each a strip across the camera's view, which is at 0."""
+    corners, side = np.empty((4, 3)), np.empty(3)
+    for s in range(len(starts)):
+        p, q = starts[s], stops[s]
+        side[0], side[1], side[2] = q[2] * p[1] - q[1] * p[2], q[0] * p[2] - q[2] * p[0], q[1] * p[0] - q[0] * p[1]
+        size = max(math.sqrt(side[0] * side[0] + side[1] * side[1] + side[2] * side[2]), 1e-12)
+        for a in range(3):
+            across, along = side[a] * (radius / size), q[a] - p[a]
+            corners[0, a], corners[1, a] = p[a] - across, q[a] - across
+            corners[2, a], corners[3, a] = q[a] + across, p[a] + across
+            room.normal[n, a] = along
+        begin = room.begin[n]
+        for k in range(4):
+            for a in range(3):
+                room.ends[begin + k, 0, a], room.ends[begin + k, 1, a] = corners[k, a], corners[(k + 1) % 4, a]
+        d, u = room.normal[n].copy(), side / size
+        room.normal[n, 0], room.normal[n, 1] = d[1] * u[2] - d[2] * u[1], d[2] * u[0] - d[0] * u[2]
+        room.normal[n, 2] = d[0] * u[1] - d[1] * u[0]
+        room.begin[n + 1], room.level[n] = begin + 4, level
+        n += 1
+    return n
+
+
+def _before_camera(faces: Outlines) -> Outlines:
+    """The faces cut at the near plane."""
+    if len(faces.ends) == 0 or np.min(faces.ends[..., 2]) >= NEAR_MM:
+        return faces
+    begin, ends, normal, level = [0], [], [], []
+    for f in range(len(faces.level)):
+        own = faces.ends[faces.begin[f] : faces.begin[f + 1]]
+        depth = own[..., 2]
+        share = ((NEAR_MM - depth[:, 0]) / np.where(depth[:, 0] == depth[:, 1], 1.0, depth[:, 1] - depth[:, 0]))[
+            :, None
+        ]
+        met = own[:, 0] + share * (own[:, 1] - own[:, 0])
+        kept = np.where((depth < NEAR_MM)[..., None], met[:, None], own)[np.any(depth >= NEAR_MM, 1)]
+        met = met[(depth[:, 0] < NEAR_MM) != (depth[:, 1] < NEAR_MM)]
+        along = np.cross(faces.normal[f], [0.0, 0.0, 1.0])  # the cut's line, on which the rim goes in and out by turns
+        met = met[np.argsort(met @ along, kind="stable")]
+        if len(kept):
+            ends.append(np.concatenate([kept, met[: len(met) // 2 * 2].reshape(-1, 2, 3)]))
+            begin.append(begin[-1] + len(ends[-1]))
+            normal.append(faces.normal[f])
+            level.append(faces.level[f])
+    if not ends:
+        return Outlines(np.zeros(1, np.int64), np.empty((0, 2, 3)), np.empty((0, 3)), np.empty(0, np.float32))
+    return Outlines(np.array(begin), np.concatenate(ends), np.array(normal), np.array(level, np.float32))
 
 
 @lru_cache(maxsize=8)
@@ -112,58 +213,3 @@ def _vignette(sensor: Sensor, on: bool) -> Float32:
     y = (np.arange(camera.height_px, dtype=np.float32)[:, None] - camera.cy_px) / camera.fy_px
     cosine2 = 1 / (1 + x * x + y * y)  # cos⁴α by products: a power's last bits are another processor's others
     return np.asarray(cosine2 * cosine2 if on else np.ones_like(cosine2), np.float32)
-
-
-@dataclass(frozen=True, eq=False)
-class _LensView:
-    """From the part of the pinhole image that the lens shows to the image.
-
-    left, top: where that part begins in the pinhole image, shape: its rows and columns. places: of the
-    image's pixels in it. boxes: what the image's cells see of it within the blur's reach_px.
-    """
-
-    left: int
-    top: int
-    shape: tuple[int, int]
-    places: PixelPlaces
-    boxes: Boxes
-    reach_px: int
-
-
-@lru_cache(maxsize=4)
-def _view(sensor: Sensor, reach_px: int) -> _LensView:
-    camera = sensor.require_camera()
-    u, v = np.meshgrid(np.arange(camera.width_px, dtype=np.float64), np.arange(camera.height_px, dtype=np.float64))
-    pixels: Array = np.stack([u.ravel(), v.ravel()], -1)
-    if any(camera.distortion):
-        matrix = camera.matrix
-        pixels = np.asarray(cv2.undistortPoints(pixels[:, None], matrix, camera.distortion14, P=matrix)[:, 0], float)
-    largest = MAX_VIEW * max(camera.width_px, camera.height_px)
-    pixels = np.clip(np.nan_to_num(pixels, nan=-largest), -largest, largest)
-    left, top = (int(c) for c in np.floor(pixels.min(0)) - 1)
-    right, bottom = (int(c) for c in np.ceil(pixels.max(0)) + 1)
-    shape = bottom - top + 1, right - left + 1
-    maps = (pixels - [left, top]).astype(np.float32).reshape(camera.height_px, camera.width_px, 2)
-    along_u, along_v = np.ascontiguousarray(maps[..., 0]), np.ascontiguousarray(maps[..., 1])
-    boxes = sources(along_u, along_v, reach_px, shape)
-    return _LensView(left, top, shape, PixelPlaces.of(along_u, along_v, shape[1]), boxes, reach_px)
-
-
-def _clip_near(camera: Array, level: Array) -> tuple[Array, Array]:
-    """Flat faces (F, 4, 3) of the camera frame cut at the near plane, and their levels."""
-    behind = camera[..., 2] < NEAR_MM
-    whole = ~np.any(behind, 1)
-    if np.all(whole):
-        return camera, level
-    out, levels = [camera[whole]], [level[whole]]
-    for corners, value in zip(camera[~whole], level[~whole], strict=True):
-        polygon = []
-        for a, b in zip(corners, np.roll(corners, -1, 0), strict=True):
-            if a[2] >= NEAR_MM:
-                polygon.append(a)
-            if (a[2] >= NEAR_MM) != (b[2] >= NEAR_MM):
-                polygon.append(a + (NEAR_MM - a[2]) / (b[2] - a[2]) * (b - a))
-        fan = [[polygon[0], polygon[i], polygon[i + 1], polygon[i + 1]] for i in range(1, len(polygon) - 1)]
-        out.append(np.array(fan).reshape(-1, 4, 3))
-        levels.append(np.full(len(fan), value))
-    return np.concatenate(out), np.concatenate(levels)

@@ -76,6 +76,12 @@ def deposit(image: Float32, spots: GaussianSpots) -> None:
                 image[j, i] += factor * row[i]
 
 
+def gaussian_taps(sigma_px: float, reach_px: int) -> Float32:
+    """Weights (2 reach + 1,) of a sampled Gaussian; they add up to 1."""
+    taps = np.exp(-0.5 * (np.arange(-reach_px, reach_px + 1) / sigma_px) ** 2)
+    return np.asarray(taps / taps.sum(), np.float32)
+
+
 def spline_taps(sigma: float) -> Float32:
     """What Gaussian and pixel make of a cubic B-spline, at distances of −REACH σ … REACH σ cells.
 

@@ -3,12 +3,14 @@
 from perceptron_emu.lens.optics import (
     Gather,
     defocus_radius_px,
+    field_sigma_px,
     filter_transmission,
     focal_length_mm,
     focus_distance_mm,
     gather,
     gathered,
     principal_distance_mm,
+    pupil_points_mm,
     sharp_sigma_px,
     working_f_number,
 )
@@ -17,6 +19,7 @@ from perceptron_emu.lens.projection import lens, project, tilt_rotation, to_came
 __all__ = [
     "Gather",
     "defocus_radius_px",
+    "field_sigma_px",
     "filter_transmission",
     "focal_length_mm",
     "focus_distance_mm",
@@ -25,6 +28,7 @@ __all__ = [
     "lens",
     "principal_distance_mm",
     "project",
+    "pupil_points_mm",
     "sharp_sigma_px",
     "tilt_rotation",
     "to_camera",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -79,6 +80,37 @@ def focal_length_mm(optics: OpticsConfig, sensor: Sensor) -> float:
         [mm].
     """
     return 1 / (1 / principal_distance_mm(optics, sensor) + 1 / focus_distance_mm(optics, sensor))
+
+
+@lru_cache(maxsize=32)
+def pupil_points_mm(optics: OpticsConfig, sensor: Sensor) -> Array:
+    """Points that fill the entrance pupil evenly: what an edge hides from some of them alone is dimmed, not dark.
+
+    Parameters
+    ----------
+    optics : OpticsConfig
+        The lens, and how many points.
+    sensor : Sensor
+        With a camera.
+
+    Returns
+    -------
+    Array
+        (N, 3) [mm] in {P}; the camera's centre where there is one.
+
+    References
+    ----------
+    Vogel, "A better way to construct the sunflower head", Mathematical Biosciences 44, 1979.
+    """
+    pose, count = sensor.require_camera().T_sensor_camera, optics.aperture_points
+    if count == 1:
+        return np.array(pose.t, dtype=float)[None]
+    radius = focal_length_mm(optics, sensor) / optics.f_number / 2
+    points = np.empty((count, 3))
+    for k in range(count):
+        distance, turn = radius * math.sqrt((k + 0.5) / count), k * math.pi * (3 - math.sqrt(5))
+        points[k] = distance * math.cos(turn), distance * math.sin(turn), 0.0
+    return np.asarray(points @ pose.R.T + pose.t)
 
 
 class Band(NamedTuple):
@@ -227,6 +259,45 @@ def sharp_sigma_px(optics: OpticsConfig, sensor: Sensor, wavelength_nm: float) -
     """
     airy = AIRY_SIGMA * wavelength_nm * 1e-3 * working_f_number(optics, sensor) / optics.pixel_um
     return float(np.hypot(optics.blur_px, airy if optics.diffraction else 0.0))
+
+
+def field_sigma_px(optics: OpticsConfig, sensor: Sensor, uv: Array, wavelength_nm: float) -> Array:
+    """Blur in focus at places of the image.
+
+    A curved field of focus leaves a disc that grows like the square of the distance from the principal point: its
+    variance, like the fourth power, is added to that of the middle, up to blur_corner_px in the farthest corner.
+
+    Parameters
+    ----------
+    optics : OpticsConfig
+        The lens.
+    sensor : Sensor
+        With a camera.
+    uv : Array
+        (N, 2) [px].
+    wavelength_nm : float
+        Of the light.
+
+    Returns
+    -------
+    Array
+        σ (N,) [px].
+
+    References
+    ----------
+    Born & Wolf, Principles of Optics, section 5.3 (field curvature; Petzval).
+    """
+    middle = sharp_sigma_px(optics, sensor, wavelength_nm)
+    if optics.blur_corner_px is None:
+        return np.full(len(uv), middle)
+    camera = sensor.require_camera()
+    half = (
+        max(camera.cx_px, camera.width_px - 1 - camera.cx_px),
+        max(camera.cy_px, camera.height_px - 1 - camera.cy_px),
+    )
+    square = ((uv[:, 0] - camera.cx_px) ** 2 + (uv[:, 1] - camera.cy_px) ** 2) / (half[0] ** 2 + half[1] ** 2)
+    more = optics.blur_corner_px**2 - optics.blur_px**2
+    return np.asarray(np.sqrt(middle**2 + more * np.minimum(square, 1) ** 2))
 
 
 def working_f_number(optics: OpticsConfig, sensor: Sensor) -> float:

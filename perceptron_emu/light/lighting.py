@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perceptron_emu.config import EmulatorConfig
+from perceptron_emu.lens import pupil_points_mm
 from perceptron_emu.light.nodes import LightNodes, join, string_group
 from perceptron_emu.light.strings import Cylinders, LitStrings, cylinders, hidden_by_strings, light_strings
 from perceptron_emu.light.stripes import light_solids
@@ -16,6 +17,7 @@ from perceptron_emu.scene import Material, Scene
 from perceptron_emu.solids import hidden_by_solid
 
 Array = NDArray[np.float64]
+Index = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +86,7 @@ def light_scene(scene: Scene, config: EmulatorConfig) -> LitScene:
         return LitScene(None, (), np.zeros(0), light_solids(scene, None, config, light))
     strings = cylinders(scene.jig, scene.T_sensor_jig)
     lit = light_strings(strings, thread_of(scene, config), scene.sensor, config, light)
-    seen = lit.electrons * _unhidden(strings, lit, scene)
+    seen = lit.electrons * _unhidden(strings, lit, scene, config)
     parts = []
     for i in range(len(strings.labels)):
         keep = seen[i] > 0
@@ -92,17 +94,26 @@ def light_scene(scene: Scene, config: EmulatorConfig) -> LitScene:
     return LitScene(strings, tuple(parts), lit.electrons.sum((1, 2)), light_solids(scene, strings, config, light))
 
 
-def _unhidden(strings: Cylinders, lit: LitStrings, scene: Scene) -> Array:
-    """1 where a node (S, T, K) is reached by the laser and seen by the camera past other strings and solids, else 0."""
+def _unhidden(strings: Cylinders, lit: LitStrings, scene: Scene, config: EmulatorConfig) -> Array:
+    """Part of the lens that sees a node (S, T, K) past other strings and solids; 0 where no laser reaches it."""
     todo = np.flatnonzero(lit.electrons)
     points, own = lit.xyz_mm.reshape(-1, 3)[todo], todo // lit.electrons[0].size
     emitter = points.copy()
     emitter[:, 1:] = scene.sensor.sheet.origin_mm[1:]
-    hidden = np.zeros(len(todo), dtype=bool)
-    for source in (emitter, scene.camera.centre_mm):
-        hidden |= hidden_by_strings(strings, points, source, own)
-        for solid in scene.solids:
-            hidden |= hidden_by_solid(solid, points, source)
+    dark = _hidden(strings, scene, points, emitter, own, np.zeros(len(todo), dtype=bool))
+    seen, eyes = np.zeros(len(todo)), pupil_points_mm(config.optics, scene.sensor)
+    for eye in eyes:
+        seen += ~_hidden(strings, scene, points, eye, own, dark)
     clear = np.zeros(lit.electrons.size)
-    clear[todo[~hidden]] = 1
+    clear[todo] = seen / len(eyes)
     return clear.reshape(lit.electrons.shape)
+
+
+def _hidden(
+    strings: Cylinders, scene: Scene, points: Array, sources: Array, own: Index, dark: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
+    """Which points (N, 3) on strings anything stands before, or are dark already."""
+    hidden = dark | hidden_by_strings(strings, points, sources, own)
+    for solid in scene.solids:
+        hidden |= hidden_by_solid(solid, points, sources, hidden)
+    return hidden

@@ -8,6 +8,8 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from geometry.compiled import kernel
+
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 N = TypeVar("N", int, Index)
@@ -83,6 +85,7 @@ def string_group(string: int) -> int:
     return string
 
 
+@kernel(inline=True)
 def stripe_group(solid: N, column: N, row: N) -> N:
     """The groups of nodes on solids whose images fall into tiles of TILE_PX.
 

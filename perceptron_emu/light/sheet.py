@@ -171,8 +171,11 @@ def density_at(angle: float, fan: Fan) -> float:
     edge, scale = fan.edge_fraction, fan.scale
     t = abs(angle) / fan.half_rad
     if fan.profile == POWELL:
-        beyond, inside = max(t - 1, 0.0) / SHOULDER, min(t, 1.0)
-        return float(scale * (1 - (1 - edge) * inside * inside) * np.exp(-0.5 * beyond * beyond))
+        inside, shoulder = min(t, 1.0), 1.0
+        if t > 1:
+            beyond = (t - 1) / SHOULDER
+            shoulder = np.exp(-0.5 * beyond * beyond)
+        return float(scale * (1 - (1 - edge) * inside * inside) * shoulder)
     if t > 1:
         return 0.0
     return float(scale * edge ** (t * t)) if fan.profile == GAUSSIAN else scale

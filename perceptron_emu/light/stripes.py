@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -11,12 +12,13 @@ from numpy.typing import NDArray
 from geometry import Sensor
 from geometry.compiled import kernel
 from perceptron_emu.config import EmulatorConfig
-from perceptron_emu.lens import project, sharp_sigma_px
+from perceptron_emu.lens import project, pupil_points_mm, sharp_sigma_px
 from perceptron_emu.light.nodes import TILE_PX, LightNodes, stripe_group
 from perceptron_emu.light.sheet_faces import Faces, faces_in_sheet, sheet_planes
 from perceptron_emu.light.strings import Cylinders, hidden_by_strings
+from perceptron_emu.light.subsurface import line_spread, moved_below, spread_mm
 from perceptron_emu.light.transport import Light
-from perceptron_emu.scene import Scene
+from perceptron_emu.scene import Material, Scene
 from perceptron_emu.solids import LaserRays, Shades, SheetPieces, body_of, hidden_by_solid, lit_in_planes
 
 Array = NDArray[np.float64]
@@ -146,36 +148,72 @@ def _kept(
 
 def _seen(nodes: SurfaceNodes, scene: Scene, strings: Cylinders | None, light: Light) -> LightNodes:
     """The nodes that the camera sees, inside the image and past all that stands before it."""
-    xyz, normal, area, number = nodes
-    camera = scene.camera
-    uv = project(scene.sensor, xyz)
-    electrons = area * light.electrons_on(xyz, normal, [s.material for s in scene.solids], number)
-    bright = np.flatnonzero((electrons > 0) & _within(uv, camera.width_px - 1, camera.height_px - 1))
-    xyz, uv, electrons, number = xyz[bright], uv[bright], electrons[bright], number[bright]
-    hidden = np.zeros(len(bright), dtype=bool)
-    start = xyz + OFF_SURFACE_MM * normal[bright]
-    if strings is not None:
-        hidden |= hidden_by_strings(strings, start, camera.centre_mm)
-    for k, solid in enumerate(scene.solids):
-        if not body_of(solid).convex:
-            hidden |= hidden_by_solid(solid, start, camera.centre_mm)
-            continue
-        others = np.flatnonzero(number != k)
-        hidden[others] |= hidden_by_solid(solid, start[others], camera.centre_mm)
-    tile = np.floor(uv / TILE_PX).astype(np.int64)
-    group = stripe_group(number, tile[:, 0], tile[:, 1])
-    seen = slice(None) if not np.any(hidden) else ~hidden
-    return LightNodes(xyz[seen], electrons[seen], group[seen])
+    camera, sensor = scene.camera, scene.sensor
+    materials = [s.material for s in scene.solids]
+    if any(m.scatter_mm > 0 for m in materials):
+        nodes, density = _below_surface(nodes, materials, light)
+    else:
+        density = light.electrons_on(nodes.xyz_mm, nodes.normal, materials, nodes.solid)
+    uv = project(sensor, nodes.xyz_mm)
+    xyz, start, electrons, number, group = _bright(nodes, density, uv, (camera.width_px, camera.height_px))
+    eyes = pupil_points_mm(light.config.optics, sensor)
+    seen = np.zeros(len(electrons))
+    for eye in eyes:
+        hidden = np.zeros(len(electrons), dtype=bool)
+        if strings is not None:
+            hidden |= hidden_by_strings(strings, start, eye)
+        for k, solid in enumerate(scene.solids):
+            hidden |= hidden_by_solid(solid, start, eye, hidden | (number == k) if body_of(solid).convex else hidden)
+        seen += ~hidden
+    if np.all(seen == len(eyes)):
+        return LightNodes(xyz, electrons, group)
+    some = seen > 0
+    return LightNodes(xyz[some], electrons[some] * (seen[some] / len(eyes)), group[some])
+
+
+def _below_surface(nodes: SurfaceNodes, materials: list[Material], light: Light) -> tuple[SurfaceNodes, Array]:
+    """Nodes and their electrons per mm²; where light goes below the surface its matte part leaves elsewhere."""
+    deep = np.array([m.scatter_mm > 0 for m in materials])
+    surface = [replace(m, diffuse=0.0) if m.scatter_mm > 0 else m for m in materials]
+    parts = [nodes]
+    densities = [light.electrons_on(nodes.xyz_mm, nodes.normal, surface, nodes.solid)]
+    for k in np.flatnonzero(deep):
+        own, matte = np.flatnonzero(nodes.solid == k), replace(materials[k], specular=0.0)
+        xyz, normal = nodes.xyz_mm[own], nodes.normal[own]
+        lengths = matte.scatter_mm, spread_mm(matte)
+        origin = np.array(light.sensor.sheet.origin_mm, dtype=float)
+        places, shares = moved_below(xyz, normal, origin, lengths, line_spread())
+        density = light.electrons_on(xyz, normal, [matte], np.zeros(len(own), np.int64))
+        n = len(shares)
+        area, solid = np.repeat(nodes.area_mm2[own], n), np.repeat(nodes.solid[own], n)
+        parts.append(SurfaceNodes(places, np.repeat(normal, n, axis=0), area, solid))
+        densities.append((density[:, None] * shares).ravel())
+    return SurfaceNodes(*(np.concatenate(columns) for columns in zip(*parts, strict=True))), np.concatenate(densities)
 
 
 @kernel
-def _within(uv: Array, last_u: float, last_v: float) -> NDArray[np.bool_]:
-    """Whether points (N, 2) of the image lie within MARGIN_PX of it; false behind the camera, where they are NaN."""
-    out = np.empty(len(uv), np.bool_)
+def _bright(
+    nodes: SurfaceNodes, density: Array, uv: Array, size: tuple[int, int]
+) -> tuple[Array, Array, Array, Index, Index]:
+    """Of nodes whose image at uv (N, 2) is within MARGIN_PX of the chip and not dark: points, where rays from them
+    start, electrons, solids, groups. density: electrons per mm².
+    """
+    xyz, start = np.empty_like(nodes.xyz_mm), np.empty_like(nodes.xyz_mm)
+    electrons, number, group = np.empty(len(uv)), np.empty(len(uv), np.int64), np.empty(len(uv), np.int64)
+    n = 0
     for i in range(len(uv)):
-        u, v = uv[i, 0], uv[i, 1]
-        out[i] = -MARGIN_PX < u < last_u + MARGIN_PX and -MARGIN_PX < v < last_v + MARGIN_PX
-    return out
+        u, v, light = uv[i, 0], uv[i, 1], nodes.area_mm2[i] * density[i]
+        # never behind the camera, where they are NaN
+        here = -MARGIN_PX < u < size[0] - 1 + MARGIN_PX and -MARGIN_PX < v < size[1] - 1 + MARGIN_PX
+        if not (light > 0 and here):
+            continue
+        for a in range(3):
+            xyz[n, a] = nodes.xyz_mm[i, a]
+            start[n, a] = xyz[n, a] + OFF_SURFACE_MM * nodes.normal[i, a]
+        electrons[n], number[n] = light, nodes.solid[i]
+        group[n] = stripe_group(number[n], math.floor(u / TILE_PX), math.floor(v / TILE_PX))
+        n += 1
+    return xyz[:n], start[:n], electrons[:n], number[:n], group[:n]
 
 
 def _nodes(

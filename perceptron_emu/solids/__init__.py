@@ -2,15 +2,15 @@
 
 from perceptron_emu.solids.bodies import Body, body_of, hidden_by_solid
 from perceptron_emu.solids.bvh import Bvh, blocked, build_bvh
-from perceptron_emu.solids.flat_faces import facets
+from perceptron_emu.solids.flat_faces import FlatFaces, flat_faces
 from perceptron_emu.solids.panels import PanelPair, profile_strip, random_panels
-from perceptron_emu.solids.raster import rasterise
 from perceptron_emu.solids.section import LaserRays, Shades, SheetPieces, lit_in_planes
 from perceptron_emu.solids.world import Hit, World, between, first_met, normal_at, world_of
 
 __all__ = [
     "Body",
     "Bvh",
+    "FlatFaces",
     "Hit",
     "LaserRays",
     "PanelPair",
@@ -21,13 +21,12 @@ __all__ = [
     "blocked",
     "body_of",
     "build_bvh",
-    "facets",
     "first_met",
+    "flat_faces",
     "hidden_by_solid",
     "lit_in_planes",
     "normal_at",
     "profile_strip",
     "random_panels",
-    "rasterise",
     "world_of",
 ]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from geometry.compiled import kernel
 from perceptron_emu.scene import Solid
 from perceptron_emu.solids.bvh import Bvh, blocked, build_bvh
-from perceptron_emu.solids.flat_faces import facets
+from perceptron_emu.solids.flat_faces import FlatFaces, flat_faces
 
 if TYPE_CHECKING:
     import trimesh
@@ -35,8 +35,8 @@ class Body:
         (T, 3, 3) [mm].
     outwards : Array
         Their unit normals (T, 3), by their winding.
-    facets, facing : Array
-        Its flat faces of up to four corners (F, 4, 3) [mm], and their unit normals (F, 3).
+    flat : FlatFaces
+        Its plane parts, by the edges around them.
     normals : Array
         Unit normals for shading at the triangles' corners (T, 3, 3).
     bvh : Bvh
@@ -49,8 +49,7 @@ class Body:
 
     triangles: Array
     outwards: Array
-    facets: Array
-    facing: Array
+    flat: FlatFaces
     normals: Array
     bvh: Bvh
     closed: bool
@@ -81,15 +80,17 @@ def body_of(solid: Solid) -> Body:
     triangles = np.asarray(mesh.triangles, dtype=float)
     convex = _convex(triangles, np.array(mesh.vertices, dtype=float))
     outwards = _face_normals(triangles)[0]
-    flat, owner = facets(np.array(mesh.vertices, dtype=float), np.array(mesh.faces, dtype=np.int64), outwards)
+    flat = flat_faces(np.array(mesh.vertices, dtype=float), np.array(mesh.faces, dtype=np.int64), outwards)
     bvh = build_bvh(triangles)
     normals, closed = corner_normals(mesh), bool(mesh.is_volume)
-    body = Body(triangles, outwards, flat, outwards[owner], normals, bvh, closed, convex)
+    body = Body(triangles, outwards, flat, normals, bvh, closed, convex)
     _BODIES[key] = (weakref.ref(solid.mesh, lambda _: _BODIES.pop(key, None)), body)
     return body
 
 
-def hidden_by_solid(solid: Solid, points: Array, sources: Array) -> NDArray[np.bool_]:
+def hidden_by_solid(
+    solid: Solid, points: Array, sources: Array, but: NDArray[np.bool_] | None = None
+) -> NDArray[np.bool_]:
     """Whether a solid stands between points and sources.
 
     Parameters
@@ -100,13 +101,15 @@ def hidden_by_solid(solid: Solid, points: Array, sources: Array) -> NDArray[np.b
         (N, 3) [mm] in {P}.
     sources : Array
         (N, 3) or (3,) [mm] in {P}.
+    but : NDArray, optional
+        (N,) of bool: points that it does not hide for certain, or that need not be asked.
 
     Returns
     -------
     NDArray
         (N,) of bool.
     """
-    return blocked(body_of(solid).bvh, points, sources, solid.T_sensor_mesh.R, solid.T_sensor_mesh.t)
+    return blocked(body_of(solid).bvh, points, sources, solid.T_sensor_mesh.R, solid.T_sensor_mesh.t, but)
 
 
 def _convex(triangles: Array, corners: Array) -> bool:

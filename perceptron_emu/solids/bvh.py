@@ -93,7 +93,9 @@ def _in_pieces(triangles: Array) -> tuple[Array, NDArray[np.int64]]:
     return pieces, owner
 
 
-def blocked(bvh: Bvh, origins: Array, targets: Array, R: Array = UNTURNED, t: Array = UNMOVED) -> Mask:
+def blocked(
+    bvh: Bvh, origins: Array, targets: Array, R: Array = UNTURNED, t: Array = UNMOVED, but: Mask | None = None
+) -> Mask:
     """Whether a triangle cuts the open segment from origin to target.
 
     Parameters
@@ -106,17 +108,25 @@ def blocked(bvh: Bvh, origins: Array, targets: Array, R: Array = UNTURNED, t: Ar
         (N, 3) or (3,) [mm].
     R, t : Array
         (3, 3), (3,) [mm]: the pose of the triangles' axes in those of the points.
+    but : NDArray, optional
+        (N,) of bool: segments that are known to be free.
 
     Returns
     -------
     NDArray
         (N,) of bool.
     """
-    origins = np.array(origins, dtype=float, order="C")
-    # copies: never a read-only view
-    targets = np.array(np.atleast_2d(targets), dtype=float, order="C")
+    # copies where they are read-only views: kernels are compiled for arrays that can be written
+    origins = _writable(origins)
+    targets = _writable(np.atleast_2d(targets))
     place = MeshPose(np.array(R, dtype=float, order="C"), np.array(t, dtype=float))
-    return np.asarray(_blocked(bvh, origins, targets, place))
+    free = np.zeros(len(origins), np.bool_) if but is None else but
+    return np.asarray(_blocked(bvh, origins, targets, place, free))
+
+
+def _writable(points: Array) -> Array:
+    points = np.ascontiguousarray(points, dtype=float)
+    return points if points.flags.writeable else points.copy()
 
 
 @kernel
@@ -185,7 +195,7 @@ def _split(low: Array, high: Array, members: Index, cost: Array) -> int:
 
 
 @kernel
-def _blocked(bvh: Bvh, origins: Array, targets: Array, place: MeshPose) -> Mask:
+def _blocked(bvh: Bvh, origins: Array, targets: Array, place: MeshPose, free: Mask) -> Mask:
     """Segments are taken in packets of neighbours: most packets come near no triangle at all."""
     out = np.zeros(len(origins), np.bool_)
     stack = np.empty(128, np.int64)
@@ -195,6 +205,8 @@ def _blocked(bvh: Bvh, origins: Array, targets: Array, place: MeshPose) -> Mask:
     single = np.zeros(3)
     for first in range(0, len(origins), PACKET):
         n = min(PACKET, len(origins) - first)
+        if np.all(free[first : first + n]):
+            continue
         for k in range(n):
             _into(place, origins[first + k], begin[k])
             _into(place, targets[first + k if len(targets) > 1 else 0], end[k])
@@ -207,6 +219,8 @@ def _blocked(bvh: Bvh, origins: Array, targets: Array, place: MeshPose) -> Mask:
         if not _meets(bvh, middle, way, half, False, stack):
             continue
         for k in range(n):
+            if free[first + k]:
+                continue
             for a in range(3):
                 way[a] = end[k, a] - begin[k, a]
             out[first + k] = _meets(bvh, begin[k], way, single, True, stack)

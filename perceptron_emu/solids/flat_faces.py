@@ -1,4 +1,4 @@
-"""Flat faces of a mesh with up to four corners: what is drawn is halved where two triangles make a quadrilateral."""
+"""Flat faces of a mesh: triangles of one plane that hang together, told by the edges around them."""
 
 from __future__ import annotations
 
@@ -15,8 +15,28 @@ Index = NDArray[np.int64]
 PARALLEL = 1e-12  # by which the cosine of two normals of one plane may fall short of 1
 
 
-def facets(vertices: Array, faces: Index, outwards: Array) -> tuple[Array, Index]:
-    """Pairs of triangles that make a convex quadrilateral, and all other triangles, alone.
+class FlatFaces(NamedTuple):
+    """Plane parts of a surface (F,), with any number of corners and holes.
+
+    Parameters
+    ----------
+    begin : NDArray
+        (F + 1,) where each face's edges begin.
+    ends : Array
+        (E, 2, 3) [mm] of the edges around it, its inner rims among them.
+    facing : Array
+        (F, 3) unit normals.
+    """
+
+    begin: Index
+    ends: Array
+    facing: Array
+
+
+def flat_faces(vertices: Array, faces: Index, outwards: Array) -> FlatFaces:
+    """The flat faces of a mesh.
+
+    Triangles belong together where they share an edge and their normals are the same; edges between them are left out.
 
     Parameters
     ----------
@@ -29,74 +49,46 @@ def facets(vertices: Array, faces: Index, outwards: Array) -> tuple[Array, Index
 
     Returns
     -------
-    corners : Array
-        In order (F, 4, 3) [mm], the last one twice where it is a triangle.
-    owner : NDArray
-        A triangle of each facet (F,).
+    FlatFaces
+        In the order of each one's first triangle; triangles without area are left out.
     """
-    pairs = _neighbours(faces)
-    first, second, edge = pairs
-    length = np.linalg.norm(vertices[edge[:, 0]] - vertices[edge[:, 1]], axis=1)
-    flat = np.einsum("ij,ij->i", outwards[first], outwards[second]) > 1 - PARALLEL
-    order = np.argsort(-length, kind="stable")  # across the longest edges: a strip's quadrilaterals stay whole
-    order = order[flat[order]]
-    corners, owner = _pair(vertices, faces, outwards, Neighbours(*(values[order] for values in pairs)))
-    return vertices[corners], owner
-
-
-class Neighbours(NamedTuple):
-    """Two triangles (N,), (N,) for each edge (N, 2) that just two have in common."""
-
-    first: Index
-    second: Index
-    edge: Index
-
-
-def _neighbours(faces: Index) -> Neighbours:
-    edges = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-    order = np.lexsort((edges[:, 1], edges[:, 0]))
-    ordered = edges[order]
+    places, number = np.unique(vertices, axis=0, return_inverse=True)  # files of triangles name every corner anew
+    corners = number.reshape(-1)[faces]
+    edges = corners[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
+    ordered = np.sort(edges, axis=1)
+    order = np.lexsort((ordered[:, 1], ordered[:, 0]))
     new = np.ones(len(edges) + 1, dtype=bool)
-    new[1:-1] = np.any(ordered[1:] != ordered[:-1], axis=1)
+    new[1:-1] = np.any(ordered[order][1:] != ordered[order][:-1], axis=1)
     begins = np.flatnonzero(new)
     twice = begins[:-1][np.diff(begins) == 2]
-    return Neighbours(order[twice] // 3, order[twice + 1] // 3, ordered[twice])
+    one, other = order[twice], order[twice + 1]
+    inner = np.einsum("ij,ij->i", outwards[one // 3], outwards[other // 3]) > 1 - PARALLEL
+    inner &= edges[one, 0] == edges[other, 1]  # wound the same way; two sheets on one another are two faces
+    one, other = one[inner], other[inner]
+    owner = _joined(len(faces), one // 3, other // 3)
+    rim = np.ones(len(edges), dtype=bool)
+    rim[one] = rim[other] = False
+    rim &= np.repeat(np.any(outwards != 0, axis=1), 3)
+    rim &= edges[:, 0] != edges[:, 1]
+    kept = np.flatnonzero(rim)
+    kept = kept[np.argsort(owner[kept // 3], kind="stable")]
+    which, count = np.unique(owner[kept // 3], return_counts=True)
+    return FlatFaces(np.concatenate([[0], np.cumsum(count)]), places[edges[kept]], outwards[which])
 
 
 @kernel
-def _pair(vertices: Array, faces: Index, outwards: Array, neighbours: Neighbours) -> tuple[Index, Index]:
-    """The facets' corners (F, 4), numbers of vertices, and owners (F,)."""
-    first, second, edge = neighbours
-    corners, owner = np.empty((len(faces), 4), np.int64), np.empty(len(faces), np.int64)
-    taken = np.zeros(len(faces), np.bool_)
-    n = 0
-    for k in range(len(first)):
-        one, other = first[k], second[k]
-        if taken[one] or taken[other]:
-            continue
-        at = 0
-        while faces[one, at] == edge[k, 0] or faces[one, at] == edge[k, 1]:
-            at += 1
-        opposite = 0
-        while faces[other, opposite] == edge[k, 0] or faces[other, opposite] == edge[k, 1]:
-            opposite += 1
-        c, a, b = faces[one, at], faces[one, (at + 1) % 3], faces[one, (at + 2) % 3]
-        d = faces[other, opposite]
-        if not (_turns(vertices, c, a, d, outwards[one]) and _turns(vertices, d, b, c, outwards[one])):
-            continue
-        corners[n, 0], corners[n, 1], corners[n, 2], corners[n, 3], owner[n] = c, a, d, b, one
-        taken[one] = taken[other] = True
-        n += 1
-    for t in range(len(faces)):
-        if not taken[t]:
-            corners[n, :3], corners[n, 3], owner[n] = faces[t], faces[t, 2], t
-            n += 1
-    return corners[:n].copy(), owner[:n].copy()
-
-
-@kernel
-def _turns(vertices: Array, a: int, b: int, c: int, normal: Array) -> bool:
-    """Whether the way from a over b to c turns to the left, seen against the normal."""
-    p, q = vertices[b] - vertices[a], vertices[c] - vertices[b]
-    x, y, z = p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]
-    return bool(x * normal[0] + y * normal[1] + z * normal[2] > 0)
+def _joined(count: int, one: Index, other: Index) -> Index:
+    """The first triangle (T,) of what each belongs to, where pairs of triangles belong together."""
+    first = np.arange(count)
+    for k in range(len(one)):
+        a, b = one[k], other[k]
+        while first[a] != a:
+            first[a] = first[first[a]]
+            a = first[a]
+        while first[b] != b:
+            first[b] = first[first[b]]
+            b = first[b]
+        first[max(a, b)] = min(a, b)
+    for t in range(count):
+        first[t] = first[first[t]]  # a first triangle comes before those that follow it
+    return first

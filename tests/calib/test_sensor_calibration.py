@@ -265,3 +265,31 @@ def test_three_stripes_that_contradict_one_another_give_no_answer():
     bad = calibrate_sensor([views[0], _moved(views[1], 9.0), views[2]], SIZE, SHORT)
     assert bad.verdict.code == "outliers"
     assert not bad.verdict.is_answer
+
+
+def test_a_second_stripe_by_reflection_is_left_out_and_said():
+    """A third of one view's points lie on a second line, 25 px beside; all of another's lie on one, which bends it."""
+    rng = np.random.default_rng([8, 2])
+    truth = synthetic_sensor(rng)
+    views = observe_boards(truth, rng, 8)
+    sound = calibrate_sensor(views, SIZE, SHORT)
+    stripe = views[3].stripe
+    uv = stripe.uv_px.copy()
+    uv[::3] += 25.0 * stripe.normal[::3]
+    mixed = [
+        *views[:3],
+        replace(views[3], stripe=replace(stripe, uv_px=uv)),
+        *views[4:6],
+        _moved(views[6], 25.0),
+        views[7],
+    ]
+    found = calibrate_sensor(mixed, SIZE, SHORT)
+    assert [v.name for v in found.views if not v.used] == [views[6].name]
+    assert found.solution is not None
+    assert sound.solution is not None
+    assert [n for n in found.notes if "another line" in n and n.startswith(f"{views[3].name}: ")]
+    assert len(found.notes) == 1
+    assert not sound.notes
+    assert (
+        abs(found.solution.plane_mm - sound.solution.plane_mm) < 4 * found.solution.uncertainty.sigma["plane_shift_mm"]
+    )

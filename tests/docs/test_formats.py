@@ -17,10 +17,10 @@ from perceptron_emu import EmulatorConfig, SceneFile
 from workbench.files import Truth
 from workbench.files.board_file import BoardFile
 from workbench.files.cell import CellFile
-from workbench.files.frames_csv import POSE_COLUMNS
-from workbench.files.points_csv import COLUMNS, SENSOR_COLUMNS
-from workbench.files.robot_file import RobotFile
+from workbench.files.robots.robot_file import RobotFile
 from workbench.files.sensor_file import SensorFile
+from workbench.files.tables.frames_csv import POSE_COLUMNS
+from workbench.files.tables.points_csv import COLUMNS, SENSOR_COLUMNS
 from workbench.validate import Thresholds
 
 PAGE = (Path(__file__).parents[2] / "docs" / "formats.md").read_text(encoding="utf-8")

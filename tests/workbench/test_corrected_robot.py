@@ -17,7 +17,7 @@ from geometry import Compliance, Compliant
 from tests.workbench.helpers import Cli
 from tests.workbench.test_urdf import SIX, urdf_text
 from workbench.files import Cell, read_cell, read_robot
-from workbench.files.urdf import read_urdf
+from workbench.files.robots.urdf import read_urdf
 from workbench.report.robot import write_corrected_robot
 
 COMPLIANCE_ATOL = 1e-5  # [mm]: six digits of compliance

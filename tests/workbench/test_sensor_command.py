@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import csv
 import json
+import struct
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -12,11 +15,14 @@ import pytest
 
 from calib.sensor import BoardView, Corners, StripePoints
 from extraction.board import NoBoard, find_board
-from geometry import Board, Pose
+from extraction.sheet import image_to_sheet
+from geometry import Board, Camera, Pose, Sensor, Sheet
+from geometry.sensor import DirectMap
+from perceptron_emu import EmulatorConfig
 from tests.workbench.board_pictures import pictured, pose_of, radius_mm, truth_px
 from workbench.cli.main import run
 from workbench.emulate import board_solids
-from workbench.files import board_text, find_views, read_board, read_sensor
+from workbench.files import board_text, find_views, read_board, read_sensor, sensor_text
 from workbench.sensor import exported
 from workbench.sensor.recording import _never_whole
 
@@ -273,3 +279,122 @@ def test_a_board_flooded_with_the_laser_off_alone_is_a_sentence(
     assert len(said) == 1
     assert said[0].startswith("a: the board's white squares are saturated with the laser off")
     assert "100 % of the picture are saturated: expose shorter" in answer["views"][2]["reason"]
+
+
+def stripe_picture(path: Path) -> None:
+    """A straight stripe on black, 640 × 480."""
+    v, u = np.mgrid[0:480, 0:640]
+    level = 12 + 190 * np.exp(-0.5 * ((v - 200.0 - 0.05 * u) / 2.2) ** 2)
+    noisy = level + np.random.default_rng(1).normal(0, 1.0, level.shape)
+    cv2.imwrite(str(path), np.clip(noisy, 0, 255).astype(np.uint8))
+
+
+def direct_sensor(direct: DirectMap | None) -> Sensor:
+    towards = np.array([[0.0, 0, -1], [1, 0, 0], [0, -1, 0]])
+    camera = Camera(640, 480, 700.0, 700.0, 319.5, 239.5, Pose(towards, np.array([120.0, 0, 300])))
+    return Sensor(Sheet(np.zeros(3), 1.0), camera, direct=direct)
+
+
+MAPS = (
+    DirectMap(
+        np.array([[0.1, 0.01, -30.0], [-0.02, 0.12, 250.0], [1e-5, 2e-4, 1.0]]), seen_px=(50.0, 0.0, 600.0, 479.0)
+    ),
+    DirectMap(polynomial=((0, 0, 1.0, 300.0), (1, 0, 40.0, -2.0), (0, 1, 3.0, 30.0), (2, 0, 0.3, 0.4)), rms_mm=0.01),
+)
+
+
+@pytest.mark.parametrize("direct", MAPS, ids=["homography", "polynomial"])
+def test_a_direct_map_comes_back_and_measures(
+    tmp_path: Path, direct: DirectMap, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "sensor.toml").write_text(sensor_text(direct_sensor(direct), EmulatorConfig()), encoding="utf-8")
+    again = read_sensor(tmp_path / "sensor.toml").direct
+    assert again is not None
+    assert again.polynomial == direct.polynomial
+    assert (again.rms_mm, again.seen_px) == (direct.rms_mm, direct.seen_px)
+    stripe_picture(tmp_path / "a.png")
+    arguments = ["profile", str(tmp_path / "a.png"), "--sensor", str(tmp_path / "sensor.toml")]
+    assert run([*arguments, "--csv", str(tmp_path / "a.csv")]) == 0
+    capsys.readouterr()
+    with (tmp_path / "a.csv").open(encoding="utf-8") as file:
+        rows = [r for r in csv.DictReader(line for line in file if not line.startswith("#")) if r["y_mm"]]
+    uv, yz = (np.array([[float(r[k]) for k in names] for r in rows]) for names in (("u_px", "v_px"), ("y_mm", "z_mm")))
+    assert len(rows) > 400
+    np.testing.assert_allclose(yz, direct.to_sheet(uv, (640, 480))[0], rtol=0, atol=1e-3)
+    if direct.seen_px is not None:
+        assert uv[:, 0].min() >= 50
+        assert uv[:, 0].max() <= 600
+
+
+def test_two_maps_in_one_file_are_a_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    text = sensor_text(direct_sensor(MAPS[0]), EmulatorConfig())
+    (tmp_path / "sensor.toml").write_text(text + "polynomial = [[0, 0, 1.0, 2.0]]\n", encoding="utf-8")
+    stripe_picture(tmp_path / "a.png")
+    assert run(["profile", str(tmp_path / "a.png"), "--sensor", str(tmp_path / "sensor.toml"), "--json"]) == 2
+    assert "[direct] has homography or polynomial: exactly one of them" in capsys.readouterr().err
+
+
+def test_exports_measure_as_the_sensor_does() -> None:
+    """OpenCV, reading its own file, puts pixels where extraction does."""
+    lens = (-0.12, 0.2, 1e-3, -8e-4, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.02, -0.03)
+    sensor = direct_sensor(None).with_camera(distortion=lens)
+    T = sensor.require_camera().T_sensor_camera
+    uv = np.random.default_rng(0).uniform([150, 150], [500, 350], (20, 2))
+    storage = cv2.FileStorage(exported(sensor, "opencv"), cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
+    K, d, plane = (storage.getNode(n).mat() for n in ("camera_matrix", "distortion_coefficients", "laser_plane"))
+    ros = yaml_like(exported(sensor, "ros"))
+    plain = json.loads(exported(replace(sensor, direct=MAPS[1]), "json"))
+    same = [
+        (K, d, plane[0, :3], plane[0, 3]),
+        (
+            np.reshape(json.loads(ros["camera_matrix.data"]), (3, 3)),
+            np.array(json.loads(ros["distortion_coefficients.data"])),
+            plane[0, :3],
+            plane[0, 3],
+        ),
+        (
+            np.array(plain["camera_matrix"]),
+            np.array(plain["distortion"]),
+            np.array(plain["laser_plane_camera"]["normal"]),
+            plain["laser_plane_camera"]["distance_mm"],
+        ),
+    ]
+    expected = image_to_sheet(sensor, uv)[0]
+    for matrix, terms, normal, distance in same:
+        xy = cv2.undistortPointsIter(uv[:, None], matrix, terms, None, None, (3, 90, 1e-14))[:, 0]
+        ray = np.column_stack([xy, np.ones(len(xy))])
+        points = T @ (ray * (distance / (ray @ normal))[:, None])
+        np.testing.assert_allclose(points[:, 1:], expected, rtol=0, atol=1e-5)
+        np.testing.assert_allclose(points[:, 0], 0, rtol=0, atol=1e-5)
+    assert DirectMap(polynomial=tuple(map(tuple, plain["direct"]["polynomial"]))).polynomial == MAPS[1].polynomial
+
+
+def test_a_board_out_of_focus_is_said(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for name, blur in (("a", 4.5), ("b", 0.0)):
+        image = drawn(1.0)[0]
+        soft = cv2.GaussianBlur(image, None, blur) if blur else image
+        cv2.imwrite(str(folder / "pictures" / f"{name}_off.png"), soft)
+    _, out, _ = called(folder, capsys, "--json")
+    said = [n for n in json.loads(out)["notes"] if "out of focus" in n]
+    assert len(said) == 1
+    assert said[0].startswith("a: the board is out of focus (its edges are blurred by 4.")
+
+
+def test_a_mirrored_board_with_markers_is_not_taken() -> None:
+    board = KINDS[2]
+    R, t = pose_of(board, (0.2, 0.3), 0.1, (0.0, 0.0, 280.0))
+    found = find_board(np.ascontiguousarray(pictured(board, R, t, np.random.default_rng(2))[:, ::-1]), board)
+    assert isinstance(found, NoBoard)
+    assert found.reason.startswith("the picture is mirrored")
+
+
+def test_pictures_that_are_to_be_turned_are_taken_as_stored(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    exif = b"Exif\0\0II*\0" + struct.pack("<IHHHIHHI", 8, 1, 274, 3, 1, 6, 0, 0)
+    for state in ("off", "on"):
+        plain = cv2.imencode(".jpg", drawn(1.0, stripe=state == "on")[0])[1].tobytes()
+        marked = plain[:2] + struct.pack(">HH", 0xFFE1, len(exif) + 2) + exif + plain[2:]
+        (folder / "pictures" / f"a_{state}.jpg").write_bytes(marked)
+    _, out, _ = called(folder, capsys, "--json")
+    answer = json.loads(out)
+    assert answer["n_corners"] == 20
+    assert any("turn" in n and "stored" in n for n in answer["notes"])

@@ -14,7 +14,7 @@ from geometry import DH_ROWS, InputError, Pose, robot_from_axes
 from workbench.cell import find_robot
 from workbench.cell.starter import write_starter
 from workbench.files import read_robot, robot_text, write_urdf
-from workbench.files.urdf import read_urdf, urdf_ends
+from workbench.files.robots.urdf import read_urdf, urdf_ends
 
 ATOL_MM = 1e-8
 ATOL_ROTATION = 1e-12

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from geometry import Pose, quaternion_wxyz
 from tests.workbench.helpers import Cli, edit
 from workbench.files import read_cell
-from workbench.files.controller import CONTROLLERS, controller_text
+from workbench.files.tables.controller import CONTROLLERS, controller_text
 
 ATOL_MM, ATOL_DEG = 1e-3, 1e-5  # digits that the controllers' files hold
 NUMBER = r"(-?\d+\.\d+)"

@@ -11,7 +11,7 @@ import numpy as np
 from geometry import Camera, InputError, Pose, Remark, Sensor, Sheet, no_remark, read_bytes
 from workbench.files.image_header import read_header
 from workbench.files.images import LOSSY_SUFFIXES, MAX_FILE_BYTES
-from workbench.files.table import read_table
+from workbench.files.tables import read_table
 
 OFF, ON = "_off", "_on"
 VIEWS_FILE = "views.csv"

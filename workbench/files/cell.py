@@ -30,13 +30,20 @@ from geometry import (
 from jig_cad import Jig
 from jig_cad.files import table_model
 from perceptron_emu import EmulatorConfig
-from workbench.files.controller_poses import ControllerPoses, PosesSection, controller_poses
-from workbench.files.evidence_csv import EvidenceSection, read_evidence
-from workbench.files.frames_csv import LONGEST_NAME, read_frames
-from workbench.files.points_csv import GivenPoints, read_points
-from workbench.files.robot_file import read_robot
+from workbench.files.robots import read_robot
 from workbench.files.sensor_file import ATOL_ROTATION, read_emulator, read_sensor
 from workbench.files.strict import Coordinate, FileSection, Matrix4, Positive, Text, Vector3, suggestion, validate
+from workbench.files.tables import (
+    LONGEST_NAME,
+    ControllerPoses,
+    EvidenceSection,
+    GivenPoints,
+    PosesSection,
+    controller_poses,
+    read_evidence,
+    read_frames,
+    read_points,
+)
 from workbench.files.target_file import read_target
 from workbench.files.toml_text import Location, TomlSource, read_toml
 from workbench.files.truth_file import Truth, read_truth

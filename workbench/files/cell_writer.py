@@ -8,9 +8,9 @@ from geometry import Pose, rounded, rounded_number, target_at, toml_value
 from jig_cad import Jig, jig_text
 from workbench.files.atomic import write_text
 from workbench.files.cell import Cell
-from workbench.files.frames_csv import frames_text
-from workbench.files.robot_file import robot_text
+from workbench.files.robots import robot_text
 from workbench.files.sensor_file import sensor_text
+from workbench.files.tables import frames_text
 from workbench.files.target_file import target_text
 from workbench.files.truth_file import write_truth
 

@@ -13,13 +13,11 @@ import numpy as np
 from geometry import Arm, Frame, InputError, Sensor, Target
 from jig_cad import Jig
 from workbench.files.cell import CellFile, read_cell
-from workbench.files.controller_poses import controller_poses
-from workbench.files.frames_csv import read_frames
 from workbench.files.images import SUFFIXES, read_image
-from workbench.files.points_csv import read_points
-from workbench.files.robot_file import read_robot
+from workbench.files.robots import read_robot
 from workbench.files.sensor_file import read_sensor
 from workbench.files.strict import validate
+from workbench.files.tables import controller_poses, read_frames, read_points
 from workbench.files.target_file import read_target
 from workbench.files.toml_text import read_toml
 from workbench.files.truth_file import read_truth

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from geometry import Camera, InputError, Pose, Sensor, Sheet, toml_value
-from geometry.sensor import AUTO, Optics, ProfileOutput, SensorUncertainty
+from geometry.sensor import AUTO, DirectMap, Optics, ProfileOutput, SensorUncertainty
 from perceptron_emu import EmulatorConfig
 from workbench.files.strict import (
     FileSection,
@@ -129,10 +129,12 @@ class HousingSection(FileSection):
 
 
 class DirectSection(FileSection):
-    """[direct]: a map from pixels to the laser plane without a camera; carried, acted on by nothing yet."""
+    """[direct]: a map from pixels to the laser plane, in place of the camera's model."""
 
     homography: Matrix3 | None = None
-    polynomial: tuple[tuple[Real, Real, Real, Real], ...] | None = None
+    polynomial: tuple[tuple[Whole, Whole, Real, Real], ...] | None = None
+    rms_mm: NotNegative = 0.0
+    seen_px: tuple[Real, Real, Real, Real] | None = None
 
 
 class SensorFile(FileSection):
@@ -221,14 +223,20 @@ def _sensor(file: SensorFile) -> Sensor:
     sheet = Sheet(np.array(_emitter(file)), float(np.deg2rad(file.laser.fan_deg)))
     uncertainty = None if file.uncertainty is None else _uncertainty(file.uncertainty)
     if file.profile is not None:
-        for name, table in (("image", file.image), ("camera", file.camera)):
+        for name, table in (("image", file.image), ("camera", file.camera), ("direct", file.direct)):
             if table is not None:
                 raise InputError(f"[{name}] and [profile] stand side by side: a sensor gives images or profiles")
         return Sensor(sheet, profile=_profile(file.profile), uncertainty=uncertainty, name=file.name)
     if file.image is None or file.camera is None:
         missing = "image" if file.image is None else "camera"
         raise InputError(f"the table [{missing}] is missing; a sensor without a camera has [profile]")
-    return Sensor(sheet, _camera(file.image, file.camera), uncertainty=uncertainty, name=file.name)
+    direct = None if file.direct is None else _direct(file.direct)
+    return Sensor(sheet, _camera(file.image, file.camera), uncertainty=uncertainty, name=file.name, direct=direct)
+
+
+def _direct(given: DirectSection) -> DirectMap:
+    matrix = None if given.homography is None else np.array(given.homography, dtype=float)
+    return DirectMap(matrix, given.polynomial or (), given.rms_mm, given.seen_px)
 
 
 def _housing(given: HousingSection | None) -> NDArray[np.float64] | None:
@@ -321,6 +329,7 @@ def sensor_text(sensor: Sensor, emulator: EmulatorConfig) -> str:
     lines += [f"fan_deg = {toml_value(round(float(np.rad2deg(sensor.sheet.fan_rad)), 12))}"]
     lines += [f"{k} = {toml_value(v)}" for k, v in keys.get("laser", {}).items() if v is not None]
     lines += [] if sensor.uncertainty is None else _uncertainty_lines(sensor.uncertainty)
+    lines += [] if sensor.direct is None else _direct_lines(sensor.direct)
     if sensor.housing_mm is not None:
         corners = zip(("min_mm", "max_mm"), sensor.housing_mm.tolist(), strict=True)
         lines += [
@@ -350,6 +359,17 @@ def _profile_lines(p: ProfileOutput) -> list[str]:
     polygon = None if p.field_of_view_mm is None else p.field_of_view_mm.tolist()
     values = {**{f.name: getattr(p, f.name) for f in fields(p)}, "field_of_view_mm": polygon}
     return ["[profile]", *(f"{k} = {toml_value(v)}" for k, v in values.items() if v is not None)]
+
+
+def _direct_lines(direct: DirectMap) -> list[str]:
+    if direct.homography is not None:
+        lines = ["[direct]            # u v 1 -> y z 1, in place of the camera's model"]
+        lines += [f"homography = {toml_value(direct.homography.tolist())}"]
+    else:
+        lines = ["[direct]            # i, j, y, z of u^i v^j, from the image's centre over its half diagonal"]
+        lines += [f"polynomial = {toml_value([list(row) for row in direct.polynomial])}"]
+    lines += [f"rms_mm = {toml_value(direct.rms_mm)}"]
+    return lines if direct.seen_px is None else [*lines, f"seen_px = {toml_value(list(direct.seen_px))}"]
 
 
 def _uncertainty_lines(u: SensorUncertainty) -> list[str]:

@@ -7,9 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from calib.sensor import DirectMap, SensorCalibration, SensorSolution, UntakenTilt
+from calib.sensor import SensorCalibration, SensorSolution, UntakenTilt
 from geometry import (
-    DIGITS,
     Camera,
     Pose,
     Sensor,
@@ -17,9 +16,8 @@ from geometry import (
     rounded_by_sigma,
     rounded_covariance,
     rounded_transform,
-    toml_value,
 )
-from geometry.sensor import CAMERA_PARAMETERS
+from geometry.sensor import CAMERA_PARAMETERS, DirectMap
 from perceptron_emu import EmulatorConfig
 from workbench.files import sensor_text
 
@@ -58,7 +56,7 @@ def answer_object(
         "plane_rms_mm": result.plane_rms_mm,
         "left_out": {"by": "view", "reprojection_rms_px": result.left_out_px, "plane_rms_mm": result.left_out_mm},
         "camera": None if s is None else camera_object(s),
-        "laser_plane_camera": None if s is None else {"normal": s.plane_normal, "distance_mm": s.plane_mm},
+        "laser_plane_camera": None if s is None else plane_object(s),
         "T_sensor_camera": None if s is None else s.frame.T_sensor_camera.matrix,
         "sigma_z_mm": _by_depth(result.sigma_z_mm),
         "depth_mm": _by_depth(result.depth_mm),
@@ -106,6 +104,18 @@ def _by_depth(values: tuple[float, float, float] | None) -> dict[str, float] | N
     return None if values is None else dict(zip(("near", "middle", "far"), values, strict=True))
 
 
+def plane_object(s: SensorSolution) -> dict[str, Any]:
+    """The laser plane in the camera's frame, with σ of its turns about {P}'s y and z and of its distance."""
+    sigma = s.uncertainty.sigma
+    return {
+        "normal": s.plane_normal,
+        "distance_mm": s.plane_mm,
+        "sigma_tilt_y_deg": float(np.rad2deg(sigma["plane_tilt_y_rad"])),
+        "sigma_tilt_z_deg": float(np.rad2deg(sigma["plane_tilt_z_rad"])),
+        "sigma_distance_mm": sigma["plane_shift_mm"],
+    }
+
+
 def camera_object(s: SensorSolution) -> dict[str, Any]:
     """Camera of a solution with σ of each number."""
     sigma = s.uncertainty.sigma
@@ -149,8 +159,8 @@ def _fan_deg(result: SensorCalibration) -> float:
     return float(np.clip(np.ceil(np.rad2deg(2 * widest) * FAN_MARGIN), *FAN_DEG))
 
 
-def calibrated_text(sensor: Sensor, result: SensorCalibration, direct: DirectMap | None = None) -> str:
-    """The sensor.toml of a calibration, with a direct map where one was asked for."""
+def calibrated_text(sensor: Sensor, result: SensorCalibration) -> str:
+    """The sensor.toml of a calibration."""
     facing = result.solution is not None and result.solution.frame.z_is_image_v
     axis = (
         "the image's v direction, for the optical axis stands near the plane's normal" if facing else "the optical axis"
@@ -162,24 +172,13 @@ def calibrated_text(sensor: Sensor, result: SensorCalibration, direct: DirectMap
         "# [laser] origin_mm and fan_deg are assumed: a board does not show where the light comes from",
         f"# verdict {result.verdict.code}: left-out views {result.left_out_px:.4f} px, {result.left_out_mm:.4f} mm off",
     ]
-    return "\n".join(head) + "\n" + sensor_text(sensor, EmulatorConfig()) + direct_text(direct)
+    return "\n".join(head) + "\n" + sensor_text(sensor, EmulatorConfig())
 
 
-def direct_text(direct: DirectMap | None) -> str:
-    """[direct] of a sensor.toml."""
-    if direct is None:
-        return ""
-    if direct.homography is not None:
-        return f"[direct]   # u v 1 -> y z 1\nhomography = {toml_value(_short(direct.homography.tolist()))}\n"
-    rows = ", ".join(f"[{i}, {j}, {_short(y)}, {_short(z)}]" for i, j, y, z in direct.polynomial)
-    return (
-        f"[direct]   # i, j, y, z of u^i v^j, from the image's centre over its half diagonal\npolynomial = [{rows}]\n"
-    )
-
-
-def _short(value: Any) -> Any:
-    """Numbers to DIGITS significant digits, however small: a direct map multiplies them by powers of pixels."""
-    return [_short(v) for v in value] if isinstance(value, list) else float(f"{value:.{DIGITS}g}")
+def direct_object(direct: DirectMap) -> dict[str, Any]:
+    """A direct map as sensor.toml has it."""
+    values = {"homography": direct.homography, "polynomial": [list(row) for row in direct.polynomial] or None}
+    return values | {"rms_mm": direct.rms_mm, "seen_px": direct.seen_px}
 
 
 def exported(sensor: Sensor, kind: str) -> str:
@@ -217,6 +216,7 @@ def exported(sensor: Sensor, kind: str) -> str:
                 "distortion": d,
                 "T_sensor_camera": T.matrix,
                 "laser_plane_camera": {"normal": -T.R[0] * np.sign(T.t[0]), "distance_mm": float(abs(T.t[0]))},
+                "direct": None if sensor.direct is None else direct_object(sensor.direct),
             }
         )
         + "\n"

@@ -24,7 +24,8 @@ _LEAST_SIGNIFICANCE = 16.0  # Σ response / σ over √n: what no tail of few ch
 _PART = 0.005  # of the light of a level's brightest chain, below which one is not looked at
 _ROUGH = 5.0  # contrast of a ridge, below which its sections are measured together
 _TAIL = 0.2  # of a chain's brighter half, below which nodes at its ends are none of it
-_NOISE_CONTRAST = 4.0  # mean response over σ of a chain that may be noise; maxima of noise above 1.5 σ have 2.2
+_NOISE_CONTRAST = 4.0  # mean response over σ of a chain that may be noise
+_OF_NOISE = 2.2  # response over σ of maxima of noise above 1.5 σ: a chain has as much where there is nothing
 _FALSE = 1e-3  # chains of noise that may pass, per image and level
 _FEWEST = 30  # chains that have a tail
 _CLEAN = 30.0  # score that chains of clean noise above 1.5 σ do not pass: five sections of 6 σ
@@ -111,8 +112,8 @@ def together(parts: list[Ridges]) -> Ridges:
 def each_once(ridges: Ridges) -> list[Chain]:
     """Chains without those that lie on the ridge of a better one, most light first.
 
-    The better of two on one ridge has more light times significance: a plateau's middle beats its edges, and of two
-    scales the one of better signal to noise gives place and ends.
+    The better of two on one ridge has more light times significance, without the light that noise would have there: a
+    plateau's middle beats its edges, and of two scales the one of better signal to noise gives place and ends.
     """
     if len(ridges.chains) == 0:
         return []
@@ -244,7 +245,8 @@ def _kept(ridges: Ridges) -> Indices:
         m += 1
     worth = np.empty(n)
     for i in range(n):
-        worth[i] = math.floor(chains[i].light * chains[i].significance * _DIGITS + 0.5)
+        own_light = chains[i].light * max(1.0 - _OF_NOISE / chains[i].contrast, 0.0)
+        worth[i] = math.floor(own_light * chains[i].significance * _DIGITS + 0.5)
     kept, number = np.empty(m, np.int64), 0
     for i in _sorted(chains, worth, looked[:m]):
         own = chains[i]

@@ -14,8 +14,10 @@ from geometry.compiled import kernel
 
 Array = NDArray[np.float64]
 
-# beyond the ends of a ridge that stands very clear: it is followed, whatever ended the chain at its level
+# beyond the ends of a ridge that stands very clear: it is followed, whatever ended the chain at its level; of one that
+# stands clear: as far as speckle may hide it and what comes after
 _FOLLOWED, _VERY_CLEAR = 160, 20.0
+_AFTER_A_GAP = 60
 _EXTENSION = 28  # sections beyond a chain's ends that are looked at: a level's section and links lost in noise
 _END_SECTIONS = 40  # inside, whose light is compared with that beyond
 LEAST_END = 0.5  # of a ridge's median light, that its light at an end is taken for at least
@@ -50,7 +52,7 @@ def dense(section: Array, along: Array, step: int, contrast: float, sections: in
     """
     n = len(section)
     place = _smooth(along, 1 if contrast > _CLEAR else (3 if contrast > 5 else 6))
-    more = _FOLLOWED if contrast > _VERY_CLEAR else _EXTENSION
+    more = _FOLLOWED if contrast > _VERY_CLEAR else (_AFTER_A_GAP if contrast > _CLEAR else _EXTENSION)
     first = max(math.ceil(section[0] - step / 2) - more, 0)
     last = min(math.floor(section[n - 1] + step / 2) + more, sections - 1)
     reach = min(max(3, (_SLOPE_CLEAR if contrast > _CLEAR else _SLOPE_SECTIONS) // step), n)

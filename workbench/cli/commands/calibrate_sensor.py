@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -50,7 +51,7 @@ def command(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
     report: Annotated[Path | None, typer.Option(help="An HTML page with residuals and coverage.")] = None,
     model: Annotated[
-        Model, typer.Option(help="A direct map from pixels to (y, z) beside the camera, as \\[direct].")
+        Model, typer.Option(help="What takes pixels to (y, z): the camera, or a direct map as \\[direct] beside it.")
     ] = Model.PINHOLE,
     terms: Annotated[int, typer.Option(min=0, max=14, help="Longest OpenCV distortion vector that may be used.")] = 14,
     origin_z_mm: Annotated[float, typer.Option(help="Moves {P}'s origin along z.")] = 0.0,
@@ -90,7 +91,8 @@ def command(
         kind: DirectModel = "homography" if model is Model.HOMOGRAPHY else "polynomial"
         direct = None if model is Model.PINHOLE else fit_direct(result, kind, size)
         answer |= {} if direct is None else {"direct": {"model": model.value, "rms_mm": direct.rms_mm}}
-        write_text(out, calibrated_text(sensor, result, direct))
+        sensor = replace(sensor, direct=direct)
+        write_text(out, calibrated_text(sensor, result))
         if export is not None and export_to is not None:
             write_text(export_to, exported(sensor, export.value))
     if report is not None:

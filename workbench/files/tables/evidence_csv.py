@@ -18,7 +18,7 @@ from calib.bundle import (
 )
 from geometry import InputError, Remark
 from workbench.files.strict import FileSection, Positive, Text
-from workbench.files.table import Row, Table, read_table
+from workbench.files.tables.table import Row, Table, read_table
 
 Array = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from geometry import InputError, Remark, no_remark
 from jig_cad import Balls, Jig, MeasuredTarget, measured_balls, measured_jig
-from workbench.files.table import read_table
+from workbench.files.tables.table import read_table
 
 COLUMNS = ("name", "x_mm", "y_mm", "z_mm")
 ALSO_NAMED = ("anchor", "ball", "hole", "point")  # the first column's name, as reports of measuring machines have it

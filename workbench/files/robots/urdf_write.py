@@ -10,7 +10,7 @@ from defusedxml import ElementTree
 
 from geometry import DhRobot, InputError, Pose, corrected_origins
 from workbench.files.atomic import write_text
-from workbench.files.urdf import UrdfJoint, parse_urdf, read_chain, read_urdf
+from workbench.files.robots.urdf import UrdfJoint, parse_urdf, read_chain, read_urdf
 
 _DECIMALS = 13  # of metres and radians: more than the chain needs, fewer than hang on the processor
 

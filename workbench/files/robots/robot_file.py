@@ -213,7 +213,7 @@ def _from_urdf(file: RobotFile, path: Path, remark: Remark) -> DhRobot:
         raise InputError("gives both urdf and [[joint]] or [coupling]: only one of the two can be the robot")
     if file.base is None or file.tip is None:
         raise InputError("a urdf needs base and tip, the names of the chain's first and last link")
-    from workbench.files.urdf import read_urdf
+    from workbench.files.robots.urdf import read_urdf
 
     model = read_urdf(path.parent / str(file.urdf), file.base, file.tip, remark)
     return replace(model, uncertainty=_uncertainty(file.uncertainty), name=file.name or model.name)

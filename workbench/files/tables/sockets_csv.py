@@ -9,7 +9,7 @@ import numpy as np
 
 from calib.closure import Socket
 from geometry import InputError
-from workbench.files.table import read_table_text
+from workbench.files.tables.table import read_table_text
 
 MOST_RADIANS = 4 * np.pi  # two turns either way: no reading of an arm is larger
 LEAST_ROWS = 3

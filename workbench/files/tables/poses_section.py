@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from geometry import CONVENTIONS, ArmConfiguration, InputError, Pose, parse_bits, parse_letters
 from workbench.files.strict import FileSection, Real
-from workbench.files.table import Row
+from workbench.files.tables.table import Row
 
 Array = NDArray[np.float64]
 Convention = Literal["kuka", "fanuc", "yaskawa", "mitsubishi", "abb", "ros", "ur"]

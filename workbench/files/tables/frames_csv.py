@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geometry import Frame, InputError, Pose, Remark, no_remark
-from workbench.files.controller_poses import ALL_COLUMNS as CONTROLLERS_COLUMNS
-from workbench.files.controller_poses import CONFIGURATION_COLUMNS, ControllerPoses, check_unit, configuration_of
-from workbench.files.table import Row, Table, read_table
+from workbench.files.tables.poses_section import ALL_COLUMNS as CONTROLLERS_COLUMNS
+from workbench.files.tables.poses_section import CONFIGURATION_COLUMNS, ControllerPoses, check_unit, configuration_of
+from workbench.files.tables.table import Row, Table, read_table
 
 Array = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from geometry import AxisPoints, InputError, Remark, SurfacePoints, no_remark
-from workbench.files.table import Row, read_table
+from workbench.files.tables.table import Row, read_table
 
 COLUMNS = (
     "frame",
