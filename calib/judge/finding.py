@@ -31,7 +31,6 @@ EVIDENCE = 4.0  # by which that must be better than one number alone: a likeliho
 WRONG = 0.02  # odds that a number of the files is wrong, before anything is seen: one of some 45 in every other cell
 COVERED = 3.0  # σ within which the answer lies by whatever the data can not tell from the culprit, likely or not
 POSSIBLE = 1e-4  # a hypothesis less probable than this widens nothing
-NAMED = 1 / 9  # least probability of what is named as not told from the culprit: were it true, three σ would reach it
 UNCERTAINTY = "[uncertainty]"
 LEFT_OUT = 25.0  # cost of a point that is left out: the gate that it failed
 
@@ -64,9 +63,7 @@ class Finding:
         top = max(logarithm for _, logarithm in odds)
         weights = [(t, float(np.exp(logarithm - top))) for t, logarithm in odds]
         total = sum(w for _, w in weights)
-        odds = [(t, max(w / total, NAMED if t is not None and t in self.alike else 0.0)) for t, w in weights]
-        total = sum(w for _, w in odds)
-        return sorted(((t, w / total) for t, w in odds if w / total > POSSIBLE), key=lambda h: -h[1])
+        return sorted(((t, w / total) for t, w in weights if w / total > POSSIBLE), key=lambda h: -h[1])
 
 
 def find(
