@@ -11,10 +11,11 @@ from calib.judge.finding import find
 from calib.judge.jackknife import FEWEST_LEFT_OUT, at_least, jackknife_covariance, weak_by_jackknife
 from calib.judge.model_choice import UNCHECKED, table_advice
 from calib.judge.parts import left_out
-from calib.judge.verdict import Facts, frames_motion, judge, judge_motion, misfit_limit
+from calib.judge.verdict import RIVAL_CHI2, Facts, frames_motion, judge, judge_motion, misfit_limit
 
 __all__ = [
     "FEWEST_LEFT_OUT",
+    "RIVAL_CHI2",
     "UNCHECKED",
     "Facts",
     "FalseRow",

@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 _SAME_MM, _SAME_DEG = 1.0, 0.1  # configurations nearer than this are one: some hundred times an arm's repeatability
 _MISFIT_TAIL = 1e-4  # of sound data are called a misfit by chance
 _LEVER_MM = 5.0  # over 300 mm of stand-off a degree: less turns positions by no more than their noise
-_RIVAL_CHI2 = 12.0  # a likelihood ratio of 400: what is nearer is called ambiguous
+RIVAL_CHI2 = 12.0  # a likelihood ratio of 400: what is nearer is called ambiguous
 _GROSS_CHI2 = 30.0  # with all robot errors free within their priors; sound cells stay below 2
 _UNOBSERVABLE_MM, _UNOBSERVABLE_DEG = 20.0, 5.0  # σ from noise alone: worse than any mounting drawing
 REST_SLACK = 1.0  # σ that the largest of all other pulls may be beyond the limit once a number is allowed for
@@ -205,7 +205,7 @@ def _outliers(f: Facts, config: CalibConfig) -> Verdict | None:
 
 
 def _ambiguous(f: Facts) -> Verdict | None:
-    if f.rival > _RIVAL_CHI2:
+    if f.rival > RIVAL_CHI2:
         return None
     return Verdict(
         "ambiguous_pose",

@@ -12,6 +12,7 @@ from calib.hands import hand_pose_notes
 from calib.judge import cause_of, culprit, frames_contradict, strangers, with_own_poses, wrong_jig
 from calib.printed import gimbal_note
 from calib.result import CalibrationResult, Verdict
+from calib.stages.preparation import hands_tell_nothing
 from calib.stages.setup import CONTRADICTED, Prepared, Setup
 from calib.stages.steps import out_of_step
 from geometry import Frame, Pose, locations_of, target_at
@@ -30,6 +31,9 @@ def concluded(result: CalibrationResult, prepared: Prepared, size: str) -> Calib
     )
     if size and verdict.trustworthy:
         verdict = Verdict("priors_contradict", f"{size}. In all, {verdict.text}")
+    if not verdict.trustworthy:  # what was left out in turn was left out of no answer, and there is none to enter
+        said = tuple(r for r in result.remarks if "T_hand_sensor_nominal" not in r and "leaving one" not in r)
+        result = replace(result, left_out=None, left_out_rms_mm={}, remarks=said)
     bends = result.joint_compliances
     words = compliance_words(bends)
     if bends and not any(j.observed for j in bends) and verdict.code == "ok":
@@ -54,7 +58,7 @@ def _named(verdict: Verdict, prepared: Prepared) -> Verdict:
     if isinstance(setup.target, Jig):
         found = wrong_jig(labelled, setup.target) or culprit(labelled, setup.target, setup.robot)
     else:
-        found = out_of_step(prepared)
+        found = "" if hands_tell_nothing(setup, labelled) else out_of_step(prepared)
     return replace(verdict, text=f"{found}. In all, {verdict.text}") if found else verdict
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from calib.answer import answer
-from calib.bundle import Solution
+from calib.bundle import Solution, given_noise
 from calib.config import Model
 from calib.judge import (
     FEWEST_LEFT_OUT,
@@ -21,7 +21,7 @@ from calib.judge import (
     table_advice,
     weak_by_jackknife,
 )
-from calib.result import SIGMA_HOLDS, CalibrationResult, LeftOut
+from calib.result import SIGMA_HOLDS, CalibrationResult, LeftOut, Verdict
 from calib.stages.setup import Prepared, Setup, Solved
 from calib.stages.solve import try_suspects
 from geometry import Frame, Surface, locations_of
@@ -38,6 +38,9 @@ def judged_answer(prepared: Prepared) -> CalibrationResult:
     if judged.solution is None or not judged.verdict.trustworthy:
         return result
     parts, scores, words = _left_out(setup, judged.solution, judged.used, labelled)
+    few = _too_few(judged.solution, parts, setup)
+    if few is not None:
+        return answered(setup, labelled, Solved(few))
     result = _by_jackknife(result, parts, judged, labelled)
     return replace(result, left_out=parts, left_out_rms_mm=scores, remarks=(words, *_lonely(prepared.given)))
 
@@ -67,6 +70,22 @@ def _left_out(
     fits = solution.nominal <= misfit_limit(solution.dof, setup.config.misfit_chi2)
     scores = {m: known.get(m) for m in models}
     return mine, known, table_advice(scores, asked, nominal_fits=fits)
+
+
+def _too_few(solution: Solution, parts: LeftOut | None, setup: Setup) -> Verdict | None:
+    """The verdict on hand poses whose noise nothing bears out: too few frames of a surface can be left out in turn."""
+    bundle = solution.bundle
+    surface = all(isinstance(t.target, Surface) for t in bundle.terms)
+    if not bundle.hands.poses_only or not surface or len(bundle.locations) > 1 or given_noise(setup.config):
+        return None
+    if parts is not None and len(parts.parts) > FEWEST_LEFT_OUT:
+        return None
+    return Verdict(
+        "too_few_poses",
+        f"{len(bundle.location)} hand poses: what they scatter by is found from the same few points, and leaving out "
+        f"one frame in turn bears that out only from {FEWEST_LEFT_OUT + 1} frames on: take more configurations, or "
+        "state the poses' own noise (hand_sigma_mm, hand_sigma_deg), or give joint readings with the robot's table",
+    )
 
 
 def _by_jackknife(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -11,11 +10,12 @@ from calib.answer import location_pose
 from calib.bundle import Solution, estimates_compliance, free_start
 from calib.config import Model
 from calib.hands import placed
+from calib.judge import RIVAL_CHI2
 from calib.label import label_alone, label_frames, relabel, settled
 from calib.result import Verdict
 from calib.stages.setup import Prepared, Setup, Solved, by_target
 from calib.stages.solve import solve
-from calib.surface import Begun, begin_on_surfaces, degenerate
+from calib.surface import Begun, begin_on_surfaces, degenerate, general_advice
 from geometry import Frame, Pose, Target, locations_of, stack_poses, target_at, with_compliance_prior
 from jig_cad import Balls, Jig
 
@@ -42,7 +42,8 @@ def prepare(setup: Setup, given: tuple[Frame, ...]) -> Prepared:
     setup = replace(setup, target=begun.target)
     s = setup.with_config(method="bundle", model=model)
     labelled, solved = _labelled_and_solved(s, begun)
-    if s.design is not None and not begun.found and begun.places and not solved.verdict.trustworthy:
+    lost = begun.places and not solved.verdict.trustworthy and not hands_tell_nothing(s, given)
+    if s.design is not None and not begun.found and lost:
         anew = _begun(s, given, None)
         if anew.found:  # a design that leads nowhere
             other = _labelled_and_solved(s, anew)
@@ -63,7 +64,8 @@ def _begun(setup: Setup, given: tuple[Frame, ...], design: Pose | None) -> Begun
     """Where a calibration begins, with frames on surfaces made ready."""
     model: Model = "scp" if setup.config.method == "paper" else setup.config.model
     config = setup.with_config(method="bundle", model=model).config
-    return begin_on_surfaces(placed(given, setup.robot), setup.target, setup.robot, design, config)
+    frames = placed(given, setup.robot)
+    return begin_on_surfaces(frames, setup.target, setup.robot, design, config, not hands_tell_nothing(setup, given))
 
 
 def _by_strings(setup: Setup, begun: Begun) -> Pose | None:
@@ -98,12 +100,14 @@ def _labelled_and_solved(s: Setup, begun: Begun) -> tuple[tuple[Frame, ...], Sol
     """Labels and a first solution from where a calibration begins."""
     places = {**s.places, **begun.places}
     if begun.T_hand_sensor is None:
-        return begun.frames, Solved(_no_start(begun.frames, s.target))
+        return begun.frames, Solved(_no_start(s, begun.frames))
     T: Pose = begun.T_hand_sensor
-    used = tuple(f for f in begun.frames if f.role == "calibrate" and f.usable and len(f.axis))
-    still = degenerate(used, s.target, None, {}) if len(used) > 2 else None
-    if still is not None:
-        return begun.frames, Solved(Verdict("rotation_too_small", still.text))
+    still = hands_tell_nothing(s, begun.frames)
+    if still:
+        return begun.frames, Solved(Verdict("rotation_too_small", still))
+    other = _ambiguous(s, begun, T)
+    if other is not None:
+        return begun.frames, Solved(other)
     labelled = by_target(
         s.target,
         lambda target, frames: label_frames(frames, target, s.sensor, T, places, s.config),
@@ -112,14 +116,36 @@ def _labelled_and_solved(s: Setup, begun: Begun) -> tuple[tuple[Frame, ...], Sol
     return labelled, solve(s, labelled, T)
 
 
-def _no_start(frames: tuple[Frame, ...], target: Target | Mapping[str, Target]) -> Verdict:
+def hands_tell_nothing(s: Setup, frames: tuple[Frame, ...]) -> str:
+    """What the hand's poses alone leave open on surfaces, whatever the sensor saw, and what to add; "" if nothing."""
+    used = placed([f for f in frames if f.role == "calibrate" and f.usable and len(f.axis) + len(f.points)], s.robot)
+    still = degenerate(used, s.target, None, {}) if len(used) > 2 else None
+    return "" if still is None else still.text
+
+
+def _ambiguous(s: Setup, begun: Begun, T_hand_sensor: Pose) -> Verdict | None:
+    """What is said where so few frames fit another SCP about as well, and their views have no name that says why."""
+    if not begun.found or begun.rival > RIVAL_CHI2:
+        return None
+    used = tuple(f for f in begun.frames if f.role == "calibrate" and f.usable and len(f.axis))
+    if degenerate(used, s.target, T_hand_sensor, begun.places) is not None:
+        return None
+    return Verdict(
+        "ambiguous_pose",
+        f"two sensor centre positions explain the {len(used)} calibrate frames about equally well (χ² differs by "
+        f"{begun.rival:.2g}), and without [scp_initial] nothing tells which is true: {general_advice(s.target, used)}; "
+        "or give the sensor's place by its drawing",
+    )
+
+
+def _no_start(s: Setup, frames: tuple[Frame, ...]) -> Verdict:
     """What is said where neither a design nor the data give anything to begin with."""
     used = tuple(f for f in frames if f.role == "calibrate" and f.usable and len(f.axis))
-    still = degenerate(used, target, None, {}) if len(used) > 2 else None
-    if still is not None:
-        return Verdict("rotation_too_small", still.text)
+    still = hands_tell_nothing(s, frames)
+    if still:
+        return Verdict("rotation_too_small", still)
     seen = sum(len(f.axis) + len(f.points) > 0 and f.role == "calibrate" for f in frames)
-    if any(isinstance(target_at(target, f.location), Balls) for f in used):
+    if any(isinstance(target_at(s.target, f.location), Balls) for f in used):
         return Verdict(
             "too_few_poses",
             f"{seen} calibrate frames show balls, and too few of them which: equal balls are told apart by all "

@@ -20,19 +20,31 @@ Targets = Target | Mapping[str, Target]
 
 @dataclass(frozen=True, eq=False)
 class Begun:
-    """What a calibration begins with. found: whether the SCP follows from the data alone, without a design."""
+    """What a calibration begins with. found: whether the SCP follows from the data alone, without a design.
+
+    rival: how much larger the χ² of the next best SCP that follows from them is.
+    """
 
     frames: tuple[Frame, ...]
     target: Targets
     T_hand_sensor: Pose | None
     places: Mapping[str, Pose]
     found: bool = False
+    rival: float = np.inf
 
 
 def begin_on_surfaces(
-    frames: Sequence[Frame], target: Targets, robot: Robot | None, design: Pose | None, config: CalibConfig
+    frames: Sequence[Frame],
+    target: Targets,
+    robot: Robot | None,
+    design: Pose | None,
+    config: CalibConfig,
+    search: bool = True,
 ) -> Begun:
-    """The frames with their points on surfaces, and where to begin; frames on strings stay as they are."""
+    """The frames with their points on surfaces, and where to begin; frames on strings stay as they are.
+
+    search: whether the data are asked for a start where the design gives none.
+    """
     ready = tuple(_on_surface(f, target_at(target, f.location)) for f in frames)
     mine = tuple(f for f in ready if f.usable and len(f.axis) and isinstance(target_at(target, f.location), Surface))
     if not mine:
@@ -43,14 +55,14 @@ def begin_on_surfaces(
     start: SurfaceStart | None = None
     if solved or design is not None:
         bundle = make_bundle(solved, started, robot, config) if solved else None
-        start = surface_start(small, started, bundle, design)
+        start = surface_start(small, started, bundle, design, search)
     if start is None:
         return Begun(ready, started, design, {})
     named = {
         f.number: dict(zip(f.axis.label, g.axis.label, strict=True)) for f, g in zip(small, start.frames, strict=True)
     }
     ready = tuple(with_names(f, named[f.number]) if f.number in named else f for f in ready)
-    return Begun(ready, started, start.T_hand_sensor, start.places, start.found)
+    return Begun(ready, started, start.T_hand_sensor, start.places, start.found, start.rival)
 
 
 def _begun(target: Targets, small: Sequence[Frame]) -> Targets:

@@ -71,6 +71,15 @@ def section_depths(frames: Sequence[Frame], Ts_base_sensor: Pose, T_base_target:
     return np.array([(Ts_base_sensor[i].inverse() @ T_base_target).t[0] for i in range(len(frames))])
 
 
+def section_share(frames: Sequence[Frame], radius: float) -> float | None:
+    """How far beside its centre frames cut a ball of this radius, root mean square over it, by the sections' radii.
+
+    It needs no sensor centre position, and the radii's noise cancels out. None where no frame has the nodes of one.
+    """
+    radii = [c[1] for f in frames if (c := _circle(f)) is not None]
+    return float(np.sqrt(max(0.0, np.mean(1 - np.square(np.array(radii) / radius))))) if radii else None
+
+
 def _circle(f: Frame) -> tuple[Array, float] | None:
     """Centre (2,) and radius through a frame's three nodes."""
     if len(f.axis) != 3:

@@ -32,8 +32,10 @@ _EDGE_ROUNDS = 4  # of direction and place of an edge in turn
 _LEAST_TURN = 0.03  # sine of the angle between two lines of a face that still span its plane
 _RIDGE = 1e-9  # share of the diagonal that closes what is open
 _ITERATIONS = 40
+_NEARLY = 4.0  # times the best naming's misfit: a drawing some degrees off makes a right one as large
 _PLACES_OF_BALLS, _MOST_CHOICES = 3, 27  # that a location's balls may have by an SCP of a drawing, and together
 _GROSS = 300.0  # cost of a row at a false minimum: as built, an arm of the usual priors gives some 25
+_OTHER_MM, _OTHER_RAD = 5.0, 0.02  # SCPs that are farther apart are different answers
 _SAME_COST = 1e-6  # share by which a later candidate must be better, so that rounding chooses none
 
 
@@ -41,13 +43,15 @@ _SAME_COST = 1e-6  # share by which a later candidate must be better, so that ro
 class SurfaceStart:
     """An SCP, T_base_target by location, and the frames with the names of their features as they fit it.
 
-    found: whether the SCP was found from the data alone.
+    found: whether the SCP was found from the data alone. rival: how much larger the χ² of the next best SCP found
+    is, the robot's errors free within their priors; infinite where there is none.
     """
 
     T_hand_sensor: Pose
     places: Mapping[str, Pose]
     frames: tuple[Frame, ...]
     found: bool
+    rival: float = np.inf
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,10 +75,12 @@ def surface_start(
     target: Target | Mapping[str, Target],
     bundle: Bundle | None,
     design: Pose | None,
+    search: bool = True,
 ) -> SurfaceStart | None:
     """A start for condensed frames of all roles; None where there is neither a design nor a closed form.
 
-    bundle: the problem of the frames with the role calibrate, in their order, the robot as stated.
+    bundle: the problem of the frames with the role calibrate, in their order, the robot as stated. search: whether a
+    closed form is sought where the design leads nowhere.
     """
     surfaces = [f for f in frames if _placeable(target_at(target, f.location)) and len(f.axis)]
     if not surfaces:
@@ -82,22 +88,51 @@ def surface_start(
     solved = [f for f in surfaces if f.role == "calibrate"]
     best: tuple[float, Pose] | None = None
     if design is not None:
-        best = None if bundle is None else _solved(solved, target, bundle, design)
+        best = None if bundle is None else _solved(solved, target, bundle, design, faces=_MOST_CHOICES)
         rows = 0 if bundle is None else int(sum(np.sum(t.points.present) for t in bundle.terms))
         if best is None or bundle is None or best[0] < _GROSS * rows:
             T = design if best is None else best[1]
             named = _renamed(frames, target, T)
             return SurfaceStart(T, _places(named, target, T), named, found=False)
-    if len(solved) < 3 or bundle is None:
+    if len(solved) < 3 or bundle is None or not search:
         return None
-    for T in _candidates(_told(solved, target), target):
-        end = _solved(solved, target, bundle, T)
-        if end is not None and (best is None or end[0] < best[0] * (1 - _SAME_COST)):
-            best = end
-    if best is None:
+    ends = [_solved(solved, target, bundle, T) for T in _candidates(_told(solved, target), target)]
+    likeliest, rival = _likeliest([e for e in ends if e is not None], solved, target, bundle)
+    if likeliest is None:
         return None
-    named = _renamed(frames, target, best[1])
-    return SurfaceStart(best[1], _places(named, target, best[1]), named, found=True)
+    named = _renamed(frames, target, likeliest)
+    return SurfaceStart(likeliest, _places(named, target, likeliest), named, found=True, rival=rival)
+
+
+def _likeliest(
+    ends: Sequence[tuple[float, Pose]], frames: Sequence[Frame], target: Target | Mapping[str, Target], bundle: Bundle
+) -> tuple[Pose | None, float]:
+    """The SCP of the least cost, and by how much the next one that differs is larger.
+
+    Few frames fit several: the arm's errors decide between them, so those that come near are solved with these free.
+    """
+    apart: list[tuple[float, Pose]] = []
+    for cost, T in sorted(ends, key=lambda e: float(f"{e[0]:.5e}")):
+        if all(_different(T, other) for _, other in apart):
+            apart.append((cost, T))
+    rows = sum(int(np.sum(t.points.present)) for t in bundle.terms)
+    near = [e for e in apart if e[0] < _GROSS * rows]
+    if len(near) < 2:
+        return (apart[0][1], np.inf) if apart else (None, np.inf)
+    free = bundle.estimating(np.ones(len(bundle.estimated), dtype=bool))
+    solved = [_solved(frames, target, free, T) for _, T in near]
+    good = sorted((e for e in solved if e is not None), key=lambda e: float(f"{e[0]:.5e}"))
+    if not good:
+        return near[0][1], np.inf
+    cost, best = good[0]
+    scale = max(1.0, cost / max(bundle.degrees_of_freedom, 1))  # the noise of hand poses is not known beforehand
+    return best, min(((c - cost) / scale for c, T in good[1:] if _different(T, best)), default=np.inf)
+
+
+def _different(a: Pose, b: Pose) -> bool:
+    """Whether two SCPs are answers apart."""
+    xi = (a.inverse() @ b).log()
+    return bool(np.linalg.norm(xi[:3]) > _OTHER_MM or np.linalg.norm(xi[3:]) > _OTHER_RAD)
 
 
 def _told(frames: Sequence[Frame], target: Target | Mapping[str, Target]) -> list[Frame]:
@@ -160,7 +195,7 @@ def _renamed(frames: Sequence[Frame], target: Target | Mapping[str, Target], T_h
         own = target_at(target, name)
         group = [f for f in frames if f.location == name and not f.labels_given and len(f.axis)]
         if isinstance(own, Wedge):
-            turned = _other_way_round(group, own, T_hand_sensor)
+            turned = _namings(group, own, T_hand_sensor)[0]
             out |= {f.number: exchanged(f) for f in group if f.number in turned}
         elif isinstance(own, Balls):
             for place in balls_places(group, own, T_hand_sensor):
@@ -168,37 +203,59 @@ def _renamed(frames: Sequence[Frame], target: Target | Mapping[str, Target], T_h
     return tuple(out[f.number] for f in frames)
 
 
-def _other_way_round(group: Sequence[Frame], target: Wedge, T_hand_sensor: Pose) -> set[int]:
-    """Numbers of a location's frames whose faces must be exchanged, so that each face's lines lie in one plane.
+def _namings(group: Sequence[Frame], target: Wedge, T_hand_sensor: Pose) -> list[set[int]]:
+    """Numbers of a location's frames whose faces must be exchanged for each face's lines to lie in one plane.
 
-    Two frames span both planes; of all pairs, in either order, the one is taken that all frames fit best.
+    Two frames span both planes; of all pairs, in either order, the one is taken that all frames fit best, and the
+    planes' angle where it is known. Where the other order fits nearly as well it follows second: the sensor's place is
+    a drawing's, and where all frames but one look alike, directions fit in either order.
     """
-    by_frame: dict[int, dict[str, Array]] = {}
+    ends: dict[int, dict[str, Array]] = {}
     for s in _sections(group, target):
-        by_frame.setdefault(s.frame, {})[s.group[1]] = s.direction / max(float(np.linalg.norm(s.direction)), 1e-9)
-    whole = [k for k, lines in by_frame.items() if len(lines) == 2]
+        ends.setdefault(s.frame, {})[s.group[1]] = np.array([s.place - s.direction, s.place + s.direction])
+    whole = [k for k, lines in ends.items() if len(lines) == 2]
+    single = [k for k, lines in ends.items() if len(lines) == 1]
     if len(whole) < 2:
-        return set()
+        return [set()]
     a, b = target.features
-    lines = np.array([[by_frame[k][a], by_frame[k][b]] for k in whole])  # (F, 2, 3)
-    turn = np.stack([group[k].at.R @ T_hand_sensor.R for k in whole])
-    lines = np.einsum("fij,fkj->fki", turn, lines)
+    at = {k: group[k].at @ T_hand_sensor for k in ends}
+    points = np.array([[at[k] @ ends[k][a], at[k] @ ends[k][b]] for k in whole])  # (F, 2, 2, 3): frame, face, end
+    lines = points[:, :, 1] - points[:, :, 0]
+    half = float(np.median(np.linalg.norm(lines, axis=-1))) / 2
+    lines = lines / np.maximum(np.linalg.norm(lines, axis=-1, keepdims=True), 1e-9)
     first, second = np.triu_indices(len(whole), 1)
-    cost, choice = np.inf, np.zeros(len(whole), dtype=bool)
-    for order in ((0, 1), (1, 0)):
-        normals = np.cross(lines[first], lines[second][:, order])  # (P, 2, 3)
-        size = np.linalg.norm(normals, axis=-1)
-        normals = normals / np.maximum(size, 1e-9)[..., None]
-        off = np.abs(np.einsum("pki,fli->pfkl", normals, lines))  # of each line from each plane
+    found: list[tuple[float, set[int]]] = []
+    orders = ([0, 1], [1, 0])
+    across = [np.cross(lines[first], lines[second][:, order]) for order in orders]  # (P, 2, 3)
+    # frames of one direction span the sheet in the other order, and no face in their own
+    spans = np.min([np.linalg.norm(n, axis=-1).min(axis=1) for n in across], axis=0) > _LEAST_TURN
+    for order, upright in zip(orders, across, strict=True):
+        normals = upright / np.maximum(np.linalg.norm(upright, axis=-1, keepdims=True), 1e-9)
+        middle = (points[first].mean(axis=2) + points[second][:, order].mean(axis=2)) / 2
+        height = np.einsum("pki,flei->pfkle", normals, points) - np.sum(normals * middle, -1)[:, None, :, None, None]
+        off = np.abs(height).mean(axis=-1)  # of each line from each plane
         straight, crossed = off[..., 0, 0] + off[..., 1, 1], off[..., 0, 1] + off[..., 1, 0]
-        total = np.where(np.min(size, axis=1) > _LEAST_TURN, np.sum(np.minimum(straight, crossed), axis=1), np.inf)
+        total = np.sum(np.minimum(straight, crossed), axis=1)
+        if target.angle_known:
+            cosine = np.abs(np.sum(normals[:, 0] * normals[:, 1], axis=-1))
+            total = total + half * len(whole) * np.abs(cosine - abs(np.cos(np.deg2rad(target.angle_deg))))
+        total = np.where(spans, total, np.inf)
         best = int(np.argmin(np.round(total, 9)))
-        if total[best] < cost - 1e-9:
-            cost, choice = float(total[best]), crossed[best] < straight[best]
-    if not np.isfinite(cost):
-        return set()
-    choice = choice != choice[0]
-    return {group[k].number for k, other in zip(whole, choice, strict=True) if other}
+        if np.isfinite(total[best]):
+            choice = crossed[best] < straight[best]
+            turned = {group[k].number for k, other in zip(whole, choice, strict=True) if other != choice[0]}
+            for k in single:  # by the planes found
+                ((feature, line),) = ends[k].items()
+                in_base = at[k] @ line
+                off_each = [np.mean(np.abs((in_base - middle[best, f]) @ normals[best, f])) for f in (0, 1)]
+                other = bool(off_each[1] < off_each[0]) == (feature == a)
+                if other != choice[0]:
+                    turned.add(group[k].number)
+            found.append((float(total[best]), turned))
+    found = sorted(found, key=lambda f: round(f[0], 9))
+    best_cost = found[0][0] if found else 0.0
+    near = [turned for cost, turned in found if cost <= _NEARLY * best_cost + 1e-9]
+    return [t for k, t in enumerate(near) if t not in near[:k]] or [set()]
 
 
 def exchanged(f: Frame) -> Frame:
@@ -208,11 +265,14 @@ def exchanged(f: Frame) -> Frame:
 
 
 def _solved(
-    frames: Sequence[Frame], target: Target | Mapping[str, Target], bundle: Bundle, T: Pose
+    frames: Sequence[Frame], target: Target | Mapping[str, Target], bundle: Bundle, T: Pose, faces: int = 1
 ) -> tuple[float, Pose] | None:
-    """Cost and SCP where the bundle ends that begins at an SCP; the least of those of balls' several places."""
+    """Cost and SCP where the bundle ends that begins at an SCP; the least of those of balls' several places.
+
+    faces: how many namings of wedges' faces are tried.
+    """
     best: tuple[float, Pose] | None = None
-    for named, places in _placed(frames, target, T):
+    for named, places in _placed(frames, target, T, faces):
         if set(places) != set(bundle.locations):
             continue
         problem = bundle.with_axes([f.axis for f in named])
@@ -227,23 +287,36 @@ def _solved(
 
 
 def _placed(
-    frames: Sequence[Frame], target: Target | Mapping[str, Target], T: Pose
+    frames: Sequence[Frame], target: Target | Mapping[str, Target], T: Pose, most_faces: int
 ) -> Iterator[tuple[tuple[Frame, ...], dict[str, Pose]]]:
-    """The frames with their features' names, and T_base_target by location, by an SCP; several where balls have any."""
+    """The frames with their features' names, and T_base_target by location, by an SCP; several where balls have any.
+
+    most_faces: of namings of wedges' faces, the likeliest first.
+    """
     named = _renamed(frames, target, T)
     first = _places(named, target, T)
     several: dict[str, list[Pose]] = {}
+    faces: dict[str, list[set[int]]] = {}
     for name in dict.fromkeys(f.location for f in frames):
         own, group = target_at(target, name), [f for f in frames if f.location == name and len(f.axis)]
-        if isinstance(own, Balls) and not all(f.labels_given for f in group):
+        if all(f.labels_given for f in group):
+            continue
+        if isinstance(own, Balls):
             several[name] = balls_places(group, own, T, _PLACES_OF_BALLS)
-    for choice in islice(product(*several.values()), _MOST_CHOICES):
-        out = {f.number: f for f in named}
-        for name, place in zip(several, choice, strict=True):
-            own, group = target_at(target, name), [f for f in frames if f.location == name]
-            if isinstance(own, Balls):
-                out |= {f.number: f for f in renamed_by_place(group, own, T, place)}
-        yield tuple(out[f.number] for f in frames), first | dict(zip(several, choice, strict=True))
+        elif isinstance(own, Wedge):
+            faces[name] = _namings([f for f in group if not f.labels_given], own, T)
+    for turned in islice(product(*faces.values()), most_faces):
+        other = set().union(*turned)
+        out = {f.number: exchanged(f) if f.number in other else f for f in frames} if faces else {}
+        wedges = _places([out[f.number] for f in frames if f.location in faces], target, T) if faces else {}
+        for choice in islice(product(*several.values()), _MOST_CHOICES):
+            out = {f.number: f for f in named} | {k: f for k, f in out.items() if f.location in faces}
+            for name, place in zip(several, choice, strict=True):
+                own, group = target_at(target, name), [f for f in frames if f.location == name]
+                if isinstance(own, Balls):
+                    out |= {f.number: f for f in renamed_by_place(group, own, T, place)}
+            places = first | wedges | dict(zip(several, choice, strict=True))
+            yield tuple(out[f.number] for f in frames), places
 
 
 def _sections(frames: Sequence[Frame], target: Target) -> list[_Section]:

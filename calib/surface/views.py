@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.surface.describe import section_depths
+from calib.surface.describe import section_depths, section_share
 from geometry import Frame, Pose, Surface, Target, log_so3, stack_poses, target_at
 from jig_cad import Edge, Plane, Sphere, Wedge
 
@@ -129,10 +129,15 @@ def _middle(
         if f.location in places and isinstance(t, Sphere):
             depth = section_depths([f], stack_poses([f.at @ T]), places[f.location])[0]
             share.append(abs(float(depth)) / (t.diameter_mm / 2))
-    if not share or max(share) > _MIDDLE:
+    found = max(share, default=np.inf)
+    if found > _MIDDLE:  # the shift that is open moves all depths; the sections' own radii do not hang on it
+        radius = {t.diameter_mm / 2 for t in kinds if isinstance(t, Sphere)}
+        seen = section_share(frames, radius.pop()) if len(radius) == 1 else None
+        found = np.inf if seen is None else seen
+    if found > _MIDDLE:
         return None
     return Degenerate(
-        f"every frame cuts the ball through its middle (at most {max(share):.0%} of its radius beside it), where a "
+        f"every frame cuts the ball through its middle (some {found:.0%} of its radius beside it), where a "
         "shift of the sensor across its sheet does not show: add poses whose sheet cuts the ball half a radius beside "
         "its middle, to both sides",
         certain=True,

@@ -37,6 +37,7 @@ SPOILT = {
     "sphere, through its middle": Spoilt(Sphere(40.0), "middle", ("through its middle",)),
     "one plane, shifts alone": Spoilt(Plane(), "translation", SHIFTED, 1),
     "one plane, one tilt": Spoilt(Plane(), "one tilt", (*TILTS, *ONE_AXIS), 1),
+    "one plane, two tilts": Spoilt(Plane(), "two tilts", (*TILTS, *ONE_AXIS), 1),
     "one plane, three tilts": Spoilt(Plane(), "three tilts", TILTS, 1),
     "one plane, tilts about one axis": Spoilt(Plane(), "tilts about one axis", TILTS, 1),
     "one plane, tilts of one amount": Spoilt(Plane(), "one amount", TILTS, 1),
@@ -48,6 +49,7 @@ SPOILT = {
     "edge, crossed square": Spoilt(Edge(), "square", (*ONE_AXIS, "crosses the edge's line square")),
     "wedge, shifts alone": Spoilt(Wedge(90.0), "translation", SHIFTED),
     "wedge, one axis": Spoilt(Wedge(90.0), "one axis", ONE_AXIS),
+    "wedge, crossed square": Spoilt(Wedge(90.0), "square", (*ONE_AXIS, "crosses the wedge's line square")),
     "wedge, turns about its ridge": Spoilt(Wedge(90.0), "about x", ONE_AXIS),
 }
 
@@ -117,6 +119,7 @@ def _two_by_two(n: int, rng: np.random.Generator) -> np.ndarray:
 
 _TILTS = {
     "one tilt": lambda n, _: np.tile([0.3, 0.1], (n, 1)),
+    "two tilts": lambda n, _: np.array([[0.3, 0.1], [-0.2, 0.2]])[np.arange(n) % 2],
     "three tilts": lambda n, _: np.array([[0.3, 0.1], [-0.2, 0.2], [0.1, -0.35]])[np.arange(n) % 3],
     "one amount": _one_amount,
     "two by two": _two_by_two,

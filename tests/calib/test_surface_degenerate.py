@@ -9,8 +9,12 @@ import numpy as np
 import pytest
 
 from calib import CalibConfig, calibrate
-from calib.synthetic.surfaces import ProfileNoise, observe_surface
+from calib.printed import nees
+from calib.synthetic.surfaces import ProfileNoise, observe_surface, surface_cell
 from calib.synthetic.telling_nothing import SPOILT, spoilt_cell
+from jig_cad import Sphere
+
+NEES_LIMIT = 22.5  # of six numbers: 1 in 1,000
 
 
 @pytest.mark.parametrize("by_design", [True, False])
@@ -38,3 +42,17 @@ def test_it_is_refused_by_name_with_what_to_add(name: str, by_design: bool) -> N
     assert result.covariance is None
     assert any(w in result.verdict.text for w in spoilt.words), result.verdict.text
     assert "add poses" in result.verdict.text
+
+
+def test_so_few_frames_that_two_answers_fit_are_no_answer() -> None:
+    """Four sections of a ball without a drawing fit a place 0.8 m off as well as the true one; twelve do not."""
+    rng = np.random.default_rng(2)
+    noise = ProfileNoise(correlation=0.5)
+    cell = surface_cell(Sphere(40.0), rng, (("A", "calibrate", 12),), noise)
+    seen = observe_surface(cell, rng, noise, 100, labelled=False)
+    few, all_of = (calibrate(list(seen.frames)[:n], Sphere(40.0), cell.robot, seen.sensor, None) for n in (4, 12))
+    assert few.verdict.code == "ambiguous_pose", few.verdict.text
+    assert few.T_hand_sensor is None
+    assert "[scp_initial]" in few.verdict.text
+    assert all_of.verdict.trustworthy
+    assert nees(cell.T_hand_sensor, all_of.T_hand_sensor, all_of.covariance) < NEES_LIMIT

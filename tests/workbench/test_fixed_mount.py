@@ -8,12 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import workbench.plan.next_view
 import workbench.plan.proposal
 from calib.printed import nees
 from geometry import Pose, toml_value
 from tests.workbench.helpers import Cli
 from workbench.cell import write_starter
-from workbench.files import read_cell
+from workbench.files import read_cell, read_frames
 
 FIXED = Pose.from_fixed_xyz_deg((3.0, -87.0, 2.0), (1900.0, 60.0, 1100.0))  # depth towards the arm
 MOUNTED = {
@@ -86,3 +87,33 @@ def test_wrong_keys_are_named(change: tuple[str, str], words: str, cli: Cli, tmp
     result = cli("plan", folder)
     assert result.code == 2
     assert words in result.err
+
+
+@pytest.mark.parametrize("mount", ["hand", "fixed"])
+def test_views_of_a_ball_are_planned_and_drawn(
+    mount: str, cli: Cli, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Every proposed view cuts the ball by the truth of the chain; picture and page are written."""
+    monkeypatch.setattr(workbench.plan.next_view, "POOL", 40)
+    folder = _cell(tmp_path / "cell") if mount == "fixed" else tmp_path / "cell"
+    if mount == "hand":
+        write_starter(folder, "abb_irb6640_180_255", "nominal", "paper")
+    (folder / "target.toml").write_text('kind = "sphere"\ndiameter_mm = 40\n')
+    text = (folder / "cell.toml").read_text().splitlines()
+    lines = ['target = "target.toml"' if line.startswith("jig") else line for line in text]
+    (folder / "cell.toml").write_text("\n".join(lines) + "\n")
+    call = ("plan", folder, "--per-location", 3, "--json", "--out", tmp_path / "views.csv")
+    made = cli(*call, "--picture", tmp_path / "p.png", "--report", tmp_path / "p.html")
+    assert made.code == 0, made.err
+    assert (tmp_path / "p.png").read_bytes().startswith(b"\x89PNG")
+    assert "proposed" in (tmp_path / "p.html").read_text()
+    cell = read_cell(folder, recorded=False)
+    rows = read_frames(tmp_path / "views.csv", cell.arm.n_joints)
+    assert {r.location for r in rows} <= set(cell.T_base_jig)
+    for row in rows:
+        hand = cell.arm.pose(row.joints_rad)
+        place = cell.T_base_jig[row.location]
+        sensor = cell.design if mount == "fixed" else hand @ cell.design
+        ball = hand @ place if mount == "fixed" else place
+        assert abs((sensor.inverse() @ ball).t[0]) < 20.0  # the sheet cuts it
+        assert bool(cell.arm.within_limits(row.joints_rad))

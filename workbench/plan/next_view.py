@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.bundle import Bundle, FrameInformation, Hands, Model, covariances_with, frame_information, scp_covariance
+from calib.mount import chain_of
 from geometry import (
     AxisPoints,
     Frame,
@@ -32,7 +33,13 @@ from geometry.ties import first_least
 from jig_cad import Balls, Edge, Plane, Sphere, Wedge
 from workbench.files import Cell
 from workbench.plan.choose import size_mm
-from workbench.plan.clearance import room_at_target_mm, room_in_workspace_mm, standing
+from workbench.plan.clearance import (
+    carrying,
+    room_at_target_mm,
+    room_before_fixed,
+    room_in_workspace_mm,
+    standing,
+)
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -46,6 +53,7 @@ BESIDE = 0.7  # of a ball's radius, that a view cuts it beside its middle at mos
 LEAST_SECTION = 0.3  # of a ball's radius: a smaller section is a cap that is hardly lit
 ARC_RAD = 0.9  # to either side of a section's middle, that is lit
 FACE_MM = (4.0, 20.0)  # from a wedge's ridge, between which its faces are seen
+GRAZING_RAD = np.deg2rad(25.0)  # between the laser's ray and a face: a flatter one sends hardly any light back
 SPREAD_MM = 12.0  # beside where the frames so far saw the target
 LINE_MM = 15.0  # to either side, that a plate's line is seen
 HAND_NOISE_MM, HAND_NOISE_DEG = 0.1, 0.02  # of hand poses of which nothing is known yet
@@ -156,8 +164,6 @@ def next_views(
     InputError, NoAnswerError
         Where targets are mixed, nothing is known of a place, or no view can be reached.
     """
-    if cell.mount == "fixed":
-        raise InputError("views are proposed for a sensor in the hand, and this one is fixed")
     rng = np.random.default_rng([seed, 7])
     given = [_place(cell, T_hand_sensor, name, T, frames) for name, T in places.items()]
     if len({id(p.target) for p in given}) != 1:
@@ -204,13 +210,9 @@ def next_views(
         base = base.followed_by(told[k][np.array([i])])
         views = pool[k]
         joints = None if views.joints_rad is None else views.joints_rad[i]
-        row = Frame(
-            number + len(chosen),
-            given[k].name,
-            "calibrate",
-            joints,
-            views.T_base_sensor[i] @ T_hand_sensor.inverse() if joints is None else None,
-        )
+        hand = views.T_base_sensor[i] @ T_hand_sensor.inverse()
+        hand = hand.inverse() if cell.mount == "fixed" else hand
+        row = Frame(number + len(chosen), given[k].name, "calibrate", joints, hand if joints is None else None)
         row = _with_file(cell, row)
         chosen.append(NextView(row, size, float(views.tilt_deg[i]), float(views.roll_deg[i]), float(views.room_mm[i])))
     every = np.arange(len(base.location))
@@ -251,7 +253,7 @@ class _Problem:
     ) -> FrameInformation:
         """What frames tell that see such nodes."""
         names = [p.name for p in self.places]
-        robot = self.cell.robot
+        robot = chain_of(self.cell.mount, self.cell.robot)
         if robot is not None and all(q is not None for q in joints):
             own = Hands(robot, np.array([q for q in joints if q is not None]).reshape(-1, robot.n_joints))
         else:
@@ -278,10 +280,16 @@ def _reached(
     arm = cell.robot
     if arm is None or len(views.axes) == 0:
         return views
-    found = inverse_kinematics(arm, views.T_base_sensor @ T_hand_sensor.inverse(), rng, seeds=start, max_starts=_STARTS)
-    stands = standing(arm, found.joints, T_hand_sensor, cell.sensor, cell.workspace.link_radius_mm)
-    beside = room_at_target_mm(stands, place.target, place.T_base_target)
-    room = np.minimum(beside, room_in_workspace_mm(stands, cell.workspace)[0])
+    hands, thick = views.T_base_sensor @ T_hand_sensor.inverse(), cell.workspace.link_radius_mm
+    if cell.mount == "fixed":  # the places are in the hand, which brings the target before the sensor
+        found = inverse_kinematics(arm, hands.inverse(), rng, seeds=start, max_starts=_STARTS)
+        stands = carrying(arm, found.joints, place.T_base_target, place.target, thick)
+        room = room_before_fixed(stands, T_hand_sensor, cell.sensor, cell.workspace).least
+    else:
+        found = inverse_kinematics(arm, hands, rng, seeds=start, max_starts=_STARTS)
+        stands = standing(arm, found.joints, T_hand_sensor, cell.sensor, thick)
+        beside = room_at_target_mm(stands, place.target, place.T_base_target)
+        room = np.minimum(beside, room_in_workspace_mm(stands, cell.workspace)[0])
     good = np.flatnonzero(found.converged & arm.within_limits(found.joints) & (room >= 0))
     return _Views(
         views.place,
@@ -309,7 +317,9 @@ def _place(cell: Cell, T_hand_sensor: Pose, name: str, T_base_target: Pose, fram
         seen = np.mean(sensors.inverse() @ np.broadcast_to(aim, (len(mine), 3)), axis=0)
     else:
         z = -T_base_target.R[:, 2]
-        if isinstance(target, Sphere):
+        if isinstance(target, Sphere) and cell.mount == "fixed":
+            z = -T_base_target.t / max(float(np.linalg.norm(T_base_target.t)), 1e-9)  # from without, towards the hand
+        elif isinstance(target, Sphere):
             away = np.array([*T_base_target.t[:2], 0.0])
             z = away / max(float(np.linalg.norm(away)), 1e-9) - np.array([0.0, 0.0, 1.0])
         x = T_base_target.R[:, 0]
@@ -341,11 +351,13 @@ def _field(cell: Cell) -> Array | None:
 def _hand(cell: Cell, f: Frame) -> Pose:
     if f.hand is not None:
         return f.hand
+    fixed = cell.mount == "fixed"
     if f.T_base_hand is not None:
-        return f.T_base_hand
-    if cell.robot is None or f.joints_rad is None:
+        return f.T_base_hand.inverse() if fixed and not f.sensor_fixed else f.T_base_hand
+    robot = chain_of(cell.mount, cell.robot)
+    if robot is None or f.joints_rad is None:
         raise InputError(f"frame {f.number} has neither joint readings with a robot nor a hand pose")
-    return cell.robot.pose(f.joints_rad[None])[0]
+    return robot.pose(f.joints_rad[None])[0]
 
 
 def _with_file(cell: Cell, row: Frame) -> Frame:
@@ -418,7 +430,7 @@ def _arc(centre: Array, radius: float, name: str) -> tuple[list[Array], list[str
 
 def _line(T: Pose, seen: Array) -> list[Array]:
     n = T.R[:, 2]
-    if abs(n[2]) < 0.1:
+    if abs(n[2]) < np.sin(GRAZING_RAD):
         return []
     y = seen[1] + np.array([-LINE_MM, LINE_MM])
     return [np.array([v, (n @ T.t - n[1] * v) / n[2]]) for v in y]
@@ -433,6 +445,11 @@ def _ridge(T: Pose, target: Edge | Wedge) -> tuple[list[Array], list[str]]:
         return [ridge], ["edge"]
     nodes, labels = [], []
     down = -T.R[:, 2]
+    ray = np.array([0.0, *ridge]) / max(float(np.linalg.norm(ridge)), 1e-9)
+    lit = T.R @ target.normals.T
+    facing = -ray @ lit
+    if np.min(np.abs(facing)) < np.sin(GRAZING_RAD) or facing[0] * facing[1] < 0:  # from outside, or both from inside
+        return [], []
     for name, own in zip(target.features, target.normals, strict=True):
         n = T.R @ own
         line = np.array([n[2], -n[1]])

@@ -9,8 +9,9 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from geometry import InputError, Pose, box_corners
+from geometry import InputError, Pose, Target, box_corners, target_at
 from geometry.sensor import housing_box
+from jig_cad import Jig
 from workbench.files import Cell, write_bytes, write_text
 from workbench.plan import HAND_MM, RANDOM_PLANS, SAFE_MM, Proposal, Standing, carrying, standing, target_boxes
 from workbench.report.page import origin_of, picture_bytes, render_page, svg
@@ -41,19 +42,19 @@ def draw_plan(cell: Cell, proposal: Proposal) -> Figure:
     for row, name in zip(axes, names, strict=True):
         mine = np.array([r.location == name for r in proposal.rows])
         joints, radius = np.deg2rad(proposal.joints_deg[mine]), cell.workspace.link_radius_mm
-        place = cell.T_base_jig[name]
+        place, target = cell.T_base_jig[name], target_at(cell.target, name)
         fixed = cell.mount == "fixed"
         if fixed:
-            arm, still = carrying(cell.arm, joints, place, cell.jig, radius), cell.design
+            arm, still = carrying(cell.arm, joints, place, target, radius), cell.design
         else:
             arm, still = standing(cell.arm, joints, cell.design, cell.sensor, radius), place
         bearing = float(np.arctan2(still.t[1], still.t[0]))
         outwards = np.array([np.cos(bearing), np.sin(bearing), 0.0])
         numbers = [r.number for r in proposal.rows if r.location == name]
-        _panel(row[0], cell, arm, still, np.stack([outwards, [0, 0, 1.0]]), numbers)
-        what, title = "sensor" if fixed else "jig", f"{name} from the side: {len(numbers)} frames"
+        _panel(row[0], cell, target, arm, still, np.stack([outwards, [0, 0, 1.0]]), numbers)
+        what, title = "sensor" if fixed else "target", f"{name} from the side: {len(numbers)} frames"
         row[0].set(xlabel=f"towards the {what} / mm", ylabel="z / mm", title=title)
-        _panel(row[1], cell, arm, still, np.array([[1.0, 0, 0], [0, 1.0, 0]]), numbers)
+        _panel(row[1], cell, target, arm, still, np.array([[1.0, 0, 0], [0, 1.0, 0]]), numbers)
         row[1].set(xlabel="x / mm", ylabel="y / mm", title=f"{name} from above")
     return figure
 
@@ -83,9 +84,11 @@ def write_plan_report(path: Path, cell: Cell, proposal: Proposal) -> None:
     write_text(path, render_page("workbench.report", "plan.html.j2", content, origin_of(cell.files, cell.folder)))
 
 
-def _panel(axis: Any, cell: Cell, arm: Standing, still: Pose, across: Array, numbers: list[int]) -> None:
-    """One view; ``across`` (2, 3) are the paper's axes in the base, ``still`` where what stands still is: the jig, or a
-    fixed sensor.
+def _panel(
+    axis: Any, cell: Cell, target: Target, arm: Standing, still: Pose, across: Array, numbers: list[int]
+) -> None:
+    """One view; ``across`` (2, 3) are the paper's axes in the base, ``still`` where what stands still is: the target,
+    or a fixed sensor.
     """
     _workspace(axis, cell, across)
     for joints, hand in zip(arm.joints_mm @ across.T, arm.hand_mm @ across.T, strict=True):
@@ -93,12 +96,13 @@ def _panel(axis: Any, cell: Cell, arm: Standing, still: Pose, across: Array, num
         _filled(axis, shapely.LineString(hand).buffer(HAND_MM), ARM, 0.12)
         axis.plot(*joints.T, color=ARM, linewidth=0.8)
     fixed = cell.mount == "fixed"
-    standing_boxes = [housing_box(cell.sensor)] if fixed else list(target_boxes(cell.jig))
+    standing_boxes = [housing_box(cell.sensor)] if fixed else list(target_boxes(target))
     for b in standing_boxes:
         hull = shapely.MultiPoint((still @ box_corners(b)) @ across.T).convex_hull
         _filled(axis, hull, HOUSING if fixed else TARGET, 0.5)
     corners = (arm.T_base_sensor @ box_corners(arm.housing_mm)[None]) @ across.T
-    emitter, middle = cell.sensor.sheet.origin_mm, cell.jig.anchors_mm.mean(axis=0)
+    emitter = cell.sensor.sheet.origin_mm
+    middle = target.anchors_mm.mean(axis=0) if isinstance(target, Jig) else target_boxes(target).mean(axis=(0, 1))
     moving, there = (middle, emitter) if fixed else (emitter, middle)
     for number, box, end in zip(numbers, corners, arm.T_base_sensor @ moving, strict=True):
         _filled(axis, shapely.MultiPoint(box).convex_hull, TARGET if fixed else HOUSING, 0.45)
