@@ -47,6 +47,7 @@ DEPTH = 2  # light that bounces once more is faint here, and at few samples a pi
 BITMAP = (16384, 48)  # of the projector: along and across the sheet
 FAN_RAD = float(np.deg2rad(46.0))
 AMBIENT_DN, FULL_WELL, READ_E, BLACK_DN = 1.5, 9000.0, 12.0, 4.0
+AIRY = 0.45  # Gaussian width of a lens's diffraction, over the grain of the speckle that the same pupil leaves
 SAID = "{:28s} {:4d} visible, {:2d} missed, {:3d} flagged, MSE/variance y {:4.2f}, z {:4.2f}, both {:4.2f}"
 
 
@@ -70,15 +71,18 @@ class Look:
     def of(seed: int) -> Look:
         """The look of a seed."""
         rng = np.random.default_rng([seed, 1])
+        albedo, gloss, roughness = rng.uniform(0.1, 0.7), rng.uniform(0.1, 0.6), rng.uniform(0.12, 0.4)
+        diameter, sheet = np.exp(rng.uniform(np.log(0.15), np.log(1.2))), rng.uniform(2.0e-4, 5.0e-4)
+        aberration, grain = rng.uniform(0.3, 1.1), rng.uniform(0.5, 1.2)  # f/4 to f/8 at 660 nm, pixels of 5 µm
         return Look(
             thread=("matte", "coated", "metallic")[seed % 3],
-            albedo=float(rng.uniform(0.1, 0.7)),
-            gloss=float(rng.uniform(0.1, 0.6)),
-            roughness=float(rng.uniform(0.12, 0.4)),
-            diameter_mm=float(np.exp(rng.uniform(np.log(0.15), np.log(1.2)))),
-            sheet_rad=float(rng.uniform(2.0e-4, 5.0e-4)),
-            blur_px=float(rng.uniform(0.5, 1.3)),
-            grain_px=float(rng.uniform(0.6, 1.8)),
+            albedo=float(albedo),
+            gloss=float(gloss),
+            roughness=float(roughness),
+            diameter_mm=float(diameter),
+            sheet_rad=float(sheet),
+            blur_px=float(np.hypot(AIRY * grain, aberration)),
+            grain_px=float(grain),
             looks=int(rng.integers(1, 4)),
             peak_dn=float(rng.uniform(50.0, 200.0)),
             clutter=("none", "plates", "posts", "wall", "posts and wall")[int(rng.integers(5))],

@@ -135,6 +135,53 @@ def scheimpflug() -> tuple[Picture, Picture]:
     return pictures[0], pictures[1]
 
 
+def plate_stripe(off: Material, on: Material) -> tuple[Picture, Picture]:
+    """The stripe on a slanted plate of both materials."""
+    place = Pose.from_fixed_xyz_deg([0, 35, 0], [0, 0, 300.0])
+    first, second = (brightest(Scene(sensor(), solids=(panel(30, 60, place, m),)), config(), 640) for m in (off, on))
+    return first, second
+
+
+def corner() -> tuple[Picture, Picture]:
+    """A stripe at the image's edge, through a lens as sharp there as in the middle and one that is not."""
+    plate = panel(60, 220, Pose(np.eye(3), np.array([0.0, 0, 345])), Material(0.6))
+    first, second = (
+        brightest(Scene(sensor(fan_rad=0.9), solids=(plate,)), config(optics={"blur_corner_px": b}), 1250)
+        for b in (0.9, 5.0)
+    )
+    return first, second
+
+
+def brightest(scene: Scene, c: EmulatorConfig, column: int) -> Picture:
+    """The stripe where it crosses a column."""
+    image = shot(scene, c)
+    return zoom(image, (column, int(np.argmax(image[:, column]))), 24)
+
+
+def glare() -> tuple[Picture, Picture]:
+    """A bright wall behind the jig, its dark plate seen by a clear lens and by one that veils."""
+    room = {"enabled": True, "irradiance_mw_m2_nm": 300.0}
+    configs = [config(ambient=room, optics={"veiling_glare": g}) for g in (0.0, 0.1)]
+    return whole([jig_scene(wall=True)] * 2, configs)
+
+
+def bright_plate() -> Scene:
+    """A white plate under the stripe."""
+    return Scene(sensor(), solids=(panel(90, 60, Pose(np.eye(3), np.array([0.0, 0, 300])), Material(0.9)),))
+
+
+def aperture() -> tuple[Picture, Picture]:
+    """A plate's stripe behind an edge 60 mm before the lens, seen by a pinhole and by a lens of F/2."""
+    s = sensor()
+    place = s.require_camera().T_sensor_camera @ Pose(np.eye(3), np.array([200.0, 0, 60.0]))
+    scene = Scene(s, solids=(*bright_plate().solids, panel(400, 40, place, Material(0.0))))
+    shots = (
+        shot(scene, config(optics={"f_number": 2.0, "aperture_points": n}, exposure={"time_ms": 0.3})) for n in (1, 100)
+    )
+    first, second = (zoom(image, (600, 540), 100) for image in shots)
+    return first, second
+
+
 def labels() -> tuple[Picture, Picture]:
     """A frame and its labels."""
     scene = jig_scene(wall=True)
@@ -211,6 +258,17 @@ PAIRS: dict[str, Callable[[], tuple[Picture, Picture]]] = {
         [jig_scene(wall=True)] * 2,
         [EmulatorConfig.model_validate({"exposure": {"laser_on": on}}) for on in (True, False)],
         8.0,
+    ),
+    "aperture": aperture,
+    "corner": corner,
+    "glare": glare,
+    "marble": lambda: plate_stripe(Material(0.8), Material(0.8, scatter_mm=0.3)),
+    "lamp": lambda: whole(
+        [jig_scene(wall=True)] * 2,
+        [
+            config(ambient={"enabled": True, "irradiance_mw_m2_nm": 120.0, "shadows": s}, exposure={"laser_on": False})
+            for s in (False, True)
+        ],
     ),
     "labels": labels,
 }

@@ -81,8 +81,8 @@ class LocaliseConfig(_Section):
     window_sigma: float = Field(default=3.0, gt=0.5, le=6, description="half window in spot widths")
     max_half_window_px: int = Field(default=20, ge=3, le=60, description="largest half window [px]")
     max_iterations: int = Field(default=20, ge=1, le=200, description="steps of a fit before it is given up")
-    # a pixel alone has less than 0.3, and no lens draws a string narrower than 0.5
-    min_sigma_px: float = Field(default=0.45, ge=0, description="a narrower spot is a hot pixel or a spark")
+    # a pixel alone has less than 0.3; a sharp lens draws the glint of a polished wire with 0.4 (extraction_pathtraced)
+    min_sigma_px: float = Field(default=0.35, ge=0, description="a narrower spot is a hot pixel or a spark")
     # a grid of 30 × 30 dots whole, at a tenth of a millisecond a spot
     max_spots: int = Field(default=1000, ge=1, description="spots kept, best first; more are said")
     min_score: float = Field(default=0.05, ge=0, le=1, description="least score of a spot that is kept")

@@ -77,6 +77,11 @@ def check_optics(sensor: Sensor, config: EmulatorConfig) -> None:
             f"[optics] focus_distance_mm = {focus:g} is not beyond the chip's {chip:.1f} mm behind the lens "
             f"(fx_px × pixel_um): no lens of a profile sensor magnifies so, check pixel_um"
         )
+    if optics.blur_corner_px is not None and optics.blur_corner_px < optics.blur_px:
+        raise InputError(
+            f"[optics] blur_corner_px = {optics.blur_corner_px:g} is below blur_px = {optics.blur_px:g}: a lens is "
+            f"sharpest in the middle; exchange them, or leave it out"
+        )
     passed = float(filter_transmission(optics, laser.wavelength_nm, np.array(1.0), laser.wavelength_nm))
     if passed < MIN_TRANSMISSION:
         raise InputError(

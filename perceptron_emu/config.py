@@ -37,6 +37,13 @@ class OpticsConfig(Section):
     pixel_um: Annotated[float, Field(gt=0, le=100, description="pixel pitch")] = 5.3
     f_number: Annotated[float, Field(ge=0.5, le=64)] = 4.0
     blur_px: Annotated[float, Field(gt=0.2, le=20, description="σ of the lens's own Gaussian blur in focus")] = 0.9
+    blur_corner_px: Annotated[
+        float | None,
+        Field(gt=0.2, le=20, description="the same in the image's farthest corner; default: blur_px everywhere"),
+    ] = None
+    veiling_glare: Annotated[
+        float, Field(ge=0, le=0.5, description="part of the light that the lens scatters evenly over the image")
+    ] = 0.0
     diffraction: bool = True
     defocus: Annotated[bool, Field(description="thin-lens blur; a tilted chip (τx, τy) is taken into account")] = False
     aperture_points: Annotated[
@@ -110,6 +117,9 @@ class AmbientConfig(Section):
         0.8,
     )
     fill: Annotated[float, Field(ge=0, le=1, description="part of it that comes from everywhere")] = 0.25
+    shadows: Annotated[
+        bool, Field(description="solids shade one another from the rest of it; the part from everywhere has no shadows")
+    ] = False
 
 
 class NoiseConfig(Section):

@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 
+MAX_SCATTER_MM = 5.0  # skin has some 0.7, marble 0.3, wax a few
+
+
 @dataclass(frozen=True)
 class Material:
     """How a surface scatters light.
@@ -29,6 +32,8 @@ class Material:
         Reflectance of the glossy part (GGX) at normal incidence, 0 … 1; 0 is matte.
     roughness : float
         α of the glossy part, 0.02 … 1.
+    scatter_mm : float
+        Mean free path below the surface of the matte part's light [mm]; 0: it comes back from where it falls.
 
     Raises
     ------
@@ -39,6 +44,7 @@ class Material:
     diffuse: float = 0.5
     specular: float = 0.0
     roughness: float = 0.3
+    scatter_mm: float = 0.0
 
     def __post_init__(self) -> None:
         """InputError where the numbers can not be a surface."""
@@ -46,6 +52,11 @@ class Material:
             value = getattr(self, name)
             if not low <= value <= 1:
                 raise InputError(f"material {name} = {value:g}: must lie in {low:g} … 1")
+        if not 0 <= self.scatter_mm <= MAX_SCATTER_MM:
+            raise InputError(
+                f"material scatter_mm = {self.scatter_mm:g}: must lie in 0 … {MAX_SCATTER_MM:g}; beyond, light "
+                f"comes out of all of the body and no stripe is left"
+            )
         if self.diffuse + self.specular > 1 + 1e-9:
             raise InputError(
                 f"material diffuse = {self.diffuse:g} and specular = {self.specular:g}: together above 1, it would "

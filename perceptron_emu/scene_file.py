@@ -76,6 +76,7 @@ class MaterialTable(SceneTable):
     diffuse: float = 0.5
     specular: float = 0.0
     roughness: float = 0.3
+    scatter_mm: float = 0.0
 
 
 class SceneFile(SceneTable):
@@ -241,7 +242,7 @@ def _pose(table: PlaceTable) -> Pose:
 
 def _material(path: Path, name: str, table: MaterialTable) -> Material:
     try:
-        return Material(table.diffuse, table.specular, table.roughness)
+        return Material(table.diffuse, table.specular, table.roughness, table.scatter_mm)
     except InputError as error:
         raise InputError(f"{path}: materials.{name}: {error}") from error
 

@@ -29,6 +29,7 @@ BEYOND_CHI2 = 300.0  # beyond this no small error of one number is the cause, an
 TIMES = (3.0, 10.0, 30.0)  # by which [uncertainty] of a robot is tried
 EVIDENCE = 4.0  # by which that must be better than one number alone: a likelihood ratio of 7
 WRONG = 0.02  # odds that a number of the files is wrong, before anything is seen: one of some 45 in every other cell
+COVERED = 3.0  # σ within which the answer lies by whatever the data can not tell from the culprit, likely or not
 POSSIBLE = 1e-4  # a hypothesis less probable than this widens nothing
 UNCERTAINTY = "[uncertainty]"
 LEFT_OUT = 25.0  # cost of a point that is left out: the gate that it failed
@@ -217,9 +218,10 @@ def widened(finding: Finding, estimated: Mask, total: Array) -> Array:
     out, considered = total.copy(), np.zeros(len(allowed))
     free = np.where(estimated, allowed, 0.0)
     base = ev.solve(free)
-    for trial, probability in hypotheses:
+    for trial, posterior in hypotheses:
         if trial is None and finding.culprit is None:
             continue
+        probability = max(posterior, 1 / COVERED**2) if trial in finding.alike else posterior
         variance = ev.variance.copy()
         if trial is not None and trial.suspect.parameter != UNCERTAINTY:
             variance = ev.relaxed(trial)

@@ -18,8 +18,8 @@ def accusation(culprit: Culprit) -> str:
     """The sentence that names the number, its row, size and unit, and its file."""
     if culprit.unit == "times":
         return (
-            f"the errors of the robot's table are about {culprit.size:g} times larger than [uncertainty] of robot.toml "
-            f"says (evidence {culprit.pull_sigma:.1f} σ): state them as they are"
+            f"the errors of the robot's table are about {culprit.size:.2g} times larger than [uncertainty] of "
+            f"robot.toml says (evidence {culprit.pull_sigma:.1f} σ): state them as they are"
         )
     changed = f"{culprit.size:+.3g}{_unit(culprit.unit)}"
     if culprit.parameter.startswith("anchor"):

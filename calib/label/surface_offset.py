@@ -7,6 +7,10 @@ Seen from the camera, φ counts with w(φ) = f(n, l, v) (n·l)₊ (n·v)₊: cos
 foreshortening. Over one string the projection is affine to r/distance ≈ 1e-3, so the spot's centroid is the image of
 Σ w c / Σ w, and the camera's ray through it meets the sheet in that very point. The offset is that mean less X₀.
 
+What is fitted to a spot is no centroid where the lit arc is long beside the blur: noise that grows with the light
+(speckle) makes the fit follow the arc's ridge, its faint ends nearly as much as its bright middle; noise that does not
+makes it the centroid. Both are averaged, what lies between them is a σ: 0.02 radii, of thick strings alone to be seen.
+
 A sensor that gives profiles samples the lit arc evenly along y: φ counts with |dy/dφ| wherever the sensor sees it.
 Up to which incidence it does is not known; some limits are averaged, their spread is a σ.
 """
@@ -37,6 +41,9 @@ THREADS = np.array(
     ]
 )
 LEAST_COSINES = np.array([0.15, 0.3, 0.45, 0.6])  # of incidence, down to which a profile sensor may see a thread
+# powers of the light that places count with along the arc, a centroid and a fit that follows its ridge: the benchmark
+# extraction_pathtraced has spots of both kinds
+POWERS = (1.0, 0.5)
 NODES = 32  # Gauss-Legendre; the narrowest lobe above spans several nodes
 MEAN_COSINE = 0.86  # of the lit and seen arc about its middle, for a matte string
 
@@ -72,8 +79,9 @@ def surface_offset(
         weight = np.full(len(LEAST_COSINES), 1 / len(LEAST_COSINES))
     else:
         threads = np.array([[1.0, surface.diffuse, surface.specular, surface.roughness]]) if surface.known else THREADS
-        each = centroid_offsets(yz_mm, directions, sensor, threads[:, 1:]) * radius_mm  # (..., K, 2)
-        weight = threads[:, 0] / threads[:, 0].sum()
+        powers = POWERS[:1] if surface.known else POWERS
+        each = centroid_offsets(yz_mm, directions, sensor, threads[:, 1:], powers) * radius_mm  # (..., K, 2)
+        weight = np.tile(threads[:, 0] / threads[:, 0].sum() / len(powers), len(powers))
     mean = np.einsum("...ki,k->...i", each, weight)
     rest = each - mean[..., None, :]
     spread = np.einsum("...ki,...kj,k->...ij", rest, rest, weight)
@@ -89,8 +97,13 @@ def rough_offset(yz_mm: Array, direction: Array, radius_mm: float, sensor: Senso
     return np.asarray(MEAN_COSINE * radius_mm * (middle[..., 1:] - slope * middle[..., :1]))
 
 
-def centroid_offsets(yz_mm: Array, directions: Array, sensor: Sensor, threads: Array) -> Array:
-    """Lit-surface centroid less axis (..., K, 2) in radii, for each of K threads (albedo, reflectance, GGX α)."""
+def centroid_offsets(
+    yz_mm: Array, directions: Array, sensor: Sensor, threads: Array, powers: Sequence[float] = (1.0,)
+) -> Array:
+    """Lit-surface centroid less axis (..., P · K, 2) in radii, for each of K threads (albedo, reflectance, GGX α).
+
+    powers (P,): of the light that its places count with, 1 for the centroid.
+    """
     point = np.concatenate([np.zeros_like(yz_mm[..., :1]), yz_mm], -1)
     light = _unit(sensor.sheet.origin_mm - point)
     view = _unit(sensor.require_camera().centre_mm - point)
@@ -101,7 +114,8 @@ def centroid_offsets(yz_mm: Array, directions: Array, sensor: Sensor, threads: A
     nodes, weights = _nodes()
     phi = (np.pi / 2 - half_angle)[..., None] * nodes  # lit and seen: within a right angle of both
     n = np.cos(phi)[..., None] * middle[..., None, :] + np.sin(phi)[..., None] * side[..., None, :]  # (..., Q, 3)
-    w = weights * _radiance(n, light[..., None, :], view[..., None, :], threads)  # (..., K, Q)
+    light_sent = _radiance(n, light[..., None, :], view[..., None, :], threads)  # (..., K, Q)
+    w = weights * np.concatenate([light_sent**power for power in powers], axis=-2)
     dx = directions[..., :1]
     slope = directions[..., 1:] / np.where(np.abs(dx) < 1e-6, 1e-6, dx)
     in_sheet = n[..., 1:] - slope[..., None, :] * n[..., :1]

@@ -14,6 +14,7 @@ from geometry.compiled import kernel
 from perceptron_emu.config import EmulatorConfig
 from perceptron_emu.image.deposit import gaussian_taps
 from perceptron_emu.image.face_cells import Outlines, draw_cells, face_edges, faces_in_cells, pixel_cells
+from perceptron_emu.image.ghosts import GLOSS_SEEN, lamp_electrons
 from perceptron_emu.lens import sharp_sigma_px, working_f_number
 from perceptron_emu.light import Cylinders, Light
 from perceptron_emu.scene import Material, Scene
@@ -27,7 +28,6 @@ NEAR_MM = 5.0  # what is nearer to the camera than this is not drawn
 BLUR_REACH = 3.0  # σ of the blur that its kernel takes in
 # room light is coarse on purpose: it is there to be told from the laser's, not to be measured
 SIDE_LIT = 0.6  # about the mean cosine of light from the camera's side on a cylinder, 2/π
-GLOSS_SEEN = 0.5  # part of the glossy reflectance that sends room light to the camera
 
 
 def ambient_electrons(scene: Scene, strings: Cylinders | None, material: Material, config: EmulatorConfig) -> Float32:
@@ -59,7 +59,16 @@ def ambient_electrons(scene: Scene, strings: Cylinders | None, material: Materia
     edges, cells = face_edges(faces, (camera.fx_px, camera.fy_px)), pixel_cells(sensor, reach)
     electrons = np.zeros(camera.shape, np.float32)
     lists = faces_in_cells(cells, edges)
-    draw_cells(cells, edges, lists, gaussian_taps(sigma, reach), _electrons_of_white(config, sensor), electrons)
+    taps, of_white = gaussian_taps(sigma, reach), _electrons_of_white(config, sensor)
+    draw_cells(cells, edges, lists, taps, of_white, electrons)
+    lamp = lamp_electrons(scene, config, of_white) if config.ambient.shadows else None
+    if lamp is not None:
+        threads = 0 if strings is None else len(strings.labels)
+        before = np.zeros(len(edges.level), np.float32)
+        before[len(before) - threads :] = 1  # strings come last, one face each
+        cover = np.zeros(camera.shape, np.float32)
+        draw_cells(cells, edges._replace(level=before), lists, taps, np.ones_like(cover), cover)
+        electrons += lamp * (1 - cover)
     return electrons
 
 
@@ -79,7 +88,8 @@ def _outlines(scene: Scene, strings: Cylinders | None, material: Material, confi
     for solid, body in zip(scene.solids, bodies, strict=True):
         albedo = solid.material.diffuse + solid.material.specular * GLOSS_SEEN
         R = solid.T_sensor_mesh.R
-        lamp = _Lamp(R.T @ towards, albedo * fill, albedo * (1 - fill))
+        direct = 0.0 if config.ambient.shadows else albedo * (1 - fill)
+        lamp = _Lamp(R.T @ towards, albedo * fill, direct)
         t = view.R.T @ (solid.T_sensor_mesh.t - view.t)
         n = _add_body(room, n, body.flat, body.closed, (np.ascontiguousarray(view.R.T @ R), t), lamp)
     if strings is not None:

@@ -19,7 +19,7 @@ from geometry.compiled import kernel
 from perceptron_emu.config import EmulatorConfig, OpticsConfig
 from perceptron_emu.image.deposit import convolved, gaussian_taps
 from perceptron_emu.lens import Gather, gather, gathered, sharp_sigma_px
-from perceptron_emu.light import IN_A_GROUP, BounceRoom, Cylinders, Sources, bounce_sources, radiance
+from perceptron_emu.light import IN_A_GROUP, BounceRoom, Cylinders, Sources, bounce_sources, far_lamp, radiance
 from perceptron_emu.scene import Material, Scene
 from perceptron_emu.solids import World, first_met, normal_at, world_of
 
@@ -29,6 +29,8 @@ Float32 = NDArray[np.float32]
 COLUMNS = 40  # first squares in a row, a power of two wide; half as wide for narrow lobes, a quarter for mirrors
 MARGIN_PX = 64  # squares reach beyond the image
 BROAD, NARROW = 0.15, 0.05  # α of lobes so called
+LAMP_LOBE = 0.1  # squares for room light's shadows are as fine as for such lobes
+GLOSS_SEEN = 0.5  # part of the glossy reflectance that sends room light to the camera
 FLAT = 0.03  # of the light there, by which a square's middle may differ from what its corners say
 FAINT = 0.002  # of the brightest light among the first squares' corners: what is less is not refined
 FAINT_E = 0.25  # electrons a pixel: squares with less at all corners and the middle are left; noise is 50 times as much
@@ -80,10 +82,42 @@ def ghost_electrons(
     sources = bounce_sources(scene, strings, thread, config)
     if sources is None:
         return None
-    camera = scene.camera
     glossy = [m.roughness for m in (s.material for s in scene.solids) if m.specular > 0]
-    side = first_side_px(camera.width_px, min(glossy, default=1.0))
+    side = first_side_px(scene.camera.width_px, min(glossy, default=1.0))
+    return _light_of(sources, side, pixel_rays(scene.sensor, config.optics, config.laser.wavelength_nm), scene, config)
+
+
+def lamp_electrons(scene: Scene, config: EmulatorConfig, of_white: Float32) -> Float32 | None:
+    """Mean electrons of the room light that comes from its lamp, with the shadows that solids cast on solids.
+
+    Parameters
+    ----------
+    scene : Scene
+        A sensor with a camera, and solids.
+    config : EmulatorConfig
+        Its room light and lens.
+    of_white : Float32
+        Electrons (H, W) that a white surface facing the light brings.
+
+    Returns
+    -------
+    Float32 or None
+        (H, W) [e⁻]; None where nothing is lit.
+    """
+    if not scene.solids:
+        return None
+    matte = [Material(s.material.diffuse + GLOSS_SEEN * s.material.specular) for s in scene.solids]
+    direction = np.array(config.ambient.direction) / np.linalg.norm(config.ambient.direction)
+    sources = far_lamp(matte, direction, 1 - config.ambient.fill)
     rays = pixel_rays(scene.sensor, config.optics, config.laser.wavelength_nm)
+    more = ((0, rays.x.shape[0] - of_white.shape[0]), (0, rays.x.shape[1] - of_white.shape[1]))
+    rays = rays._replace(of_radiance=np.pad(np.float32(math.pi) * of_white, more, "edge"))
+    return _light_of(sources, first_side_px(scene.camera.width_px, LAMP_LOBE), rays, scene, config)
+
+
+def _light_of(sources: Sources, side: int, rays: PixelRays, scene: Scene, config: EmulatorConfig) -> Float32 | None:
+    """The light of lamps (H, W) that solids send to the camera, blurred."""
+    camera = scene.camera
     view = GhostView(np.array(camera.T_sensor_camera.R, order="C"), np.array(camera.centre_mm, dtype=float), rays)
     light = np.zeros(camera.shape, np.float32)
     canvas = GhostCanvas(np.zeros(rays.x.shape, np.float32), np.full(rays.x.shape, -2, np.int32))
@@ -91,8 +125,20 @@ def ghost_electrons(
     if first > last:
         return None
     sigma = math.sqrt(sharp_sigma_px(config.optics, scene.sensor, config.laser.wavelength_nm) ** 2 + PIXEL_VARIANCE)
-    _blur(light, gaussian_taps(sigma, math.ceil(BLUR_REACH * sigma)), first, last)
+    taps = gaussian_taps(sigma, math.ceil(BLUR_REACH * sigma))
+    _blur(light, taps, first, last)
+    _as_beyond_the_border(light, taps)
     return light
+
+
+def _as_beyond_the_border(light: Float32, taps: Float32) -> None:
+    """Light blurred over the border is made up for, as if it went on outside."""
+    reach = len(taps) // 2
+    held = 1 / np.add.accumulate(taps)[reach : 2 * reach]  # of a pixel so many from the border
+    light[:reach] *= held[:, None]
+    light[-reach:] *= held[::-1, None]
+    light[:, :reach] *= held
+    light[:, -reach:] *= held[::-1]
 
 
 def first_side_px(width_px: int, lobe: float) -> int:

@@ -14,7 +14,7 @@ from perceptron_emu.config import EmulatorConfig
 from perceptron_emu.image.deposit import GaussianSpots, deposit, spline_taps
 from perceptron_emu.image.pieces import SpotPieces, draw_pieces
 from perceptron_emu.image.speckle import contrast, grain_px, oversampling, speckle_of
-from perceptron_emu.lens import defocus_radius_px, project, sharp_sigma_px, to_camera
+from perceptron_emu.lens import defocus_radius_px, field_sigma_px, project, to_camera
 from perceptron_emu.light import LightNodes
 
 Array = NDArray[np.float64]
@@ -90,7 +90,7 @@ def _defocused(samples: LightNodes, sensor: Sensor, config: EmulatorConfig) -> t
     (σ² + R²/4).
     """
     uv, weight, group = project(sensor, samples.xyz_mm), samples.electrons, samples.group
-    sigma = np.full(len(uv), sharp_sigma_px(config.optics, sensor, config.laser.wavelength_nm))
+    sigma = field_sigma_px(config.optics, sensor, uv, config.laser.wavelength_nm)
     if not config.optics.defocus:
         return GaussianSpots(uv[:, 0], uv[:, 1], weight, sigma), group
     radius = defocus_radius_px(config.optics, sensor, to_camera(sensor, samples.xyz_mm))

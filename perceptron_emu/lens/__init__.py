@@ -3,6 +3,7 @@
 from perceptron_emu.lens.optics import (
     Gather,
     defocus_radius_px,
+    field_sigma_px,
     filter_transmission,
     focal_length_mm,
     focus_distance_mm,
@@ -18,6 +19,7 @@ from perceptron_emu.lens.projection import lens, project, tilt_rotation, to_came
 __all__ = [
     "Gather",
     "defocus_radius_px",
+    "field_sigma_px",
     "filter_transmission",
     "focal_length_mm",
     "focus_distance_mm",

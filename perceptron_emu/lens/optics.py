@@ -261,6 +261,45 @@ def sharp_sigma_px(optics: OpticsConfig, sensor: Sensor, wavelength_nm: float) -
     return float(np.hypot(optics.blur_px, airy if optics.diffraction else 0.0))
 
 
+def field_sigma_px(optics: OpticsConfig, sensor: Sensor, uv: Array, wavelength_nm: float) -> Array:
+    """Blur in focus at places of the image.
+
+    A curved field of focus leaves a disc that grows like the square of the distance from the principal point: its
+    variance, like the fourth power, is added to that of the middle, up to blur_corner_px in the farthest corner.
+
+    Parameters
+    ----------
+    optics : OpticsConfig
+        The lens.
+    sensor : Sensor
+        With a camera.
+    uv : Array
+        (N, 2) [px].
+    wavelength_nm : float
+        Of the light.
+
+    Returns
+    -------
+    Array
+        σ (N,) [px].
+
+    References
+    ----------
+    Born & Wolf, Principles of Optics, section 5.3 (field curvature; Petzval).
+    """
+    middle = sharp_sigma_px(optics, sensor, wavelength_nm)
+    if optics.blur_corner_px is None:
+        return np.full(len(uv), middle)
+    camera = sensor.require_camera()
+    half = (
+        max(camera.cx_px, camera.width_px - 1 - camera.cx_px),
+        max(camera.cy_px, camera.height_px - 1 - camera.cy_px),
+    )
+    square = ((uv[:, 0] - camera.cx_px) ** 2 + (uv[:, 1] - camera.cy_px) ** 2) / (half[0] ** 2 + half[1] ** 2)
+    more = optics.blur_corner_px**2 - optics.blur_px**2
+    return np.asarray(np.sqrt(middle**2 + more * np.minimum(square, 1) ** 2))
+
+
 def working_f_number(optics: OpticsConfig, sensor: Sensor) -> float:
     """The f-number at work, F#·(1 + m), m the magnification at the distance in focus: v/D of the thin lens.
 

@@ -1,6 +1,6 @@
 """The laser on the scene: the sheet, what it reaches first, and the light that each lit point sends to the chip."""
 
-from perceptron_emu.light.bounce import IN_A_GROUP, BounceRoom, Sources, bounce_sources, radiance
+from perceptron_emu.light.bounce import IN_A_GROUP, BounceRoom, Sources, bounce_sources, far_lamp, radiance
 from perceptron_emu.light.lighting import LitScene, light_scene, thread_of
 from perceptron_emu.light.motion import Moment, moments, moved
 from perceptron_emu.light.nodes import TILE_PX, LightNodes, join, string_group, stripe_group
@@ -29,6 +29,7 @@ __all__ = [
     "bounce_sources",
     "cylinders",
     "faces_in_sheet",
+    "far_lamp",
     "half_width_mm",
     "hidden_by_strings",
     "join",

@@ -9,6 +9,7 @@ point elsewhere is lit by all of them and scatters that light on to the camera b
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -39,6 +40,7 @@ IN_A_GROUP, GROUP_MM = 48, 20.0  # of what is asked together whether it is in si
 STRING_NODES = 12  # lamps around a string's lit half
 MOST_SENT_BACK = 0.99  # of the light that falls on a surface; white paint sends back 0.9
 MIRROR, MIRROR_LOBE, MIRRORED_SHARE = 0.5, 0.05, 0.5  # reflectance and α of a mirror; part of its light that is thrown
+FAR_MM = 1e6  # of a lamp whose light comes from one direction
 OFF_MM = 1e-4  # where a ray from a surface starts
 NEGLIGIBLE = 1e-4  # part of the light so far below which a group's is not asked for
 SMALLEST = 1e-4  # of the largest lamp: what brings less is left out
@@ -161,6 +163,31 @@ def bounce_sources(scene: Scene, strings: Cylinders | None, thread: Material, co
     bunches, near = _together(lamps, begin, surfaces)
     groups, (one, many) = _groups(bunches), (_table(of, path.origin) for of in (lamps, bunches))
     return Sources(one, many, begin, near, groups, surfaces)
+
+
+def far_lamp(materials: Sequence[Material], direction: Array, irradiance: float) -> Sources:
+    """One lamp so far away that its light comes from one direction everywhere.
+
+    Parameters
+    ----------
+    materials : sequence of Material
+        Of all solids.
+    direction : Array
+        (3,) unit, along which its light travels in {P}.
+    irradiance : float
+        On a surface that faces it.
+
+    Returns
+    -------
+    Sources
+        For `radiance`.
+    """
+    flux = math.pi * FAR_MM * FAR_MM * irradiance
+    white = len(materials)
+    one = Lamps(-FAR_MM * direction[None], direction[None], np.array([flux]), np.zeros(1), np.array([white]))
+    table = _table(one, -2 * FAR_MM * direction)
+    each = np.array([0, 1])
+    return Sources(table, table, each, np.zeros(1), each, surfaces_of([*materials, Material(1.0)]))
 
 
 def _check_materials(scene: Scene) -> None:

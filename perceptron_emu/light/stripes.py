@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -15,8 +16,9 @@ from perceptron_emu.lens import project, pupil_points_mm, sharp_sigma_px
 from perceptron_emu.light.nodes import TILE_PX, LightNodes, stripe_group
 from perceptron_emu.light.sheet_faces import Faces, faces_in_sheet, sheet_planes
 from perceptron_emu.light.strings import Cylinders, hidden_by_strings
+from perceptron_emu.light.subsurface import line_spread, moved_below, spread_mm
 from perceptron_emu.light.transport import Light
-from perceptron_emu.scene import Scene
+from perceptron_emu.scene import Material, Scene
 from perceptron_emu.solids import LaserRays, Shades, SheetPieces, body_of, hidden_by_solid, lit_in_planes
 
 Array = NDArray[np.float64]
@@ -147,7 +149,11 @@ def _kept(
 def _seen(nodes: SurfaceNodes, scene: Scene, strings: Cylinders | None, light: Light) -> LightNodes:
     """The nodes that the camera sees, inside the image and past all that stands before it."""
     camera, sensor = scene.camera, scene.sensor
-    density = light.electrons_on(nodes.xyz_mm, nodes.normal, [s.material for s in scene.solids], nodes.solid)
+    materials = [s.material for s in scene.solids]
+    if any(m.scatter_mm > 0 for m in materials):
+        nodes, density = _below_surface(nodes, materials, light)
+    else:
+        density = light.electrons_on(nodes.xyz_mm, nodes.normal, materials, nodes.solid)
     uv = project(sensor, nodes.xyz_mm)
     xyz, start, electrons, number, group = _bright(nodes, density, uv, (camera.width_px, camera.height_px))
     eyes = pupil_points_mm(light.config.optics, sensor)
@@ -163,6 +169,26 @@ def _seen(nodes: SurfaceNodes, scene: Scene, strings: Cylinders | None, light: L
         return LightNodes(xyz, electrons, group)
     some = seen > 0
     return LightNodes(xyz[some], electrons[some] * (seen[some] / len(eyes)), group[some])
+
+
+def _below_surface(nodes: SurfaceNodes, materials: list[Material], light: Light) -> tuple[SurfaceNodes, Array]:
+    """Nodes and their electrons per mm²; where light goes below the surface its matte part leaves elsewhere."""
+    deep = np.array([m.scatter_mm > 0 for m in materials])
+    surface = [replace(m, diffuse=0.0) if m.scatter_mm > 0 else m for m in materials]
+    parts = [nodes]
+    densities = [light.electrons_on(nodes.xyz_mm, nodes.normal, surface, nodes.solid)]
+    for k in np.flatnonzero(deep):
+        own, matte = np.flatnonzero(nodes.solid == k), replace(materials[k], specular=0.0)
+        xyz, normal = nodes.xyz_mm[own], nodes.normal[own]
+        lengths = matte.scatter_mm, spread_mm(matte)
+        origin = np.array(light.sensor.sheet.origin_mm, dtype=float)
+        places, shares = moved_below(xyz, normal, origin, lengths, line_spread())
+        density = light.electrons_on(xyz, normal, [matte], np.zeros(len(own), np.int64))
+        n = len(shares)
+        area, solid = np.repeat(nodes.area_mm2[own], n), np.repeat(nodes.solid[own], n)
+        parts.append(SurfaceNodes(places, np.repeat(normal, n, axis=0), area, solid))
+        densities.append((density[:, None] * shares).ravel())
+    return SurfaceNodes(*(np.concatenate(columns) for columns in zip(*parts, strict=True))), np.concatenate(densities)
 
 
 @kernel

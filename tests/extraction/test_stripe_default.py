@@ -10,6 +10,9 @@ import pytest
 from extraction import StripeConfig, detect_stripe, flag_names
 from extraction.image import clipping_level
 from extraction.stripe.pictures import EMPTY, FWHM, KINDS, draw
+from extraction.stripe.ridges import Chain
+from extraction.stripe.verdict.stripes import Stripe, _each_once, _longest_free
+from extraction.stripe.verdict.track import Bumps, Track
 
 SEEDS = (3, 8)
 RIGHT, FALSE = 0.99, 0.01  # of the sections; of the points, without a flag
@@ -166,3 +169,40 @@ def test_direction_is_found_either_way():
 def test_refused_ridges_are_counted_by_reason():
     peaks, _, _ = measured(draw("lit_board", np.random.default_rng(3)))
     assert sum(peaks.refused.values()) > 5
+
+
+def test_a_dim_stripe_on_blotches_is_found_whole_and_its_sigma_is_true():
+    """6 σ a section on a ground of blotches three widths large: the chain finds it, neighbours measure it."""
+    ratios = []
+    for seed in range(4):
+        rng, u = np.random.default_rng(seed), np.arange(640)
+        truth = 110 + 0.04 * u + rng.uniform(-3, 3)
+        ground = cv2.GaussianBlur(rng.normal(size=(240, 640)), (0, 0), 6)
+        mean = 25 * np.clip(1 + 0.5 * ground / ground.std(), 0, None)
+        mean += 8 * np.exp(-0.5 * ((np.arange(240)[:, None] - truth) / 2.0) ** 2) * ((u > 60) & (u < 580))
+        image = np.clip(np.round(mean + rng.normal(size=mean.shape) * np.sqrt(0.03 * mean + 0.64)), 0, 255)
+        peaks = detect_stripe(image.astype(np.uint8))
+        error = peaks.uv_px[:, 1] - truth[peaks.section]
+        assert np.count_nonzero(np.abs(error) < 2.5) > 0.9 * 519
+        assert not np.any((np.abs(error) > 2.5) & (peaks.flag == 0))
+        ratios.append(np.median(np.abs(error) / peaks.sigma_px) / 0.6745)
+    assert 0.75 < np.mean(ratios) < 1.4  # neighbours share what pulls at them: some sixty independent errors a picture
+
+
+def test_a_ridge_that_runs_onto_another_is_cut_there():
+    """What was followed beyond its end ends where the brighter one's track begins; what lies there is left out."""
+    chain = Chain(np.zeros(2), np.zeros(2), np.zeros(2), 2, 2, 50.0, 9.0, 9.0, 9.0)
+
+    def stripe(first, place):
+        return Stripe(Track(first, place, np.full(len(place), 2.0)), chain, Bumps(1, 0.0, 0.0, 2.0, 90.0, 0.4), 90.0)
+
+    longer, upper = stripe(200, np.full(300, 100.0)), np.where(np.arange(300) < 200, 130.0, 100.0)
+    kept = _each_once([longer, stripe(0, upper), stripe(220, np.full(60, 101.0))])
+    assert [(s.track.first, s.track.stop) for s in kept] == [(200, 500), (0, 200)]
+    assert np.all(kept[1].track.place == 130.0)
+
+
+def test_what_lies_on_another_is_told_section_by_section():
+    on = np.zeros(100, dtype=np.bool_)
+    on[:20], on[50], on[90:] = True, True, True
+    assert _longest_free(on) == (20, 90)

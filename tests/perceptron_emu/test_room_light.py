@@ -80,3 +80,29 @@ def test_a_face_that_reaches_behind_the_camera_is_cut() -> None:
     image = room(floor)
     assert image[500, -1] == pytest.approx(0.5 * white(), rel=1e-3)
     assert np.isfinite(image).all()
+
+
+def test_a_lamp_casts_the_shadow_of_its_direction() -> None:
+    """A panel over a wall: the shadow is the panel's outline moved along the light, as large and dark as it must be."""
+    lamp = {"direction": (0.3, 0.1, 0.9), "fill": 0.4, "shadows": True}
+    lit = EmulatorConfig.model_validate(ROOM.model_dump() | {"ambient": lamp})
+    plain = EmulatorConfig.model_validate(ROOM.model_dump() | {"ambient": lamp | {"shadows": False}})
+    wall = panel(500, 500, Pose(np.eye(3), np.array([0.0, 0, 360])), Material(0.5))
+    board = panel(24, 20, Pose(np.eye(3), np.array([-30.0, -10, 320])), Material(0.5))
+    alone, before = room(wall, config=lit), room(wall, board, config=plain)
+    np.testing.assert_allclose(alone, room(wall, config=plain), rtol=2e-3)
+    seen = room(wall, board, config=lit)
+    depth = 0.9 / np.linalg.norm([0.3, 0.1, 0.9])
+    shade = seen[(seen < 0.9 * before) & (before > 0)]
+    assert np.median(shade) / alone.max() == pytest.approx(0.4 / (0.4 + 0.6 * depth), rel=2e-2)
+    camera = make_sensor(BENT).camera
+    half = np.array([[-12.0, -10], [12, -10], [12, 10], [-12, 10]])
+    t = np.linspace(0, 1, 400, endpoint=False)[:, None]
+    rim = np.concatenate([a + t * (b - a) for a, b in zip(half, np.roll(half, -1, 0), strict=True)])
+    moved = np.array([[-30.0, -10, 320]]) + np.array([0.3, 0.1, 0.9]) * (40 / 0.9)
+    on_wall = np.column_stack([rim, np.zeros(len(rim))]) + moved
+    there = camera.T_sensor_camera.inverse() @ on_wall
+    u, v = cv2.projectPoints(there, np.zeros(3), np.zeros(3), camera.matrix, camera.distortion14)[0][:, 0].T
+    area = abs(np.sum(u * np.roll(v, -1) - v * np.roll(u, -1))) / 2
+    full = np.median((before - seen)[(seen < 0.9 * before) & (before > 0)])
+    assert np.sum(before - seen > full / 2) == pytest.approx(area, rel=0.01)

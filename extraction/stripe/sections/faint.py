@@ -23,7 +23,7 @@ _STEPS = 12
 _CLOSE_PX = 1e-3  # a step that ends a fit
 # where the ground beside a stripe is looked at: σ beyond the window, every n-th section; fewest such places that say
 # anything
-_AWAY_WIDTHS, _EVERY, _FEWEST = 3.0, 4, 40
+_AWAY_WIDTHS, _EVERY, _FEWEST = 3.0, 4, 8
 
 
 def fit_faint(view: StripeView, places: Places, fits: Records, least_snr: float) -> Records:
@@ -55,18 +55,21 @@ def _fit_stripe(
 def _pull_of_the_ground(grey: NDArray[Any], section: IntArray, centre: Array, width: float, ground: Array) -> float:
     """σ of the sum of a bell's fall times the grey levels [DN], as the ground beside the stripe has it; 0 if unknown.
 
-    A fit takes most of what pulls at it, so that its residuals do not show it.
+    A fit takes most of what pulls at it, so that its residuals do not show it. The least of four tracks beside the
+    stripe's own: on some there are other things.
     """
     n, rows = ground.shape[1], grey.shape[0]
-    half, seen = n // 2, 0
+    half = n // 2
     away = half + _AWAY_WIDTHS * width
-    y, fall, values = np.empty(n), np.empty(n), np.empty(4 * (len(section) // _EVERY + 1))
+    y, fall, values = np.empty(n), np.empty(n), np.empty(len(section) // _EVERY + 1)
     for k in range(n):
         t = (k - half) / width
         fall[k] = math.exp(-0.5 * t * t) * t / width
     _less_ground(fall, ground)
-    for i in range(0, len(section), _EVERY):
-        for offset in (-2.0 * away, -away, away, 2.0 * away):
+    least = np.inf
+    for offset in (-2.0 * away, -away, away, 2.0 * away):
+        seen = 0
+        for i in range(0, len(section), _EVERY):
             if half <= centre[i] + offset <= rows - 1 - half:
                 _mean_section(grey, section, centre, offset, NEIGHBOURS, i, y)
                 total = 0.0
@@ -74,9 +77,9 @@ def _pull_of_the_ground(grey: NDArray[Any], section: IntArray, centre: Array, wi
                     total += fall[k] * y[k]
                 values[seen] = abs(total)
                 seen += 1
-    if seen < _FEWEST:
-        return 0.0
-    return 1.4826 * kth_smallest(values[:seen], seen // 2)
+        if seen >= _FEWEST:
+            least = min(least, 1.4826 * kth_smallest(values[:seen], seen // 2))
+    return least if least < np.inf else 0.0
 
 
 @kernel

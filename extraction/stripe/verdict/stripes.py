@@ -20,6 +20,7 @@ PART_JOINED = 0.004  # the same for one that goes on where the other ends
 DIMMER = 0.22  # of the best ridge's own height, below which a ridge elsewhere is no stripe of the same laser
 LEAST_CONTRAST, ENOUGH_CONTRAST = 0.65, 12.0  # of the best's response over its noise, that counted up to the second
 LEAST_ASPECT = 6.0  # its length over its full width
+CLEAR_ASPECT = 4.0  # the same of a ridge that stands out as the best one does, section by section and as a whole
 FLAT = 0.6  # flatness of an unclipped profile from which it is a lit face with borders, not a pulse of light
 FLAT_FROM_PX = 2.6  # Gaussian σ from which flatness shows: blur rounds what is narrower
 CROWD = 2.6  # ridges of like light beside one another, on average: a pattern, not stripes
@@ -118,7 +119,8 @@ def judge(grey: NDArray[Any], chains: list[Chain], clip: float, max_width: float
 
     def bright(s: Stripe) -> bool:
         enough = s.light >= PART * best.light and s.height >= DIMMER * best.height and s.chain.contrast >= asked
-        return enough and not s.dark and _stands_alone(s)
+        clear = s.chain.contrast >= best.chain.contrast and 2 * s.chain.significance >= best.chain.significance
+        return enough and not s.dark and _stands_alone(s, CLEAR_ASPECT if clear else LEAST_ASPECT)
 
     texture = [s.chain.significance for s in waiting + flat if not bright(s)]
     changed = True
@@ -182,9 +184,9 @@ def _measure(grey: NDArray[Any], chain: Chain, clip: float, least: int) -> list[
     return pieces
 
 
-def _stands_alone(s: Stripe) -> bool:
+def _stands_alone(s: Stripe, aspect: float = LEAST_ASPECT) -> bool:
     length = len(s.track.place)
-    return length >= s.least and length >= LEAST_ASPECT * 2.3548 * s.bumps.width
+    return length >= s.least and length >= aspect * 2.3548 * s.bumps.width
 
 
 def _overlap(a: Stripe, b: Stripe) -> int:
@@ -192,19 +194,38 @@ def _overlap(a: Stripe, b: Stripe) -> int:
 
 
 def _each_once(stripes: list[Stripe]) -> list[Stripe]:
-    """Without those that lie on a brighter one's track over half of their sections: their chains met only in part."""
+    """Without those that lie on a brighter one's track over half of their sections, and the rest less what lies there.
+
+    Chains of one ridge may meet only in part, and a ridge that is followed beyond its end may run onto another.
+    """
     out: list[Stripe] = []
     for s in stripes:
-        on = 0
+        on = np.zeros(len(s.track.place), np.bool_)
         for k in out:
             start, stop = max(s.track.first, k.track.first), min(s.track.stop, k.track.stop)
             if stop > start:
                 mine = s.track.place[start - s.track.first : stop - s.track.first]
                 theirs = k.track.place[start - k.track.first : stop - k.track.first]
-                on += int(np.count_nonzero(np.abs(mine - theirs) < SAME_PX + max(s.bumps.width, k.bumps.width)))
-        if on < 0.5 * len(s.track.place):
+                near = np.abs(mine - theirs) < SAME_PX + max(s.bumps.width, k.bumps.width)
+                on[start - s.track.first : stop - s.track.first] |= near
+        if not on.any():
             out.append(s)
+        elif np.count_nonzero(on) < 0.5 * len(on):
+            out.append(_cut_to(s, *_longest_free(on)))
     return out
+
+
+def _longest_free(on: NDArray[np.bool_]) -> tuple[int, int]:
+    """The stretch start … stop - 1 with the most sections that are free over those that are not."""
+    total = np.concatenate([[0], np.cumsum(np.where(on, -1, 1))])
+    least = np.minimum.accumulate(total)
+    stop = int(np.argmax(total - least))
+    return int(np.argmin(total[: stop + 1])), stop
+
+
+def _cut_to(s: Stripe, start: int, stop: int) -> Stripe:
+    track = Track(s.track.first + start, s.track.place[start:stop], s.track.width[start:stop])
+    return replace(s, track=track)
 
 
 def _ghosts(stripes: list[Stripe]) -> list[Stripe]:
