@@ -15,7 +15,9 @@ NEES        squared errors of all stated parameters over their covariance, a par
 coverage    how often |error| < 1.96 sigma, of every parameter
 tilt        how often the chip's tilt was taken
 mapping     pixel to (y, z) where stripes were seen, after the best rigid motion within the sheet: root mean square
-            error over its bound by the points' own sigma and the true set of terms, and over the stated sigma
+            error over its bound by the points' own sigma and the true set of terms, and over the stated sigma; with
+            what chance makes of the first: one direction holds two thirds of the mapping's variance, so that a sensor
+            is worth no more than two independent numbers
 left out    root mean square of left-out views over that of the true set of terms
 """
 
@@ -52,13 +54,16 @@ COM_SHARE, COM_REACH_PX = 0.5, 12  # of the brightest level, and about it: what 
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """What one sensor gave. mapping: mean squares of error, bound and stated variance [mm2]."""
+    """What one sensor gave.
+
+    mapping: mean squares of error, bound and stated variance [mm2], and how many independent numbers it is worth.
+    """
 
     tilt_deg: float
     terms: tuple[str, ...]
     nees: float
     pulls: dict[str, float]
-    mapping: tuple[float, float, float]
+    mapping: tuple[float, float, float, float]
     left_out: tuple[float, float]
     verdict: str
 
@@ -70,7 +75,7 @@ def trial(seed: int, index: int, tilt_deg: float) -> Trial:
     views = observe_boards(sensor, rng)
     found = calibrate_sensor(views, SIZE_PX)
     if found.solution is None:
-        return Trial(tilt_deg, (), np.nan, {}, (np.nan,) * 3, (np.nan,) * 2, found.verdict.code)
+        return Trial(tilt_deg, (), np.nan, {}, (np.nan,) * 4, (np.nan,) * 2, found.verdict.code)
     s = found.solution
     error, covariance = parameter_errors(s, sensor), s.uncertainty.covariance
     pulls = error / np.sqrt(np.diag(covariance))
@@ -95,8 +100,8 @@ def left_out_ratio(found: SensorCalibration, sensor: SyntheticSensor) -> tuple[f
 
 def mapping(
     found: SensorCalibration, sensor: SyntheticSensor, views: Sequence[BoardView]
-) -> tuple[float, float, float]:
-    """Mean squares [mm2] of the mapping's error, its bound and its stated variance, free of rigid motions."""
+) -> tuple[float, float, float, float]:
+    """Mean squares [mm2] of the mapping's error, its bound and its stated variance, free of rigid motions; freedom."""
     s = found.solution
     assert s is not None
     uv = np.concatenate([v.stripe.uv_px for v in views])[::EVERY] - CENTRE
@@ -115,11 +120,15 @@ def mapping(
         # both where the fit is: the mapping stays along the bent valley, not along a tangent that was drawn elsewhere
         fitted = result.state.vector(CAMERA), result.state.vector(PLANE)
         by = rigid(_by_parameters(*fitted, camera_rows(sensor.terms), uv))
-        bound_square = float(np.sum((by @ bound[np.ix_(columns, columns)]) * by)) / len(uv)
+        covariance = bound[np.ix_(columns, columns)]
+        bound_square = float(np.sum((by @ covariance) * by)) / len(uv)
+        power = by.T @ by @ covariance
+        freedom = float(np.trace(power) ** 2 / np.trace(power @ power))
     else:
-        bound_square = np.nan
+        bound_square = freedom = np.nan
     stated = _stated(s.uncertainty.covariance, s.terms, camera, plane, uv)
-    return float(error @ error) / len(uv), bound_square, float(np.sum((stated[0] @ stated[1]) * stated[0])) / len(uv)
+    stated_square = float(np.sum((stated[0] @ stated[1]) * stated[0])) / len(uv)
+    return float(error @ error) / len(uv), bound_square, stated_square, freedom
 
 
 def _stated(covariance: Array, terms: tuple[str, ...], camera: Array, plane: Array, uv: Array) -> tuple[Array, Array]:
@@ -193,10 +202,12 @@ def consistency(trials: Sequence[Trial]) -> None:
         print("  coverage: " + ", ".join(f"{n} {100 * v:.0f}" for n, v in held.items()))
         square = np.array([t.mapping for t in good])
         square = square[np.isfinite(square).all(axis=1)]
-        rms = np.sqrt(square.mean(axis=0))
+        rms = np.sqrt(square[:, :3].mean(axis=0))
+        spread = np.sqrt(np.sum(2 * square[:, 1] ** 2 / square[:, 3])) / square[:, 1].sum()  # of the squared ratio
+        low, high = np.sqrt(np.maximum(1 + np.array([-COVERED, COVERED]) * spread, 0))
         print(
-            f"  mapping: {1e3 * rms[0]:.2f} um, {rms[0] / rms[1]:.3f} of the bound, {rms[0] / rms[2]:.3f} of the "
-            f"stated ({len(square)} sensors)"
+            f"  mapping: {1e3 * rms[0]:.2f} um, {rms[0] / rms[1]:.3f} of the bound (95 % of chance: {low:.2f} to "
+            f"{high:.2f}), {rms[0] / rms[2]:.3f} of the stated ({len(square)} sensors)"
         )
         ratio = np.array([t.left_out for t in good])
         print(

@@ -13,8 +13,8 @@ version = release = PROJECT["version"]
 author = "the perceptron-emu developers"
 copyright = author  # noqa: A001 # the name that Sphinx reads
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.viewcode"]
-source_suffix = {".md": "markdown"}
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.viewcode"]
+source_suffix = {".md": "myst-nb"}
 exclude_patterns = ["pictures"]
 html_theme = "furo"
 html_title = f"perceptron-emu {version}"
@@ -22,6 +22,10 @@ html_show_sourcelink = False
 
 myst_heading_anchors = 4  # pages link to one another's headings, as they do where the repository is read
 myst_enable_extensions = ["colon_fence"]
+
+nb_execution_mode = "force"  # pages with a kernelspec are notebooks: run as they are written, and an error is an error
+nb_execution_raise_on_error = True
+nb_execution_timeout = 300
 
 autodoc_typehints = "signature"
 autodoc_member_order = "bysource"

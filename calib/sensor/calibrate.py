@@ -22,7 +22,7 @@ from calib.sensor.terms import BOARD, CAMERA, PLANE
 from calib.sensor.untaken import TILT_NAMES, untaken_tilt
 from calib.sensor.verdict import judge, too_few
 from calib.sensor.views import BoardView, BoardViews
-from geometry import State
+from geometry import Pose, State
 from geometry.sensor import CAMERA_PARAMETERS, SensorUncertainty
 
 Array = NDArray[np.float64]
@@ -280,6 +280,7 @@ def _view_results(choice: Choice, frame: SheetFrame, centre: Array) -> dict[str,
             yz[on],
             distances[on],
             float(np.rad2deg(np.arccos(min(1.0, abs(board.R[i, 2, 2]))))),
+            Pose(board.R[i], board.t[i]),
         )
     return results
 

@@ -19,6 +19,7 @@ _TRIES = 300  # pairs of points: a stripe that makes up a fifth of all is met wi
 _ALIKE = 101  # points, over which the stripe's light changes little
 _SEED = 20  # the same pairs every time
 MIN_POINTS = 12  # of a stripe that counts
+APART_PX = 8.0  # of a second stripe from the first: real ones have waves of a pixel or two
 
 
 def on_one_line(view: BoardView, state: State, index: int, tolerance_px: float) -> BoardView:
@@ -38,9 +39,18 @@ def on_one_line(view: BoardView, state: State, index: int, tolerance_px: float) 
 
 
 def second_line(view: BoardView, kept: BoardView, state: State, index: int, tolerance_px: float) -> int:
-    """How many points of a view's stripe that were not ``kept`` lie on another straight line of the board."""
+    """How many points of a view's stripe that were not ``kept`` lie on another straight line of the board.
+
+    Beside the first by more than what bends a stripe: a sheet or a board that is not flat is no second stripe.
+    """
     rest = view.stripe[~np.isin(_numbers(view), _numbers(kept))]
-    return len(on_one_line(replace(view, stripe=rest), state, index, tolerance_px).stripe)
+    board = state.pose(BOARD)
+    T, camera = Pose(board.R[index], board.t[index]), state.vector(CAMERA)
+    points = on_board(camera, T, np.concatenate([rest.uv_px, kept.stripe.uv_px]))
+    xy, used = (T.inverse() @ points)[:, :2], np.arange(len(points)) >= len(rest)
+    apart = APART_PX * float(np.median(np.linalg.norm(points[used], axis=1))) / float(camera[0])
+    far = _off_line(xy, used)[: len(rest)] > apart
+    return len(on_one_line(replace(view, stripe=rest[far]), state, index, tolerance_px).stripe)
 
 
 def _numbers(view: BoardView) -> NDArray[np.complex128]:

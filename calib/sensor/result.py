@@ -64,6 +64,8 @@ class ViewResult:
         Its points in {P}, and their distances from the plane.
     tilt_deg : float
         Between the board's normal and the optical axis.
+    T_camera_board : Pose or None
+        Of the bundle; the board's frame has z = 0 on it, its first corner as origin and x along its rows.
     """
 
     name: str
@@ -79,6 +81,7 @@ class ViewResult:
     stripe_yz_mm: Array | None = None
     stripe_mm: Array | None = None
     tilt_deg: float = float("nan")
+    T_camera_board: Pose | None = None
 
 
 @dataclass(frozen=True, eq=False)

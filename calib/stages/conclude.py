@@ -31,6 +31,9 @@ def concluded(result: CalibrationResult, prepared: Prepared, size: str) -> Calib
     )
     if size and verdict.trustworthy:
         verdict = Verdict("priors_contradict", f"{size}. In all, {verdict.text}")
+    if not verdict.trustworthy:  # what was left out in turn was left out of no answer, and there is none to enter
+        said = tuple(r for r in result.remarks if "T_hand_sensor_nominal" not in r and "leaving one" not in r)
+        result = replace(result, left_out=None, left_out_rms_mm={}, remarks=said)
     bends = result.joint_compliances
     words = compliance_words(bends)
     if bends and not any(j.observed for j in bends) and verdict.code == "ok":

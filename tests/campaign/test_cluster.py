@@ -72,11 +72,30 @@ class Cluster:
             )
 
 
+@pytest.fixture(scope="module")
+def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
+    """One for the tests that leave it alive, in the order of the file: without workers, then with two."""
+    made = Cluster(tmp_path_factory.mktemp("cluster"))
+    yield made
+    made.close()
+
+
 @pytest.fixture
-def cluster(tmp_path: Path) -> Iterator[Cluster]:
+def short_lived(tmp_path: Path) -> Iterator[Cluster]:
+    """One that a test may kill."""
     made = Cluster(tmp_path)
     yield made
     made.close()
+
+
+def test_a_scheduler_without_workers_is_one_sentence(
+    small_run: Path, tmp_path: Path, cluster: Cluster, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("workbench.campaign.work.engines.NO_WORKER_S", 0.5)
+    wait = distributed.Client(cluster.address, timeout=60, set_as_default=False)  # until the scheduler stands
+    wait.close()
+    with pytest.raises(InputError, match="has no workers: start some with `dask worker"):
+        run_campaign(read_plan(small_run.parent / "plan.toml"), tmp_path / "run", dask=cluster.address)
 
 
 def test_a_cluster_gives_the_same_tables(small_run: Path, tmp_path: Path, cluster: Cluster) -> None:
@@ -88,24 +107,24 @@ def test_a_cluster_gives_the_same_tables(small_run: Path, tmp_path: Path, cluste
 
 
 @pytest.mark.slow
-def test_a_worker_killed_and_a_scheduler_killed(tmp_path: Path, cluster: Cluster) -> None:
+def test_a_worker_killed_and_a_scheduler_killed(tmp_path: Path, short_lived: Cluster) -> None:
     """The worker's death changes nothing; the scheduler's ends the run with a sentence, and it goes on elsewhere."""
     plan = read_plan(write_plan(tmp_path / "plan.toml", repeats=60, keep=0.0))
     run_campaign(plan, tmp_path / "calm", workers=2)
-    cluster.add_workers(2)
+    short_lived.add_workers(2)
     out, killed = tmp_path / "run", []
 
     def progress(done: int, total: int) -> None:
         if done >= 0.2 * total and not killed:
-            killed.append(cluster.compute_pids()[0])
+            killed.append(short_lived.compute_pids()[0])
             os.kill(killed[0], signal.SIGKILL)
-        if done >= 0.6 * total and cluster.scheduler.poll() is None:
-            cluster.scheduler.kill()
+        if done >= 0.6 * total and short_lived.scheduler.poll() is None:
+            short_lived.scheduler.kill()
 
     with pytest.raises(
         InputError, match=r"the Dask scheduler at tcp://127.0.0.1:\d+ is gone; what is finished is safe"
     ):
-        run_campaign(plan, out, dask=cluster.address, progress=progress)
+        run_campaign(plan, out, dask=short_lived.address, progress=progress)
     assert killed
     assert 36 <= len(shards_of(out)) < 60
     run_campaign(plan, out, workers=2)
@@ -115,16 +134,6 @@ def test_a_worker_killed_and_a_scheduler_killed(tmp_path: Path, cluster: Cluster
 def test_a_dead_scheduler_is_one_sentence(small_run: Path, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"no Dask scheduler answers at tcp://127\.0\.0\.1:9"):
         run_campaign(read_plan(small_run.parent / "plan.toml"), tmp_path / "run", dask="tcp://127.0.0.1:9")
-
-
-def test_a_scheduler_without_workers_is_one_sentence(
-    small_run: Path, tmp_path: Path, cluster: Cluster, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("workbench.campaign.work.engines.NO_WORKER_S", 0.5)
-    wait = distributed.Client(cluster.address, timeout=60, set_as_default=False)  # until the scheduler stands
-    wait.close()
-    with pytest.raises(InputError, match="has no workers: start some with `dask worker"):
-        run_campaign(read_plan(small_run.parent / "plan.toml"), tmp_path / "run", dask=cluster.address)
 
 
 @pytest.mark.slow

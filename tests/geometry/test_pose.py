@@ -124,7 +124,8 @@ def test_fixed_angles_are_the_papers_table_1() -> None:
 def test_batches_are_rows_of_single_poses(seed: int) -> None:
     rng = np.random.default_rng(seed)
     singles = [Pose.exp(rng.normal(size=6)) for _ in range(5)]
-    batch, points = stack_poses(singles), rng.normal(size=(5, 7, 3))
+    batch, points, grids = stack_poses(singles), rng.normal(size=(5, 7, 3)), rng.normal(size=(5, 2, 4, 3))
+    assert (batch @ points[0, 0]).shape == (5, 3)
     assert len(batch) == 5
     for i, one in enumerate(singles):
         assert_same(batch[i], one, 0, 0)
@@ -132,6 +133,8 @@ def test_batches_are_rows_of_single_poses(seed: int) -> None:
         assert_same((singles[0] @ batch)[i], singles[0] @ one, 1e-14, 1e-14)
         assert_same(batch.inverse()[i], one.inverse(), 1e-14, 1e-14)
         np.testing.assert_allclose((batch @ points)[i], one @ points[i], rtol=0, atol=1e-14)
+        np.testing.assert_allclose((batch @ grids)[i], one @ grids[i], rtol=0, atol=1e-14)
+        np.testing.assert_allclose((batch @ points[0, 0])[i], one @ points[0, 0], rtol=0, atol=1e-14)
         np.testing.assert_allclose((batch @ points[:, 0])[i], one @ points[i, 0], rtol=0, atol=1e-14)
         np.testing.assert_allclose(batch.log()[i], one.log(), rtol=0, atol=1e-14)
         np.testing.assert_allclose(batch.matrix[i], one.matrix, rtol=0, atol=0)

@@ -177,6 +177,8 @@ def test_a_sensor_gives_images_or_profiles() -> None:
         ({"sigma_z_mm": np.nan}, "sigma_z_mm"),
         ({"pitch_mm": -0.1}, "pitch_mm"),
         ({"start_mm": np.inf}, "start_mm"),
+        ({"unit": 0}, "unit = 0: must be 1"),
+        ({"width": 10**6}, "width = 1000000: must be 1"),
         ({"field_of_view_mm": FIELD[:2]}, "three or more"),
         ({"field_of_view_mm": FIELD * np.nan}, "finite"),
         ({"field_of_view_mm": np.column_stack([FIELD[:, 0], FIELD[:, 0]])}, "no area"),
@@ -185,6 +187,10 @@ def test_a_sensor_gives_images_or_profiles() -> None:
 def test_numbers_that_are_no_profile_sensor_are_refused(values: dict[str, object], message: str) -> None:
     with pytest.raises(InputError, match=message):
         ProfileOutput(**values)  # type: ignore[arg-type]
+
+
+def test_counts_of_a_profile_sensor_are_taken_to_their_ends() -> None:
+    assert (ProfileOutput(unit=1, width=999_999).unit, ProfileOutput(width=999_999).width) == (1, 999_999)
 
 
 def test_standard_deviations_by_name_are_a_diagonal_covariance() -> None:
@@ -270,8 +276,9 @@ def test_points_of_unequal_columns_are_refused() -> None:
     assert len(SurfacePoints.empty()) == len(AxisPoints.empty()) == 0
     with pytest.raises(InputError, match="2 points need"):
         replace(SurfacePoints.empty(), score=np.ones(2))
-    with pytest.raises(InputError, match="flags"):
-        AxisPoints(("A",), np.zeros(1, dtype=np.intp), np.zeros((1, 2)), np.zeros((1, 2, 2)), ())
+    for flag in ((), ("", "")):
+        with pytest.raises(InputError, match=f"{len(flag)} flags for 1 points"):
+            AxisPoints(("A",), np.zeros(1, dtype=np.intp), np.zeros((1, 2)), np.zeros((1, 2, 2)), flag)
 
 
 def test_suggestions_come_only_where_something_is_near() -> None:

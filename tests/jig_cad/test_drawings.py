@@ -15,7 +15,7 @@ from geometry import InputError
 from jig_cad import STRINGS, Balls, Edge, Jig, Plane, Sphere, Wedge, export_target, sample_tolerance
 from jig_cad.drawing import pillar_drawing
 from jig_cad.drawing_targets import target_drawing
-from jig_cad.paper import A3_MM, LETTER_SHARE, dxf_text, svg_text
+from jig_cad.paper import A3_MM, LETTER_SHARE, Paper, dxf_text, svg_text
 
 ATOL_MM = 1e-3
 BALLS = Balls.of({"first": (30, (-40, 0, 0)), "second": (30, (40, 0, 0)), "third": (20, (0, 50, 10))})
@@ -104,3 +104,28 @@ def test_the_ending_chooses_the_format(tmp_path: Path) -> None:
     lines = Jig.of_lines({"a": (0, 0, 0), "b": (90, 5, 20)}, {"left": ("a", "b")})
     with pytest.raises(InputError, match="needs a triangular pillar"):
         export_target(lines, tmp_path / "lines.svg")
+
+
+def test_notes_point_at_what_they_speak_of(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The tip of every note of a jig's drawing is on a line of a part to a hundredth of a millimetre of paper."""
+    tips: list[tuple[np.ndarray, str]] = []
+    leader = Paper.leader
+
+    def noted(paper: Paper, tip: np.ndarray, knee: np.ndarray, text: str) -> None:
+        tips.append((np.asarray(tip), text))
+        leader(paper, tip, knee, text)
+
+    monkeypatch.setattr(Paper, "leader", noted)
+    paper = target_drawing(TARGETS["paper"])
+    assert len(tips) >= 4
+    for tip, text in tips:
+        near = []
+        for s in (s for s in paper.shapes if s.layer not in ("dim", "axis", "frame")):
+            if s.radius:
+                near.append(abs(np.linalg.norm(s.points[0] - tip) - s.radius))
+                continue
+            ends = np.concatenate([s.points, s.points[:1]]) if s.closed else s.points
+            a, b = ends[:-1], ends[1:]
+            along = np.clip(np.sum((tip - a) * (b - a), axis=1) / np.maximum(np.sum((b - a) ** 2, axis=1), 1e-12), 0, 1)
+            near.append(np.linalg.norm(tip - a - along[:, None] * (b - a), axis=1).min())
+        assert min(near) < 0.01, text

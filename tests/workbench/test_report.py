@@ -19,7 +19,7 @@ from workbench.cell import observe, solve
 from workbench.files import read_cell
 from workbench.report import scene_object
 
-ATOL_ON_STRING_MM = 1.0  # of an emulated recording's points, by the solved chain
+ATOL_ON_STRING_MM = 0.3  # of an emulated recording's points, by the solved chain: four times their rms
 
 
 def test_the_report_stands_alone(cli: Cli, dataset: Path, tmp_path: Path) -> None:
@@ -92,7 +92,7 @@ def test_a_fixed_sensor_stands_and_the_hand_carries_the_target(recording: Path) 
 
 
 def test_the_scene_s_points_lie_on_its_targets(recording: Path) -> None:
-    """Measured points in the base are within a millimetre of a string of their location."""
+    """Measured points in the base are on a string of their location."""
     cell = read_cell(recording)
     scene = scene_object(cell, solve(cell, observe(cell)))
     lines = {t["location"]: np.array(t["lines"]) for t in scene["targets"]}

@@ -43,10 +43,11 @@ def answer_object(
             "plane_rms_mm": v.plane_rms_mm,
             "left_out_reprojection_rms_px": v.left_out_px,
             "left_out_plane_rms_mm": v.left_out_mm,
+            "T_camera_board": None if v.T_camera_board is None else v.T_camera_board.matrix,
         }
         for v in result.views
     ]
-    nothing = {"used": False, "reprojection_rms_px": None, "plane_rms_mm": None}
+    nothing = {"used": False, "reprojection_rms_px": None, "plane_rms_mm": None, "T_camera_board": None}
     views += [{"view": name, "reason": reason} | nothing for name, reason in lost]
     return {
         "n_views": result.n_views,
