@@ -35,7 +35,7 @@ ENOUGH = 0.92
 PATIENCE_S = 90.0  # of tests a mutant, as they took when nothing was wrong
 SLOWER = 6.0  # times what they took: beyond it a mutant has made something endless
 EQUAL = ("ReplaceComparisonOperator_Is_Eq", "ReplaceComparisonOperator_IsNot_NotEq")
-FAILED = (1, 2)  # pytest's exit codes where a test failed, or a mutant broke the tests' imports
+FAILED = (1, 2, 4)  # pytest's exit codes where a test failed, or a mutant broke the imports of the tests
 BROKEN = 70  # what else ends a run of tests is a fault of this program
 MAP = "COVERED_LINES"  # environment: where the run of all tests writes its map
 

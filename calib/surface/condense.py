@@ -95,7 +95,7 @@ def _points_of(axis: AxisPoints, name: str) -> Index:
     count = axis.label.count(name)
     if count in (0, len(axis)):
         return np.arange(count)
-    return np.array([k for k, label in enumerate(axis.label) if label == name], dtype=np.intp)
+    return np.flatnonzero(np.fromiter(map(name.__eq__, axis.label), dtype=bool, count=len(axis)))
 
 
 def _nodes(axis: AxisPoints, curves: Mapping[str, _Curve], factor: float) -> AxisPoints:

@@ -53,7 +53,8 @@ def extract(
     config
         Settings; the defaults where None.
     remark
-        Told in a sentence each what a limit of number left out, and which setting holds it.
+        Told in a sentence each what a limit of number left out, and which setting holds it; and where dots lie too near
+        to each other to be found.
 
     Returns
     -------
@@ -73,7 +74,7 @@ def extract(
     config = config or ExtractionConfig()
     result = _extract(image, sensor, config)
     if remark is not None:
-        for sentence in left_out(result.candidates, config):
+        for sentence in left_out(result.prepared, result.candidates, config):
             remark(sentence)
     return result.points
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, get_args
 
+import numpy as np
 import pytest
 from pydantic import BaseModel
 
@@ -66,3 +68,20 @@ def test_every_verdict_is_described() -> None:
     from calib.result import Code
 
     assert set(get_args(Code)) <= WORDS
+
+
+def test_defaults_of_the_emulators_keys_are_those_of_the_page() -> None:
+    """Where the page gives a number, a list of numbers, true or false; words are not compared."""
+    told = 0
+    page = (Path(__file__).parents[2] / "docs" / "formats.md").read_text(encoding="utf-8")
+    config = EmulatorConfig()
+    for section, row in re.findall(r"^\| `\[(\w+)\]` \|(.*)\|$", page, re.MULTILINE):
+        part = getattr(config, section, None)
+        for key, text in re.findall(r"`(\w+)` \(([^)`]*)\)", row):
+            plain = text.replace(",", "") if re.fullmatch(r"\d{1,3}(,\d{3})+", text) else text
+            if not hasattr(part, key) or not re.fullmatch(r"true|false|-?[\d.]+|\[[-\d., ]+\]", plain):
+                continue
+            default, said = getattr(part, key), json.loads(plain)
+            assert np.all(np.asarray(default, dtype=float) == np.asarray(said, dtype=float)), (section, key)
+            told += 1
+    assert told >= 12

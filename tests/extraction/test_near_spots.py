@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from extraction import ExtractionConfig, SpotNoiseConfig, extract
+from extraction import ExtractionConfig, SpotNoiseConfig, extract, extract_stages
 from extraction.noise import PixelNoise
 from extraction.spots.fit import PLACE, Window, Windows
 from extraction.spots.model import SPOT, Spot
@@ -113,3 +113,16 @@ def test_one_grainy_spot_is_no_flat_top():
         spots[name] = value
     flat_topped(Windows(grey, np.ones(grey.shape, dtype=np.bool_)), place, spots, out)
     assert np.mean(out) < 0.1
+
+
+@pytest.mark.parametrize(("pitch", "told"), [(12, True), (60, False)])
+def test_a_grid_too_fine_to_be_found_is_said(pitch, told):
+    rng, (y, x) = np.random.default_rng(8), np.mgrid[:HEIGHT, :WIDTH].astype(float)
+    off = [(axis + pitch / 2) % pitch - pitch / 2 for axis in (x, y)]
+    mean = 10 + 120 * np.exp(-0.5 * (off[0] ** 2 + off[1] ** 2) / SIGMA_PX**2)
+    image = np.clip(np.round(mean + rng.normal(0, 1, mean.shape) * np.sqrt(0.03 * mean + 0.6)), 0, 255).astype(np.uint8)
+    remarks = []
+    points = extract(image, SENSOR, remark=remarks.append)
+    assert any("full of light" in text for text in remarks) == told
+    assert ("full of light" in extract_stages(image, SENSOR).reason) == told
+    assert (len(points) > 0) != told

@@ -46,6 +46,14 @@ def test_the_fixed_pattern_is_the_cameras_own() -> None:
     assert abs(correlation) < 0.01
 
 
+def test_noise_hangs_on_all_bits_of_its_key() -> None:
+    """Keys that share their low or their high half give images as unlike as any others."""
+    keys = (5, 5 + 2**32, 5 + 2**63, 5 + 2**31)
+    images = [flats(400.0, 1, key, prnu=0.0, dsnu_e=0.0)[0].ravel() for key in keys]
+    correlation = np.corrcoef(images) - np.eye(len(keys))
+    assert np.abs(correlation).max() < 6 / np.sqrt(images[0].size)
+
+
 @pytest.mark.parametrize("bits", [8, 12])
 @pytest.mark.parametrize("black", [0.0, 10.0])
 def test_pixels_without_light_are_noisy_as_all_others(bits: int, black: float) -> None:

@@ -125,4 +125,5 @@ def _metric(raw: Array, axis: str, settings: dict[tuple[str, str], float], sourc
     mark = of("invaliddatavalue", float("nan"))
     flagged = of("invaliddataflag", 1.0 if np.isfinite(mark) else 0.0) > 0
     missing = (raw == mark) if flagged and np.isfinite(mark) else np.zeros(raw.shape, dtype=bool)
-    return np.where(missing, np.nan, raw * scale + offset)
+    with np.errstate(over="ignore", invalid="ignore"):  # what overflows is refused as no length
+        return np.where(missing, np.nan, raw * scale + offset)
