@@ -97,8 +97,8 @@ def untaken_note(tilt: UntakenTilt | None) -> list[str]:
     angles = f"by {x:.2f} ± {sx:.2f}° about x and {y:.2f} ± {sy:.2f}° about y"
     if tilt.probability > 0.5:
         return [
-            f"the chip is taken to stand upright, for a tilt does not make the errors of left-out views smaller; were they "
-            f"independent, a tilt ({angles}) would be likelier, and every σ holds it: tilt the board more"
+            "the chip is taken to stand upright, for a tilt does not make the errors of left-out views smaller; were "
+            f"they independent, a tilt ({angles}) would be likelier, and every σ holds it: tilt the board more"
         ]
     return [
         f"the chip is taken to stand upright; the views leave a chance of {100 * tilt.probability:.0f} % that it is "
