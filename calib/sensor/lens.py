@@ -52,14 +52,14 @@ def undistort(camera: Array, uv: Array, start: Array | None = None) -> Mapped:
 
 
 @dataclass(frozen=True, eq=False)
-class Rays:
+class PinholeRays:
     """Ideal normalised coordinates (N, 2) of pixels, and their Jacobian by the pixel (N, 2, 2)."""
 
     value: Array
     by_point: Array
 
 
-def rays(camera: Array, uv: Array, start: Array | None = None) -> Rays:
+def rays(camera: Array, uv: Array, start: Array | None = None) -> PinholeRays:
     """As ``undistort``, without the Jacobian by the camera."""
     focal = camera[:2]
     goal = (uv - camera[2:4]) / focal
@@ -75,7 +75,7 @@ def rays(camera: Array, uv: Array, start: Array | None = None) -> Rays:
     with np.errstate(all="ignore"):
         back = _inverse2(focal[:, None] * by_xy)
         lost = ~(np.max(np.abs((seen - goal) * focal), axis=1) < 1e-6)
-    return Rays(np.where(lost[:, None], np.nan, xy), np.where(lost[:, None, None], np.nan, back))
+    return PinholeRays(np.where(lost[:, None], np.nan, xy), np.where(lost[:, None, None], np.nan, back))
 
 
 def _distort(xy: Array, k: Array) -> tuple[Array, Array]:

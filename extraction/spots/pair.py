@@ -33,7 +33,7 @@ from extraction.spots.two import (
     START_PX2,
     TERMS,
     A,
-    RefusedPeak,
+    NearPeak,
     TwoSpots,
     U,
     V,
@@ -47,7 +47,7 @@ Array = NDArray[np.float64]
 NEAREST = 1.1  # full widths at half maximum, below which two are reported as one: what 1.2 measure at least
 FARTHEST = 4.0  # full widths, beyond which a refused peak is no neighbour: the bells do not overlap
 LONGEST_PX = 9.0  # σ along a single fit, beyond which it is a piece of stripe: two of 3 px, 2 full widths apart, have 8
-NO_PEAK = RefusedPeak(0.0, 0.0, 0.0)
+NO_PEAK = NearPeak(0.0, 0.0, 0.0)
 
 
 class Cut(NamedTuple):
@@ -136,7 +136,7 @@ def _fit(cut: Cut, spots: LocalisedSpots, candidates: Candidates, k: int, m: int
     peak = NO_PEAK
     if m >= 0:
         u, v = candidates.peak_uv_px[m].tolist()
-        peak = RefusedPeak(u - cut.left, v - cut.top, float(candidates.height_dn[m]))
+        peak = NearPeak(u - cut.left, v - cut.top, float(candidates.height_dn[m]))
     stands, pair = fit_two(cut.window, one, peak, noise_of(fits.noise[k]))
     return pair if stands else None
 

@@ -46,7 +46,7 @@ TERMS = 10
 U, V, HEIGHT, A, H, C, LEVEL = (0, 3), (1, 4), (2, 5), 6, 7, 8, 9
 
 
-class RefusedPeak(NamedTuple):
+class NearPeak(NamedTuple):
     """A refused peak that may be the second spot: place in the window [px], height [DN]; none of no height."""
 
     u: float
@@ -123,7 +123,7 @@ def flat_topped(windows: Windows, place: Records, spots: Records, out: Mask) -> 
 
 
 @kernel
-def fit_two(window: Window, one: Spot, near: RefusedPeak, law: PixelNoise) -> tuple[bool, TwoSpots]:
+def fit_two(window: Window, one: Spot, near: NearPeak, law: PixelNoise) -> tuple[bool, TwoSpots]:
     """The better joint fit from two starts, and whether it stands: one spot does not explain the window as well.
 
     one: the single fit, seen from this window.
@@ -178,7 +178,7 @@ def _covariance_of(spot: Spot) -> tuple[float, float, float]:
 
 
 @kernel
-def _along_the_axis(base: Spot, near: RefusedPeak) -> Array:
+def _along_the_axis(base: Spot, near: NearPeak) -> Array:
     """A start: two along one spot's long axis; the second is the one nearer to the peak where there is one."""
     uu, uv, vv = _covariance_of(base)
     cosine, sine, along = long_axis(base)
@@ -195,7 +195,7 @@ def _along_the_axis(base: Spot, near: RefusedPeak) -> Array:
 
 
 @kernel
-def _from_the_peak(one: Spot, near: RefusedPeak) -> Array:
+def _from_the_peak(one: Spot, near: NearPeak) -> Array:
     """A start: the single spot, narrowed where it is long, and the peak."""
     uu, uv, vv = _covariance_of(one)
     middle, tilt = 0.5 * (uu + vv), 0.5 * (uu - vv)

@@ -8,7 +8,7 @@ from extraction import ExtractionConfig, SpotNoiseConfig, extract, extract_stage
 from extraction.noise import PixelNoise
 from extraction.spots.fit import PLACE, Window, Windows
 from extraction.spots.model import SPOT, Spot
-from extraction.spots.two import RefusedPeak, fit_two, flat_topped, full_widths_apart
+from extraction.spots.two import NearPeak, fit_two, flat_topped, full_widths_apart
 from tests.extraction.spots import make_sensor
 
 WIDTH, HEIGHT, FINE, SIGMA_PX = 160, 128, 5, 1.3
@@ -94,7 +94,7 @@ def test_the_joint_fit_is_that_of_another_solver():
     other = least_squares(lambda q: (mean(q) - grey).ravel(), truth, xtol=1e-12, ftol=1e-12).x
     one = Spot(11.0, 9.0, 110.0, 0.2, 0.0, 0.5, 12.0, 0.0, 0.0)
     window = Window(grey, np.ones(grey.shape, dtype=np.bool_))
-    stands, found = fit_two(window, one, RefusedPeak(14.0, 10.0, 65.0), PixelNoise(4.0, 0.0, 0.0, 0.0))
+    stands, found = fit_two(window, one, NearPeak(14.0, 10.0, 65.0), PixelNoise(4.0, 0.0, 0.0, 0.0))
     assert stands
     assert np.abs(found.q - other).max() < 1e-2 * np.abs(other).max()
     assert np.abs(found.q[[0, 1, 3, 4]] - other[[0, 1, 3, 4]]).max() < 2e-3  # a hundredth of σ

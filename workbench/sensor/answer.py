@@ -94,10 +94,15 @@ def untaken_note(tilt: UntakenTilt | None) -> list[str]:
     if tilt is None:
         return []
     (x, y), (sx, sy) = np.rad2deg(tilt.tau_rad), np.rad2deg(tilt.sigma_rad)
-    chance = f"{100 * tilt.probability:.0f} %"
+    angles = f"by {x:.2f} ± {sx:.2f}° about x and {y:.2f} ± {sy:.2f}° about y"
+    if tilt.probability > 0.5:
+        return [
+            "the chip is taken to stand upright, for a tilt does not make the errors of left-out views smaller; were "
+            f"they independent, a tilt ({angles}) would be likelier, and every σ holds it: tilt the board more"
+        ]
     return [
-        f"the chip is taken to stand upright; the views leave a chance of {chance} that it is tilted "
-        f"(by {x:.2f} ± {sx:.2f}° about x and {y:.2f} ± {sy:.2f}° about y), which every σ holds: tilt the board more"
+        f"the chip is taken to stand upright; the views leave a chance of {100 * tilt.probability:.0f} % that it is "
+        f"tilted ({angles}), which every σ holds: tilt the board more"
     ]
 
 
