@@ -28,7 +28,6 @@ def _check(seed: int, cells: int) -> None:
 
 
 def test_exact_points_give_the_exact_scp() -> None:
-    """A thousand cells: what fails in one of three hundred is seen with 96 %; the slow test sees one of three thousand."""
     _check(1, 1000)
 
 
