@@ -15,6 +15,9 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 NEARLY_WHOLE = 0.98  # of the radius: a section as large tells hardly how far off the middle it was cut
+_LARGER = (
+    0.04  # of the radius squared, by which sections may be larger than the ball: 2 % of their radius
+)
 
 
 def described(target: Surface, T_base_target: Pose, sensors_mm: Array) -> dict[str, object]:
@@ -74,10 +77,12 @@ def section_depths(frames: Sequence[Frame], Ts_base_sensor: Pose, T_base_target:
 def section_share(frames: Sequence[Frame], radius: float) -> float | None:
     """How far beside its centre frames cut a ball of this radius, root mean square over it, by the sections' radii.
 
-    It needs no sensor centre position, and the radii's noise cancels out. None where no frame has the nodes of one.
+    It needs no sensor centre position, and the radii's noise cancels out. None where no frame has the nodes of one, and
+    where the sections are larger than any of this ball.
     """
     radii = [c[1] for f in frames if (c := _circle(f)) is not None]
-    return float(np.sqrt(max(0.0, np.mean(1 - np.square(np.array(radii) / radius))))) if radii else None
+    share = float(np.mean(1 - np.square(np.array(radii) / radius))) if radii else -np.inf
+    return None if share < -_LARGER else float(np.sqrt(max(0.0, share)))
 
 
 def _circle(f: Frame) -> tuple[Array, float] | None:

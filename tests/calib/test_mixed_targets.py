@@ -34,7 +34,8 @@ def test_one_term_or_two_give_one_answer() -> None:
     assert two.T_hand_sensor is not None
     np.testing.assert_allclose(two.T_hand_sensor.matrix, one.T_hand_sensor.matrix, rtol=0, atol=ATOL_MM)
     assert one.covariance is not None
-    np.testing.assert_allclose(two.covariance, one.covariance, rtol=0, atol=ATOL_MM)
+    # the sizes of a single jig are suspects as well, so improbable that σ hardly moves
+    np.testing.assert_allclose(two.covariance, one.covariance, rtol=1e-3, atol=ATOL_MM)
     assert two.verdict.code == one.verdict.code
     for name, location in one.locations.items():
         assert two.locations[name].point_rms_mm.solved == pytest.approx(location.point_rms_mm.solved, abs=ATOL_MM)
