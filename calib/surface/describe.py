@@ -15,9 +15,7 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 NEARLY_WHOLE = 0.98  # of the radius: a section as large tells hardly how far off the middle it was cut
-_LARGER = (
-    0.04  # of the radius squared, by which sections may be larger than the ball: 2 % of their radius
-)
+_LARGER = 0.04  # of the radius squared, by which sections may be larger than the ball: 2 % of their radius
 
 
 def described(target: Surface, T_base_target: Pose, sensors_mm: Array) -> dict[str, object]:
