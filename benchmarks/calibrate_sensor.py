@@ -126,7 +126,8 @@ def mapping(
         freedom = float(np.trace(power) ** 2 / np.trace(power @ power))
     else:
         bound_square = freedom = np.nan
-    stated = _stated(s.uncertainty.covariance, s.terms, camera, plane, uv)
+    terms = tuple(s.uncertainty.parameters[4:-3])  # those considered, too
+    stated = _stated(s.uncertainty.covariance, terms, camera, plane, uv)
     stated_square = float(np.sum((stated[0] @ stated[1]) * stated[0])) / len(uv)
     return float(error @ error) / len(uv), bound_square, stated_square, freedom
 
