@@ -1,4 +1,4 @@
-"""Order statistics inside kernels: the k-th smallest of some values, without sorting them."""
+"""Order statistics and equal values inside kernels: the k-th smallest without sorting, where a number stands."""
 
 from __future__ import annotations
 
@@ -72,3 +72,14 @@ def median_of(values: NDArray[Any], start: int, stop: int) -> float:
     for i in range(start, stop):
         own[i - start] = values[i]
     return median(own)
+
+
+@kernel
+def positions_of(values: NDArray[np.integer[Any]], wanted: int, out: NDArray[np.int64]) -> int:
+    """Where ``values`` (N,) are ``wanted``, in order, into the first of ``out`` (N,); how many there are."""
+    n = 0
+    for i in range(len(values)):
+        if values[i] == wanted:
+            out[n] = i
+            n += 1
+    return n

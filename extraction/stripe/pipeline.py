@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from extraction.config import StripeConfig
 from extraction.image import check_image
 from extraction.noise import PixelNoise
-from extraction.order import kth_smallest
+from extraction.order import kth_smallest, positions_of
 from extraction.sheet import image_to_sheet, propagate, sheet_table
 from extraction.stripe.find import Found, find
 from extraction.stripe.places import Places
@@ -217,11 +217,7 @@ def _expect(
     for k in all_stripe:
         stripes = max(stripes, k + 1)
     for k in range(stripes):
-        n = 0
-        for i in range(len(section)):
-            if stripe[i] == k:
-                own[n] = i
-                n += 1
+        n = positions_of(stripe, k, own)
         if n == 0:
             continue
         size = min(_STEADY, n)

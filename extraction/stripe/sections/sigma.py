@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from extraction.linalg import Symmetric4, Vector4, factor4, solve4
-from extraction.order import median, median_of
+from extraction.order import median, median_of, positions_of
 from extraction.stripe.sections.model import SINGULAR, Records
 from geometry.compiled import kernel
 
@@ -63,11 +63,7 @@ def true_sigma(places: SigmaPlaces, fits: Records) -> float:
         stripes = max(stripes, stripe[i] + 1)
     short, own = np.zeros(stripes, np.bool_), np.empty(len(stripe), np.int64)
     for k in range(stripes):
-        n = 0
-        for i in range(len(stripe)):
-            if stripe[i] == k:
-                own[n] = i
-                n += 1
+        n = positions_of(stripe, k, own)
         if n == 0:
             continue
         at, centre, variance = np.empty(n, np.int64), np.empty(n), np.empty(n)
