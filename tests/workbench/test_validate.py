@@ -96,7 +96,7 @@ def test_bound_of_a_gaussian_spot(sigma: float) -> None:
 
 
 def test_the_best_ratio_is_what_a_filter_of_the_own_shape_reaches() -> None:
-    """The filter's answer over many noises against its scatter without a spot: a Monte Carlo of what the formula says."""
+    """The filter's answer over many noises against its scatter without a spot: the formula by Monte Carlo."""
     rng = np.random.default_rng(3)
     v, u = np.mgrid[:61, :61]
     spot = np.exp(-0.5 * ((u - 30.0) ** 2 + (v - 30.0) ** 2) / 1.4**2)

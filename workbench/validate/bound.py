@@ -1,4 +1,4 @@
-"""What the camera's noise allows, from a noise-free image: the bound of a spot's position, and whether it can be seen."""
+"""What the camera's noise allows, of a noise-free image: how well a spot is placed, and whether it can be seen."""
 
 from __future__ import annotations
 

@@ -1,11 +1,12 @@
-"""Commands killed or interrupted at random moments, then run again: every command that writes or runs long.
+"""Every command at bad moments: killed or interrupted, on a full disk, where it may not write, short of memory, twice.
 
-A fault is: another exit code than 130 after Ctrl-C, a traceback, a file under its own name that the undisturbed run
-does not know so, a process that lives on, a second run that refuses or gives other bytes than an undisturbed one.
+A fault of a kill is another exit code than 130 after Ctrl-C, a traceback, a file under its own name that the
+undisturbed run does not know so, a process that lives on, a second run that refuses or gives other bytes.
 Most commands are forked from a process that has the modules in memory, so that nearly all of their time is work;
 one in five is started as a user starts it, so that the moment may fall into imports. Moments are counted in the
-command's own processor time where it is one process, so that a busy machine changes nothing.
-Run: python benchmarks/kills.py [kills, default 30] [seed]; `bad_files.py` runs them among its other parts.
+command's own processor time where it is one process, so that a busy machine changes nothing. In a corner it has to
+answer or to say one sentence, with nothing half written, and once out of it to give what it always gives.
+Run: python benchmarks/bad_moments.py [kills, default 30] [seed]; `bad_files.py` runs them among its other parts.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import io
 import json
 import os
 import re
+import resource
 import shutil
 import signal
 import subprocess
@@ -23,7 +25,8 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -31,13 +34,16 @@ import numpy as np
 
 ROOT = Path(__file__).resolve().parents[1]
 STARTED = 0.2  # share of the kills that start a fresh interpreter
+FULL_BYTES = 3000  # of a file: all but the smallest meet a full disk
+LITTLE_BYTES = (8 * 2**20, 60 * 2**20)  # of memory beyond what the modules take
 LIVES_ON_S = 15.0  # after which a process of a command that has ended is a fault
 ENDLESS_S = 3.0  # a window or a watch is ended within so long
 PACKAGES = ("geometry", "jig_cad", "perceptron_emu", "extraction", "calib", "workbench")
 PRELOADED = (
     "cv2", "dask", "distributed", "joblib", "matplotlib.figure", "matplotlib.backends.backend_agg",
-    "matplotlib.backends.backend_svg", "numba", "optuna", "pyarrow.parquet", "pandas", "scipy.optimize", "scipy.spatial",
-    "skimage.measure", "trimesh", "jinja2", "bokeh.plotting", "panel", "scipy.stats", "pydantic", "rich.progress",
+    "matplotlib.backends.backend_svg", "numba", "optuna", "pyarrow.parquet", "pandas", "scipy.optimize",
+    "scipy.spatial", "skimage.measure", "trimesh", "jinja2", "bokeh.plotting", "panel", "scipy.stats",
+    "pydantic", "rich.progress",
 )  # fmt: skip
 
 
@@ -66,9 +72,19 @@ class Ended:
     wall_s: float
 
 
-def kill(folder: Path, count: int, seed: int) -> list[str]:
-    """Kill ``count`` times over all commands, the dear ones least often; print the counts; the faults."""
-    folder = folder / "kills"
+@dataclass(frozen=True)
+class Undisturbed:
+    """All commands and what each leaves and says when nothing is wrong; an endless one leaves nothing."""
+
+    folder: Path
+    commands: dict[str, Command]
+    whole: dict[str, tuple[dict[str, str], Ended]]
+    faults: list[str]
+
+
+def undisturbed(folder: Path) -> Undisturbed:
+    """Make the input in a folder and run every command once."""
+    folder = folder / "moments"
     folder.mkdir()
     commands = all_commands(folder)
     runner = Runner(folder)
@@ -84,13 +100,22 @@ def kill(folder: Path, count: int, seed: int) -> list[str]:
             faults.append(f"{name}: undisturbed it ends with {ended.code}, {ended.text[-300:]!r}")
         commands[name] = replace(command, cpu_s=ended.cpu_s, wall_s=ended.wall_s)
         whole[name] = digest(out), ended
+    runner.close()
+    return Undisturbed(folder, commands, whole, faults)
+
+
+def kill(known: Undisturbed, count: int, seed: int) -> list[str]:
+    """Kill ``count`` times over all commands, the dear ones least often; print the counts; the faults."""
+    commands, folder = known.commands, known.folder
+    runner = Runner(folder)
+    faults: list[str] = []
     counts: Counter[str] = Counter()
     drawn = _shares(commands, count)
     rng = np.random.default_rng([seed, 1])
     rng.shuffle(drawn)
     start = time.perf_counter()
     for i, name in enumerate(drawn):
-        found, how = _killed(runner, commands[name], whole.get(name), folder / f"killed{i}", rng)
+        found, how = _killed(runner, commands[name], known.whole.get(name), folder / f"killed{i}", rng)
         faults += [f"kill {i}, seed {seed}, {name}, {how}: {fault}" for fault in found]
         for fault in found:
             print(f"  kill {i}, {name}, {how}: {fault}", flush=True)
@@ -101,6 +126,71 @@ def kill(folder: Path, count: int, seed: int) -> list[str]:
     print(f"{len(drawn)} kills of {len(commands)} commands, {len(faults)} faults: ", end="")
     print(", ".join(f"{n} {what}" for what, n in sorted(counts.items())), flush=True)
     return faults
+
+
+def corner(known: Undisturbed) -> list[str]:
+    """Each command on a full disk, where nobody may write, short of memory, and twice at once; the faults."""
+    runner, second = Runner(known.folder), Runner(known.folder, "second")
+    locked = Path("/sys/kernel") if os.geteuid() == 0 else known.folder / "locked"  # root may write against rights
+    if os.geteuid() != 0:
+        locked.mkdir()
+        locked.chmod(0o555)
+    limits = {"full disk": {"file_bytes": FULL_BYTES}} | {
+        f"{more / 2**20:.0f} MiB of memory": {"more_bytes": more} for more in LITTLE_BYTES
+    }
+    faults: list[str] = []
+    counts: Counter[str] = Counter()
+    for name, command in known.commands.items():
+        if command.endless:
+            continue
+        files, ended = known.whole[name]
+        found: list[tuple[str, str]] = []
+        for what, limit in limits.items():
+            out = known.folder / f"{what}, {name}"
+            out.mkdir()
+            cornered = runner.run(_words(command, out), limits=limit)
+            found += [(what, t) for t in _sentence(cornered)]
+            found += [(what, t) for t in _halves(out, files, command.grows)]
+            found += [(what, f"{p} is left") for p in out.rglob("*.part")]
+            counts[f"{what}: {'answered' if cornered.code == ended.code else 'a sentence'}"] += 1
+            if files and cornered.code != ended.code:
+                found += [
+                    (what, t) for t in _second(runner.run(_words(command, out)), out, command.words, (files, ended))
+                ]
+            shutil.rmtree(out)
+        if files:
+            cornered = runner.run(_words(command, locked / "out"))
+            found += [("read-only", t) for t in _sentence(cornered)]
+            found += [("read-only", "it ends with 0")] if cornered.code == 0 else []
+            out = known.folder / f"twice, {name}"
+            out.mkdir()
+            with ThreadPoolExecutor(2) as pool:
+                both = list(pool.map(Runner.run, (runner, second), (_words(command, out),) * 2))
+            found += [("two at once", t) for e in both for t in _sentence(e)]
+            found += [
+                ("two at once", t)
+                for t in _second(runner.run(_words(command, out)), out, command.words, (files, ended))
+            ]
+            counts.update(["read-only", "two at once"])
+            shutil.rmtree(out)
+        faults += [f"{what}, {name}: {text}" for what, text in found]
+        for what, text in found:
+            print(f"  {what}, {name}: {text}", flush=True)
+    runner.close()
+    second.close()
+    print(
+        f"corners, {len(faults)} faults: " + ", ".join(f"{n} {what}" for what, n in sorted(counts.items())), flush=True
+    )
+    return faults
+
+
+def _sentence(ended: Ended) -> list[str]:
+    """What is wrong with how a cornered command ended."""
+    if ended.code in (0, 1, 3):
+        return []
+    said = [line for line in ended.text.splitlines() if "error:" in line]
+    whole = ended.code == 2 and len(said) == 1 and "Traceback" not in ended.text
+    return [] if whole else [f"code {ended.code}, {ended.text[-400:]!r}"]
 
 
 def _shares(commands: dict[str, Command], count: int) -> list[str]:
@@ -128,13 +218,20 @@ def _killed(
     ended = runner.run(words, moment, wall=aside, hard=hard, alone=hard and alone, fresh=fresh)
     signalled = "SIGKILL" if hard else "SIGINT"
     how = f"{signalled}{' alone' if hard and alone else ''} after {moment:.2f} s{', fresh' if fresh else ''}"
-    expected = {0, 1, 3, -signal.SIGKILL} if hard else {0, 1, 3, 130, *((-signal.SIGINT,) if fresh else ())}
+    expected = (
+        {0, 1, 3, -signal.SIGKILL}
+        if hard
+        else {0, 1, 3, 130, *((-signal.SIGINT,) if fresh and "in main" not in ended.text else ())}
+    )
     found = []
-    before_us = ended.code == -signal.SIGINT  # while the interpreter itself starts nobody can look after it
+    # while the interpreter itself starts nobody can look after it
+    before_us = fresh and ended.code in (1, -signal.SIGINT) and "in main" not in ended.text
     if ended.code not in expected or ("Traceback" in ended.text and not before_us):
         found.append(f"code {ended.code}, {ended.text[-400:]!r}")
     if whole is not None:
         found += _halves(out, whole[0], command.grows)
+        if not hard:
+            found += [f"{p} is left" for p in out.rglob("*.part")]
         if any("OUT" in word for word in command.words):  # else nothing is left that could stand in the way
             found += _second(runner.run(words), out, words, whole)
     if alive := runner.living():
@@ -153,7 +250,7 @@ def _halves(out: Path, whole: dict[str, str], grows: str) -> list[str]:
     ][:3]
 
 
-def _second(again: Ended, out: Path, words: list[str], whole: tuple[dict[str, str], Ended]) -> list[str]:
+def _second(again: Ended, out: Path, words: Sequence[str], whole: tuple[dict[str, str], Ended]) -> list[str]:
     """What is wrong with the second run."""
     files, undisturbed = whole
     made = digest(out)
@@ -164,8 +261,7 @@ def _second(again: Ended, out: Path, words: list[str], whole: tuple[dict[str, st
     if made != files:
         other = sorted(n for n in {*made, *files} if made.get(n) != files.get(n))
         return [f"run again it gives other bytes: {', '.join(other[:6])}"]
-    left = sorted(str(p.relative_to(out)) for p in out.rglob("*.part"))
-    return [f"run again leftovers stay: {', '.join(left[:6])}"] if left else []
+    return []
 
 
 def _words(command: Command, out: Path) -> list[str]:
@@ -180,7 +276,12 @@ def digest(folder: Path) -> dict[str, str]:
 def _digests(folder: Path) -> Iterator[tuple[str, str]]:
     for path in folder.rglob("*"):
         name = str(path.relative_to(folder))
-        if path.is_file() and path.suffix != ".part" and "timings" not in name and "shards" not in name:
+        if (
+            path.is_file()
+            and path.suffix not in (".part", ".journal")
+            and "timings" not in name
+            and "shards" not in name
+        ):
             if path.name in ("run.lock", "environment.json"):
                 continue
             content = path.read_bytes().replace(str(folder).encode(), b"OUT")
@@ -190,8 +291,8 @@ def _digests(folder: Path) -> Iterator[tuple[str, str]]:
 class Runner:
     """Runs commands, forked from a process with all modules or freshly started, and kills them when asked."""
 
-    def __init__(self, folder: Path) -> None:
-        self.log = folder / "said.txt"
+    def __init__(self, folder: Path, name: str = "said") -> None:
+        self.log = folder / f"{name}.txt"
         self.sessions: list[int] = []
         self.server = subprocess.Popen(  # noqa: S603 - our own code
             [sys.executable, str(Path(__file__).resolve()), "--serve"],
@@ -213,9 +314,9 @@ class Runner:
 
     def run(
         self, words: list[str], moment: float | None = None, *, wall: bool = False, hard: bool = False,
-        alone: bool = False, fresh: bool = False,
+        alone: bool = False, fresh: bool = False, limits: dict[str, int] | None = None,
     ) -> Ended:  # fmt: skip
-        """Run a command to its end, or for ``moment`` seconds, then kill it."""
+        """Run a command to its end, or for ``moment`` seconds, then kill it; ``limits`` hold for forked ones."""
         start = time.perf_counter()
         started = None
         if fresh:
@@ -226,7 +327,7 @@ class Runner:
                 )  # fmt: skip
             pid = started.pid
         else:
-            self.server.stdin.write(json.dumps({"words": words, "log": str(self.log)}) + "\n")  # type: ignore[union-attr]
+            self.server.stdin.write(json.dumps({"words": words, "log": str(self.log)} | (limits or {})) + "\n")  # type: ignore[union-attr]
             self.server.stdin.flush()  # type: ignore[union-attr]
             pid = int(self._answer())
         self.sessions.append(pid)
@@ -282,7 +383,13 @@ def _processes() -> Iterator[tuple[int, int, str]]:
 
 def environment() -> dict[str, str]:
     """Of a command: this checkout's modules, output at once."""
-    return {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONUNBUFFERED": "1", "MPLBACKEND": "agg"}
+    return {
+        **os.environ,
+        "PYTHONPATH": str(ROOT),
+        "PYTHONUNBUFFERED": "1",
+        "MPLBACKEND": "agg",
+        "SOURCE_DATE_EPOCH": "0",
+    }
 
 
 def serve() -> list[str]:
@@ -311,12 +418,23 @@ def serve() -> list[str]:
             os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
             os.dup2(log, 1)
             os.dup2(log, 2)
+            _limit(asked)
             return list(asked["words"])
         print(pid, file=answers, flush=True)
         sys.stdin.readline()
         _, status, used = os.wait4(pid, 0)
         print(json.dumps((os.waitstatus_to_exitcode(status), used.ru_utime + used.ru_stime)), flush=True)
     sys.exit(0)
+
+
+def _limit(asked: dict[str, int]) -> None:
+    """What a full disk answers to a write, without one; and an address space that is nearly used up."""
+    if "file_bytes" in asked:
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (asked["file_bytes"],) * 2)
+    if "more_bytes" in asked:
+        used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+        resource.setrlimit(resource.RLIMIT_AS, (used + asked["more_bytes"],) * 2)
 
 
 def all_commands(folder: Path) -> dict[str, Command]:
@@ -378,7 +496,7 @@ def _all_commands(folder: Path) -> dict[str, Command]:
             picture = pictured(board, R, t, np.random.default_rng([i, state == "on"]), state)
             write_png(folder / "boards" / f"{i}_{state}.png", picture)
     (folder / "plan.toml").write_text(
-        f"run = 'extract'\nrepeats = 4\nshard_trials = 2\n[base]\nsensor = '{small}'\n"
+        f"run = 'extract'\nrepeats = 4\nshard_trials = 2\n[base]\nsensor.preset = '{small}'\n"
         "[base.poses]\nplans = 1\nlocations = 1\nper_location = 3\n"
     )
     run(["sweep", f"{f}/plan.toml", "--out", f"{f}/run", "--workers", "1"])
@@ -442,10 +560,11 @@ def _all_commands(folder: Path) -> dict[str, Command]:
 
 
 def main() -> None:
-    """Kill, print the counts and the faults; the exit code is 1 where there is one."""
+    """Kill and corner, print the counts and the faults; the exit code is 1 where there is one."""
     count, seed = ([int(a) for a in sys.argv[1:3]] + [30, 0][len(sys.argv[1:3]) :])[:2]
     with tempfile.TemporaryDirectory() as folder:
-        faults = kill(Path(folder), count, seed)
+        known = undisturbed(Path(folder))
+        faults = known.faults + kill(known, count, seed) + corner(known)
     for fault in faults:
         print("FAULT", fault)
     sys.exit(1 if faults else 0)
