@@ -6,7 +6,7 @@ Most commands are forked from a process that has the modules in memory, so that 
 one in five is started as a user starts it, so that the moment may fall into imports. Moments are counted in the
 command's own processor time where it is one process, so that a busy machine changes nothing. In a corner it has to
 answer or to say one sentence, with nothing half written, and once out of it to give what it always gives.
-Run: python benchmarks/bad_moments.py [kills, default 30] [seed]; `bad_files.py` runs them among its other parts.
+Run: python benchmarks/bad_moments.py [kills, default 30] [seed] [0: no corners]; `bad_files.py` runs them, too.
 """
 
 from __future__ import annotations
@@ -561,10 +561,10 @@ def _all_commands(folder: Path) -> dict[str, Command]:
 
 def main() -> None:
     """Kill and corner, print the counts and the faults; the exit code is 1 where there is one."""
-    count, seed = ([int(a) for a in sys.argv[1:3]] + [30, 0][len(sys.argv[1:3]) :])[:2]
+    count, seed, corners = ([int(a) for a in sys.argv[1:4]] + [30, 0, 1][len(sys.argv[1:4]) :])[:3]
     with tempfile.TemporaryDirectory() as folder:
         known = undisturbed(Path(folder))
-        faults = known.faults + kill(known, count, seed) + corner(known)
+        faults = known.faults + kill(known, count, seed) + (corner(known) if corners else [])
     for fault in faults:
         print("FAULT", fault)
     sys.exit(1 if faults else 0)
