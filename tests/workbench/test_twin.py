@@ -99,5 +99,5 @@ def test_the_command_writes_a_sensor_file_and_a_page(cli: Cli, tmp_path: Path, m
 def test_clipped_stripes_are_refused_with_what_to_do() -> None:
     sensor = small_sensor()
     bright = EmulatorConfig.model_validate({"laser": {"power_mw": 120.0}})
-    with pytest.raises(InputError, match="% of the stripes' points have saturated pixels.*shorter exposure"):
+    with pytest.raises(InputError, match=r"% of the stripes' points have saturated pixels.*shorter exposure"):
         fit_twin(stripes(sensor, bright, 2), sensor, EmulatorConfig(), 0, lambda *_: None)
