@@ -128,7 +128,8 @@ def fit_twin(
             break
     twin_sensor, twin_config = sensor_with(place.theta, sensor, config)
     chi2_per_dof = asked.misfit(place) / max(int(np.isfinite(asked.figures - place.figures).sum()) - len(KEYS), 1)
-    keys = fitted(place.theta, covariance)
+    # figures that differ by more than their scatter say how far the emulator is off: σ hold it too (Birge's ratio)
+    keys = fitted(place.theta, covariance * max(1.0, chi2_per_dof))
     return Twin(twin_sensor, twin_config, keys, recorded, place.seen, chi2_per_dof, converged)
 
 
