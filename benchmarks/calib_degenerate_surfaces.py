@@ -2,11 +2,12 @@
 
     python benchmarks/calib_degenerate_surfaces.py [CELLS] [FIRST SEED] [KIND …] [--cured N]
 
-Arms as built, joints that repeat to 0.003°, profiles with noise; with and without a drawing in turn. The first cell of a
-kind has 9 frames at each of its places, the others 5 to 14 at one to three of them (of planes as many as the kind
-names), every third by the controller's hand poses in place of joint readings. refused: no SCP and no σ; named: the words name the cause; advice: they say which poses to add. cured: of N cells a kind, those from which a
-trustworthy answer follows, its squared error below 1 in 10,000 of its own covariance, once the 6 configurations that
-`plan` proposes beside them have been measured, too; it knows the drawing and the places where the target stands.
+Arms as built, joints that repeat to 0.003°, profiles with noise; with and without a drawing in turn. The first cell of
+a kind has 9 frames at each of its places, the others 5 to 14 at one to three of them (of planes as many as the kind
+names), every third by the controller's hand poses in place of joint readings. refused: no SCP and no σ; named: the
+words name the cause; advice: they say which poses to add. cured: of N cells a kind, those from which a trustworthy
+answer follows, its squared error below 1 in 10,000 of its own covariance, once the 6 configurations that `plan`
+proposes beside them have been measured, too; it knows the drawing and the places where the target stands.
 """
 
 from __future__ import annotations
@@ -100,7 +101,8 @@ def main() -> None:
             }
             counts.update(k for k, true in said.items() if true)
             if not all(said.values()):
-                print(f"  seed {seed}, {len(cell.location)} frames: {result.verdict.code}: {result.verdict.text[:160]}", flush=True)
+                text = f"{result.verdict.code}: {result.verdict.text[:160]}"
+                print(f"  seed {seed}, {len(cell.location)} frames: {text}", flush=True)
             if seed < given.first + given.cured:
                 good, words = cures(cell, seed)
                 counts["cured"] += good
