@@ -91,6 +91,11 @@ class Session:
         with self._one_at_a_time:
             return self._outcome(index, configuration, keep=True)
 
+    def warm(self) -> None:
+        """Go through the first image, so that the kernels are there when the page asks for it."""
+        with self._one_at_a_time:
+            self._outcome(0, HashedConfig(self.opened.start, ""), keep=False)
+
     def background_outcome(self, index: int, configuration: HashedConfig) -> ImageAnswer:
         """As `outcome`, but nothing is kept and nobody waits for it."""
         return self._outcome(index, configuration, keep=False)

@@ -86,7 +86,7 @@ export function show() {
   mark();
   running?.abort();
   running = null;
-  refresh();
+  return refresh();
 }
 
 // Ask anew; the time to the picture counts from here, whoever asked.

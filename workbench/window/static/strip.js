@@ -27,10 +27,17 @@ export function addToStrip() {
   $("strip").append(...state.session.images.slice(there).map((image, k) => entry(image, there + k)));
 }
 
+// Small pictures are asked for once the first large one is there.
+let pictured = false;
+export function showThumbnails() {
+  pictured = true;
+  for (const node of $("strip").querySelectorAll("img:not([src])")) node.src = `api/thumbnail/${node.parentNode.dataset.index}`;
+}
+
 const entry = (image, i) => el("button", {
     title: image.name, data: { index: i }, onclick: () => go(i), onkeydown: arrows, tabIndex: i ? -1 : 0,
   },
-  el("img", { src: `api/thumbnail/${i}`, alt: "", loading: "lazy", decoding: "async" }),
+  el("img", { ...(pictured ? { src: `api/thumbnail/${i}` } : {}), alt: "", loading: "lazy", decoding: "async" }),
   el("span", { class: "badge", data: { badge: "" } }, "…"),
   el("span", { class: "name" }, el("b", {}, image.name.split("/").pop()), el("span", {}, image.location)));
 
