@@ -214,7 +214,7 @@ class _Api:
     def watch(self, body: Body) -> Response:
         """The images that came since the page knew ``since`` of them."""
         self.session.take_in()
-        return JSONResponse({"images": self.session.images[max(0, _whole(body, "since")) :]})
+        return JSONResponse({"images": self.session.images(max(0, _whole(body, "since")))})
 
     def calibrate(self, body: Body) -> Response:
         """Start the calibration with these parameters and roles of locations."""
@@ -280,7 +280,7 @@ class _Api:
             outcome = self.session.outcome(self._index(body), configuration)
         if outcome.error:
             raise InputError(outcome.error)
-        frame = self.session.images[outcome.index]["frame"]
+        frame = self.session.images(outcome.index)[0]["frame"]
         return JSONResponse({"csv": points_csv(outcome, frame)})
 
     def open(self, body: Body) -> Response:

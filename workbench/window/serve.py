@@ -42,7 +42,9 @@ def bind(port: int) -> socket.socket:
     return bound
 
 
-def serve(open_: Callable[[], Opened], port: int = 0, open_browser: bool = True, say: Callable[[str], None] = print) -> None:
+def serve(
+    open_: Callable[[], Opened], port: int = 0, open_browser: bool = True, say: Callable[[str], None] = print
+) -> None:
     """Serve until interrupted; ``say`` is given the address, token included.
 
     The folder is opened meanwhile: the page and the browser need not wait for it. What ``open_`` raises is told to the
@@ -56,7 +58,9 @@ def serve(open_: Callable[[], Opened], port: int = 0, open_browser: bool = True,
         server.run(sockets=[bound])
     else:
         with way_in(address) as page:
-            webbrowser.open(page.as_uri())
+            Thread(
+                target=webbrowser.open, args=(page.as_uri(),), name="browser", daemon=True
+            ).start()  # some wait for it
             server.run(sockets=[bound])
     problem = front.inner.exception() if front.inner.done() else None
     if problem is not None:
@@ -64,7 +68,7 @@ def serve(open_: Callable[[], Opened], port: int = 0, open_browser: bool = True,
 
 
 def _open(open_: Callable[[], Opened], front: Front, server: uvicorn.Server, wait_for_page: bool) -> None:
-    """Open the folder behind the page that is shown already, and go through the first image once: kernels are loaded."""
+    """Open the folder behind the page that is shown already; the first image is gone through to load the kernels."""
     try:
         opened = open_()
         from workbench.window.app import make_app
