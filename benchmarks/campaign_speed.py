@@ -104,10 +104,8 @@ def show(run: str, count: int, begin: float, ones: list[Speed], twos: list[Speed
     print(f"  CPU {1000 * cpu:.0f} ms a trial: two free cores would give {2 / cpu:.2f} trials/s")
     print(f"  efficiency {np.median(ratios):.2f} x by the clock ({', '.join(f'{r:.2f}' for r in ratios)})")
     print(f"  efficiency {by_cpu:.2f} x by CPU")
-    print(
-        f"  parent {100 * parent:.1f} % of the workers' CPU, resume {again:.2f} s, start of the server {begin:.1f} CPU-s, "
-        f"of another worker {another_worker(run):.2f}"
-    )
+    print(f"  parent {100 * parent:.1f} % of the workers' CPU, resume {again:.2f} s")
+    print(f"  start of the server {begin:.1f} CPU-s, of another worker {another_worker(run):.2f}")
 
 
 if __name__ == "__main__":
