@@ -16,6 +16,11 @@ _PLANE = {
 
 def accusation(culprit: Culprit) -> str:
     """The sentence that names the number, its row, size and unit, and its file."""
+    if culprit.unit == "times" and culprit.parameter.endswith("joint_sigma_deg"):
+        return (
+            f"the joint readings scatter about {culprit.size:.2g} times more than joint_sigma_deg of [uncertainty] of "
+            f"robot.toml says (evidence {culprit.pull_sigma:.1f} σ): state it as it is"
+        )
     if culprit.unit == "times":
         return (
             f"the errors of the robot's table are about {culprit.size:.2g} times larger than [uncertainty] of "

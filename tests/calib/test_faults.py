@@ -21,6 +21,7 @@ from calib.synthetic.problem import CALIBRATE_ONLY, problem_of, true_candidates
 from geometry import DhRobot, Frame
 from jig_cad import Jig
 
+TABLE_SIGMAS = ("theta_sigma_rad", "d_sigma_mm", "a_sigma_mm", "alpha_sigma_rad")
 NEES_LIMIT = 30.0  # a sound covariance exceeds it in 4 of 100,000 runs
 
 
@@ -136,3 +137,26 @@ def test_a_string_that_is_not_as_thick_as_its_file_says_is_named(stated_mm: floa
         assert result.T_hand_sensor is not None
         assert result.covariance is not None
         assert nees(made.T_hand_sensor, result.T_hand_sensor, result.covariance) < NEES_LIMIT
+
+
+@pytest.mark.parametrize(
+    ("numbers", "named"), [("table", "[uncertainty]"), ("all", "[uncertainty]"), ("joints", "joint_sigma_deg")]
+)
+def test_uncertainty_stated_ten_times_too_small_is_named_and_sigma_hold(numbers: str, named: str) -> None:
+    """σ that are too small in the file, of the table's rows, of readings, or of both; not that factors of 2 are seen."""
+    rng = np.random.default_rng(12)
+    cell = random_cell(rng, CALIBRATE_ONLY)
+    made = made_cell(cell, rng, Noise())
+    observed = observe(cell, made, rng, Noise())
+    u = cell.robot.uncertainty
+    rows = {} if numbers == "joints" else {k: getattr(u, k) / 10 for k in TABLE_SIGMAS}
+    readings = {} if numbers == "table" else {"joint_sigma_rad": u.joint_sigma_rad / 10}
+    robot = replace(cell.robot, uncertainty=replace(u, **rows, **readings))
+    result = calibrated(observed, cell.jig, robot, CalibConfig())
+    assert result.verdict.code == "priors_contradict"
+    (culprit,) = result.culprit
+    assert culprit.parameter.endswith(named)
+    assert 4 < culprit.size < 25
+    assert result.T_hand_sensor is not None
+    assert result.covariance is not None
+    assert nees(made.T_hand_sensor, result.T_hand_sensor, result.covariance) < NEES_LIMIT
