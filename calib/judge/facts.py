@@ -101,11 +101,7 @@ def _floor(solution: Solution, config: CalibConfig) -> Array:
 def _pull(trial: SuspectTrial) -> Pull:
     """A trial in the words and units of files; of several components the length."""
     s = trial.suspect
-    if s.parameter in (UNCERTAINTY, SCATTERED):
-        size = s.per_unit
-    else:
-        length = s.block != "sensor" and len(trial.size) > 1
-        size = s.per_unit * float(np.linalg.norm(trial.size) if length else trial.size[0])
+    size = s.per_unit if s.parameter in (UNCERTAINTY, SCATTERED) else s.of_file(trial.size)
     return Pull(FILE_BLOCK[s.block], s.parameter, s.row, size, s.unit, trial.pull)
 
 

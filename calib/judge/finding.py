@@ -27,7 +27,15 @@ from calib.bundle import (
     explain,
 )
 from calib.config import CalibConfig
-from calib.judge.suspects import LinearEvidence, Suspect, SuspectTrial, evidence_of, grown, suspected_bundle
+from calib.judge.suspects import (
+    MORE_COMPONENTS,
+    LinearEvidence,
+    Suspect,
+    SuspectTrial,
+    evidence_of,
+    grown,
+    suspected_bundle,
+)
 from calib.judge.verdict import REST_SLACK, misfit_limit
 from geometry import Pose, Sensor
 
@@ -109,7 +117,8 @@ def find(
         explained = _explained(relaxed, candidates, solution, config)
         if explained is None:
             continue
-        saved = trial.gain if trial.suspect.parameter == UNCERTAINTY else _gain(solution, explained)
+        more = MORE_COMPONENTS * (len(trial.where) - 1)
+        saved = trial.gain if trial.suspect.parameter == UNCERTAINTY else _gain(solution, explained) - more
         if saved > gain:
             gain, culprit, found = saved, trial, (relaxed, explained)
     whole = _uncertainty(first)

@@ -38,6 +38,8 @@ def accusation(culprit: Culprit) -> str:
 
 def place_of(pull: Pull) -> str:
     """Where a number stands: "a of joint 2 (a_mm of robot.toml)"."""
+    if pull.block == "robot" and pull.parameter.startswith("readings"):
+        return f"the {pull.parameter}, which it turns together: the zero of its encoder, or its column in frames.csv"
     if pull.block == "robot":
         name = pull.parameter.rstrip("0123456789")
         key = f"{_KEYS[name]} of robot.toml" if name in _KEYS else "robot.toml"
