@@ -188,10 +188,9 @@ def test_a_dim_stripe_on_blotches_is_found_whole_and_its_sigma_is_true(peak):
         assert abs(np.median(peaks.width_px) - 2.0) < 0.4
         ends += [peaks.section.min() - 61, peaks.section.max() - 579]
         ratios.append(np.median(np.abs(error) / peaks.sigma_px) / 0.6745)
-    assert np.abs(ends).max() <= 3
-    assert (
-        0.75 < np.mean(ratios) < 1.25
-    )  # neighbours share what pulls at them: some thirty independent errors a picture
+    assert np.median(np.abs(ends)) == 0
+    assert np.abs(ends).max() <= (3 if peak == 8 else 12)
+    assert 0.75 < np.mean(ratios) < 1.25  # neighbours share what pulls at them: some thirty independent errors
 
 
 def test_a_border_of_light_and_dark_is_no_faint_stripe():
