@@ -20,7 +20,7 @@ from calib.bundle.information import (
     scaled,
     scp_covariance,
 )
-from calib.bundle.noise import ROBOT_EVIDENCE, ROBOT_TIMES, given_noise, reweighed
+from calib.bundle.noise import JOINT, JOINT_STATED, POINTS, ROBOT_EVIDENCE, ROBOT_TIMES, given_noise, reweighed
 from calib.bundle.on_target import OnTarget, OnTargetLinearised
 from calib.bundle.problem import Bundle, estimated_parameters, estimates_compliance, estimates_sensor
 from calib.bundle.robust import solve_robust
@@ -31,6 +31,9 @@ from calib.bundle.unknown_mount import free_start, rotation_grid
 
 __all__ = [
     "DISTANCE_SIGMA_MM",
+    "JOINT",
+    "JOINT_STATED",
+    "POINTS",
     "ROBOT_EVIDENCE",
     "ROBOT_TIMES",
     "SEAT_SIGMA_MM",

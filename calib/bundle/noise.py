@@ -30,6 +30,8 @@ _POINT_BOUNDS = (0.5, 2.5)  # factors of a variance beyond which the model, not 
 _JOINT_BOUNDS = (0.01, 9.0)  # of the joints' variance: an arm ten times better or three times worse than stated
 _OWN_BOUNDS = (0.0, 1e4)  # of a share; above 1 the robot's errors are up to a hundred times what the file says
 _LARGER_GAIN = 16.0  # deviance: what a pull of 4 σ gains
+# of the noise: of readings as weighed and as their file has it; of points, over theirs
+JOINT, JOINT_STATED, POINTS = "joint_sigma_deg", "joint_sigma_stated_deg", "point_sigma_factor"
 ROBOT_TIMES, ROBOT_EVIDENCE = "robot_error_times", "robot_error_evidence_sigma"  # of the noise found, where larger
 _OWN_START = 0.1  # share of the robot's variance that is a frame's own, where its search starts
 _MAX_CHI2 = 10.0  # per degree of freedom; beyond this something else than the noise is wrong
@@ -68,9 +70,9 @@ def weigh(bundle: Bundle, result: Result, config: CalibConfig) -> Weighed:
             factors = found if _gain(other, bundle, result) > _CONTRADICTION else factors
     joint = joint_sigma_deg(bundle)
     noise = {
-        "joint_sigma_deg": joint * float(np.sqrt(factors[1])),
-        "joint_sigma_stated_deg": joint,
-        "point_sigma_factor": float(np.sqrt(factors[0])),
+        JOINT: joint * float(np.sqrt(factors[1])) * _hand_noise_times(bundle),
+        JOINT_STATED: joint,
+        POINTS: float(np.sqrt(factors[0])),
         "anchor_sigma_mm": shape_sigma_mm(bundle),
     }
     stated = bundle.with_noise(1.0, min(1.0, factors[1]) * hand)
@@ -88,6 +90,12 @@ def joint_sigma_deg(bundle: Bundle) -> float:
     """The joints' repeatability that robot.toml states [deg], 0 where no table stands behind the readings."""
     robot = bundle.hands.robot
     return float(np.rad2deg(require_arm(robot).dh_part().uncertainty.joint_sigma_rad)) if is_arm(robot) else 0.0
+
+
+def _hand_noise_times(bundle: Bundle) -> float:
+    """How many times the σ that the robot's file gives its readings the problem's hands have, 1 where it gives none."""
+    stated = float(np.sum(np.trace(bundle.hands.noise, axis1=1, axis2=2)))
+    return float(np.sqrt(np.sum(np.trace(bundle.hand_noise, axis1=1, axis2=2)) / stated)) if stated > 0 else 1.0
 
 
 def shape_sigma_mm(bundle: Bundle) -> float:
@@ -180,8 +188,8 @@ def _weigh_inferred(bundle: Bundle, result: Result, config: CalibConfig) -> Weig
         bundle = bundle.knowing(robot=np.sqrt(larger) * bundle.unknowns.block("robot").sigma)
     joint = joint_sigma_deg(bundle)
     noise = {
-        "joint_sigma_deg": joint * float(np.sqrt(factors[0])),
-        "joint_sigma_stated_deg": joint,
+        JOINT: joint * float(np.sqrt(factors[0])),
+        JOINT_STATED: joint,
         "own_robot_error_share": float(min(factors[1], 1.0)),
         "anchor_sigma_mm": shape_sigma_mm(bundle),
     }

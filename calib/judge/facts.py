@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from calib.bundle import ROBOT_EVIDENCE, ROBOT_TIMES, Solution
 from calib.config import CalibConfig
 from calib.engine import Result, covariance
-from calib.judge.finding import UNCERTAINTY, Finding, widened
+from calib.judge.finding import SCATTERED, UNCERTAINTY, Finding, widened
 from calib.judge.identifiability import weak_directions
 from calib.judge.suspects import FILE_BLOCK, SuspectTrial
 from calib.judge.verdict import Contradiction, Facts
@@ -101,11 +101,7 @@ def _floor(solution: Solution, config: CalibConfig) -> Array:
 def _pull(trial: SuspectTrial) -> Pull:
     """A trial in the words and units of files; of several components the length."""
     s = trial.suspect
-    if s.parameter == UNCERTAINTY:
-        size = s.per_unit
-    else:
-        length = s.block != "sensor" and len(trial.size) > 1
-        size = s.per_unit * float(np.linalg.norm(trial.size) if length else trial.size[0])
+    size = s.per_unit if s.parameter in (UNCERTAINTY, SCATTERED) else s.of_file(trial.size)
     return Pull(FILE_BLOCK[s.block], s.parameter, s.row, size, s.unit, trial.pull)
 
 

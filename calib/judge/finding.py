@@ -13,9 +13,30 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.bundle import Bundle, Explained, Solution, answered, estimated_parameters, estimates_sensor, explain
+from calib import engine
+from calib.bundle import (
+    JOINT,
+    JOINT_STATED,
+    POINTS,
+    Bundle,
+    Explained,
+    Solution,
+    answered,
+    estimated_parameters,
+    estimates_sensor,
+    explain,
+)
 from calib.config import CalibConfig
-from calib.judge.suspects import LinearEvidence, Suspect, SuspectTrial, evidence_of, grown, suspected_bundle
+from calib.judge.suspects import (
+    MORE_COMPONENTS,
+    LinearEvidence,
+    Suspect,
+    SuspectTrial,
+    evidence_of,
+    grown,
+    suspected_bundle,
+)
+from calib.judge.verdict import REST_SLACK, misfit_limit
 from geometry import Pose, Sensor
 
 Array = NDArray[np.float64]
@@ -26,12 +47,16 @@ TRIED = 3  # suspects that are solved for anew, those of the largest pulls
 LOOK = 3.2  # a pull from which that is worth while: one sound cell in ten or so has it
 LOOK_CHI2 = 1.3  # and the χ² per degree of freedom from which it is, whatever the pulls
 BEYOND_CHI2 = 300.0  # beyond this no small error of one number is the cause, and nothing that was linearised holds
-TIMES = (3.0, 10.0, 30.0)  # by which [uncertainty] of a robot is tried
+TIMES = (1.0, 2.0, 3.0, 5.0, 7.0, 10.0, 15.0, 20.0, 30.0)  # by which [uncertainty] of a robot is tried
+AT_FIRST = 10.0  # of these, where the noise of the readings has taken up what the table's errors are
+SCATTER = 1.2  # times the stated noise of readings or points from which it may have
+MOST_CHI2 = 30.0  # beyond this it is not the uncertainty of a table or of readings
 EVIDENCE = 4.0  # by which that must be better than one number alone: a likelihood ratio of 7
 WRONG = 0.02  # odds that a number of the files is wrong, before anything is seen: one of some 45 in every other cell
+LIKELY = -2 * float(np.log(WRONG))  # cost saved by which something wrong is likelier than nothing
 COVERED = 3.0  # σ within which the answer lies by whatever the data can not tell from the culprit, likely or not
 POSSIBLE = 1e-4  # a hypothesis less probable than this widens nothing
-UNCERTAINTY = "[uncertainty]"
+UNCERTAINTY, SCATTERED = "[uncertainty]", "[uncertainty] joint_sigma_deg"
 LEFT_OUT = 25.0  # cost of a point that is left out: the gate that it failed
 
 
@@ -42,7 +67,8 @@ class Finding:
     solution: with the culprit's prior widened, where there is one. evidence: about it, its variances those stated.
     trials: of every suspect. culprit, alike: what is wrong, and what the data can not tell from it. rest: the largest
     pull that is left once it is allowed for. allowed (C,): variances with that. prior_cost, prior_expected: squared
-    departures from the stated priors, and what they are expected to be.
+    departures from the stated priors, and what they are expected to be. whole: [uncertainty] of the robot, where it is
+    no culprit and wider priors make the data likelier.
     """
 
     solution: Solution
@@ -54,12 +80,18 @@ class Finding:
     allowed: Array
     prior_cost: float
     prior_expected: float
+    whole: SuspectTrial | None = None
 
     def hypotheses(self) -> list[tuple[SuspectTrial | None, float]]:
         """What could be wrong with its probability, most probable first; None stands for nothing."""
-        odds = [(None, 0.0), *((t, t.support + np.log(WRONG)) for t in self.trials if t.seen)]
-        if self.culprit is not None and self.culprit.suspect.parameter == UNCERTAINTY:
+        if self.culprit is not None and self.culprit.suspect.parameter == SCATTERED:
             return [(self.culprit, 1.0)]
+        odds: list[tuple[SuspectTrial | None, float]] = [(None, 0.0)]
+        odds += [(t, t.support + np.log(WRONG)) for t in self.trials if t.seen]
+        if self.whole is not None:
+            odds.append((self.whole, self.whole.support + np.log(WRONG)))
+        if self.culprit is not None and self.culprit.suspect.parameter == UNCERTAINTY:
+            odds = [(t, t.support) for t in _by_times(self.evidence)]
         top = max(logarithm for _, logarithm in odds)
         weights = [(t, float(np.exp(logarithm - top))) for t, logarithm in odds]
         total = sum(w for _, w in weights)
@@ -78,21 +110,98 @@ def find(
     trials = first.trials()
     gain, culprit, found = config.pull_limit**2, None, None
     every = suspected_bundle(bundle, sensor)
-    for k, trial in enumerate(_tried(first, trials) if _worth_while(solution, trials) else ()):
+    for k, trial in enumerate(_tried(first, trials, solution.explained) if _worth_while(solution, trials) else ()):
         if k >= TRIED and found is not None and _fits(found[1], config):
             break
         relaxed = _relaxed(every, first, trial, config)
         explained = _explained(relaxed, candidates, solution, config)
         if explained is None:
             continue
-        saved = trial.gain if trial.suspect.parameter == UNCERTAINTY else _gain(solution, explained)
+        more = MORE_COMPONENTS * (len(trial.where) - 1)
+        saved = trial.gain if trial.suspect.parameter == UNCERTAINTY else _gain(solution, explained) - more
         if saved > gain:
             gain, culprit, found = saved, trial, (relaxed, explained)
-    plain = _finding(None, solution, first, sensor)
-    if culprit is None or found is None:
-        return plain
-    accused = _finding(culprit, answered(*found, solution.rival, config), first, sensor)
-    return accused if accused.culprit is not None and abs(accused.culprit.pull) > config.pull_limit else plain
+    whole = _uncertainty(first)
+    whole = whole if whole is not None and whole.suspect.per_unit > 1 else None
+    plain = replace(_finding(None, solution, first, sensor), whole=whole)
+    one = plain
+    if culprit is not None and found is not None:
+        accused = _finding(culprit, answered(*found, solution.rival, config), first, sensor)
+        one = accused if accused.culprit is not None and abs(accused.culprit.pull) > config.pull_limit else plain
+    likely = whole is not None and whole.gain > LIKELY
+    if not likely and not _doubtful(one, config) and not _scattered(solution):
+        return one
+    return _uncertain(every, candidates, one, config, sensor) or one
+
+
+def _doubtful(finding: Finding, config: CalibConfig) -> bool:
+    """Whether no σ can be given."""
+    solution = finding.solution
+    limit = misfit_limit(solution.dof, config.misfit_chi2)
+    explains = solution.explained <= limit and finding.rest <= config.pull_limit + REST_SLACK
+    return not explains
+
+
+def _scattered(solution: Solution) -> bool:
+    """Whether readings or points were found to scatter more than stated, which errors of the table may be."""
+    noise = solution.noise
+    readings = noise.get(JOINT, 0.0) > SCATTER * noise.get(JOINT_STATED, np.inf)
+    return readings or noise.get(POINTS, 1.0) > SCATTER
+
+
+@dataclass(frozen=True, eq=False)
+class WiderRobot:
+    """The frames explained with all of the robot's uncertainty wider by the factor of ``trial``."""
+
+    trial: SuspectTrial
+    explained: Explained
+    finding: Finding
+
+
+def _uncertain(
+    every: Bundle, candidates: Sequence[Pose], one: Finding, config: CalibConfig, sensor: Sensor | None
+) -> Finding | None:
+    """[uncertainty] as a whole, where that explains the data and does it better than one number or none."""
+    before = one.solution
+    if not before.every.converged or before.explained > MOST_CHI2:
+        return None
+    stated = replace(one.evidence, variance=every.unknowns.sigma**2)
+    start = _wider(every, candidates, before, stated, AT_FIRST, config, sensor)
+    if start is None:  # the factor is sought by the noise that is left once the table's errors may be large
+        return None
+    w = _wider(every, candidates, before, start.finding.evidence, None, config, sensor)
+    if w is None or not _fits(w.explained, config) or w.finding.rest > config.pull_limit:
+        return None
+    saved = engine.evidence(before.every) - engine.evidence(w.explained.every)
+    same = np.array_equal(w.explained.robust.left_out, before.outlier | before.frame_outlier[:, None])
+    if same and saved < LIKELY:
+        return None
+    accused = w.trial.suspect
+    if accused.per_unit == 1.0:  # the table's errors are as stated, the readings' noise is not
+        noise = w.explained.weighed.noise
+        accused = replace(accused, parameter=SCATTERED, per_unit=noise[JOINT] / noise[JOINT_STATED])
+    return replace(w.finding, culprit=replace(w.trial, suspect=accused, pull=float(np.sqrt(max(saved, LIKELY)))))
+
+
+def _wider(
+    every: Bundle,
+    candidates: Sequence[Pose],
+    before: Solution,
+    stated: LinearEvidence,
+    times: float | None,
+    config: CalibConfig,
+    sensor: Sensor | None,
+) -> WiderRobot | None:
+    """The frames with the robot's uncertainty ``times`` as large, by default as the evidence has it likeliest."""
+    trial = _uncertainty(stated, times)
+    if trial is None:
+        return None
+    relaxed = _relaxed(every, stated, trial, config)
+    explained = _explained(relaxed, candidates, before, config)
+    if explained is None:
+        return None
+    solution = answered(relaxed, explained, before.rival, config)
+    return WiderRobot(trial, explained, _finding(trial, solution, stated, sensor))
 
 
 def _fits(explained: Explained, config: CalibConfig) -> bool:
@@ -109,31 +218,37 @@ def _worth_while(solution: Solution, trials: tuple[SuspectTrial, ...]) -> bool:
     return bool(removed) or largest > LOOK or solution.explained > LOOK_CHI2
 
 
-def _tried(evidence: LinearEvidence, trials: tuple[SuspectTrial, ...]) -> list[SuspectTrial]:
+def _tried(evidence: LinearEvidence, trials: tuple[SuspectTrial, ...], explained: float) -> list[SuspectTrial]:
     """The suspects of the largest pulls, and the robot's stated uncertainty as a whole."""
     single = sorted((t for t in trials if t.seen), key=lambda t: -t.gain)[: TRIED + MORE]
-    whole = _uncertainty(evidence)
+    whole = _uncertainty(evidence) if explained <= MOST_CHI2 else None
     if whole is None:
         return single
     alone = max((evidence.gain(evidence.relaxed(t)) for t in single), default=0.0)
     return [whole, *single] if whole.gain > alone + EVIDENCE else single
 
 
-def _uncertainty(evidence: LinearEvidence) -> SuspectTrial | None:
-    """All priors of the robot wider by a factor, as one suspect whose size is the factor."""
+def _uncertainty(evidence: LinearEvidence, times: float | None = None) -> SuspectTrial | None:
+    """All priors of the robot wider by a factor, as one suspect whose size is the factor; by default the likeliest."""
+    wider = _by_times(evidence, TIMES if times is None else (times,))
+    return max(wider, key=lambda t: t.support) if wider else None
+
+
+def _by_times(evidence: LinearEvidence, factors: tuple[float, ...] = TIMES) -> list[SuspectTrial]:
+    """All priors of the robot wider by each factor; none of joints that follow from hand poses."""
     robot = evidence.bundle.unknowns.block("robot")
     if bool(evidence.bundle.hands.inferred) or not np.any(robot.sigma > 0):
-        return None
+        return []
     where = evidence.bundle.unknowns.indices("robot")
-    gains = {}
-    for times in TIMES:
+    wider = []
+    for times in factors:
         variance = evidence.variance.copy()
         variance[where] *= times**2
-        gains[times] = evidence.gain(variance)
-    times = max(gains, key=lambda t: gains[t])
-    suspect = Suspect("robot", UNCERTAINTY, None, "times", times, np.arange(len(where)), times * robot.sigma)
-    pull = float(np.sqrt(max(gains[times], 0.0)))
-    return SuspectTrial(suspect, where, np.zeros(len(where)), times * robot.sigma, pull, seen=True)
+        gain, sigma = evidence.gain(variance), np.sqrt(variance[where])
+        suspect = Suspect("robot", UNCERTAINTY, None, "times", times, np.arange(len(where)), sigma)
+        pull = float(np.sqrt(max(gain, 0.0)))
+        wider.append(SuspectTrial(suspect, where, np.zeros(len(where)), sigma, pull, seen=True, support=gain / 2))
+    return wider
 
 
 def _explained(
@@ -156,7 +271,10 @@ def _relaxed(bundle: Bundle, evidence: LinearEvidence, trial: SuspectTrial, conf
     if not _estimated(suspect, bundle, config) and suspect.parameter != UNCERTAINTY:
         wide = np.maximum(np.abs(trial.size), sigma[suspect.block][suspect.index])
     sigma[suspect.block][suspect.index] = wide
-    return bundle.knowing(**sigma)
+    wider = bundle.knowing(**sigma)
+    if suspect.parameter != UNCERTAINTY or config.noise == "given":
+        return wider
+    return wider.with_noise(1.0, AT_FIRST**2 * wider.hand_noise)  # of the readings: at most; the residuals tell
 
 
 def _estimated(suspect: Suspect, bundle: Bundle, config: CalibConfig) -> bool:
@@ -222,13 +340,16 @@ def widened(finding: Finding, estimated: Mask, total: Array) -> Array:
         if trial is None and finding.culprit is None:
             continue
         probability = max(posterior, 1 / COVERED**2) if trial in finding.alike else posterior
-        variance = ev.variance.copy()
-        if trial is not None and trial.suspect.parameter != UNCERTAINTY:
-            variance = ev.relaxed(trial)
-        elif trial is not None:
+        if trial is not None and trial.suspect.parameter == SCATTERED:
             continue
+        whole = trial is not None and trial.suspect.parameter == UNCERTAINTY
+        variance = ev.variance.copy()
+        if trial is not None and whole:
+            variance[trial.where] = trial.sigma**2
+        elif trial is not None:
+            variance = ev.relaxed(trial)
         if trial is not None and not np.all(estimated[trial.where]):
-            size = np.sum(trial.size**2) / len(trial.size)
+            size = trial.sigma**2 if whole else np.sum(trial.size**2) / len(trial.size)
             considered[trial.where] += probability * np.maximum(size - allowed[trial.where], 0.0)
             continue
         other = ev.solve(np.where(estimated, variance, 0.0))

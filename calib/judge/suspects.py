@@ -23,7 +23,8 @@ from numpy.typing import NDArray
 from calib.bundle import Bundle, Solution
 from calib.engine import departure, reduced, reduced_gradient, total_normal
 from calib.sensor_errors import SensorErrors
-from geometry import Sensor, State
+from geometry import Sensor, State, require_arm
+from geometry.robot import is_arm
 from geometry.sensor import AGAINST
 from jig_cad import SIZES, Jig, SizedJig
 
@@ -53,6 +54,7 @@ class Suspect:
 
     block: of the unknowns. parameter, row: as files call it, with the joint. unit: of files; per_unit: what turns the
     block's own unit into it. index (k,): in the block. gross (k,): σ of the components if they are wrong.
+    along (k,): what one of the number does to the components, where they are not numbers of their own.
     """
 
     block: str
@@ -62,6 +64,14 @@ class Suspect:
     per_unit: float
     index: Index
     gross: Array
+    along: Array | None = None
+
+    def of_file(self, size: Array) -> float:
+        """The number in its file's unit for components of ``size`` (k,); a length where each is a number by itself."""
+        if self.along is not None:
+            return self.per_unit * float(self.along @ size / (self.along @ self.along))
+        length = self.block != "sensor" and len(size) > 1
+        return self.per_unit * float(np.linalg.norm(size) if length else size[0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -237,7 +247,7 @@ def suspected_bundle(bundle: Bundle, sensor: Sensor | None) -> Bundle:
 
 def suspects_of(bundle: Bundle) -> tuple[Suspect, ...]:
     """Everything in robot, target and sensor that could be wrong."""
-    return (*_of_robot(bundle), *_of_shape(bundle), *_of_sensor(bundle))
+    return (*_of_robot(bundle), *_of_readings(bundle), *_of_shape(bundle), *_of_sensor(bundle))
 
 
 def _of_robot(bundle: Bundle) -> Iterator[Suspect]:
@@ -246,6 +256,23 @@ def _of_robot(bundle: Bundle) -> Iterator[Suspect]:
             gross = max(float(GROSS.get(p.group, GROSS_TIMES * p.sigma)), 3 * p.sigma)
             unit, per = _file_unit(p.unit)
             yield Suspect("robot", p.name, p.joint, unit, per, np.array([i]), np.array([gross]))
+
+
+def _of_readings(bundle: Bundle) -> Iterator[Suspect]:
+    """Joints whose reading turns more than one axis, as where two motors drive a parallelogram: each one's zero."""
+    robot = bundle.hands.robot
+    if not is_arm(robot) or require_arm(robot).dh_part().coupling is None:
+        return
+    arm = require_arm(robot).dh_part()
+    place = {p.joint: i for i, p in enumerate(robot.parameters) if p.group == "theta" and p.sigma > 0}
+    for j, column in enumerate(np.transpose(arm.sign[:, None] * np.asarray(arm.coupling))):
+        turned = [int(i) + 1 for i in np.flatnonzero(column)]
+        if len(turned) > 1 and all(k in place for k in turned):
+            where = np.array([place[k] for k in turned])
+            along = column[np.array(turned) - 1]
+            unit, per = _file_unit("rad")
+            name = f"readings of joint {j + 1} ({', '.join(f'theta{k}' for k in turned)})"
+            yield Suspect("robot", name, j + 1, unit, per, where, np.full(len(where), GROSS["theta"]), along)
 
 
 def _of_shape(bundle: Bundle) -> Iterator[Suspect]:

@@ -16,6 +16,11 @@ _PLANE = {
 
 def accusation(culprit: Culprit) -> str:
     """The sentence that names the number, its row, size and unit, and its file."""
+    if culprit.unit == "times" and culprit.parameter.endswith("joint_sigma_deg"):
+        return (
+            f"the joint readings scatter about {culprit.size:.2g} times more than joint_sigma_deg of [uncertainty] of "
+            f"robot.toml says (evidence {culprit.pull_sigma:.1f} σ): state it as it is"
+        )
     if culprit.unit == "times":
         return (
             f"the errors of the robot's table are about {culprit.size:.2g} times larger than [uncertainty] of "
@@ -33,6 +38,8 @@ def accusation(culprit: Culprit) -> str:
 
 def place_of(pull: Pull) -> str:
     """Where a number stands: "a of joint 2 (a_mm of robot.toml)"."""
+    if pull.block == "robot" and pull.parameter.startswith("readings"):
+        return f"the {pull.parameter}, which it turns together: the zero of its encoder, or its column in frames.csv"
     if pull.block == "robot":
         name = pull.parameter.rstrip("0123456789")
         key = f"{_KEYS[name]} of robot.toml" if name in _KEYS else "robot.toml"

@@ -21,6 +21,7 @@ from calib.synthetic.problem import CALIBRATE_ONLY, problem_of, true_candidates
 from geometry import DhRobot, Frame
 from jig_cad import Jig
 
+TABLE_SIGMAS = ("theta_sigma_rad", "d_sigma_mm", "a_sigma_mm", "alpha_sigma_rad")
 NEES_LIMIT = 30.0  # a sound covariance exceeds it in 4 of 100,000 runs
 
 
@@ -136,3 +137,48 @@ def test_a_string_that_is_not_as_thick_as_its_file_says_is_named(stated_mm: floa
         assert result.T_hand_sensor is not None
         assert result.covariance is not None
         assert nees(made.T_hand_sensor, result.T_hand_sensor, result.covariance) < NEES_LIMIT
+
+
+@pytest.mark.parametrize(
+    ("numbers", "named"), [("table", "[uncertainty]"), ("all", "[uncertainty]"), ("joints", "joint_sigma_deg")]
+)
+def test_uncertainty_stated_ten_times_too_small_is_named_and_sigma_hold(numbers: str, named: str) -> None:
+    """σ that are too small in the file, of the table's rows, of readings, or of both; no proof of factors of 2."""
+    rng = np.random.default_rng(12)
+    cell = random_cell(rng, CALIBRATE_ONLY)
+    made = made_cell(cell, rng, Noise())
+    observed = observe(cell, made, rng, Noise())
+    u = cell.robot.uncertainty
+    rows = {} if numbers == "joints" else {k: getattr(u, k) / 10 for k in TABLE_SIGMAS}
+    readings = {} if numbers == "table" else {"joint_sigma_rad": u.joint_sigma_rad / 10}
+    robot = replace(cell.robot, uncertainty=replace(u, **rows, **readings))
+    result = calibrated(observed, cell.jig, robot, CalibConfig())
+    assert result.verdict.code == "priors_contradict"
+    (culprit,) = result.culprit
+    assert culprit.parameter.endswith(named)
+    assert 4 < culprit.size < 25
+    assert result.T_hand_sensor is not None
+    assert result.covariance is not None
+    assert nees(made.T_hand_sensor, result.T_hand_sensor, result.covariance) < NEES_LIMIT
+
+
+def test_encoder_that_turns_two_axes_is_named_as_one_number() -> None:
+    """As where a parallelogram couples joints 2 and 3: the reading's zero is one number, two rows of the table move."""
+    rng = np.random.default_rng(12)
+    plain = random_cell(rng, CALIBRATE_ONLY)
+    coupling = np.eye(6)
+    coupling[2, 1] = 1.0
+    joints = np.linalg.solve(coupling, plain.joints_rad.T).T
+    cell = replace(plain, robot=replace(plain.robot, coupling=coupling), joints_rad=joints)
+    made = made_cell(cell, rng, Noise())
+    observed = observe(cell, made, rng, Noise())
+    off = float(np.deg2rad(0.6))
+    read = [replace(f, joints_rad=q - off * np.eye(6)[1]) for f in observed.frames if (q := f.joints_rad) is not None]
+    result = calibrated(replace(observed, frames=tuple(read)), cell.jig, cell.robot, CalibConfig())
+    (culprit,) = result.culprit
+    assert culprit.parameter == "readings of joint 2 (theta2, theta3)"
+    assert culprit.row == 2
+    assert abs(culprit.size - 0.6) < 0.15
+    assert result.T_hand_sensor is not None
+    assert result.covariance is not None
+    assert nees(made.T_hand_sensor, result.T_hand_sensor, result.covariance) < NEES_LIMIT

@@ -18,6 +18,7 @@ from geometry import InputError
 from workbench.opened import ImageRequest
 from workbench.window import open_session, settings
 from workbench.window.app import make_app
+from workbench.window.front import Front
 from workbench.window.security import MAX_BODY_BYTES, Gate
 from workbench.window.serve import bind, make_server
 from workbench.window.session import Session
@@ -81,7 +82,8 @@ class Client:
 @pytest.fixture(scope="module")
 def client(cell_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Client:
     out = tmp_path_factory.mktemp("out")
-    return Client(Gate(make_app(Session(open_session(ImageRequest((cell_folder,), out=out)))), TOKEN, PORT))
+    session = Session(open_session(ImageRequest((cell_folder,), out=out)))
+    return Client(Gate(Front.of(make_app(session)), TOKEN, PORT))
 
 
 def test_the_page_itself_is_served_with_its_policy(client: Client) -> None:
@@ -236,7 +238,7 @@ def test_an_image_that_links_out_of_the_folder_is_refused(cell_folder: Path, tmp
     (folder / "images").mkdir(parents=True)
     (folder / "images" / "a.png").symlink_to(cell_folder / "images" / "000.png")
     session = Session(open_session(ImageRequest((folder / "images",), sensor=cell_folder / "sensor.toml")))
-    client = Client(Gate(make_app(session), TOKEN, PORT))
+    client = Client(Gate(Front.of(make_app(session)), TOKEN, PORT))
     status, _, body = client.ask(f"/{TOKEN}/api/image/0")
     assert status == 410
     assert b"leads out" in body
@@ -245,7 +247,7 @@ def test_an_image_that_links_out_of_the_folder_is_refused(cell_folder: Path, tmp
 def test_the_dataset_s_own_files_are_not_overwritten(cell_folder: Path, tmp_path: Path) -> None:
     (tmp_path / "cell.toml").write_bytes((cell_folder / "cell.toml").read_bytes())
     session = Session(open_session(ImageRequest((cell_folder,), out=tmp_path)))
-    client = Client(Gate(make_app(session), TOKEN, PORT))
+    client = Client(Gate(Front.of(make_app(session)), TOKEN, PORT))
     status, answer = client.post("save", {"name": "cell.toml", "config": "{}", "overwrite": True})
     assert status == 422
     assert "not a settings file" in answer["error"]
@@ -300,7 +302,7 @@ def test_no_internal_detail_in_errors(client: Client, monkeypatch: pytest.Monkey
 def test_silent_connections_do_not_lock_the_user_out(cell_folder: Path, tmp_path: Path) -> None:
     """A hundred connections that ask nothing, or begin to ask and stop, are open; the page is served all the same."""
     opened, bound = open_session(ImageRequest((cell_folder,), out=tmp_path)), bind(0)
-    server, address = make_server(opened, bound)
+    server, address = make_server(Front.of(make_app(Session(opened))), bound)
     thread = threading.Thread(target=server.run, kwargs={"sockets": [bound]}, daemon=True)
     thread.start()
     port = bound.getsockname()[1]

@@ -73,7 +73,7 @@ kind = "checkerboard"
 corners = [9, 6]
 square_mm = 10.0
 """
-WORKS = ("demo", "render", "sweep", "surfaces", "stripes", "board")
+WORKS = ("demo", "render", "sweep", "surfaces", "stripes", "board", "twin")
 
 
 def digests(environment: str, folder: Path, cache: Path, *works: str) -> dict[str, str]:
@@ -127,6 +127,8 @@ def _commands(work: str, folder: Path, workers: str) -> list[list[str]]:
         render = ["render", "wedge/cell.toml", "--out", "images", "--seed", "3", "--per-location", "3"]
         stripe = ["profile", "images/images", "--sensor", "images/sensor.toml", "--json"]
         return [init, render, stripe, ["calibrate", "images", "--out", "known", "--json"]]
+    if work == "twin":  # of the images of "stripes"
+        return [["twin", "images/images", "--sensor", "images/sensor.toml", "--out", "twin.toml", "--json"]]
     if work == "board":
         (folder / "board.toml").write_text(BOARD, encoding="utf-8")
         render = ["render", "--board", "board.toml", "--sensor", "nominal", "--views", "6", "--out", "board"]

@@ -9,7 +9,7 @@ from pathlib import Path
 from geometry import InputError, Sensor
 from jig_cad import Jig
 from workbench.cell.presets import find_jig, find_sensor
-from workbench.files import LOSSY_SUFFIXES, SUFFIXES, Cell, read_cell
+from workbench.files import LOSSY_SUFFIXES, SUFFIXES, Cell, files_of, read_cell
 
 MAX_IMAGES = 100_000  # of one call: more is a wrong folder
 
@@ -66,7 +66,7 @@ def _image_files(inputs: Sequence[Path], suffixes: Sequence[str]) -> list[Path]:
     out: list[Path] = []
     for path in inputs:
         if path.is_dir():
-            found = sorted(p for p in path.iterdir() if p.suffix.lower() in suffixes and p.is_file())
+            found = [p for p in files_of(path) if p.suffix.lower() in suffixes]
             if not found:
                 raise InputError(f"{path}: the folder holds no PNG, TIFF or BMP images")
             out += found

@@ -7,6 +7,7 @@ from workbench.files.cell import Cell, read_cell, read_jig_file
 from workbench.files.cell_writer import cell_text, write_cell
 from workbench.files.examined import FileFinding, examine_cell
 from workbench.files.images import LOSSY_SUFFIXES, SUFFIXES, Image, is_whole, read_image, sensor_of_picture, write_png
+from workbench.files.listing import files_of
 from workbench.files.result_file import SavedResult, SavedScp, read_result, saved_result
 from workbench.files.robots import read_robot, read_urdf, robot_text, urdf_ends, urdf_of, write_urdf
 from workbench.files.sensor_file import read_emulator, read_sensor, sensor_text, stated_optics
@@ -81,6 +82,7 @@ __all__ = [
     "controller_poses",
     "controller_text",
     "examine_cell",
+    "files_of",
     "find_views",
     "frames_text",
     "is_whole",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -31,6 +31,7 @@ from workbench.files import (
     Recipe,
     Settings,
     What,
+    files_of,
     find_views,
     picture_sensor,
     read_board,
@@ -234,17 +235,19 @@ def _diameter(ball: Sphere) -> float | None:
 
 
 def _bare(found: BareImages, request: ImageRequest, settings: Settings, plane_known: bool = True) -> ImageSet:
-    for path in found.paths:
+    for path in request.inputs:
         if not path.exists():
             raise InputError(f"{path}: no such file or folder")
     if len(found.paths) > MAX_IMAGES:
         raise InputError(f"{len(found.paths)} images are more than the {MAX_IMAGES} that one window holds")
-    folder = Path(os.path.commonpath([path.parent.resolve() for path in found.paths]))
+    folder = _common_folder(found.paths)
     if request.watch and (len(request.inputs) != 1 or not request.inputs[0].is_dir()):
         raise InputError("--watch takes one folder of images")
     sensor = found.sensor
     return ImageSet(
-        watched=WatchedFolder(request.inputs[0], LOSSY_SUFFIXES, set(found.paths)) if request.watch else None,
+        watched=WatchedFolder(request.inputs[0], LOSSY_SUFFIXES, {p.name for p in found.paths})
+        if request.watch
+        else None,
         title=folder.name,
         pictures=Pictures(folder, found.paths, sensor if plane_known else None),
         labeller=Labeller(sensor, found.jig, settings.calib),
@@ -267,21 +270,25 @@ def _pixels_only(request: ImageRequest) -> BareImages:
     return BareImages(tuple(paths), sensor_of_picture(paths[0]), None)
 
 
+def _common_folder(paths: Sequence[Path]) -> Path:
+    return Path(os.path.commonpath([Path(folder).resolve() for folder in {os.path.dirname(p) for p in paths}]))
+
+
 def _listed(request: ImageRequest, suffixes: tuple[str, ...]) -> list[Path]:
     out: list[Path] = []
     for path in request.inputs:
         if not path.exists():
             raise InputError(f"{path}: no such file or folder")
-        inside = sorted(p for p in path.iterdir() if p.is_file()) if path.is_dir() else [path]
+        inside = files_of(path) if path.is_dir() else [path]
         out += [p for p in inside if p.suffix.lower() in suffixes]
     return out
 
 
 def _skipped(request: ImageRequest, taken: tuple[Path, ...]) -> tuple[str, ...]:
     """A sentence for each file of the folders that is no image, settings aside."""
-    known = {*taken}
-    inside = [p for folder in request.inputs if folder.is_dir() for p in sorted(folder.iterdir())]
-    others = [p for p in inside if p.is_file() and p not in known and p.suffix.lower() != ".toml"]
+    known = {*map(str, taken)}
+    inside = [p for folder in request.inputs if folder.is_dir() for p in files_of(folder)]
+    others = [p for p in inside if str(p) not in known and p.suffix.lower() != ".toml"]
     return tuple(f"{p.name}: is no image by its name, left out" for p in others[:100])
 
 
@@ -293,7 +300,7 @@ def _profile_files(request: ImageRequest) -> list[Path]:
     out: list[Path] = []
     for path in request.inputs:
         if path.is_dir():
-            inside = sorted(p for p in path.iterdir() if p.is_file())
+            inside = files_of(path)
             if any(p.suffix.lower() in LOSSY_SUFFIXES for p in inside):
                 return []
             out += [p for p in inside if p.suffix.lower() in PROFILE_ENDS]
@@ -310,7 +317,7 @@ def _profiles(paths: list[Path], request: ImageRequest, settings: Settings) -> I
     if request.watch:
         raise InputError("--watch takes one folder of images")
     sensor = Sensor(Sheet(), profile=ProfileOutput()) if request.sensor is None else find_sensor(str(request.sensor))
-    folder = Path(os.path.commonpath([path.parent.resolve() for path in paths]))
+    folder = _common_folder(paths)
     records = bare_profiles(folder, paths, request.sensor, sensor)
     return ImageSet(
         title=folder.name,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import threading
 from collections import OrderedDict
 from collections.abc import Iterable
@@ -11,9 +12,7 @@ from pathlib import Path
 from geometry import InputError, Sensor
 from workbench.files import Image, read_image, sensor_of_picture
 
-CACHE_BYTES = (
-    160 * 2**20
-)  # some hundred and twenty images of 1280 × 1024: those looked at lately; ten thousand never fit
+CACHE_BYTES = 96 * 2**20  # some seventy images of 1280 × 1024: those looked at lately; ten thousand never fit
 
 
 class PictureError(InputError):
@@ -57,8 +56,16 @@ class Pictures:
 
     def name(self, index: int) -> str:
         """The file's name relative to the opened folder."""
-        path = self.paths[index].absolute()
-        return str(path.relative_to(self.root)) if path.is_relative_to(self.root) else path.name
+        path, root = os.path.abspath(self.paths[index]), f"{self.root}{os.sep}"
+        return path.removeprefix(root) if path.startswith(root) else os.path.basename(path)
+
+    def state(self, index: int) -> str:
+        """A word for the state of the file now, "" where it is gone; its place is looked at when it is read."""
+        try:
+            status = os.stat(self.paths[index])
+        except OSError:
+            return ""
+        return str(Stamp(status.st_mtime_ns, status.st_size))
 
     def stamp(self, index: int) -> Stamp:
         """The state of the file now; PictureError where it is gone or leads out of the folder."""

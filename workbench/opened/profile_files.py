@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 from extraction import Profile
@@ -40,10 +41,20 @@ class ProfileRecords:
 
     def name(self, index: int) -> str:
         """The file's name relative to the opened folder, and which of its profiles it is."""
-        path = self.files.paths[index]
-        if self.files.paths.count(path) == 1:
-            return self.files.name(index)
-        return f"{self.files.name(index)} #{index - self.files.paths.index(path)}"
+        first, several = self._first_of[self.files.paths[index]]
+        return f"{self.files.name(index)} #{index - first}" if several else self.files.name(index)
+
+    @cached_property
+    def _first_of(self) -> dict[Path, tuple[int, bool]]:
+        """The first profile of each file, and whether there are more."""
+        found: dict[Path, tuple[int, bool]] = {}
+        for i, path in enumerate(self.files.paths):
+            found[path] = (found[path][0], True) if path in found else (i, False)
+        return found
+
+    def state(self, index: int) -> str:
+        """A word for the state of the file now."""
+        return self.files.state(index)
 
     def stamp(self, index: int) -> Stamp:
         """The state of the file now."""

@@ -10,10 +10,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from extraction import StripeConfig
 from geometry import InputError, Pose, Sensor
@@ -22,10 +21,19 @@ from perceptron_emu import (
     Material,
     Scene,
     Solid,
-    gain_dn_per_e,
     profile_strip,
     render,
-    speckle_contrast,
+)
+from workbench.twin.keys import (
+    KEYS,
+    LARGEST,
+    TO_KEYS,
+    Fitted,
+    fitted,
+    rounded_keys,
+    sensor_with,
+    start_values,
+    within,
 )
 from workbench.twin.seen import NAMES, Image, ImageSeen, see, smooth
 
@@ -39,55 +47,14 @@ JUMP_MM = 1.0  # between neighbours: the surface ends there
 ITERATIONS = 8
 DAMPING = (0.0, 0.1, 1.0, 10.0)  # of a step, of the normal matrix's diagonal, until the figures come nearer
 SETTLED = 0.2  # of σ: a step below ends the fit
-STEP, LINEAR_STEP = 0.2, 0.5  # of a key's logarithm, of a linear key, for its derivative
-LARGEST_STEP, LARGEST_LINEAR = 0.7, 20.0  # at once, of a key's logarithm, of a linear key
+STEP, LINEAR_STEP = 0.4, 0.5  # of a key's logarithm, of a linear key, for its derivative
 FLOOR = 0.01  # σ that no figure is taken to be better than: the surface that stands for the recorded one is not it
 SHARES = (1.0, 0.5, 0.25)  # of the first step
 POWERS = (1.0, 0.5, 2.0, 0.25, 4.0, 0.1, 10.0, 0.03, 30.0)  # of the file's, tried in turn
 MIN_PARTS = 0.7  # of the recorded stripes: so many must be found in the emulated images
 MIN_INSIDE = 0.5  # part of the points that must lie in the laser's fan
 MAX_IMAGES = 12
-
-
-@dataclass(frozen=True)
-class Key:
-    """A key of sensor.toml that is fitted: its table and name, the σ of its logarithm before (of itself, where linear),
-    and its limits.
-    """
-
-    table: str
-    name: str
-    prior: float
-    low: float
-    high: float
-    linear: bool = False
-
-
-# the fit's own coordinates are what images show: light in grey levels, power · gain / F#², noise in grey levels, and
-# contrast · grain, to which fluctuations are proportional where pixels average many grains
-KEYS = (
-    Key("laser", "power_mw", 3.0, 1e-3, 1e4),
-    Key("laser", "waist_um", 0.4, 20.0, 2000.0),
-    Key("laser", "edge_fraction", 0.5, 0.05, 1.0),
-    Key("optics", "blur_px", 0.5, 0.21, 8.0),
-    Key("optics", "f_number", 0.5, 1.0, 32.0),
-    Key("speckle", "contrast", 0.7, 0.01, 1.0),
-    Key("noise", "gain_dn_per_e", 1.0, 1e-4, 10.0),
-    Key("noise", "read_noise_e", 1.0, 0.3, 500.0),
-    Key("ambient", "irradiance_mw_m2_nm", 3.0, 1e-3, 1e5),
-    Key("image", "black_level", 30.0, 0.0, 1e4, linear=True),
-)
-
-
-@dataclass(frozen=True)
-class Fitted:
-    """A key as fitted: its value, σ, and how much the images say of it (0: the file's value stands, 1: they decide)."""
-
-    table: str
-    name: str
-    value: float
-    sigma: float
-    told: float
+MAX_CLIPPED = 0.5  # part of the points: what is left of such stripes is their dim ends alone
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,97 +102,188 @@ def fit_twin(
     InputError
         Where no image shows a stripe, or the stripes do not lie in the laser's fan.
     """
-    stripe = StripeConfig()
-    recorded = tuple(s for s in (see(image, sensor, stripe) for _, image in images) if len(s.parts))[:MAX_IMAGES]
+    every = [see(image, sensor, StripeConfig()) for _, image in images]
+    _check_clipped(every)
+    recorded = tuple(s for s in every if len(s.parts))[:MAX_IMAGES]
     if not recorded:
         raise InputError(
             f"none of the {len(images)} images shows a laser stripe of some length: a twin wants stripe images taken "
             f"with the laser on, of a smooth surface"
         )
     _check_fan(recorded, sensor)
-    scenes = [_scene(s, sensor) for s in recorded]
-    start = _start(sensor, config)
-    total, done = ITERATIONS * (len(KEYS) + 1) + 1, 0
-
-    def seen_with(at: NDArray[np.floating[Any]]) -> tuple[ImageSeen, ...]:
-        nonlocal done
-        twin_sensor, twin_config = _with(np.asarray(at, float), sensor, config)
-        out = tuple(
-            see(
-                render(Scene(twin_sensor, solids=s), twin_config, np.random.default_rng([seed, k])).image,
-                twin_sensor,
-                stripe,
-            )
-            for k, s in enumerate(scenes)
-        )
-        done += 1
-        progress(min(done, total), total)
-        return out
-
-    start_keys = np.array([v if k.linear else np.log(v) for k, v in zip(KEYS, start, strict=True)])
+    emulate = _Emulation(sensor, config, tuple(_scene(s, sensor) for s in recorded), seed, progress)
+    start = np.array([v if k.linear else np.log(v) for k, v in zip(KEYS, start_values(sensor, config), strict=True)])
     precision = TO_KEYS.T @ np.diag([k.prior**-2 for k in KEYS]) @ TO_KEYS
-    before = np.linalg.solve(TO_KEYS, start_keys)
-    target, spread = _means(recorded)
-    theta = np.linalg.solve(TO_KEYS, _first(start_keys, target))
-    parts = MIN_PARTS * sum(len(s.parts) for s in recorded)
-    theta, emulated = _seen_at_all(np.asarray(theta, float), seen_with, parts)
-    step = _first_step(target, _means(emulated)[0])
-    for share in SHARES:  # what is read off the figures may lead to where too few stripes are found
-        trial = _within(theta + share * step)
-        seen = seen_with(trial)
-        if _count(seen) >= parts:
-            theta, emulated = trial, seen
-            break
-    figures, noise = _means(emulated)
-
-    def cost_of(figures: Array, noise: Array, theta: Array) -> float:
-        off = np.nan_to_num(target - figures)
-        prior = float((theta - before) @ precision @ (theta - before))
-        return float(np.sum(off**2 / (np.diag(spread + noise) + FLOOR**2))) + prior
-
-    covariance, converged = np.linalg.inv(precision), False
+    asked = _Asked(*_means(recorded), precision, np.linalg.solve(TO_KEYS, start))
+    parts = MIN_PARTS * _count(recorded)
+    place = _begun(np.linalg.solve(TO_KEYS, _first(start, asked.figures)), emulate, asked, parts)
+    converged, covariance = False, np.asarray(np.linalg.inv(precision))
     for _ in range(ITERATIONS):
-        weight = np.where(np.isfinite(target - figures), 1 / (np.diag(spread + noise) + FLOOR**2), 0.0)
-        slope = np.zeros((len(NAMES), len(KEYS)))
-        for k, key in enumerate(KEYS):
-            moved = theta.copy()
-            moved[k] += LINEAR_STEP if key.linear else STEP
-            if not np.allclose(_within(moved), moved):
-                moved[k] -= 2 * (LINEAR_STEP if key.linear else STEP)
-            slope[:, k] = np.nan_to_num((_means(seen_with(moved))[0] - figures) / (moved[k] - theta[k]))
-        normal = slope.T @ (weight[:, None] * slope) + precision
-        right = slope.T @ (weight * np.nan_to_num(target - figures)) + precision @ (before - theta)
-        gain = np.linalg.solve(normal, slope.T * weight)
-        rest = np.linalg.solve(normal, precision)
-        covariance = gain @ (spread + noise + FLOOR**2 * np.eye(len(NAMES))) @ gain.T
-        covariance += rest @ np.linalg.inv(precision) @ rest.T
-        cost = cost_of(figures, noise, theta)
-        for damping in DAMPING:
-            step = np.linalg.solve(normal + damping * np.diag(np.diag(normal)), right)
-            trial = _within(theta + np.clip(step, -LARGEST, LARGEST))
-            seen = seen_with(trial)
-            if _count(seen) >= parts and cost_of(*_means(seen), trial) < cost:
-                theta, emulated, (figures, noise) = trial, seen, _means(seen)
-                break
-        else:
-            converged = True
-        converged = converged or bool(np.all(np.abs(step) < SETTLED * np.sqrt(np.diag(covariance))))
+        step = _Step.at(place, emulate, asked)
+        covariance = step.covariance
+        moved, last = _nearer(place, step, emulate, asked, parts)
+        converged = moved is None or bool(np.all(np.abs(last) < SETTLED * np.sqrt(np.diag(covariance))))
+        place = moved or place
         if converged:
             break
-    good = np.isfinite(target - figures)
-    chi2 = float(np.sum((target - figures)[good] ** 2 / (np.diag(spread + noise)[good] + FLOOR**2)))
-    twin_sensor, twin_config = _with(theta, sensor, config)
-    values, own_covariance = TO_KEYS @ theta, TO_KEYS @ covariance @ TO_KEYS.T
-    told = 1 - np.clip(np.diag(own_covariance) / np.array([k.prior for k in KEYS]) ** 2, 0, 1)
-    fitted = []
+    twin_sensor, twin_config = sensor_with(place.theta, sensor, config)
+    chi2_per_dof = asked.misfit(place) / max(int(np.isfinite(asked.figures - place.figures).sum()) - len(KEYS), 1)
+    # figures that differ by more than their scatter say how far the emulator is off: σ hold it too (Birge's ratio)
+    keys = fitted(place.theta, covariance * max(1.0, chi2_per_dof))
+    return Twin(twin_sensor, twin_config, keys, recorded, place.seen, chi2_per_dof, converged)
+
+
+class _Emulation:
+    """The recorded surfaces under the sensor of a place, as extraction sees them."""
+
+    def __init__(
+        self,
+        sensor: Sensor,
+        config: EmulatorConfig,
+        scenes: tuple[tuple[Solid, ...], ...],
+        seed: int,
+        progress: Progress,
+    ) -> None:
+        self._sensor, self._config, self._scenes, self._seed, self._progress = sensor, config, scenes, seed, progress
+        self._done, self._total = 0, ITERATIONS * (len(KEYS) + 2) + 1
+
+    def __call__(self, theta: Array) -> tuple[ImageSeen, ...]:
+        """One image a scene, each under its own rng, the same at every place."""
+        sensor, config = sensor_with(theta, self._sensor, self._config)
+        out = []
+        for k, solids in enumerate(self._scenes):
+            image = render(Scene(sensor, solids=solids), config, np.random.default_rng([self._seed, k])).image
+            out.append(see(image, sensor, StripeConfig()))
+        self._done += 1
+        self._progress(min(self._done, self._total), self._total)
+        return tuple(out)
+
+
+@dataclass(frozen=True, eq=False)
+class _Place:
+    """A place of the fit's own coordinates, what extraction sees there, its figures and their covariance."""
+
+    theta: Array
+    seen: tuple[ImageSeen, ...]
+    figures: Array
+    noise: Array
+
+    @classmethod
+    def of(cls, theta: Array, seen: tuple[ImageSeen, ...]) -> _Place:
+        return cls(theta, seen, *_means(seen))
+
+
+@dataclass(frozen=True, eq=False)
+class _Asked:
+    """What is asked for: the recorded figures with their covariance, and the prior of the fit's own coordinates."""
+
+    figures: Array
+    spread: Array
+    precision: Array
+    before: Array
+
+    def variance(self, place: _Place) -> Array:
+        """Of the figures' differences, (K,)."""
+        return np.asarray(np.diag(self.spread + place.noise) + FLOOR**2)
+
+    def misfit(self, place: _Place) -> float:
+        """χ² of the figures that both show."""
+        return float(np.sum(np.nan_to_num(self.figures - place.figures) ** 2 / self.variance(place)))
+
+    def cost(self, place: _Place) -> float:
+        """The misfit and the prior's share."""
+        off = place.theta - self.before
+        return self.misfit(place) + float(off @ self.precision @ off)
+
+
+@dataclass(frozen=True, eq=False)
+class _Step:
+    """Normal equations of a Gauss-Newton step, and the keys' covariance by its gain."""
+
+    normal: Array
+    right: Array
+    covariance: Array
+
+    @classmethod
+    def at(cls, place: _Place, emulate: _Emulation, asked: _Asked) -> _Step:
+        off = asked.figures - place.figures
+        weight = np.where(np.isfinite(off), 1 / asked.variance(place), 0.0)
+        slope = _slope(place, emulate)
+        normal = slope.T @ (weight[:, None] * slope) + asked.precision
+        right = slope.T @ (weight * np.nan_to_num(off)) + asked.precision @ (asked.before - place.theta)
+        gain = np.linalg.solve(normal, slope.T * weight)
+        rest = np.linalg.solve(normal, asked.precision)
+        own = gain @ (asked.spread + place.noise + FLOOR**2 * np.eye(len(NAMES))) @ gain.T
+        return cls(normal, right, own + rest @ np.linalg.inv(asked.precision) @ rest.T)
+
+    def damped(self, damping: float) -> Array:
+        """The step."""
+        return np.asarray(np.linalg.solve(self.normal + damping * np.diag(np.diag(self.normal)), self.right))
+
+
+def _slope(place: _Place, emulate: _Emulation) -> Array:
+    """Derivative of the figures by the coordinates, (figures, keys), by an emulation each, of the grain by two.
+
+    Another grain is another pattern of speckle: of a change what its own scatter from part to part explains is left
+    out (the positive part of James & Stein's estimator), or chance would pass for what the images tell.
+    """
+    slope = np.zeros((len(NAMES), len(KEYS)))
     for k, key in enumerate(KEYS):
-        value, own = (values[k], 1.0) if key.linear else (np.exp(values[k]), np.exp(values[k]))
-        fitted.append(
-            Fitted(key.table, key.name, float(value), float(np.sqrt(own_covariance[k, k]) * own), float(told[k]))
+        step = np.zeros(len(KEYS))
+        step[k] = LINEAR_STEP if key.linear else STEP
+        if not np.allclose(within(place.theta + step), place.theta + step):
+            step = -step
+        both = key.pattern and bool(np.allclose(within(place.theta - step), place.theta - step))
+        begin = emulate(place.theta - step) if both else place.seen
+        change, variance = _change(begin, emulate(place.theta + step))
+        sure = np.clip(1 - variance / np.maximum(change**2, 1e-300), 0, 1)
+        slope[:, k] = sure * change / (step[k] * (2 if both else 1))
+    return slope
+
+
+def _change(before: Sequence[ImageSeen], after: Sequence[ImageSeen]) -> tuple[Array, Array]:
+    """Mean change of the figures (K,) and its variance, by parts that both show; none and zero where none does."""
+    pairs = [b.parts - a.parts for a, b in zip(before, after, strict=True) if len(a.parts) == len(b.parts)]
+    rows = np.concatenate([*pairs, np.zeros((0, len(NAMES)))])
+    count = np.isfinite(rows).sum(0)
+    mean = np.nan_to_num(_mean(rows))
+    scatter = np.nansum((rows - mean) ** 2, 0) / np.maximum(count - 1, 1)
+    return np.where(count > 1, mean, 0.0), scatter / np.maximum(count, 1)
+
+
+def _nearer(
+    place: _Place, step: _Step, emulate: _Emulation, asked: _Asked, parts: float
+) -> tuple[_Place | None, Array]:
+    """The first damped step that brings the figures nearer and where it leads, or none and the shortest one tried."""
+    cost, last = asked.cost(place), np.zeros(len(KEYS))
+    for damping in DAMPING:
+        last = step.damped(damping)
+        theta = within(place.theta + np.clip(last, -LARGEST, LARGEST))
+        seen = emulate(theta)
+        if _count(seen) >= parts and asked.cost(trial := _Place.of(theta, seen)) < cost:
+            return trial, last
+    return None, last
+
+
+def _begun(start: ArrayLike, emulate: _Emulation, asked: _Asked, parts: float) -> _Place:
+    """Where the fit starts: with light that extraction sees, and what the first figures say outright."""
+    place = _Place.of(*_seen_at_all(rounded_keys(start), emulate, parts))
+    step = _first_step(asked.figures, place.figures)
+    for share in SHARES:  # what is read off the figures may lead to where too few stripes are found
+        theta = within(place.theta + share * step)
+        seen = emulate(theta)
+        if _count(seen) >= parts:
+            return _Place.of(theta, seen)
+    return place
+
+
+def _check_clipped(every: Sequence[ImageSeen]) -> None:
+    clipped, clear = sum(s.clipped for s in every), sum(len(s.profile) for s in every)
+    if clipped > MAX_CLIPPED * (clipped + clear):
+        raise InputError(
+            f"{100 * clipped / (clipped + clear):.0f} % of the stripes' points have saturated pixels: a twin is told "
+            f"by the stripe's height and noise, so record with a shorter exposure, until few are"
         )
-    return Twin(
-        twin_sensor, twin_config, tuple(fitted), recorded, emulated, chi2 / max(good.sum() - len(KEYS), 1), converged
-    )
 
 
 def _check_fan(recorded: Sequence[ImageSeen], sensor: Sensor) -> None:
@@ -260,49 +318,12 @@ def _scene(seen: ImageSeen, sensor: Sensor) -> tuple[Solid, ...]:
     return tuple(out)
 
 
-def _start(sensor: Sensor, config: EmulatorConfig) -> list[float]:
-    camera = sensor.require_camera()
-    special = {
-        "gain_dn_per_e": gain_dn_per_e(config.noise, sensor),
-        "contrast": max(speckle_contrast(config), 0.05),
-        "black_level": camera.black_level,
-    }
-    return [float(special[k.name] if k.name in special else getattr(getattr(config, k.table), k.name)) for k in KEYS]
-
-
-def _first(keys: Array, figures: Array) -> Array:
-    """The start with the black level as the images show it."""
-    out = keys.copy()
-    black = figures[NAMES.index("black")]
-    index = [k.name for k in KEYS].index("black_level")
-    if np.isfinite(black):
-        out[index] = max(black, 0.0)
-    return out
-
-
-def _to_keys() -> Array:
-    """The keys' (logarithmic) values are this times the fit's own coordinates."""
-    at = {k.name: i for i, k in enumerate(KEYS)}
-    matrix = np.eye(len(KEYS))
-    for name in ("power_mw", "irradiance_mw_m2_nm"):
-        matrix[at[name], at["gain_dn_per_e"]], matrix[at[name], at["f_number"]] = -1.0, 2.0
-    matrix[at["read_noise_e"], at["gain_dn_per_e"]] = -1.0
-    matrix[at["contrast"], at["f_number"]] = -1.0
-    return matrix
-
-
-TO_KEYS = _to_keys()
-LARGEST = np.array([LARGEST_LINEAR if k.linear else LARGEST_STEP for k in KEYS])
-
-
 def _count(seen: Sequence[ImageSeen]) -> int:
     """Parts of stripes that extraction finds."""
     return sum(len(s.parts) for s in seen)
 
 
-def _seen_at_all(
-    theta: Array, seen_with: Callable[[Array], tuple[ImageSeen, ...]], parts: float
-) -> tuple[Array, tuple[ImageSeen, ...]]:
+def _seen_at_all(theta: Array, emulate: _Emulation, parts: float) -> tuple[Array, tuple[ImageSeen, ...]]:
     """The start with power by which extraction finds most of the emulated stripes, neither lost nor clipped, and what
     it sees there.
     """
@@ -310,7 +331,7 @@ def _seen_at_all(
     for factor in POWERS:
         trial = theta.copy()
         trial[power] += np.log(factor)
-        seen = seen_with(trial)
+        seen = emulate(trial)
         if _count(seen) >= parts:
             return trial, seen
     raise InputError(
@@ -333,29 +354,6 @@ def _first_step(target: Array, figures: Array) -> Array:
     return step
 
 
-def _with(theta: Array, sensor: Sensor, config: EmulatorConfig) -> tuple[Sensor, EmulatorConfig]:
-    """Sensor and configuration at a place of the fit's own coordinates."""
-    tables: dict[str, dict[str, float]] = {}
-    for value, key in zip(TO_KEYS @ theta, KEYS, strict=True):
-        known = float(value) if key.linear else float(np.exp(value))
-        tables.setdefault(key.table, {})[key.name] = min(max(known, key.low), key.high)
-    black = tables.pop("image")["black_level"]
-    gain = tables["noise"]["gain_dn_per_e"]
-    camera = sensor.require_camera()
-    tables["noise"]["full_well_e"] = max(1.03 * (camera.saturation_dn - black) / gain, 11.0)
-    updates = {
-        name: type(getattr(config, name)).model_validate(getattr(config, name).model_dump(exclude_unset=True) | keys)
-        for name, keys in tables.items()
-    }
-    return sensor.with_camera(black_level=black), config.model_copy(update=updates)
-
-
-def _within(theta: Array) -> Array:
-    low = np.array([k.low if k.linear else np.log(k.low) for k in KEYS])
-    high = np.array([k.high if k.linear else np.log(k.high) for k in KEYS])
-    return np.asarray(np.linalg.solve(TO_KEYS, np.clip(TO_KEYS @ theta, low, high)), float)
-
-
 def _means(seen: Sequence[ImageSeen]) -> tuple[Array, Array]:
     """Means of the figures over all parts, NaN where none tells, and their covariance by the images' scatter."""
     rows = np.concatenate([s.parts for s in seen])
@@ -374,3 +372,13 @@ def _mean(rows: Array) -> Array:
     """Means of columns (N, K), NaN left out; NaN where there is nothing else."""
     count = np.isfinite(rows).sum(0)
     return np.asarray(np.where(count > 0, np.nansum(rows, 0) / np.maximum(count, 1), np.nan))
+
+
+def _first(keys: Array, figures: Array) -> Array:
+    """The start with the black level as the images show it."""
+    out = keys.copy()
+    black = figures[NAMES.index("black")]
+    index = [k.name for k in KEYS].index("black_level")
+    if np.isfinite(black):
+        out[index] = max(black, 0.0)
+    return out

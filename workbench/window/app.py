@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Awaitable, Callable
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -35,7 +34,6 @@ from workbench.window.session import Session
 from workbench.window.survey import Survey
 from workbench.window.thumbnails import profile_thumbnail, thumbnail
 
-MEDIA = {"html": "text/html; charset=utf-8", "css": "text/css", "js": "text/javascript", "svg": "image/svg+xml"}
 Body = dict[str, Any]
 GRID_PX = 8  # between its nodes the page goes straight: less off than the hundredths of a millimetre that it shows
 Answer = Callable[[Body], Response]
@@ -44,21 +42,10 @@ MAX_PATH = 4096
 
 
 def make_app(session: Session) -> Starlette:
-    """The inner application; put a `Gate` before it."""
+    """What answers the page's questions; put a `Front` with the page's files, and a `Gate`, before it."""
     api = _Api(session)
-    inside = files("workbench.window.static").iterdir()
-    static = {f.name: f.read_bytes() for f in inside if f.name.rsplit(".", 1)[-1] in MEDIA}
-    static["scene.js"] = scene_script().encode()
-
-    def page_file(request: Request) -> Response:
-        name = request.path_params.get("name", "index.html")
-        if name not in static:
-            raise HTTPException(404)
-        return Response(static[name], media_type=MEDIA[name.rsplit(".", 1)[-1]])
-
     routes = [
-        Route("/", page_file),
-        Route("/static/{name}", page_file),
+        Route("/static/scene.js", lambda _: Response(scene_script(), media_type="text/javascript")),
         Route("/api/session", lambda _: JSONResponse(overview(api.session))),
         Route("/api/plane", api.plane),
         Route("/api/image/{index:int}", api.image),
@@ -227,7 +214,7 @@ class _Api:
     def watch(self, body: Body) -> Response:
         """The images that came since the page knew ``since`` of them."""
         self.session.take_in()
-        return JSONResponse({"images": self.session.images[max(0, _whole(body, "since")) :]})
+        return JSONResponse({"images": self.session.images(max(0, _whole(body, "since")))})
 
     def calibrate(self, body: Body) -> Response:
         """Start the calibration with these parameters and roles of locations."""
@@ -293,7 +280,7 @@ class _Api:
             outcome = self.session.outcome(self._index(body), configuration)
         if outcome.error:
             raise InputError(outcome.error)
-        frame = self.session.images[outcome.index]["frame"]
+        frame = self.session.images(outcome.index)[0]["frame"]
         return JSONResponse({"csv": points_csv(outcome, frame)})
 
     def open(self, body: Body) -> Response:

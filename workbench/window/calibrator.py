@@ -17,7 +17,6 @@ from workbench.opened import ImageSet
 from workbench.report import (
     ReportInput,
     calibration_object,
-    cell_image,
     difference,
     difference_object,
     report_page,
@@ -84,6 +83,8 @@ class Calibrator:
 
     def report(self) -> str:
         """The report of the newest answer, one HTML page."""
+        from workbench.report import cell_image  # it loads the emulator, and the first picture must not wait for that
+
         last = self.answered()
         picture, _ = cell_image(last.cell, last.result)
         return report_page(ReportInput(last.cell, last.observed, last.result, last.settings, picture))

@@ -18,7 +18,7 @@ def overview(session: Session) -> dict[str, Any]:
     return {
         "title": opened.title,
         "folder": str(opened.pictures.root),
-        "images": session.images,
+        "images": session.images(),
         "watched": opened.look is not None,
         "has_images": not isinstance(opened.pictures, ProfileRecords),
         "plane": opened.plane_known,

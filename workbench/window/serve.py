@@ -9,14 +9,20 @@ import webbrowser
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from threading import Thread
+from typing import TYPE_CHECKING
 
 import uvicorn
+from starlette.types import ASGIApp
 
-from geometry import InputError
-from workbench.window.app import make_app
 from workbench.window.connections import LIMIT, patient_protocol
+from workbench.window.front import Front
 from workbench.window.security import HOST, Gate
-from workbench.window.session import Opened, Session
+
+if TYPE_CHECKING:
+    from workbench.window.session import Opened
+
+TELL_SECONDS = 10.0  # for the page to come and be told why the folder can not be opened
 
 
 def bind(port: int) -> socket.socket:
@@ -28,23 +34,55 @@ def bind(port: int) -> socket.socket:
         bound.listen(64)
     except OSError as error:
         bound.close()
+        from geometry import InputError
+
         raise InputError(
             f"port {port} on {HOST} can not be used ({error.strerror}): choose another --port, or 0 for a free one"
         ) from None
     return bound
 
 
-def serve(opened: Opened, port: int = 0, open_browser: bool = True, say: Callable[[str], None] = print) -> None:
-    """Serve until interrupted; ``say`` is given the address, token included."""
-    bound = bind(port)
-    server, address = make_server(opened, bound)
+def serve(
+    open_: Callable[[], Opened], port: int = 0, open_browser: bool = True, say: Callable[[str], None] = print
+) -> None:
+    """Serve until interrupted; ``say`` is given the address, token included.
+
+    The folder is opened meanwhile: the page and the browser need not wait for it. What ``open_`` raises is told to the
+    page, where one is open, and raised.
+    """
+    bound, front = bind(port), Front()
+    server, address = make_server(front, bound)
     say(address)
+    Thread(target=_open, args=(open_, front, server, open_browser), name="opening", daemon=True).start()
     if not open_browser:
         server.run(sockets=[bound])
+    else:
+        with way_in(address) as page:
+            Thread(
+                target=webbrowser.open, args=(page.as_uri(),), name="browser", daemon=True
+            ).start()  # some wait for it
+            server.run(sockets=[bound])
+    problem = front.inner.exception() if front.inner.done() else None
+    if problem is not None:
+        raise problem
+
+
+def _open(open_: Callable[[], Opened], front: Front, server: uvicorn.Server, wait_for_page: bool) -> None:
+    """Open the folder behind the page that is shown already; the first image is gone through to load the kernels."""
+    try:
+        opened = open_()
+        from workbench.window.app import make_app
+        from workbench.window.session import Session
+
+        session = Session(opened)
+        front.inner.set_result(make_app(session))
+    except BaseException as problem:  # noqa: BLE001 - whatever it is, the command ends with it
+        front.inner.set_exception(problem)
+        if wait_for_page:
+            front.told.wait(TELL_SECONDS)
+        server.should_exit = True
         return
-    with way_in(address) as page:
-        webbrowser.open(page.as_uri())
-        server.run(sockets=[bound])
+    session.warm()
 
 
 @contextmanager
@@ -60,11 +98,11 @@ def way_in(address: str) -> Iterator[Path]:
         yield page
 
 
-def make_server(opened: Opened, bound: socket.socket) -> tuple[uvicorn.Server, str]:
+def make_server(app: ASGIApp, bound: socket.socket) -> tuple[uvicorn.Server, str]:
     """The server for a bound socket, and the page's address."""
     token = secrets.token_urlsafe(24)
     port = int(bound.getsockname()[1])
-    gate = Gate(make_app(Session(opened)), token, port)
+    gate = Gate(app, token, port)
     config = uvicorn.Config(
         gate,
         log_level="warning",

@@ -91,6 +91,11 @@ class Session:
         with self._one_at_a_time:
             return self._outcome(index, configuration, keep=True)
 
+    def warm(self) -> None:
+        """Go through the first image, so that the kernels are there when the page asks for it."""
+        with self._one_at_a_time:
+            self._outcome(0, HashedConfig(self.opened.start, ""), keep=False)
+
     def background_outcome(self, index: int, configuration: HashedConfig) -> ImageAnswer:
         """As `outcome`, but nothing is kept and nobody waits for it."""
         return self._outcome(index, configuration, keep=False)
@@ -116,17 +121,13 @@ class Session:
             self._keep(key, outcome)
         return outcome
 
-    @property
-    def images(self) -> list[dict[str, Any]]:
-        """What the page is told of each image, those that came meanwhile included."""
-        known = [
-            *self.opened.frames,
-            *(ImageInfo(i) for i in range(len(self.opened.frames), len(self.opened.pictures))),
-        ]
-        names = map(self.opened.pictures.name, range(len(known)))
+    def images(self, since: int = 0) -> list[dict[str, Any]]:
+        """What the page is told of each image from the ``since``-th on, those that came meanwhile included."""
+        frames, pictures = self.opened.frames, self.opened.pictures
+        known = [frames[i] if i < len(frames) else ImageInfo(i) for i in range(since, len(pictures))]
         return [
-            {"name": name, "frame": f.frame, "location": f.location, "role": f.role}
-            for name, f in zip(names, known, strict=True)
+            {"name": pictures.name(since + i), "frame": f.frame, "location": f.location, "role": f.role}
+            for i, f in enumerate(known)
         ]
 
     def take_in(self) -> None:
@@ -137,10 +138,7 @@ class Session:
 
     def state_of(self, index: int) -> str:
         """The state of the image's file now, "" where it is gone."""
-        try:
-            return str(self.opened.pictures.stamp(index))
-        except PerceptronEmuError:
-            return ""
+        return self.opened.pictures.state(index)
 
     def _keep(self, key: _Key, outcome: ImageAnswer) -> None:
         with self._lock:

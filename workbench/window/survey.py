@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import threading
 import time
 from collections import OrderedDict
@@ -76,8 +77,9 @@ class Survey:
             one = self._sets.get(hash_)
             if one is None:
                 return {"hash": hash_, "done": 0, "total": len(self._session.opened.pictures), "rows": [], "at": 0}
-            rows, at = one.log[max(0, since) :], len(one.log)
-            comparisons, done = list(one.comparisons.values()), len(one.rows)
+            new, at = one.log[max(0, since) :], len(one.log)
+            comparisons, done = list(one.comparisons.values()), len(one.stamps)
+        rows = [json.loads(row) for row in new]
         figures = statistics_json(summarise(comparisons)) if comparisons else None
         return {"hash": hash_, "done": done, "total": one.total, "rows": rows, "at": at, "statistics": figures}
 
@@ -115,20 +117,20 @@ class Survey:
         for index in range(len(self._session.opened.pictures)):
             now = self._session.state_of(index)
             for one in self._queue:
-                row = one.rows.get(index)
-                if row is not None and row["stamp"] != now:
+                stamp = one.stamps.get(index)
+                if stamp is not None and stamp != now:
                     one.waiting.append(index)
-                    del one.rows[index]
+                    del one.stamps[index]
                     one.comparisons.pop(index, None)
 
     def _one_image(self, one: _Set) -> None:
         with self._wake:
             index = one.waiting.pop(0)
         outcome = self._session.background_outcome(index, one.configuration)
-        row = _brief(self._session.row(outcome))
+        row = json.dumps(_brief(self._session.row(outcome)), separators=(",", ":")).encode()
         comparison = self._session.comparison(outcome)
         with self._wake:
-            one.rows[index] = row
+            one.stamps[index] = outcome.stamp
             one.log.append(row)
             if comparison is not None:
                 one.comparisons[index] = comparison
@@ -146,15 +148,18 @@ def _brief(row: dict[str, Any]) -> dict[str, Any]:
 
 
 class _Set:
-    """One set of parameters: the images that wait, and the rows that are done, by image and in the order they came."""
+    """One set of parameters: the images that wait, the stamps of those that are done, and their rows as they came.
+
+    Rows are kept as the text that the page is sent: as objects, ten thousand of them would take ten times the memory.
+    """
 
     def __init__(self, configuration: HashedConfig, total: int, epoch: int) -> None:
         self.epoch = epoch
         self.configuration = configuration
         self.total = total
         self.waiting = list(range(total))
-        self.log: list[dict[str, Any]] = []
-        self.rows: dict[int, dict[str, Any]] = {}
+        self.log: list[bytes] = []
+        self.stamps: dict[int, str] = {}
         self.comparisons: dict[int, Comparison] = {}
 
     def grow(self, total: int) -> None:

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from workbench.files import Recipe
     from workbench.opened import ImageRequest, ImageSet
-    from workbench.window import Search
+    from workbench.window import Opened, Search
 
 What = Literal["strings", "stripe"]
 
@@ -49,17 +49,26 @@ def command(
     ] = False,
 ) -> None:
     """Tune detection on saved stripe images: the process window in the browser, or a search with --auto."""
-    from geometry import InputError
-    from workbench.opened import ImageRequest
 
-    request = ImageRequest(tuple(inputs), sensor, jig, tuple(config or ()), out, watch, what, board)
+    def request() -> ImageRequest:
+        from workbench.opened import ImageRequest
+
+        return ImageRequest(tuple(inputs), sensor, jig, tuple(config or ()), out, watch, what, board)
+
     if auto is not None:
         from workbench.cli.tune_auto import run_auto
 
-        run_auto(request, auto, seed, as_json=as_json)
+        run_auto(request(), auto, seed, as_json=as_json)
         return
     if as_json:
+        from geometry import InputError
+
         raise InputError("--json needs --auto: the process window shows its numbers in the browser")
+    missing = next((path for path in inputs if not path.exists()), None)
+    if missing is not None:
+        from geometry import InputError
+
+        raise InputError(f"{missing}: no such file or folder")
     _serve(request, port, browser)
 
 
@@ -74,13 +83,17 @@ def _search(images: ImageSet) -> Search:
     return run
 
 
-def _serve(request: ImageRequest, port: int, browser: bool) -> None:
-    from workbench.cli.console import say_on_stdout
-    from workbench.window import open_session
+def _serve(make_request: Callable[[], ImageRequest], port: int, browser: bool) -> None:
+    """The page is up before what measures is imported."""
     from workbench.window.serve import serve
 
     def announce(address: str) -> None:
-        say_on_stdout(f"process window: {address}  (Ctrl+C ends it)")
+        sys.stdout.write(f"process window: {address}  (Ctrl+C ends it)\n")
         sys.stdout.flush()
 
-    serve(open_session(request, _search), port, browser, announce)
+    def opened() -> Opened:
+        from workbench.window import open_session
+
+        return open_session(make_request(), _search)
+
+    serve(opened, port, browser, announce)

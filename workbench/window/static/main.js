@@ -14,7 +14,7 @@ import { buildRecipe } from "./recipe.js";
 import { close as closeRegion, drawing, giveUp } from "./region.js";
 import { startSheet } from "./sheet.js";
 import { begin, dirty, redo, replace, state, undo } from "./state.js";
-import { buildStrip, go, near } from "./strip.js";
+import { buildStrip, go, near, showThumbnails } from "./strip.js";
 import { buildStage, show, stage } from "./stage.js";
 import { TABS, selectTab } from "./tabs.js";
 import { startWatching } from "./watch.js";
@@ -48,12 +48,11 @@ async function start() {
   buildStage();
   buildRecipe();
   buildTrend();
-  startSheet();
   startHistory();
   buttons();
   startWatching();
   selectTab("image");
-  show();
+  show().finally(() => { showThumbnails(); startSheet(); });
 }
 
 function theme(name) {

@@ -20,7 +20,9 @@ function levels(floor, top, gamma) {
 
 // The dark level of the frame: the median of every 97th pixel.
 function dark(image) {
-  image.dark ??= image.values.filter((_, i) => i % 97 === 0).sort()[Math.floor(image.values.length / 194)] ?? 0;
+  if (image.dark !== undefined) return image.dark;
+  const every = image.values.constructor.from({ length: Math.ceil(image.values.length / 97) }, (_, k) => image.values[97 * k]).sort();
+  image.dark = every[Math.floor(image.values.length / 194)] ?? 0;
   return image.dark;
 }
 

@@ -1,19 +1,19 @@
 // All images under the current parameters: contact sheet and table, before and after against the last saved set.
 
 import { hashOf, post } from "./api.js";
-import { $, clear, el, words } from "./dom.js";
+import { $, clear, el } from "./dom.js";
 import { isFailed, offerFlags, onFilter, passes } from "./filter.js";
 import { scored } from "./history.js";
 import { colourOf } from "./overlay.js";
 import { listen, state, text } from "./state.js";
 import { titleOf } from "./recipe.js";
 import { colourOfFlag } from "./stripe.js";
-import { WORDS, badgeText, found, go, setBadge } from "./strip.js";
+import { WORDS, badgeText, entryOf, found, go, setBadge } from "./strip.js";
 import { onTab, selectTab } from "./tabs.js";
 import { refresh } from "./stage.js";
 import { download } from "./export.js";
 import { feedTrend } from "./trend.js";
-import { number, t } from "./words.js";
+import { number, t, words } from "./words.js";
 
 const survey = { text: "", savedText: "", now: [], saved: [], at: 0, savedAt: 0, total: 0, statistics: null, before: null, epoch: 0 };
 let form = "sheet", order = { column: "index", down: false }, waiting = 0, busy = false;
@@ -84,7 +84,7 @@ async function take({ now, saved, epoch }, config, savedText) {
 function overwritten(row) {
   const address = `api/thumbnail/${row.index}?${row.stamp}`;
   pictures.delete(row.index);
-  $("strip").children[row.index].querySelector("img").src = address;
+  entryOf(row.index).querySelector("img").src = address;
   if (row.index === state.index) refresh();
 }
 
@@ -170,7 +170,10 @@ function render() {
 
 // Ten thousand images stay fluid: cards are made once and drawn when they come into sight, the table holds the rows in sight.
 const made = new Map();
-const sight = new IntersectionObserver((entries) => entries.forEach((e) => { if (e.isIntersecting) { sight.unobserve(e.target); drawCard(Number(e.target.dataset.index)); } }));
+const sight = new IntersectionObserver((seen) => seen.forEach(({ target, isIntersecting }) => {
+  if (isIntersecting) drawCard(Number(target.dataset.index));
+  else target.querySelector("canvas").width = 0; // its memory is given back
+}));
 
 function sortChoice() {
   const offered = columns().flatMap((c) => [[c.id, c.title], [`-${c.id}`, `${c.title} ↓`]]), now = (order.down ? "-" : "") + order.column;
@@ -192,13 +195,13 @@ function cards() {
     clear(parts.body, grid);
   }
   const rows = ordered(), wanted = new Set(rows.map((r) => r.index));
-  for (const [index, one] of made) if (!wanted.has(index)) { one.node.remove(); made.delete(index); }
+  for (const [index, one] of made) if (!wanted.has(index)) { sight.unobserve(one.node); one.node.remove(); made.delete(index); }
   rows.forEach((row, place) => {
     const before = survey.saved[row.index], one = made.get(row.index);
     let node = one?.node;
     if (!one || one.row !== row || one.before !== before) {
       node = card(row);
-      if (one) one.node.replaceWith(node);
+      if (one) { sight.unobserve(one.node); one.node.replaceWith(node); }
       made.set(row.index, { node, row, before });
       sight.observe(node);
     }
@@ -219,7 +222,7 @@ const openImage = (index) => { go(index); selectTab("image"); };
 function card(row) {
   const image = state.session.images[row.index], before = survey.saved[row.index], f = row.truth?.statistics;
   return el("button", { class: "card", data: { index: row.index }, onclick: () => openImage(row.index) },
-    el("canvas", { width: 340, height: 272, data: { card: row.index } }),
+    el("canvas", { width: 0, height: CARD_PX[1], data: { card: row.index } }),
     el("span", { class: `badge ${row.badge}` }, badgeText(row)),
     el("div", { class: "name" }, el("b", {}, image.name.split("/").pop()), el("span", {}, image.location)),
     el("div", { class: "note" }, row.error || [
@@ -231,6 +234,7 @@ function card(row) {
 const FIRST = ["gapflush", "feature", "board", "stripe"]; // what a card says, the most special first
 const cardWords = (row) => FIRST.flatMap((tool) => row.values.filter((v) => v.tool === tool && v.value !== null)).slice(0, 2).map((v) => `${titleOf(v.key)} ${number(v.value, v.digits)}`).join(" · ");
 
+const CARD_PX = [340, 272];
 const PICTURES = 400; // small pictures kept: what was in sight lately
 
 function drawCard(index) {
@@ -245,6 +249,7 @@ function drawCard(index) {
   }
   if (!picture.complete) { picture.addEventListener("load", () => drawCard(index), { once: true }); return; }
   if (!picture.naturalWidth) return;
+  canvas.width = CARD_PX[0];
   if (!state.session.has_images) { canvas.getContext("2d").drawImage(picture, 0, 0, canvas.width, canvas.height); return; }
   const { sensor } = state.session, context = canvas.getContext("2d");
   const scale = Math.min(canvas.width / sensor.width, canvas.height / sensor.height);

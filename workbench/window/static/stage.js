@@ -2,7 +2,7 @@
 // until it is there, drop what is stale, and share one cursor.
 
 import { Refused, hashOf, pixels, post } from "./api.js";
-import { $, clear, el, fitCanvas, style, words } from "./dom.js";
+import { $, clear, el, fitCanvas, style } from "./dom.js";
 import { exportPng, exportSvg } from "./export.js";
 import { drawProfile, showCandidate, showNothing, showPoint, showSpot } from "./inspector.js";
 import { buildLayers, looksFor, onLayers } from "./layers.js";
@@ -19,7 +19,7 @@ import { listen, state, text } from "./state.js";
 import { mark, setBadge } from "./strip.js";
 import { onTab } from "./tabs.js";
 import { View } from "./view.js";
-import { decimal, t } from "./words.js";
+import { decimal, t, words } from "./words.js";
 import { dragWipe, drawWipe, startWipe } from "./wipe.js";
 
 export const stage = { view: null, answer: null, layers: {} };
@@ -86,7 +86,7 @@ export function show() {
   mark();
   running?.abort();
   running = null;
-  refresh();
+  return refresh();
 }
 
 // Ask anew; the time to the picture counts from here, whoever asked.
@@ -110,7 +110,7 @@ async function once(signal) {
   try {
     const [answer, raw, ...layers] = await Promise.all([
       post("process", { index, config }, signal),
-      !state.session.has_images ? null : kept(index) ?? pixels(`image/${index}`, null, signal).catch(unlessAborted),
+      !state.session.has_images ? null : kept(index) ?? pixels(`image/${index}`, null, signal).then(atOnce).catch(unlessAborted),
       ...wantedStages.map((name) => pixels("stage", { index, config, stage: name }, signal).catch(unlessAborted)),
     ]);
     const wanted = await hashOf(config);
@@ -126,6 +126,16 @@ async function once(signal) {
     say(error.message, true);
     if (!stage.answer) $("notice").textContent = error.message;
   }
+}
+
+// The very first picture is shown as it is, before anything was found in it.
+function atOnce(raw) {
+  if (stage.answer || stage.raw) return raw;
+  stage.raw = raw;
+  fitImage(raw);
+  paintNow();
+  requestAnimationFrame(() => performance.mark("picture"));
+  return raw;
 }
 
 // The pixels that the answer was computed on: a file may have been overwritten since they were fetched.
@@ -156,6 +166,7 @@ function accept(answer, raw, layers, asked) {
     const ms = performance.now() - asked;
     $("timing").textContent = t`${ms.toFixed(0)} ms (detection ${answer.ms.toFixed(0)})`;
     $("hash").textContent = answer.hash.slice(0, 8);
+    if (first) performance.mark(`shown ${answer.index}`);
     Object.assign(document.documentElement.dataset, { shown: `${answer.index}:${answer.hash}`, ms: ms.toFixed(1) });
   });
 }

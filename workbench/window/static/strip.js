@@ -9,28 +9,63 @@ import { t } from "./words.js";
 export const WORDS = { all: "all found", some: "some found", none: "none found", count: "found; nothing says how many there should be", out: "out of tolerance", error: "error" };
 const SIGNS = { all: "✓", none: "0", error: "!" };
 
+// Ten thousand images: the browser lays out and paints the parcels in sight alone, and is told how high the others are.
+const PARCEL = 50, HEIGHT_PX = 116;
+const entries = [], parcels = [], latest = [];
+let marked = -1;
+
 export function buildStrip() {
-  clear($("strip"), state.session.images.map(entry));
+  Object.assign(entries, { length: 0 });
+  Object.assign(parcels, { length: 0 });
+  clear($("strip"));
+  addToStrip();
   onFilter(sift);
 }
 
-const latest = [];
-
 // Hide what the filter does not let through; the shown image stays.
 function sift() {
-  [...$("strip").children].forEach((node, i) => { node.hidden = i !== state.index && !passes(latest[i], i); });
+  entries.forEach((node, i) => { node.hidden = i !== state.index && !passes(latest[i], i); });
+  parcels.forEach(measureParcel);
 }
 
-// The images that came since.
+function measureParcel(node) {
+  const seen = [...node.children].filter((child) => !child.hidden).length;
+  node.hidden = !seen;
+  node.style.containIntrinsicHeight = `auto ${seen * HEIGHT_PX}px`;
+}
+
+// The images that came since, those of the beginning too.
 export function addToStrip() {
-  const there = $("strip").childElementCount;
-  $("strip").append(...state.session.images.slice(there).map((image, k) => entry(image, there + k)));
+  const first = entries.length, touched = new Set();
+  state.session.images.slice(first).forEach((image, k) => {
+    const i = first + k, parcel = parcels[Math.floor(i / PARCEL)] ?? newParcel();
+    entries.push(entry(image, i));
+    parcel.append(entries[i]);
+    touched.add(parcel);
+  });
+  touched.forEach(measureParcel);
+}
+
+function newParcel() {
+  const node = el("div", { class: "parcel" });
+  parcels.push(node);
+  $("strip").append(node);
+  return node;
+}
+
+export const entryOf = (index) => entries[index];
+
+// Small pictures are asked for once the first large one is there.
+let pictured = false;
+export function showThumbnails() {
+  pictured = true;
+  entries.forEach((node, i) => { node.firstChild.src ||= `api/thumbnail/${i}`; });
 }
 
 const entry = (image, i) => el("button", {
-    title: image.name, data: { index: i }, onclick: () => go(i), onkeydown: arrows, tabIndex: i ? -1 : 0,
+    title: image.name, data: { index: i }, onclick: () => go(i), onkeydown: arrows, tabIndex: -1,
   },
-  el("img", { src: `api/thumbnail/${i}`, alt: "", loading: "lazy", decoding: "async" }),
+  el("img", { ...(pictured ? { src: `api/thumbnail/${i}` } : {}), alt: "", loading: "lazy", decoding: "async" }),
   el("span", { class: "badge", data: { badge: "" } }, "…"),
   el("span", { class: "name" }, el("b", {}, image.name.split("/").pop()), el("span", {}, image.location)));
 
@@ -41,13 +76,13 @@ function arrows(event) {
   if (to === undefined || to < 0 || to > last) return;
   event.preventDefault();
   go(to);
-  $("strip").children[to].focus();
+  entries[to].focus();
 }
 
 // The next image to either side that the filter lets through.
 export function near(index, by) {
   let to = index + by;
-  while (to >= 0 && to < state.session.images.length && $("strip").children[to].hidden) to += by;
+  while (to >= 0 && to < state.session.images.length && entries[to].hidden) to += by;
   return to;
 }
 
@@ -58,17 +93,20 @@ export function go(index) {
   show();
 }
 
-const marked = [];
-export const onMark = (f) => marked.push(f);
+const followers = [];
+export const onMark = (f) => followers.push(f);
 
 export function mark() {
-  marked.forEach((f) => f());
-  for (const button of $("strip").children) {
-    const current = Number(button.dataset.index) === state.index;
-    if (current && button.getAttribute("aria-current") !== "true") button.scrollIntoView({ block: "nearest" });
-    button.setAttribute("aria-current", current);
-    button.tabIndex = current ? 0 : -1;
-  }
+  followers.forEach((f) => f());
+  if (marked === state.index) return;
+  [[entries[marked], false], [entries[state.index], true]].forEach(([button, current]) => {
+    button?.setAttribute("aria-current", current);
+    if (button) button.tabIndex = current ? 0 : -1;
+  });
+  marked = state.index;
+  const button = entries[marked];
+  if (button.hidden) { button.hidden = false; measureParcel(button.parentNode); }
+  button.scrollIntoView({ block: "nearest" });
 }
 
 export function badgeText(row) {
@@ -80,12 +118,14 @@ export function badgeText(row) {
 export const found = (row) => row.found ?? 0;
 
 export function setBadge(row) {
-  const button = $("strip").children[row.index];
+  const button = entries[row.index];
   latest[row.index] = row;
-  if (filtering()) button.hidden = row.index !== state.index && !passes(row, row.index);
-  const node = button.querySelector(".badge");
-  node.className = `badge ${row.badge}`;
-  node.dataset.badge = row.badge;
-  node.textContent = badgeText(row);
+  if (filtering()) {
+    const hidden = row.index !== state.index && !passes(row, row.index);
+    if (hidden !== button.hidden) { button.hidden = hidden; measureParcel(button.parentNode); }
+  }
+  const node = button.querySelector(".badge"), badge = badgeText(row);
+  if (node.dataset.badge !== row.badge) Object.assign(node.dataset, { badge: row.badge }), (node.className = `badge ${row.badge}`);
+  if (node.textContent !== badge) node.textContent = badge;
   button.title = `${state.session.images[row.index].name}: ${row.error || t(WORDS[row.badge])}`;
 }

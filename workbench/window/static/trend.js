@@ -78,13 +78,14 @@ export function drawTrend() {
   here(context, x, height);
   line(context, saved, x, y);
   const radius = Math.max(1, Math.min(3.2, (width - LEFT) / count() / 2.2));
+  const colours = { out: style("--bad"), all: style("--good"), some: style("--warn"), none: style("--bad") }, other = style("--accent");
   now.forEach((g, i) => {
     if (g === null || g === undefined) {
       if (shown.now[i]?.error) cross(context, x(i), height - 12);
       return;
     }
     context.globalAlpha = passes(shown.now[i], i) ? 1 : 0.18;
-    context.fillStyle = { out: style("--bad"), all: style("--good"), some: style("--warn"), none: style("--bad") }[shown.now[i].badge] ?? style("--accent");
+    context.fillStyle = colours[shown.now[i].badge] ?? other;
     context.beginPath();
     context.arc(x(i), y(g), i === over ? radius + 2 : radius, 0, 2 * Math.PI);
     context.fill();

@@ -19,8 +19,8 @@ async function look() {
     if (images.length) {
       state.session.images.push(...images);
       addToStrip();
+      if ($("follow").checked) go(state.session.images.length - 1); // before the survey: the shown image comes first
       surveyNow();
-      if ($("follow").checked) go(state.session.images.length - 1);
     }
   } catch { /* a lost server: the picture says so */ }
   setTimeout(look, EVERY_MS);
