@@ -97,6 +97,16 @@ def test_pointing_at_a_spot_shows_its_figures(page: Page) -> None:
     page.until("/ DN +y .* mm$/.test(document.getElementById('where').textContent)")
 
 
+def test_a_prime_is_told_from_its_string(page: Page) -> None:
+    """C and C' are other strings: the mark is the one that files have, wide enough to be seen."""
+    page.image(0)
+    page.layers("spots", "labels")
+    page.find("#fit").click()
+    spot = next(s for s in page.answer()["spots"] if s["label"] == "C'")
+    page.point_at(spot["u"], spot["v"])
+    page.until("document.querySelector('#inspector h2').textContent === \"String C'\"")
+
+
 def test_one_cursor_in_both_panes(page: Page, cell_folder: Path) -> None:
     """A pixel and its point in the laser plane, by extraction's own map and back, to a hundredth of a millimetre."""
     sensor = read_sensor(cell_folder / "sensor.toml")
