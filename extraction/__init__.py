@@ -21,12 +21,14 @@ from extraction.region import region_mask
 from extraction.sheet import SheetTable, image_to_sheet, sheet_table
 from extraction.spots import Stages, extract, extract_stages, learn_speckle, region_shapes
 from extraction.stripe import (
+    PieceEnds,
     Profile,
     StripePeaks,
     detect_stripe,
     extract_profile,
     flag_names,
     peaks_text,
+    piece_ends,
     profile_text,
     read_profile_csv,
     write_peaks_csv,
@@ -47,6 +49,7 @@ __all__ = [
     "GapFlushConfig",
     "Line",
     "LocaliseConfig",
+    "PieceEnds",
     "Profile",
     "Reason",
     "RegionConfig",
@@ -69,6 +72,7 @@ __all__ = [
     "learn_speckle",
     "measure_gap_flush",
     "peaks_text",
+    "piece_ends",
     "profile_text",
     "read_profile_csv",
     "region_mask",

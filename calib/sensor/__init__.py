@@ -4,20 +4,20 @@ from calib.sensor.calibrate import SensorSettings, calibrate_sensor
 from calib.sensor.choice import Tried
 from calib.sensor.direct import DirectModel, fit_direct
 from calib.sensor.result import SensorCalibration, SensorSolution, SensorVerdict, ViewResult
-from calib.sensor.untaken import UntakenTilt
+from calib.sensor.tilts import PossibleTilts
 from calib.sensor.views import BoardView, Corners, StripePoints
 
 __all__ = [
     "BoardView",
     "Corners",
     "DirectModel",
+    "PossibleTilts",
     "SensorCalibration",
     "SensorSettings",
     "SensorSolution",
     "SensorVerdict",
     "StripePoints",
     "Tried",
-    "UntakenTilt",
     "ViewResult",
     "calibrate_sensor",
     "fit_direct",

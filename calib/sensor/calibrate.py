@@ -8,22 +8,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.engine import Covariance, Result
 from calib.sensor.bundle import SensorBundle, camera_start
 from calib.sensor.choice import LENGTH, Choice, choose_terms
 from calib.sensor.contradiction import common_error_px, contradicting_stripes
-from calib.sensor.curvature import with_bend
 from calib.sensor.left_out import left_out
 from calib.sensor.noise import with_noise
 from calib.sensor.on_line import MIN_POINTS, on_one_line, second_line
 from calib.sensor.result import SensorCalibration, SensorSolution, SensorVerdict, ViewResult
-from calib.sensor.sheet_frame import SheetFrame, camera_rows, sheet_deviations, sheet_frame, to_sheet
+from calib.sensor.sheet_frame import SheetFrame, sheet_frame, to_sheet
+from calib.sensor.stated import Answer, tangent_uncertainty, uncertainty_of_tilts
 from calib.sensor.terms import BOARD, CAMERA, PLANE
-from calib.sensor.untaken import TILT_NAMES, untaken_tilt
+from calib.sensor.tilts import TILT_NAMES, possible_tilts
 from calib.sensor.verdict import judge, too_few
 from calib.sensor.views import BoardView, BoardViews
 from geometry import Pose, State
-from geometry.sensor import CAMERA_PARAMETERS, SensorUncertainty
+from geometry.sensor import SensorUncertainty, calibration_covariance
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -176,20 +175,26 @@ class _Attempt:
                 every,
             )
         bundle, result = choice.bundle, choice.result
-        cov = with_bend(bundle, result, bundle.covariance(result))
-        frame = sheet_frame(result.state.vector(CAMERA), result.state.vector(PLANE), self.settings.origin_yz_mm)
-        results |= _view_results(choice, frame, centre)
+        answer = Answer(
+            result.state.vector(CAMERA),
+            result.state.vector(PLANE),
+            sheet_frame(result.state.vector(CAMERA), result.state.vector(PLANE), self.settings.origin_yz_mm),
+            self.size_px,
+        )
+        results |= _view_results(choice, answer.frame, centre)
         distances = bundle.stripe_term.distances(result.state).residual
         errors = bundle.corner_term.errors(result.state).residual
-        solution = _solution(bundle, result, cov, frame, centre, bundle.terms)
+        covariance = bundle.covariance(result)
+        solution = _solution(choice, answer, tangent_uncertainty(answer, bundle.terms, covariance.total), centre)
         between = common_error_px(bundle, result)
         verdict = judge(choice, solution, len(self.given), contradicted=contradicted, stripes_apart_px=between)
         tilt_fits = verdict.is_answer and self.settings.max_terms >= LENGTH[TILT_NAMES[0]]
-        untaken = untaken_tilt(bundle, result, cov) if tilt_fits else None
-        if untaken is not None:
-            cov = untaken.covariance
-            solution = _solution(bundle, result, cov, frame, centre, (*bundle.terms, *TILT_NAMES))
-        depth, sigma = _depth_sigma(bundle, result, cov, self.settings.origin_yz_mm)
+        tilts = possible_tilts(bundle, result, covariance) if tilt_fits else None
+        yz = to_sheet(answer.camera, answer.frame, bundle.views.stripe.uv_px)
+        if tilts is not None:
+            terms = (*(t for t in bundle.terms if t not in TILT_NAMES), *TILT_NAMES)
+            solution = replace(solution, uncertainty=uncertainty_of_tilts(answer, terms, tilts, yz))
+        depth, sigma = _depth_sigma(answer, solution.uncertainty, yz)
         whitened = bundle.corner_term.independent_rows(result.state).residual * bundle.corner_scale
         return (
             SensorCalibration(
@@ -207,7 +212,7 @@ class _Attempt:
                 sigma_z_mm=sigma,
                 depth_mm=depth,
                 tried=choice.tried,
-                untaken=untaken,
+                tilts=tilts,
                 notes=tuple(self._second_stripes(choice)),
             )
             if len(whitened)
@@ -285,46 +290,21 @@ def _view_results(choice: Choice, frame: SheetFrame, centre: Array) -> dict[str,
     return results
 
 
-def _solution(
-    bundle: SensorBundle, result: Result, cov: Covariance, frame: SheetFrame, centre: Array, stated: tuple[str, ...]
-) -> SensorSolution:
-    """stated: the terms of the lens that the uncertainty names."""
-    state, u = result.state, result.unknowns
-    plane = state.vector(PLANE)
-    rows = camera_rows(stated)
-    to_named = np.zeros((len(rows) + 3, u.size))
-    to_named[np.arange(len(rows)), np.array(u.indices(CAMERA))[list(rows)]] = 1.0
-    to_named[len(rows) :, u[PLANE]] = sheet_deviations(frame, plane)
-    named = to_named @ cov.total @ to_named.T
-    names = (*(CAMERA_PARAMETERS[i] for i in rows), "plane_tilt_y_rad", "plane_tilt_z_rad", "plane_shift_mm")
-    camera = state.vector(CAMERA).copy()
+def _solution(choice: Choice, answer: Answer, known: SensorUncertainty, centre: Array) -> SensorSolution:
+    camera = answer.camera.copy()
     camera[2:4] += centre
-    distance = float(1 / np.linalg.norm(plane))
-    uncertainty = SensorUncertainty(names, (named + named.T) / 2, "calibrated")
-    return SensorSolution(camera, bundle.terms, plane * distance, distance, frame, uncertainty, state.pose(BOARD))
+    distance = float(1 / np.linalg.norm(answer.plane))
+    boards = choice.result.state.pose(BOARD)
+    return SensorSolution(camera, choice.bundle.terms, answer.plane * distance, distance, answer.frame, known, boards)
 
 
 def _depth_sigma(
-    bundle: SensorBundle, result: Result, cov: Covariance, origin: tuple[float, float]
+    answer: Answer, known: SensorUncertainty, yz_mm: Array
 ) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
     """Z [mm] near, middle and far where the stripes were seen, and σ of z there by the sensor's own uncertainty."""
-    state, u = result.state, result.unknowns
-    uv = bundle.views.stripe.uv_px
-    frame = sheet_frame(state.vector(CAMERA), state.vector(PLANE), origin)
-    z = to_sheet(state.vector(CAMERA), frame, uv)[:, 1]
-    order = np.argsort(z, kind="stable")
-    chosen = uv[order[[0, len(order) // 2, -1]]]
-    sigma = np.sqrt(np.diag(cov.total))
-    jac = np.zeros((3, u.size))
-    for j in np.flatnonzero(sigma > 0):
-        step = np.zeros(u.size)
-        step[j] = 0.05 * sigma[j]
-        ends = []
-        for sign in (1.0, -1.0):
-            camera = state.vector(CAMERA) + sign * step[u[CAMERA]]
-            plane = state.vector(PLANE) + sign * step[u[PLANE]]
-            ends.append(to_sheet(camera, sheet_frame(camera, plane, origin), chosen)[:, 1])
-        jac[:, j] = (ends[0] - ends[1]) / (2 * step[j])
-    s = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", jac, cov.total, jac), 0.0))
-    zz = z[order[[0, len(order) // 2, -1]]]
-    return (float(zz[0]), float(zz[1]), float(zz[2])), (float(s[0]), float(s[1]), float(s[2]))
+    order = np.argsort(yz_mm[:, 1], kind="stable")
+    chosen = yz_mm[order[[0, len(order) // 2, -1]]]
+    own = calibration_covariance(replace(answer.sensor, uncertainty=known), chosen)
+    assert own is not None  # noqa: S101 - what is known is stated
+    (near, middle, far), sigma = chosen[:, 1].tolist(), np.sqrt(own[:, 1, 1]).tolist()
+    return (near, middle, far), (sigma[0], sigma[1], sigma[2])

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from calib.sensor.choice import Tried
 from calib.sensor.sheet_frame import SheetFrame
-from calib.sensor.untaken import UntakenTilt
+from calib.sensor.tilts import PossibleTilts
 from geometry import Pose
 from geometry.sensor import SensorUncertainty
 
@@ -140,8 +140,13 @@ class SensorCalibration:
     sigma_z_mm: tuple[float, float, float] | None = None
     depth_mm: tuple[float, float, float] | None = None
     tried: tuple[Tried, ...] = ()
-    untaken: UntakenTilt | None = None
+    tilts: PossibleTilts | None = None
     notes: tuple[str, ...] = ()
+
+    @property
+    def untaken(self) -> PossibleTilts | None:
+        """The tilts that an answer without one leaves possible; None where it holds one, or none is likely."""
+        return None if self.tilts is None or self.tilts.taken else self.tilts
 
     @property
     def n_views(self) -> int:

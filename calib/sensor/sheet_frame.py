@@ -58,6 +58,24 @@ def sheet_deviations(frame: SheetFrame, plane: Array) -> Array:
     return np.stack([-(R[2] @ by_x), R[1] @ by_x, shift])
 
 
+def plane_deviations(frame: SheetFrame, plane: Array) -> tuple[Array, Array]:
+    """A plane's turns about {P}'s y and then z [rad] and its shift along x [mm] (3,), and their Jacobian (3, 3) by p.
+
+    As ``sheet_deviations``, of a plane that is not near.
+    """
+    R = frame.T_sensor_camera.R
+    origin = frame.T_sensor_camera.inverse().t
+    size = float(np.linalg.norm(plane))
+    x = -R @ plane / size  # the plane's own x in {P}
+    by_x = -(R - np.outer(R @ plane, plane) / size**2) / size
+    level = float(np.hypot(x[0], x[2]))
+    turns = np.array([np.arctan2(-x[2], x[0]), np.arctan2(x[1], level)])
+    by_turns = np.stack([(x[2] * by_x[0] - x[0] * by_x[2]) / level**2, by_x[1] / level])
+    along, rest = float(plane @ R[0]), 1 - float(plane @ origin)  # p · (origin + s x) = 1
+    by_shift = -origin / along - rest * R[0] / along**2
+    return np.array([*turns, rest / along]), np.vstack([by_turns, by_shift])
+
+
 def camera_rows(terms: tuple[str, ...]) -> tuple[int, ...]:
     """Positions of the pinhole's numbers and of the terms among CAMERA_PARAMETERS."""
     return (0, 1, 2, 3, *(CAMERA_PARAMETERS.index(t) for t in CAMERA_PARAMETERS if t in terms))

@@ -121,10 +121,12 @@ def parameter_errors(solution: SensorSolution, truth: SyntheticSensor) -> Array:
     names = solution.uncertainty.parameters
     places = {name: i for i, name in enumerate(CAMERA_PARAMETERS)}
     camera = truth.camera - solution.camera
-    _, y, z = solution.frame.T_sensor_camera.R  # of {P} in the camera's frame
+    T = solution.frame.T_sensor_camera
+    x, y, z = -(T.R @ truth.normal)  # of the true plane's own x, in {P}
+    origin, axis = T.inverse().t, T.R[0]  # of {P} and its x, in the camera's frame
     plane = {
-        "plane_tilt_y_rad": float(z @ truth.normal),
-        "plane_tilt_z_rad": -float(y @ truth.normal),
-        "plane_shift_mm": solution.plane_mm - truth.distance_mm,
+        "plane_tilt_y_rad": float(np.arctan2(-z, x)),
+        "plane_tilt_z_rad": float(np.arcsin(y)),
+        "plane_shift_mm": float((truth.distance_mm - truth.normal @ origin) / (truth.normal @ axis)),
     }
     return np.array([plane[n] if n in plane else camera[places[n]] for n in names])

@@ -1,5 +1,6 @@
 """A laser stripe's profile: image → peaks section by section → points of the sheet with covariance; files of them."""
 
+from extraction.stripe.ends import PieceEnds, piece_ends
 from extraction.stripe.files import (
     peaks_text,
     profile_text,
@@ -16,6 +17,7 @@ __all__ = [
     "EDGE",
     "SATURATED",
     "SHAPE",
+    "PieceEnds",
     "Profile",
     "StripePeaks",
     "depth_direction",
@@ -24,6 +26,7 @@ __all__ = [
     "flag_bits",
     "flag_names",
     "peaks_text",
+    "piece_ends",
     "profile_text",
     "read_profile_csv",
     "write_peaks_csv",

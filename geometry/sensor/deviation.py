@@ -131,7 +131,7 @@ def calibration_covariance(sensor: Sensor, yz_mm: Array) -> Array | None:
     if known is None:
         return None
     motions = SensorDeviation(sensor, known.parameters).motions(np.asarray(yz_mm, dtype=float).reshape(-1, 2))
-    own = np.asarray(motions @ known.covariance @ np.swapaxes(motions, 1, 2))
+    own = np.asarray(motions @ known.of_points @ np.swapaxes(motions, 1, 2))
     return own if sensor.direct is None else own + sensor.direct.rms_mm**2 / 2 * np.eye(2)
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from geometry.errors import InputError, did_you_mean
 
@@ -40,7 +41,7 @@ RTOL_EIGENVALUE = 1e-9  # rounding of a covariance that is as good as singular
 
 @dataclass(frozen=True, eq=False)
 class SensorUncertainty:
-    """Covariance of a sensor's parameters.
+    """Covariance of a sensor's parameters, and of what points and poses take from them.
 
     Parameters
     ----------
@@ -50,6 +51,10 @@ class SensorUncertainty:
         (P, P), in the names' units.
     source : str or None
         Where the sensor's numbers come from, one of SOURCES; None where it is not said.
+    tangent_covariance : Array or None
+        (P, P), what derivatives carry over to points, where the parameters that are possible lie on a curve (a tilted
+        chip and its principal point): along the curve points move less than its sag by itself would make them. None
+        where the covariance does for both.
 
     Raises
     ------
@@ -60,10 +65,13 @@ class SensorUncertainty:
     parameters: tuple[str, ...]
     covariance: Array
     source: str | None = None
+    tangent_covariance: Array | None = None
 
     def __post_init__(self) -> None:
         _check_names(self.parameters)
-        _check_covariance(self.covariance, len(self.parameters))
+        _check_covariance("covariance", self.covariance, len(self.parameters))
+        if self.tangent_covariance is not None:
+            _check_covariance("tangent_covariance", self.tangent_covariance, len(self.parameters))
         if self.source is not None and self.source not in SOURCES:
             shown = ", ".join(f'"{s}"' for s in SOURCES)
             raise InputError(f'[uncertainty] source = "{self.source}": must be one of {shown}')
@@ -100,23 +108,34 @@ class SensorUncertainty:
             return self
         usual = SensorUncertainty.by_source(self.source, focal_px)
         more = [i for i, name in enumerate(usual.parameters) if name not in self.parameters]
-        count = len(self.parameters)
-        covariance = np.zeros((count + len(more), count + len(more)))
-        covariance[:count, :count] = self.covariance
-        covariance[count:, count:] = usual.covariance[np.ix_(more, more)]
-        return SensorUncertainty((*self.parameters, *(usual.parameters[i] for i in more)), covariance, self.source)
+        rest, tangent = usual.covariance[np.ix_(more, more)], self.tangent_covariance
+        return SensorUncertainty(
+            (*self.parameters, *(usual.parameters[i] for i in more)),
+            block_diag(self.covariance, rest),
+            self.source,
+            None if tangent is None else block_diag(tangent, rest),
+        )
+
+    @property
+    def of_points(self) -> Array:
+        """The covariance (P, P) that derivatives carry over to points and poses."""
+        return self.covariance if self.tangent_covariance is None else self.tangent_covariance
 
     def independent(self) -> tuple[tuple[str, ...], Array]:
-        """Independent errors of unit σ: their names (K,), and the parameters (P, K) that each moves by its one σ."""
-        linked = (self.covariance != 0) | np.eye(len(self.parameters), dtype=bool)
+        """Independent errors of unit σ: their names (K,), and the parameters (P, K) that each moves by its one σ.
+
+        Of what points take from the parameters.
+        """
+        covariance = self.of_points
+        linked = (covariance != 0) | np.eye(len(self.parameters), dtype=bool)
         names, columns = list[str](), list[Array]()
-        left = np.diag(self.covariance) > 0
+        left = np.diag(covariance) > 0
         while np.any(left):
             group = _linked(linked, int(np.argmax(left)))
             left &= ~group
             index = np.flatnonzero(group)
-            scale = np.sqrt(np.diag(self.covariance)[index])
-            values, vectors = np.linalg.eigh(self.covariance[np.ix_(index, index)] / np.outer(scale, scale))
+            scale = np.sqrt(np.diag(covariance)[index])
+            values, vectors = np.linalg.eigh(covariance[np.ix_(index, index)] / np.outer(scale, scale))
             for value, vector in zip(values[::-1], vectors.T[::-1], strict=True):
                 if value <= RTOL_EIGENVALUE * len(index):
                     continue
@@ -152,15 +171,15 @@ def _check_names(names: tuple[str, ...]) -> None:
             raise InputError(f'[uncertainty] parameters: "{name}" stands there {names.count(name)} times')
 
 
-def _check_covariance(covariance: Array, count: int) -> None:
+def _check_covariance(key: str, covariance: Array, count: int) -> None:
     if covariance.shape != (count, count):
-        raise InputError(f"[uncertainty] covariance must be {count} × {count}, a row and a column for each parameter")
+        raise InputError(f"[uncertainty] {key} must be {count} × {count}, a row and a column for each parameter")
     if not np.all(np.isfinite(covariance)):
-        raise InputError("[uncertainty] covariance holds a number that is not finite")
+        raise InputError(f"[uncertainty] {key} holds a number that is not finite")
     scale = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     unit = np.where(scale > 0, scale, 1.0)
     correlation = covariance / np.outer(unit, unit)
     if np.any(np.abs(correlation - correlation.T) > RTOL_SYMMETRY):
-        raise InputError("[uncertainty] covariance is not symmetric")
+        raise InputError(f"[uncertainty] {key} is not symmetric")
     if count and np.linalg.eigvalsh(correlation)[0] < -max(RTOL_EIGENVALUE, RTOL_SYMMETRY) * count:
-        raise InputError("[uncertainty] covariance has a negative eigenvalue: no parameters can vary like that")
+        raise InputError(f"[uncertainty] {key} has a negative eigenvalue: no parameters can vary like that")

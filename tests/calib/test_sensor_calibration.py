@@ -11,17 +11,20 @@ import pytest
 from calib.sensor import BoardView, SensorCalibration, SensorSettings, calibrate_sensor, fit_direct
 from calib.sensor.bundle import stripe_points
 from calib.sensor.lens import project, undistort
-from calib.sensor.sheet_frame import sheet_frame
+from calib.sensor.sheet_frame import plane_deviations, sheet_deviations, sheet_frame, to_sheet
 from calib.sensor.start import fitted_plane
+from calib.sensor.stated import PLANE_NAMES, Answer, parts_by_name
 from calib.sensor.terms import BOARD, CAMERA, PLANE, CornerResiduals, StripeNoise, StripeOnBoard
 from calib.sensor.views import BoardViews
 from calib.synthetic.boards import SIZE_PX as SIZE
 from calib.synthetic.boards import BoardNoise, SyntheticSensor, observe_boards, parameter_errors, synthetic_sensor
-from geometry import Pose, State
+from geometry import Pose, Sensor, Sheet, State
+from geometry.sensor import SensorDeviation
 
 STEP = 1e-30
 ATOL_PX = 1e-9
 ATOL_MM = 0.02
+RTOL_SCATTER = 0.12  # of 300 draws, and of what the straight ways leave
 SHORT = SensorSettings(max_terms=4)  # where the lens is not what is asked
 CENTRE = (np.array(SIZE) - 1) / 2
 
@@ -190,7 +193,7 @@ def test_a_tilt_that_can_not_be_told_is_in_every_sigma():
     assert not np.any(found.solution.camera[-2:])
     assert found.untaken is not None
     assert 0.02 <= found.untaken.probability < 0.5
-    assert np.all(np.abs(found.untaken.tau_rad - truth.camera[-2:]) < 2 * found.untaken.sigma_rad)
+    assert np.all(np.abs(found.untaken.mean_rad - truth.camera[-2:]) < 2 * found.untaken.sigma_rad)
     value, count = nees(found, truth)
     assert value < 4 * count < nees(short, truth)[0]  # without: the σ of an upright chip
     assert "tau_x" not in short.solution.uncertainty.parameters
@@ -201,6 +204,88 @@ def test_a_tilt_that_is_excluded_is_in_no_sigma():
     assert found.untaken is None
     assert found.solution is not None
     assert "tau_x" not in found.solution.uncertainty.parameters
+
+
+@pytest.fixture(scope="module")
+def bent() -> tuple[SensorCalibration, SyntheticSensor, list[BoardView]]:
+    """A chip tilted by 7°, of which the views tell the principal point to 19 px only."""
+    rng = np.random.default_rng([0, 1])
+    truth = synthetic_sensor(rng, 6.73)
+    views = observe_boards(truth, rng)
+    return calibrate_sensor(views, SIZE), truth, views
+
+
+def _answer(found: SensorCalibration) -> Answer:
+    s = found.solution
+    assert s is not None
+    camera = np.concatenate([s.camera[:2], s.camera[2:4] - CENTRE, s.camera[4:]])
+    return Answer(camera, s.plane_normal / s.plane_mm, s.frame, SIZE)
+
+
+def test_points_of_a_tilted_chip_scatter_as_stated(bent: tuple[SensorCalibration, SyntheticSensor, list[BoardView]]):
+    """Sensors drawn from all tilts move points, after the best motion in the sheet, as their stated σ say.
+
+    By the second moments of the parameters they would seem to move them more than twice as far.
+    """
+    found, truth, views = bent
+    assert found.solution is not None
+    assert found.tilts is not None
+    assert found.tilts.taken
+    known, answer = found.solution.uncertainty, _answer(found)
+    yz = to_sheet(answer.camera, answer.frame, np.concatenate([v.stripe.uv_px for v in views])[::40] - CENTRE)
+    deviation = SensorDeviation(answer.sensor, known.parameters)
+    motions = np.stack(
+        [np.tile(one, len(yz)) for one in ((1.0, 0.0), (0.0, 1.0))] + [(yz @ [[0, 1], [-1, 0]]).reshape(-1)], -1
+    )
+    q = np.linalg.qr(motions)[0]
+    by = deviation.motions(yz).reshape(-1, len(known.parameters))
+    by = by - q @ (q.T @ by)
+
+    def rms_mm(covariance: np.ndarray) -> float:
+        return float(np.sqrt(np.sum((by @ covariance) * by) / len(yz)))
+
+    rng, square = np.random.default_rng(7), []
+    off, own = parts_by_name(answer, ("k1", "k2", "p1", "p2", "tau_x", "tau_y"), found.tilts)
+    for k in rng.choice(len(off), 300, p=found.tilts.weight):
+        drawn = rng.multivariate_normal(off[k], own[k], method="eigh")
+        moved = (deviation.seen(yz, drawn).yz_mm - yz).reshape(-1)
+        square.append(np.sum((moved - q @ (q.T @ moved)) ** 2) / len(yz))
+    scatter = float(np.sqrt(np.mean(square)))
+    assert rms_mm(known.of_points) == pytest.approx(scatter, rel=RTOL_SCATTER)
+    assert rms_mm(known.covariance) > 2 * scatter
+    value, count = nees(found, truth)
+    assert value < 2 * count
+
+
+def test_a_tilt_that_was_taken_leaves_an_upright_chip_possible():
+    """Of an upright chip whose views are predicted better with a tilt: the σ hold that there is none."""
+    rng = np.random.default_rng([0, 166])
+    truth = synthetic_sensor(rng)
+    found = calibrate_sensor(observe_boards(truth, rng), SIZE)
+    assert found.solution is not None
+    assert found.tilts is not None
+    assert "tau_x" in found.solution.terms
+    assert found.untaken is None
+    assert 0.05 < found.tilts.probability < 0.5
+    value, count = nees(found, truth)
+    assert value < 2 * count
+
+
+def test_a_plane_that_is_not_near_is_told_by_the_turns_of_the_deviation():
+    """The plane, turned and shifted as found, is that of geometry's corrected sheet; the Jacobian by differences."""
+    camera, plane = _whole_lens(), np.array([0.001, 0.008, 0.0032])
+    frame = sheet_frame(camera, plane, (3.0, 7.0))
+    there = plane + np.array([3e-4, -2e-4, 1.5e-4])
+    found, by = plane_deviations(frame, there)
+    pose = SensorDeviation(Sensor(Sheet(np.zeros(3), 1.0), None), PLANE_NAMES).seen(np.zeros((1, 2)), found)
+    corners = pose.T_sensor_sheet @ np.array([[0.0, 0, 0], [0, 50, 0], [0, 0, 50]])
+    np.testing.assert_allclose(frame.T_sensor_camera.inverse() @ corners @ there, 1.0, rtol=0, atol=1e-12)
+    step = 1e-7 * np.eye(3)
+    ends = [(plane_deviations(frame, there + d)[0] - plane_deviations(frame, there - d)[0]) / 2e-7 for d in step]
+    np.testing.assert_allclose(by, np.stack(ends, -1), rtol=1e-6, atol=1e-6)
+    near = plane_deviations(frame, plane)
+    np.testing.assert_allclose(near[0], 0.0, atol=1e-12)
+    np.testing.assert_allclose(near[1], sheet_deviations(frame, plane), rtol=1e-9, atol=1e-9)
 
 
 def test_a_board_that_moved_is_left_out_by_name():

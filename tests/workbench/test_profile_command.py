@@ -31,6 +31,9 @@ def test_a_folder_without_a_sensor_gives_pixels(cli, folder, tmp_path):
     assert "broken.png" in done.err
     assert images["a.png"]["n_points"] == 640
     assert images["a.png"]["direction"] == "columns"
+    whole = {"piece": 0, "first_section": 0, "last_section": 639, "begin_px": None, "end_px": None}
+    assert images["a.png"]["ends"] == [{**whole, "sigma_begin_px": None, "sigma_end_px": None}]
+    assert images["c.png"]["ends"] == []
     assert images["b.bmp"]["flags"] == {"saturated": 640}
     assert images["c.png"]["n_points"] == 0
     assert images["c.png"]["reason"].startswith("no stripe")

@@ -6,13 +6,15 @@ That a profile sensor's points are measured aright is not shown here: nothing re
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from geometry import InputError, field_of_view
-from geometry.sensor import Optics
+from geometry.sensor import Optics, calibration_covariance
+from perceptron_emu import EmulatorConfig
 from tests.workbench.helpers import Cli
 from workbench.cell import find_emulator, find_sensor
 from workbench.files import read_emulator, read_sensor, sensor_text
@@ -34,6 +36,9 @@ source = "calibrated"
 parameters = ["fx_px", "fy_px", "plane_tilt_z_deg"]
 covariance = [[4.0, 3.9, 0.01], [3.9, 4.0, 0.01], [0.01, 0.01, 1e-4]]
 """
+
+
+TANGENT = "tangent_covariance = [[1.0, 0.9, 0.0], [0.9, 1.0, 0.0], [0.0, 0.0, 1e-4]]\n"
 
 
 def _written(tmp_path: Path, text: str) -> Path:
@@ -83,6 +88,23 @@ def test_a_covariance_is_carried_in_radians(tmp_path: Path) -> None:
     np.testing.assert_allclose(uncertainty.covariance, expected, rtol=0, atol=1e-15)
 
 
+def test_what_points_take_from_the_parameters_is_carried(tmp_path: Path) -> None:
+    """tangent_covariance in the file's units; it survives writing, and is what points and drawn errors follow."""
+    sensor = read_sensor(_written(tmp_path, CAMERA + MATRIX + TANGENT))
+    again = read_sensor(_written(tmp_path, sensor_text(sensor, EmulatorConfig())))
+    for known in (sensor.uncertainty, again.uncertainty):
+        assert known is not None
+        assert known.tangent_covariance is not None
+        one = np.deg2rad(1.0)
+        np.testing.assert_allclose(np.diag(known.of_points), [1.0, 1.0, 1e-4 * one**2], rtol=1e-12)
+        assert known.sigma["fx_px"] == pytest.approx(2.0, abs=1e-12)
+        basis = known.independent()[1]
+        np.testing.assert_allclose(basis @ basis.T, known.of_points, rtol=0, atol=1e-12)
+    own = calibration_covariance(sensor, np.array([[10.0, 250.0]]))
+    alone = replace(sensor, uncertainty=replace(sensor.uncertainty, covariance=sensor.uncertainty.tangent_covariance))
+    np.testing.assert_array_equal(own, calibration_covariance(alone, np.array([[10.0, 250.0]])))
+
+
 def test_saturation_and_channel_are_carried(tmp_path: Path) -> None:
     text = CAMERA.replace("black_level = 4.0", 'black_level = 4.0\nsaturation_dn = 250\nchannel = "red"')
     camera = read_sensor(_written(tmp_path, text)).require_camera()
@@ -116,6 +138,9 @@ BAD = {
     "ragged covariance": (CAMERA + MATRIX.replace("[3.9, 4.0, 0.01]", "[3.9, 4.0]"), ("covariance", "3 × 3")),
     "not symmetric": (CAMERA + MATRIX.replace("[3.9,", "[3.8,"), ("covariance", "not symmetric")),
     "not positive": (CAMERA + MATRIX.replace("3.9", "4.1"), ("covariance", "negative eigenvalue")),
+    "tangent of another size": (CAMERA + MATRIX + "tangent_covariance = [[1.0]]\n", ("tangent_covariance", "3 × 3")),
+    "tangent not symmetric": (CAMERA + MATRIX + TANGENT.replace("[0.9", "[0.8"), ("tangent_covariance", "symmetric")),
+    "a tangent alone": (CAMERA + "[uncertainty]\ntangent_covariance = [[1.0]]\n", ("parameters is missing",)),
     "no parameters": (CAMERA + "[uncertainty]\ncovariance = [[1.0]]\n", ("parameters is missing",)),
     "sigma beside covariance": (CAMERA + MATRIX + "cx_px = 1.0\n", ("cx_px", "beside covariance")),
     "saturation out of range": (CAMERA.replace("bit_depth = 8", "bit_depth = 8\nsaturation_dn = 256"), ("256", "255")),

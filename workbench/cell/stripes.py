@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from extraction import Profile, StripePeaks, detect_stripe, extract_profile, flag_names
+from extraction import PieceEnds, Profile, StripePeaks, detect_stripe, extract_profile, flag_names, piece_ends
 from geometry import InputError, Remark, Sensor, no_remark
 from workbench.cell.profiling import usable
 from workbench.files import LOSSY_SUFFIXES, Settings, read_image, read_sensor, sensor_of_picture
@@ -35,13 +35,14 @@ class StripeInputs:
 
 @dataclass(frozen=True, eq=False)
 class MeasuredStripe:
-    """One image with what was found in it: peaks, and with a sensor their points; ``reason`` where nothing was."""
+    """One image with what was found in it: peaks, with a sensor their points, the pieces' ends; ``reason`` for none."""
 
     path: Path
     image: Image
     peaks: StripePeaks
     profile: Profile | None
     reason: str
+    ends: Sequence[PieceEnds] = ()
 
 
 def stripe_images(paths: Sequence[Path]) -> list[Path]:
@@ -128,7 +129,8 @@ def _measure(path: Path, sensor: Sensor | None, inputs: StripeInputs, remark: Re
     else:
         profile = extract_profile(image, sensor, config, off, mask)
         peaks = profile.peaks
-    return MeasuredStripe(path, image, peaks, profile, "" if len(peaks) else why_no_stripe(image, model, peaks))
+    reason = "" if len(peaks) else why_no_stripe(image, model, peaks)
+    return MeasuredStripe(path, image, peaks, profile, reason, piece_ends(image, peaks, off, mask))
 
 
 def is_mosaic(image: Image) -> bool:
@@ -198,6 +200,18 @@ def stripe_record(measured: MeasuredStripe) -> dict[str, object]:
         "refused": dict(sorted(peaks.refused.items())),
         "correlation_sections": peaks.correlation_sections,
         "reason": measured.reason or None,
+        "ends": [
+            {
+                "piece": e.piece,
+                "first_section": e.first,
+                "last_section": e.last,
+                "begin_px": e.begin_px,
+                "sigma_begin_px": e.sigma_begin_px,
+                "end_px": e.end_px,
+                "sigma_end_px": e.sigma_end_px,
+            }
+            for e in measured.ends
+        ],
         "points": points,
     }
 

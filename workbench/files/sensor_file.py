@@ -91,6 +91,7 @@ class SensorUncertaintySection(FileSection):
     source: Literal["calibrated", "data sheet", "drawing"] | None = None
     parameters: tuple[Text, ...] | None = None
     covariance: tuple[tuple[Real, ...], ...] | None = None
+    tangent_covariance: tuple[tuple[Real, ...], ...] | None = None
     fx_px: NotNegative | None = None
     fy_px: NotNegative | None = None
     cx_px: NotNegative | None = None
@@ -117,7 +118,9 @@ class SensorUncertaintySection(FileSection):
 
 
 SIGMAS = tuple(
-    k for k in SensorUncertaintySection.model_fields if k not in ("name", "source", "parameters", "covariance")
+    k
+    for k in SensorUncertaintySection.model_fields
+    if k not in ("name", "source", "parameters", "covariance", "tangent_covariance")
 )
 
 
@@ -290,7 +293,7 @@ def _profile(given: ProfileSection) -> ProfileOutput:
 def _uncertainty(given: SensorUncertaintySection) -> SensorUncertainty:
     """Degrees of the file become radians, of names and numbers alike."""
     values = given.model_dump(exclude_none=True, include=set(SIGMAS))
-    if given.parameters is None and given.covariance is None:
+    if given.parameters is None and given.covariance is None and given.tangent_covariance is None:
         sigma = {_inside(name): value * _scale(name) for name, value in values.items()}
         return SensorUncertainty.from_sigma(sigma, given.source)
     if given.parameters is None or given.covariance is None:
@@ -301,12 +304,24 @@ def _uncertainty(given: SensorUncertaintySection) -> SensorUncertainty:
             raise InputError(f'[uncertainty] "{name}" is no parameter of a sensor{suggestion(name, SIGMAS)}')
     if values:
         raise InputError(f"[uncertainty] {next(iter(values))} stands beside covariance: give σ by name or a covariance")
-    count = len(given.parameters)
-    if [len(row) for row in given.covariance] != [count] * count:
-        raise InputError(f"[uncertainty] covariance must be {count} × {count}, a row and a column for each parameter")
-    scale = np.array([_scale(name) for name in given.parameters])
-    covariance = np.array(given.covariance, dtype=float).reshape(count, count) * np.outer(scale, scale)
-    return SensorUncertainty(tuple(map(_inside, given.parameters)), covariance, given.source)
+    names = tuple(map(_inside, given.parameters))
+    covariance = _matrix("covariance", given.covariance, given.parameters)
+    tangent = given.tangent_covariance
+    return SensorUncertainty(
+        names,
+        covariance,
+        given.source,
+        None if tangent is None else _matrix("tangent_covariance", tangent, given.parameters),
+    )
+
+
+def _matrix(key: str, rows: tuple[tuple[float, ...], ...], names: tuple[str, ...]) -> NDArray[np.float64]:
+    """A covariance of the file in the units of the code."""
+    count = len(names)
+    if [len(row) for row in rows] != [count] * count:
+        raise InputError(f"[uncertainty] {key} must be {count} × {count}, a row and a column for each parameter")
+    scale = np.array([_scale(name) for name in names])
+    return np.asarray(np.array(rows, dtype=float).reshape(count, count) * np.outer(scale, scale))
 
 
 def _inside(name: str) -> str:
@@ -380,8 +395,13 @@ def _uncertainty_lines(u: SensorUncertainty) -> list[str]:
     lines = ["[uncertainty]"] + ([f"source = {toml_value(u.source)}"] if u.source else [])
     if not names:
         return lines
-    if np.array_equal(u.covariance, np.diag(np.diag(u.covariance))):
+    alone = u.tangent_covariance is None
+    if alone and np.array_equal(u.covariance, np.diag(np.diag(u.covariance))):
         sigma = np.sqrt(np.diag(covariance))
         return lines + [f"{k} = {toml_value(float(f'{v:.15g}'))}" for k, v in zip(names, sigma, strict=True)]
-    rows = [[float(f"{v:.15g}") for v in row] for row in covariance]
-    return [*lines, f"parameters = {toml_value(names)}", f"covariance = {toml_value(rows)}"]
+    lines += [f"parameters = {toml_value(names)}"]
+    for key, matrix in (("covariance", u.covariance), ("tangent_covariance", u.tangent_covariance)):
+        if matrix is not None:
+            rows = [[float(f"{v:.15g}") for v in row] for row in matrix / np.outer(scale, scale)]
+            lines += [f"{key} = {toml_value(rows)}"]
+    return lines

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from calib.sensor import SensorCalibration, SensorSolution, UntakenTilt
+from calib.sensor import PossibleTilts, SensorCalibration, SensorSolution
 from geometry import (
     Camera,
     Pose,
@@ -82,18 +82,18 @@ def answer_object(
     }
 
 
-def tilt_object(tilt: UntakenTilt) -> dict[str, Any]:
+def tilt_object(tilt: PossibleTilts) -> dict[str, Any]:
     """A tilt of the chip that the answer does not hold and the views do not exclude."""
-    angles = np.rad2deg([*tilt.tau_rad, *tilt.sigma_rad])
+    angles = np.rad2deg([*tilt.mean_rad, *tilt.sigma_rad])
     names = ("tau_x_deg", "tau_y_deg", "sigma_tau_x_deg", "sigma_tau_y_deg")
     return {"probability": tilt.probability} | dict(zip(names, angles.tolist(), strict=True))
 
 
-def untaken_note(tilt: UntakenTilt | None) -> list[str]:
+def untaken_note(tilt: PossibleTilts | None) -> list[str]:
     """The same in words."""
     if tilt is None:
         return []
-    (x, y), (sx, sy) = np.rad2deg(tilt.tau_rad), np.rad2deg(tilt.sigma_rad)
+    (x, y), (sx, sy) = np.rad2deg(tilt.mean_rad), np.rad2deg(tilt.sigma_rad)
     angles = f"by {x:.2f} ± {sx:.2f}° about x and {y:.2f} ± {sy:.2f}° about y"
     if tilt.probability > 0.5:
         return [
@@ -154,7 +154,12 @@ def calibrated_sensor(result: SensorCalibration, pictures: Sensor) -> Sensor | N
         seen.bit_depth,
         channel=seen.channel,
     )
-    known = replace(s.uncertainty, covariance=rounded_covariance(s.uncertainty.covariance))
+    known, tangent = s.uncertainty, s.uncertainty.tangent_covariance
+    known = replace(
+        known,
+        covariance=rounded_covariance(known.covariance),
+        tangent_covariance=None if tangent is None else rounded_covariance(tangent),
+    )
     return Sensor(Sheet(np.zeros(3), np.deg2rad(_fan_deg(result))), camera, uncertainty=known)
 
 

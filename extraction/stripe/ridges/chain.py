@@ -86,9 +86,14 @@ class Chain:
         return float(self.section[-1] - self.section[0] + self.step)
 
     @property
+    def narrow(self) -> bool:
+        """Whether it was found at narrow rows, where only pictures are searched that show no clear ridge."""
+        return self.step > self.scale
+
+    @property
     def rough(self) -> bool:
         """Whether its ground is so rough that a section alone says little."""
-        return self.step > self.scale or self.contrast < _ROUGH
+        return self.narrow or self.contrast < _ROUGH
 
 
 def together(parts: list[Ridges]) -> Ridges:

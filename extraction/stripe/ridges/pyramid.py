@@ -10,14 +10,16 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from extraction.stripe.ridges.chain import CHAIN, Chain, Ridges, ridges_of
-from extraction.stripe.ridges.ridge import Level, halve
+from extraction.stripe.ridges.chain import CHAIN, Chain, Ridges, follow, ridges_of
+from extraction.stripe.ridges.ridge import Level, fall_on, find_nodes, halve
 from geometry.compiled import kernel
 
 Array = NDArray[np.float64]
 
 NODE_SIGMA, FAINT_NODE_SIGMA = 2.5, 1.5  # of a node: the chain decides, not the node
 _NARROW = 4  # sections by one row
+# rows of a mean that keeps blotches and loses a stripe, and of one that loses both: the stripe's σ is 1 to 3 px
+_BLOTCH, _SHADE = 9, 41
 _LEAST_ROWS = 6  # of a level that can show a ridge
 _NOTHING = Ridges(np.empty(0, CHAIN), np.empty(0), np.empty(0), np.empty(0))
 
@@ -64,8 +66,33 @@ def search(pyramid: Pyramid, scales: tuple[int, ...], turned: bool, threshold: f
 
 def search_faint(pyramid: Pyramid, scales: tuple[int, ...], turned: bool) -> list[Ridges]:
     """The same down to nodes in the noise, and at one row by some sections, which shows more on a rough ground."""
-    squares = search(pyramid, scales, turned, FAINT_NODE_SIGMA)
-    return [*squares, _of_level(pyramid.narrow(_NARROW, turned), 1, _NARROW, FAINT_NODE_SIGMA)]
+    found = search(pyramid, scales, turned, FAINT_NODE_SIGMA)
+    narrow = pyramid.narrow(_NARROW, turned)
+    found.append(_of_level(narrow, 1, _NARROW, FAINT_NODE_SIGMA))
+    if min(narrow.shape) >= _LEAST_ROWS:
+        nodes = find_nodes(_without_blotches(narrow), math.sqrt(_NARROW), FAINT_NODE_SIGMA)
+        fall_on(narrow, nodes)
+        found.append(follow(nodes, 1, _NARROW, _NOTHING.chains))
+    return found
+
+
+def _without_blotches(level: Level) -> Level:
+    """The level (H, W) less what its rows have between the means over _BLOTCH and over _SHADE of them.
+
+    What is left is narrow, or as wide as a change of light: the response to it is noise more than ground.
+    """
+    return np.asarray(level - (_mean_of_rows(level, _BLOTCH) - _mean_of_rows(level, _SHADE)), np.float32)
+
+
+def _mean_of_rows(level: Level, rows: int) -> Array:
+    """Means over so many rows, twice: of what is beyond the border, its last rows again."""
+    out = level.astype(float)
+    half = rows // 2
+    for _ in range(2):
+        whole = np.concatenate([np.repeat(out[:1], half + 1, 0), out, np.repeat(out[-1:], half, 0)])
+        total = np.cumsum(whole, axis=0)
+        out = (total[2 * half + 1 :] - total[: -2 * half - 1]) / (2 * half + 1)
+    return out
 
 
 def _of_level(level: Level, scale: int, step: int, threshold: float) -> Ridges:

@@ -105,6 +105,17 @@ def find_nodes(level: Level, scale: float, threshold: float) -> RidgeNodes:
 
 
 @kernel
+def fall_on(level: Level, nodes: RidgeNodes) -> None:
+    """Measure the nodes' falls to either flank anew, on another level of the same size: in place."""
+    last, half = level.shape[0] - 1, np.float32(0.5)
+    for i in range(len(nodes.place)):
+        r, c = min(max(int(nodes.place[i]), 0), last), nodes.section[i]
+        near, far = _flanks(level, r, c)
+        centre = half * (level[r, c] + level[min(r + 1, last), c])
+        nodes.near[i], nodes.far[i] = centre - half * near, centre - half * far
+
+
+@kernel
 def _halve(image: NDArray[Any], out: Level) -> None:
     for r in range(len(out)):
         a, b, means = image[2 * r], image[2 * r + 1], out[r]

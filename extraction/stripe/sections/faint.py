@@ -24,6 +24,7 @@ _CLOSE_PX = 1e-3  # a step that ends a fit
 # where the ground beside a stripe is looked at: σ beyond the window, every n-th section; fewest such places that say
 # anything
 _AWAY_WIDTHS, _EVERY, _FEWEST = 3.0, 4, 8
+_ROUGHER = 1.5  # times the quietest ground: some fifty places that say something of their own differ by a tenth
 
 
 def fit_faint(view: StripeView, places: Places, fits: Records, least_snr: float) -> Records:
@@ -55,8 +56,8 @@ def _fit_stripe(
 def _pull_of_the_ground(grey: NDArray[Any], section: IntArray, centre: Array, width: float, ground: Array) -> float:
     """σ of the sum of a bell's fall times the grey levels [DN], as the ground beside the stripe has it; 0 if unknown.
 
-    A fit takes most of what pulls at it, so that its residuals do not show it. The least of four tracks beside the
-    stripe's own: on some there are other things.
+    A fit takes most of what pulls at it, so that its residuals do not show it. Of four tracks beside the stripe's own,
+    those that are not much rougher than the quietest: on some there are other things.
     """
     n, rows = ground.shape[1], grey.shape[0]
     half = n // 2
@@ -66,9 +67,9 @@ def _pull_of_the_ground(grey: NDArray[Any], section: IntArray, centre: Array, wi
         t = (k - half) / width
         fall[k] = math.exp(-0.5 * t * t) * t / width
     _less_ground(fall, ground)
-    least = np.inf
-    for offset in (-2.0 * away, -away, away, 2.0 * away):
-        seen = 0
+    least, found, tracks = np.inf, np.zeros(4), 0
+    for track in range(4):
+        seen, offset = 0, (track - 2.0 if track < 2 else track - 1.0) * away
         for i in range(0, len(section), _EVERY):
             if half <= centre[i] + offset <= rows - 1 - half:
                 _mean_section(grey, section, centre, offset, NEIGHBOURS, i, y)
@@ -78,8 +79,14 @@ def _pull_of_the_ground(grey: NDArray[Any], section: IntArray, centre: Array, wi
                 values[seen] = abs(total)
                 seen += 1
         if seen >= _FEWEST:
-            least = min(least, 1.4826 * kth_smallest(values[:seen], seen // 2))
-    return least if least < np.inf else 0.0
+            found[tracks] = 1.4826 * kth_smallest(values[:seen], seen // 2)
+            least = min(least, found[tracks])
+            tracks += 1
+    total, alike = 0.0, 0
+    for k in range(tracks):
+        if found[k] <= _ROUGHER * least:
+            total, alike = total + found[k] ** 2, alike + 1
+    return math.sqrt(total / alike) if alike > 0 else 0.0
 
 
 @kernel

@@ -10,10 +10,12 @@ from numpy.typing import NDArray
 
 from extraction.order import mean, median_of
 from extraction.stripe.ridges import FLANK, Chain
+from extraction.stripe.verdict.course import steady_course
 from extraction.stripe.verdict.track import (
     LEAST_END,
     Bumps,
     Track,
+    bell_on_rough_ground,
     bumps,
     dense,
     light_along,
@@ -35,6 +37,7 @@ CLEAR, WALK_NODES = 8.0, 3  # contrast from which a ridge is followed to its end
 PAIR_APART = 0.2  # of two peaks' distance, that it may differ between a ridge's halves
 PROFILE_STEP_PX = 0.5
 PROFILE_SECTIONS = 96  # over which a ridge's mean profile is taken
+FAINT_WIDTH, FAINT_ROUNDS = 1.5, 2  # width of a faint ridge over its scale, to begin; course and width by turns
 _SHORTEST = 3  # sections of a piece
 
 
@@ -67,6 +70,8 @@ def measure(grey: NDArray[Any], chain: Chain, clip: float) -> tuple[Track, list[
         halves = [profile_of(*middle(*half)) for half in ((start, halfway), (halfway, stop))]
         if not all(_alike(half, found) for half in halves):  # speckle shows two peaks here and there
             found = one_bump(found)
+    if chain.narrow and found.peaks < 2:
+        return _measure_faint(grey, chain, track, start, stop, found.width)
     if found.peaks == 0:
         return track, []
     if found.peaks == 1:
@@ -97,6 +102,24 @@ def measure(grey: NDArray[Any], chain: Chain, clip: float) -> tuple[Track, list[
         if shape.peaks:
             pieces.append(Piece(low, high, shape, k >= len(lit)))
     return track, pieces
+
+
+def _measure_faint(
+    grey: NDArray[Any], chain: Chain, track: Track, start: int, stop: int, width: float
+) -> tuple[Track, list[Piece]]:
+    """The same of a faint ridge on a rough ground: what many sections say together. width: expected [px], 0 if none."""
+    width = width or FAINT_WIDTH * chain.scale
+    for _ in range(FAINT_ROUNDS):
+        track, start, stop, height = steady_course(grey, track, start, stop, width)
+        if not height > 0:
+            return track, []
+        width, height = bell_on_rough_ground(grey, track.first + start, track.place[start:stop], width)
+    light = np.empty(len(track.place))
+    light_on_rough_ground(grey, track.first, track.place, width, light)
+    low, high = _ends(light, np.array([[start, stop]], np.int64), True)[0].tolist()
+    if high - low < _SHORTEST:
+        return track, []
+    return track, [Piece(low, high, Bumps(1, 0.0, 0.0, width, height, 0.0), False)]
 
 
 def _alike(half: Bumps, whole: Bumps) -> bool:

@@ -26,6 +26,7 @@ _CLEAR = 8.0  # contrast of such a ridge
 _SHADOW, _SHADOW_SECTIONS = 0.3, 15  # share of a stripe's light, and sections in a row, that make a shadow in it
 _SLOPE_SECTIONS, _SLOPE_CLEAR = 24, 10  # that give the direction beyond an end; of a ridge that stands clear
 _GROUND_WIDTHS, _GROUND_PX = 4.0, 4.0  # of the window in which a rough ground is a polynomial
+_WIDTHS = 25  # of bells that are tried in a mean profile
 _VALLEY = 0.12  # of a peak's height, below it; a quarter at 1.2 full widths, before the track's own jitter
 _WALK_SECTIONS, _WALK_PULL, _STEEPEST = 4, 0.6, 4.0  # that point the way; a centre's pull; px a section at most
 _SECANT_SECTIONS = 6  # on either side, that give the slope at a section
@@ -176,7 +177,40 @@ def light_on_rough_ground(grey: NDArray[Any], first: int, place: Array, width: f
     Blotches some widths large are such polynomials; what is left of them in the answer is noise between neighbours.
     """
     reach = int(_GROUND_WIDTHS * width + _GROUND_PX)
-    n = 2 * reach + 1
+    weights = np.zeros(2 * reach + 1)
+    _height_of_a_bell(width, weights)
+    _correlate(grey, first, place, weights, out)
+
+
+@kernel
+def bell_on_rough_ground(grey: NDArray[Any], first: int, place: Array, expected: float) -> tuple[float, float]:
+    """Gaussian σ [px] and height [DN] of the mean profile of all sections (n,), on a ground as above.
+
+    expected: σ; half of it to twice it is tried.
+    """
+    reach = int(_GROUND_WIDTHS * expected + _GROUND_PX)
+    profile, weights, tried = np.empty(2 * reach + 1), np.zeros(2 * reach + 1), np.zeros(_WIDTHS)
+    mean_profile(grey, first, place, 1.0, profile)
+    best, height = 0, 0.0
+    for k in range(_WIDTHS):
+        share = _height_of_a_bell(expected * 2.0 ** (2.0 * k / (_WIDTHS - 1) - 1.0), weights)
+        h = 0.0
+        for i in range(len(weights)):
+            h += weights[i] * profile[i]
+        tried[k] = h * h / share if h > 0 else 0.0  # what the bell takes from the squared residuals
+        if tried[k] > tried[best]:
+            best, height = k, h
+    shift = 0.0
+    if 0 < best < _WIDTHS - 1:
+        a, b, c = tried[best - 1], tried[best], tried[best + 1]
+        shift = 0.5 * (c - a) / (2 * b - a - c) if 2 * b > a + c else 0.0
+    return expected * 2.0 ** (2.0 * (best + shift) / (_WIDTHS - 1) - 1.0), height
+
+
+@kernel
+def _height_of_a_bell(width: float, weights: Array) -> float:
+    """Weights (2 reach + 1,) whose sum with grey levels is a bell's height; its variance for noise of variance one."""
+    n, reach = len(weights), len(weights) // 2
     columns, square, factor = np.empty((n, 6)), np.zeros((6, 6)), np.zeros((6, 6))
     for i in range(n):
         x = float(i - reach)
@@ -186,14 +220,15 @@ def light_on_rough_ground(grey: NDArray[Any], first: int, place: Array, width: f
         for j in range(6):
             for k in range(6):
                 square[j, k] += columns[i, j] * columns[i, k]
-    unit, share, weights = np.zeros(6), np.zeros(6), np.zeros(n)
+    unit, share = np.zeros(6), np.zeros(6)
     unit[0] = 1.0
     cholesky(square, 0.0, 1e-12, 6, factor)
     solve(factor, unit, 6, share)
     for i in range(n):
+        weights[i] = 0.0
         for j in range(6):
             weights[i] += columns[i, j] * share[j]
-    _correlate(grey, first, place, weights, out)
+    return float(share[0])
 
 
 @kernel
