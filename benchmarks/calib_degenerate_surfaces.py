@@ -2,10 +2,12 @@
 
     python benchmarks/calib_degenerate_surfaces.py [CELLS] [FIRST SEED] [KIND …] [--cured N]
 
-Arms as built, joints that repeat to 0.003°, profiles with noise; by design and without in turn. refused: no SCP and no
-σ; named: the words name the cause; advice: they say which poses to add. cured: of N cells a kind, those from which a
-trustworthy answer follows, its squared error below 1 in 10,000 of its own covariance, once the 6 configurations that
-`plan` proposes beside them have been measured, too; it knows the drawing and the places where the target stands.
+Arms as built, joints that repeat to 0.003°, profiles with noise; with and without a drawing in turn. The first cell of
+a kind has 9 frames at each of its places, the others 5 to 14 at one to three of them (of planes as many as the kind
+names), every third by the controller's hand poses in place of joint readings. refused: no SCP and no σ; named: the
+words name the cause; advice: they say which poses to add. cured: of N cells a kind, those from which a trustworthy
+answer follows, its squared error below 1 in 10,000 of its own covariance, once the 6 configurations that `plan`
+proposes beside them have been measured, too; it knows the drawing and the places where the target stands.
 """
 
 from __future__ import annotations
@@ -22,7 +24,7 @@ from calib import CalibConfig, CalibrationResult, calibrate
 from calib.hands import placed
 from calib.printed import nees
 from calib.synthetic.surfaces import ProfileNoise, SurfaceCell, observe_surface
-from calib.synthetic.telling_nothing import SPOILT, spoilt_cell
+from calib.synthetic.telling_nothing import SPOILT, Spoilt, spoilt_cell
 from geometry import Pose
 from workbench.files import Cell
 from workbench.plan import next_views
@@ -32,12 +34,24 @@ GATE = float(chi2.isf(1e-4, 6))
 POINTS = 60
 
 
-def answer(cell: SurfaceCell, seed: int, design: bool) -> CalibrationResult:
-    """What is said of the cell's views, seen with noise."""
+def varied(spoilt: Spoilt, seed: int, ordinary: bool) -> SurfaceCell:
+    """A cell of the kind, its numbers of frames and places drawn where it is not the ordinary one."""
+    if ordinary:
+        return spoilt_cell(spoilt, np.random.default_rng(seed))
+    draw = np.random.default_rng([seed, 2])
+    places = int(draw.integers(1, 4))
+    return spoilt_cell(spoilt, np.random.default_rng(seed), int(draw.integers(5, 15)), places)
+
+
+def answer(cell: SurfaceCell, seed: int, design: bool, by_hand: bool = False) -> CalibrationResult:
+    """What is said of the cell's views, seen with noise; by_hand: the frames give the controller's hand poses alone."""
     seen = observe_surface(cell, np.random.default_rng([seed, 1]), ProfileNoise(), POINTS, labelled=False)
-    config = CalibConfig(model="full")
     start = seen.design if design else None
-    return calibrate(seen.frames, cell.target, cell.robot, seen.sensor, start, config=config)
+    frames = seen.frames
+    if by_hand:
+        hands = cell.robot.pose(np.array([f.joints_rad for f in frames]))
+        frames = tuple(replace(f, joints_rad=None, T_base_hand=hands[i]) for i, f in enumerate(frames))
+    return calibrate(frames, cell.target, cell.robot, seen.sensor, start, config=CalibConfig())
 
 
 def with_plan(cell: SurfaceCell, seed: int) -> SurfaceCell:
@@ -77,8 +91,8 @@ def main() -> None:
     for name in kinds:
         spoilt, counts, codes = SPOILT[name], Counter[str](), Counter[str]()
         for seed in range(given.first, given.first + given.cells):
-            cell = spoilt_cell(spoilt, np.random.default_rng(seed))
-            result = answer(cell, seed, design=seed % 2 == 1)
+            cell = varied(spoilt, seed, ordinary=seed == given.first)
+            result = answer(cell, seed, design=seed % 2 == 1, by_hand=seed % 3 == 0)
             codes[result.verdict.code] += 1
             said = {
                 "refused": result.T_hand_sensor is None and result.covariance is None,
@@ -87,7 +101,8 @@ def main() -> None:
             }
             counts.update(k for k, true in said.items() if true)
             if not all(said.values()):
-                print(f"  seed {seed}: {result.verdict.code}: {result.verdict.text[:160]}", flush=True)
+                text = f"{result.verdict.code}: {result.verdict.text[:160]}"
+                print(f"  seed {seed}, {len(cell.location)} frames: {text}", flush=True)
             if seed < given.first + given.cured:
                 good, words = cures(cell, seed)
                 counts["cured"] += good

@@ -21,7 +21,7 @@ from pathlib import Path
 
 import numpy as np
 
-from workbench.campaign import Plan, run_campaign
+from workbench.campaign import Plan, end_warm_server, run_campaign
 
 SHARD = {"calibrate": 2, "extract": 16}
 PER_COMPLETE = 16  # extraction trials for each complete one
@@ -51,26 +51,33 @@ def children_s() -> float:
 
 
 def measured(chosen: Plan, workers: int, start_cpu_s: float = 0.0) -> Speed:
-    """One whole run. start_cpu_s: what one worker spends before its first trial."""
+    """One whole run. start_cpu_s: what the server that workers are forked from spends with the first of them."""
     folder = Path(tempfile.mkdtemp()) / "run"
     marks: list[tuple[float, int]] = []
     before, own = children_s(), time.process_time()
     run_campaign(chosen, folder, workers=workers, progress=lambda done, _: marks.append((time.perf_counter(), done)))
+    end_warm_server()
     cpu, own = children_s() - before, time.process_time() - own
     start = time.perf_counter()
     run_campaign(chosen, folder, workers=workers)
     resume_s = time.perf_counter() - start
     shutil.rmtree(folder.parent)
     (first, some), (last, all_done) = marks[workers], marks[-1]
-    work = cpu - workers * start_cpu_s
+    work = cpu - start_cpu_s
     rate = (all_done - some) / (last - first) if last > first else float("nan")
     return Speed(rate, work / all_done, own / cpu, resume_s)
 
 
 def start_cpu(run: str) -> float:
-    """CPU seconds of one worker before its first trial, from runs of one shard and of three."""
+    """CPU seconds of the server and one worker before the first trial, from runs of one shard and of three."""
     few, more = (measured(plan(run, n * SHARD[run]), 1).cpu_s * n * SHARD[run] for n in (1, 3))
     return max(0.0, few - (more - few) / 2)
+
+
+def another_worker(run: str) -> float:
+    """CPU seconds that a second worker adds before its first trial, from runs of two shards; the least of four."""
+    few = 2 * SHARD[run]
+    return min((measured(plan(run, few), 2).cpu_s - measured(plan(run, few), 1).cpu_s) * few for _ in range(4))
 
 
 def main() -> None:
@@ -97,9 +104,8 @@ def show(run: str, count: int, begin: float, ones: list[Speed], twos: list[Speed
     print(f"  CPU {1000 * cpu:.0f} ms a trial: two free cores would give {2 / cpu:.2f} trials/s")
     print(f"  efficiency {np.median(ratios):.2f} x by the clock ({', '.join(f'{r:.2f}' for r in ratios)})")
     print(f"  efficiency {by_cpu:.2f} x by CPU")
-    print(
-        f"  parent {100 * parent:.1f} % of the workers' CPU, resume {again:.2f} s, start of a worker {begin:.1f} CPU-s"
-    )
+    print(f"  parent {100 * parent:.1f} % of the workers' CPU, resume {again:.2f} s")
+    print(f"  start of the server {begin:.1f} CPU-s, of another worker {another_worker(run):.2f}")
 
 
 if __name__ == "__main__":

@@ -11,10 +11,13 @@ from __future__ import annotations
 import argparse
 
 import numpy as np
+from numpy.typing import NDArray
 
 from geometry import Camera, Pose, Sensor, Sheet, nearest_rotation
 from perceptron_emu import EmulatorConfig, Material, Scene, panel, render
 from workbench.twin import Twin, fit_twin
+
+CLIPPED = 1e-4  # of an image's pixels
 
 
 def main() -> None:
@@ -56,15 +59,25 @@ def one(seed: int, images: int) -> tuple[dict[str, float], Twin]:
         "laser": ("power_mw", "waist_um", "edge_fraction"), "optics": ("blur_px", "f_number"), "speckle": ("contrast",),
         "noise": ("gain_dn_per_e", "read_noise_e"), "ambient": ("irradiance_mw_m2_nm",),
     }  # fmt: skip
+    recorded = _recorded(truth, tables, images, seed)
+    while max(np.mean(image == 255) for _, image in recorded) > CLIPPED:  # as a user sets the exposure
+        truth["power_mw"] /= 1.5
+        recorded = _recorded(truth, tables, images, seed)
+    return truth, fit_twin(recorded, small_sensor(0.0), EmulatorConfig(), 1, lambda done, total: None)
+
+
+def _recorded(
+    truth: dict[str, float], tables: dict[str, tuple[str, ...]], images: int, seed: int
+) -> list[tuple[str, NDArray[np.uint8] | NDArray[np.uint16]]]:
     keys = {table: {name: truth[name] for name in names} for table, names in tables.items()}
     keys["noise"]["full_well_e"] = 1.03 * (255 - truth["black_level"]) / truth["gain_dn_per_e"]
     config, sensor = EmulatorConfig.model_validate(keys), small_sensor(truth["black_level"])
-    recorded = []
+    rng, recorded = np.random.default_rng([seed, 1]), []
     for k in range(images):
         tilts = [rng.uniform(-20, 20), rng.uniform(-20, 20), 90]
         plate = panel(140, 60, Pose.from_fixed_xyz_deg(tilts, [0, 0, rng.uniform(280, 330)]), Material(0.6))
         recorded.append((f"{k}.png", render(Scene(sensor, solids=(plate,)), config, rng).image))
-    return truth, fit_twin(recorded, small_sensor(0.0), EmulatorConfig(), 1, lambda done, total: None)
+    return recorded
 
 
 def small_sensor(black_level: float) -> Sensor:

@@ -27,7 +27,7 @@ from pathlib import Path
 import numpy as np
 from selenium import webdriver
 from selenium.webdriver.chrome.service import Service
-from window_ticks import FLAGS, TICK, browser, wait
+from window_ticks import FLAGS, NO_GPU, TICK, browser, wait
 
 SHOWN = "return performance.timeOrigin + performance.getEntriesByName(arguments[0])[0]?.startTime"
 
@@ -113,7 +113,7 @@ def with_browser(dataset: Path) -> None:
     print("with Chromium, started by the command")
     folder = tempfile.mkdtemp()
     binary = shutil.which("chromium") or shutil.which("google-chrome") or ""
-    line = f"{binary} {FLAGS} --remote-debugging-port=0 --user-data-dir={folder} %s &"
+    line = f"{binary} {FLAGS} {NO_GPU} --remote-debugging-port=0 --user-data-dir={folder} %s &"
     server = Served(str(dataset), env={"BROWSER": line})
     try:
         port = Path(folder) / "DevToolsActivePort"
@@ -143,7 +143,7 @@ def with_browser(dataset: Path) -> None:
 def many(dataset: Path, images: int) -> None:
     """So many images: hard links of the dataset's."""
     found = sorted((dataset / "images").glob("*.png"))
-    folder = Path(tempfile.mkdtemp(dir=dataset if os.access(dataset, os.W_OK) else None))
+    folder = Path(tempfile.mkdtemp())
     try:
         first = [Path(shutil.copy(p, folder / f"first_{i}.png")) for i, p in enumerate(found)]
         for i in range(images):

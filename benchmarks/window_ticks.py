@@ -22,7 +22,8 @@ import numpy as np
 from selenium import webdriver
 from selenium.webdriver.chrome.service import Service
 
-FLAGS = "--headless=new --no-sandbox --disable-gpu --disable-quic --no-first-run --window-size=1440,900"
+FLAGS = "--headless=new --no-sandbox --disable-quic --no-first-run --window-size=1440,900"
+NO_GPU = "--disable-gpu"
 LAYERS = {"strings": ("labels", "rejected", "mask", "background"), "stripe": ("points", "width")}
 KEYS = {"strings": "detect.threshold", "stripe": "stripe.min_snr"}
 TICK = """
@@ -90,11 +91,11 @@ def measure(driver: webdriver.Chrome, ticks: int, what: str) -> None:
             driver.execute_script(f"{button}.click()")
 
 
-def browser() -> webdriver.Chrome:
-    """Headless Chromium with an empty profile."""
+def browser(*more: str) -> webdriver.Chrome:
+    """Headless Chromium with an empty profile; without a GPU unless more is asked for."""
     options = webdriver.ChromeOptions()
     options.binary_location = shutil.which("chromium") or shutil.which("google-chrome") or ""
-    for flag in [*FLAGS.split(), f"--user-data-dir={tempfile.mkdtemp()}"]:
+    for flag in [*FLAGS.split(), *(more or (NO_GPU,)), f"--user-data-dir={tempfile.mkdtemp()}"]:
         options.add_argument(flag)
     driver = webdriver.Chrome(options=options, service=Service(shutil.which("chromedriver")))
     driver.set_script_timeout(120)

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from difflib import get_close_matches
 
 LONGEST_WORD = 80  # that is compared with known ones: the comparison is quadratic in its length
+ENDLESS = re.compile(r"[^\s/\\]{300,}")  # no name of a file is so long, no key, no number
 
 
 class PerceptronEmuError(Exception):
     """Base of every error that the project raises on purpose."""
+
+    def __str__(self) -> str:
+        """Tell the message, with what a file holds of endless words cut: a sentence is for people."""
+        return ENDLESS.sub(lambda word: f"{word[0][:LONGEST_WORD]}…", super().__str__())
 
 
 class InputError(PerceptronEmuError):

@@ -15,12 +15,10 @@ answered   a dataset calibrated in one call, for scripts
 cli        commands, imported when they are called
 """
 
-from typing import Any
-
 __all__ = ["CalibratedCell", "calibrate_cell"]
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> object:
     """What scripts take from here, imported when it is asked for: a command's start must not wait for it."""
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -14,6 +14,7 @@ from calib.engine.normal import (
     reduced,
     reduced_gradient,
     scaled_solve,
+    solve_own,
     total_normal,
     whitener,
 )
@@ -76,7 +77,7 @@ def covariance(result: Result) -> Covariance:
         # a member's own error: η = -own⁻¹ (g + crossᵀ c), with c the errors of the common unknowns
         to_free = np.swapaxes(gain[:, free], -1, -2)  # (L, n, C_free)
         bias = -to_free @ shift - np.swapaxes(gain[:, considered], -1, -2) * sigma
-        own = np.linalg.inv(result.normal.own[name])
+        own = solve_own(result.normal.own[name], np.eye(gain.shape[-1]))
         separate[name] = own + to_free @ noise @ np.swapaxes(to_free, -1, -2) + bias @ np.swapaxes(bias, -1, -2)
     return Covariance(u, total, from_noise, separate)
 
@@ -118,7 +119,7 @@ def deviance(result: Result, linearised: Sequence[Linearised] | None = None) -> 
     determinants = float(np.linalg.slogdet(information)[1])
     for name, own in normal.own.items():
         g = normal.own_gradient[name]
-        saved += float(np.sum(g * np.linalg.solve(own, g[..., None])[..., 0]))
+        saved += float(np.sum(g * solve_own(own, g[..., None])[..., 0]))
         determinants += float(np.sum(np.linalg.slogdet(own)[1]))
     cost = float(u.prior_weight @ departure(u, state) ** 2)
     for lin, white in zip(lins, whites, strict=True):

@@ -15,6 +15,7 @@ Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 
 _OPEN = 1e100  # variance of a direction that the data leave open: large, and its square is still finite
+_HARDLY = 1e-13  # share of the diagonal that a singular block of a member gets: what is open then has a σ of 10⁶ others
 _JITTER = 1e-14  # share of a group's variance that keeps one whose rows hardly differ factorisable
 
 
@@ -127,7 +128,7 @@ def reduced(normal: Normal, damping: float = 0.0) -> tuple[Array, dict[str, Arra
     gains = {}
     for name, cross in normal.cross.items():
         own = normal.own[name] * (1 + damping * np.eye(cross.shape[-1]))
-        gains[name] = np.swapaxes(np.linalg.solve(own, np.swapaxes(cross, -1, -2)), -1, -2)
+        gains[name] = np.swapaxes(solve_own(own, np.swapaxes(cross, -1, -2)), -1, -2)
         schur = schur - np.einsum("lci,ldi->cd", gains[name], cross)
     return schur, gains
 
@@ -150,9 +151,18 @@ def normal_step(normal: Normal, free: Mask, damping: float) -> Step:
     for name, cross in normal.cross.items():
         slope = normal.own_gradient[name] + np.einsum("lci,c->li", cross, common)
         own = normal.own[name] * (1 + damping * np.eye(cross.shape[-1]))
-        separate[name] = -np.linalg.solve(own, slope[..., None])[..., 0]
+        separate[name] = -solve_own(own, slope[..., None])[..., 0]
         total += float(np.sum(normal.own_gradient[name] * separate[name]))
     return Step(common, separate, max(0.0, -float(total)))
+
+
+def solve_own(own: Array, right: Array) -> Array:
+    """Solve (L, n, n) x = (L, n, k); a combination that no datum of a member touches counts as hardly known."""
+    try:
+        return np.asarray(np.linalg.solve(own, right))
+    except np.linalg.LinAlgError:
+        diagonal = np.diagonal(own, axis1=-2, axis2=-1)
+        return np.asarray(np.linalg.solve(own + _HARDLY * diagonal[..., None] * np.eye(own.shape[-1]), right))
 
 
 def scaled_solve(matrix: Array, right: Array) -> Array:

@@ -15,7 +15,7 @@ from calib.label import label_alone, label_frames, relabel, settled
 from calib.result import Verdict
 from calib.stages.setup import Prepared, Setup, Solved, by_target
 from calib.stages.solve import solve
-from calib.surface import Begun, begin_on_surfaces, degenerate, general_advice
+from calib.surface import Begun, begin_on_surfaces, condensed, degenerate, general_advice
 from geometry import Frame, Pose, Target, locations_of, stack_poses, target_at, with_compliance_prior
 from jig_cad import Balls, Jig
 
@@ -125,16 +125,19 @@ def hands_tell_nothing(s: Setup, frames: tuple[Frame, ...]) -> str:
 
 def _ambiguous(s: Setup, begun: Begun, T_hand_sensor: Pose) -> Verdict | None:
     """What is said where so few frames fit another SCP about as well, and their views have no name that says why."""
-    if not begun.found or begun.rival > RIVAL_CHI2:
+    if begun.rival > RIVAL_CHI2:
         return None
     used = tuple(f for f in begun.frames if f.role == "calibrate" and f.usable and len(f.axis))
-    if degenerate(used, s.target, T_hand_sensor, begun.places) is not None:
+    small = condensed(used, s.target).frames  # sections tell what no sensor centre position needs to be known for
+    if degenerate(small, s.target, T_hand_sensor, begun.places) is not None:
         return None
+    given = s.design is not None
+    undecided = "[scp_initial] is too coarse to tell" if given else "without [scp_initial] nothing tells"
+    drawing = "" if given else "; or give the sensor's place by its drawing"
     return Verdict(
         "ambiguous_pose",
         f"two sensor centre positions explain the {len(used)} calibrate frames about equally well (χ² differs by "
-        f"{begun.rival:.2g}), and without [scp_initial] nothing tells which is true: {general_advice(s.target, used)}; "
-        "or give the sensor's place by its drawing",
+        f"{begun.rival:.2g}), and {undecided} which is true: {general_advice(s.target, used)}{drawing}",
     )
 
 

@@ -55,7 +55,9 @@ def begin_on_surfaces(
     start: SurfaceStart | None = None
     if solved or design is not None:
         bundle = make_bundle(solved, started, robot, config) if solved else None
-        start = surface_start(small, started, bundle, design, search)
+        known = config.labelling
+        sigma = np.array([known.scp_sigma_mm] * 3 + [np.deg2rad(known.scp_sigma_deg)] * 3)
+        start = surface_start(small, started, bundle, design, sigma, search)
     if start is None:
         return Begun(ready, started, design, {})
     named = {

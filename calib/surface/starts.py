@@ -8,7 +8,7 @@ The best rotations are then solved for in full, and the least cost decides.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice, product
 
@@ -32,6 +32,8 @@ _EDGE_ROUNDS = 4  # of direction and place of an edge in turn
 _LEAST_TURN = 0.03  # sine of the angle between two lines of a face that still span its plane
 _RIDGE = 1e-9  # share of the diagonal that closes what is open
 _ITERATIONS = 40
+_FEW = 10  # residuals to spare with which a solve from the drawing may end in a false answer; with more none of 60 did
+_DRAWN = 24  # places that the drawing allows
 _NEARLY = 4.0  # times the best naming's misfit: a drawing some degrees off makes a right one as large
 _PLACES_OF_BALLS, _MOST_CHOICES = 3, 27  # that a location's balls may have by an SCP of a drawing, and together
 _GROSS = 300.0  # cost of a row at a false minimum: as built, an arm of the usual priors gives some 25
@@ -75,12 +77,13 @@ def surface_start(
     target: Target | Mapping[str, Target],
     bundle: Bundle | None,
     design: Pose | None,
+    drawing_sigma: Array,
     search: bool = True,
 ) -> SurfaceStart | None:
     """A start for condensed frames of all roles; None where there is neither a design nor a closed form.
 
-    bundle: the problem of the frames with the role calibrate, in their order, the robot as stated. search: whether a
-    closed form is sought where the design leads nowhere.
+    bundle: the problem of the frames with the role calibrate, in their order, the robot as stated. drawing_sigma (6,):
+    of the design, sensor axes. search: whether a closed form is sought where the design leads nowhere.
     """
     surfaces = [f for f in frames if _placeable(target_at(target, f.location)) and len(f.axis)]
     if not surfaces:
@@ -90,24 +93,54 @@ def surface_start(
     if design is not None:
         best = None if bundle is None else _solved(solved, target, bundle, design, faces=_MOST_CHOICES)
         rows = 0 if bundle is None else int(sum(np.sum(t.points.present) for t in bundle.terms))
-        if best is None or bundle is None or best[0] < _GROSS * rows:
-            T = design if best is None else best[1]
+        T, rival = design if best is None else best[1], np.inf
+        near: Pose | None = None
+        if bundle is not None and bundle.degrees_of_freedom < _FEW:
+            near, rival = _near_drawing([T], solved, target, bundle, design, drawing_sigma)
+        if near is not None or best is None or bundle is None or best[0] < _GROSS * rows:
+            T = near or T
             named = _renamed(frames, target, T)
-            return SurfaceStart(T, _places(named, target, T), named, found=False)
+            return SurfaceStart(T, _places(named, target, T), named, found=False, rival=rival)
     if len(solved) < 3 or bundle is None or not search:
         return None
     ends = [_solved(solved, target, bundle, T) for T in _candidates(_told(solved, target), target)]
-    likeliest, rival = _likeliest([e for e in ends if e is not None], solved, target, bundle)
+    likeliest, rival = _likeliest([e for e in ends if e is not None], solved, target, bundle, lambda _: 0.0)
     if likeliest is None:
         return None
     named = _renamed(frames, target, likeliest)
     return SurfaceStart(likeliest, _places(named, target, likeliest), named, found=True, rival=rival)
 
 
-def _likeliest(
-    ends: Sequence[tuple[float, Pose]], frames: Sequence[Frame], target: Target | Mapping[str, Target], bundle: Bundle
+def _near_drawing(
+    first: Sequence[Pose],
+    frames: Sequence[Frame],
+    target: Target | Mapping[str, Target],
+    bundle: Bundle,
+    design: Pose,
+    sigma: Array,
 ) -> tuple[Pose | None, float]:
-    """The SCP of the least cost, and by how much the next one that differs is larger.
+    """Of the SCPs that so few frames fit the likeliest beside a drawing of this σ, and how far the next one is behind.
+
+    The side on which a sheet cuts a ball, and how it turns about what it sees, have several answers each, and a drawing
+    a few millimetres off leads to any of them: the solve begins from places that the drawing allows as well.
+    """
+    rng = np.random.default_rng(0)
+    starts = [*first, design, *(design @ Pose.exp(sigma * xi) for xi in rng.normal(size=(_DRAWN, 6)))]
+
+    def off(T: Pose) -> float:
+        return float(np.sum(np.square((design.inverse() @ T).log() / sigma)))
+
+    return _likeliest([(0.0, T) for T in starts], frames, target, bundle, off)
+
+
+def _likeliest(
+    ends: Sequence[tuple[float, Pose]],
+    frames: Sequence[Frame],
+    target: Target | Mapping[str, Target],
+    bundle: Bundle,
+    prior: Callable[[Pose], float],
+) -> tuple[Pose | None, float]:
+    """The SCP of the least cost, ``prior`` included, and by how much the next one that differs is larger.
 
     Few frames fit several: the arm's errors decide between them, so those that come near are solved with these free.
     """
@@ -121,7 +154,8 @@ def _likeliest(
         return (apart[0][1], np.inf) if apart else (None, np.inf)
     free = bundle.estimating(np.ones(len(bundle.estimated), dtype=bool))
     solved = [_solved(frames, target, free, T) for _, T in near]
-    good = sorted((e for e in solved if e is not None), key=lambda e: float(f"{e[0]:.5e}"))
+    weighed = ((e[0] + prior(e[1]), e[1]) for e in solved if e is not None)
+    good = sorted(weighed, key=lambda e: float(f"{e[0]:.5e}"))
     if not good:
         return near[0][1], np.inf
     cost, best = good[0]

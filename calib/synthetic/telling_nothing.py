@@ -54,12 +54,18 @@ SPOILT = {
 }
 
 
-def spoilt_cell(spoilt: Spoilt, rng: np.random.Generator) -> SurfaceCell:
-    """A cell of such views, reached by an arm as built."""
+def spoilt_cell(
+    spoilt: Spoilt, rng: np.random.Generator, count: int | None = None, most_places: int = len(_PLACES)
+) -> SurfaceCell:
+    """A cell of such views, reached by an arm as built; ``count`` of them at each of so many places at most.
+
+    Planes, which are told apart by how they stand, keep their number of places.
+    """
     robot, joints, location = industrial_arm(), [], list[str]()
     places: dict[str, Pose] = {}
-    count = FRAMES if spoilt.places > 1 else 2 * FRAMES
-    for k, (name, (y, turn)) in enumerate(list(_PLACES.items())[: spoilt.places]):
+    stands = spoilt.places if isinstance(spoilt.target, Plane) else min(spoilt.places, most_places)
+    count = count or (FRAMES if spoilt.places > 1 else 2 * FRAMES)
+    for k, (name, (y, turn)) in enumerate(list(_PLACES.items())[:stands]):
         R = np.array([[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]) @ exp_so3(np.array([0.1, turn, 0.2]))
         if isinstance(spoilt.target, Plane) and spoilt.places > 1:  # turned otherwise, else they are one
             R = R @ exp_so3(0.5 * np.array([np.cos(2.1 * k), np.sin(2.1 * k), 0.0]))

@@ -149,8 +149,10 @@ def _jig(jig: Jig, pose: Pose) -> list[tuple[trimesh.Trimesh, Colour]]:
 def _draw(parts: list[tuple[Any, Colour]], corners: Array, towards: Array, width: int, height: int) -> Picture:
     pyrender = load_pyrender()
     world = pyrender.Scene(ambient_light=[0.35, 0.35, 0.35], bg_color=[0.96, 0.97, 0.98, 1.0])
-    for mesh, colour in parts:
-        world.add(_coloured(mesh, colour))
+    # one node each: pyrender draws nodes in the order of their addresses, which no two runs share
+    for blended in (False, True):
+        drawn = [_coloured(mesh, colour) for mesh, colour in parts if (colour[3] < 1) == blended]
+        world.add(pyrender.Mesh([primitive for one in drawn for primitive in one.primitives]))
     centre = (corners.min(0) + corners.max(0)) / 2
     radius = float(np.linalg.norm(corners.max(0) - corners.min(0))) / 2
     away = towards / np.linalg.norm(towards)

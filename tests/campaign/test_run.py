@@ -9,6 +9,7 @@ import json
 import pickle
 import sys
 import threading
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -65,10 +66,23 @@ def threads_after(plan_path: Path, shard: int) -> ShardResult:
 @pytest.mark.skipif(sys.platform != "linux", reason="threads are counted in /proc")
 def test_a_worker_takes_one_core(small_run: Path) -> None:
     """Neither BLAS nor OpenCV nor numba has a pool of threads beside the worker's own."""
-    from functools import partial
-
     results = list(run_local(partial(threads_after, small_run.parent / "plan.toml"), [0], 1))
     assert [json.loads(r.tables["native"]) for r in results] == [0]
+
+
+def what_is_there(plan_path: Path, shard: int) -> ShardResult:
+    """The main module of a worker, and whether the server that it was forked from had loaded what it needs."""
+    main = getattr(sys.modules["__main__"], "__file__", None) or ""
+    found = {"main": main, "loaded": "workbench.campaign.work.loaded" in sys.modules, "plan": plan_path.name}
+    return ShardResult(shard, {"found": json.dumps(found).encode()}, {})
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere workers are spawned")
+def test_workers_are_forked_warm_and_do_not_run_the_caller_s_script(small_run: Path) -> None:
+    results = run_local(partial(what_is_there, small_run.parent / "plan.toml"), [0, 1], 2)
+    found = [json.loads(r.tables["found"]) for r in results]
+    assert [f["loaded"] for f in found] == [True, True]
+    assert all(Path(f["main"]).name not in ("pytest", "__main__.py") for f in found)
 
 
 def test_workers_use_the_plans_of_views_that_they_are_sent(monkeypatch: pytest.MonkeyPatch) -> None:

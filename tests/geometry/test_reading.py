@@ -62,3 +62,10 @@ def test_devices_pipes_and_folders_are_no_files(tmp_path: Path) -> None:
     (tmp_path / "empty").write_bytes(b"")
     with pytest.raises(InputError, match="empty"):
         read_bytes(tmp_path / "empty", 1000)
+
+
+def test_endless_words_of_a_file_are_cut_in_a_sentence() -> None:
+    told = str(InputError(f"a/b.toml: unknown key {'x' * 3000} in [{'[' * 2000}; known are side_mm"))
+    assert len(told) < 300
+    assert "xxx… in" in told
+    assert "known are side_mm" in told

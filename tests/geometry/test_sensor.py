@@ -284,3 +284,12 @@ def test_points_of_unequal_columns_are_refused() -> None:
 def test_suggestions_come_only_where_something_is_near() -> None:
     assert did_you_mean("heigth_mm", ["side_mm", "height_mm"]) == ': did you mean "height_mm"?'
     assert did_you_mean("zebra", ["side_mm", "height_mm"]) == ""
+
+
+@pytest.mark.parametrize("name", ["unit", "width"])
+def test_counts_of_a_profile_end_where_six_digits_do(name: str) -> None:
+    for value in (1, 999_999):
+        assert getattr(ProfileOutput(**{name: value}), name) == value
+    for value in (-1, 0, 1_000_000, 5_000_000):
+        with pytest.raises(InputError, match=rf"\[profile\] {name} = {value}: must be 1 … 999999"):
+            ProfileOutput(**{name: value})

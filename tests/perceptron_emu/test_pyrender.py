@@ -73,6 +73,21 @@ def test_pictures_show_sensor_sheet_and_jig() -> None:
     assert np.sum(picture[..., 1] - picture[..., 0] > 20) > 50
 
 
+@needs_gl
+def test_the_same_cell_gives_the_same_picture() -> None:
+    """Arm, sensor and jigs reach into each other: what is drawn last shows there."""
+    scene = jig_before(make_sensor())
+    assert scene.jig is not None
+    beside = Pose(np.eye(3), np.array([3.0, 2.0, 1.0])) @ scene.T_sensor_jig
+    links = Pose(
+        np.repeat(np.eye(3)[None], 4, 0), np.array([[0, 0, -700], [300, -200, -300], [90, -50, -100], [0, 0, 0.0]])
+    )
+    jigs = ((scene.jig, scene.T_sensor_jig), (scene.jig, beside))
+    first, *others = (cell_picture(CellView(scene.sensor, Pose.identity(), jigs, links), 640, 480) for _ in range(4))
+    for other in others:
+        np.testing.assert_array_equal(other, first)
+
+
 def test_an_unknown_renderer_is_an_input_error() -> None:
     with pytest.raises(InputError, match="povray"):
         render(jig_before(make_sensor()), renderer="povray")  # type: ignore[arg-type]

@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 import pytest
 
+from extraction import ExtractionConfig, Reason, Seen, explain
 from extraction.stripe.pictures import draw
 from tests.window.chromium import ActionChains, Keys, Page, ended, needs_browser, press, served
 from workbench.cli.main import run
@@ -218,6 +219,31 @@ def test_german_with_its_decimal_sign(page: Page) -> None:
     page.find("#language").click()
     page.until("document.documentElement.lang === 'en' && document.documentElement.dataset.shown", 30)
     assert page.find('[data-key="stripe.min_snr"] input.number').get_attribute("value") == "2.5"
+
+
+def test_why_something_was_refused_is_german_too(page: Page) -> None:
+    """Every reason of extraction, as it says it, and several flags of one spot."""
+    seen = Seen(12.5, 3.25, 40.0, 9.0, 0.05, 0.01)
+    said = [explain(reason, seen, ExtractionConfig())[0] for reason in Reason]
+    german = page.driver.execute_async_script(
+        """(async (said, done) => { const w = await import('./static/words.js');
+        w.chooseLanguage('de'); const out = said.map(w.words); w.chooseLanguage('en');
+        done([out, said.map(w.words)]); })(...arguments)""",
+        [
+            *said,
+            "partly_hidden+crowded",
+            "no stripe: ridges were seen and refused (3 faint, 2 one_of_many)",
+            "a.png: gone",
+        ],
+    )
+    assert german[1][: len(said)] == said
+    assert not set(german[0]) & set(said)
+    assert german[0][list(Reason).index(Reason.TOO_FAINT)].startswith("steht 12,5 DN über seiner Umgebung")
+    assert german[0][-3:] == [
+        "teils verdeckt, gedrängt",
+        "kein Streifen: Grate wurden gesehen und verworfen (3 schwach, 2 einer von vielen)",
+        "a.png: gone",
+    ]
 
 
 @pytest.mark.parametrize("theme", ["light", "dark"])

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -118,6 +120,25 @@ def test_a_journal_s_unfinished_line_is_dropped(task: Task, tmp_path: Path) -> N
     whole = journal.read_bytes()
     journal.write_bytes(whole + whole[: whole.find(b"\n") // 2])
     assert search(task, ExtractionConfig(), 2, 0, journal, told).resumed == 1
+
+
+@pytest.mark.parametrize("room", [0, 1, 6])
+def test_a_full_disk_is_said(task: Task, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, room: int) -> None:
+    """At the study, at its first trial and amid a trial; what stood in the journal before serves the next search."""
+    written, real = [], os.fsync
+
+    def full(number: int) -> None:
+        written.append(number)
+        if len(written) > room:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        real(number)
+
+    journal = tmp_path / "tune.journal"
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(InputError, match=r"tune\.journal: the search can not be kept there \(No space left"):
+        search(task, ExtractionConfig(), 2, 0, journal, told)
+    monkeypatch.undo()
+    assert search(task, ExtractionConfig(), 1, 0, journal, told).trials == 1
 
 
 def test_too_few_images(cell_folder: Path, tmp_path: Path) -> None:

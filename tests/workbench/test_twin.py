@@ -94,3 +94,10 @@ def test_the_command_writes_a_sensor_file_and_a_page(cli: Cli, tmp_path: Path, m
     assert len(result.json["keys"]) == 10
     assert read_emulator(out).speckle.contrast is not None
     assert "two-sample distance" in page.read_text(encoding="utf-8")
+
+
+def test_clipped_stripes_are_refused_with_what_to_do() -> None:
+    sensor = small_sensor()
+    bright = EmulatorConfig.model_validate({"laser": {"power_mw": 120.0}})
+    with pytest.raises(InputError, match=r"% of the stripes' points have saturated pixels.*shorter exposure"):
+        fit_twin(stripes(sensor, bright, 2), sensor, EmulatorConfig(), 0, lambda *_: None)

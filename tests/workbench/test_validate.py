@@ -11,7 +11,9 @@ import pytest
 from geometry import Camera, Pose, Sensor, Sheet
 from perceptron_emu import EmulatorConfig, Scene
 from tests.workbench.helpers import Cli
-from workbench.validate.bound import position_bound_px
+from workbench.validate import figures
+from workbench.validate.bound import DETECTABLE_SNR, best_snr, position_bound_px
+from workbench.validate.measure import MeasuredFrames
 
 GOOD = "min_detection_rate = 0.9\nmax_false_rate = 0.02\nmax_mislabel_rate = 0.02\nmax_bias_z_mm = 0.05\n"
 
@@ -91,3 +93,36 @@ def test_bound_of_a_gaussian_spot(sigma: float) -> None:
     scene = Scene(Sensor(Sheet(), Camera(size, size, 100, 100, 32, 32, pose, bit_depth=16)))
     bound = position_bound_px(electrons, np.array([centre, centre]), config, scene)
     assert bound == pytest.approx(sigma / np.sqrt(n), rel=0.03)  # quantisation adds a little
+
+
+def test_the_best_ratio_is_what_a_filter_of_the_own_shape_reaches() -> None:
+    """The filter's answer over many noises against its scatter without a spot: the formula by Monte Carlo."""
+    rng = np.random.default_rng(3)
+    v, u = np.mgrid[:61, :61]
+    spot = np.exp(-0.5 * ((u - 30.0) ** 2 + (v - 30.0) ** 2) / 1.4**2)
+    config = EmulatorConfig.model_validate({"noise": {"read_noise_e": 12.0, "gain_dn_per_e": 1.0}})
+    background, read = 40.0, 12.0
+    pose = Pose(np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1.0]]), np.array([100.0, 0, 0]))
+    scene = Scene(Sensor(Sheet(), Camera(61, 61, 100, 100, 30, 30, pose, bit_depth=16)))
+    for height in (4.0, 25.0):
+        light = height * spot
+        ratio = best_snr(light + background, np.array([30.2, 29.9]), config, scene)
+        noise = rng.poisson(background, (800, 61, 61)) - background + rng.normal(0, read, (800, 61, 61))
+        dark = np.einsum("nij,ij->n", np.rint(noise), light)
+        assert ratio == pytest.approx(np.sum(light * light) / dark.std(), rel=0.08)
+    assert best_snr(np.full((61, 61), background), np.array([30.0, 30.0]), config, scene) == 0
+    assert np.isnan(best_snr(light, np.array([-50.0, 30.0]), config, scene))
+
+
+def test_a_string_that_no_detector_sees_is_not_asked_for() -> None:
+    row = {"nominal": True, "visible": True, "found": True, "flag": "x"}
+    strings = [
+        row | {"detectable": True},
+        row | {"detectable": True, "found": False},
+        row | {"detectable": False, "found": False},
+        row | {"detectable": False},
+    ]
+    told = figures(MeasuredFrames(strings, []))
+    assert told["detection_rate"] == 0.5
+    assert told["too_faint"] == 2
+    assert 8 < DETECTABLE_SNR < 9  # Φ⁻¹(1 - 1e-7) + Φ⁻¹(0.999)

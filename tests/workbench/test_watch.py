@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from tests.workbench.test_calibrate_profiles import write_ball
 from workbench.cell import observe, solve
 from workbench.files import read_cell
 from workbench.plan import Round, rounds
+from workbench.plan.watching import held_up
 
 CONFIG = CalibConfig(model="full")
 UNTIL_MM = 2.0  # σ of seven frames of one ball is larger, of nine smaller
@@ -117,6 +119,21 @@ def test_a_growing_dataset_is_answered_until_sigma_is_reached(whole: Path, tmp_p
     assert ahead.frame.joints_rad is not None
     assert bool(cell.arm.within_limits(ahead.frame.joints_rad))
     assert last <= UNTIL_MM < first
+
+
+def test_sigma_ends_a_watch_only_where_the_answer_is_sound_and_hangs_on_no_part(whole: Path) -> None:
+    """A weak answer, one that nothing could be left out of, and one that a part moves by more than asked end none."""
+    cell = read_cell(whole)
+    found = solve(cell, observe(cell), CONFIG)
+    assert found.left_out is not None
+    parts = found.left_out.parts
+    assert held_up(found, UNTIL_MM) == ""
+    assert "weak" in held_up(replace(found, verdict=replace(found.verdict, code="weak")), UNTIL_MM)
+    assert "too little" in held_up(replace(found, left_out=None), UNTIL_MM)
+    assert "too little" in held_up(replace(found, left_out=replace(found.left_out, by="frame")), UNTIL_MM)
+    far = replace(parts[1], shift=2.1 * UNTIL_MM * np.eye(6)[0])
+    moved = replace(found.left_out, parts=(parts[0], far, *parts[2:]))
+    assert f"hangs on location {far.name}" in held_up(replace(found, left_out=moved), UNTIL_MM)
 
 
 def test_ctrl_c_ends_a_watch(cli: Cli, whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -18,6 +18,7 @@ from workbench.campaign.trial.emulated import EmulatedCell, emulated_cell
 from workbench.campaign.trial.trial import render_frame
 from workbench.campaign.work.remake import remake_trial
 from workbench.campaign.work.runner import run_campaign
+from workbench.campaign.work.warm import end_warm_server
 
 __all__ = [
     "LEVEL",
@@ -29,6 +30,7 @@ __all__ = [
     "advice",
     "consistency",
     "emulated_cell",
+    "end_warm_server",
     "proportion_band",
     "quantile_band",
     "reached",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import os
 import signal
 import sys
@@ -23,8 +24,14 @@ def run(arguments: Sequence[str]) -> int:
 def main() -> None:
     """Entry point of the command."""
     signal.signal(signal.SIGINT, interrupted)
-    code = run(sys.argv[1:])
-    signal.signal(signal.SIGINT, lambda *_: os._exit(code))  # all is said and written: only taking down is left
+    # registered first, done last: what takes the interpreter down restores the default, which ends by a signal
+    atexit.register(signal.signal, signal.SIGINT, signal.SIG_IGN)
+    try:
+        code = run(sys.argv[1:])
+        signal.signal(signal.SIGINT, lambda *_: os._exit(code))  # all is said and written: only taking down is left
+    except KeyboardInterrupt:  # before or after what `run` looks after
+        os.write(2, b"interrupted\n")
+        code = INTERRUPTED
     sys.exit(code)
 
 

@@ -29,8 +29,8 @@ class ImageHeader:
     """The header of an image file.
 
     significant_bits: of a sample, where the file says how many of the container's hold light. orientation: 1 is as
-    stored. strips: TIFF only, where the pixels lie. patches: bytes of the file that make a decoder give the pixels as
-    they are stored, with what to put there.
+    stored. strips: of a TIFF of packed bits, where its rows lie. deflated: a TIFF's pieces that end in a checksum.
+    patches: bytes of the file that make a decoder give the pixels as they are stored, with what to put there.
     """
 
     kind: Literal["PNG", "TIFF", "BMP", "JPEG"]
@@ -43,6 +43,7 @@ class ImageHeader:
     white_is_zero: bool = False
     compression: int = 1
     strips: tuple[tuple[int, int], ...] = ()
+    deflated: tuple[tuple[int, int], ...] = ()
     rows_per_strip: int = 0
     patches: tuple[tuple[int, bytes], ...] = field(default=(), repr=False)
 
@@ -195,6 +196,7 @@ def _tiff(path: Path, data: bytes) -> ImageHeader:
         white_is_zero=photometric == 0,
         compression=compression,
         rows_per_strip=tags.value(_ROWS, 2**32 - 1),
+        deflated=tuple(zip(starts, counts, strict=True)) if LOSSLESS[compression] == "deflate" else (),
         patches=(*tags.patch(_ORIENTATION, 1), *(tags.patch(_PHOTOMETRIC, 1) if photometric == 0 else ())),
     )
     if header.bits in (8, 16):

@@ -19,6 +19,7 @@ Image = NDArray[np.uint8] | NDArray[np.uint16]
 MAX_FILE_BYTES = 512 * 2**20  # four bytes for each of MAX_PIXELS, and as much again
 SUFFIXES = (".png", ".tif", ".tiff", ".bmp")
 LOSSY_SUFFIXES = (*SUFFIXES, ".jpg", ".jpeg")
+CHUNK_BYTES = 2**20
 FEW_LEVELS = 4  # a picture of fewer lit levels, such as a mask, can not tell how it is aligned
 _CHANNELS = {"blue": 0, "green": 1, "red": 2}  # as OpenCV orders them
 
@@ -119,14 +120,19 @@ def _check_size(path: Path, size: tuple[int, ...], camera: Camera) -> None:
 
 
 def _decode(path: Path, data: bytes, header: ImageHeader) -> NDArray[np.generic]:
+    _check_sums(path, data, header)
     if header.strips:
         return _unpacked(path, data, header)
     for at, value in header.patches:
         data = data[:at] + value + data[at + len(value) :]
+    spoken = cv2.utils.logging.getLogLevel()
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)  # the sentence below is enough
     try:
         image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     except cv2.error:
         image = None
+    finally:
+        cv2.utils.logging.setLogLevel(spoken)
     if image is None:
         raise InputError(f"{path}: the image can not be decoded, the file is damaged")
     if np.issubdtype(image.dtype, np.signedinteger):
@@ -136,6 +142,21 @@ def _decode(path: Path, data: bytes, header: ImageHeader) -> NDArray[np.generic]
     if image.dtype not in (np.uint8, np.uint16):
         raise InputError(f"{path}: its grey levels are {image.dtype} numbers; 8 or 16 bits are needed")
     return np.asarray(image)
+
+
+def _check_sums(path: Path, data: bytes, header: ImageHeader) -> None:
+    """Every deflated piece of a TIFF comes out whole; OpenCV gives what it has where a checksum is wrong."""
+    room = 4 * MAX_PIXELS
+    for start, count in header.deflated:
+        piece, left = zlib.decompressobj(), data[start : start + count]
+        try:
+            while left and not piece.eof and room > 0:
+                room -= len(piece.decompress(left, CHUNK_BYTES))
+                left = piece.unconsumed_tail
+        except zlib.error:
+            raise InputError(f"{path}: the TIFF is damaged: a checksum of its pixels is wrong") from None
+        if not piece.eof:
+            raise InputError(f"{path}: the TIFF is damaged or cut short")
 
 
 def _unpacked(path: Path, data: bytes, header: ImageHeader) -> NDArray[np.uint16]:

@@ -15,15 +15,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib import CalibConfig, CalibrationResult
+from calib.judge import FEWEST_LEFT_OUT
 from extraction import ExtractionConfig
 from geometry import Frame, InputError, NoAnswerError, Pose, Surface
 from workbench.cell import Observed, observe, solve
 from workbench.files import Cell, read_cell
-from workbench.plan.choose import size_mm
+from workbench.plan.choose import LEVER_MM, size_mm
 from workbench.plan.next_view import next_views
 from workbench.plan.proposal import plan_limits, propose
 
 Array = NDArray[np.float64]
+
+_SIGMAS = 2.0  # of what was asked for, by which a part left out may move the answer: 95 % of what its own noise does
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +42,9 @@ class Round:
     """What is known after some more frames.
 
     size_mm: the longest axis of the SCP's σ, rotations at 300 mm; None without an answer. reached: whether that is
-    what was asked for. next_pose: None where none can be proposed; next_text says why.
+    what was asked for, by an answer that is "ok" and hangs on no part alone. next_pose: None where none
+    can be proposed; next_text says why. held_text: what keeps a σ that is small enough from ending the watch, "" where
+    nothing does.
     """
 
     cell: Cell
@@ -49,6 +54,7 @@ class Round:
     reached: bool
     next_pose: NextPose | None
     next_text: str
+    held_text: str = ""
 
 
 def rounds(
@@ -69,7 +75,8 @@ def rounds(
     extraction, config
         As of `observe` and `solve`: a round's answer is what calibrate says of the same files.
     until_mm
-        The longest axis of the SCP's σ, rotations at 300 mm, that ends the watch.
+        The longest axis of the SCP's σ, rotations at 300 mm, that ends the watch once the verdict is "ok" and no
+        part left out in turn moves the answer by more than twice as much.
     every_s
         Between looks; a file counts once it has not changed from one look to the next.
     say
@@ -178,9 +185,31 @@ def _round(cell: Cell, extraction: ExtractionConfig | None, config: CalibConfig,
     observed = observe(cell, extraction)
     result = solve(cell, observed, config)
     size = None if result.covariance is None else float(size_mm(result.covariance, "E"))
-    reached = until_mm is not None and size is not None and size <= until_mm and result.verdict.trustworthy
+    small = until_mm is not None and size is not None and size <= until_mm
+    held = held_up(result, until_mm) if small and until_mm is not None else ""
+    reached = small and not held
     found, words = (None, "") if reached else _next(cell, result, size)
-    return Round(cell, observed, result, size, reached, found, words)
+    return Round(cell, observed, result, size, reached, found, words, held)
+
+
+def held_up(result: CalibrationResult, until_mm: float) -> str:
+    """What keeps an answer whose σ is small enough from being one to end on; "" where nothing does.
+
+    A weak answer, or one at odds with the files, is none. And a set that grows until its σ looks small ends where
+    chance made it look small: there must be parts to leave out in turn, and none that alone carries the answer.
+    """
+    small = f"the longest σ is below the {until_mm:g} mm asked for"
+    if result.verdict.code != "ok":
+        return f"{small}, by an answer whose verdict is {result.verdict.code}: that ends no watch"
+    left = result.left_out
+    if left is None or (left.by == "frame" and len(left.parts) < FEWEST_LEFT_OUT):
+        return f"{small}, and there is too little yet that could be left out in turn to bear it out"
+    lever = np.array([1.0] * 3 + [LEVER_MM] * 3)
+    moved = [float(np.linalg.norm(p.shift * lever)) for p in left.parts]
+    k = int(np.argmax(moved))
+    if moved[k] <= _SIGMAS * until_mm:
+        return ""
+    return f"{small}, but it hangs on {left.by} {left.parts[k].name}: without it the answer moves by {moved[k]:.2g} mm"
 
 
 def _next(cell: Cell, result: CalibrationResult, size: float | None) -> tuple[NextPose | None, str]:

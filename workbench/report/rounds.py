@@ -28,6 +28,7 @@ def round_object(found: Round) -> dict[str, Any]:
             "sigma_translation_mm": result.sigma_translation_mm,
             "sigma_at_300_mm": found.size_mm,
             "reached": found.reached,
+            "held_text": found.held_text,
             "next": None if ahead is None else _pose(ahead.frame) | {"sigma_at_300_mm": ahead.size_mm},
             "next_text": found.next_text,
         }
@@ -56,6 +57,8 @@ def print_round(console: Console, found: Round) -> None:
         lengths = ", ".join(f"{t:.3f} ± {s:.3f}" for t, s in zip(pose.t, mm, strict=True))
         console.print(f"rotation {angles} °, translation {lengths} mm; longest σ {found.size_mm:.3f} mm at 300 mm")
     print_verdict(console, result)
+    if found.held_text:
+        console.print(found.held_text, markup=False, soft_wrap=True)
     ahead = found.next_pose
     if ahead is not None:
         console.print(

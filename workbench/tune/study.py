@@ -72,8 +72,11 @@ def search(
         study = _study(optuna, task, start, dimensions, seed, journal)
         resumed = len(_finished(study))
         if not study.trials:
-            study.enqueue_trial(values_of(start, dimensions))
-        interrupted = _run(optuna, study, task, start, dimensions, trials, progress)
+            try:
+                study.enqueue_trial(values_of(start, dimensions))
+            except OSError as error:
+                raise _not_kept(journal, error) from None
+        interrupted = _run(optuna, study, task, start, dimensions, trials, journal, progress)
     if not any(t.value is not None and t.state.name == "COMPLETE" for t in study.trials):
         raise InputError("the search was interrupted before its first trial ended")
     best = with_values(start, steady({d.key: study.best_trial.params[d.key] for d in dimensions}))
@@ -103,9 +106,7 @@ def _study(
         options = {"storage": storage, "sampler": sampler, "pruner": pruner, "load_if_exists": True}
         study = library.create_study(study_name=name, **options)
     except OSError as error:
-        raise InputError(
-            f"{journal}: the search can not be kept there ({error.strerror}); choose a folder with --out"
-        ) from None
+        raise _not_kept(journal, error) from None
     except (ValueError, KeyError, TypeError, AttributeError, IndexError, RecursionError):  # of lines that are no record
         raise InputError(f"{journal}: is damaged; delete it to start the search anew") from None
     done = len(study.trials)
@@ -144,11 +145,20 @@ def _run(
     start: ExtractionConfig,
     dimensions: tuple[Dimension, ...],
     trials: int,
+    journal: Path,
     progress: Progress,
 ) -> bool:
-    """Run what is missing; True where it was interrupted."""
+    """Run what is missing; True where it was interrupted. InputError where the journal can not be written on."""
+    unwritten: list[OSError] = []  # Optuna stumbles over it in words of its own
 
     def objective(trial: optuna.Trial) -> float:
+        try:
+            return loss_mm(trial)
+        except OSError as error:
+            unwritten.append(error)
+            raise
+
+    def loss_mm(trial: optuna.Trial) -> float:
         config = suggest(trial, dimensions, start)
         scores = []
         for step, index in enumerate(task.train):
@@ -167,7 +177,17 @@ def _run(
             study.optimize(objective, n_trials=missing, callbacks=[told], gc_after_trial=False)
     except KeyboardInterrupt:
         return True
+    except (OSError, AssertionError) as error:
+        if isinstance(error, OSError):
+            unwritten.append(error)
+        if not unwritten:
+            raise
+        raise _not_kept(journal, unwritten[0]) from None
     return False
+
+
+def _not_kept(journal: Path, error: OSError) -> InputError:
+    return InputError(f"{journal}: the search can not be kept there ({error.strerror}); choose a folder with --out")
 
 
 def _best(study: optuna.Study) -> float:

@@ -47,13 +47,14 @@ JUMP_MM = 1.0  # between neighbours: the surface ends there
 ITERATIONS = 8
 DAMPING = (0.0, 0.1, 1.0, 10.0)  # of a step, of the normal matrix's diagonal, until the figures come nearer
 SETTLED = 0.2  # of σ: a step below ends the fit
-STEP, LINEAR_STEP = 0.2, 0.5  # of a key's logarithm, of a linear key, for its derivative
+STEP, LINEAR_STEP = 0.4, 0.5  # of a key's logarithm, of a linear key, for its derivative
 FLOOR = 0.01  # σ that no figure is taken to be better than: the surface that stands for the recorded one is not it
 SHARES = (1.0, 0.5, 0.25)  # of the first step
 POWERS = (1.0, 0.5, 2.0, 0.25, 4.0, 0.1, 10.0, 0.03, 30.0)  # of the file's, tried in turn
 MIN_PARTS = 0.7  # of the recorded stripes: so many must be found in the emulated images
 MIN_INSIDE = 0.5  # part of the points that must lie in the laser's fan
 MAX_IMAGES = 12
+MAX_CLIPPED = 0.5  # part of the points: what is left of such stripes is their dim ends alone
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,9 +102,9 @@ def fit_twin(
     InputError
         Where no image shows a stripe, or the stripes do not lie in the laser's fan.
     """
-    recorded = tuple(s for s in (see(image, sensor, StripeConfig()) for _, image in images) if len(s.parts))[
-        :MAX_IMAGES
-    ]
+    every = [see(image, sensor, StripeConfig()) for _, image in images]
+    _check_clipped(every)
+    recorded = tuple(s for s in every if len(s.parts))[:MAX_IMAGES]
     if not recorded:
         raise InputError(
             f"none of the {len(images)} images shows a laser stripe of some length: a twin wants stripe images taken "
@@ -127,7 +128,8 @@ def fit_twin(
             break
     twin_sensor, twin_config = sensor_with(place.theta, sensor, config)
     chi2_per_dof = asked.misfit(place) / max(int(np.isfinite(asked.figures - place.figures).sum()) - len(KEYS), 1)
-    keys = fitted(place.theta, covariance)
+    # figures that differ by more than their scatter say how far the emulator is off: σ hold it too (Birge's ratio)
+    keys = fitted(place.theta, covariance * max(1.0, chi2_per_dof))
     return Twin(twin_sensor, twin_config, keys, recorded, place.seen, chi2_per_dof, converged)
 
 
@@ -143,7 +145,7 @@ class _Emulation:
         progress: Progress,
     ) -> None:
         self._sensor, self._config, self._scenes, self._seed, self._progress = sensor, config, scenes, seed, progress
-        self._done, self._total = 0, ITERATIONS * (len(KEYS) + 1) + 1
+        self._done, self._total = 0, ITERATIONS * (len(KEYS) + 2) + 1
 
     def __call__(self, theta: Array) -> tuple[ImageSeen, ...]:
         """One image a scene, each under its own rng, the same at every place."""
@@ -220,15 +222,33 @@ class _Step:
 
 
 def _slope(place: _Place, emulate: _Emulation) -> Array:
-    """Derivative of the figures by the coordinates, (figures, keys), by one emulation each."""
+    """Derivative of the figures by the coordinates, (figures, keys), by an emulation each, of the grain by two.
+
+    Another grain is another pattern of speckle: of a change what its own scatter from part to part explains is left
+    out (the positive part of James & Stein's estimator), or chance would pass for what the images tell.
+    """
     slope = np.zeros((len(NAMES), len(KEYS)))
     for k, key in enumerate(KEYS):
-        moved = place.theta.copy()
-        moved[k] += LINEAR_STEP if key.linear else STEP
-        if not np.allclose(within(moved), moved):
-            moved[k] -= 2 * (LINEAR_STEP if key.linear else STEP)
-        slope[:, k] = np.nan_to_num((_means(emulate(moved))[0] - place.figures) / (moved[k] - place.theta[k]))
+        step = np.zeros(len(KEYS))
+        step[k] = LINEAR_STEP if key.linear else STEP
+        if not np.allclose(within(place.theta + step), place.theta + step):
+            step = -step
+        both = key.pattern and bool(np.allclose(within(place.theta - step), place.theta - step))
+        begin = emulate(place.theta - step) if both else place.seen
+        change, variance = _change(begin, emulate(place.theta + step))
+        sure = np.clip(1 - variance / np.maximum(change**2, 1e-300), 0, 1)
+        slope[:, k] = sure * change / (step[k] * (2 if both else 1))
     return slope
+
+
+def _change(before: Sequence[ImageSeen], after: Sequence[ImageSeen]) -> tuple[Array, Array]:
+    """Mean change of the figures (K,) and its variance, by parts that both show; none and zero where none does."""
+    pairs = [b.parts - a.parts for a, b in zip(before, after, strict=True) if len(a.parts) == len(b.parts)]
+    rows = np.concatenate([*pairs, np.zeros((0, len(NAMES)))])
+    count = np.isfinite(rows).sum(0)
+    mean = np.nan_to_num(_mean(rows))
+    scatter = np.nansum((rows - mean) ** 2, 0) / np.maximum(count - 1, 1)
+    return np.where(count > 1, mean, 0.0), scatter / np.maximum(count, 1)
 
 
 def _nearer(
@@ -255,6 +275,15 @@ def _begun(start: ArrayLike, emulate: _Emulation, asked: _Asked, parts: float) -
         if _count(seen) >= parts:
             return _Place.of(theta, seen)
     return place
+
+
+def _check_clipped(every: Sequence[ImageSeen]) -> None:
+    clipped, clear = sum(s.clipped for s in every), sum(len(s.profile) for s in every)
+    if clipped > MAX_CLIPPED * (clipped + clear):
+        raise InputError(
+            f"{100 * clipped / (clipped + clear):.0f} % of the stripes' points have saturated pixels: a twin is told "
+            f"by the stripe's height and noise, so record with a shorter exposure, until few are"
+        )
 
 
 def _check_fan(recorded: Sequence[ImageSeen], sensor: Sensor) -> None:

@@ -19,7 +19,7 @@ DECIMALS = 9  # of the fit's own coordinates: far below any σ of a key
 @dataclass(frozen=True)
 class Key:
     """A key of sensor.toml that is fitted: its table and name, the σ of its logarithm before (of itself, where linear),
-    and its limits.
+    its limits, and whether another value lays speckle of another pattern.
     """
 
     table: str
@@ -28,6 +28,7 @@ class Key:
     low: float
     high: float
     linear: bool = False
+    pattern: bool = False
 
 
 # the fit's own coordinates are what images show: light in grey levels, power · gain / F#², noise in grey levels, and
@@ -37,7 +38,7 @@ KEYS = (
     Key("laser", "waist_um", 0.4, 20.0, 2000.0),
     Key("laser", "edge_fraction", 0.5, 0.05, 1.0),
     Key("optics", "blur_px", 0.5, 0.21, 8.0),
-    Key("optics", "f_number", 0.5, 1.0, 32.0),
+    Key("optics", "f_number", 0.5, 1.0, 32.0, pattern=True),
     Key("speckle", "contrast", 0.7, 0.01, 1.0),
     Key("noise", "gain_dn_per_e", 1.0, 1e-4, 10.0),
     Key("noise", "read_noise_e", 1.0, 0.3, 500.0),

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from extraction import Profile, StripeConfig, extract_profile
+from extraction import Profile, Reason, StripeConfig, extract_profile, flag_names
 from geometry import Sensor
 
 Array = NDArray[np.float64]
@@ -48,18 +48,21 @@ class ImageSeen:
     """What extraction sees of one image.
 
     image: grey levels. profile: its points, those in doubt left out. residual_px: of each point from the smooth line
-    (N,), NaN near ends. parts: figures (P, len(NAMES)) of its parts, NaN where a part can not tell.
+    (N,), NaN near ends. parts: figures (P, len(NAMES)) of its parts, NaN where a part can not tell. clipped: points
+    left out for saturated pixels.
     """
 
     image: Image
     profile: Profile
     residual_px: Array
     parts: Array
+    clipped: int
 
 
 def see(image: Image, sensor: Sensor, config: StripeConfig) -> ImageSeen:
     """Extract an image's stripe and take its figures."""
     profile = extract_profile(image, sensor, config)
+    clipped = sum(Reason.SATURATED in flag_names(int(f)).split("+") for f in profile.peaks.flag)
     profile = profile[profile.peaks.flag == 0]
     peaks = profile.peaks
     across = peaks.uv_px[:, 1] if _along_u(profile) else peaks.uv_px[:, 0]
@@ -70,7 +73,7 @@ def see(image: Image, sensor: Sensor, config: StripeConfig) -> ImageSeen:
     rows = [
         _figures(image, sensor, profile, residual, slice(a, b)) for a, b in pairwise(bounds) if b - a >= MIN_SECTIONS
     ]
-    return ImageSeen(image, profile, residual, np.array(rows).reshape(-1, len(NAMES)))
+    return ImageSeen(image, profile, residual, np.array(rows).reshape(-1, len(NAMES)), clipped)
 
 
 def gaps(seen: ImageSeen) -> int:

@@ -17,7 +17,7 @@ from geometry.sensor import calibration_covariance
 from perceptron_emu import render
 from workbench.compare import VISIBLE, Comparison, KnownString, Match, match, named_points, true_strings
 from workbench.files import Settings
-from workbench.validate.bound import noise_free_electrons, position_bound_px
+from workbench.validate.bound import DETECTABLE_SNR, best_snr, noise_free_electrons, position_bound_px
 from workbench.validate.drawing import Drawn
 
 Array = NDArray[np.float64]
@@ -72,8 +72,10 @@ def measure_drawn(frames: Sequence[Drawn], settings: Settings, progress: Progres
                   for s in rendered.truth.strings]  # fmt: skip
         rows, count = score(table, rendered.truth.strings, bounds)
         common = {"frame": frame.number, "nominal": frame.nominal} | frame.factors
-        electrons_of = {s.label: s.electrons for s in rendered.truth.strings}
-        strings += [common | row | {"signal_e": electrons_of[row["label"]]} for row in rows]
+        for row, s in zip(rows, rendered.truth.strings, strict=True):
+            snr = best_snr(electrons, s.image_px, frame.config, frame.scene) if _seen(s) else float("nan")
+            light = {"signal_e": s.electrons, "best_snr": snr, "detectable": row["visible"] and snr >= DETECTABLE_SNR}
+            strings.append(common | row | light)
         counts.append(common | count)
         progress(done, len(frames))
     return MeasuredFrames(strings, counts)
@@ -99,7 +101,8 @@ def score(
     for i, string in enumerate(truth):
         row: dict[str, Any] = {
             "label": string.label,
-            "visible": bool(string.visible_fraction >= VISIBLE),
+            "visible": (visible := bool(string.visible_fraction >= VISIBLE)),
+            "detectable": visible,  # where no more of its light is known
             "found": string.label in found,
             "bound_px": float("nan") if bounds is None else bounds[i],
         }

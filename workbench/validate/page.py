@@ -19,7 +19,8 @@ from workbench.validate.summary import Failure, Thresholds, curve
 WORDS = {
     "frames": "frames",
     "points": "points without a flag",
-    "detection_rate": "visible strings found",
+    "detection_rate": "visible strings found, of those bright enough to be told from the noise",
+    "too_faint": "visible strings that are too faint for any detector",
     "false_rate": "labelled points that show no string",
     "mislabel_rate": "labelled points with another string's label",
     "flagged_rate": "found points that carry a flag",

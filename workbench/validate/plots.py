@@ -61,7 +61,14 @@ def curve_plot(factor: str, points: Sequence[dict[str, Any]]) -> Figure:
     axis.set_ylabel("scatter, bias [mm]")
     axis.set_ylim(axis.get_ylim()[0], 1.5 * axis.get_ylim()[1])  # room for the legend
     rate = axis.twinx()
-    rate.plot(x, [100 * p["detection_rate"] for p in points], "s--", ms=4, color="#5b8c5a", label="found")
+    rate.plot(
+        x,
+        [np.nan if p["detection_rate"] is None else 100 * p["detection_rate"] for p in points],
+        "s--",
+        ms=4,
+        color="#5b8c5a",
+        label="found",
+    )
     rate.set_ylabel("found [%]")
     rate.set_ylim(0, 140)
     rate.set_yticks([0, 25, 50, 75, 100])

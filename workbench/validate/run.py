@@ -131,7 +131,7 @@ def _worst(measured: MeasuredFrames) -> Sequence[tuple[int, str]]:
     out = []
     for count in measured.counts:
         rows = [s for s in measured.strings if s["frame"] == count["frame"] and s["visible"]]
-        missed = sum(not s["found"] for s in rows)
+        missed = sum(not s["found"] for s in rows if s["detectable"])
         error = max((float(np.hypot(s["error_y_mm"], s["error_z_mm"])) for s in rows if s["found"]), default=0.0)
         why = (
             f"{count['false']} false, {count['mislabelled']} mislabelled, {missed} missed, largest error {error:.3f} mm"

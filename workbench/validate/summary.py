@@ -61,6 +61,9 @@ def read_thresholds(path: Path) -> Thresholds:
 def figures(measured: MeasuredFrames) -> dict[str, float | None]:
     """Figures over the nominal frames; errors over visible, rightly labelled points without a flag.
 
+    detection_rate: of the visible strings whose light an ideal detector would tell from the noise; too_faint counts the
+    others, found or not.
+
     sigma_ratio: claimed over empirical, 1 is honest. bound_ratio: error over the camera's bound, speckle not in it.
     sensor_…: of sensors that were drawn from the file's uncertainty, their own part in the claimed σ; absent where none
     was drawn.
@@ -73,7 +76,8 @@ def figures(measured: MeasuredFrames) -> dict[str, float | None]:
     return {
         "frames": len(counts),
         "points": len(good),
-        "detection_rate": _share(len(found), len(strings)),
+        "detection_rate": _detected(strings),
+        "too_faint": sum(not s["detectable"] for s in strings),
         "false_rate": _share(total["false"], total["labelled"]),
         "mislabel_rate": _share(total["mislabelled"], total["labelled"]),
         "flagged_rate": _share(len(found) - len(good), len(found)),
@@ -148,9 +152,17 @@ def curve(measured: MeasuredFrames, factor: str) -> list[dict[str, Any]]:
         if len(mine) >= MIN_IN_BIN:
             found = [r for r in mine if r["found"]]
             good = [r for r in found if not r["flag"]]
-            point: dict[str, Any] = {"at": float(np.median(values[inside])), "detection_rate": len(found) / len(mine)}
+            asked = mine if factor == "signal_e" else [r for r in mine if r["detectable"]]  # by light itself: of all
+            rate = _share(sum(r["found"] for r in asked), len(asked))
+            point: dict[str, Any] = {"at": float(np.median(values[inside])), "detection_rate": rate}
             out.append(point | _errors(good))
     return out
+
+
+def _detected(rows: Sequence[dict[str, Any]]) -> float | None:
+    """Share of the detectable strings that were found."""
+    asked = [r for r in rows if r["detectable"]]
+    return _share(sum(r["found"] for r in asked), len(asked))
 
 
 def _share(part: int, whole: int) -> float | None:

@@ -14,6 +14,7 @@ from workbench.campaign.store.store import Store, opened_store
 from workbench.campaign.work.engines import default_workers, run_dask, run_local
 from workbench.campaign.work.shard import plans_to_send, run_shard
 from workbench.campaign.work.trusted import check_cache
+from workbench.campaign.work.warm import warm_server
 
 Progress = Callable[[int, int], None]
 
@@ -77,6 +78,8 @@ def _run(store: Store, workers: int | None, dask: str | None, progress: Progress
     if progress:
         progress(done, store.trials)
     if missing:
+        if not dask:
+            warm_server()  # it loads its modules while the views are planned here
         work = partial(run_shard, store.plan, plans=plans_to_send(store.plan))
         results = run_dask(work, missing, dask) if dask else run_local(work, missing, workers or default_workers())
         with closing(results):  # type: ignore[type-var]

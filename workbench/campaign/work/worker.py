@@ -15,10 +15,10 @@ ONE_THREAD = dict.fromkeys(
 WATCH_S = 0.5  # between two looks at whether the parent still lives
 
 
-def begin_worker(parent: int) -> None:
-    """Prepare a process that the process ``parent`` started: it leaves Ctrl-C to that one, and ends when that ends."""
+def begin_worker(caller: int) -> None:
+    """Prepare a process that works for the process ``caller``: it leaves Ctrl-C to that, and ends when that ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_watch, args=(parent,), daemon=True).start()
+    threading.Thread(target=_watch, args=(caller, os.getppid()), daemon=True).start()
     one_thread()
 
 
@@ -35,8 +35,21 @@ def worker_state() -> dict[str, str]:
     return {"code": code_version(), "blas": blas[0] if blas else ""}
 
 
-def _watch(parent: int) -> None:
-    """End this process as soon as its parent is another: a killed parent leaves no workers behind."""
-    while os.getppid() == parent:
+def _watch(caller: int, parent: int) -> None:
+    """End this process as soon as its parent is another or the caller is gone: a killed one leaves no workers behind.
+
+    The parent is the caller, or the server that workers are forked from, which ends with the caller.
+    """
+    while os.getppid() == parent and _lives(caller):
         time.sleep(WATCH_S)
     os._exit(1)
+
+
+def _lives(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:
+        return True
+    return True

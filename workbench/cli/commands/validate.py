@@ -124,7 +124,7 @@ def _show(result: dict[str, float | None], words: dict[str, str]) -> None:
     for key, value in result.items():
         if value is None:
             shown = "–"
-        elif key in ("frames", "points", "sensors"):
+        elif key in ("frames", "points", "too_faint", "sensors"):
             shown = f"{value:.0f}"
         else:
             shown = f"{100 * value:.2f} %" if key.endswith("_rate") else f"{value:.4f}"

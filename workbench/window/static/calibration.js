@@ -4,14 +4,14 @@
 import { content, get, hashOf, post } from "./api.js";
 import { drawFig7, drawResiduals } from "./charts.js";
 import { close, open } from "./dialog.js";
-import { $, clear, el, style, words } from "./dom.js";
+import { $, clear, el, style } from "./dom.js";
 import { download } from "./export.js";
 import { showCalibrated } from "./recipe.js";
 import { say } from "./stage.js";
 import { listen, state, text } from "./state.js";
 import { go } from "./strip.js";
 import { onTab, selectTab } from "./tabs.js";
-import { number, t, word } from "./words.js";
+import { number, t, word, words } from "./words.js";
 
 const GOOD = ["ok"], WARN = ["model_misfit", "priors_contradict", "sensor_suspect", "weak"];
 const ROLES = ["calibrate", "verify", "left out"];

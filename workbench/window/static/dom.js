@@ -1,7 +1,5 @@
 // Elements without markup strings: names from files and folders can only ever become text.
 
-import { word } from "./words.js";
-
 export const $ = (id) => document.getElementById(id);
 
 export function el(tag, properties = {}, ...children) {
@@ -22,9 +20,6 @@ export function clear(node, ...children) {
   node.replaceChildren(...children.flat(3).filter((c) => c !== null && c !== undefined && c !== false));
   return node;
 }
-
-// A code as words; a sentence, which may name files and strings, as it is.
-export const words = (reason) => (/^[a-z]+(_[a-z]+)*$/.test(reason ?? "") ? word(reason.replaceAll("_", " ")) : reason ?? "");
 
 export function fitCanvas(canvas) {
   // The canvas in device pixels; gives its context scaled to CSS pixels, and its size in them.

@@ -65,3 +65,28 @@ export const GERMAN = {
   "Tolerance sigma": "Toleranz in σ", "Min tolerance": "Kleinste Toleranz", "Inlier sigma": "Zugehörig bis σ", "Min points": "Mindestzahl Punkte", "Ransac trials": "RANSAC-Versuche", "Ransac certainty": "RANSAC-Sicherheit", "Ransac points": "RANSAC-Punkte", "Min section": "Kleinster Schnitt", "Max section": "Größter Schnitt", "Min arc": "Kleinster Bogen", "Max radius": "Größter Radius", "Rival share": "Anteil eines Nebenbuhlers", "Rival section": "Schnitt eines Nebenbuhlers", "Min line": "Kürzeste Gerade", "Max bend": "Größte Biegung", "Min wedge": "Kleinster Keil", "Max ridge gap": "Größte Lücke am Grat",
   "Reference": "Bezug", "Min face": "Kürzeste Fläche", "Face length": "Flächenlänge", "Max angle": "Größter Winkel", "Min gap": "Kleinster Spalt", "Max gap": "Größter Spalt", "Max step": "Größte Stufe", "Max arc": "Größter Bogen",
 };
+
+// Sentences that the program makes, by their English; {} stands for a number, or for a list of counted words.
+export const GERMAN_SENTENCES = {
+  "{} px wide, at most {} px are a string's spot here": "{} px breit, höchstens {} px hat hier der Fleck eines Fadens",
+  "{} px long, at most {} px are a string's spot here: a stripe piece or a reflection": "{} px lang, höchstens {} px hat hier der Fleck eines Fadens: ein Stück Streifen oder eine Spiegelung",
+  "its region runs into that of a brighter peak: one spot, counted there": "sein Gebiet läuft in das einer helleren Spitze: ein Fleck, dort gezählt",
+  "stands {} DN above its surroundings, {} DN are needed": "steht {} DN über seiner Umgebung, {} DN sind nötig",
+  "stands {} × above the noise around it, {} × are needed": "steht beim {}-fachen des Rauschens ringsum, das {}-fache ist nötig",
+  "lies outside the region that is looked at": "liegt außerhalb des Bereichs, in dem gesucht wird",
+  "score {}: below the least score {}": "Güte {}: unter der kleinsten Güte {}",
+  "its ray does not meet the laser plane before the sensor, or the lens model has no inverse there": "sein Strahl trifft die Laserebene nicht vor dem Sensor, oder das Linsenmodell hat dort keine Umkehrung",
+  "the fit moved away from the region's centre by more than {} spot widths and {} px: no spot of its own": "die Anpassung lief um mehr als {} Fleckbreiten und {} px von der Mitte des Gebiets weg: kein eigener Fleck",
+  "no Gaussian spot could be fitted: the fit did not settle, or left the image": "kein Gauß-Fleck anzupassen: die Anpassung kam nicht zur Ruhe oder verließ das Bild",
+  "narrower than {} px, than the optics can draw: a hot pixel, not light": "schmaler als {} px, als die Optik zeichnen kann: ein heller Bildpunkt, kein Licht",
+  "not among the {} best spots of the image": "nicht unter den {} besten Flecken des Bildes",
+  "lopsided along its long axis by more than {} σ: something cuts it": "schief längs der langen Achse um mehr als {} σ: etwas schneidet ihn an",
+  "departs from a Gaussian by more than {} × what noise and speckle make: two strings in one, or half a post": "weicht um mehr als das {}-fache dessen, was Rauschen und Speckle machen, von Gauß ab: zwei Fäden in einem, oder ein halber Pfosten",
+  "another candidate lies within four widths": "ein anderer Kandidat liegt innerhalb von vier Breiten",
+  "pixels within it are saturated: a lower exposure would tell more": "Bildpunkte darin sind übersteuert: kürzere Belichtung sagte mehr",
+  "no stripe: more than half of the image is saturated ({}), lower the exposure": "kein Streifen: mehr als die Hälfte des Bildes ist übersteuert ({}), kürzer belichten",
+  "no stripe: ridges were seen and refused ({})": "kein Streifen: Grate wurden gesehen und verworfen ({})",
+  "no stripe in the image: see [stripe] direction, min_run, max_width_px": "kein Streifen im Bild: siehe [stripe] direction, min_run, max_width_px",
+  "the profile holds no points": "das Profil hat keine Punkte",
+  "no stripe on the board": "kein Streifen auf der Tafel",
+};

@@ -1,11 +1,11 @@
 // What stands under the pointer: profile, peak, width, score, σ; for a rejected candidate the reason.
 
-import { $, clear, el, fitCanvas, style, words } from "./dom.js";
+import { $, clear, el, fitCanvas, style } from "./dom.js";
 import { nameOf } from "./overlay.js";
 import { known, reveal } from "./params.js";
 import { sample } from "./picture.js";
 import { state } from "./state.js";
-import { number, t, word } from "./words.js";
+import { number, t, word, words } from "./words.js";
 
 const REACH = 18, STEP = 0.25;
 
@@ -128,7 +128,7 @@ export function showCandidate(c, measures) {
   const facts = measures.map((name, i) => (c.measured[i] === null ? null : fact(word(name), number(c.measured[i], 2)))).filter((f) => f);
   clear($("inspector"),
     el("h2", {}, c.reason ? t`Rejected: ${words(c.reason)}` : t("Accepted candidate")),
-    c.text ? el("p", { class: c.reason ? "why" : "" }, c.text) : null,
+    c.text ? el("p", { class: c.reason ? "why" : "" }, words(c.text)) : null,
     el("dl", { class: "facts" }, facts),
     p ? el("p", {}, el("button", { id: "reveal", onclick: () => reveal(c.parameter) }, t`Go to “${word(p.title)}”`)) : null);
 }

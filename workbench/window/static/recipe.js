@@ -45,7 +45,7 @@ function build(tool) {
   lamps.set(tool.id, { lamp, brief, values, tool });
   return el("details", { class: "tool", open: tool.id !== "region", data: { tool: tool.id } },
     el("summary", {}, lamp, el("b", {}, t(tool.title)), el("small", { class: "count" }), brief),
-    head, values, rowsOf(...tool.tables));
+    head, values, rowsOf(...(tool.id === "stripe" && !state.session.has_images ? [] : tool.tables))); // a profile has no stripe to look for
 }
 
 function arrange() {

@@ -1,7 +1,7 @@
 // All images under the current parameters: contact sheet and table, before and after against the last saved set.
 
 import { hashOf, post } from "./api.js";
-import { $, clear, el, words } from "./dom.js";
+import { $, clear, el } from "./dom.js";
 import { isFailed, offerFlags, onFilter, passes } from "./filter.js";
 import { scored } from "./history.js";
 import { colourOf } from "./overlay.js";
@@ -13,7 +13,7 @@ import { onTab, selectTab } from "./tabs.js";
 import { refresh } from "./stage.js";
 import { download } from "./export.js";
 import { feedTrend } from "./trend.js";
-import { number, t } from "./words.js";
+import { number, t, words } from "./words.js";
 
 const survey = { text: "", savedText: "", now: [], saved: [], at: 0, savedAt: 0, total: 0, statistics: null, before: null, epoch: 0 };
 let form = "sheet", order = { column: "index", down: false }, waiting = 0, busy = false;

@@ -2,7 +2,7 @@
 // until it is there, drop what is stale, and share one cursor.
 
 import { Refused, hashOf, pixels, post } from "./api.js";
-import { $, clear, el, fitCanvas, style, words } from "./dom.js";
+import { $, clear, el, fitCanvas, style } from "./dom.js";
 import { exportPng, exportSvg } from "./export.js";
 import { drawProfile, showCandidate, showNothing, showPoint, showSpot } from "./inspector.js";
 import { buildLayers, looksFor, onLayers } from "./layers.js";
@@ -19,7 +19,7 @@ import { listen, state, text } from "./state.js";
 import { mark, setBadge } from "./strip.js";
 import { onTab } from "./tabs.js";
 import { View } from "./view.js";
-import { decimal, t } from "./words.js";
+import { decimal, t, words } from "./words.js";
 import { dragWipe, drawWipe, startWipe } from "./wipe.js";
 
 export const stage = { view: null, answer: null, layers: {} };

@@ -1,6 +1,6 @@
 // The page's language: English as written in the modules, German by the table; the decimal sign goes with it.
 
-import { GERMAN } from "./german.js";
+import { GERMAN, GERMAN_SENTENCES } from "./german.js";
 
 export const LANGUAGES = ["en", "de"];
 export let language = "en";
@@ -24,6 +24,23 @@ export function t(text, ...values) {
 
 // A word of the data, such as a reason or a parameter's title, where the table has it.
 export const word = (text) => (language === "de" ? GERMAN[text] ?? text : text);
+
+const patterns = Object.entries(GERMAN_SENTENCES).map(([english, german]) =>
+  [new RegExp(`^${english.replace(/[.*+?^$()|[\]\\]/g, "\\$&").replaceAll("{}", "(.+?)")}$`), german]);
+const counted = (list) => list.replace(/(\d)\.(\d)/g, "$1,$2").replace(/[a-z]+(_[a-z]+)*/g, (code) => word(code.replaceAll("_", " ")));
+
+// A sentence that the program made: German where the table has it, else as it is.
+export function sentence(text) {
+  if (language !== "de") return text;
+  for (const [pattern, german] of patterns) {
+    const found = text.match(pattern);
+    if (found) return found.slice(1).reduce((said, value) => said.replace("{}", () => counted(value)), german);
+  }
+  return text;
+}
+
+// Codes as words, several joined by +; a sentence, which may name files and strings, as it is or in German.
+export const words = (reason) => (/^[a-z]+([_+][a-z]+)*$/.test(reason ?? "") ? reason.split("+").map((code) => word(code.replaceAll("_", " "))).join(", ") : sentence(reason ?? ""));
 
 export const decimal = () => (language === "de" ? "," : ".");
 

@@ -1,0 +1,85 @@
+"""Workers forked from one server that holds all modules and kernels: each begins at once, without imports of its own.
+
+The server is multiprocessing's forkserver, a process of one thread; where there is none, workers are spawned.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from multiprocessing import context, forkserver, popen_forkserver
+from types import ModuleType
+from typing import Any
+
+from workbench.campaign.work.worker import ONE_THREAD
+
+LOADED = "workbench.campaign.work.loaded"  # what the server imports before it forks
+
+
+class _Popen(popen_forkserver.Popen):
+    """A worker that knows the package alone: the caller's main module, which may start campaigns, is not run again."""
+
+    def _launch(self, process_obj: Any) -> None:
+        main = sys.modules["__main__"]
+        sys.modules["__main__"] = ModuleType("__main__")
+        try:
+            with _one_thread():  # should the server have died, it is started anew here
+                super()._launch(process_obj)  # type: ignore[misc]
+        finally:
+            sys.modules["__main__"] = main
+
+
+class _Process(context.ForkServerProcess):
+    @staticmethod
+    def _Popen(process_obj: Any) -> Any:
+        return _Popen(process_obj)
+
+
+class WarmContext(context.ForkServerContext):
+    """Where loky's pool takes its processes from."""
+
+    Process = _Process
+
+
+_started: list[WarmContext] = []
+
+
+def warm_server() -> WarmContext | None:
+    """Start the server, where the system allows it, without waiting for it; None where workers are to be spawned.
+
+    A server that somebody else has started holds other modules and other threads: then workers are spawned, too.
+    """
+    if _started:
+        return _started[0]
+    if sys.platform != "linux" or getattr(forkserver._forkserver, "_forkserver_pid", None) is not None:
+        return None
+    warm = WarmContext()
+    warm.set_forkserver_preload([LOADED])
+    with _one_thread():
+        forkserver.ensure_running()
+    _started.append(warm)
+    return warm
+
+
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    """The environment of a worker, for what is started meanwhile."""
+    before = {name: os.environ.get(name) for name in ONE_THREAD}
+    os.environ.update(ONE_THREAD)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+
+
+def end_warm_server() -> None:
+    """End the server; the next campaign starts its own."""
+    if _started:
+        _started.clear()
+        forkserver._forkserver._stop()  # type: ignore[attr-defined]
