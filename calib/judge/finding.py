@@ -285,7 +285,14 @@ def _estimated(suspect: Suspect, bundle: Bundle, config: CalibConfig) -> bool:
 
 
 def _gain(before: Solution, after: Explained) -> float:
-    """Cost saved, points brought back included, in units of the noise that is left."""
+    """Cost saved, points brought back included, in units of the noise that is left.
+
+    Of joints that follow from hand poses the marginal likelihood, where the same points are left out: of errors of the
+    table a share is each frame's own, which is found anew, so that costs do not compare.
+    """
+    gone_before = before.outlier | before.frame_outlier[:, None]
+    if before.bundle.hands.inferred and np.array_equal(gone_before, after.robust.left_out):
+        return engine.evidence(before.every) - engine.evidence(after.every)
     left = after.cost / max(after.kept.degrees_of_freedom, 1)
     gone = LEFT_OUT * (float(_gone(before.outlier, before) - after.robust.left_out[before.bundle.present].sum()))
     return (before.explained * before.dof - after.cost + gone) / max(1.0, left)

@@ -18,10 +18,9 @@ from calib.label.surface_offset import rough_offset
 from calib.printed import nees
 from calib.synthetic.cell import Noise, SyntheticCell, calibrated, made_cell, observe, random_cell
 from calib.synthetic.problem import CALIBRATE_ONLY, problem_of, true_candidates
-from geometry import DhRobot, Frame
+from geometry import DhRobot, Frame, RobotUncertainty
 from jig_cad import Jig
 
-TABLE_SIGMAS = ("theta_sigma_rad", "d_sigma_mm", "a_sigma_mm", "alpha_sigma_rad")
 NEES_LIMIT = 30.0  # a sound covariance exceeds it in 4 of 100,000 runs
 
 
@@ -149,9 +148,13 @@ def test_uncertainty_stated_ten_times_too_small_is_named_and_sigma_hold(numbers:
     made = made_cell(cell, rng, Noise())
     observed = observe(cell, made, rng, Noise())
     u = cell.robot.uncertainty
-    rows = {} if numbers == "joints" else {k: getattr(u, k) / 10 for k in TABLE_SIGMAS}
-    readings = {} if numbers == "table" else {"joint_sigma_rad": u.joint_sigma_rad / 10}
-    robot = replace(cell.robot, uncertainty=replace(u, **rows, **readings))
+    table = RobotUncertainty(
+        u.joint_sigma_rad, u.theta_sigma_rad / 10, u.d_sigma_mm / 10, u.a_sigma_mm / 10, u.alpha_sigma_rad / 10
+    )
+    stated = u if numbers == "joints" else table
+    if numbers != "table":
+        stated = replace(stated, joint_sigma_rad=u.joint_sigma_rad / 10)
+    robot = replace(cell.robot, uncertainty=stated)
     result = calibrated(observed, cell.jig, robot, CalibConfig())
     assert result.verdict.code == "priors_contradict"
     (culprit,) = result.culprit
@@ -168,7 +171,7 @@ def test_encoder_that_turns_two_axes_is_named_as_one_number() -> None:
     plain = random_cell(rng, CALIBRATE_ONLY)
     coupling = np.eye(6)
     coupling[2, 1] = 1.0
-    joints = np.linalg.solve(coupling, plain.joints_rad.T).T
+    joints = np.asarray(np.linalg.solve(coupling, plain.joints_rad.T).T, dtype=np.float64)
     cell = replace(plain, robot=replace(plain.robot, coupling=coupling), joints_rad=joints)
     made = made_cell(cell, rng, Noise())
     observed = observe(cell, made, rng, Noise())
@@ -182,3 +185,25 @@ def test_encoder_that_turns_two_axes_is_named_as_one_number() -> None:
     assert result.T_hand_sensor is not None
     assert result.covariance is not None
     assert nees(made.T_hand_sensor, result.T_hand_sensor, result.covariance) < NEES_LIMIT
+
+
+@pytest.mark.parametrize(("row", "named"), [("theta3", "theta3"), ("alpha4", "[uncertainty]")])
+def test_hand_poses_of_a_wrong_table_get_the_verdict_of_joints(row: str, named: str) -> None:
+    """Which solution of the arm a frame stood in is not known: large errors show, their row mostly by small ones."""
+    rng = np.random.default_rng(12)
+    cell = random_cell(rng, CALIBRATE_ONLY)
+    made = made_cell(cell, rng, Noise())
+    observed = observe(cell, made, rng, Noise())
+    group, joint = row[:-1], int(row[-1]) - 1
+    robot = cell.robot.with_changes(**{group: np.deg2rad(0.4) * np.eye(6)[joint]})
+    Ts = robot.pose(np.array([f.joints_rad for f in observed.frames]))
+    posed = tuple(replace(f, joints_rad=None, T_base_hand=Ts[i]) for i, f in enumerate(observed.frames))
+    joints = calibrated(observed, cell.jig, robot, CalibConfig())
+    poses = calibrated(replace(observed, frames=posed), cell.jig, robot, CalibConfig())
+    assert joints.verdict.code == poses.verdict.code == "priors_contradict"
+    for result, name in ((joints, row), (poses, named)):
+        (culprit,) = result.culprit
+        assert name in (culprit.parameter, *culprit.same_as)
+    assert poses.T_hand_sensor is not None
+    assert poses.covariance is not None
+    assert nees(made.T_hand_sensor, poses.T_hand_sensor, poses.covariance) < NEES_LIMIT

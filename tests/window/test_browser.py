@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import re
 import shutil
 import time
 from collections.abc import Iterator
@@ -95,6 +96,16 @@ def test_pointing_at_a_spot_shows_its_figures(page: Page) -> None:
     for word in ("peak", "width", "score", "σ y", "error y"):
         assert word in text
     page.until("/ DN +y .* mm$/.test(document.getElementById('where').textContent)")
+
+
+def test_a_prime_is_told_from_its_string(page: Page) -> None:
+    """C and C' are other strings: the mark is the one that files have, wide enough to be seen."""
+    page.image(0)
+    page.layers("spots", "labels")
+    page.find("#fit").click()
+    spot = next(s for s in page.answer()["spots"] if s["label"] == "C'")
+    page.point_at(spot["u"], spot["v"])
+    page.until("document.querySelector('#inspector h2').textContent === \"String C'\"")
 
 
 def test_one_cursor_in_both_panes(page: Page, cell_folder: Path) -> None:
@@ -281,6 +292,53 @@ def test_a_dot_of_fig_7_opens_its_frame(page: Page) -> None:
     page.settled()
     assert page.shown.startswith("2:")
     assert page.find('[data-tab="image"]').get_attribute("aria-selected") == "true"
+
+
+def test_parameters_are_searched_from_the_page(page: Page) -> None:
+    """Two trials: progress, the judgement on images that the search did not see, and what was found is taken over."""
+    page.tab("image")
+    page.js("document.getElementById('auto-tune').click()")
+    page.find("#trials").send_keys(Keys.CONTROL + "a")
+    page.find("#trials").send_keys("2")
+    page.find("#search-go").click()
+    page.until("document.getElementById('search-progress')")
+    page.until("document.getElementById('search-done')", 120)
+    text = page.find("#search-done").text
+    assert "held-out images" in text
+    assert re.search(r"of 1[0-9] held-out images", text)
+    page.find("#search-use").click()
+    page.until("!document.getElementById('dialog').open")
+    page.settled()
+    page.find("#reset-all").click()
+    page.settled()
+
+
+def test_sets_are_kept_with_what_they_reached(page: Page) -> None:
+    page.slide("detect.threshold", 650)
+    page.tab("history")
+    page.find("#keep-set").click()
+    page.until("document.querySelectorAll('#sets tbody tr').length >= 2")
+    wanted = "document.querySelector('#sets tr[aria-current=true] td:nth-child(3)').textContent === '28'"
+    page.until(wanted, 60)  # its score comes with the survey of all images
+    page.js("document.querySelector('#sets tbody tr button').click()")
+    page.settled()
+    assert page.find('[data-tab="history"]').get_attribute("aria-selected") == "true"
+    page.tab("image")
+    page.find("#reset-all").click()
+    page.settled()
+
+
+def test_the_table_of_all_images_keeps_its_columns(page: Page) -> None:
+    """Each row is one line, its cells beside each other."""
+    page.tab("sheet")
+    page.js("document.querySelector('[data-form=table]').click()")
+    page.until("document.querySelectorAll('#sheet tr.go').length === 28", 30)
+    cells = "#sheet thead th, #sheet tr.go:first-of-type td"
+    tops = page.js("return [...document.querySelectorAll(arguments[0])].map((c) => c.offsetTop)", cells)
+    heads = page.js("return document.querySelectorAll('#sheet thead th').length")
+    assert len(set(tops[:heads])) == 1
+    assert page.js("return document.querySelector('#sheet tr.go').clientHeight") < 40
+    page.tab("image")
 
 
 def _badge(page: Page) -> str:

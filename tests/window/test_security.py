@@ -7,6 +7,7 @@ import http.client
 import json
 import socket
 import threading
+import time
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -340,6 +341,16 @@ def test_hostile_toml_is_refused_in_a_sentence(client: Client, toml: str) -> Non
     status, answer = client.post("parse", {"toml": toml})
     assert status == 422
     assert len(answer["error"]) < 500
+
+
+def test_a_hostile_line_of_toml_takes_no_time(client: Client) -> None:
+    """The line of a wrong key is looked for in the text; a pattern that goes back over blanks would take minutes."""
+    toml = '[detect]\nthreshold = "x"\nnote = """\n' + ("[" + " " * 1990 + "\n") * 20 + '"""\n'
+    began = time.process_time()
+    status, answer = client.post("parse", {"toml": toml})
+    assert time.process_time() - began < 2.0
+    assert status == 422
+    assert "line 3" in answer["error"]
 
 
 def test_a_page_elsewhere_may_lead_here_and_read_nothing(client: Client) -> None:

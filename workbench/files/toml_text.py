@@ -11,9 +11,10 @@ from geometry import parse_toml, read_text
 
 Location = tuple[str | int, ...]
 
-LONGEST_LINE = 2000  # whose key is looked for: beyond it no line of ours goes, and the patterns are quadratic
+LONGEST_LINE = 2000  # whose key is looked for: beyond it no line of ours goes
 
-_HEADER = re.compile(r"^\s*(\[\[?)\s*(.+?)\s*\]\]?\s*(#.*)?$")
+# each character fits one part of a pattern only, so that hostile lines take no longer than others
+_HEADER = re.compile(r"""^\s*(\[\[?)((?:"[^"]*"|'[^']*'|[^\]"'#])+)\]\]?\s*(#.*)?$""")
 _KEY = re.compile(r"""^\s*((?:"[^"]*"|'[^']*'|[A-Za-z0-9_\-]+)(?:\s*\.\s*(?:"[^"]*"|'[^']*'|[A-Za-z0-9_\-]+))*)\s*=""")
 
 

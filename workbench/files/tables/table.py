@@ -25,7 +25,7 @@ SEPARATORS = ("\t", ";", ",")
 _NAMES = {"\t": "tabs", ";": "semicolons", ",": "commas"}
 _LINE = re.compile(r"([^\r\n]*)(\r\n|\r|\n|$)")
 _WHOLE = re.compile(r"([0-9]{1,15})(?:[.,]0*)?")  # spreadsheets write 12 as 12.0 beside empty cells
-_UNIT = re.compile(r"\s*[\[(]\s*(.+?)\s*[\])]$")
+_UNIT = re.compile(r"\s*[\[(]([^\[\]()]*[^\[\]()\s][^\[\]()]*)[\])]$")
 _UNITS = {"°": "deg", "degrees": "deg", "mm²": "mm2", "mm^2": "mm2"}
 _OTHER_UNITS = frozenset(("m", "cm", "um", "µm", "in", "inch", "rad", "mrad", "grad", "degree", "degrees", "pixel"))
 _NINES = re.compile(r"-?(9{4,}(\.9*)?|999\.99+)0*")  # 999.9 may be a length
@@ -311,7 +311,7 @@ def _known_name(cell: str, known: Sequence[str], spelling: Callable[[str], str] 
     """The known column that ``cell`` names, else the cell as it is."""
     if cell in known:
         return cell
-    plain = _UNIT.sub(lambda m: f"_{_UNITS.get(m[1].casefold(), m[1])}", cell[:200])
+    plain = _UNIT.sub(lambda m: f"_{_UNITS.get(m[1].strip().casefold(), m[1].strip())}", cell[:200])
     for tried in (plain, spelling(cell) if spelling else plain, spelling(plain) if spelling else plain):
         for name in known:
             if tried == name or tried.casefold() == name.casefold():
