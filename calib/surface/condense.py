@@ -26,6 +26,7 @@ _STEPS = 20  # of Gauss and Newton on a circle; from the algebraic one it settle
 _SETTLED_MM = 1e-7
 _WEIGHED = 2  # of these steps find the weights
 _FLAT_ARC = 1e12  # condition of the moments of points that make no arc
+_HALF_THE_DIGITS = 1e-4  # pivot of unit columns whose square has lost eight of sixteen
 _LARGEST = 1e4  # radius, of the points' spread: a larger circle is a line
 _ALONG_MM = 1e-3  # σ of a node along its curve, where it may lie anywhere
 _FEWEST_FREE = 40  # residuals that tell the scale of the noise; with fewer the stated one stays
@@ -81,8 +82,9 @@ def condensed(frames: Sequence[Frame], target: Target | Mapping[str, Target]) ->
 def _curves(axis: AxisPoints, target: Surface) -> dict[str, _Curve]:
     out = {}
     for name in target.features:
-        mine = _points_of(axis, name)
-        if target.section is not None and len(mine) >= _FEWEST[target.section]:
+        count = axis.label.count(name)
+        if target.section is not None and count >= _FEWEST[target.section]:
+            mine = slice(None) if count == len(axis) else _points_of(axis, name)
             fit = _line if target.section == "line" else _circle
             found = fit(axis.yz_mm[mine], axis.cov_yz_mm2[mine])
             if found is not None:
@@ -121,23 +123,39 @@ def _nodes(axis: AxisPoints, curves: Mapping[str, _Curve], factor: float) -> Axi
 
 def _line(yz: Array, cov: Array) -> _Curve | None:
     """A line by distance, weighted; nodes at the weighted rms to either side of the middle."""
-    weight = np.ones(len(yz))
+    first = yz[0]
+    y, z = np.ascontiguousarray((yz - first).T)
+    parts = _parts(cov)
+    weight = np.ones(len(y))
     normal = np.array([0.0, 1.0])
     for _ in range(2):  # the weights need the normal
-        share = weight / weight.sum()
-        middle = share @ yz
-        off = yz - middle
-        normal = np.linalg.eigh((off * share[:, None]).T @ off)[1][:, 0]
-        weight = 1 / np.maximum(np.einsum("i,nij,j->n", normal, cov, normal), 1e-12)
-    along = np.array([normal[1], -normal[0]])
-    t = off @ along
+        total = float(weight.sum())
+        middle = np.array([weight @ y, weight @ z]) / total
+        dy, dz = y - middle[0], z - middle[1]
+        wy, wz = weight * dy, weight * dz
+        cross = float(wy @ dz)
+        normal = np.linalg.eigh(np.array([[wy @ dy, cross], [cross, wz @ dz]]) / total)[1][:, 0]
+        weight = _weight(normal[0], normal[1], parts)
+    t = normal[1] * dy - normal[0] * dz
     total = float(weight.sum())
-    rms = float(np.sqrt(weight @ t**2 / total))
+    rms = float(np.sqrt(weight @ (t * t) / total))
     if rms <= 0:
         return None
-    order = np.argsort(t, kind="stable")
-    nodes = middle + rms * np.array([[-1.0], [1.0]]) * along
-    return _Curve(nodes, np.tile(normal, (2, 1)), np.full(2, 2 / total), (off @ normal * np.sqrt(weight))[order], 2)
+    nodes = first + middle + rms * np.array([[-1.0], [1.0]]) * [normal[1], -normal[0]]
+    whitened = _in_order(t, (normal[0] * dy + normal[1] * dz) * np.sqrt(weight))
+    return _Curve(nodes, np.tile(normal, (2, 1)), np.full(2, 2 / total), whitened, 2)
+
+
+def _parts(cov: Array) -> tuple[Array, Array, Array]:
+    """Of covariances (M, 2, 2) the parts that a variance across a direction is made of: yy, twice yz, zz."""
+    yy, yz, zz = np.ascontiguousarray(cov.reshape(-1, 4)[:, [0, 1, 3]].T)
+    return yy, 2 * yz, zz
+
+
+def _weight(ny: Array | float, nz: Array | float, parts: tuple[Array, Array, Array]) -> Array:
+    """One over the variance along normals."""
+    yy, yz, zz = parts
+    return np.asarray(1 / np.maximum(ny * (ny * yy + nz * yz) + nz * nz * zz, 1e-12))
 
 
 def _circle(yz: Array, cov: Array) -> _Curve | None:
@@ -147,34 +165,56 @@ def _circle(yz: Array, cov: Array) -> _Curve | None:
         return None
     centre, radius, weight = found
     away = np.ascontiguousarray((yz - centre).T)
-    distance = np.hypot(away[0], away[1])
+    distance = np.sqrt(away[0] * away[0] + away[1] * away[1])
     mean = away @ weight
-    turn = np.arctan2(mean[1], mean[0])
-    cos, sin = np.cos(turn), np.sin(turn)
-    angle = np.arctan2(cos * away[1] - sin * away[0], cos * away[0] + sin * away[1])
-    root = np.sqrt(weight)
-    triangular = np.linalg.qr(_circle_basis(angle) * root[:, None], mode="r")
+    turn = np.arctan2(mean[1], mean[0])  # to the middle of the arc, from which angles are counted
+    along = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+    cos, sin = along @ away / distance
+    triangular = _triangular(np.stack([np.ones_like(cos), 1 - cos, sin]), weight)
     if np.min(np.abs(np.diag(triangular))) < 1e-9 * np.max(np.abs(np.diag(triangular))):
         return None
-    first = float(weight @ angle / weight.sum())
-    at = _circle_basis(np.array([first])) @ np.linalg.inv(triangular)
+    inverse = np.linalg.inv(triangular)
+    at = _circle_basis(np.zeros(1)) @ inverse
     # where an offset is independent of the one at the first node: a·1 + b (1 - cos φ) + c sin φ = 0
-    a, b, c = np.linalg.solve(triangular, at[0])
+    a, b, c = inverse @ at[0]
     size, phase = np.hypot(b, c), np.arctan2(c, b)  # a + b - size cos(φ + phase) = 0
     if size <= abs(a + b):
         return None
     half = np.arccos((a + b) / size)
-    nodes = np.array([first, *(np.mod(np.array([half, -half]) - phase + np.pi, 2 * np.pi) - np.pi)])
-    spread = _circle_basis(nodes) @ np.linalg.inv(triangular)
+    nodes = np.array([0.0, *(np.mod(np.array([half, -half]) - phase + np.pi, 2 * np.pi) - np.pi)])
+    spread = _circle_basis(nodes) @ inverse
     normals = np.column_stack([np.cos(nodes + turn), np.sin(nodes + turn)])
-    order = np.argsort(angle, kind="stable")
-    whitened = ((distance - radius) * root)[order]
+    whitened = _in_order(sin / np.maximum(1 + cos, 1e-12), (distance - radius) * np.sqrt(weight))  # of tan φ/2
     return _Curve(centre + radius * normals, normals, np.sum(spread**2, axis=1), whitened, 3)
 
 
 def _circle_basis(angle: Array) -> Array:
     """What a shift of centre and radius moves points at these angles by, well apart also on a short arc (M, 3)."""
     return np.column_stack([np.ones_like(angle), 1 - np.cos(angle), np.sin(angle)])
+
+
+def _triangular(rows: Array, weight: Array) -> Array:
+    """R (3, 3) with RᵀR the weighted moments of rows (3, M).
+
+    By their Cholesky factor, columns scaled to one; where that loses half of the digits, by Householder's reflections.
+    """
+    moments = (rows * weight) @ rows.T
+    scale = np.sqrt(np.diag(moments))
+    try:
+        factor = np.linalg.cholesky(moments / np.outer(scale, scale))
+        if np.min(np.diag(factor)) > _HALF_THE_DIGITS:
+            return np.asarray(factor.T * scale)
+    except np.linalg.LinAlgError:
+        pass
+    return np.asarray(np.linalg.qr(rows.T * np.sqrt(weight)[:, None], mode="r"))
+
+
+def _in_order(place: Array, values: Array) -> Array:
+    """The values in the order of their place along a curve, from either end."""
+    step = np.diff(place)
+    if step.min() >= 0 or step.max() <= 0:  # as a profile mostly has them
+        return values
+    return values[np.argsort(place, kind="stable")]
 
 
 def _fitted_circle(yz: Array, cov: Array) -> tuple[Array, float, Array] | None:
@@ -189,21 +229,22 @@ def _fitted_circle(yz: Array, cov: Array) -> tuple[Array, float, Array] | None:
     rows = np.ones((3, len(y)))
     rows[0], rows[1] = 2 * y, 2 * z
     moments = rows @ rows.T
-    if np.linalg.cond(moments) > _FLAT_ARC:
+    values = np.linalg.eigvalsh(moments)
+    if values[-1] > _FLAT_ARC * values[0]:
         return None
     solution = np.linalg.solve(moments, rows @ (square_sum / size**2))
     square = float(solution[2] + solution[:2] @ solution[:2])
     if not 0 < square < _LARGEST**2:
         return None
     centre, radius = solution[:2], float(np.sqrt(square))
-    cyy, cyz, czz = np.ascontiguousarray(np.stack([cov[:, 0, 0], 2 * cov[:, 0, 1], cov[:, 1, 1]]))
+    parts = _parts(cov)
     weight = np.ones(len(y))
     for k in range(_STEPS):
         dy, dz = y - centre[0], z - centre[1]
         distance = np.maximum(np.sqrt(dy * dy + dz * dz), 1e-12)
         ny, nz = dy / distance, dz / distance
         if k < _WEIGHED:  # the weights need the normals, and hardly change with them
-            weight = 1 / np.maximum(ny * ny * cyy + ny * nz * cyz + nz * nz * czz, 1e-12)
+            weight = _weight(ny, nz, parts)
         rows[0], rows[1] = ny, nz
         weighted = rows * weight
         try:
@@ -220,11 +261,12 @@ def _fitted_circle(yz: Array, cov: Array) -> tuple[Array, float, Array] | None:
 
 def _products(curves: Sequence[_Curve], longest: int, lags: int) -> Array:
     """Sums (lags,) of the products of residuals that stand 1, 2, … places apart, over all curves."""
-    padded = np.zeros((len(curves), 2 * longest))
+    size = 1 << (longest + lags).bit_length()  # enough that ends do not meet, and quick whatever the number of points
+    padded = np.zeros((len(curves), size))
     for row, c in zip(padded, curves, strict=True):
         row[: len(c.whitened)] = c.whitened
     power = np.sum(np.abs(np.fft.rfft(padded, axis=1)) ** 2, axis=0)
-    return np.asarray(np.fft.irfft(power, n=2 * longest)[1 : lags + 1])
+    return np.asarray(np.fft.irfft(power, n=size)[1 : lags + 1])
 
 
 def _noise(curves: Sequence[_Curve]) -> tuple[float, float, int]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from scipy.special import ndtr
@@ -11,7 +10,7 @@ from scipy.special import ndtr
 from extraction.config import SpotNoiseConfig
 from extraction.image import clipping_level
 from extraction.noise import QUANTISATION_VARIANCE
-from extraction.spots.detect import BLOCK_PX, ROW_STEP, Image32, PreparedImage
+from extraction.spots.detect import Image32, PreparedImage, block_share
 from geometry import Sensor
 
 PRIOR_CONTRAST = 0.33  # of the speckle, where nothing is known of it; see `error.speckle`
@@ -73,22 +72,6 @@ def noise_model(prepared: PreparedImage, sensor: Sensor, config: SpotNoiseConfig
 def _median(values: Image32) -> float:
     """Median of finite values, the upper one of two: numpy's own looks for NaN and takes three times as long."""
     return float(np.partition(values, values.size // 2, axis=None)[values.size // 2])
-
-
-@lru_cache(maxsize=16)
-def block_share(kernel: tuple[float, ...]) -> float:
-    """Typical variance within a block over that of blurred white noise: a block's own mean takes some, and the median
-    of blocks lies below their mean (Wilson & Hilferty 1931).
-    """
-    lags = np.correlate(kernel, kernel, "full")[len(kernel) - 1 :]
-    rho = np.pad(lags / lags[0], (0, BLOCK_PX))
-    own, square = 1.0, 1.0
-    for step in (1, ROW_STEP):
-        count = BLOCK_PX // step
-        apart = np.abs(np.subtract.outer(np.arange(count), np.arange(count)))
-        near = rho[np.minimum(apart * step, len(kernel))]
-        own, square = own * float(near.mean()), square * float(np.mean(near**2))
-    return (1.0 - own) * (1.0 - 2.0 * square / 9.0) ** 3
 
 
 def uncut_variance(mean_dn: float, variance_dn2: float) -> float:

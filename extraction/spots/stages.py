@@ -10,17 +10,12 @@ from numpy.typing import NDArray
 
 from extraction.config import ExtractionConfig
 from extraction.image import Image
-from extraction.noise import QUANTISATION_VARIANCE
 from extraction.reasons import Reason
-from extraction.spots.detect import Candidates, Image32, PreparedImage
+from extraction.spots.detect import Candidates, Image32, PreparedImage, filled
 from extraction.spots.detect.blur import BLOCK_PX
 from geometry import Sensor, SurfacePoints
 
 FLOODED_SHARE = 0.5  # of clipped pixels, above which the image is said to be saturated
-# of the blocks' typical noise over that of neighbouring pixels, above which what fills the blocks is light, not noise:
-# images with strings have 0.7, grids of dots up to 24 px apart 7 to 60
-FILLED = 4.0
-ROWS_APART = 31  # no multiple of a pitch: of the rows that tell the pixels' own noise
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +44,7 @@ def why_empty(prepared: PreparedImage, candidates: Candidates, sensor: Sensor) -
         return f"the image is blank: every pixel holds grey level {int(image.min())}"
     if np.mean(image >= camera.saturation_dn) > FLOODED_SHARE:
         return f"more than half of the image is saturated ({camera.saturation_dn}): lower the exposure"
-    if not len(candidates) and _filled(prepared):
+    if not len(candidates) and filled(prepared):
         return FILLED_SENTENCE
     if not len(candidates):
         return "nothing stands above the noise: no laser in the image, or it is too dark"
@@ -60,27 +55,16 @@ def why_empty(prepared: PreparedImage, candidates: Candidates, sensor: Sensor) -
 
 FILLED_SENTENCE = (
     f"the image is full of light at distances about or below the {BLOCK_PX} px over which background and noise are "
-    "measured: spots nearer to each other than some 24 px all over the image are taken for noise, so that some or all "
+    "measured: spots nearer to each other than some 12 px all over the image are taken for noise, so that some or all "
     "are lost"
 )
-
-
-def _filled(prepared: PreparedImage) -> bool:
-    """Whether light, not noise, is what varies within most blocks: as of a fine grid of dots."""
-    rows = prepared.image[::ROWS_APART].astype(np.int32)
-    bend = np.abs(rows[:, :-2] - 2 * rows[:, 1:-1] + rows[:, 2:])
-    if not bend.size:
-        return False
-    white = (1.4826 * float(np.median(bend))) ** 2 / 6.0 + QUANTISATION_VARIANCE
-    own = np.sqrt(white) * float(np.sum(prepared.kernel**2))
-    return bool(float(np.median(prepared.noise)) > FILLED * own)
 
 
 def left_out(prepared: PreparedImage, candidates: Candidates, config: ExtractionConfig) -> Iterator[str]:
     """A sentence for each limit of number that left something out, with the setting that holds it; and where dots are
     too near to each other to be found.
     """
-    if _filled(prepared):
+    if filled(prepared):
         yield FILLED_SENTENCE
     beyond, spots = candidates.beyond, config.localise.max_spots
     if beyond:

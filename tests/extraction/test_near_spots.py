@@ -1,11 +1,13 @@
 """Two near spots: taken apart down to 1.2 full widths at half maximum, one flagged point below; by own pictures."""
 
+import cv2
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
 from extraction import ExtractionConfig, SpotNoiseConfig, extract, extract_stages
 from extraction.noise import PixelNoise
+from extraction.spots.detect import prepare
 from extraction.spots.fit import PLACE, Window, Windows
 from extraction.spots.model import SPOT, Spot
 from extraction.spots.two import NearPeak, fit_two, flat_topped, full_widths_apart
@@ -115,12 +117,43 @@ def test_one_grainy_spot_is_no_flat_top():
     assert np.mean(out) < 0.1
 
 
-@pytest.mark.parametrize(("pitch", "told"), [(12, True), (60, False)])
-def test_a_grid_too_fine_to_be_found_is_said(pitch, told):
+def dots(pitch):
+    """Dots all over the image, as far apart as that in both directions, and how many of them lie whole in it."""
     rng, (y, x) = np.random.default_rng(8), np.mgrid[:HEIGHT, :WIDTH].astype(float)
     off = [(axis + pitch / 2) % pitch - pitch / 2 for axis in (x, y)]
     mean = 10 + 120 * np.exp(-0.5 * (off[0] ** 2 + off[1] ** 2) / SIGMA_PX**2)
     image = np.clip(np.round(mean + rng.normal(0, 1, mean.shape) * np.sqrt(0.03 * mean + 0.6)), 0, 255).astype(np.uint8)
+    return image, ((WIDTH - 1 - pitch) // pitch) * ((HEIGHT - 1 - pitch) // pitch)
+
+
+@pytest.mark.parametrize("pitch", [13, 16, 20])
+def test_dots_that_fill_every_block_are_found_by_the_ground_between(pitch):
+    image, whole = dots(pitch)
+    points = extract(
+        image,
+        SENSOR,
+        ExtractionConfig.model_validate({"localise": {"max_spots": 10000}, "detect": {"max_candidates": 30000}}),
+    )
+    inside = points.uv_px[np.all((points.uv_px > 5) & (points.uv_px < np.array([WIDTH, HEIGHT]) - 6), axis=1)]
+    off = np.abs((inside + pitch / 2) % pitch - pitch / 2).max(axis=1)  # those at the border are cut by it
+    assert len(inside) >= whole
+    assert off.max() < 0.2
+
+
+@pytest.mark.parametrize("grain", [2.5, 5.0])
+def test_a_blotched_surface_is_no_grid_of_dots(grain):
+    """Light fills its blocks too, but no ground lies between."""
+    rng = np.random.default_rng(9)
+    blotches = cv2.GaussianBlur(rng.normal(size=(HEIGHT, WIDTH)), (0, 0), grain)
+    mean = 60 * np.clip(1 + 0.6 * blotches / blotches.std(), 0, None)
+    image = np.clip(np.round(rng.normal(mean, np.sqrt(0.03 * mean + 0.6))), 0, 255).astype(np.uint8)
+    assert not prepare(image, ExtractionConfig().detect).dense
+    assert len(extract(image, SENSOR)) <= 2
+
+
+@pytest.mark.parametrize(("pitch", "told"), [(9, True), (60, False)])
+def test_a_grid_too_fine_to_be_found_is_said(pitch, told):
+    image, _ = dots(pitch)
     remarks = []
     points = extract(image, SENSOR, remark=remarks.append)
     assert any("full of light" in text for text in remarks) == told

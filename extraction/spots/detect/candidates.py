@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -13,11 +14,12 @@ from extraction.config import DetectConfig
 from extraction.reasons import Reason
 from extraction.spots.detect.peaks import find_peaks
 from extraction.spots.detect.prepare import PreparedImage
-from extraction.spots.detect.regions import ESCAPED, JOINED, REGION, RegionRule, grow_regions
+from extraction.spots.detect.regions import ESCAPED, JOINED, REGION, RING_PX, RegionRule, grow_regions
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
+LEAST_RING_PX = 5  # half side of a ring: beyond the light of the smallest spot, blurred
 # what `refusal` counts; a later one hides the others
 REASONS = (
     "",
@@ -87,7 +89,11 @@ def find_candidates(
     owner = np.zeros(prepared.smooth.shape, np.int16)  # pages that no region touches stay unwritten
     # a region of twice the largest length is none, wherever in it the peak lies
     least_noise = float(prepared.noise.min())
-    rule = RegionRule(config.threshold, config.min_height_dn, config.region_level, 2.0 * length, least_noise)
+    ring = RING_PX
+    if prepared.dense and len(seen):  # of dots all over the image: between a dot and its neighbours
+        pitch = math.sqrt(prepared.smooth.size / len(seen))
+        ring = min(max(round(pitch / 2), LEAST_RING_PX), RING_PX)
+    rule = RegionRule(config.threshold, config.min_height_dn, config.region_level, 2.0 * length, least_noise, ring)
     table = np.zeros(len(peaks), REGION)
     grow_regions(prepared.smooth, owner, peaks, rule, table)
     height = table["top"] - table["ring"]

@@ -41,7 +41,8 @@ class RegionRule(NamedTuple):
     """Which peaks get a region, and how far it goes.
 
     threshold: height over the ring's noise. height_dn: least height. level: share of the height down to which the
-    region goes. reach_px: from the peak, beyond which it is not followed. noise_dn: least noise of a ring.
+    region goes. reach_px: from the peak, beyond which it is not followed. noise_dn: least noise of a ring. ring_px: its
+    half side.
     """
 
     threshold: float
@@ -49,6 +50,7 @@ class RegionRule(NamedTuple):
     level: float
     reach_px: float
     noise_dn: float
+    ring_px: int = RING_PX
 
 
 class Ring(NamedTuple):
@@ -69,7 +71,7 @@ def grow_regions(smooth: Image32, owner: Owner, peaks: Indices, rule: RegionRule
         place = peaks[k] & PLACE_BITS
         j = place // smooth.shape[1]
         i, row = place - j * smooth.shape[1], table[k]
-        ring = _ring(smooth, j, i, rule.noise_dn, sectors)
+        ring = _ring(smooth, j, i, rule.ring_px, rule.noise_dn, sectors)
         row.peak_u, row.peak_v, row.top = i, j, smooth[j, i]
         row.ring, row.ring_noise, row.uneven = ring.level, ring.noise, ring.uneven
         height = float(smooth[j, i]) - ring.level
@@ -91,8 +93,8 @@ def _line_sums(line: Image32, pivot: float) -> tuple[float, float]:
 
 
 @kernel
-def _ring(smooth: Image32, j: int, i: int, least_noise: float, sectors: Array) -> Ring:
-    """Surroundings of a pixel by eight sectors of a square ring around it.
+def _ring(smooth: Image32, j: int, i: int, half: int, least_noise: float, sectors: Array) -> Ring:
+    """Surroundings of a pixel by eight sectors of a square ring around it, its side twice ``half``.
 
     The level is the brighter side's where an edge passes (third brightest sector); the spread that of the median
     sector, so that an edge or a neighbour in a few sectors does not count as noise. sectors: scratch (2, 8).
@@ -101,11 +103,11 @@ def _ring(smooth: Image32, j: int, i: int, least_noise: float, sectors: Array) -
     sectors[:] = np.inf
     rows, columns = smooth.shape
     for k in range(SECTORS):  # half a side each: left and right without the corners, above and below with them
-        low, high = (-RING_PX, 1) if k % 2 == 0 else (1, RING_PX + 1)
-        side = RING_PX if k % 4 > 1 else -RING_PX
+        low, high = (-half, 1) if k % 2 == 0 else (1, half + 1)
+        side = half if k % 4 > 1 else -half
         count, total, square = 0, 0.0, 0.0
         if k < 4 and 0 <= i + side < columns:
-            low, high = max(low, 1 - RING_PX, -j), min(high, RING_PX, rows - j)
+            low, high = max(low, 1 - half, -j), min(high, half, rows - j)
             count = high - low
             if count >= FEWEST_IN_SECTOR:
                 total, square = _line_sums(smooth[j + low : j + high, i + side], pivot)
