@@ -120,6 +120,9 @@ class AmbientConfig(Section):
     shadows: Annotated[
         bool, Field(description="solids shade one another from the rest of it; the part from everywhere has no shadows")
     ] = False
+    samples: Annotated[
+        int, Field(ge=1, le=16, description="of a pixel along each side: with one, edges may lie 0.05 px aside")
+    ] = 1
 
 
 class NoiseConfig(Section):

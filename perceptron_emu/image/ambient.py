@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -52,6 +53,8 @@ def ambient_electrons(scene: Scene, strings: Cylinders | None, material: Materia
     Float32
         (H, W) [e⁻].
     """
+    if config.ambient.samples > 1:
+        return _by_parts(scene, strings, material, config)
     sensor, camera = scene.sensor, scene.camera
     faces = _before_camera(_outlines(scene, strings, material, config))
     sigma = sharp_sigma_px(config.optics, sensor, config.laser.wavelength_nm)
@@ -70,6 +73,42 @@ def ambient_electrons(scene: Scene, strings: Cylinders | None, material: Materia
         draw_cells(cells, edges._replace(level=before), lists, taps, np.ones_like(cover), cover)
         electrons += lamp * (1 - cover)
     return electrons
+
+
+def _by_parts(scene: Scene, strings: Cylinders | None, material: Material, config: EmulatorConfig) -> Float32:
+    """The sums of what smaller pixels see in every pixel."""
+    n, optics = config.ambient.samples, config.optics
+    finer = {"pixel_um": optics.pixel_um / n, "blur_px": optics.blur_px * n}
+    once = config.ambient.model_copy(update={"samples": 1})
+    fine = config.model_copy(update={"ambient": once, "optics": optics.model_copy(update=finer)})
+    parts = ambient_electrons(replace(scene, sensor=_finer(scene.sensor, n)), strings, material, fine)
+    across = parts[:, ::n].copy()
+    for k in range(1, n):  # one order on every machine
+        across += parts[:, k::n]
+    total = across[::n].copy()
+    for k in range(1, n):
+        total += across[k::n]
+    return total
+
+
+@lru_cache(maxsize=8)
+def _finer(sensor: Sensor, n: int) -> Sensor:
+    """The sensor with every pixel cut into n × n."""
+    camera = sensor.require_camera()
+    return replace(
+        sensor,
+        uncertainty=None,
+        direct=None,
+        camera=replace(
+            camera,
+            width_px=n * camera.width_px,
+            height_px=n * camera.height_px,
+            fx_px=n * camera.fx_px,
+            fy_px=n * camera.fy_px,
+            cx_px=n * (camera.cx_px + 0.5) - 0.5,
+            cy_px=n * (camera.cy_px + 0.5) - 0.5,
+        ),
+    )
 
 
 def _outlines(scene: Scene, strings: Cylinders | None, material: Material, config: EmulatorConfig) -> Outlines:

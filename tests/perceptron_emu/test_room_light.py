@@ -14,6 +14,7 @@ BENT = (-0.2, 0.08, 1e-3, -8e-4, 0.01, 0.02, -0.01, 0.004, 2e-4, -1e-4, 3e-4, 1e
 ROOM = EmulatorConfig.model_validate(
     {"ambient": {"fill": 1.0}, "optics": {"vignetting": False}, "exposure": {"laser_on": False}}
 )
+MEAN_PX = 0.01  # of an edge that a whole image of rows shows
 PLACE = Pose.from_fixed_xyz_deg([10, -15, 25], [3, 2, 300.0])
 
 
@@ -41,6 +42,28 @@ def test_a_panel_brings_the_light_of_its_image() -> None:
     moment = np.sum((u + np.roll(u, -1)) * (u * np.roll(v, -1) - v * np.roll(u, -1))) / 6 / area
     assert np.sum(image * columns) / image.sum() == pytest.approx(abs(moment), abs=0.03)
     assert rows[image > 0].min() < v.min() < v.max() < rows[image > 0].max()
+
+
+def test_parts_of_pixels_put_edges_where_they_are() -> None:
+    """Edges near the image's axes: the light beyond them, over the pixels along them, is their place."""
+    camera = make_sensor().camera
+    place = Pose.from_fixed_xyz_deg([0, 0, 0], [0, 0, 300.0])
+    far, off = {}, {}
+    for samples in (1, 4):
+        config = ROOM.model_copy(update={"ambient": ROOM.ambient.model_copy(update={"samples": samples})})
+        T = camera.T_sensor_camera @ place @ Pose.from_fixed_xyz_deg([0, 0, 1.0], [1.03, 0, 0])
+        seen = mean_electrons(Scene(make_sensor(), solids=(panel(20, 40, T, Material(0.5)),)), config)
+        corners = (T @ np.array([[10.0, -20, 0], [10, 20, 0]])) @ camera.T_sensor_camera.R
+        corners -= camera.T_sensor_camera.t @ camera.T_sensor_camera.R
+        (u0, v0), (u1, v1) = camera.fx_px * corners[:, :2] / corners[:, 2:] + [camera.cx_px, camera.cy_px]
+        rows = np.arange(int(v0) + 20, int(v1) - 20)
+        middle = int(camera.cx_px)
+        level = seen[rows, middle]
+        found = middle - 0.5 + seen[rows, middle:].sum(axis=1) / level
+        apart = found - (u0 + (rows - v0) * (u1 - u0) / (v1 - v0))
+        far[samples], off[samples] = float(np.abs(apart).max()), float(apart.mean())
+    assert far[4] < 0.3 * far[1]
+    assert abs(off[4]) < MEAN_PX
 
 
 def test_a_plane_is_one_however_it_is_cut() -> None:

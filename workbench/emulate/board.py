@@ -32,6 +32,7 @@ INK_MM = -1e-3  # of the ink along the board's z: before the paper, by less than
 # radius of dots over the pitch, which of asymmetric ones is half of a row's step
 DOT_SHARE = {"circles": 0.3, "asymmetric_circles": 0.42}
 DOT_SIDES = 48  # of the polygons that dots are drawn as, of their area
+SAMPLES = 4  # of every pixel along each side: corners then lie within 0.01 px of the printed ones
 _TRIES = 400  # poses drawn for one view before the board is said to be too large
 
 
@@ -225,7 +226,7 @@ def record_boards(
 def _lit(scene: Scene, emulator: EmulatorConfig) -> EmulatorConfig:
     """The laser off and the room as bright as the board's white asks for."""
     exposure = emulator.exposure.model_copy(update={"laser_on": False})
-    ambient = emulator.ambient.model_copy(update={"enabled": True, "fill": 1.0})
+    ambient = emulator.ambient.model_copy(update={"enabled": True, "fill": 1.0, "samples": SAMPLES})
     config = emulator.model_copy(update={"exposure": exposure, "ambient": ambient})
     brightest = float(np.percentile(mean_electrons(scene, config), 99.5))
     gain = LIT_SHARE * emulator.noise.full_well_e / max(brightest, 1e-6)

@@ -223,6 +223,8 @@ def read_cell(path: Path, *, recorded: bool = True) -> Cell:
     evidence = _evidence(file, folder, robot, source, remarks.append) if recorded else ()
     target = _read_targets(folder, file, source, frames)
     scp = file.scp_initial
+    points = _points(folder, file, frames, frames_path, target, remarks.append) if recorded else None
+    points_path = None if points is None else folder / (file.points or "points.csv")
     return Cell(
         folder=folder,
         sensor=read_sensor(sensor_path),
@@ -231,7 +233,7 @@ def read_cell(path: Path, *, recorded: bool = True) -> Cell:
         frames=frames,
         T_hand_sensor_design=None if scp is None else Pose.from_fixed_xyz_deg(scp.rotation_deg, scp.translation_mm),
         T_base_jig=_places(source, file),
-        points=_points(folder, file, frames, frames_path, target, remarks.append) if recorded else None,
+        points=points,
         truth=read_truth(truth) if truth.exists() else None,
         roles={name: given.role for name, given in file.locations.items() if given.role},
         name=file.name,
@@ -239,7 +241,7 @@ def read_cell(path: Path, *, recorded: bool = True) -> Cell:
         sensor_path=sensor_path,
         emulator=read_emulator(sensor_path),
         remarks=tuple(remarks),
-        files=_files(source, file, (sensor_path, robot_path, frames_path)),
+        files=_files(source, file, (sensor_path, robot_path, frames_path), points_path),
         workspace=_workspace(file.workspace, source),
         mount=file.mount.sensor,
         evidence=evidence,
@@ -280,12 +282,13 @@ def _workspace(given: WorkspaceSection, source: TomlSource) -> Workspace:
         raise InputError(f"{source.where(('workspace',))}: {error}") from None
 
 
-def _files(source: TomlSource, file: CellFile, read: Sequence[Path | None]) -> tuple[Path, ...]:
-    """cell.toml and the files that it names, and a points.csv that stands in place of images."""
+def _files(source: TomlSource, file: CellFile, read: Sequence[Path | None], points: Path | None) -> tuple[Path, ...]:
+    """cell.toml and the files that were read; a points.csv beside images is a result, and no input."""
     folder = source.path.parent
     targets = [given.target for given in file.locations.values()]
-    given = (file.jig, file.target, *targets, file.points or "points.csv", file.evidence.tracker, file.evidence.sockets)
-    named = [folder / n for n in dict.fromkeys(given) if n]
+    given = [folder / n for n in (file.jig, file.target, *targets) if n]
+    told = [folder / n for n in (file.evidence.tracker, file.evidence.sockets) if n]
+    named = dict.fromkeys((*given, *(() if points is None else (points,)), *told))
     return tuple(p for p in (source.path, *read, *named) if p is not None and p.is_file())
 
 
