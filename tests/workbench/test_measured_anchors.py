@@ -92,3 +92,18 @@ def test_a_jig_is_held_against_a_sensor(cli: Cli, tmp_path: Path) -> None:
     assert "diameter_mm = 40.0" in cli("jig", tmp_path / "target.toml").out
     drawn = cli("jig", tmp_path / "target.toml", "--export", tmp_path / "ball.svg")
     assert drawn.code == 0, drawn.err
+
+
+def test_the_numbers_as_json(cli: Cli, tmp_path: Path) -> None:
+    jig = Jig.nominal()
+    csv = _csv(tmp_path / "cmm.csv", jig.anchors, MACHINE @ jig.anchors_mm)
+    told = cli("jig", "--anchors", csv, "--sensor", "nominal", "--json").json
+    np.testing.assert_allclose([s["length_mm"] for s in told["strings"]], jig.lengths, rtol=0, atol=ATOL_MM)
+    np.testing.assert_allclose([told["anchors_mm"][n] for n in jig.anchors], jig.anchors_mm, rtol=0, atol=ATOL_MM)
+    assert told["measured"]
+    assert told["less_drawn"]["rms_mm"] < ATOL_MM
+    assert set(told["less_drawn"]["deviation_mm"]) == set(jig.anchors)
+    assert told["seen_whole"] is True
+    (tmp_path / "ball.toml").write_text('kind = "sphere"\ndiameter_mm = 40.0\n')
+    assert cli("jig", tmp_path / "ball.toml", "--json").json == {"kind": "sphere", "diameter_mm": 40.0}
+    assert cli("jig", "--json", "--toml").code == 2

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tomllib
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -35,22 +37,27 @@ def command(
     ] = None,
     sensor: Annotated[str | None, typer.Option(help="Whether this sensor sees the jig whole: file or preset.")] = None,
     toml: Annotated[bool, typer.Option("--toml", help="Print the target's file to start from.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
 ) -> None:
     """Show a target: size, strings, anchors; draw it for a workshop; take in what a measuring machine found of it."""
-    from geometry import InputError
+    from geometry import InputError, json_text
     from jig_cad import Balls, Jig, export_target, jig_text
     from workbench.cell import find_target
     from workbench.files import target_text, write_text
 
-    found = find_target(jig)
+    if toml and as_json:
+        raise InputError("--toml and --json both fill standard output: give one of them")
+    found, told = find_target(jig), Told(as_json)
     if anchors is not None:
         if not isinstance(found, Jig | Balls):
             raise InputError(f"--anchors: {jig} is neither a string jig nor balls: nothing of it has a measured place")
-        found = _as_measured(found, anchors)
+        found = _as_measured(found, anchors, told)
     if sensor is not None:
-        _tell_whether_seen(found, sensor)
+        _tell_whether_seen(found, sensor, told)
     text = jig_text(found) if isinstance(found, Jig) else target_text(found)
-    if toml:
+    if as_json:
+        say_on_stdout(json_text(_target_object(found) | told.answers))
+    elif toml:
         say_on_stdout(text.rstrip("\n"))
     elif not (export or out or sensor or anchors):
         _show(found)
@@ -62,10 +69,46 @@ def command(
         standard_error().print(f"{path} written", markup=False)
 
 
-def _as_measured(target: Any, anchors: Path) -> Any:
+@dataclass(frozen=True)
+class Told:
+    """What the options asked: kept for the JSON object, or said at once."""
+
+    as_json: bool
+    answers: dict[str, Any] = field(default_factory=dict)
+
+
+def _target_object(target: Target) -> dict[str, Any]:
+    """A target as JSON: of a string jig its size, strings and anchors, of others what their file holds."""
+    from jig_cad import Jig
+    from workbench.files import target_text
+
+    if not isinstance(target, Jig):
+        return tomllib.loads(target_text(target))
+    ends = zip(target.strings, target.start_index, target.end_index, target.lengths, strict=True)
+    return {
+        "name": target.name,
+        "kind": "strings",
+        "side_mm": target.side_mm,
+        "height_mm": target.height_mm,
+        "string_diameter_mm": target.string_diameter_mm,
+        "tolerance_mm": target.tolerance_mm,
+        "measured": target.measured,
+        "strings": [
+            {"string": label, "from": target.anchors[a], "to": target.anchors[b], "length_mm": float(length)}
+            for label, a, b, length in ends
+        ],
+        "anchors_mm": dict(zip(target.anchors, target.anchors_mm.tolist(), strict=True)),
+    }
+
+
+def _as_measured(target: Any, anchors: Path, told: Told) -> Any:
     from workbench.files import lay_onto
 
     measured = lay_onto(target, anchors, say_remark)
+    if told.as_json:
+        deviations = dict(zip(measured.names, measured.deviation_mm.tolist(), strict=True))
+        told.answers["less_drawn"] = {"rms_mm": measured.rms_mm, "deviation_mm": deviations}
+        return measured.target
     table = Table("name", "x", "y", "z", title="measured less drawn \\[mm]", title_justify="left")
     for name, deviation in zip(measured.names, measured.deviation_mm, strict=True):
         table.add_row(escape(name), *(f"{v:+.3f}" for v in deviation))
@@ -75,7 +118,7 @@ def _as_measured(target: Any, anchors: Path) -> Any:
     return measured.target
 
 
-def _tell_whether_seen(target: Target, name: str) -> None:
+def _tell_whether_seen(target: Target, name: str, told: Told) -> None:
     from geometry import InputError
     from jig_cad import Jig
     from workbench.cell import find_sensor
@@ -85,6 +128,9 @@ def _tell_whether_seen(target: Target, name: str) -> None:
         raise InputError("--sensor: only a string jig must be seen whole; of a ball or a plate a part is enough")
     sensor = find_sensor(name)
     whole = seen_whole(sensor, target, plan_limits())
+    if told.as_json:
+        told.answers["seen_whole"] = bool(whole.fits)
+        return
     standard_output().print(
         f"{sensor.name or name} sees the jig whole" if whole.fits else whole.sentence(sensor, target),
         markup=False,
