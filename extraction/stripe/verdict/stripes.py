@@ -121,7 +121,7 @@ def judge(grey: NDArray[Any], chains: list[Chain], clip: float, max_width: float
     def bright(s: Stripe) -> bool:
         enough = s.light >= PART * best.light and s.height >= DIMMER * best.height and s.chain.contrast >= asked
         clear = s.chain.contrast >= best.chain.contrast and 2 * s.chain.significance >= best.chain.significance
-        # what only narrow rows show, less its blotches, has another noise: beside a clear stripe its contrast says little
+        # what narrow rows alone show has another noise: beside a clear stripe its contrast says little
         alike = best.chain.narrow or not s.chain.narrow or s.chain.significance >= NARROW * best.chain.significance
         return enough and alike and not s.dark and _stands_alone(s, CLEAR_ASPECT if clear else LEAST_ASPECT)
 
