@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
@@ -27,6 +27,7 @@ from geometry import (
     did_you_mean,
     target_at,
 )
+from geometry.sensor import ProfileOutput
 from jig_cad import Jig
 from jig_cad.files import table_model
 from perceptron_emu import EmulatorConfig
@@ -227,7 +228,7 @@ def read_cell(path: Path, *, recorded: bool = True) -> Cell:
     points_path = None if points is None else folder / (file.points or "points.csv")
     return Cell(
         folder=folder,
-        sensor=read_sensor(sensor_path),
+        sensor=_sensor(sensor_path, frames, remarks.append) if recorded else read_sensor(sensor_path),
         target=target,
         robot=robot,
         frames=frames,
@@ -280,6 +281,18 @@ def _workspace(given: WorkspaceSection, source: TomlSource) -> Workspace:
         return Workspace(floor, boxes, names, given.link_radius_mm)
     except InputError as error:
         raise InputError(f"{source.where(('workspace',))}: {error}") from None
+
+
+def _sensor(path: Path, frames: Sequence[Frame], remark: Remark) -> Sensor:
+    """The sensor; where the rows name profiles and no image, a camera of its file stands for nothing in them."""
+    sensor = read_sensor(path)
+    if sensor.camera is None or any(row.image for row in frames) or not any(row.profile for row in frames):
+        return sensor
+    remark(
+        f"{path}: describes a camera, but the frames are profiles: they are taken as the sensor gives them, the camera "
+        "is not used and σ are estimated from the profiles; [profile] in place of [image] and [camera] can state them"
+    )
+    return replace(sensor, camera=None, direct=None, uncertainty=None, profile=ProfileOutput())
 
 
 def _files(source: TomlSource, file: CellFile, read: Sequence[Path | None], points: Path | None) -> tuple[Path, ...]:
