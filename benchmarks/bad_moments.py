@@ -552,9 +552,10 @@ def _all_commands(folder: Path) -> dict[str, Command]:
         "demo": ["demo", "--out", "OUT"],
     }  # fmt: skip
     aside = {"sweep": r".", "tune --auto": r"journal|\.log$"}
+    resumes = r"^(\w+/)?\.parts/"  # frames that a broken-off recording need not render again
     endless = ("tune", "calibrate --watch")
     return {
-        name: Command(tuple(w), aside.get(name, r"(?!)"), aside=name in aside, endless=name in endless)
+        name: Command(tuple(w), aside.get(name, resumes), aside=name in aside, endless=name in endless)
         for name, w in words.items()
     }
 

@@ -31,7 +31,7 @@ SIZES = ((1280, 720), (1920, 1080))
 THEMES = ("light", "dark")
 TILE, EDGE, GREY = (760, 428), 4, (200, 200, 200)
 COLOURS = 255
-PANELS = ((4.2, 0.4), (4.2, -0.7), (5.1, 0.3), (4.2, 1.6))  # gap and flush [mm]; the last two are out of tolerance
+PANELS = ((4.2, 0.4), (4.2, -0.7), (5.1, 0.3), (4.2, 1.6))  # gap and flush [mm]; tolerances as in RECIPE
 RECIPE = """what = "stripe"
 [measure]
 gap_and_flush = true

@@ -99,4 +99,6 @@ def _loaded(path: Path) -> trimesh.Trimesh:
         raise InputError(f"{path}: is no {path.suffix[1:].upper()}, or damaged: it can not be parsed") from None
     if not isinstance(mesh, trimesh.Trimesh):
         raise InputError(f"{path}: the mesh has no faces")
+    if mesh.vertices.ndim != 2 or mesh.vertices.shape[1] != 3:
+        raise InputError(f"{path}: the vertices of the mesh have {mesh.vertices.shape[-1]} coordinates, points have 3")
     return mesh

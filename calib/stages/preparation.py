@@ -125,13 +125,20 @@ def hands_tell_nothing(s: Setup, frames: tuple[Frame, ...]) -> str:
 
 def _ambiguous(s: Setup, begun: Begun, T_hand_sensor: Pose) -> Verdict | None:
     """What is said where so few frames fit another SCP about as well, and their views have no name that says why."""
-    if begun.rival > RIVAL_CHI2:
+    if begun.rival > RIVAL_CHI2 and not begun.beyond_drawing:
         return None
     used = tuple(f for f in begun.frames if f.role == "calibrate" and f.usable and len(f.axis))
     small = condensed(used, s.target).frames  # sections tell what no sensor centre position needs to be known for
     if degenerate(small, s.target, T_hand_sensor, begun.places) is not None:
         return None
     given = s.design is not None
+    if begun.beyond_drawing and s.design is not None:
+        away = float(np.linalg.norm((s.design.inverse() @ T_hand_sensor).t))
+        return Verdict(
+            "ambiguous_pose",
+            f"{len(used)} calibrate frames lead to a sensor centre position {away:.0f} mm from [scp_initial], and so "
+            f"few have false answers, too: {general_advice(s.target, used)}; or correct [scp_initial]",
+        )
     undecided = "[scp_initial] is too coarse to tell" if given else "without [scp_initial] nothing tells"
     drawing = "" if given else "; or give the sensor's place by its drawing"
     return Verdict(

@@ -22,7 +22,8 @@ Targets = Target | Mapping[str, Target]
 class Begun:
     """What a calibration begins with. found: whether the SCP follows from the data alone, without a design.
 
-    rival: how much larger the χ² of the next best SCP that follows from them is.
+    rival: how much larger the χ² of the next best SCP that follows from them is. beyond_drawing: whether so few frames
+    lead to one that is farther from the design than a drawing is from its part.
     """
 
     frames: tuple[Frame, ...]
@@ -31,6 +32,7 @@ class Begun:
     places: Mapping[str, Pose]
     found: bool = False
     rival: float = np.inf
+    beyond_drawing: bool = False
 
 
 def begin_on_surfaces(
@@ -64,7 +66,7 @@ def begin_on_surfaces(
         f.number: dict(zip(f.axis.label, g.axis.label, strict=True)) for f, g in zip(small, start.frames, strict=True)
     }
     ready = tuple(with_names(f, named[f.number]) if f.number in named else f for f in ready)
-    return Begun(ready, started, start.T_hand_sensor, start.places, start.found, start.rival)
+    return Begun(ready, started, start.T_hand_sensor, start.places, start.found, start.rival, start.beyond_drawing)
 
 
 def _begun(target: Targets, small: Sequence[Frame]) -> Targets:

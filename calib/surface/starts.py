@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.bundle import Bundle, rotation_grid, solve_bundle
-from calib.figures import pose_distance
 from calib.surface.constellation import balls_places, renamed_by_place, told_alone, with_names
 from geometry import Frame, Pose, Surface, Target, log_so3, stack_poses, target_at
 from jig_cad import Balls, Sphere, Wedge
@@ -33,6 +32,7 @@ _LEAST_TURN = 0.03  # sine of the angle between two lines of a face that still s
 _RIDGE = 1e-9  # share of the diagonal that closes what is open
 _ITERATIONS = 40
 _FEW = 10  # residuals to spare with which a solve from the drawing may end in a false answer; with more none of 60 did
+_BEYOND = 100.0  # squared σ of a drawing: no part is ten σ from its drawing
 _DRAWN = 24  # places that the drawing allows
 _NEARLY = 4.0  # times the best naming's misfit: a drawing some degrees off makes a right one as large
 _PLACES_OF_BALLS, _MOST_CHOICES = 3, 27  # that a location's balls may have by an SCP of a drawing, and together
@@ -46,7 +46,8 @@ class SurfaceStart:
     """An SCP, T_base_target by location, and the frames with the names of their features as they fit it.
 
     found: whether the SCP was found from the data alone. rival: how much larger the χ² of the next best SCP found
-    is, the robot's errors free within their priors; infinite where there is none.
+    is, the robot's errors free within their priors; infinite where there is none. beyond_drawing: whether so few frames
+    led to it that it can be a false one, and it is farther from the design than a drawing is from its part.
     """
 
     T_hand_sensor: Pose
@@ -54,6 +55,7 @@ class SurfaceStart:
     frames: tuple[Frame, ...]
     found: bool
     rival: float = np.inf
+    beyond_drawing: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,12 +97,14 @@ def surface_start(
         rows = 0 if bundle is None else int(sum(np.sum(t.points.present) for t in bundle.terms))
         T, rival = design if best is None else best[1], np.inf
         near: Pose | None = None
-        if bundle is not None and bundle.degrees_of_freedom < _FEW:
+        few = bundle is not None and bundle.degrees_of_freedom < _FEW
+        if few and bundle is not None:
             near, rival = _near_drawing([T], solved, target, bundle, design, drawing_sigma)
         if near is not None or best is None or bundle is None or best[0] < _GROSS * rows:
             T = near or T
             named = _renamed(frames, target, T)
-            return SurfaceStart(T, _places(named, target, T), named, found=False, rival=rival)
+            far = few and _off_drawing(design, T, drawing_sigma) > _BEYOND
+            return SurfaceStart(T, _places(named, target, T), named, False, rival, beyond_drawing=far)
     if len(solved) < 3 or bundle is None or not search:
         return None
     ends = [_solved(solved, target, bundle, T) for T in _candidates(_told(solved, target), target)]
@@ -126,11 +130,12 @@ def _near_drawing(
     """
     rng = np.random.default_rng(0)
     starts = [*first, design, *(design @ Pose.exp(sigma * xi) for xi in rng.normal(size=(_DRAWN, 6)))]
+    return _likeliest([(0.0, T) for T in starts], frames, target, bundle, lambda T: _off_drawing(design, T, sigma))
 
-    def off(T: Pose) -> float:
-        return float(np.sum(np.square((design.inverse() @ T).log() / sigma)))
 
-    return _likeliest([(0.0, T) for T in starts], frames, target, bundle, off)
+def _off_drawing(design: Pose, T: Pose, sigma: Array) -> float:
+    """Squared distance of an SCP from the design, in σ."""
+    return float(np.sum(np.square((design.inverse() @ T).log() / sigma)))
 
 
 def _likeliest(
@@ -520,10 +525,3 @@ def _radius(target: Target, feature: str) -> float:
         return target.diameter_mm / 2 if target.known else np.nan
     diameters = getattr(target, "diameters_mm", None)
     return np.nan if diameters is None else float(diameters[target.features.index(feature)]) / 2
-
-
-def far_from(design: Pose, found: Pose, mm: float, deg: float) -> bool:
-    """Whether two SCPs are farther apart than a drawing would be from its part."""
-    apart = design.inverse() @ found
-    turned = float(np.rad2deg(np.linalg.norm(log_so3(apart.R))))
-    return float(pose_distance(design, found, 0.0)) > mm or turned > deg

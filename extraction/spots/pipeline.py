@@ -178,7 +178,8 @@ def sheet_scale(sensor: Sensor) -> float:
     camera = sensor.require_camera()
     u, v = np.meshgrid(np.linspace(0, camera.width_px - 1, 5), np.linspace(0, camera.height_px - 1, 5))
     _, jacobian = image_to_sheet(sensor, np.column_stack([u.ravel(), v.ravel()]))
-    area = np.abs(np.linalg.det(jacobian))
+    with np.errstate(invalid="ignore"):  # pixels that a distorted lens does not reach see no place of the sheet
+        area = np.abs(np.linalg.det(jacobian))
     area = area[np.isfinite(area) & (area > 0)]
     return float(np.sqrt(np.median(area))) if len(area) else 1.0
 

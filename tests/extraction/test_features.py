@@ -1,5 +1,7 @@
 """Targets found in profiles whose points are made here, by angles and lengths; not proven: real sensors' noise."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -140,6 +142,17 @@ def test_a_plate_is_a_straight_stretch_and_its_bend_is_told(bend_mm):
     assert np.count_nonzero(found.index >= len(plate)) == 0
     assert abs(found.bend_mm - bend_mm * np.cos(np.arctan2(20, 85))) < 4 * found.sigma_bend_mm
     assert found.sigma_bend_mm < 0.02
+
+
+def test_the_sections_beside_a_stripes_ends_are_left_out_where_its_width_is_known():
+    """Twice its σ of 2 px at either end, where half of the light is missing; of points without an image none."""
+    y = np.arange(200) * 0.1
+    plain = profile(np.column_stack([y, np.full(200, 200.0)]), 0.02)
+    wide = replace(plain, peaks=replace(plain.peaks, width_px=np.full(200, 2.0)))
+    assert find_target_points(plain, "plane").n_found == 200
+    found = find_target_points(wide, "plane")
+    np.testing.assert_array_equal(np.sort(found.index), np.arange(4, 196))
+    assert len(found.yz_mm) == len(found.cov_yz_mm2) == len(found.feature) == 192
 
 
 def test_a_ball_is_no_plane():

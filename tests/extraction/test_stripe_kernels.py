@@ -7,6 +7,7 @@ from extraction import detect_stripe
 from extraction.noise import PixelNoise
 from extraction.order import kth_smallest, median
 from extraction.stripe.sections.climb import exponential
+from extraction.stripe.sections.faint import _say_enough_alone
 from extraction.stripe.sections.fit import SECTION, SectionPlaces, fit_sections
 from extraction.stripe.sections.model import FitLimits
 from extraction.stripe.view import Pixels
@@ -77,3 +78,13 @@ def test_a_stripe_without_a_peak_in_many_sections_is_doubted() -> None:
     assert len(clear) == 600
     assert not np.any(clear.flag)
     assert np.count_nonzero(rough.flag == 0) == 0
+
+
+@pytest.mark.parametrize(("claimed", "seen", "alone"), [(0.18, 1.0, True), (0.05, 1.0, False), (0.18, 0.8, False)])
+def test_sections_stay_alone_where_neighbours_add_nothing(claimed, seen, alone):
+    """0.2 px each: nine together claim as much, or a quarter of it; or a fifth of the sections shows no peak."""
+    rng, one, nine = np.random.default_rng(3), np.zeros(400, SECTION), np.zeros(400, SECTION)
+    one["centre"], nine["variance"] = 50 + rng.normal(0, 0.2, 400), claimed**2
+    nine["centre"], nine["converged"] = 50, True
+    one["converged"] = np.arange(400) < 400 * seen
+    assert _say_enough_alone(one, nine, 2.0) == alone

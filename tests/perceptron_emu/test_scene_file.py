@@ -157,6 +157,7 @@ STL = "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 50 0 0\nver
         ("a.ply", PLY, "a vertex that is not there"),
         ("a.obj", "v 0 0 0\n", "has no faces"),
         ("a.obj", "# nothing\n", "has no faces"),
+        ("a.obj", "v -20\nv 20\nv 0\nv 9\n" + TETRA[TETRA.index("f") :], "have 1 coordinates"),
         ("a.stl", STL, "cut short"),
         ("a.stl", "", "empty"),
     ],

@@ -12,6 +12,7 @@ import pytest
 
 from geometry import Pose
 from tests.workbench.helpers import Cli, edit
+from workbench.files import read_cell
 
 CHI2_6_9999 = 27.9  # 99.99 % of true errors lie below, six degrees of freedom
 VERDICTS = {"ok", "model_misfit", "weak"}
@@ -151,6 +152,16 @@ def test_points_stand_in_place_of_images(cli: Cli, dataset: Path, answer: Any) -
     bare = cli("calibrate", dataset, "--json")
     assert bare.code == 0, bare.err
     assert np.allclose(bare.json["T_hand_sensor"], with_images["T_hand_sensor"], rtol=0, atol=0.1)
+
+
+def test_a_result_beside_the_images_is_no_input(dataset: Path) -> None:
+    """`demo` writes points.csv into its dataset: its second run must give the same bytes."""
+    before = read_cell(dataset).files
+    (dataset / "points.csv").write_text("what `calibrate --out` wrote\n")
+    cell = read_cell(dataset)
+    assert cell.points is None
+    assert cell.files == before
+    assert {"cell.toml", "sensor.toml", "jig.toml", "robot.toml", "frames.csv"} == {p.name for p in before}
 
 
 def test_points_that_the_camera_can_not_see_are_told(cli: Cli, dataset: Path) -> None:

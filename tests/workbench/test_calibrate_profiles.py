@@ -12,7 +12,7 @@ from calib.synthetic.surfaces import ProfileNoise, observe_surface, surface_cell
 from geometry import Pose, express
 from jig_cad import Jig, Sphere, jig_text
 from tests.workbench.helpers import Cli, edit
-from workbench.files import robot_text
+from workbench.files import read_cell, robot_text
 from workbench.profiles import ScanLine, Told, write_scan_lines
 
 DIAMETER_MM = 40.0
@@ -167,3 +167,34 @@ def test_a_string_jig_by_profiles(cli: Cli, tmp_path: Path) -> None:
     assert error @ np.linalg.solve(np.array(answer["covariance"]), error) < NEES_LIMIT
     assert np.linalg.norm(error[:3]) < 1.0
     assert answer["locations"]["D"]["point_rms_mm"]["solved"] < 0.12
+
+
+def test_profiles_beside_a_camera_s_file_are_taken_as_they_are(cli: Cli, tmp_path: Path) -> None:
+    """After `init` with a profiler's preset: a camera to emulate with, beside the profiles of the real one."""
+    cell = tmp_path / "cell"
+    assert cli("init", cell, "--target", "sphere", "--sensor", "lmi_gocator_2340").code == 0
+    table = cell / "frames.csv"
+    table.write_text(table.read_text() + "0,profiles/0.csv,A,calibrate,1,2,3,4,5,6\n")
+    read = read_cell(cell)
+    assert read.sensor.camera is None
+    assert read.sensor.profile is not None
+    assert any("describes a camera" in remark for remark in read.remarks)
+    assert read_cell(cell, recorded=False).sensor.camera is not None  # to plan and to emulate with
+    table.write_text(table.read_text().replace("profile,", "image,"))
+    assert read_cell(cell).sensor.camera is not None
+
+
+def test_the_starter_names_controllers_poses(cli: Cli, tmp_path: Path) -> None:
+    cell = tmp_path / "cell"
+    assert cli("init", cell, "--target", "sphere").code == 0
+    text = (cell / "cell.toml").read_text().replace("# [poses]", "[poses]").replace("# convention", "convention")
+    (cell / "cell.toml").write_text(text.replace("# tool =", "tool ="))
+    table = cell / "frames.csv"
+    lines = [line for line in table.read_text().splitlines() if line.startswith("#")]
+    rows = (
+        "frame;profile;location;role;X;Y;Z;W;P;R\r\n0;profiles/0.csv;A;calibrate;812,331;-104,2;640,1;178,3;-3,1;91,5"
+    )
+    table.write_text("\n".join([*lines, rows]) + "\n")
+    (frame,) = read_cell(cell).frames
+    assert frame.T_base_hand is not None
+    np.testing.assert_allclose(frame.T_base_hand.t, [812.331, -104.2, 640.1], rtol=0, atol=1e-9)

@@ -182,3 +182,37 @@ def test_interrupts_are_not_lost_in_imports() -> None:
     assert done.returncode == 130
     assert done.stderr.strip() == "interrupted"
     assert not done.stdout
+
+
+SWALLOWED_BY_LLVM = """
+import os, signal, sys
+from workbench.cli import main
+called_back = compile("os.kill(os.getpid(), signal.SIGINT)", os.path.join("a", "llvmlite", "b.py"), "exec")
+def run(arguments):
+    try:
+        exec(called_back)
+    except BaseException:
+        pass
+    return 0
+main.run = run
+main.main()
+"""
+TAKEN_DOWN = """
+import os, signal, sys
+from workbench.cli import main
+class Last:
+    def __del__(self, kill=os.kill, pid=os.getpid(), number=signal.SIGINT):
+        kill(pid, number)
+sys.modules["last"] = Last()
+main.run = lambda arguments: 0
+main.main()
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals are sent in another way there")
+@pytest.mark.parametrize(("script", "code"), [(SWALLOWED_BY_LLVM, 130), (TAKEN_DOWN, 0)])
+def test_interrupts_are_neither_lost_nor_too_late(script: str, code: int) -> None:
+    """In what is called back from LLVM nothing can be raised; when all is written, Ctrl-C changes nothing."""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert done.returncode == code, done.stderr
+    assert "Traceback" not in done.stderr

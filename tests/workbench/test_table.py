@@ -47,6 +47,22 @@ def test_decimal_commas(tmp_path: Path, separator: str) -> None:
     np.testing.assert_allclose(_degrees(frames), WANTED, rtol=0, atol=ATOL_DEG)
 
 
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+def test_every_cell_in_quotes(tmp_path: Path, separator: str) -> None:
+    """As databases export."""
+    header, rows = [f'"{c}"' for c in HEADER], [[f'"{c}"' for c in row] for row in ROWS]
+    np.testing.assert_allclose(
+        _degrees(read_frames(_write(tmp_path, header, rows, separator), 6)), WANTED, atol=ATOL_DEG
+    )
+
+
+@pytest.mark.parametrize("start", [b"PK\x03\x04\x14\0\6\0", b"\xd0\xcf\x11\xe0\xa1\xb1"])
+def test_a_workbook_is_named(tmp_path: Path, start: bytes) -> None:
+    (tmp_path / "frames.csv").write_bytes(start + b"\0" * 500)
+    with pytest.raises(InputError, match=r"Excel workbook.*save the sheet as CSV"):
+        read_frames(tmp_path / "frames.csv", 6)
+
+
 def test_quoted_decimal_commas_between_commas(tmp_path: Path) -> None:
     rows = [[*row[:4], *(f'"{c}"'.replace(".", ",") for c in row[4:])] for row in ROWS]
     np.testing.assert_allclose(_degrees(read_frames(_write(tmp_path, HEADER, rows), 6)), WANTED, rtol=0, atol=ATOL_DEG)

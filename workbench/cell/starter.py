@@ -32,12 +32,18 @@ frames = "frames.csv"    # one row {an_image}: location, role, joint readings in
 rotation_deg = {rotation}           # about fixed X, Y, Z: R = Rz Ry Rx
 translation_mm = {translation}
 
-# Where the jig stands, T_base_jig in mm. Needed to emulate; for a recording leave these out, calibrate finds them.
+# If frames.csv holds a controller's poses in place of joint readings, say whose, without the # signs:
+# [poses]
+# convention = "fanuc"      # or "kuka", "yaskawa", "mitsubishi", "abb", "ros", "ur"
+# tool = [0, 0, 0, 0, 0, 0] # the TOOL that was active, base = [...] the UFRAME or BASE; leave out what was zero
+
+# Where the {thing} stands, T_base_jig in mm. Needed to emulate; for a recording leave these out, calibrate finds them.
 # role: "calibrate" places are solved with, "verify" places only check the solution.
 """
 FRAMES = """\
 # frame: a number; {what}; location: one name for each place of the target; role: calibrate or verify
-# joint readings in degrees; or x_mm, y_mm, z_mm, qw, qx, qy, qz of T_base_hand in their place
+# joint readings in degrees; or x_mm, y_mm, z_mm, qw, qx, qy, qz of T_base_hand in their place; or a controller's own
+# columns, such as X, Y, Z, W, P, R, with [poses] in cell.toml. Excel's CSV is read as it is, with decimal commas, too
 """
 
 
@@ -132,11 +138,11 @@ def reach_mm(robot: Arm) -> float:
 def _cell_text(arm: Arm, sensor: Sensor, target: str | None) -> str:
     rotation, translation = (np.round(v, 9) + 0.0 for v in (DESIGN_SCP.fixed_xyz_deg, DESIGN_SCP.t))
     numbers = {"rotation": toml_value(rotation.tolist()), "translation": toml_value(translation.tolist())}
-    named = 'jig = "jig.toml"         # the string jig'
+    named, thing = 'jig = "jig.toml"         # the string jig', "jig"
     if target is not None:
-        named = 'target = "target.toml"   # what is measured'
+        named, thing = 'target = "target.toml"   # what is measured', "target"
     row = "an image" if target is None and sensor.profile is None else "a profile"
-    text = CELL.format(name=toml_value(_name(arm, sensor)), target=named, an_image=row, **numbers)
+    text = CELL.format(name=toml_value(_name(arm, sensor)), target=named, an_image=row, thing=thing, **numbers)
     return text + _locations(arm, jig=target is None)
 
 

@@ -11,7 +11,8 @@ from types import FrameType
 
 from workbench.cli.exit_codes import INTERRUPTED
 
-IMPORTING = "importlib._bootstrap"
+# where a KeyboardInterrupt is lost: in modules being imported, and in what LLVM calls back while kernels are loaded
+LOST = ("importlib._bootstrap", f"{os.sep}llvmlite{os.sep}")
 
 
 def run(arguments: Sequence[str]) -> int:
@@ -36,9 +37,9 @@ def main() -> None:
 
 
 def interrupted(_signal: int, frame: FrameType | None) -> None:
-    """End at once where modules are being imported: some swallow a KeyboardInterrupt and go on; else raise it."""
+    """End at once where a KeyboardInterrupt would be swallowed, so that the command went on; else raise it."""
     while frame is not None:
-        if IMPORTING in frame.f_code.co_filename:
+        if any(part in frame.f_code.co_filename for part in LOST):
             os.write(2, b"interrupted\n")
             os._exit(INTERRUPTED)
         frame = frame.f_back

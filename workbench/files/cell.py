@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
@@ -27,6 +27,7 @@ from geometry import (
     did_you_mean,
     target_at,
 )
+from geometry.sensor import ProfileOutput
 from jig_cad import Jig
 from jig_cad.files import table_model
 from perceptron_emu import EmulatorConfig
@@ -223,15 +224,17 @@ def read_cell(path: Path, *, recorded: bool = True) -> Cell:
     evidence = _evidence(file, folder, robot, source, remarks.append) if recorded else ()
     target = _read_targets(folder, file, source, frames)
     scp = file.scp_initial
+    points = _points(folder, file, frames, frames_path, target, remarks.append) if recorded else None
+    points_path = None if points is None else folder / (file.points or "points.csv")
     return Cell(
         folder=folder,
-        sensor=read_sensor(sensor_path),
+        sensor=_sensor(sensor_path, frames, remarks.append) if recorded else read_sensor(sensor_path),
         target=target,
         robot=robot,
         frames=frames,
         T_hand_sensor_design=None if scp is None else Pose.from_fixed_xyz_deg(scp.rotation_deg, scp.translation_mm),
         T_base_jig=_places(source, file),
-        points=_points(folder, file, frames, frames_path, target, remarks.append) if recorded else None,
+        points=points,
         truth=read_truth(truth) if truth.exists() else None,
         roles={name: given.role for name, given in file.locations.items() if given.role},
         name=file.name,
@@ -239,7 +242,7 @@ def read_cell(path: Path, *, recorded: bool = True) -> Cell:
         sensor_path=sensor_path,
         emulator=read_emulator(sensor_path),
         remarks=tuple(remarks),
-        files=_files(source, file, (sensor_path, robot_path, frames_path)),
+        files=_files(source, file, (sensor_path, robot_path, frames_path), points_path),
         workspace=_workspace(file.workspace, source),
         mount=file.mount.sensor,
         evidence=evidence,
@@ -280,12 +283,25 @@ def _workspace(given: WorkspaceSection, source: TomlSource) -> Workspace:
         raise InputError(f"{source.where(('workspace',))}: {error}") from None
 
 
-def _files(source: TomlSource, file: CellFile, read: Sequence[Path | None]) -> tuple[Path, ...]:
-    """cell.toml and the files that it names, and a points.csv that stands in place of images."""
+def _sensor(path: Path, frames: Sequence[Frame], remark: Remark) -> Sensor:
+    """The sensor; where the rows name profiles and no image, a camera of its file stands for nothing in them."""
+    sensor = read_sensor(path)
+    if sensor.camera is None or any(row.image for row in frames) or not any(row.profile for row in frames):
+        return sensor
+    remark(
+        f"{path}: describes a camera, but the frames are profiles: they are taken as the sensor gives them, the camera "
+        "is not used and σ are estimated from the profiles; [profile] in place of [image] and [camera] can state them"
+    )
+    return replace(sensor, camera=None, direct=None, uncertainty=None, profile=ProfileOutput())
+
+
+def _files(source: TomlSource, file: CellFile, read: Sequence[Path | None], points: Path | None) -> tuple[Path, ...]:
+    """cell.toml and the files that were read; a points.csv beside images is a result, and no input."""
     folder = source.path.parent
     targets = [given.target for given in file.locations.values()]
-    given = (file.jig, file.target, *targets, file.points or "points.csv", file.evidence.tracker, file.evidence.sockets)
-    named = [folder / n for n in dict.fromkeys(given) if n]
+    given = [folder / n for n in (file.jig, file.target, *targets) if n]
+    told = [folder / n for n in (file.evidence.tracker, file.evidence.sockets) if n]
+    named = dict.fromkeys((*given, *(() if points is None else (points,)), *told))
     return tuple(p for p in (source.path, *read, *named) if p is not None and p.is_file())
 
 

@@ -162,7 +162,9 @@ def _about_frames(
         return
     yield from (FileFinding("doubtful", file.frames, text) for text in said)
     if not frames:
-        yield FileFinding("missing", file.frames, "holds a header and no rows yet: one for each image is needed")
+        yield FileFinding(
+            "missing", file.frames, "holds a header and no rows yet: one for each image or profile is needed"
+        )
     else:
         yield FileFinding("ok", file.frames, f"{len(frames)} rows")
     points = folder / (file.points or "points.csv")

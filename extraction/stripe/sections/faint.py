@@ -24,18 +24,37 @@ _CLOSE_PX = 1e-3  # a step that ends a fit
 # where the ground beside a stripe is looked at: σ beyond the window, every n-th section; fewest such places that say
 # anything
 _AWAY_WIDTHS, _EVERY, _FEWEST = 3.0, 4, 8
+# of a faint stripe's sections, that each alone must show; and of their scatter, that nine together must be better than
+# to be worth what they blur: on even ground they are by a factor of three
+_MOST_SEEN, _GAIN = 0.9, 0.7
 _ROUGHER = 1.5  # times the quietest ground: some fifty places that say something of their own differ by a tenth
 
 
 def fit_faint(view: StripeView, places: Places, fits: Records, least_snr: float) -> Records:
-    """The fits (N,) with those of faint stripes made from several sections each: of more where few say nothing."""
+    """The fits (N,) with those of faint stripes made from several sections each: of more where few say nothing.
+
+    Where neighbours add nothing to what each section says alone, the stripe is faint no more, and the sections stay.
+    """
     for k in np.unique(places.stripe[places.faint]):
         own = np.flatnonzero(places.stripe == k)
         table = fits[own]
         section, centre, width = places.section[own], places.centre_px[own], float(places.width_px[own[0]])
         _fit_stripe(view.grey, section, centre, width, least_snr, table)
-        fits[own] = table
+        if _say_enough_alone(fits[own], table, width):
+            places.faint[own] = False
+        else:
+            fits[own] = table
     return fits
+
+
+def _say_enough_alone(alone: Records, together: Records, width: float) -> bool:
+    """Whether sections fitted alone scatter hardly more about those fitted with their neighbours than these claim."""
+    apart = np.abs(alone["centre"] - together["centre"])
+    both = alone["converged"] & together["converged"] & (apart < _MOST_PX + width)
+    if np.count_nonzero(both) < _MOST_SEEN * len(alone):
+        return False
+    scatter = 1.4826 * float(np.median(apart[both]))
+    return float(np.median(np.sqrt(together["variance"][both]))) > _GAIN * scatter
 
 
 @kernel

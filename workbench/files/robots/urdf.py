@@ -222,7 +222,8 @@ def _joint(element: Any, path: Path) -> UrdfJoint:
         low, high = _limits(element, kind, where)
     ends = element.find("parent").get("link"), element.find("child").get("link")
     # roll, pitch, yaw are turns about fixed x, y, z
-    return UrdfJoint(Pose.from_fixed_xyz_deg(np.rad2deg(rpy), xyz * 1000), axis, low, high, name, *ends, element)
+    turned = Pose.from_fixed_xyz_deg(np.rad2deg(rpy), xyz * 1000) if rpy.any() else Pose(np.eye(3), xyz * 1000)
+    return UrdfJoint(turned, axis, low, high, name, *ends, element)
 
 
 def _limits(element: Any, kind: str, where: str) -> tuple[float, float]:

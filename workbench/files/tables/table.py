@@ -29,6 +29,7 @@ _UNIT = re.compile(r"\s*[\[(]([^\[\]()]*[^\[\]()\s][^\[\]()]*)[\])]$")
 _UNITS = {"°": "deg", "degrees": "deg", "mm²": "mm2", "mm^2": "mm2"}
 _OTHER_UNITS = frozenset(("m", "cm", "um", "µm", "in", "inch", "rad", "mrad", "grad", "degree", "degrees", "pixel"))
 _NINES = re.compile(r"-?(9{4,}(\.9*)?|999\.99+)0*")  # 999.9 may be a length
+_WORKBOOKS = (b"PK\x03\x04", b"\xd0\xcf\x11\xe0")  # how .xlsx (and other archives) and .xls begin
 _MARKS = frozenset((-32768.0, 32768.0, -2147483648.0, 2147483647.0))
 _PLAIN = 999.0  # what is smaller is no mark for a missing value
 _BEYOND = 1e37  # ± the largest numbers of float and double
@@ -231,6 +232,8 @@ def read_table_text(path: Path, remark: Remark = no_remark) -> str:
     raw = read_bytes(path, MAX_TABLE_BYTES)
     if not raw.strip():
         raise InputError(f"{path}: the file is empty")
+    if raw.startswith(_WORKBOOKS):
+        raise InputError(f"{path}: is an Excel workbook, no table of text: save the sheet as CSV")
     encoding = "utf-8-sig"
     if raw.startswith((codecs.BOM_UTF32_LE, codecs.BOM_UTF32_BE)):
         encoding = "utf-32"
@@ -256,8 +259,17 @@ def _header(
 ) -> tuple[int, list[str], str]:
     """Line, cells and separator of the header: the separator that gives most known columns, then most columns."""
     best: tuple[tuple[int, int], int, list[str], str] | None = None
+    wrong: InputError | None = None
     for separator in _separators(text):
-        for line, cells in _cells(path, text, separator):
+        rows = _cells(path, text, separator)
+        while True:
+            try:
+                line, cells = next(rows)
+            except StopIteration:
+                break
+            except InputError as error:  # quoted cells that another separator divides
+                wrong = wrong or error
+                break
             if not any(cells) or cells[0].casefold().startswith("sep="):
                 continue
             while cells and not cells[-1]:
@@ -267,6 +279,8 @@ def _header(
                 best = score, line, cells, separator
             break
     if best is None:
+        if wrong is not None:
+            raise wrong
         raise InputError(f"{path}: holds no header line; it begins with {','.join(required)}")
     return best[1:]
 

@@ -1,6 +1,7 @@
 // German by the English words; {} stands for a value.
 
 export const GERMAN = {
+  "{} ms (answer kept from before)": "{} ms (Antwort von vorhin)",
   "Process window": "Prozessfenster", "Open…": "Öffnen…", "Load…": "Laden…", "Save…": "Sichern…", "Export…": "Ausgeben…", "Copy command": "Befehl kopieren",
   "Calibrate": "Kalibrieren", "Calibrate again": "Neu kalibrieren", "Measure": "Messen", "Fit": "Einpassen", "Follow": "Folgen", "Expert": "Experte", "Defaults": "Vorgaben",
   "Open another folder": "Anderen Ordner öffnen", "Undo (Ctrl+Z)": "Rückgängig (Strg+Z)", "Redo (Ctrl+Shift+Z)": "Wiederholen (Strg+Umschalt+Z)", "Undo": "Rückgängig", "Redo": "Wiederholen",

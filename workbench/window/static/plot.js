@@ -44,7 +44,7 @@ function grid(context, view, width, height) {
     const x = view.toScreen(y, 0)[0];
     line(context, x, 0, x, height);
     context.textAlign = "center";
-    context.fillText(number(y + 0, digits), x, height - 3);
+    if (x > 16 && x < width - 16) context.fillText(number(y + 0, digits), x, height - 3); // whole or not at all
   }
   for (let z = Math.ceil(z0 / step) * step; z <= z1; z += step) {
     const y = view.toScreen(0, z)[1];
