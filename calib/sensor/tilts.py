@@ -29,7 +29,7 @@ from geometry import State
 Array = NDArray[np.float64]
 
 TILT_NAMES = ("tau_x", "tau_y")
-POINTS = 240  # of a view's stripe, by which the tilts are solved: more hardly tell more, for neighbours are alike
+POINTS = 120  # of a view's stripe, by which the tilts are solved: more hardly tell more, for neighbours are alike
 TILTED_SHARE = 0.5  # of sensors, before any picture: many line sensors have a Scheimpflug mount
 TILT_SIGMA_RAD = float(np.deg2rad(5.0))  # of its angle about either axis: mounts of line sensors have 1° to 10°
 LEAST_PROBABILITY = 0.02  # a tilt less likely is none: 1 in 50 such answers may have σ that are too small

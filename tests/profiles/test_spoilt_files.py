@@ -6,6 +6,7 @@ import pytest
 from geometry import PerceptronEmuError
 from tests.profiles.mutants import mutants, samples
 from workbench.profiles import Told, read_scan_lines
+from workbench.profiles.source import cell_value
 
 
 def read_all(tmp_path, count, seed):
@@ -45,3 +46,9 @@ def test_spoilt_files_are_read_or_refused_in_a_sentence(tmp_path):
 def test_a_hundred_thousand_spoilt_files(tmp_path):
     read, refused = read_all(tmp_path, 5600, 1)
     assert read + refused >= 100_000
+
+
+def test_a_word_that_breaks_a_line_is_told_in_one_line():
+    with pytest.raises(PerceptronEmuError) as said:
+        cell_value("0.\n1", "s.xml: scale")
+    assert str(said.value) == 's.xml: scale: "0. 1" is not a number'

@@ -108,6 +108,6 @@ def cell_value(text: str, where: str) -> float:
     if text.casefold() in _MISSING:
         return float("nan")
     if len(text) > MAX_DIGITS or not _NUMBER.fullmatch(text):
-        raise InputError(f'{where}: "{text[:40]}" is not a number')
+        raise InputError(f'{where}: "{" ".join(text[:40].split())}" is not a number')
     value = float(text.replace("−", "-"))
     return value if abs(value) < 1e30 else float("nan")

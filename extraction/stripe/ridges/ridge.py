@@ -106,13 +106,18 @@ def find_nodes(level: Level, scale: float, threshold: float) -> RidgeNodes:
 
 @kernel
 def fall_on(level: Level, nodes: RidgeNodes) -> None:
-    """Measure the nodes' falls to either flank anew, on another level of the same size: in place."""
+    """Take for the nodes' falls to either flank the means of their own and of those on another level of that size.
+
+    A border of light and dark has one fall there, however even it looks without its ground; the ground of a ridge may
+    slope, but not as much.
+    """
     last, half = level.shape[0] - 1, np.float32(0.5)
     for i in range(len(nodes.place)):
         r, c = min(max(int(nodes.place[i]), 0), last), nodes.section[i]
         near, far = _flanks(level, r, c)
         centre = half * (level[r, c] + level[min(r + 1, last), c])
-        nodes.near[i], nodes.far[i] = centre - half * near, centre - half * far
+        nodes.near[i] = half * (nodes.near[i] + centre - half * near)
+        nodes.far[i] = half * (nodes.far[i] + centre - half * far)
 
 
 @kernel

@@ -21,6 +21,7 @@ DIMMER = 0.22  # of the best ridge's own height, below which a ridge elsewhere i
 LEAST_CONTRAST, ENOUGH_CONTRAST = 0.65, 12.0  # of the best's response over its noise, that counted up to the second
 LEAST_ASPECT = 6.0  # its length over its full width
 CLEAR_ASPECT = 4.0  # the same of a ridge that stands out as the best one does, section by section and as a whole
+NARROW = 0.5  # of a clear stripe's significance, that a ridge has at least which narrow rows alone show
 FLAT = 0.6  # flatness of an unclipped profile from which it is a lit face with borders, not a pulse of light
 FLAT_FROM_PX = 2.6  # Gaussian σ from which flatness shows: blur rounds what is narrower
 CROWD = 2.6  # ridges of like light beside one another, on average: a pattern, not stripes
@@ -120,7 +121,9 @@ def judge(grey: NDArray[Any], chains: list[Chain], clip: float, max_width: float
     def bright(s: Stripe) -> bool:
         enough = s.light >= PART * best.light and s.height >= DIMMER * best.height and s.chain.contrast >= asked
         clear = s.chain.contrast >= best.chain.contrast and 2 * s.chain.significance >= best.chain.significance
-        return enough and not s.dark and _stands_alone(s, CLEAR_ASPECT if clear else LEAST_ASPECT)
+        # what narrow rows alone show has another noise: beside a clear stripe its contrast says little
+        alike = best.chain.narrow or not s.chain.narrow or s.chain.significance >= NARROW * best.chain.significance
+        return enough and alike and not s.dark and _stands_alone(s, CLEAR_ASPECT if clear else LEAST_ASPECT)
 
     texture = [s.chain.significance for s in waiting + flat if not bright(s)]
     changed = True
