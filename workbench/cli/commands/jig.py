@@ -47,7 +47,7 @@ def command(
 
     if toml and as_json:
         raise InputError("--toml and --json both fill standard output: give one of them")
-    found, told = find_target(jig), Told(as_json)
+    found, told = find_target(jig), AskedBeside(as_json)
     if anchors is not None:
         if not isinstance(found, Jig | Balls):
             raise InputError(f"--anchors: {jig} is neither a string jig nor balls: nothing of it has a measured place")
@@ -70,7 +70,7 @@ def command(
 
 
 @dataclass(frozen=True)
-class Told:
+class AskedBeside:
     """What the options asked: kept for the JSON object, or said at once."""
 
     as_json: bool
@@ -101,7 +101,7 @@ def _target_object(target: Target) -> dict[str, Any]:
     }
 
 
-def _as_measured(target: Any, anchors: Path, told: Told) -> Any:
+def _as_measured(target: Any, anchors: Path, told: AskedBeside) -> Any:
     from workbench.files import lay_onto
 
     measured = lay_onto(target, anchors, say_remark)
@@ -118,7 +118,7 @@ def _as_measured(target: Any, anchors: Path, told: Told) -> Any:
     return measured.target
 
 
-def _tell_whether_seen(target: Target, name: str, told: Told) -> None:
+def _tell_whether_seen(target: Target, name: str, told: AskedBeside) -> None:
     from geometry import InputError
     from jig_cad import Jig
     from workbench.cell import find_sensor
