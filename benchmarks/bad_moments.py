@@ -549,7 +549,7 @@ def _all_commands(folder: Path) -> dict[str, Command]:
         "sweep": ["sweep", f"{f}/plan.toml", "--out", "OUT", "--workers", "1"],
         "report": ["report", f"{f}/run", "--out", "OUT/page.html"],
         "doctor": ["doctor", str(images)],
-        "demo": ["demo", "--out", "OUT"],
+        "demo": ["demo", "--out", "OUT/demo"],
     }  # fmt: skip
     aside = {"sweep": r".", "tune --auto": r"journal|\.log$"}
     resumes = r"^(\w+/)?\.parts/"  # frames that a broken-off recording need not render again
