@@ -19,7 +19,7 @@ from calib.sensor.sheet_frame import SheetFrame, sheet_frame, to_sheet
 from calib.sensor.stated import Answer, tangent_uncertainty, uncertainty_of_tilts
 from calib.sensor.terms import BOARD, CAMERA, PLANE
 from calib.sensor.tilts import TILT_NAMES, possible_tilts
-from calib.sensor.verdict import judge, too_few
+from calib.sensor.verdict import judge, no_camera, too_few
 from calib.sensor.views import BoardView, BoardViews
 from geometry import Pose, State
 from geometry.sensor import SensorUncertainty, calibration_covariance
@@ -80,7 +80,10 @@ def calibrate_sensor(
     given = tuple(_centred(v, centre) for v in views)
     if len(given) < FEWEST_VIEWS:
         return SensorCalibration(too_few(len(given)), tuple(ViewResult(v.name, True, None) for v in views))
-    attempt = _Attempt.start(given, size_px, settings)
+    try:
+        attempt = _Attempt.start(given, size_px, settings)
+    except np.linalg.LinAlgError:  # the state went beyond all numbers
+        return SensorCalibration(no_camera(), tuple(ViewResult(v.name, True, None) for v in views))
     while True:
         worst = attempt.worst()
         out = len(attempt.dropped) + 1

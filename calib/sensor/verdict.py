@@ -30,6 +30,14 @@ def too_few(count: int) -> SensorVerdict:
     )
 
 
+def no_camera() -> SensorVerdict:
+    """The verdict on corners that fit no camera at all."""
+    return SensorVerdict(
+        "not_converged",
+        "the corners found fit no camera: is the board what board.toml says (its kind, its number of inner corners)?",
+    )
+
+
 def judge(
     choice: Choice, solution: SensorSolution, given: int, *, contradicted: bool, stripes_apart_px: float
 ) -> SensorVerdict:

@@ -22,6 +22,8 @@ WINDOW_PX = (4, 16)  # beyond the larger the lens bends the edges
 MAX_MOVE_SHARE = 0.15  # of the distance of neighbours, from where the grid expects a corner
 MIN_CONTRAST_SHARE = 0.35  # of the usual contrast
 MAX_MISFIT_SHARE = 0.25  # residual over contrast: a corner half hidden, or none
+MAX_BEND_SHARE = 0.3  # of the distance of neighbours: perspective and lens make a tenth at most
+MAX_OFF_SHARE = 0.2  # of the same, from the plane's grid: a lens bends less
 MIN_CORNERS = 12  # of a view: eight numbers of its homography and some to spare
 SMALLEST = 3  # corners along a side of a part that is looked for
 COARSE_PX = 1600  # larger pictures are searched at this width: squares stay large enough
@@ -45,9 +47,33 @@ def find_checkerboard(image: Grey, board: Board, usable: Mask, quick: bool = Fal
     grid = _grown(image, places, uv, board, usable)
     if grid is None or len(grid.place) < MIN_CORNERS:
         return NoBoard("too few corners of the checkerboard are clear")
+    if not _one_grid(grid):
+        return NoBoard("the corners found lie on no one grid: is the board's number of corners right?")
     fit = grid.fit
     xy = grid.place[:, ::-1] * board.pitch_mm
     return BoardCorners(xy - xy.min(axis=0), fit.uv_px, fit.covariance_px2, float(np.median(fit.blur_px)), _step(fit))
+
+
+def _one_grid(grid: _Grid) -> bool:
+    """Do the corners lie where one plane's grid has them, and each near the middle of its neighbours?
+
+    A part of a board that is counted wrongly may be found with corners left out between others.
+    """
+    xy, uv = grid.place[:, ::-1].astype(float), grid.fit.uv_px
+    at = {(int(r), int(c)): p for (r, c), p in zip(grid.place, uv, strict=True)}
+    steps = []
+    for (r, c), middle in at.items():
+        for dr, dc in ((0, 1), (1, 0)):
+            one, other = at.get((r - dr, c - dc)), at.get((r + dr, c + dc))
+            if one is None or other is None:
+                continue
+            steps.append(float(np.linalg.norm(other - one)) / 2)
+            if np.linalg.norm(one + other - 2 * middle) > MAX_BEND_SHARE * steps[-1]:
+                return False
+    if not steps:
+        return False
+    off = np.linalg.norm(_mapped(board_homography(xy, uv), xy) - uv, axis=1)
+    return bool(off.max() < MAX_OFF_SHARE * float(np.median(steps)))
 
 
 def fitted_corners(image: Grey, xy_mm: Array, uv: Array, window_share: float, pitch_mm: float, usable: Mask) -> Saddles:
