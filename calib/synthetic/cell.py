@@ -167,8 +167,13 @@ def axis_points(T_sensor_jig: Pose, jig: Jig) -> Array:
     return np.asarray(np.einsum("...ij,...sj->...si", T_sensor_jig.R[..., 1:, :], met) + T_sensor_jig.t[..., None, 1:])
 
 
-def observe(cell: SyntheticCell, made: SyntheticCell, rng: np.random.Generator, noise: Noise) -> CellFrames:
-    """Frames of the cell as made: true poses move with joint noise, points with point noise; labels are given."""
+def observe(
+    cell: SyntheticCell, made: SyntheticCell, rng: np.random.Generator, noise: Noise, least_mm: float = 1e-6
+) -> CellFrames:
+    """Frames of the cell as made: true poses move with joint noise, points with point noise; labels are given.
+
+    The σ of points is stated as drawn, ``least_mm`` at least.
+    """
     true_joints = cell.joints_rad + rng.normal(size=cell.joints_rad.shape) * noise.joint_rad
     if noise.compliance is not None:
         true_joints = true_joints + deflection(made.robot, true_joints, noise.compliance)
@@ -178,7 +183,7 @@ def observe(cell: SyntheticCell, made: SyntheticCell, rng: np.random.Generator, 
     )
     yz = axis_points((hand @ made.T_hand_sensor).inverse() @ jigs, made.jig)
     yz = yz + rng.normal(size=yz.shape) * noise.point_mm
-    covariance = np.broadcast_to(np.eye(2) * max(noise.point_mm, 1e-6) ** 2, (*yz.shape, 2))
+    covariance = np.broadcast_to(np.eye(2) * max(noise.point_mm, least_mm) ** 2, (*yz.shape, 2))
     labels, spot = made.jig.strings, np.full(yz.shape[1], -1)
     frames = tuple(
         Frame(
