@@ -111,6 +111,28 @@ def test_decimal_commas_between_semicolons_change_nothing(cli: Cli, ball: Path, 
     assert outcome.json["verdict"]["code"] == "ok"
 
 
+def test_mixed_formats_are_each_read_as_their_own_or_left_out_by_name(cli: Cli, ball: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "cell"
+    shutil.copytree(ball, folder)
+    frames = sorted((folder / "profiles").iterdir())
+    for path, kind in ((frames[1], "gocator"), (frames[9], "npy")):
+        yz = np.loadtxt(path, delimiter=",", skiprows=1)
+        other = path.with_suffix(".npy") if kind == "npy" else path
+        write_scan_lines(other, [ScanLine(yz[:, 0], yz[:, 1])], Told(kind))
+        edit(folder / "frames.csv", f"profiles/{path.name}", f"profiles/{other.name}")
+    mixed = cli("calibrate", folder, "--json")
+    assert mixed.code == 0, mixed.err
+    whole = cli("calibrate", ball, "--json").json
+    assert len(mixed.json["frames"]) == len(whole["frames"])
+    apart = np.subtract(mixed.json["T_hand_sensor"], whole["T_hand_sensor"])
+    assert np.abs(apart).max() < 0.01  # a format of three decimals
+    edit(folder / "sensor.toml", '"auto"', '"csv"')
+    told = cli("calibrate", folder, "--json")
+    out = {f["frame"]: f for f in told.json["frames"] if not f["used"]}
+    assert sorted(out) == [1, 9]
+    assert frames[1].name in str(out[1])
+
+
 @pytest.mark.parametrize("stated", [39.0, 41.0])
 def test_a_wrong_diameter_is_told_in_sigma(cli: Cli, ball: Path, tmp_path: Path, stated: float) -> None:
     folder = tmp_path / "cell"
