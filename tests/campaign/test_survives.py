@@ -51,6 +51,24 @@ def test_interrupted_is_resumable_and_said_so(tmp_path: Path) -> None:
         assert 0 < len(store.missing()) < store.shards
 
 
+def test_what_ctrl_c_caught_half_removed_is_tidied_up_in_silence() -> None:
+    """A semaphore that is gone when the tidying process looks for it, as after Ctrl-C within its removal."""
+    half_removed = (
+        "from workbench.campaign.work.engines import _pool\n"
+        "from multiprocessing import resource_tracker\n"
+        "if __name__ == '__main__':\n"
+        "    pool = _pool(1)\n"
+        "    pool.submit(abs, -3).result()\n"
+        "    resource_tracker.register('/loky-gone-already', 'semaphore')\n"
+        "    pool.shutdown(wait=True, kill_workers=True)\n"
+        "    tracker = resource_tracker._resource_tracker\n"
+        "    print(tracker._pid)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", half_removed], capture_output=True, text=True, timeout=60, check=False)
+    assert int(done.stdout) > 0  # both pipes are at their end: the tidying process is over, too
+    assert done.stderr == ""
+
+
 def test_a_killed_parent_leaves_no_workers_and_no_lock(tmp_path: Path) -> None:
     plan, out = write_plan(tmp_path / "plan.toml", repeats=200), tmp_path / "run"
     process = start_sweep(plan, out)

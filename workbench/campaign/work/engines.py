@@ -11,7 +11,7 @@ from uuid import uuid4
 
 from geometry import InputError, MissingDependencyError
 from workbench.campaign.store.store import ShardResult
-from workbench.campaign.work.warm import warm_server
+from workbench.campaign.work.warm import helpers_environment, warm_server
 from workbench.campaign.work.worker import ONE_THREAD, begin_worker, worker_state
 
 Work = Callable[[int], ShardResult]
@@ -52,7 +52,8 @@ def _pool(workers: int) -> Any:
     from joblib.externals.loky import ProcessPoolExecutor
 
     begin: dict[str, Any] = {"initializer": begin_worker, "initargs": (os.getpid(),), "env": ONE_THREAD}
-    return ProcessPoolExecutor(workers, context=warm_server(), **begin)
+    with helpers_environment():
+        return ProcessPoolExecutor(workers, context=warm_server(), **begin)
 
 
 def _windowed(submit: Any, work: Work, shards: list[int], window: int) -> Iterator[ShardResult]:

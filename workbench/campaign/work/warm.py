@@ -16,6 +16,8 @@ from typing import Any
 from workbench.campaign.work.worker import ONE_THREAD
 
 LOADED = "workbench.campaign.work.loaded"  # what the server imports before it forks
+# the processes that remove semaphores report those that Ctrl-C caught half removed: these are gone, nobody need know
+NO_REMARKS = "ignore:resource_tracker"
 
 
 class _Popen(popen_forkserver.Popen):
@@ -25,7 +27,7 @@ class _Popen(popen_forkserver.Popen):
         main = sys.modules["__main__"]
         sys.modules["__main__"] = ModuleType("__main__")
         try:
-            with _one_thread():  # should the server have died, it is started anew here
+            with helpers_environment():  # should the server have died, it is started anew here
                 super()._launch(process_obj)  # type: ignore[misc]
         finally:
             sys.modules["__main__"] = main
@@ -57,17 +59,19 @@ def warm_server() -> WarmContext | None:
         return None
     warm = WarmContext()
     warm.set_forkserver_preload([LOADED])
-    with _one_thread():
+    with helpers_environment():
         forkserver.ensure_running()
     _started.append(warm)
     return warm
 
 
 @contextmanager
-def _one_thread() -> Iterator[None]:
-    """The environment of a worker, for what is started meanwhile."""
-    before = {name: os.environ.get(name) for name in ONE_THREAD}
-    os.environ.update(ONE_THREAD)
+def helpers_environment() -> Iterator[None]:
+    """The environment of workers and of those who tidy up after them, for what is started meanwhile."""
+    warnings = ",".join(filter(None, (os.environ.get("PYTHONWARNINGS"), NO_REMARKS)))  # the last of them counts most
+    asked = {**ONE_THREAD, "PYTHONWARNINGS": warnings}
+    before = {name: os.environ.get(name) for name in asked}
+    os.environ.update(asked)
     try:
         yield
     finally:
