@@ -40,6 +40,7 @@ from calib.sensor.bundle import SensorBundle
 from calib.sensor.sheet_frame import camera_rows, sheet_deviations, sheet_frame, to_sheet
 from calib.sensor.stated import Answer, parts_by_name
 from calib.sensor.terms import BOARD, CAMERA, PLANE
+from calib.sensor.valley import settled
 from calib.sensor.views import BoardViews
 from calib.synthetic.boards import SIZE_PX, SyntheticSensor, observe_boards, parameter_errors, synthetic_sensor
 from geometry import Board, Sensor, State
@@ -142,8 +143,8 @@ def mapping(
     bundle = SensorBundle(BoardViews.of([_centred(v) for v in views]), sensor.terms, float(SIZE_PX[0]))
     if len(found.views) == found.n_views:
         start = State({CAMERA: true_camera, BOARD: s.boards, PLANE: true_plane})
-        result = bundle.settle(start)
-        bound = bundle.covariance(result).total
+        result = settled(bundle, start)
+        bound = bundle.covariance(result)
         u = result.unknowns
         columns = np.concatenate([u.indices(CAMERA)[list(camera_rows(sensor.terms))], u.indices(PLANE)])
         # both where the fit is: the mapping stays along the bent valley, not along a tangent that was drawn elsewhere
