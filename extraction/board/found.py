@@ -27,6 +27,8 @@ class BoardCorners:
         Gaussian σ of the edges' blur, the median of all.
     contrast_dn : float
         Step between dark and bright, the median of all.
+    dot_radius_mm : float
+        Of the dots, the median of all; 0 for corners of squares.
     """
 
     xy_mm: Array
@@ -34,6 +36,7 @@ class BoardCorners:
     covariance_px2: Array
     blur_px: float
     contrast_dn: float
+    dot_radius_mm: float = 0.0
 
     def __len__(self) -> int:
         """The number of corners."""
