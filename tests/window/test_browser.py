@@ -287,7 +287,7 @@ def _saved(page: Page, what: str) -> str:
     """What a button of the calibration saves."""
     return str(
         page.driver.execute_async_script(
-            "const [what, done] = arguments; import('./static/api.js').then((api) => api.content(what)).then(done);", what
+            "const [what, done] = arguments; import('./static/api.js').then((a) => a.content(what)).then(done);", what
         )
     )
 
