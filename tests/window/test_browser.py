@@ -357,6 +357,17 @@ def test_a_location_left_out_marks_the_answer_as_stale(page: Page) -> None:
     page.until("document.documentElement.dataset.calibrationStale === 'false'")
 
 
+@pytest.mark.parametrize("theme", ["dark", "light"])
+def test_axe_finds_nothing_in_an_answer(page: Page, theme: str) -> None:
+    """With all that was asked of it: comparison, verification, residuals, the cell."""
+    if page.js("return document.documentElement.dataset.theme") != theme:
+        page.find("#theme").click()
+    page.tab("calibration")
+    page.until("document.querySelector('#verified')")
+    page.driver.execute_async_script("setTimeout(arguments[0], 400)")
+    assert page.violations() == []
+
+
 def test_a_dot_of_fig_7_opens_its_frame(page: Page) -> None:
     page.tab("calibration")
     page.until("document.getElementById('fig7')")

@@ -53,14 +53,14 @@ async function render() {
   const run = el("button", { class: "strong", onclick: openCalibration, disabled: shown?.state === "running" }, shown?.result ? t("Calibrate again") : t("Calibrate"));
   if (!shown) { clear(page, title, el("p", {}, t("Extracts every image with the parameters as they stand, finds the target and solves the sensor's pose in the hand.")), choices(), run); return; }
   if (shown.state === "running") { clear(page, title, el("p", {}, t("Measuring and solving…")), el("progress", { "aria-label": t("Calibrating") })); return; }
-  if (shown.state === "failed") { clear(page, el("div", { class: "verdict bad" }, el("b", {}, t("No answer")), el("p", {}, shown.error)), choices(), run); return; }
+  if (shown.state === "failed") { clear(page, title, el("div", { class: "verdict bad" }, el("b", {}, t("No answer")), el("p", {}, shown.error)), choices(), run); return; }
   const r = shown.result, stale = shown.hash !== (await hashOf(text())) || told(shown.roles ?? roles) !== told(roles);
   if (r !== shown?.result) return; // another answer came meanwhile
   shown.roles ??= { ...roles };
   document.documentElement.dataset.calibrationStale = stale;
   showCalibrated(r.values, words(r.verdict.code), kindOf(r.verdict.code));
   const section = (name, ...body) => el("section", {}, el("h3", {}, t(name)), body);
-  clear(page, verdict(r), el("div", { class: "page-head" }, run,
+  clear(page, title, verdict(r), el("div", { class: "page-head" }, run,
     el("button", { id: "save-result", onclick: () => save("result", "result.json", "application/json") }, t("Save result…")),
     el("button", { id: "save-report", onclick: () => save("report", "calibration.html", "text/html") }, t("Save report…")),
     el("button", { id: "compare", onclick: () => pick(compare) }, t("Compare with a result…")),
