@@ -158,8 +158,9 @@ def _solve(x: Array, sides: list[_Side], expected: _Expected, config: GapFlushCo
     top = config.max_radius_mm
     low, high = [], []
     for s in sides:
-        end = float(s.at[: s.on_face, 0].max())
-        low += [-0.5, -1.0, end - 2 * top, _LEAST_RADIUS_MM]
+        face = s.at[: s.on_face, 0]
+        end = float(face.max())
+        low += [-0.5, -1.0, float(np.median(face)), _LEAST_RADIUS_MM]  # half of a face at least is straight
         high += [0.5, 1.0, end + top, top]
     low, high = [*low, 0.3, -3.0, -3.0], [*high, max(expected.blur_px / _BLUR * 1.3, 0.5), 3.0, 3.0]
     x = np.clip(x, np.add(low, 1e-6), np.subtract(high, 1e-6))
