@@ -16,9 +16,9 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 # bits of a point's flag: clipped pixels; not one Gaussian; cut by border or neighbour; another of like light, or a
-# stronger ridge that was refused, in the section
-SATURATED, SHAPE, EDGE, AMBIGUOUS = 1, 2, 4, 8
-_FLAG_NAMES = {SATURATED: "saturated", SHAPE: "shape", EDGE: "edge", AMBIGUOUS: "ambiguous"}
+# stronger ridge that was refused, in the section; beyond an end of the stripe, in files alone
+SATURATED, SHAPE, EDGE, AMBIGUOUS, TAIL = 1, 2, 4, 8, 16
+_FLAG_NAMES = {SATURATED: "saturated", SHAPE: "shape", EDGE: "edge", AMBIGUOUS: "ambiguous", TAIL: "tail"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +126,8 @@ class Profile:
 
     def with_sensor(self, sensor: Sensor) -> Profile:
         """The profile with what the uncertainty of ``sensor``'s own calibration adds to its points."""
-        return replace(self, sensor_cov_yz_mm2=calibration_covariance(sensor, self.yz_mm))
+        tails = None if self.tails is None else self.tails.with_sensor(sensor)
+        return replace(self, sensor_cov_yz_mm2=calibration_covariance(sensor, self.yz_mm), tails=tails)
 
     def with_tails(self) -> Profile:
         """Its own points, then those of its tails; what the sensor's calibration adds is left out."""
@@ -147,7 +148,8 @@ def flag_names(flag: int) -> str:
     ----------
     flag
         Bits SATURATED (clipped pixels), SHAPE (not one Gaussian peak), EDGE (cut by the border or a neighbour),
-        AMBIGUOUS (another ridge of like light, or a stronger one that was refused, shares the section).
+        AMBIGUOUS (another ridge of like light, or a stronger one that was refused, shares the section), TAIL (beyond
+        an end of the stripe: a row of a file that is none of the stripe's own points).
 
     Returns
     -------
