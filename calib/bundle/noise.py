@@ -296,12 +296,11 @@ def given_noise(config: CalibConfig) -> bool:
 
 
 def reweighed(bundle: Bundle, result: Result) -> Bundle:
-    """The problem of hand poses with their noise found anew from a solution near by: one step of each variance."""
+    """The problem of hand poses with their noise found anew from a solution near by, by one step."""
     start = _of_poses(bundle)
     x = np.log(start.value[start.free])
     bend = _Bend.of(lambda here: _deviance(start.bundle(bundle, here), result), x)
-    step = -bend.slope / np.maximum(bend.curvature, 1.0)
-    return start.bundle(bundle, x + np.clip(step, -1.0, 1.0))
+    return start.bundle(bundle, x + bend.step)
 
 
 def _of_poses(bundle: Bundle) -> Variances:
