@@ -45,8 +45,8 @@ def stripe_on_board(
     Returns
     -------
     peaks
-        Points that are one peak, not cut by the border, and not beside a border of squares, dots or markers, where a step of
-        reflectance under the stripe draws its centre aside.
+        Points that are one peak, not cut by the image's border, and not beside one of squares, dots or markers, where a
+        step of reflectance under the stripe draws its centre aside.
     """
     config = config or StripeConfig()
     h = board_homography(corners.uv_px, corners.xy_mm)
