@@ -29,6 +29,8 @@ class BoardCorners:
         Step between dark and bright, the median of all.
     dot_radius_mm : float
         Of the dots, the median of all; 0 for corners of squares.
+    markers_mm : ndarray (M, 2) or None
+        The middles of a ChArUco board's markers, on the board.
     """
 
     xy_mm: Array
@@ -37,6 +39,7 @@ class BoardCorners:
     blur_px: float
     contrast_dn: float
     dot_radius_mm: float = 0.0
+    markers_mm: Array | None = None
 
     def __len__(self) -> int:
         """The number of corners."""

@@ -14,7 +14,7 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from extraction.board import BoardCorners, find_board
-from extraction.board.stripe import _rim_distance
+from extraction.board.stripe import _border_distance, _rim_distance
 from geometry import Board, exp_so3
 
 SIZE = (320, 256)
@@ -92,3 +92,11 @@ def test_distance_from_rims() -> None:
     assert _rim_distance(at, board, found) == pytest.approx(
         np.abs(np.array([0, found.dot_radius_mm, np.sqrt(50)]) - found.dot_radius_mm)
     )
+
+
+def test_the_stripe_is_not_read_within_markers() -> None:
+    board = Board("charuco", 5, 4, 12.0, 8.0, "DICT_4X4_50")
+    four = np.array([[0.0, 0.0], [48.0, 0.0], [48.0, 36.0], [0.0, 36.0]])
+    found = BoardCorners(four, four, np.tile(np.eye(2), (4, 1, 1)), 1.0, 100.0, markers_mm=np.array([[6.0, 6.0]]))
+    at = np.array([[6.0, 7.0], [6.0, 11.0], [6.0, 18.0]])  # in a marker, beside it, in the middle of a dark square
+    assert _border_distance(at, board, found) == pytest.approx([0.0, 1.0, 6.0])
