@@ -22,8 +22,8 @@ from scipy.special import j1
 
 from extraction.config import MAX_GRAIN_PX
 from extraction.spots.error.influence import CLASSES, DISTANCES2, LAGS
+from extraction.spots.fit import window_of
 from extraction.spots.frame import Fits
-from extraction.spots.model import BELLS, POWER_X, POWER_Y
 from extraction.spots.noise import PRIOR_CONTRAST
 from geometry import Camera, Sensor
 
@@ -47,7 +47,9 @@ SHAPE_CONTRAST = 0.02
 # share of the height above which pixels are looked at: in wings a spot departs from a Gaussian by more than by speckle.
 # Where they are less than MANY it is lowered, down to FAINT: spots that the lens draws have so few
 BRIGHT, FAINT, MANY = 0.1, 0.03, 30
-# powers of the third and fourth moments: those of spots of so MANY pixels are left to the string's shape
+# powers of the terms that a fit takes up, and of the third and fourth moments: those of spots of so MANY pixels are
+# left to the shape of the string
+POWERS = [(0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2)]
 MOMENTS = [(a, d - a) for d in (3, 4) for a in range(d, -1, -1)]
 ODD_SPOT = 1e-3  # probability that a spot's residuals are those of something else
 MOST_SPOTS = 60  # of an image: each takes half a millisecond
@@ -247,9 +249,9 @@ class _BrightPixels:
 def _bright(fits: Fits, k: int, model_error: float) -> _BrightPixels | None:
     """Those of spot k; None where its light is nowhere."""
     place, spot, noise = fits.place[k], fits.spot[k], fits.noise[k]
-    grey = fits.windows.grey[k, : place["rows"], : place["columns"]]
-    use = fits.windows.use[k, : place["rows"], : place["columns"]]
-    rows, columns = np.indices(grey.shape)
+    window = window_of(fits.windows, k, place)
+    grey, use = window.grey, window.use
+    columns, rows = np.meshgrid(np.arange(grey.shape[1]), np.arange(grey.shape[0]))
     x, y = columns - spot["u"], rows - spot["v"]
     bell = np.asarray(np.exp(-0.5 * (spot["a"] * x * x + 2.0 * spot["h"] * x * y + spot["c"] * y * y)))
     level = float(np.sort(bell[use])[-MANY]) if np.count_nonzero(use) >= MANY else 0.0
@@ -260,7 +262,7 @@ def _bright(fits: Fits, k: int, model_error: float) -> _BrightPixels | None:
     mean = signal + spot["level"] + spot["slope_u"] * i + spot["slope_v"] * j
     own = (model_error * spot["height"]) ** 2
     variance = noise["floor"] + noise["gain"] * np.maximum(mean - noise["dark"], 0.0) + own
-    powers = [*zip(POWER_X[:BELLS], POWER_Y[:BELLS], strict=True), *(MOMENTS if many else [])]
+    powers = [*POWERS, *(MOMENTS if many else [])]
     terms = np.stack([bell * x**a * y**b for a, b in powers], axis=1)
     fall, drop = spot["a"] * x + spot["h"] * y, spot["h"] * x + spot["c"] * y
     return _BrightPixels(
