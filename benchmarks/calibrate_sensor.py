@@ -2,13 +2,17 @@
 
     python benchmarks/calibrate_sensor.py FOLDER board.toml
     python benchmarks/calibrate_sensor.py FOLDER board.toml --published profile3d.yaml
+    python benchmarks/calibrate_sensor.py --emulated FOLDER…
     python benchmarks/calibrate_sensor.py --sensors 200 [--tilt 1 10] [--seed 0] [--kept FILE.jsonl]
 
 The first form prints left-out views of ours and of cv2.calibrateCamera with a plane fitted afterwards, on the same
 pictures: the peer with our stripes, and with a plain centre of mass of its own (columns, or rows, within the board's
 corners). Left out: the camera and the plane from the other views, the left-out board's pose from its corners alone.
 
-The second draws sensors (every other one with its chip tilted), views of them as points by geometry's lens (which is
+The third takes folders of `perceptron-emu render --board` and prints what their calibration is off by: the mapping from
+pixels to (y, z) after the best rigid motion, and squared errors of all stated parameters over their covariance.
+
+The last draws sensors (every other one with its chip tilted), views of them as points by geometry's lens (which is
 OpenCV's to rounding) with noise of 0.03 px, and prints
 
 NEES        squared errors of all stated parameters over their covariance, a parameter: 1 where it is true. What chance
@@ -30,20 +34,23 @@ import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import chi2
 
 from calib.sensor import BoardView, SensorCalibration, SensorSolution, calibrate_sensor
 from calib.sensor.bundle import SensorBundle
 from calib.sensor.sheet_frame import camera_rows, sheet_deviations, sheet_frame, to_sheet
 from calib.sensor.stated import Answer, parts_by_name
 from calib.sensor.terms import BOARD, CAMERA, PLANE
+from calib.sensor.valley import settled
 from calib.sensor.views import BoardViews
 from calib.synthetic.boards import SIZE_PX, SyntheticSensor, observe_boards, parameter_errors, synthetic_sensor
 from geometry import Board, Sensor, State
-from workbench.files import ViewFiles, find_views, read_board, read_image
+from workbench.files import ViewFiles, find_views, read_board, read_image, read_sensor
 from workbench.sensor import calibrate_recording, read_recording
 
 Array = NDArray[np.float64]
@@ -142,8 +149,8 @@ def mapping(
     bundle = SensorBundle(BoardViews.of([_centred(v) for v in views]), sensor.terms, float(SIZE_PX[0]))
     if len(found.views) == found.n_views:
         start = State({CAMERA: true_camera, BOARD: s.boards, PLANE: true_plane})
-        result = bundle.settle(start)
-        bound = bundle.covariance(result).total
+        result = settled(bundle, start)
+        bound = bundle.covariance(result)
         u = result.unknowns
         columns = np.concatenate([u.indices(CAMERA)[list(camera_rows(sensor.terms))], u.indices(PLANE)])
         # both where the fit is: the mapping stays along the bent valley, not along a tangent that was drawn elsewhere
@@ -385,6 +392,38 @@ def beside_published(folder: Path, board_file: Path, published: Path) -> None:
         print(f"    stated for ours: {np.sqrt(float(np.sum((jacobian @ covariance) * jacobian)) / len(uv)):.3f} mm")
 
 
+def beside_truth(folders: Sequence[Path]) -> None:
+    """What calibrations of our own emulator's recordings are off by."""
+    total, numbers = 0.0, 0
+    for folder in folders:
+        with TemporaryDirectory() as place:
+            (Path(place) / "sensor.toml").write_text(json.loads((folder / "truth.json").read_text())["sensor_toml"])
+            true = read_sensor(Path(place) / "sensor.toml").require_camera()
+        camera = np.array([true.fx_px, true.fy_px, true.cx_px, true.cy_px, *true.distortion14])
+        normal, distance = -true.T_sensor_camera.R[0], float(true.T_sensor_camera.t[0])
+        recording = read_recording(find_views(folder / "images", lambda said: None), read_board(folder / "board.toml"))
+        found = calibrate_recording(recording)
+        s = found.solution
+        assert s is not None
+        error = parameter_errors(s, SyntheticSensor(camera, normal, distance))
+        nees = float(error @ np.linalg.solve(s.uncertainty.covariance, error))
+        total, numbers = total + nees, numbers + len(error)
+        middle = (np.array([true.width_px, true.height_px]) - 1) / 2
+        uv = np.concatenate([v.stripe.uv_px for v in recording.views])[::EVERY] - middle
+        yz = []
+        for c, p in ((camera, normal / distance), (s.camera, plane_vector(s))):
+            centred = np.concatenate([c[:2], c[2:4] - middle, c[4:]])
+            yz.append(to_sheet(centred, sheet_frame(centred, p), uv))
+        apart = _without_motion(yz[0])((yz[1] - yz[0]).reshape(-1))
+        print(
+            f"{folder}: {found.n_views} views, mapping off by {1e3 * np.sqrt(apart @ apart / len(uv)):.2f} µm, squared "
+            f"errors {nees:.1f} of {len(error)}, corners {found.corner_scale:.2f} and stripes {found.stripe_scale:.2f} "
+            "of their stated σ"
+        )
+    low, high = chi2.ppf([0.025, 0.975], numbers) / numbers
+    print(f"all: squared errors a parameter {total / numbers:.2f} (95 % of chance: {low:.2f} to {high:.2f})")
+
+
 def plane_vector(solution: SensorSolution) -> Array:
     """The plane p · X = 1 of a solution."""
     return solution.plane_normal / solution.plane_mm
@@ -395,6 +434,7 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("pictures", nargs="*", type=Path, metavar="FOLDER board.toml")
     parser.add_argument("--published", type=Path, help="profile3d.yaml of others, to compare the laser plane with")
+    parser.add_argument("--emulated", type=Path, nargs="+", help="folders of render --board")
     parser.add_argument("--sensors", type=int, default=0)
     parser.add_argument("--tilt", type=float, nargs=2, default=(1.0, 10.0))
     parser.add_argument("--seed", type=int, default=0)
@@ -402,6 +442,8 @@ def main() -> None:
     asked = parser.parse_args()
     if asked.sensors:
         consistency(kept_trials(asked.sensors, tuple(asked.tilt), asked.seed, asked.kept))
+    if asked.emulated:
+        beside_truth(asked.emulated)
     if len(asked.pictures) == 2 and asked.published is not None:
         beside_published(*asked.pictures, asked.published)
     elif len(asked.pictures) == 2:

@@ -17,6 +17,7 @@ DIGITS = 9  # significant, of any number
 DECIMALS = 7  # at most: of mm, px, degrees, and of what has no unit
 ROTATION_DECIMALS = 9  # of the entries of a rotation: a micrometre at a kilometre
 COVARIANCE_DIGITS = 6  # of a σ, and places of a correlation
+_MOST_PLACES, _SPOILT = 13, 0.05  # of a correlation, and what of its least eigenvalue rounding may change
 _SIGMA_PLACES = 6  # of a number, below the first digit of its σ: numbers that only count together keep what they say
 
 
@@ -72,7 +73,8 @@ def rounded_transform(value: ArrayLike) -> NDArray[np.float64]:
 def rounded_covariance(value: ArrayLike) -> NDArray[np.float64]:
     """A covariance (n, n), or its n² numbers, by σ and correlations rounded.
 
-    An entry near zero is rounding noise of the diagonal's size.
+    An entry near zero is rounding noise of the diagonal's size. Where unknowns trade places, correlations near 1 keep
+    the places that say what the unknowns are known to together; no rounding makes a variance of theirs negative.
     """
     m = np.array(value, dtype=float)
     m = m.reshape((math.isqrt(m.size),) * 2)
@@ -80,8 +82,12 @@ def rounded_covariance(value: ArrayLike) -> NDArray[np.float64]:
     if not np.all(variance > 0):
         return np.array([float(f"{v:.{COVARIANCE_DIGITS}g}") for v in m.ravel()]).reshape(m.shape)
     sigma = np.array([float(f"{s:.{COVARIANCE_DIGITS}g}") for s in np.sqrt(variance)])
-    correlation = np.round(m / np.sqrt(np.outer(variance, variance)), COVARIANCE_DIGITS)
-    return np.asarray(correlation * np.outer(sigma, sigma)) + 0.0
+    correlation = m / np.sqrt(np.outer(variance, variance))
+    least = float(np.linalg.eigvalsh(correlation)[0]) or math.ulp(1.0)
+    places = COVARIANCE_DIGITS
+    while places < _MOST_PLACES and abs(np.linalg.eigvalsh(np.round(correlation, places))[0] / least - 1) > _SPOILT:
+        places += 1
+    return np.asarray(np.round(correlation, places) * np.outer(sigma, sigma)) + 0.0
 
 
 def _like(matrix: NDArray[np.float64], value: Any) -> Any:

@@ -89,8 +89,12 @@ class OnTarget:
         )
 
     def with_noise(self, point_scale: float, hand_noise: Array) -> OnTarget:
-        """The term with the points' covariances times ``point_scale`` and hand poses of covariance (F, 6, 6)."""
-        points = replace(self.points, cov_mm2=self.points.cov_mm2 * point_scale)
+        """The term with the points' covariances times ``point_scale`` and hand poses of covariance (F, 6, 6).
+
+        Points that do not count keep theirs: they have no residual, and would tell of a smaller scale.
+        """
+        scale = np.where(self.removed, 1.0, point_scale)[..., None, None]
+        points = replace(self.points, cov_mm2=self.points.cov_mm2 * scale)
         return replace(self, points=points, hand_noise=hand_noise)
 
     def T_sensor_target(self, state: State) -> Pose:

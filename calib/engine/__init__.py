@@ -1,6 +1,6 @@
 """The one least-squares engine: terms and named unknowns in, a result with its covariance out."""
 
-from calib.engine.covariances import Covariance, covariance, deviance, evidence, scaled_condition
+from calib.engine.covariances import Covariance, covariance, deviance, evidence, exact_covariance, scaled_condition
 from calib.engine.members import MembersResult, solve_members
 from calib.engine.normal import (
     GroupNormals,
@@ -31,6 +31,7 @@ __all__ = [
     "departure",
     "deviance",
     "evidence",
+    "exact_covariance",
     "group_normals",
     "lowest",
     "normal_step",

@@ -9,11 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.engine.normal import (
+    common_columns,
     considered_covariance,
     departure,
     reduced,
     reduced_gradient,
     scaled_solve,
+    separate_block,
     solve_own,
     total_normal,
     whitener,
@@ -80,6 +82,48 @@ def covariance(result: Result) -> Covariance:
         own = solve_own(result.normal.own[name], np.eye(gain.shape[-1]))
         separate[name] = own + to_free @ noise @ np.swapaxes(to_free, -1, -2) + bias @ np.swapaxes(bias, -1, -2)
     return Covariance(u, total, from_noise, separate)
+
+
+def exact_covariance(result: Result) -> Array:
+    """Covariance (C, C) of the free common unknowns, zero elsewhere, by orthogonal transformations.
+
+    As ``covariance`` has it from noise alone, to twice the digits: normal equations lose those by which unknowns that
+    trade places are told apart. LinAlgError where a combination of unknowns is open.
+
+    References
+    ----------
+    Golub & Van Loan, Matrix Computations, 4th ed., 5.3: least squares by QR.
+    """
+    u = result.unknowns
+    free = np.flatnonzero(u.free)
+    # with the members' own unknowns before the common ones, what is left below these has them eliminated
+    eliminated = [np.diag(np.sqrt(u.prior_weight[free]))]
+    rows: dict[tuple[str, int], list[Array]] = {}
+    for lin, white in zip(result.linearised, result.whites, strict=True):
+        index, columns = common_columns(u, lin, u.free)
+        common = np.zeros((*lin.residual.shape, len(free)))
+        common[..., np.searchsorted(free, index)] = white @ columns
+        if not (name := separate_block(u, lin)):
+            eliminated.append(common.reshape(-1, len(free)))
+            continue
+        table = np.concatenate([white @ lin.jacobian[name], common], -1)
+        for member in np.unique(lin.member[name]):
+            mine = table[lin.member[name] == member]
+            rows.setdefault((name, int(member)), []).append(mine.reshape(-1, table.shape[-1]))
+    for (name, _), parts in rows.items():
+        own = u.block(name)
+        kept = np.concatenate([own.free, np.ones(len(free), dtype=bool)])
+        prior = np.diag(np.sqrt(own.prior_weight)) @ np.eye(own.size, len(kept))
+        triangle = np.linalg.qr(np.concatenate([*parts, prior])[:, kept], mode="r")
+        eliminated.append(triangle[int(own.free.sum()) :, int(own.free.sum()) :])
+    table = np.concatenate(eliminated)
+    scale = np.linalg.norm(table, axis=0)
+    if not np.all(scale > 0):
+        raise np.linalg.LinAlgError("an unknown is open")
+    root = np.linalg.inv(np.linalg.qr(table / scale, mode="r")) / scale[:, None]
+    out = np.zeros((u.size, u.size))
+    out[np.ix_(free, free)] = root @ root.T
+    return out
 
 
 def scaled_condition(result: Result, name: str) -> float:

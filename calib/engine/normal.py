@@ -80,8 +80,8 @@ def total_normal(
     own = {k: np.zeros((count, n, n)) for k, (count, n) in separate.items()}
     own_gradient = {k: np.zeros(shape) for k, shape in separate.items()}
     for lin, white in zip(linearised, whites, strict=True):
-        index, a = _common_columns(unknowns, lin, chosen)
-        name = _separate_block(unknowns, lin)
+        index, a = common_columns(unknowns, lin, chosen)
+        name = separate_block(unknowns, lin)
         b = lin.jacobian[name] if name else np.zeros((*lin.residual.shape, 0))
         columns = white @ np.concatenate([a, b, lin.residual[..., None]], -1)
         a, b, r = columns[..., : len(index)], columns[..., len(index) : -1], columns[..., -1:]
@@ -103,8 +103,8 @@ def total_normal(
 
 def group_normals(unknowns: Unknowns, lin: Linearised) -> GroupNormals:
     """The information of every group of a term about all common unknowns and about the copy that it meets."""
-    name = _separate_block(unknowns, lin)
-    index, columns = _common_columns(unknowns, lin, np.ones(unknowns.size, dtype=bool))
+    name = separate_block(unknowns, lin)
+    index, columns = common_columns(unknowns, lin, np.ones(unknowns.size, dtype=bool))
     white = whitener(lin.covariance)
     a = np.zeros((*lin.residual.shape, unknowns.size))
     a[..., index] = white @ columns
@@ -191,7 +191,7 @@ def considered_covariance(noise: Array, coupling: Array, sigma: Array) -> Array:
     return np.asarray(noise + bias @ np.swapaxes(bias, -1, -2))
 
 
-def _common_columns(unknowns: Unknowns, lin: Linearised, chosen: Mask) -> tuple[Index, Array]:
+def common_columns(unknowns: Unknowns, lin: Linearised, chosen: Mask) -> tuple[Index, Array]:
     """Positions (k,) of the chosen common unknowns that a term depends on, and their columns (G, r, k)."""
     index, columns = [np.zeros(0, dtype=np.intp)], [np.zeros((*lin.residual.shape, 0))]
     for block in unknowns.common:
@@ -203,7 +203,7 @@ def _common_columns(unknowns: Unknowns, lin: Linearised, chosen: Mask) -> tuple[
     return np.concatenate(index), np.concatenate(columns, -1)
 
 
-def _separate_block(unknowns: Unknowns, lin: Linearised) -> str:
+def separate_block(unknowns: Unknowns, lin: Linearised) -> str:
     """The separate block whose copies a term's groups meet, "" for none; more than one could not be eliminated."""
     names = [b.name for b in unknowns.separate if b.name in lin.jacobian]
     if len(names) > 1:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib import engine
-from calib.engine import Covariance, Result, covariance
+from calib.engine import Result
 from calib.sensor.lens import PINHOLE, TERMS, undistort
 from calib.sensor.start import board_poses, fitted_plane, focal_length, view_homographies
 from calib.sensor.terms import BOARD, CAMERA, PLANE, CornerResiduals, StripeNoise, StripeOnBoard
@@ -20,11 +20,9 @@ Array = NDArray[np.float64]
 
 _FOCAL_GRID = (0.7, 1.2, 2.0, 3.5, 6.0)  # of the image's width: from a wide lens to a long one
 _MAX_STEPS = 30
-_SETTLED_SIGMA = (
-    0.03  # a step shorter than this many σ: a tilt's valley is so long and bent that shorter ones never end
-)
-_MORE = 4  # times that many, before a set of terms is given up
-TILT_PLACES = [CAMERA_PARAMETERS.index(name) for name in ("tau_x", "tau_y")]
+_SETTLED_SIGMA = 0.03  # a step shorter than this many σ; shorter ones of all unknowns never end where a tilt is free
+TILT_NAMES = ("tau_x", "tau_y")
+TILT_PLACES = [CAMERA_PARAMETERS.index(name) for name in TILT_NAMES]
 # what no lens exceeds: keeps a term that the views hardly tell from running away; far beyond what is usual
 PRIOR_SIGMA = dict(zip(TERMS, (1.0, 5.0, 0.05, 0.05, 20.0, 5.0, 20.0, 50.0, 0.1, 0.5, 0.1, 0.5, 0.5, 0.5), strict=True))
 
@@ -83,21 +81,12 @@ class SensorBundle:
         """The terms that are summed."""
         return (self.corner_term, self.stripe_term) if self.has_plane else (self.corner_term,)
 
-    def solve(self, start: State) -> Result:
+    def solve(self, start: State, max_steps: int = _MAX_STEPS, settled_sigma: float = _SETTLED_SIGMA) -> Result:
         """The least-squares solution from a start, where every block has a value."""
         known = State({b.name: start.values[b.name] for b in self.unknowns.blocks})
         begin = self.held(known)
         with np.errstate(over="ignore", invalid="ignore"):  # a trial step too far is refused by its cost
-            return engine.solve(self.evidence, self.unknowns, begin, None, _MAX_STEPS, _SETTLED_SIGMA)
-
-    def settle(self, start: State) -> Result:
-        """As ``solve``, gone on with while the iteration has not settled: a tilt's valley is long."""
-        result = self.solve(start)
-        for _ in range(_MORE):
-            if result.converged:
-                break
-            result = self.solve(result.state)
-        return result
+            return engine.solve(self.evidence, self.unknowns, begin, None, max_steps, settled_sigma)
 
     def held(self, state: State) -> State:
         """The state with all terms that are not free at zero, and the tilt where it is held."""
@@ -107,9 +96,12 @@ class SensorBundle:
             camera[TILT_PLACES] = self.tilt_rad
         return state.with_value(CAMERA, camera)
 
-    def covariance(self, result: Result) -> Covariance:
-        """Of camera and plane."""
-        return covariance(result)
+    def covariance(self, result: Result) -> Array:
+        """Of camera and plane (C, C): tilt, tangential terms and principal point can hardly be told apart."""
+        try:
+            return engine.exact_covariance(result)
+        except np.linalg.LinAlgError:  # boards that leave something open: a large σ says so
+            return engine.covariance(result).total
 
     def without_stripes(self) -> SensorBundle:
         """The bundle of the boards alone."""

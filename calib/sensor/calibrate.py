@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.sensor.bundle import SensorBundle, camera_start
+from calib.sensor.bundle import TILT_NAMES, SensorBundle, camera_start
 from calib.sensor.choice import LENGTH, Choice, choose_terms
 from calib.sensor.contradiction import common_error_px, contradicting_stripes
 from calib.sensor.left_out import left_out
@@ -18,7 +18,8 @@ from calib.sensor.result import SensorCalibration, SensorSolution, SensorVerdict
 from calib.sensor.sheet_frame import SheetFrame, sheet_frame, to_sheet
 from calib.sensor.stated import Answer, tangent_uncertainty, uncertainty_of_tilts
 from calib.sensor.terms import BOARD, CAMERA, PLANE
-from calib.sensor.tilts import TILT_NAMES, possible_tilts
+from calib.sensor.tilts import possible_tilts
+from calib.sensor.valley import settled
 from calib.sensor.verdict import judge, no_camera, too_few
 from calib.sensor.views import BoardView, BoardViews
 from geometry import Pose, State
@@ -126,9 +127,9 @@ class _Attempt:
         for _ in range(_ROUNDS):
             cleaned = _without_outliers(_on_lines(views, choice.result.state, FINE_PX), choice)
             bundle = replace(choice.bundle, views=cleaned)
-            result = bundle.settle(choice.result.state)
+            result = settled(bundle, choice.result.state)
             bundle = with_noise(bundle, result)
-            result = bundle.settle(result.state)
+            result = settled(bundle, result.state)
             choice = replace(choice, bundle=bundle, result=result, left_out=left_out(bundle, result))
         return _Attempt(given, size_px, settings, dropped, choice, choice.result.state)
 
@@ -188,7 +189,7 @@ class _Attempt:
         distances = bundle.stripe_term.distances(result.state).residual
         errors = bundle.corner_term.errors(result.state).residual
         covariance = bundle.covariance(result)
-        solution = _solution(choice, answer, tangent_uncertainty(answer, bundle.terms, covariance.total), centre)
+        solution = _solution(choice, answer, tangent_uncertainty(answer, bundle.terms, covariance), centre)
         between = common_error_px(bundle, result)
         verdict = judge(choice, solution, len(self.given), contradicted=contradicted, stripes_apart_px=between)
         tilt_fits = verdict.is_answer and self.settings.max_terms >= LENGTH[TILT_NAMES[0]]

@@ -16,6 +16,7 @@ from calib.engine import Result
 from calib.sensor.bundle import SensorBundle, plane_start, tilted_start
 from calib.sensor.left_out import LeftOutViews, left_out
 from calib.sensor.noise import first_noise, with_noise
+from calib.sensor.valley import settled
 from geometry import State
 
 Array = NDArray[np.float64]
@@ -111,7 +112,7 @@ def choose_terms(bundle: SensorBundle, start: State, max_terms: int = 14) -> Cho
                 continue
             if terms not in fits:
                 mine = replace(noise, terms=terms)
-                found = mine.settle((result if TILT[-1] in terms and widest is not first else upright).state)
+                found = settled(mine, (result if TILT[-1] in terms and widest is not first else upright).state)
                 fits[terms] = _Fit(mine, found, left_out(mine, found))
             best = fits[terms] if best is None or fits[terms].beats(best) else best
         return best or best_of(None, [()])
@@ -136,4 +137,4 @@ def _tilted(bundle: SensorBundle, starts: Sequence[State]) -> Result:
     """
     found = [bundle.solve(tilted_start(start)) for start in starts] + [bundle.solve(starts[-1])]
     best = min(found, key=lambda r: round(r.cost, 3))
-    return best if best.converged else bundle.settle(best.state)
+    return best if best.converged else settled(bundle, best.state)

@@ -17,6 +17,7 @@ from calib.engine import Result
 from calib.sensor.bundle import SensorBundle
 from calib.sensor.condensed import PLANE_FREEDOM, STRIPE_FREEDOM, condensed_stripes
 from calib.sensor.noise import with_noise
+from calib.sensor.valley import settled
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -75,7 +76,7 @@ def common_error_px(bundle: SensorBundle, result: Result) -> float:
     The corners' σ is that of the boards alone: stripes that contradict few boards bend the boards' poses too.
     """
     boards = bundle.without_stripes()
-    scale = with_noise(boards, boards.settle(result.state)).corner_scale
+    scale = with_noise(boards, settled(boards, result.state)).corner_scale
     stripes = condensed_stripes(replace(bundle, corner_scale=min(scale, bundle.corner_scale)), result)
     return stripes.common_error()
 

@@ -21,14 +21,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.engine import Covariance, Result
-from calib.sensor.bundle import TILT_PLACES, SensorBundle, tilted_more
+from calib.engine import Result
+from calib.sensor.bundle import TILT_NAMES, TILT_PLACES, SensorBundle, tilted_more
 from calib.sensor.terms import CAMERA, PLANE
+from calib.sensor.valley import settled
 from geometry import State
 
 Array = NDArray[np.float64]
 
-TILT_NAMES = ("tau_x", "tau_y")
 POINTS = 120  # of a view's stripe, by which the tilts are solved: more hardly tell more, for neighbours are alike
 TILTED_SHARE = 0.5  # of sensors, before any picture: many line sensors have a Scheimpflug mount
 TILT_SIGMA_RAD = float(np.deg2rad(5.0))  # of its angle about either axis: mounts of line sensors have 1° to 10°
@@ -91,7 +91,7 @@ class PossibleTilts:
         )
 
 
-def possible_tilts(bundle: SensorBundle, result: Result, covariance: Covariance) -> PossibleTilts | None:
+def possible_tilts(bundle: SensorBundle, result: Result, covariance: Array) -> PossibleTilts | None:
     """The tilts beside an answer.
 
     Parameters
@@ -110,12 +110,12 @@ def possible_tilts(bundle: SensorBundle, result: Result, covariance: Covariance)
     return _about_none(thin, result, covariance)
 
 
-def _about_taken(bundle: SensorBundle, result: Result, covariance: Covariance) -> PossibleTilts:
+def _about_taken(bundle: SensorBundle, result: Result, covariance: Array) -> PossibleTilts:
     """On rings of the distance that the covariance gives to tilts, each solved from the one inside it."""
     free = replace(bundle, terms=tuple(t for t in bundle.terms if t not in TILT_NAMES))
     tau = result.state.vector(CAMERA)[TILT_PLACES]
     places = np.array(result.unknowns.indices(CAMERA))[TILT_PLACES]
-    spread = covariance.total[np.ix_(places, places)]
+    spread = covariance[np.ix_(places, places)]
     root = np.linalg.cholesky(spread)
     square, share = np.polynomial.laguerre.laggauss(_RINGS)
     parts, states = list[_Part](), [(result.state, tau)] * _DIRECTIONS
@@ -139,7 +139,7 @@ def _log_density(tau_rad: Array) -> float:
     return float(np.log(TILTED_SHARE / (2 * np.pi * TILT_SIGMA_RAD**2)) - tau_rad @ tau_rad / (2 * TILT_SIGMA_RAD**2))
 
 
-def _about_none(bundle: SensorBundle, result: Result, covariance: Covariance) -> PossibleTilts | None:
+def _about_none(bundle: SensorBundle, result: Result, covariance: Array) -> PossibleTilts | None:
     """On rings of angles about zero; None where no tilt is likely."""
     upright, state = _held(bundle, result.state, np.zeros(2))
     ring, states = _ring(bundle, [state] * _DIRECTIONS, 0.0, 0)
@@ -153,7 +153,7 @@ def _about_none(bundle: SensorBundle, result: Result, covariance: Covariance) ->
         rings.append(ring)
     way = 2 * np.pi * np.arange(_FINE) / _FINE
     around, near = np.stack([np.cos(way), np.sin(way)], -1), _nearest()
-    alone = replace(upright, common=_common(result), covariance=covariance.total)
+    alone = replace(upright, common=_common(result), covariance=covariance)
     parts = [_Part(np.zeros(2), float(np.log(1 - TILTED_SHARE)) - upright.cost / 2, alone)]
     for ring in rings:
         cost, common = ring.between()
@@ -256,9 +256,9 @@ def _ring(bundle: SensorBundle, starts: Sequence[State], from_rad: float, number
 def _held(bundle: SensorBundle, start: State, tau_rad: Array, more: bool = False) -> tuple[_Held, State]:
     """more: whether the start is far."""
     held = replace(bundle, tilt_rad=(float(tau_rad[0]), float(tau_rad[1])))
-    result = held.settle(start) if more else held.solve(start)
+    result = settled(held, start) if more else held.solve(start)
     u = result.unknowns
-    spread = held.covariance(result).total
+    spread = held.covariance(result)
     scale = np.sqrt(np.maximum(np.diag(spread)[u.free], 1e-300))
     width = np.linalg.slogdet(spread[np.ix_(u.free, u.free)] / np.outer(scale, scale))[1] + 2 * np.log(scale).sum()
     return _Held(result.cost - float(width), _common(result), spread), result.state

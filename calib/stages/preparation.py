@@ -42,7 +42,8 @@ def prepare(setup: Setup, given: tuple[Frame, ...]) -> Prepared:
     setup = replace(setup, target=begun.target)
     s = setup.with_config(method="bundle", model=model)
     labelled, solved = _labelled_and_solved(s, begun)
-    lost = begun.places and not solved.verdict.trustworthy and not hands_tell_nothing(s, given)
+    several = begun.rival <= RIVAL_CHI2  # SCPs that fit, of which a search without the drawing would take any
+    lost = begun.places and not several and not solved.verdict.trustworthy and not hands_tell_nothing(s, given)
     if s.design is not None and not begun.found and lost:
         anew = _begun(s, given, None)
         if anew.found:  # a design that leads nowhere

@@ -40,8 +40,8 @@ def solve(setup: Setup, labelled: tuple[Frame, ...], T_hand_sensor: Pose) -> Sol
     facts = bundle_facts(solution, used, refused)
     estimate = _whole(bundle_estimate(solution, used, setup.config), used, labelled)
     verdict = _views_named(judge(facts, moved, setup.config), setup, used, solution)
-    if verdict.code == "not_observable" and _condensed(used, labelled):
-        return Solved(verdict)  # what noise alone leaves open has no σ
+    if _open_on_surface(verdict, setup, used):
+        return Solved(verdict)
     return Solved(verdict, estimate, solution, used)
 
 
@@ -58,7 +58,17 @@ def try_suspects(setup: Setup, labelled: tuple[Frame, ...], solved: Solved) -> S
     verdict = judge(facts, frames_motion(used), config)
     if verdict.code not in _ACCUSING:  # what frames or motions are the fault of is no number's
         estimate = replace(estimate, culprit=())
-    return Solved(_views_named(verdict, setup, used, finding.solution), estimate, finding.solution, used)
+    verdict = _views_named(verdict, setup, used, finding.solution)
+    if _open_on_surface(verdict, setup, used):
+        return Solved(verdict)
+    return Solved(verdict, estimate, finding.solution, used)
+
+
+def _open_on_surface(verdict: Verdict, setup: Setup, used: tuple[Frame, ...]) -> bool:
+    """Whether views of a surface leave a direction open: noise alone closes it, and what it makes has no σ."""
+    return verdict.code == "not_observable" and any(
+        isinstance(target_at(setup.target, f.location), Surface) for f in used
+    )
 
 
 def _views_named(verdict: Verdict, setup: Setup, used: tuple[Frame, ...], solution: Solution | None) -> Verdict:

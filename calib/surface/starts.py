@@ -111,6 +111,11 @@ def surface_start(
     likeliest, rival = _likeliest([e for e in ends if e is not None], solved, target, bundle, lambda _: 0.0)
     if likeliest is None:
         return None
+    if bundle.degrees_of_freedom < _FEW:  # a grid so coarse finds one of several answers that lie close together
+        likeliest, beside = _near_drawing([], solved, target, bundle, likeliest, drawing_sigma, weighed=False)
+        if likeliest is None:
+            return None
+        rival = min(rival, beside)
     named = _renamed(frames, target, likeliest)
     return SurfaceStart(likeliest, _places(named, target, likeliest), named, found=True, rival=rival)
 
@@ -122,15 +127,22 @@ def _near_drawing(
     bundle: Bundle,
     design: Pose,
     sigma: Array,
+    *,
+    weighed: bool = True,
 ) -> tuple[Pose | None, float]:
     """Of the SCPs that so few frames fit the likeliest beside a drawing of this σ, and how far the next one is behind.
 
     The side on which a sheet cuts a ball, and how it turns about what it sees, have several answers each, and a drawing
-    a few millimetres off leads to any of them: the solve begins from places that the drawing allows as well.
+    a few millimetres off leads to any of them: the solve begins from places that the drawing allows as well. weighed:
+    whether how far an answer is from the drawing tells against it.
     """
     rng = np.random.default_rng(0)
     starts = [*first, design, *(design @ Pose.exp(sigma * xi) for xi in rng.normal(size=(_DRAWN, 6)))]
-    return _likeliest([(0.0, T) for T in starts], frames, target, bundle, lambda T: _off_drawing(design, T, sigma))
+
+    def prior(T: Pose) -> float:
+        return _off_drawing(design, T, sigma) if weighed else 0.0
+
+    return _likeliest([(0.0, T) for T in starts], frames, target, bundle, prior)
 
 
 def _off_drawing(design: Pose, T: Pose, sigma: Array) -> float:

@@ -59,7 +59,12 @@ def find_charuco(image: NDArray[np.uint8], board: Board, usable: Mask) -> BoardC
     if good.sum() < MIN_CORNERS:
         return NoBoard("too few corners of the ChArUco board are clear")
     return BoardCorners(
-        xy[good], fit.uv_px[good], fit.covariance_px2[good], float(np.median(fit.blur_px[good])), 2 * contrast
+        xy[good],
+        fit.uv_px[good],
+        fit.covariance_px2[good],
+        float(np.median(fit.blur_px[good])),
+        2 * contrast,
+        markers_mm=np.array([np.mean(m, axis=0)[:2] for m in printed.getObjPoints()]) - board.pitch_mm,
     )
 
 

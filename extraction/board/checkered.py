@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from extraction.board.found import BoardCorners, NoBoard
+from extraction.board.plane import board_homography, mapped
 from extraction.board.saddle import Saddles, fit_saddles
 from geometry import Board
 
@@ -72,7 +73,7 @@ def _one_grid(grid: _Grid) -> bool:
                 return False
     if not steps:
         return False
-    off = np.linalg.norm(_mapped(board_homography(xy, uv), xy) - uv, axis=1)
+    off = np.linalg.norm(mapped(board_homography(xy, uv), xy) - uv, axis=1)
     return bool(off.max() < MAX_OFF_SHARE * float(np.median(steps)))
 
 
@@ -145,7 +146,7 @@ def _grown(image: Grey, places: NDArray[np.intp], uv: Array, board: Board, usabl
         if not len(wanted):
             break
         h = board_homography(grid.place[:, ::-1].astype(float), grid.fit.uv_px)
-        expected = _mapped(h, wanted[:, ::-1].astype(float))
+        expected = mapped(h, wanted[:, ::-1].astype(float))
         inside = np.all((expected > 2) & (expected < np.array(image.shape[::-1]) - 3), axis=1)
         more = _checked(image, wanted[inside], expected[inside], grid.place, grid.fit.uv_px, usable, grid.fit)
         if more is None or not len(more.place):
@@ -208,17 +209,6 @@ def _neighbours(places: NDArray[np.intp], board: Board) -> NDArray[np.intp]:
     fits = (np.maximum(high, around) - np.minimum(low, around) + 1 <= most).all(axis=1)
     free = [tuple(p) not in known for p in around.tolist()]
     return np.asarray(around[fits & np.array(free, dtype=bool)])
-
-
-def board_homography(xy: Array, uv: Array) -> Array:
-    """The map (3, 3) of points (N, 2) of a plane to their images; the identity where there is none."""
-    h, _ = cv2.findHomography(xy.astype(np.float64), uv.astype(np.float64), 0)
-    return np.eye(3) if h is None else np.asarray(h, dtype=float)
-
-
-def _mapped(h: Array, xy: Array) -> Array:
-    p = np.column_stack([xy, np.ones(len(xy))]) @ h.T
-    return np.asarray(p[:, :2] / p[:, 2:])
 
 
 def _directions(h: Array, xy: Array) -> Array:

@@ -1,8 +1,4 @@
-"""Boards of dots: OpenCV finds the grid, each dot is localised by its moments, and its perspective is taken off.
-
-A circle's image is an ellipse, whose middle is not the image of the circle's middle: by the board's homography the
-difference is known once the dots' radius is, which their area tells.
-"""
+"""Boards of dots: OpenCV finds the grid, moments tell place and size of each dot, and discs are fitted from there."""
 
 from __future__ import annotations
 
@@ -12,8 +8,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from extraction.board.checkered import board_homography
+from extraction.board.disc import FlatBoard, fit_discs
 from extraction.board.found import BoardCorners, NoBoard
+from extraction.board.plane import board_homography
 from geometry import Board
 
 Array = NDArray[np.float64]
@@ -23,7 +20,7 @@ WINDOW_SHARE = 0.5  # of the distance of neighbours: the next dots stay out
 MIN_PIXELS = 20  # of a dot that has a middle worth the name
 MIN_DOTS = 12
 MAX_NOISE, MAX_AREA = 3.0, 0.1  # of a dot against the usual: beyond, a stripe or an edge of something lies across it
-BLUR_PX = 0.8  # of an edge whose width moments do not tell
+MAX_MISFIT, MAX_MOVE = 3.0, 0.2  # residual against the usual; from where moments have a dot, in its radius
 
 
 def find_circles(image: NDArray[np.uint8], board: Board, usable: Mask) -> BoardCorners | NoBoard:
@@ -60,17 +57,22 @@ def _localised(image: NDArray[np.uint8], board: Board, start: Array, usable: Mas
     if clear.sum() < MIN_DOTS:
         return NoBoard("too few dots are clear: something lies across most of them")
     table, xy = table[clear], xy[clear]
-    uv, area, noise, contrast = table[:, :2], table[:, 2], table[:, 3], table[:, 4]
-    h = board_homography(xy, uv)
-    for _ in range(2):  # the homography of the middles, then with the middles set right
-        radius = float(np.sqrt(np.median(area / _areas(h, xy)) / np.pi))
-        h = board_homography(xy, uv - _eccentricity(h, xy, radius))
+    uv, area = table[:, :2], table[:, 2]
+    flat = FlatBoard.of(xy, uv, image.shape)
+    radius = float(np.sqrt(np.median(area / _areas(flat.homography, xy)) / np.pi))
+    reach = WINDOW_SHARE * near[good][clear]
+    fit = fit_discs(image, flat, xy, uv, radius, reach)
+    fine = fit.misfit_dn < MAX_MISFIT * np.median(fit.misfit_dn)
+    fine &= np.linalg.norm(fit.uv_px - uv, axis=1) < MAX_MOVE * np.sqrt(area / np.pi)
+    if fine.sum() < MIN_DOTS:
+        return NoBoard("too few dots are clear")
     return BoardCorners(
-        xy,
-        uv - _eccentricity(h, xy, radius),
-        noise[:, None, None] ** 2 * np.eye(2),
-        BLUR_PX,
-        float(np.median(contrast)),
+        xy[fine],
+        fit.uv_px[fine],
+        fit.covariance_px2[fine],
+        float(np.median(fit.blur_px[fine])),
+        float(np.median(np.abs(fit.step_dn[fine]))),
+        float(np.median(fit.radius_mm[fine])),
     )
 
 
@@ -117,16 +119,3 @@ def _areas(h: Array, xy: Array) -> Array:
     """Area [px²] of a square millimetre of the board at points (N, 2)."""
     p = np.column_stack([xy, np.ones(len(xy))]) @ h.T
     return np.asarray(np.abs(np.linalg.det(h) / p[:, 2] ** 3))
-
-
-def _eccentricity(h: Array, xy: Array, radius: float) -> Array:
-    """Middle of the ellipse less image of the circle's middle (N, 2) [px]."""
-    out = np.empty_like(xy)
-    inverse = np.linalg.inv(h)
-    for i, (x, y) in enumerate(xy):
-        circle = np.array([[1, 0, -x], [0, 1, -y], [-x, -y, x * x + y * y - radius**2]])
-        q = inverse.T @ circle @ inverse
-        middle = np.linalg.solve(q[:2, :2], -q[:2, 2])
-        p = h @ [x, y, 1.0]
-        out[i] = middle - p[:2] / p[2]
-    return out

@@ -27,6 +27,10 @@ class BoardCorners:
         Gaussian σ of the edges' blur, the median of all.
     contrast_dn : float
         Step between dark and bright, the median of all.
+    dot_radius_mm : float
+        Of the dots, the median of all; 0 for corners of squares.
+    markers_mm : ndarray (M, 2) or None
+        The middles of a ChArUco board's markers, on the board.
     """
 
     xy_mm: Array
@@ -34,6 +38,8 @@ class BoardCorners:
     covariance_px2: Array
     blur_px: float
     contrast_dn: float
+    dot_radius_mm: float = 0.0
+    markers_mm: Array | None = None
 
     def __len__(self) -> int:
         """The number of corners."""

@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import erf
 
+from extraction.board.climb import climb, position_covariance
+
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-_STEPS = 25
-_SETTLED_PX = 1e-4
 _BLUR_PX = (0.3, 12.0)  # Gaussian σ of an edge: from as sharp as pixels allow to far out of focus
 _MIN_SHARE = 0.6  # of a window's pixels that must be usable
 _PARAMETERS = 9  # u, v, θ₁, θ₂, log blur, level, contrast, two slopes of the light
@@ -51,37 +51,17 @@ def fit_saddles(image: NDArray[np.generic], start_px: Array, along: Array, radiu
     p[:, 2:4] = np.arctan2(along[:, :, 1], along[:, :, 0])
     p[:, 4] = np.log(1.0)
     p[:, 5:] = _linear(p, grey, weight, grid)
-    damping = np.full(n, 1e-3)
-    cost, jac, res = _model(p, grey, weight, grid)
-    for _ in range(_STEPS):
-        normal = np.einsum("npi,npj->nij", jac, jac)
-        gradient = np.einsum("npi,np->ni", jac, res)
-        diagonal = np.einsum("nii->ni", normal)
-        lifted = normal + damping[:, None, None] * np.einsum("ni,ij->nij", diagonal + 1e-9, np.eye(_PARAMETERS))
-        step = -np.linalg.solve(lifted, gradient[..., None])[..., 0]
-        step[:, :2] = np.clip(step[:, :2], -1.0, 1.0)
-        step[:, 4] = np.clip(step[:, 4], -0.5, 0.5)
-        trial = p + step
-        trial[:, 4] = np.clip(trial[:, 4], *np.log(_BLUR_PX))
-        new_cost, new_jac, new_res = _model(trial, grey, weight, grid)
-        better = new_cost <= cost
-        p, cost = np.where(better[:, None], trial, p), np.where(better, new_cost, cost)
-        jac, res = np.where(better[:, None, None], new_jac, jac), np.where(better[:, None], new_res, res)
-        damping = np.where(better, damping / 5, np.minimum(damping * 10, 1e6))
-        if np.all(~better | (np.abs(step[:, :2]).max(axis=1) < _SETTLED_PX)):
-            break
-    normal = np.einsum("npi,npj->nij", jac, jac)
-    scale = 1 / np.sqrt(np.maximum(np.einsum("nii->ni", normal), 1e-12))
-    unit = normal * scale[:, :, None] * scale[:, None] + 1e-12 * np.eye(_PARAMETERS)
-    inverse = np.linalg.inv(unit) * scale[:, :, None] * scale[:, None]
+    low, high = np.full(_PARAMETERS, -np.inf), np.full(_PARAMETERS, np.inf)
+    low[4], high[4] = np.log(_BLUR_PX)
+    most = np.array([1.0, 1.0, np.inf, np.inf, 0.5, *[np.inf] * 4])
+    p, cost, jac = climb(lambda q: _model(q, grey, weight, grid), p, (low, high), most)
     count = weight.sum(axis=1)
-    variance = cost / np.maximum(count - _PARAMETERS, 1)
     uv = np.round(start_px) + p[:, :2]
     moved = np.linalg.norm(uv - start_px, axis=1)
     good = (count > _MIN_SHARE * weight.shape[1]) & (moved < 0.5 * radius_px) & np.isfinite(cost)
     return Saddles(
         uv,
-        inverse[:, :2, :2] * variance[:, None, None],
+        position_covariance(jac, cost, count),
         np.exp(p[:, 4]),
         p[:, 6],
         np.sqrt(cost / np.maximum(count, 1)),

@@ -1,13 +1,14 @@
-"""The laser's stripe on a board: where it can be trusted, away from the borders of the squares."""
+"""The laser's stripe on a board: where it can be trusted, away from the borders of squares, dots and markers."""
 
 from __future__ import annotations
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
-from extraction.board.checkered import board_homography
 from extraction.board.found import BoardCorners
+from extraction.board.plane import board_homography
 from extraction.config import StripeConfig
 from extraction.image import Image
 from extraction.stripe import EDGE, SHAPE, StripePeaks, detect_stripe
@@ -17,7 +18,10 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 REACH = 10.0  # pitches beyond the corners, in which a board's plane is followed: a plate larger than its print
-BORDER_WIDTHS, BORDER_PX = 3.0, 1.0  # distance from a border between squares: Gaussian σ of the stripe, and pixels
+BORDER_WIDTHS, BORDER_PX = (
+    3.0,
+    1.0,
+)  # distance from a border of squares, dots or markers: Gaussian σ of the stripe, and pixels
 ALIKE_SHARE = 0.5  # slope of laser-on over laser-off levels from which the room light is in both
 WIDEST_PX = 24.0  # Gaussian σ of a stripe that floods a board made bright for its corners
 
@@ -41,8 +45,8 @@ def stripe_on_board(
     Returns
     -------
     peaks
-        Points that are one peak, not cut by the border, and not beside a border between squares, where a step of
-        reflectance under the stripe draws its centre aside.
+        Points that are one peak, not cut by the image's border, and not beside one of squares, dots or markers, where a
+        step of reflectance under the stripe draws its centre aside.
     """
     config = config or StripeConfig()
     h = board_homography(corners.uv_px, corners.xy_mm)
@@ -87,22 +91,31 @@ def _near(shape: tuple[int, ...], h: Array, board: Board, corners: BoardCorners)
 
 
 def _clear(peaks: StripePeaks, h: Array, board: Board, corners: BoardCorners) -> Mask:
-    """Which points stand clear of the borders between squares."""
-    if not board.is_checkered:
-        return np.ones(len(peaks), dtype=bool)
+    """Which points stand clear of the borders of squares, dots and markers."""
     p = np.column_stack([peaks.uv_px, np.ones(len(peaks))]) @ h.T
     xy = p[:, :2] / p[:, 2:]
     px_per_mm = np.sqrt(np.abs(p[:, 2]) ** 3 / np.abs(np.linalg.det(h)))
-    distance_mm = _border_distance(xy, board, corners)
+    distance_mm = (_border_distance if board.is_checkered else _rim_distance)(xy, board, corners)
     need = (BORDER_WIDTHS * peaks.width_px + BORDER_PX) / px_per_mm
     return np.asarray(distance_mm > need)
 
 
 def _border_distance(xy: Array, board: Board, corners: BoardCorners) -> Array:
-    """Distance [mm] from the nearest border between squares, the board as large as it may be."""
+    """Distance [mm] from the nearest border between squares, the board as large as it may be, or of a marker."""
     pitch = board.pitch_mm
     low, high = corners.xy_mm.min(axis=0) - pitch, corners.xy_mm.max(axis=0) + pitch
     inside = np.clip(xy, low, high)
     off = np.linalg.norm(xy - inside, axis=1)
     grid = np.abs(inside - pitch * np.round(inside / pitch)).min(axis=1)
-    return np.asarray(np.where(off > 0, off, grid))
+    distance = np.where(off > 0, off, grid)
+    if corners.markers_mm is not None:
+        middle = corners.markers_mm[cKDTree(corners.markers_mm).query(xy, p=np.inf)[1]]
+        beyond = np.maximum(np.abs(xy - middle) - board.marker_mm / 2, 0.0)
+        distance = np.minimum(distance, np.linalg.norm(beyond, axis=1))  # inside a marker there are borders everywhere
+    return np.asarray(distance)
+
+
+def _rim_distance(xy: Array, board: Board, corners: BoardCorners) -> Array:
+    """Distance [mm] from the nearest dot's rim."""
+    nearest, _ = cKDTree(board.points_mm).query(xy)
+    return np.asarray(np.abs(nearest - corners.dot_radius_mm))

@@ -7,14 +7,24 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.optimize import minimize
 
 from calib.sensor import BoardView, SensorCalibration, SensorSettings, calibrate_sensor, fit_direct
-from calib.sensor.bundle import stripe_points
+from calib.sensor.bundle import (
+    TILT_NAMES,
+    TILT_PLACES,
+    SensorBundle,
+    camera_start,
+    plane_start,
+    stripe_points,
+    tilted_more,
+)
 from calib.sensor.lens import project, undistort
 from calib.sensor.sheet_frame import plane_deviations, sheet_deviations, sheet_frame, to_sheet
 from calib.sensor.start import fitted_plane
 from calib.sensor.stated import PLANE_NAMES, Answer, parts_by_name
 from calib.sensor.terms import BOARD, CAMERA, PLANE, CornerResiduals, StripeNoise, StripeOnBoard
+from calib.sensor.valley import settled
 from calib.sensor.views import BoardViews
 from calib.synthetic.boards import SIZE_PX as SIZE
 from calib.synthetic.boards import BoardNoise, SyntheticSensor, observe_boards, parameter_errors, synthetic_sensor
@@ -76,18 +86,15 @@ def test_synthetic_views_are_opencvs_projection():
         np.testing.assert_allclose(on_board @ sensor.normal, sensor.distance_mm, rtol=0, atol=1e-4)
 
 
+def _centred(v: BoardView) -> BoardView:
+    corners = replace(v.corners, uv_px=v.corners.uv_px - CENTRE)
+    return replace(v, corners=corners, stripe=replace(v.stripe, uv_px=v.stripe.uv_px - CENTRE))
+
+
 def _scene() -> tuple[BoardViews, State]:
     rng = np.random.default_rng(3)
     views = BoardViews(tuple(observe_boards(synthetic_sensor(rng, 5.0), rng, 3, step=12)))
-    shifted = (
-        replace(
-            v,
-            corners=replace(v.corners, uv_px=v.corners.uv_px - CENTRE),
-            stripe=replace(v.stripe, uv_px=v.stripe.uv_px - CENTRE),
-        )
-        for v in views.views
-    )
-    views = BoardViews(tuple(shifted))
+    views = BoardViews(tuple(_centred(v) for v in views.views))
     boards = Pose(np.broadcast_to(np.eye(3), (3, 3, 3)).copy(), np.zeros((3, 3)))
     boards = boards @ Pose.exp(rng.normal(0, 0.3, (3, 6)))
     boards = Pose(boards.R, boards.t + np.array([-40.0, -25.0, 290.0]))
@@ -213,6 +220,61 @@ def bent() -> tuple[SensorCalibration, SyntheticSensor, list[BoardView]]:
     truth = synthetic_sensor(rng, 6.73)
     views = observe_boards(truth, rng)
     return calibrate_sensor(views, SIZE), truth, views
+
+
+def _tilted_bundle() -> tuple[SensorBundle, State]:
+    """Views that hardly tell a tilt, and a start up the valley, where straight steps end."""
+    rng = np.random.default_rng([4, 1])
+    views = BoardViews(tuple(_centred(v) for v in observe_boards(synthetic_sensor(rng, 2.0), rng, 6, step=6)))
+    start = camera_start(views, float(SIZE[0]))
+    return SensorBundle(views, ("k1", "k2", "p1", "p2", *TILT_NAMES), float(SIZE[0])), plane_start(views, start)
+
+
+def test_the_lowest_place_of_a_tilts_valley_is_found_from_anywhere():
+    """Minimised by scipy's trust region over the tilt alone, the rest by the bundle with the tilt held."""
+    bundle, start = _tilted_bundle()
+    found = settled(bundle, start)
+    other = settled(bundle, tilted_more(start, np.deg2rad([1.5, -2.0])))
+    assert found.converged
+    assert other.converged
+    sigma = np.sqrt(np.diag(bundle.covariance(found)))[:18]
+    apart = np.abs(found.state.vector(CAMERA) - other.state.vector(CAMERA)) / np.where(sigma > 0, sigma, 1.0)
+    assert apart.max() < 1e-3
+
+    def held_cost(tau_rad: np.ndarray) -> float:
+        held = replace(bundle, terms=bundle.terms[:4], tilt_rad=(float(tau_rad[0]), float(tau_rad[1])))
+        by = tau_rad - found.state.vector(CAMERA)[TILT_PLACES]
+        state = held.solve(tilted_more(found.state, by), settled_sigma=1e-4).state
+        return bundle.solve(state, max_steps=0).cost
+
+    best = minimize(held_cost, np.deg2rad([1.0, 1.0]), method="Nelder-Mead", options={"xatol": 1e-5, "fatol": 1e-6})
+    assert best.fun - 1e-3 < found.cost < best.fun + 1e-5
+
+
+def test_covariances_by_orthogonal_transformations_are_those_of_the_normal_equations():
+    """Against numpy's pseudo-inverse of the whole whitened Jacobian, boards' columns and all."""
+    bundle, start = _tilted_bundle()
+    result = settled(bundle, start)
+    u, views = result.unknowns, len(bundle.views)
+    common = np.flatnonzero(u.free)
+    rows = [np.hstack([np.diag(np.sqrt(u.prior_weight[common])), np.zeros((len(common), 6 * views))])]
+    for lin in result.linearised:
+        groups, size = lin.residual.shape
+        table = np.zeros((groups, size, u.size + 6 * views))
+        for name in (CAMERA, PLANE):
+            if name in lin.jacobian:
+                table[:, :, u[name]] = lin.jacobian[name]
+        for g in range(groups):
+            at = u.size + 6 * int(lin.member[BOARD][g])
+            table[g, :, at : at + 6] = lin.jacobian[BOARD][g]
+        flat = table.reshape(groups * size, -1)
+        rows.append(flat[:, [*common, *range(u.size, u.size + 6 * views)]])
+    whole = np.concatenate(rows)
+    scale = np.linalg.norm(whole, axis=0)
+    root = np.linalg.pinv(whole / scale, rcond=1e-15)[: len(common)] / scale[: len(common), None]
+    expected, found = root @ root.T, bundle.covariance(result)[np.ix_(common, common)]
+    sigma = np.sqrt(np.diag(expected))
+    np.testing.assert_allclose(found / np.outer(sigma, sigma), expected / np.outer(sigma, sigma), rtol=0, atol=1e-8)
 
 
 def _answer(found: SensorCalibration) -> Answer:

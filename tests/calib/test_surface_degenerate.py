@@ -12,7 +12,7 @@ from calib import CalibConfig, calibrate
 from calib.printed import nees
 from calib.synthetic.surfaces import ProfileNoise, observe_surface, surface_cell
 from calib.synthetic.telling_nothing import SPOILT, spoilt_cell
-from jig_cad import Edge, Sphere
+from jig_cad import Edge, Sphere, Wedge
 
 NEES_LIMIT = 22.5  # of six numbers: 1 in 1,000
 
@@ -69,6 +69,20 @@ def test_few_frames_from_a_drawing_do_not_end_in_a_false_answer(seed: int) -> No
     assert result.verdict.code in ("weak", "ambiguous_pose")
     if result.T_hand_sensor is not None:
         assert nees(cell.T_hand_sensor, result.T_hand_sensor, result.covariance) < NEES_LIMIT
+
+
+@pytest.mark.parametrize("by_design", [True, False])
+def test_two_views_a_wedge_that_two_answers_fit_are_no_answer(by_design: bool) -> None:
+    """Both fit to χ² of 1.6 and 1.7, 8 mm and 5° apart: a search without the drawing must not take either."""
+    rng = np.random.default_rng(2)
+    noise = ProfileNoise(correlation=0.5)
+    places = (("A", "calibrate", 2), ("B", "calibrate", 2), ("C", "calibrate", 2))
+    cell = surface_cell(Wedge(90.0), rng, places, noise)
+    seen = observe_surface(cell, rng, noise, 100, labelled=False)
+    design = seen.design if by_design else None
+    result = calibrate(seen.frames, Wedge(90.0), cell.robot, seen.sensor, design)
+    assert result.verdict.code == "ambiguous_pose", result.verdict.text
+    assert result.T_hand_sensor is None
 
 
 def test_an_edge_seen_so_that_its_place_is_open_is_no_fault_of_the_program() -> None:

@@ -25,6 +25,7 @@ BROWSER = next((b for n in ("chromium", "chromium-browser", "google-chrome") if 
 DRIVER = shutil.which("chromedriver")
 needs_browser = pytest.mark.skipif(not (BROWSER and DRIVER), reason="no Chromium with chromedriver is installed")
 
+AXE = Path(__file__).parents[1] / "assets" / "axe" / "axe.min.js"
 FLAGS = (
     "--headless=new --no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking "
     "--disable-component-update --disable-sync --window-size=1366,768"
@@ -89,6 +90,14 @@ class Page:
     def shown(self) -> str:
         """Image and hash of the picture."""
         return str(self.js("return document.documentElement.dataset.shown"))
+
+    def violations(self) -> list[str]:
+        """What axe-core finds wrong in the page as it stands, contrast included."""
+        self.driver.execute_script(AXE.read_text(encoding="utf-8"))
+        found = self.driver.execute_async_script(
+            "axe.run(document, { resultTypes: ['violations'] }).then((r) => arguments[0](r.violations))"
+        )
+        return [f"{v['id']}: {n['html'][:160]}" for v in found for n in v["nodes"]]
 
     def settled(self) -> None:
         """Wait until the picture shows the newest parameters."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import json
 import re
 import shutil
 import time
@@ -280,6 +281,91 @@ def test_one_click_calibrates(page: Page) -> None:
     assert page.find("#verdict b").text in ("ok", "model misfit", "weak")
     assert page.js("return document.getElementById('fig7').clientWidth > 200")
     assert "D" in page.find("#calibration").text
+
+
+def _saved(page: Page, what: str) -> str:
+    """What a button of the calibration saves."""
+    return str(
+        page.driver.execute_async_script(
+            "const [what, done] = arguments; import('./static/api.js').then((a) => a.content(what)).then(done);", what
+        )
+    )
+
+
+def _choose(page: Page, button: str, file: Path) -> None:
+    """Give a file to what a button asks for."""
+    page.find(button).click()
+    page.until("document.querySelector('dialog[open] input[type=file]')")
+    page.find("dialog[open] input[type=file]").send_keys(str(file))
+
+
+def _rms_mm(page: Page) -> float:
+    found = re.search(r"largest point rms of a location ([\d.]+) mm", page.find("#verified").text)
+    assert found is not None
+    return float(found[1])
+
+
+def test_an_answer_is_saved_compared_and_verified(
+    page: Page, cell_folder: Path, out: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """With itself: the same to no σ; verified: better than the design, and what the command says of that file."""
+    page.tab("calibration")
+    page.until("document.querySelector('#verify-design')")
+    page.find("#verify-design").click()
+    page.until("document.querySelector('#verified')")
+    assert "the design" in page.find("#verified").text
+    of_design = _rms_mm(page)
+    file = out / "earlier.json"
+    file.write_text(_saved(page, "result"), encoding="utf-8")
+    _choose(page, "#compare", file)
+    page.until("document.querySelector('#compared')")
+    compared = page.find("#compared")
+    assert "earlier.json" in compared.text
+    assert "good" in compared.get_attribute("class")
+    assert re.search(r"0\.000 ± 0\.\d+", compared.text)
+    _choose(page, "#verify", file)
+    page.until("document.querySelector('#verified')?.textContent.includes('earlier.json')")
+    assert _rms_mm(page) < of_design / 3
+    capsys.readouterr()
+    assert run(["verify", str(cell_folder), "--scp", str(file), "--json"]) in (0, 1)
+    largest = max(p["point_rms_mm"]["solved"] for p in json.loads(capsys.readouterr().out)["locations"].values())
+    assert _rms_mm(page) == pytest.approx(largest, abs=5e-4)
+
+
+def test_what_is_no_result_is_said_in_the_dialog(page: Page, out: Path) -> None:
+    file = out / "other.json"
+    file.write_text('{"T_hand_sensor": [[1, 2], [3]]}', encoding="utf-8")
+    _choose(page, "#compare", file)
+    page.until("document.querySelector('dialog[open] .error').textContent")
+    assert "other.json" in page.find("dialog[open] .error").text
+    page.js("document.querySelector('dialog[open]').close()")
+    assert page.find("#compared").text.startswith("Against earlier.json")
+
+
+def test_the_saved_report_is_the_command_s_record(page: Page, cell_folder: Path) -> None:
+    report = _saved(page, "report")
+    assert report.lower().startswith("<!doctype html>")
+    for said in (cell_folder.name, "perceptron-emu", "T_hand_sensor", "sha256"):
+        assert said in report
+
+
+def test_a_location_left_out_marks_the_answer_as_stale(page: Page) -> None:
+    role = "document.querySelectorAll('#calibration select[data-role]')[0]"
+    page.js(f"{role}.selectedIndex = 2; {role}.dispatchEvent(new Event('change'));")
+    page.until("document.documentElement.dataset.calibrationStale === 'true'")
+    page.js(f"{role}.selectedIndex = 0; {role}.dispatchEvent(new Event('change'));")
+    page.until("document.documentElement.dataset.calibrationStale === 'false'")
+
+
+@pytest.mark.parametrize("theme", ["dark", "light"])
+def test_axe_finds_nothing_in_an_answer(page: Page, theme: str) -> None:
+    """With all that was asked of it: comparison, verification, residuals, the cell."""
+    if page.js("return document.documentElement.dataset.theme") != theme:
+        page.find("#theme").click()
+    page.tab("calibration")
+    page.until("document.querySelector('#verified')")
+    page.driver.execute_async_script("setTimeout(arguments[0], 400)")
+    assert page.violations() == []
 
 
 def test_a_dot_of_fig_7_opens_its_frame(page: Page) -> None:

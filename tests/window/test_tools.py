@@ -19,18 +19,8 @@ from workbench.cli.main import run
 from workbench.files import read_settings
 
 pytestmark = needs_browser
-AXE = Path(__file__).parents[1] / "assets" / "axe" / "axe.min.js"
 STATIC = Path(__file__).parents[2] / "workbench" / "window" / "static"
 ATOL_PX = 1.5e-3  # the page is told three decimals
-
-
-def violations(page: Page) -> list[str]:
-    """What axe-core finds wrong in the page as it stands, contrast included."""
-    page.driver.execute_script(AXE.read_text(encoding="utf-8"))
-    found = page.driver.execute_async_script(
-        "axe.run(document, { resultTypes: ['violations'] }).then((r) => arguments[0](r.violations))"
-    )
-    return [f"{v['id']}: {n['html'][:160]}" for v in found for n in v["nodes"]]
 
 
 @pytest.fixture(scope="module")
@@ -214,7 +204,7 @@ def test_german_with_its_decimal_sign(page: Page) -> None:
     box.send_keys("2,5", Keys.TAB)
     page.settled()
     assert page.js("return (1, document.querySelector('[data-key=\"stripe.min_snr\"] input.number').value)") == "2,5"
-    found = violations(page)
+    found = page.violations()
     assert not found, found
     page.find("#language").click()
     page.until("document.documentElement.lang === 'en' && document.documentElement.dataset.shown", 30)
@@ -253,7 +243,7 @@ def test_axe_finds_nothing(page: Page, theme: str, tab: str) -> None:
         page.find("#theme").click()
     page.tab(tab)
     page.driver.execute_async_script("setTimeout(arguments[0], 400)")
-    found = violations(page)
+    found = page.violations()
     assert not found, found
     page.tab("image")
 
@@ -283,7 +273,7 @@ def test_nothing_is_cut_at_150_percent(page: Page) -> None:
 @pytest.mark.parametrize("key", ["save", "load", "export", "keys", "open"])
 def test_axe_finds_nothing_in_the_dialogs(page: Page, key: str) -> None:
     page.find(f"#{key}").click()
-    found = violations(page)
+    found = page.violations()
     press(page, Keys.ESCAPE)
     assert not found, found
 

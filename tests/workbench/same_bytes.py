@@ -131,7 +131,7 @@ def _commands(work: str, folder: Path, workers: str) -> list[list[str]]:
         return [["twin", "images/images", "--sensor", "images/sensor.toml", "--out", "twin.toml", "--json"]]
     if work == "board":
         (folder / "board.toml").write_text(BOARD, encoding="utf-8")
-        render = ["render", "--board", "board.toml", "--sensor", "nominal", "--views", "6", "--out", "board"]
+        render = ["render", "--board", "board.toml", "--sensor", "nominal", "--views", "10", "--out", "board"]
         return [render, ["calibrate-sensor", "board", "--board", "board.toml", "--out", "sensor.toml", "--json"]]
     if work == "short":
         render = ["render", "known/cell.toml", "--out", "cell", "--seed", "3", "--per-location", "1"]

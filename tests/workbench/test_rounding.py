@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from geometry import Pose, rounded, rounded_by_sigma
+from geometry import Pose, rounded, rounded_by_sigma, rounded_covariance
 
 NOISE = 1e-12  # relative, of a solved number from one processor to another
 
@@ -54,3 +54,12 @@ def test_numbers_that_count_together_keep_a_millionth_of_their_sigma() -> None:
     assert rounded_by_sigma(-0.00028054503355640, 2e-4) == -0.000280545
     assert rounded_by_sigma(-1e-15, 2e-4) == 0.0
     assert rounded_by_sigma(1.23456789012, 0.0) == 1.2345679
+
+
+def test_no_rounding_makes_a_variance_negative() -> None:
+    """Of numbers that trade places: 34 px each, and together known to a thousandth of that."""
+    root = np.array([[34.0, 0.0, 0.0], [34.0, 4e-4, 0.0], [-0.01, 1e-7, 1e-5]])
+    kept = rounded_covariance(root @ root.T)
+    way = np.array([1.0, -1.0, 0.0])
+    assert np.linalg.eigvalsh(kept / np.sqrt(np.outer(np.diag(kept), np.diag(kept))))[0] > 0
+    np.testing.assert_allclose(way @ kept @ way, way @ root @ root.T @ way, rtol=0.1, atol=0)

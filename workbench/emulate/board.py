@@ -28,7 +28,7 @@ MARGIN = 1.0  # pitches of white around the squares
 LIT_SHARE = 0.55  # of the full well, of the white squares when the board is lit
 TILT_DEG = (8.0, 40.0)  # of boards about their own axes: what calibration wants
 INSIDE_PX = 12.0  # of every corner from the image's border
-INK_MM = -1e-3  # of the ink along the board's z: before the paper, by less than anything sees
+INK_MM = -1e-4  # of the ink along the board's z: before the paper, by less than anything sees
 # radius of dots over the pitch, which of asymmetric ones is half of a row's step
 DOT_SHARE = {"circles": 0.3, "asymmetric_circles": 0.42}
 DOT_SIDES = 48  # of the polygons that dots are drawn as, of their area

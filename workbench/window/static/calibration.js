@@ -43,6 +43,7 @@ function wait() {
   }, 250);
 }
 
+const told = (chosen) => JSON.stringify(Object.entries(chosen).sort());
 const kindOf = (code) => (GOOD.includes(code) ? "good" : WARN.includes(code) ? "warn" : "bad");
 
 async function render() {
@@ -52,14 +53,14 @@ async function render() {
   const run = el("button", { class: "strong", onclick: openCalibration, disabled: shown?.state === "running" }, shown?.result ? t("Calibrate again") : t("Calibrate"));
   if (!shown) { clear(page, title, el("p", {}, t("Extracts every image with the parameters as they stand, finds the target and solves the sensor's pose in the hand.")), choices(), run); return; }
   if (shown.state === "running") { clear(page, title, el("p", {}, t("Measuring and solving…")), el("progress", { "aria-label": t("Calibrating") })); return; }
-  if (shown.state === "failed") { clear(page, el("div", { class: "verdict bad" }, el("b", {}, t("No answer")), el("p", {}, shown.error)), choices(), run); return; }
-  const r = shown.result, stale = shown.hash !== (await hashOf(text())) || JSON.stringify(shown.roles ?? roles) !== JSON.stringify(roles);
+  if (shown.state === "failed") { clear(page, title, el("div", { class: "verdict bad" }, el("b", {}, t("No answer")), el("p", {}, shown.error)), choices(), run); return; }
+  const r = shown.result, stale = shown.hash !== (await hashOf(text())) || told(shown.roles ?? roles) !== told(roles);
   if (r !== shown?.result) return; // another answer came meanwhile
   shown.roles ??= { ...roles };
   document.documentElement.dataset.calibrationStale = stale;
   showCalibrated(r.values, words(r.verdict.code), kindOf(r.verdict.code));
   const section = (name, ...body) => el("section", {}, el("h3", {}, t(name)), body);
-  clear(page, verdict(r), el("div", { class: "page-head" }, run,
+  clear(page, title, verdict(r), el("div", { class: "page-head" }, run,
     el("button", { id: "save-result", onclick: () => save("result", "result.json", "application/json") }, t("Save result…")),
     el("button", { id: "save-report", onclick: () => save("report", "calibration.html", "text/html") }, t("Save report…")),
     el("button", { id: "compare", onclick: () => pick(compare) }, t("Compare with a result…")),
@@ -96,9 +97,10 @@ const headed = (names, rows) => el("table", {}, el("thead", {}, el("tr", {}, nam
 // The roles of the locations, and what stands there.
 function choices() {
   const targets = shown?.result?.targets ?? {}, places = [...new Set(state.session.images.map((i) => i.location))].filter((x) => x);
-  const roleOf = (p) => roles[p] ?? state.session.images.find((i) => i.location === p).role;
+  const own = (p) => state.session.images.find((i) => i.location === p).role, roleOf = (p) => roles[p] ?? own(p);
+  const choose = (p, role) => { roles = { ...roles, [p]: role }; if (role === own(p)) delete roles[p]; whenShown(); };
   return el("div", { class: "roles" }, places.map((p) => el("label", {}, el("b", {}, p), targets[p] ? ` ${word(targets[p])}` : "",
-    el("select", { data: { role: p }, onchange: (e) => { roles = { ...roles, [p]: ROLES[e.target.selectedIndex] }; whenShown(); } },
+    el("select", { data: { role: p }, onchange: (e) => choose(p, ROLES[e.target.selectedIndex]) },
       ROLES.map((role) => el("option", { selected: role === roleOf(p) }, t(role)))))));
 }
 
