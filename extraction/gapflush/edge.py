@@ -95,7 +95,7 @@ def fit_edge(
     the last point that can be the panel's own. fixed: a radius that is known. Returned with the indices of the points
     after the face, in order.
     """
-    near = _near_end(yz, face, side, config.face_length_mm)
+    near = _near_end(yz, face, side, tolerance, config)
     origin, direction = fit_line(yz[near])
     frame = PanelFace(origin, direction, face.first, face.last)
     sd = np.column_stack([side * (yz - origin) @ direction, frame.depth(yz)])
@@ -187,13 +187,17 @@ def _sigma(p: Array, sd: Array, cov: Array) -> Array:
     return np.asarray(np.maximum(sigma, max(float(np.median(sigma)) / 3, 1e-6)))
 
 
-def _near_end(yz: Array, face: PanelFace, side: float, length: float) -> Indices:
-    """Indices of the face's last ``length`` mm before the gap."""
+def _near_end(yz: Array, face: PanelFace, side: float, tolerance: float, config: GapFlushConfig) -> Indices:
+    """Indices of the face's last ``face_length_mm`` before the gap, without stray points.
+
+    A wide tolerance takes a bend's first points for face: where they may lie, none is stray for being off it.
+    """
     end = yz[face.last if side > 0 else face.first]
     index = np.arange(face.first, face.last + 1)
-    near = np.abs((yz[index] - end) @ face.direction) <= length
+    before = np.abs((yz[index] - end) @ face.direction)
     on_line = np.abs(face.depth(yz[index])) <= 3 * max(float(np.median(np.abs(face.depth(yz[index])))), 1e-6)
-    return np.asarray(index[near & on_line], dtype=np.intp)
+    bent = before <= np.sqrt(2 * config.max_radius_mm * tolerance)
+    return np.asarray(index[(before <= config.face_length_mm) & (on_line | bent)], dtype=np.intp)
 
 
 def _bend_points(

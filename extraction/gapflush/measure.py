@@ -138,7 +138,7 @@ def measure_gap_flush(profile: Profile, config: GapFlushConfig | None = None) ->
     docs/gapflush.md has the definition's picture, and what it reaches.
     """
     config = config or GapFlushConfig()
-    profile = _ordered(profile, config)
+    profile = _ordered(profile.with_tails(), config)
     left, right, joint, blur = _edges(profile, config)
     found: dict[GapDefinition, Lengths] = {}
     for name in asked_definitions(config):

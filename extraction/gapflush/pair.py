@@ -12,6 +12,7 @@ from extraction.config import GapFlushConfig
 from extraction.gapflush.edge import KNOWN_MM, PanelEdge
 from extraction.gapflush.light import Sections
 from extraction.gapflush.model import BEYOND, LIGHT, MEAN, SPREAD, TURN, edge_light
+from geometry.ties import first_least
 
 if TYPE_CHECKING:
     from scipy.optimize import OptimizeResult
@@ -22,8 +23,8 @@ Mask = NDArray[np.bool_]
 
 MAX_ARC_RAD = np.deg2rad(78.0)  # steeper, a section is no longer like the Gaussian that is fitted to it
 _BLUR, _BLUR_ERROR = 0.75, 0.2  # of the stripe's width on the faces: what is expected of the blur, before the widths
-_MODEL = 0.1  # of the displacement that the blur causes: error of the model
-_LIGHT_ERROR, _WIDTH_ERROR = 0.05, 0.02  # relative, of the model of light and of squared widths
+_MODEL = 0.05  # of the displacement that the blur causes: error of the model
+_LIGHT_ERROR, _WIDTH_ERROR = 0.03, 0.01  # relative, of the model of light and of squared widths
 _GLOSS_ERROR, _GLOSS_RAD = 0.5, 0.35  # how much brighter or darker than matte a bend may be, from what angle on
 _NEAR = 4.0  # of the blur before the bend, from where on the bend is seen
 _FAINTEST = 0.02  # of the face's light: fainter sections are left out
@@ -31,8 +32,14 @@ _MOST_BEYOND = 0.03  # of a section's light from a flank that nobody knows of
 _START_RADIUS_MM, _LEAST_RADIUS_MM = 0.3, 0.02  # of an edge that points alone call sharp; 0.02 is a seventh of a pixel
 _ROUNDS = 3  # of weights by the fit before
 _SCALE = (0.01, 0.05, 0.5, 0.5)  # of angle [rad], offset, tangent, radius [mm]: the size of their steps
-_STEPS = (1e-5, 1e-4, 3e-3, 3e-3, 0.01)  # of the derivatives: wide, for a node at the bend's end comes and goes
+_STEPS = (1e-5, 1e-4, 1e-4, 1e-4, 1e-3)  # of the derivatives
 _RADII = (3, 7)
+# mm, tried of an edge whose radius or light is in doubt: points alone make small radii large, and from too small a
+# start the sections that would tell the radius are taken for those of a flank
+_TRIED_RADII_MM = (0.3, 0.7, 1.5)
+_GLOSS_DOUBT = 1.0  # two of its σ
+_LIT, _LOST = 0.1, 5.0  # of the face's light, that a bend has at least; cost of a section with it that is left out
+_SAME_COST = 1e-3  # of fits as good as each other the first is taken
 BLUR, GLOSS = 8, 9  # places in the parameters: left edge (4), right edge (4), blur, gloss of each (2)
 
 
@@ -46,6 +53,7 @@ class _Side:
     at: Array
     sections: Sections
     scatter: tuple[float, float]  # of log light and of squared width, from section to section on the face
+    lit: Mask  # as a bend may be
     use: Mask
     bent: Mask  # where width and light tell of the bend
     sigma: Array  # (3, N): of place [px], squared width [px²], log light
@@ -67,6 +75,16 @@ class _Expected:
     def rows(self) -> int:
         """How many residuals it makes."""
         return 3 if self.radii_mm is None else 5
+
+
+@dataclass(frozen=True, eq=False)
+class _PairFit:
+    """Parameters, the sides as they were weighed, covariance; cost, with that of sections that are lit and unused."""
+
+    x: Array
+    sides: list[_Side]
+    covariance: Array
+    cost: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,17 +116,44 @@ def fit_pair(
     sides = [_side(yz, sections, edge, bend) for edge, bend in zip((left, right), bends, strict=True)]
     width = float(np.mean([np.median(s.sections.width_px[: s.on_face]) for s in sides]))
     expected = _Expected(_BLUR * width, _BLUR_ERROR * width, fixed)
-    x = np.concatenate([_start(left), _start(right), [expected.blur_px, 0.0, 0.0]])
+    fit = _fit_from(np.concatenate([_start(left), _start(right), [expected.blur_px, 0.0, 0.0]]), sides, expected, c)
+    for k in range(2):
+        if fixed is None and _doubtful(fit, k):
+            trials = [_fit_from(_with_radius(fit, k, radius), sides, expected, c) for radius in _TRIED_RADII_MM]
+            fit = [fit, *trials][first_least([f.cost for f in (fit, *trials)], _SAME_COST)]
+    x, covariance = fit.x, fit.covariance
+    edges = [_edge(side, x, covariance, k) for k, side in enumerate(fit.sides)]
+    return EdgePair(edges[0], edges[1], covariance[:8, :8], float(x[BLUR]), float(np.sqrt(covariance[BLUR, BLUR])))
+
+
+def _fit_from(x: Array, sides: list[_Side], expected: _Expected, c: GapFlushConfig) -> _PairFit:
+    """Both edges from a start, weighed anew by each round's fit."""
     for _ in range(_ROUNDS):
-        sides = [_weighed(s, x[4 * k : 4 * k + 4], x[BLUR]) for k, s in enumerate(sides)]
+        sides = [_weighed(side, x[4 * k : 4 * k + 4], x[BLUR]) for k, side in enumerate(sides)]
         best = _solve(x, sides, expected, c)
         x = best.x
     residuals = _residuals(x, sides, expected)
     freedom = max(int(np.sum(residuals != 0)) - len(x), 1)
     chi2 = float(np.sum(np.minimum(residuals**2, 9.0))) / freedom
     covariance = np.linalg.pinv(best.jac.T @ best.jac) * max(chi2, 1.0)
-    edges = [_edge(s, x, covariance, k) for k, s in enumerate(sides)]
-    return EdgePair(edges[0], edges[1], covariance[:8, :8], float(x[BLUR]), float(np.sqrt(covariance[BLUR, BLUR])))
+    lost = sum(int(np.count_nonzero(side.lit & ~side.use)) for side in sides)
+    return _PairFit(x, sides, covariance, float(best.cost) + _LOST * lost)
+
+
+def _doubtful(fit: _PairFit, k: int) -> bool:
+    """Whether an edge may stand in another minimum than the best: its radius is none, or its light not expected."""
+    i = _RADII[k]
+    sharp = fit.x[i] <= 2 * np.sqrt(fit.covariance[i, i])
+    return bool(sharp or abs(fit.x[GLOSS + k]) > _GLOSS_DOUBT)
+
+
+def _with_radius(fit: _PairFit, k: int, radius: float) -> Array:
+    """A start with another radius for an edge, which ends where its light does."""
+    side, out = fit.sides[k], fit.x.copy()
+    out[4 * k + 2] = float(side.at[side.lit, 0].max()) - radius
+    out[4 * k + 3] = radius
+    out[GLOSS + k] = 0.0
+    return out
 
 
 def _side(yz: Array, sections: Sections, edge: PanelEdge, bend: Indices) -> _Side:
@@ -119,7 +164,8 @@ def _side(yz: Array, sections: Sections, edge: PanelEdge, bend: Indices) -> _Sid
     scatter = _scatter(mine.log_light[:n]), _scatter(mine.width_px[:n] ** 2)
     none = np.zeros(len(index), dtype=bool)
     at = (yz[index] - edge.origin) @ turn.T
-    return _Side(edge, index, n, at, mine, scatter, none, none, np.ones((3, len(index))))
+    lit = mine.log_light > np.median(mine.log_light[:n]) + np.log(_LIT)
+    return _Side(edge, index, n, at, mine, scatter, lit, none, none, np.ones((3, len(index))))
 
 
 def _scatter(values: Array) -> float:
@@ -158,15 +204,16 @@ def _solve(x: Array, sides: list[_Side], expected: _Expected, config: GapFlushCo
     top = config.max_radius_mm
     low, high = [], []
     for s in sides:
-        end = float(s.at[: s.on_face, 0].max())
-        low += [-0.5, -1.0, end - 2 * top, _LEAST_RADIUS_MM]
+        face = s.at[: s.on_face, 0]
+        end = float(face.max())
+        low += [-0.5, -1.0, float(np.median(face)), _LEAST_RADIUS_MM]  # half of a face at least is straight
         high += [0.5, 1.0, end + top, top]
     low, high = [*low, 0.3, -3.0, -3.0], [*high, max(expected.blur_px / _BLUR * 1.3, 0.5), 3.0, 3.0]
     x = np.clip(x, np.add(low, 1e-6), np.subtract(high, 1e-6))
     scale = (*_SCALE, *_SCALE, 0.3, 0.5, 0.5)
     return least_squares(
         _residuals, x, _jacobian, bounds=(low, high), args=(sides, expected), loss="soft_l1", f_scale=2.0,
-        x_scale=scale, xtol=1e-6, ftol=1e-6,
+        x_scale=scale, xtol=1e-9, ftol=1e-10,
     )  # fmt: skip
 
 

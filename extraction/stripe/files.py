@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import csv
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from extraction.stripe.profile import Profile, StripePeaks, flag_bits, flag_names
+from extraction.stripe.profile import TAIL, Profile, StripePeaks, flag_bits, flag_names
 from geometry import InputError, read_text, write_text
 from geometry.errors import did_you_mean
 
@@ -45,7 +46,7 @@ def write_profile_csv(profile: Profile, path: str | Path) -> None:
 
 
 def profile_text(profile: Profile) -> str:
-    """A profile as the text of a CSV, one row a point.
+    """A profile as the text of a CSV, one row a point, then those of its tails, flagged ``tail``.
 
     Parameters
     ----------
@@ -57,17 +58,25 @@ def profile_text(profile: Profile) -> str:
     text
         Columns: COLUMNS, and SENSOR_COLUMNS where the sensor's own uncertainty is known.
     """
+    lines = [COLUMNS if profile.sensor_cov_yz_mm2 is None else f"{COLUMNS},{SENSOR_COLUMNS}", *_rows(profile)]
+    if profile.tails is not None:
+        peaks = profile.tails.peaks
+        lines += _rows(replace(profile.tails, peaks=replace(peaks, flag=peaks.flag | np.uint8(TAIL))))
+    return "\n".join(lines) + "\n"
+
+
+def _rows(profile: Profile) -> list[str]:
     p, own = profile.peaks, profile.sensor_cov_yz_mm2
     random = _sigma_columns(profile.cov_yz_mm2)
     numbers = np.column_stack(
         [p.uv_px, p.sigma_px, p.normal, p.amplitude_dn, p.width_px, p.background_dn, p.chi2_per_dof, profile.yz_mm]
     )
     common = np.zeros((len(p), 0)) if own is None else _sigma_columns(own)
-    lines = [COLUMNS if own is None else f"{COLUMNS},{SENSOR_COLUMNS}"]
+    lines = []
     for section, row, flag, more in zip(p.section, np.hstack([numbers, random]), p.flag, common, strict=True):
         shown = [f"{x:.9g}" for x in row]
         lines.append(",".join([str(section), *shown, flag_names(int(flag)), *(f"{x:.9g}" for x in more)]))
-    return "\n".join(lines) + "\n"
+    return lines
 
 
 def _sigma_columns(covariance: Array) -> Array:
@@ -218,7 +227,12 @@ def _profile(table: dict[str, Array]) -> Profile:
     cov = _covariances(column("sigma_y_mm"), sigma_z, column("cov_yz_mm2"))
     y, z, yz_cov = (column(name) for name in SENSOR_COLUMNS.split(","))
     own = _covariances(y, z, yz_cov) if np.any(y + z) else None
-    return Profile(peaks, yz, cov, own)
+    whole, beyond = Profile(peaks, yz, cov, own), (peaks.flag & TAIL) > 0
+    if not beyond.any():
+        return whole
+    tails = whole[beyond]
+    tails = replace(tails, peaks=replace(tails.peaks, flag=tails.peaks.flag & np.uint8(0xFF ^ TAIL)))
+    return replace(whole[~beyond], tails=tails)
 
 
 def _covariances(sigma_y: Array, sigma_z: Array, across: Array) -> Array:

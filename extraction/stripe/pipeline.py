@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
 from extraction.config import StripeConfig
 from extraction.image import check_image
-from extraction.noise import PixelNoise
+from extraction.noise import QUANTISATION_VARIANCE, PixelNoise
 from extraction.order import kth_smallest, positions_of
 from extraction.sheet import image_to_sheet, propagate, sheet_table
 from extraction.stripe.find import Found, find
@@ -21,12 +24,15 @@ from extraction.stripe.sections import (
     Records,
     SectionPlaces,
     SigmaPlaces,
+    StripePoints,
     estimate_noise,
     fit_faint,
     fit_pairs,
     fit_sections,
     localise_along_normal,
+    tails_kept,
     true_sigma,
+    walk_tails,
 )
 from extraction.stripe.select import select
 from extraction.stripe.view import StripeView, stripe_view
@@ -46,6 +52,8 @@ _NEAR_PX, _NEAR_WIDTHS = 1.5, 1.2  # from its stripe's track, that a section's f
 # pictures drawn and real, what lamps make of metal, boards and busts 0.15 and more
 _NO_PEAK, _SEEN = 0.1, 2.0  # the latter: amplitude over its σ, from which there is one
 _WIDTH_ERROR = 0.12  # relative, of the width expected from neighbouring sections; it steadies faint sections only
+_TAIL_WIDTH_ERROR = 1.0
+_ABOUT_END = 20  # points inside an end, whose σ beside the pixels' own its tail takes
 
 
 def extract_profile(
@@ -90,12 +98,17 @@ def extract_profile(
     image = check_image(image, sensor)
     light = (laser_off, mask, camera.saturation_dn, camera.black_level)
     first = depth_direction(sensor) if config.direction == "auto" else config.direction
-    peaks = detect_stripe(image, config.model_copy(update={"direction": first}), *light)
+    peaks = _detect(image, config.model_copy(update={"direction": first}), *light, tails=True)
     if len(peaks) == 0 and config.direction == "auto":
-        peaks = detect_stripe(image, config, *light)
+        peaks = _detect(image, config, *light, tails=True)
+    profile = _in_the_sheet(peaks, sensor)
+    return profile if peaks.tails is None else replace(profile, tails=_in_the_sheet(peaks.tails, sensor))
+
+
+def _in_the_sheet(peaks: StripePeaks, sensor: Sensor) -> Profile:
     yz, jacobian = sheet_table(sensor).lookup(peaks.uv_px)
     seen: Mask = np.asarray(np.isfinite(yz).all(axis=1))
-    return Profile(peaks, yz, propagate(jacobian, peaks.cov_uv_px2))[seen].with_sensor(sensor)
+    return Profile(replace(peaks, tails=None), yz, propagate(jacobian, peaks.cov_uv_px2))[seen].with_sensor(sensor)
 
 
 def depth_direction(sensor: Sensor) -> str:
@@ -153,14 +166,21 @@ def detect_stripe(
     InputError
         Where the arrays or the region do not fit each other.
     """
-    config = config or StripeConfig()
+    return _detect(image, config or StripeConfig(), laser_off, mask, clip_dn, black_dn)
+
+
+def _detect(
+    image: NDArray[np.generic], config: StripeConfig, laser_off: NDArray[np.generic] | None, mask: Mask | None,
+    clip_dn: float | None, black_dn: float, tails: bool = False,
+) -> StripePeaks:  # fmt: skip
+    """`detect_stripe`, with the sections beyond the ends where they are asked for."""
     columns = config if config.direction == "rows" else config.model_copy(update={"direction": "columns"})
     found = find(stripe_view(image, columns, laser_off, mask, clip_dn, black_dn), config)
-    return _localise(found, config)
+    return _localise(found, config, tails)
 
 
-def _localise(found: Found, config: StripeConfig) -> StripePeaks:
-    """The stripes that were found, section by section."""
+def _localise(found: Found, config: StripeConfig, tails: bool) -> StripePeaks:
+    """The stripes that were found, section by section; tails: and what lies beyond their ends."""
     view, places = found.view, found.places
     noise, widths = _look_ahead(view, places, config)
     fits = _fit(view, places, widths, _WIDTH_ERROR, noise, config)
@@ -179,15 +199,50 @@ def _localise(found: Found, config: StripeConfig) -> StripePeaks:
     if not told and len(fits) >= _SETTLED:
         scale = _settle(fits, places.ghost, _USUAL)
         noise = PixelNoise(scale * noise.floor, scale * noise.gain, noise.dark, scale * noise.speckle2)
+    by_pixels = fits["variance"].copy()
     length = max(
         true_sigma(SigmaPlaces(places.section, places.stripe, places.faint, places.ghost), fits),
         float(NEIGHBOURS) if places.faint.any() else 0.0,
     )
     chosen = select(config, found.stripes, places, fits["centre"].copy(), fits["amplitude"].copy())
     if len(chosen) < len(places):
-        fits, places = fits[chosen], places.take(chosen)
+        fits, places, by_pixels = fits[chosen], places.take(chosen), by_pixels[chosen]
     peaks = _peaks(view, places, fits, config, length, refused)
-    return localise_along_normal(view, peaks, noise, config) if config.along_normal else peaks
+    beyond = _tails(view, places, fits, peaks.piece, by_pixels, noise, config) if tails and len(peaks) else None
+    if not config.along_normal:
+        return peaks if beyond is None else replace(peaks, tails=beyond)
+    if beyond is None:
+        return localise_along_normal(view, peaks, noise, config)
+    whole = peaks.joined(beyond)
+    order = np.argsort(whole.section, kind="stable")
+    whole = localise_along_normal(view, whole[order], noise, config)
+    return replace(whole[order < len(peaks)], tails=whole[order >= len(peaks)])
+
+
+def _tails(
+    view: StripeView, places: Places, fits: Records, piece: NDArray[np.int32], by_pixels: Array, noise: PixelNoise,
+    config: StripeConfig,
+) -> StripePeaks:  # fmt: skip
+    """Beyond the ends of the pieces: the sections that still hold light. by_pixels: variances (N,) by noise alone."""
+    light = fits["amplitude"] * fits["width"]
+    points = StripePoints(places.section, fits["centre"].copy(), fits["width"].copy(), light, piece)
+    found = walk_tails(view.grey, points, math.sqrt(max(noise.floor, QUANTISATION_VARIANCE)))
+    n, rows = len(found.section), np.full(len(found.section), view.grey.shape[0], np.int32)
+    table = np.zeros(n, SECTION)
+    limits = FitLimits(view.clip_dn, config.min_width_px, config.max_width_px)
+    asked = SectionPlaces(found.section, found.centre, np.zeros(n, np.int32), rows, found.width)
+    fit_sections(view.pixels, asked, _TAIL_WIDTH_ERROR, limits, noise, table)
+    kept = tails_kept(found, table, config.min_snr, config.min_amplitude_dn)
+    table, end = table[kept], found.end[kept]
+    for last in np.unique(end):
+        about = np.flatnonzero((piece == piece[last]) & (np.abs(places.section - places.section[last]) <= _ABOUT_END))
+        scatter, noisy = fits["variance"][about], by_pixels[about]
+        own, more = table["variance"][end == last], float(np.median(scatter - noisy))
+        table["variance"][end == last] = own + more if more > 0 else own * float(np.median(scatter / noisy))
+    rows, low, minus = rows[: len(end)], np.zeros(len(end), np.int32), np.full(len(end), -1, np.int32)
+    facts = places.stripe[end], minus, places.faint[end], places.ghost[end], places.doubt[end]
+    there = Places(found.section[kept], found.centre[kept], low, rows, found.width[kept], *facts)
+    return replace(_peaks(view, there, table, config, 0.0, {}), piece=piece[end])
 
 
 def _look_ahead(view: StripeView, places: Places, config: StripeConfig) -> tuple[PixelNoise, Array]:

@@ -16,9 +16,9 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 # bits of a point's flag: clipped pixels; not one Gaussian; cut by border or neighbour; another of like light, or a
-# stronger ridge that was refused, in the section
-SATURATED, SHAPE, EDGE, AMBIGUOUS = 1, 2, 4, 8
-_FLAG_NAMES = {SATURATED: "saturated", SHAPE: "shape", EDGE: "edge", AMBIGUOUS: "ambiguous"}
+# stronger ridge that was refused, in the section; beyond an end of the stripe, in files alone
+SATURATED, SHAPE, EDGE, AMBIGUOUS, TAIL = 1, 2, 4, 8, 16
+_FLAG_NAMES = {SATURATED: "saturated", SHAPE: "shape", EDGE: "edge", AMBIGUOUS: "ambiguous", TAIL: "tail"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +34,8 @@ class StripePeaks:
     correlate as exp(-k / L); 0 where they are independent. It comes from speckle and texture that neighbours share.
     piece: which continuous piece of stripe each point is on, counted from 0 (N,); empty where nobody asked.
     refused: how many ridges and sections were not taken, by reason.
+    tails: sections beyond the ends of pieces that still hold light of the stripe, where it was asked for; see
+    `Profile`.
     """
 
     section: NDArray[np.int32]
@@ -48,6 +50,7 @@ class StripePeaks:
     correlation_sections: float = 0.0
     piece: NDArray[np.int32] = field(default_factory=lambda: np.zeros(0, np.int32))
     refused: Mapping[str, int] = field(default_factory=dict)
+    tails: StripePeaks | None = None
 
     def __len__(self) -> int:
         """The number of points."""
@@ -60,6 +63,15 @@ class StripePeaks:
             name: v[chosen] for name, v in columns.items() if isinstance(v, np.ndarray) and len(v) == len(self)
         }
         return replace(self, **changed)
+
+    def joined(self, others: StripePeaks) -> StripePeaks:
+        """These points, then ``others``; the rest is of these."""
+        changed: dict[str, Any] = {}
+        for f in fields(self):
+            own = getattr(self, f.name)
+            if isinstance(own, np.ndarray):
+                changed[f.name] = np.concatenate([own, getattr(others, f.name)])
+        return replace(self, **changed, tails=None)
 
     @property
     def sections_per_independent(self) -> float:
@@ -82,13 +94,16 @@ class Profile:
     """A stripe in the laser plane: peaks, their points (y, z) in {P} (N, 2) [mm] and covariance (N, 2, 2), rank one.
 
     sensor_cov_yz_mm2 (N, 2, 2): what the uncertainty of the sensor's own calibration adds, common to all points; None
-    where its file states none.
+    where its file states none. tails: points of sections beyond the ends of the stripe's pieces, where its light has
+    fallen below half: on a surface that turns away, or by the lens's blur alone. They are none of the stripe's own,
+    but tell where a rounded edge ends. None where nobody measured them.
     """
 
     peaks: StripePeaks
     yz_mm: Array
     cov_yz_mm2: Array
     sensor_cov_yz_mm2: Array | None = None
+    tails: Profile | None = None
 
     def __len__(self) -> int:
         """The number of points."""
@@ -104,14 +119,26 @@ class Profile:
         return Profile(StripePeaks(section, two, two, zero, light, zero, zero, zero, flag), yz_mm, cov_yz_mm2)
 
     def __getitem__(self, chosen: NDArray[np.intp] | Mask) -> Profile:
-        """The chosen points, in that order."""
+        """The chosen points, in that order; with the tails."""
         own = self.sensor_cov_yz_mm2
         own = None if own is None else own[chosen]
-        return Profile(self.peaks[chosen], self.yz_mm[chosen], self.cov_yz_mm2[chosen], own)
+        return Profile(self.peaks[chosen], self.yz_mm[chosen], self.cov_yz_mm2[chosen], own, self.tails)
 
     def with_sensor(self, sensor: Sensor) -> Profile:
         """The profile with what the uncertainty of ``sensor``'s own calibration adds to its points."""
-        return replace(self, sensor_cov_yz_mm2=calibration_covariance(sensor, self.yz_mm))
+        tails = None if self.tails is None else self.tails.with_sensor(sensor)
+        return replace(self, sensor_cov_yz_mm2=calibration_covariance(sensor, self.yz_mm), tails=tails)
+
+    def with_tails(self) -> Profile:
+        """Its own points, then those of its tails; what the sensor's calibration adds is left out."""
+        own, beyond = replace(self, sensor_cov_yz_mm2=None, tails=None), self.tails
+        if beyond is None or len(beyond) == 0:
+            return own
+        return Profile(
+            own.peaks.joined(beyond.peaks),
+            np.concatenate([own.yz_mm, beyond.yz_mm]),
+            np.concatenate([own.cov_yz_mm2, beyond.cov_yz_mm2]),
+        )
 
 
 def flag_names(flag: int) -> str:
@@ -121,7 +148,8 @@ def flag_names(flag: int) -> str:
     ----------
     flag
         Bits SATURATED (clipped pixels), SHAPE (not one Gaussian peak), EDGE (cut by the border or a neighbour),
-        AMBIGUOUS (another ridge of like light, or a stronger one that was refused, shares the section).
+        AMBIGUOUS (another ridge of like light, or a stronger one that was refused, shares the section), TAIL (beyond
+        an end of the stripe: a row of a file that is none of the stripe's own points).
 
     Returns
     -------
