@@ -394,7 +394,7 @@ def beside_published(folder: Path, board_file: Path, published: Path) -> None:
 
 def beside_truth(folders: Sequence[Path]) -> None:
     """What calibrations of our own emulator's recordings are off by."""
-    total = numbers = 0
+    total, numbers = 0.0, 0
     for folder in folders:
         with TemporaryDirectory() as place:
             (Path(place) / "sensor.toml").write_text(json.loads((folder / "truth.json").read_text())["sensor_toml"])

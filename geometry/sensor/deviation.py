@@ -21,6 +21,8 @@ from geometry.sensor.uncertainty import CAMERA_PARAMETERS, SensorUncertainty
 Array = NDArray[np.float64]
 
 _LENS = {name: i for i, name in enumerate(CAMERA_PARAMETERS[4:])}
+_EXACT = 1e-4  # of the σ of points, most of which is a shift of them all: to what drawn ones follow the tangent
+_CURVE_STEPS = 4  # of Gauss and Newton to the curve, which bends little within a few σ
 _STEP = 1e-5  # of a lens's term, for its derivative: far above rounding, far below what bends it
 
 
@@ -76,6 +78,26 @@ class SensorDeviation:
     def motions(self, yz_mm: Array) -> Array:
         """By the parameters at the file's own values: motions (N, 2, P) of points (N, 2), as of ``derivatives``."""
         return self.derivatives(yz_mm, np.zeros(len(self.names)))[1]
+
+    def on_curve(self, yz_mm: Array, values: Sequence[float] | Array, known: SensorUncertainty) -> Array:
+        """Values (P,) near those given, by which points (N, 2) move as the given ones do to first order.
+
+        Where a file has a tangent, parameters that are possible lie on a curve: far along the tangent points would move
+        by its sag, which no σ of theirs holds. The plane stays where it is, the camera's numbers are as near to those
+        given as can be, in units of their σ by what is known.
+        """
+        given = np.asarray(values, dtype=float)
+        tangent, sigma = self.motions(yz_mm).reshape(-1, len(self.names)), np.sqrt(np.diag(known.covariance))
+        moved = tangent @ given
+        unit = _EXACT * float(np.sqrt(np.mean(np.sum((tangent @ known.of_points) * tangent, axis=1))))
+        camera = [i for i, name in enumerate(self.names) if name in CAMERA_PARAMETERS and sigma[i] > 0]
+        now = given.copy()
+        for _ in range(_CURVE_STEPS if unit > 0 and camera else 0):
+            by = self.derivatives(yz_mm, now)[1].reshape(tangent.shape)[:, camera] * sigma[camera] / unit
+            left = ((self.seen(yz_mm, now).yz_mm - yz_mm).reshape(-1) - moved) / unit
+            away = (now - given)[camera] / sigma[camera]
+            now[camera] -= sigma[camera] * np.linalg.solve(by.T @ by + np.eye(len(camera)), by.T @ left + away)
+        return now
 
     def _plane_twists(self, T_sensor_sheet: Pose, tilt_z_rad: float) -> Array:
         """How the corrected plane's frame moves (6, P), in its own axes."""

@@ -123,3 +123,33 @@ def test_independent_errors_give_the_covariance_back() -> None:
 def test_plane_is_turned_about_its_axes() -> None:
     seen = SensorDeviation(default_sensor(), ("plane_tilt_y_rad",)).seen(np.zeros((0, 2)), [0.01])
     np.testing.assert_allclose(seen.T_sensor_sheet.matrix, Pose(exp_so3(np.array([0, 0.01, 0])), np.zeros(3)).matrix)
+
+
+def _tilted_valley(sensor: Sensor, names: tuple[str, ...], yz: np.ndarray) -> SensorUncertainty:
+    """A chip's tilt of 1° that the other numbers make up for at its foot, and little else."""
+    sigma = np.array([1.0, 1.0, 60.0, 60.0, 2e-3, 2e-3, 0.02, 0.02])
+    by = SensorDeviation(sensor, names).motions(yz).reshape(-1, len(names)) * sigma
+    columns = [np.eye(len(names))[:, -2:]]
+    columns[0][:6] = -np.linalg.lstsq(by[:, :6], by[:, 6:], rcond=1e-9)[0]
+    basis = np.column_stack([*columns, 1e-4 * np.eye(len(names))]) * sigma[:, None]
+    return SensorUncertainty(names, basis @ basis.T, None, basis @ basis.T)
+
+
+def test_sensors_drawn_on_the_curve_scatter_as_the_tangent_says() -> None:
+    """Along the tangent itself the sag of a tilted chip's valley would show; the plane is left as it was drawn."""
+    sensor, names = default_sensor(), ("fx_px", "fy_px", "cx_px", "cy_px", "p1", "p2", "tau_x", "tau_y")
+    y, z = np.meshgrid(np.linspace(-40, 40, 5), np.linspace(260, 330, 5))
+    yz = np.stack([y.ravel(), z.ravel()], -1)
+    known = _tilted_valley(sensor, names, yz)
+    deviation, (_, basis) = SensorDeviation(sensor, names), known.independent()
+    tangent = deviation.motions(yz).reshape(-1, len(names))
+    stated = float(np.sqrt(np.mean(np.sum((tangent @ known.of_points) * tangent, axis=1))))
+    rng = np.random.default_rng(2)
+    straight, curved = list[np.ndarray](), list[np.ndarray]()
+    for _ in range(60):
+        values = basis @ rng.standard_normal(basis.shape[1])
+        for kind, v in ((straight, values), (curved, deviation.on_curve(yz, values, known))):
+            kind.append(deviation.seen(yz, v).yz_mm - yz)
+    rms = [float(np.sqrt(np.mean(np.square(kind)))) for kind in (straight, curved)]
+    assert rms[0] > 1.5 * stated
+    assert rms[1] == pytest.approx(stated, rel=0.25)

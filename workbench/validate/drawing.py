@@ -6,13 +6,16 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from geometry import Pose, Sensor
+from geometry import Pose, Sensor, field_of_view
 from geometry.sensor import SensorDeviation, stated_uncertainty
 from jig_cad import Jig
 from perceptron_emu import EmulatorConfig, Scene, Solid
 from workbench.cell import jig_bodies, wall_behind
 from workbench.plan import ViewLimits, free_views
+
+Array = NDArray[np.float64]
 
 GUESS_MM, GUESS_DEG = 3.0, 1.5  # how far off the robot chain's guess of the jig is before a calibration
 CLUTTER = ("strings alone", "plates and posts", "and a wall")
@@ -78,16 +81,24 @@ def with_drawn_sensors(frames: Sequence[Drawn], count: int, seed: int) -> Iterat
         return
     rng = np.random.default_rng([seed, 2**30])
     _, basis = known.independent()
-    deviation = SensorDeviation(file, known.parameters)
+    deviation, places = SensorDeviation(file, known.parameters), _all_over(field_of_view(file))
     for i in range(count):
         frame = nominal[i % len(nominal)]
         values = basis @ rng.standard_normal(basis.shape[1])
+        if known.tangent_covariance is not None:
+            values = deviation.on_curve(places, values, known)
         change = dict(zip(known.parameters, values.tolist(), strict=True))
         scale = (1 + change.get("scale_y", 0.0), 1 + change.get("scale_z", 0.0))
         scene = replace(frame.scene, sensor=deviation.really(values))
         yield replace(
             frame, number=len(frames) + i, scene=scene, seed=(seed, len(frames) + i), by_file=file, scale=scale
         )
+
+
+def _all_over(polygon: Array) -> Array:
+    """Places (N, 2) in and at the rim of a convex polygon (K, 2)."""
+    middle = polygon.mean(axis=0)
+    return np.concatenate([middle + share * (polygon - middle) for share in (1 / 3, 2 / 3, 1.0)])
 
 
 def _scene(sensor: Sensor, jig: Jig, pose: Pose, solids: tuple[Solid, ...]) -> Scene:
