@@ -53,7 +53,7 @@ def _cause(result: CalibrationResult, setup: Setup, *, lost: bool) -> str:
 def _named(verdict: Verdict, prepared: Prepared) -> Verdict:
     """The verdict on data that contradict one another, with what the motions say of the cause before all else."""
     setup, labelled = prepared.setup, prepared.labelled
-    if verdict.code not in CONTRADICTED:
+    if verdict.code not in CONTRADICTED and not prepared.solved.contradicted:
         return verdict
     if isinstance(setup.target, Jig):
         found = wrong_jig(labelled, setup.target) or culprit(labelled, setup.target, setup.robot)
