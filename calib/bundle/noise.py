@@ -21,7 +21,7 @@ Mask = NDArray[np.bool_]
 _MAX_EVALUATIONS = 80  # of the deviance; two variances settle in some forty
 _LOG_TOLERANCE = 0.02  # of a variance; far below its own uncertainty
 _DEVIANCE_TOLERANCE = 1e-2  # 4.6 would be one percent by chance
-_SCORE_STEP = 0.3  # of a variance's logarithm, for the score test's differences
+_SCORE_STEP = 0.3  # of a variance's logarithm, for differences by it
 _MAX_LOG = 14.0  # a variance a million times smaller or larger than at the start: a σ a thousand times so
 _SIMPLEX = -0.7  # first steps of the search, in the logarithm of a variance
 
