@@ -27,8 +27,9 @@ _SIMPLEX = -0.7  # first steps of the search, in the logarithm of a variance
 
 # benchmarks/calib_consistency.py and benchmarks/calib_targets.py show that σ stay true with these, also where the noise
 # stated is wrong
-_PRIOR_LOG = np.array([0.46, 1.39])  # σ of the logarithm of a variance that is not as stated: the bounds of the points'
-# are two of them; that a data sheet's σ of joints is off by a factor of two
+# σ of the logarithms of two variances that are not as stated: the points' bounds below are two of them; joints, whose σ
+# is a data sheet's or a habit's, are commonly off by a factor of two
+_PRIOR_LOG = np.array([0.46, 1.39])
 _LEAST_SHARE = 0.1  # of the other noise; with less nothing is changed
 _STEPS, _SETTLED = 12, 1e-4  # of Newton's steps to it, in logarithms; four to six are taken
 _CONTRADICTION = 13.8  # deviance gained by two variances; 0.1 % by chance
