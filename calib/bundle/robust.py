@@ -20,8 +20,8 @@ Mask = NDArray[np.bool_]
 _ROUNDS = 25  # one point a frame each; a set that needs more is beyond the share of outliers allowed
 _MIN_POINTS = 3  # a frame with fewer trusted points is left out whole
 _FRAME_TAIL = 1e-7  # of sound frames are left out by chance
-# times every other frame's χ² over its limit: a frame a degree off in one joint has 8 to 30, as it pulls the rest
-_ALONE = 4.0
+# times every other frame's χ² over its limit: a frame a degree off in one joint has 2.3 to 30, as it pulls
+_ALONE = 2.0
 
 
 @dataclass(frozen=True, eq=False)

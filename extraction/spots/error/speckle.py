@@ -47,10 +47,10 @@ SHAPE_CONTRAST = 0.02
 # share of the height above which pixels are looked at: in wings a spot departs from a Gaussian by more than by speckle.
 # Where they are less than MANY it is lowered, down to FAINT: spots that the lens draws have so few
 BRIGHT, FAINT, MANY = 0.1, 0.03, 30
-# powers of the terms that a fit takes up, and of the third and fourth moments: those of spots of so MANY pixels are
-# left to the shape of the string
-POWERS = [(0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2)]
-MOMENTS = [(a, d - a) for d in (3, 4) for a in range(d, -1, -1)]
+# powers of x and y: of the terms TAKEN up by a fit, and of the third and fourth moments, which spots of so MANY pixels
+# leave to the shape of the string
+POWERS = np.array([(a, d - a) for d in range(5) for a in range(d, -1, -1)])
+TAKEN = 6
 ODD_SPOT = 1e-3  # probability that a spot's residuals are those of something else
 MOST_SPOTS = 60  # of an image: each takes half a millisecond
 
@@ -262,8 +262,9 @@ def _bright(fits: Fits, k: int, model_error: float) -> _BrightPixels | None:
     mean = signal + spot["level"] + spot["slope_u"] * i + spot["slope_v"] * j
     own = (model_error * spot["height"]) ** 2
     variance = noise["floor"] + noise["gain"] * np.maximum(mean - noise["dark"], 0.0) + own
-    powers = [*POWERS, *(MOMENTS if many else [])]
-    terms = np.stack([bell * x**a * y**b for a, b in powers], axis=1)
+    powers = POWERS if many else POWERS[:TAKEN]
+    x_powers, y_powers = (np.vander(at, 5, increasing=True) for at in (x, y))
+    terms = x_powers[:, powers[:, 0]] * y_powers[:, powers[:, 1]] * bell[:, None]
     fall, drop = spot["a"] * x + spot["h"] * y, spot["h"] * x + spot["c"] * y
     return _BrightPixels(
         signal, grey[chosen] - mean, 1.0 / np.sqrt(variance), fall**2 + drop**2, terms,
