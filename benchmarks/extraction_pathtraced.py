@@ -1,12 +1,13 @@
 """String spots of path-traced cells: missed ones, and the error of the axis points over the variance stated.
 
-    python benchmarks/extraction_pathtraced.py [--cells 4] [--first 1] [--frames 12] [--keep FOLDER]
+    python benchmarks/extraction_pathtraced.py [--cells 4] [--first 1] [--frames 12] [--draws 1] [--keep FOLDER]
 
 Mitsuba 3 (pip install mitsuba) draws the light, an oracle of this script and its like alone: nothing of the emulator
 takes part. A cell of a seed has a thread of its own (matte, dielectric-coated or metallic, thin or thick), lens blur,
 speckle of its own grain and contrast, exposure, ambient light, and in most cells posts, plates or a wall behind. Whole
 frames are traced coarsely, the strings' surroundings finely and in sub-pixels, where blur and speckle are laid over
-them; then shot noise, read noise and 8 bits. The laser's sheet is an angle of light through a slit, not the emulator's
+them; then shot noise, read noise and 8 bits. DRAWS is how often: each draw is another recording of the same views, and
+learns its speckle anew. The laser's sheet is an angle of light through a slit, not the emulator's
 beam with a waist. FOLDER keeps traced frames, which are then not traced again.
 
 Extraction is by default, its speckle learnt as `calibrate` learns it. Spots are named by truth (labelling is not tried)
@@ -350,37 +351,38 @@ class Score:
         return SAID.format(str(self.look), self.visible, len(self.missed), self.flagged, y, z, both)
 
 
-def scored(seed: int, frames: int, keep: Path | None) -> Score:
-    """Trace, photograph and extract a cell."""
+def scored(seed: int, frames: int, draws: int, keep: Path | None) -> Score:
+    """Trace a cell, photograph and extract it ``draws`` times."""
     sensor, jig, look, _ = cell_of(seed, frames)
     traced = traced_cell(seed, frames, keep)
-    rng = np.random.default_rng([seed, 3])
     light = exposure(traced, look)
-    images = [photographed(f, look, light, rng) for f in traced]
-    config = dataset_config(sensor, ExtractionConfig(), len(images), lambda some: [images[i] for i in some])
     visible = flagged = 0
     missed: list[str] = []
     ratio, mahalanobis = [], []
-    for n, (f, image) in enumerate(zip(traced, images, strict=True)):
-        spots = extract(image, sensor, config)
-        at = axes(jig, f.T_sensor_jig)
-        uv = project(sensor.require_camera(), at)
-        for k, name in enumerate(jig.strings):
-            if not asked(k, uv, f, sensor):
-                continue
-            visible += 1
-            away = np.linalg.norm(spots.uv_px - uv[k], axis=1)
-            i = int(np.argmin(away)) if len(away) else -1
-            if i < 0 or away[i] > GATE_PX + look.diameter_mm * 8:
-                missed.append(f"frame {n} {name} at ({uv[k, 0]:.0f}, {uv[k, 1]:.0f})")
-            elif spots.flag[i]:
-                flagged += 1
-            else:
-                taken = take(spots, np.array([i]))
-                yz, cov = axis_points(taken, [name], jig, sensor, f.T_sensor_jig, CalibConfig())
-                error = yz[0] - at[k, 1:]
-                ratio.append(error**2 / np.diag(cov[0]))
-                mahalanobis.append(float(error @ np.linalg.solve(cov[0], error)))
+    for draw in range(draws):
+        rng = np.random.default_rng([seed, 3, draw] if draw else [seed, 3])
+        images = [photographed(f, look, light, rng) for f in traced]
+        config = dataset_config(sensor, ExtractionConfig(), len(images), lambda some: [images[i] for i in some])  # noqa: B023
+        for n, (f, image) in enumerate(zip(traced, images, strict=True)):
+            spots = extract(image, sensor, config)
+            at = axes(jig, f.T_sensor_jig)
+            uv = project(sensor.require_camera(), at)
+            for k, name in enumerate(jig.strings):
+                if not asked(k, uv, f, sensor):
+                    continue
+                visible += 1
+                away = np.linalg.norm(spots.uv_px - uv[k], axis=1)
+                i = int(np.argmin(away)) if len(away) else -1
+                if i < 0 or away[i] > GATE_PX + look.diameter_mm * 8:
+                    missed.append(f"draw {draw}, frame {n} {name} at ({uv[k, 0]:.0f}, {uv[k, 1]:.0f})")
+                elif spots.flag[i]:
+                    flagged += 1
+                else:
+                    taken = take(spots, np.array([i]))
+                    yz, cov = axis_points(taken, [name], jig, sensor, f.T_sensor_jig, CalibConfig())
+                    error = yz[0] - at[k, 1:]
+                    ratio.append(error**2 / np.diag(cov[0]))
+                    mahalanobis.append(float(error @ np.linalg.solve(cov[0], error)))
     return Score(look, visible, tuple(missed), flagged, np.array(ratio).reshape(-1, 2), np.array(mahalanobis))
 
 
@@ -399,6 +401,7 @@ def main() -> None:
     parser.add_argument("--cells", type=int, default=4)
     parser.add_argument("--first", type=int, default=1)
     parser.add_argument("--frames", type=int, default=12)
+    parser.add_argument("--draws", type=int, default=1, help="recordings of each cell")
     parser.add_argument("--keep", type=Path)
     given = parser.parse_args()
     cv2.setNumThreads(1)
@@ -406,7 +409,7 @@ def main() -> None:
         given.keep.mkdir(parents=True, exist_ok=True)
     scores = []
     for seed in range(given.first, given.first + given.cells):
-        scores.append(scored(seed, given.frames, given.keep))
+        scores.append(scored(seed, given.frames, given.draws, given.keep))
         print(f"{seed:3d} {scores[-1]}", *scores[-1].missed, sep="\n      ", flush=True)
     ratio = np.concatenate([s.ratio for s in scores])
     both = np.concatenate([s.mahalanobis for s in scores])

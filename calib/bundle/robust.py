@@ -20,6 +20,8 @@ Mask = NDArray[np.bool_]
 _ROUNDS = 25  # one point a frame each; a set that needs more is beyond the share of outliers allowed
 _MIN_POINTS = 3  # a frame with fewer trusted points is left out whole
 _FRAME_TAIL = 1e-7  # of sound frames are left out by chance
+# times every other frame's χ² over its limit: a frame a degree off in one joint has 2.3 to 30, as it pulls
+_ALONE = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +64,11 @@ def solve_robust(
 
 
 def _judge(bundle: Bundle, result: Result, outlier: Mask, frame_outlier: Mask, point_chi2: float) -> tuple[Mask, Mask]:
-    """Outlying points and frames after this solution: at most one new point a frame, else one new frame."""
+    """Outlying points and frames after this solution: at most one new point a frame, else one new frame.
+
+    A frame that stands out alone, without its worst point too, goes first: it has pulled the others, whose points only
+    seem to be wrong.
+    """
     present = bundle.present
     noise, lins = gate_noise(bundle, result), linearisations(result)
     tried = zip(bundle.without(outlier).terms, lins, strict=True)
@@ -75,16 +81,26 @@ def _judge(bundle: Bundle, result: Result, outlier: Mask, frame_outlier: Mask, p
     new[rows, worst] = (distance[rows, worst] > point_chi2) & ~outlier[rows, worst] & ~frame_outlier
     out = stays | new
     few = (present & ~out).sum(axis=1) < np.minimum(_MIN_POINTS, present.sum(axis=1))
-    if np.any(new):
-        return out, frame_outlier | few
     judged = [frame_chi2(t, lin, noise[t.frame]) for t, lin in zip(bundle.without(out).terms, lins, strict=True)]
     chi2, dof = (bundle.by_frame([found[k] for found in judged]) for k in (0, 1))
     excess = chi2 / chdtri(np.maximum(dof, 1), _FRAME_TAIL)
+    if np.any(new):
+        alone = _standing_out(np.where(frame_outlier, 0.0, excess), np.any(new, axis=1))
+        return (out, frame_outlier | few) if alone is None else (stays, frame_outlier | (rows == alone))
     frames = few | (frame_outlier & (excess > 1))
     kept = np.where(frames, 0.0, excess)
     if np.max(kept, initial=0.0) > 1:
         frames[int(np.argmax(kept))] = True
     return out, frames
+
+
+def _standing_out(excess: Array, doubted: Mask) -> int | None:
+    """The frame (F,) that is beyond all others, where points of others are doubted as well; None where none is."""
+    worst = int(np.argmax(excess))
+    others = np.delete(excess, worst)
+    if excess[worst] <= max(1.0, _ALONE * np.max(others, initial=0.0)) or not np.any(np.delete(doubted, worst)):
+        return None
+    return worst
 
 
 def gate_noise(bundle: Bundle, result: Result) -> Array:

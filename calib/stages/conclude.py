@@ -53,7 +53,7 @@ def _cause(result: CalibrationResult, setup: Setup, *, lost: bool) -> str:
 def _named(verdict: Verdict, prepared: Prepared) -> Verdict:
     """The verdict on data that contradict one another, with what the motions say of the cause before all else."""
     setup, labelled = prepared.setup, prepared.labelled
-    if verdict.code not in CONTRADICTED:
+    if verdict.code not in CONTRADICTED and not prepared.solved.contradicted:
         return verdict
     if isinstance(setup.target, Jig):
         found = wrong_jig(labelled, setup.target) or culprit(labelled, setup.target, setup.robot)
@@ -88,5 +88,18 @@ def _left_out_notes(setup: Setup, labelled: tuple[Frame, ...], result: Calibrati
     if not gone or not result.verdict.trustworthy or not isinstance(setup.target, Jig):
         return ()
     posed = with_own_poses(labelled, setup.target, setup.sensor, setup.config)
-    words = strangers(posed, setup.target, gone)
+    words = strangers(posed, setup.target, gone) or _unlike_the_rest(result)
     return (f"{words}. The answer does without {'it' if len(gone) == 1 else 'them'}",) if words else ()
+
+
+def _unlike_the_rest(result: CalibrationResult) -> str:
+    """A sentence on the frames that all others contradict; "" where there is none."""
+    numbers = [f.number for f in result.frames if f.reason == "outlier" and f.role == "calibrate"]
+    if not numbers:
+        return ""
+    one = len(numbers) == 1
+    return (
+        f"{'frame' if one else 'frames'} {', '.join(map(str, numbers))} {'contradicts' if one else 'contradict'} all "
+        f"others: the joints (or the hand pose) or the location of {'its row are' if one else 'their rows are'} not "
+        f"those of {'its image' if one else 'their images'}"
+    )

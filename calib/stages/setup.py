@@ -32,12 +32,16 @@ class Setup:
 
 @dataclass(frozen=True, eq=False)
 class Solved:
-    """The bundle's verdict with its answer; ``used``: the frames of the solution."""
+    """The bundle's verdict with its answer; ``used``: the frames of the solution.
+
+    contradicted: whether its data contradict one another, also where the verdict is on what the views leave open.
+    """
 
     verdict: Verdict
     estimate: Estimate | None = None
     solution: Solution | None = None
     used: tuple[Frame, ...] = field(default=())
+    contradicted: bool = False
 
 
 @dataclass(frozen=True, eq=False)

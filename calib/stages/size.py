@@ -15,7 +15,7 @@ def of_true_size(stated: Prepared) -> tuple[Prepared, str]:
     Where they do not, or nothing better comes of it, what was given and no sentence.
     """
     solution, verdict = stated.solved.solution, stated.solved.verdict
-    same = contradicted_diameter(solution) if solution is not None else None
+    same = contradicted_diameter(solution, stated.setup.config) if solution is not None else None
     unknown = solution is None or not verdict.trustworthy
     free = with_free_diameters(stated.setup.target, {f.location for f in stated.given})
     if free is None or (same is None and not (unknown and verdict.code in CONTRADICTED)):

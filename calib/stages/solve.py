@@ -7,7 +7,7 @@ from dataclasses import replace
 from calib.bundle import Solution, make_bundle, solve_problem
 from calib.judge import bundle_estimate, bundle_facts, find, frames_motion, judge, judge_motion
 from calib.result import Estimate, Verdict
-from calib.stages.setup import Setup, Solved
+from calib.stages.setup import CONTRADICTED, Setup, Solved
 from calib.surface import OPEN_CONDITION, condensed, degenerate, general_advice
 from geometry import Frame, Pose, Surface, target_at
 from jig_cad import Plane
@@ -39,9 +39,10 @@ def solve(setup: Setup, labelled: tuple[Frame, ...], T_hand_sensor: Pose) -> Sol
     refused = tuple(f for f in labelled if f.role == "calibrate" and f.reason == "not_labelled" and len(f.axis))
     facts = bundle_facts(solution, used, refused)
     estimate = _whole(bundle_estimate(solution, used, setup.config), used, labelled)
-    verdict = _views_named(judge(facts, moved, setup.config), setup, used, solution)
+    judged = judge(facts, moved, setup.config)
+    verdict = _views_named(judged, setup, used, solution)
     if _open_on_surface(verdict, setup, used):
-        return Solved(verdict)
+        return Solved(verdict, contradicted=judged.code in CONTRADICTED)
     return Solved(verdict, estimate, solution, used)
 
 

@@ -19,7 +19,8 @@ _ALIKE_DEG = 2.0  # tilts nearer than this are one
 _FLAT = 0.03  # share of the tilts' spread that stands out of one circle, where all lie on one
 _FEWEST_TILTS = 4
 _SQUARE_DEG = 3.0  # a border crossed at less than this off the right angle
-_MIDDLE = 0.1  # of the radius: a section cut nearer the middle is smaller by half a percent at most
+_MIDDLE = 0.1  # of the radius, rms: a section cut nearer the middle is smaller by half a percent
+_FARTHEST = 0.15  # of the radius: what the open shift adds to one of them where all are cut through the middle
 _STILL_DEG = 3.0  # rotations between frames that are a pure translation
 _ONE_AXIS = 0.03  # second singular value of the rotations over the first
 _PARALLEL = 0.05  # sine of the angle between a ridge and the axis of all turns
@@ -129,7 +130,7 @@ def _middle(
         if f.location in places and isinstance(t, Sphere):
             depth = section_depths([f], stack_poses([f.at @ T]), places[f.location])[0]
             share.append(abs(float(depth)) / (t.diameter_mm / 2))
-    found = max(share, default=np.inf)
+    found = float(np.sqrt(np.mean(np.square(share)))) if max(share, default=np.inf) < _FARTHEST else np.inf
     if found > _MIDDLE:  # the shift that is open moves all depths; the sections' own radii do not hang on it
         radius = {t.diameter_mm / 2 for t in kinds if isinstance(t, Sphere)}
         seen = section_share(frames, radius.pop()) if len(radius) == 1 else None

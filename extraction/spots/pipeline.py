@@ -16,7 +16,8 @@ from extraction.reasons import Reason
 from extraction.region import region_mask
 from extraction.sheet import image_to_sheet, propagate
 from extraction.spots.detect import Candidates, Image32, PreparedImage, find_candidates, prepare
-from extraction.spots.error import ErrorBudget, SpotErrors, concatenate, estimate_speckle, spot_errors
+from extraction.spots.error import MODEL_SHARE, SpotErrors, estimate_speckle, spot_errors
+from extraction.spots.frame import Fits
 from extraction.spots.localise import LocalisedSpots, localise
 from extraction.spots.noise import noise_model
 from extraction.spots.pair import take_apart
@@ -33,7 +34,7 @@ class _Extraction:
     candidates: Candidates
     points: SurfacePoints
     candidate: NDArray[np.intp]
-    budget: ErrorBudget | None
+    errors: SpotErrors
 
 
 def extract(
@@ -127,7 +128,7 @@ def _extract(image: object, sensor: Sensor, config: ExtractionConfig) -> _Extrac
     points = _points(spots, kept, errors, yz_mm, jacobian, score, config)
     told = np.argsort(reasons == "", kind="stable")  # of two spots of one candidate the kept one speaks for it
     return _Extraction(
-        prepared, candidates.refused(spots.candidate[told], reasons[told]), points, spots.candidate[kept], errors.budget
+        prepared, candidates.refused(spots.candidate[told], reasons[told]), points, spots.candidate[kept], errors
     )
 
 
@@ -156,18 +157,18 @@ def learn_speckle(images: Iterable[object], sensor: Sensor, config: ExtractionCo
         As `extract`.
     """
     config = config or ExtractionConfig()
-    known: list[ErrorBudget] = []
+    known: list[Fits] = []
     for image in images:
         result = _extract(image, sensor, config)
         flagged = np.array([flag != "" for flag in result.points.flag], dtype=np.bool_)
-        good = np.flatnonzero(~flagged & (result.points.score > config.score.trusted))
-        if result.budget is not None and len(good):
-            known.append(result.budget[good])
+        good = np.flatnonzero(~flagged & (result.points.score > config.score.trusted) & result.errors.told)
+        if result.errors.fits is not None and len(good):
+            known.append(result.errors.fits[good])
     if not known:
         return config
-    budget, noise = concatenate(known), config.noise
-    everything = np.ones(len(budget.skew), dtype=np.bool_)
-    speckle = estimate_speckle(budget, everything, noise.speckle_contrast, noise.speckle_grain_px)
+    noise = config.noise
+    own = MODEL_SHARE * noise.model_error
+    speckle = estimate_speckle(known, own, noise.speckle_contrast, noise.speckle_grain_px)
     learnt = {"speckle_contrast": speckle.contrast, "speckle_grain_px": speckle.grain_px}
     return config.model_copy(update={"noise": noise.model_copy(update=learnt)})
 

@@ -66,6 +66,8 @@ def left_out(prepared: PreparedImage, candidates: Candidates, config: Extraction
     """
     if filled(prepared):
         yield FILLED_SENTENCE
+    elif prepared.too_fine:
+        yield FILLED_SENTENCE.replace("the image is", "a part of the image is").replace("all over the image", "there")
     beyond, spots = candidates.beyond, config.localise.max_spots
     if beyond:
         most = config.detect.max_candidates

@@ -23,8 +23,8 @@ from extraction.stripe.sections import (
     FitLimits,
     Records,
     SectionPlaces,
+    SectionPoints,
     SigmaPlaces,
-    StripePoints,
     estimate_noise,
     fit_faint,
     fit_pairs,
@@ -225,7 +225,7 @@ def _tails(
 ) -> StripePeaks:  # fmt: skip
     """Beyond the ends of the pieces: the sections that still hold light. by_pixels: variances (N,) by noise alone."""
     light = fits["amplitude"] * fits["width"]
-    points = StripePoints(places.section, fits["centre"].copy(), fits["width"].copy(), light, piece)
+    points = SectionPoints(places.section, fits["centre"].copy(), fits["width"].copy(), light, piece)
     found = walk_tails(view.grey, points, math.sqrt(max(noise.floor, QUANTISATION_VARIANCE)))
     n, rows = len(found.section), np.full(len(found.section), view.grey.shape[0], np.int32)
     table = np.zeros(n, SECTION)

@@ -56,6 +56,25 @@ def test_copies_count_once_and_are_named(cell: SyntheticCell, observed: CellFram
     assert any("copies" in note and "3 = 103 = 203" in note for note in result.notes)
 
 
+@pytest.mark.parametrize("joint", [0, 1, 4])
+def test_one_frame_with_a_joint_a_degree_off_is_left_out_by_name(
+    cell: SyntheticCell, observed: CellFrames, plain: CalibrationResult, joint: int
+) -> None:
+    frames = list(observed.frames)
+    joints = frames[5].joints_rad
+    assert joints is not None
+    frames[5] = replace(frames[5], joints_rad=joints + np.deg2rad(np.eye(6)[joint]))
+    result = calibrated(replace(observed, frames=tuple(frames)), cell.jig, cell.robot)
+    assert result.verdict.trustworthy
+    assert [f.number for f in result.frames if f.reason == "outlier"] == [frames[5].number]
+    assert any(f"frame {frames[5].number} " in note and "The answer does without it" in note for note in result.notes)
+    assert result.covariance is not None
+    assert plain.T_hand_sensor is not None
+    assert result.T_hand_sensor is not None
+    moved = (plain.T_hand_sensor.inverse() @ result.T_hand_sensor).log()
+    assert float(moved @ np.linalg.solve(result.covariance, moved)) < 6.0
+
+
 def test_one_recording_with_two_readings_is_no_copy_but_named(cell: SyntheticCell, observed: CellFrames) -> None:
     other = replace(observed.frames[0], axis=observed.frames[3].axis)
     result = calibrated(replace(observed, frames=(other, *observed.frames[1:])), cell.jig, cell.robot)

@@ -11,6 +11,7 @@ import pytest
 from calib import CalibConfig, CalibrationResult, calibrate
 from calib.printed import nees
 from calib.surface import condensed
+from calib.synthetic.cell import default_sensor
 from calib.synthetic.surfaces import ProfileNoise, SurfaceCell, observe_surface, surface_cell
 from geometry import AxisPoints, Frame, Pose, SheetPoints, Surface, exp_so3
 from geometry.robot import RobotUncertainty
@@ -220,3 +221,33 @@ def test_a_diameter_that_the_data_contradict_is_said_in_sigma(stated: float) -> 
     assert result.covariance is not None
     assert nees(cell.T_hand_sensor, result.T_hand_sensor, result.covariance) < NEES_LIMIT
     assert _result("sphere", True).verdict.code == "ok"
+
+
+def _by_hand_poses(count: int) -> tuple[SurfaceCell, list[Frame]]:
+    """Views of a ball at one place with an exact arm's hand poses alone."""
+    rng = np.random.default_rng(3)
+    noise = ProfileNoise(robot=False)
+    cell = surface_cell(Sphere(40.0), rng, (("A", "calibrate", count),), noise)
+    seen = observe_surface(cell, rng, noise, points=120, labelled=False)
+    hands = cell.robot.pose(cell.joints_rad)
+    return cell, [replace(f, joints_rad=None, T_base_hand=hands[i]) for i, f in enumerate(seen.frames)]
+
+
+@pytest.mark.parametrize("stated", [39.4, 40.6])
+def test_noise_of_hand_poses_does_not_hide_a_wrong_diameter(stated: float) -> None:
+    """It is learnt from the residuals, which a wrong diameter makes large."""
+    cell, frames = _by_hand_poses(12)
+    result = calibrate(frames, Sphere(stated), None, default_sensor(), cell.design)
+    assert result.verdict.code == "priors_contradict", result.verdict.text
+    assert f"{stated:g} mm by target.toml" in result.verdict.text
+    assert calibrate(frames, Sphere(40.0), None, default_sensor(), cell.design).verdict.code in ("ok", "weak")
+
+
+def test_profiles_out_of_step_are_named_whatever_else_the_views_lack() -> None:
+    """Each profile with the row after its own: what so wrong a set leaves open is not the cause."""
+    cell, frames = _by_hand_poses(10)
+    after = [replace(a, axis=b.axis, n_points=b.n_points) for a, b in zip(frames[1:], frames[:-1], strict=True)]
+    result = calibrate(after, Sphere(40.0), None, default_sensor(), cell.design)
+    assert not result.verdict.trustworthy
+    assert result.T_hand_sensor is None
+    assert "profiles and poses are out of step" in result.verdict.text

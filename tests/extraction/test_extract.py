@@ -15,6 +15,7 @@ from extraction import (
     image_to_sheet,
 )
 from extraction.spots import TrueSpot
+from extraction.spots.detect import prepare
 from tests.extraction.spots import camera, dot_grid, make_sensor, mean_frame, some_spots
 from tests.recordings import MISSING, recording
 
@@ -176,6 +177,48 @@ def test_a_grid_of_dots_is_measured_whole():
     distance = np.linalg.norm(points.uv_px[:, None] - centres, axis=2)
     assert np.all(distance.min(axis=0) < 0.1)
     assert len(set(distance.argmin(axis=1))) == 400
+
+
+def in_the_dark(part, offset, whole, rng):
+    """A part of a dark image (whole, whole) with noise of 1 DN."""
+    image = rng.normal(10.0, 1.0, (whole, whole)).round().clip(0, 255).astype(np.uint8)
+    image[offset : offset + len(part), offset : offset + len(part)] = part
+    return image
+
+
+@pytest.mark.parametrize(("side", "pitch", "size"), [(20, 16.0, 512), (12, 14.0, 256), (6, 14.0, 200), (20, 12.0, 400)])
+def test_a_fine_grid_of_dots_in_a_part_of_the_image_is_measured_whole(side, pitch, size):
+    rng = np.random.default_rng(23)
+    part, centres = dot_grid(side, pitch, rng, size)
+    said = []
+    points = extract(in_the_dark(part, 200, 1024, rng), make_sensor(1024, 1024), None, said.append)
+    assert len(points) == side * side
+    assert not said
+    distance = np.linalg.norm(points.uv_px[:, None] - (centres + 200), axis=2)
+    assert np.all(distance.min(axis=0) < 0.15)
+
+
+def test_dots_too_near_to_each_other_in_a_part_of_the_image_are_said_to_be_lost():
+    rng = np.random.default_rng(24)
+    part, _ = dot_grid(30, 9.0, rng)
+    said = []
+    points = extract(in_the_dark(part, 200, 1024, rng), make_sensor(1024, 1024), None, said.append)
+    assert len(points) < 900
+    assert len(said) == 1
+    assert said[0].startswith("a part of the image is full of light")
+
+
+def test_a_rough_part_of_the_image_is_no_grid():
+    """Speckled metal in a part of the image has peaks and ground between them, too, but not evenly apart."""
+    rng = np.random.default_rng(25)
+    grains = cv2.GaussianBlur(rng.exponential(size=(400, 400)), (0, 0), 2.0)
+    part = np.clip(10 + 400 * np.maximum(grains - 1.1, 0) + rng.normal(size=grains.shape), 0, 255).round()
+    image, said = in_the_dark(part.astype(np.uint8), 200, 1024, rng), []
+    prepared = prepare(image, ExtractionConfig().detect)
+    assert not prepared.dense.any()
+    assert not prepared.too_fine
+    extract(image, make_sensor(1024, 1024), None, said.append)
+    assert not said
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,8 @@ from calib.synthetic.surfaces import ProfileNoise, observe_surface, surface_cell
 from calib.synthetic.telling_nothing import SPOILT, spoilt_cell
 from geometry import Surface
 from jig_cad import Edge, Plane, Sphere, Wedge
-from workbench.files import Cell
+from tests.workbench.helpers import Cli
+from workbench.files import Cell, read_frames
 from workbench.plan import next_views, size_mm
 
 CURED = 0.3  # of the σ that one plane at three tilts leaves, after four more views
@@ -52,3 +53,13 @@ def test_what_is_open_is_closed(tmp_path: Path) -> None:
     frames = placed(seen.frames, made.robot)
     plan = next_views(cell, made.T_hand_sensor, dict(made.T_base_target), frames, 4)
     assert float(size_mm(plan.noise, "E")) < CURED * float(size_mm(plan.before, "E"))
+
+
+def test_a_plan_has_views_of_the_places_that_verify(cli: Cli, tmp_path: Path) -> None:
+    """As for strings: numbered on, and none of them counts for the σ predicted."""
+    cell, out = tmp_path / "cell", tmp_path / "plan.csv"
+    assert cli("init", cell, "--target", "sphere", "--sensor", "lmi_gocator_2340").code == 0
+    assert cli("plan", cell, "--per-location", 1, "--out", out).code == 0
+    rows = read_frames(out, 6)
+    assert sorted(r.number for r in rows) == list(range(len(rows)))
+    assert {r.location: r.role for r in rows} == {"A": "calibrate", "B": "calibrate", "C": "calibrate", "D": "verify"}

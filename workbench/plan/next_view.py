@@ -213,7 +213,7 @@ def next_views(
         hand = views.T_base_sensor[i] @ T_hand_sensor.inverse()
         hand = hand.inverse() if cell.mount == "fixed" else hand
         row = Frame(number + len(chosen), given[k].name, "calibrate", joints, hand if joints is None else None)
-        row = _with_file(cell, row)
+        row = with_file(cell, row)
         chosen.append(NextView(row, size, float(views.tilt_deg[i]), float(views.roll_deg[i]), float(views.room_mm[i])))
     every = np.arange(len(base.location))
     counts = [sum(v.frame.location == p.name for v in chosen) for p in given]
@@ -360,7 +360,8 @@ def _hand(cell: Cell, f: Frame) -> Pose:
     return robot.pose(f.joints_rad[None])[0]
 
 
-def _with_file(cell: Cell, row: Frame) -> Frame:
+def with_file(cell: Cell, row: Frame) -> Frame:
+    """The row with the name of the file that its image or profile is to have."""
     if cell.sensor.profile is not None:
         return replace(row, profile=f"profiles/{row.number:03d}.csv")
     return replace(row, image=f"images/{row.number:03d}.png")

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+from dataclasses import replace
+
 import numpy as np
 
 from calib.bundle import Model, observability, scaled
@@ -9,7 +12,7 @@ from calib.printed import printed_sigmas
 from geometry import InputError
 from workbench.files import Cell
 from workbench.plan.choose import LEVER_MM, RANDOM_PLANS, size_mm
-from workbench.plan.next_view import next_views
+from workbench.plan.next_view import NextView, next_views, with_file
 from workbench.plan.proposal import VERIFY, Proposal, plan_warnings
 from workbench.plan.view_space import ViewLimits
 
@@ -17,8 +20,9 @@ from workbench.plan.view_space import ViewLimits
 def propose_on_surface(
     cell: Cell, per_location: int, criterion: str, model: Model, limits: ViewLimits, seed: int
 ) -> Proposal:
-    """Propose ``per_location`` configurations at every calibrating place, and predict what they tell.
+    """Propose ``per_location`` configurations at every place, and predict what those of calibrating places tell.
 
+    Places that verify get the views that would tell most there by themselves: these are spread apart.
     cell: with T_base_jig of its places; its frames count as taken. criterion, model, limits, seed: as of `propose`;
     of the limits tilt and roll count.
     """
@@ -46,7 +50,8 @@ def propose_on_surface(
         each=True,
         compared=RANDOM_PLANS,
     )
-    views = sorted(plan.views, key=lambda v: list(places).index(v.frame.location))
+    views = [*plan.views, *_checking(cell, per_location, criterion, model, limits, seed, places, len(plan.views))]
+    views = sorted(views, key=lambda v: list(cell.T_base_jig).index(v.frame.location))
     rows = tuple(v.frame for v in views)
     ratio, of_noise = (
         float(size_mm(own, criterion) / np.median(size_mm(others, criterion)))
@@ -67,3 +72,34 @@ def propose_on_surface(
         np.array([v.room_mm for v in views]),
         (),
     )
+
+
+def _checking(
+    cell: Cell,
+    per_location: int,
+    criterion: str,
+    model: Model,
+    limits: ViewLimits,
+    seed: int,
+    calibrating: Collection[str],
+    before: int,
+) -> tuple[NextView, ...]:
+    """Views of the places that verify, numbered after those ``before``."""
+    places = {n: T for n, T in cell.T_base_jig.items() if n not in calibrating}
+    if not places:
+        return ()
+    plan = next_views(
+        cell,
+        cell.design,
+        places,
+        [],
+        per_location,
+        criterion=criterion,
+        model=model,
+        tilt_deg=limits.tilt_deg,
+        roll_deg=limits.roll_deg,
+        seed=seed,
+        each=True,
+    )
+    rows = (with_file(cell, replace(v.frame, number=v.frame.number + before, role="verify")) for v in plan.views)
+    return tuple(replace(v, frame=row) for v, row in zip(plan.views, rows, strict=True))

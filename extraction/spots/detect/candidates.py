@@ -7,12 +7,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from extraction.config import DetectConfig
 from extraction.reasons import Reason
-from extraction.spots.detect.peaks import find_peaks
+from extraction.spots.detect.blur import BLOCK_PX
+from extraction.spots.detect.peaks import PLACE_BITS, find_peaks
 from extraction.spots.detect.prepare import PreparedImage
 from extraction.spots.detect.regions import ESCAPED, JOINED, REGION, RING_PX, RegionRule, grow_regions
 
@@ -89,13 +91,9 @@ def find_candidates(
     owner = np.zeros(prepared.smooth.shape, np.int16)  # pages that no region touches stay unwritten
     # a region of twice the largest length is none, wherever in it the peak lies
     least_noise = float(prepared.noise.min())
-    ring = RING_PX
-    if prepared.dense and len(seen):  # of dots all over the image: between a dot and its neighbours
-        pitch = math.sqrt(prepared.smooth.size / len(seen))
-        ring = min(max(round(pitch / 2), LEAST_RING_PX), RING_PX)
-    rule = RegionRule(config.threshold, config.min_height_dn, config.region_level, 2.0 * length, least_noise, ring)
+    rule = RegionRule(config.threshold, config.min_height_dn, config.region_level, 2.0 * length, least_noise)
     table = np.zeros(len(peaks), REGION)
-    grow_regions(prepared.smooth, owner, peaks, rule, table)
+    grow_regions(prepared.smooth, owner, peaks, _rings(prepared, peaks), rule, table)
     height = table["top"] - table["ring"]
     covariance = np.stack([table[name] for name in ("cov_uu", "cov_uv", "cov_uv", "cov_vv")], axis=1)
     return Candidates(
@@ -113,6 +111,22 @@ def find_candidates(
         owner=owner,
         beyond=len(seen) - len(peaks),
     )
+
+
+def _rings(prepared: PreparedImage, peaks: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Half side of each peak's ring (N,): where dots fill the image, between a dot and its neighbours."""
+    rings = np.full(len(peaks), RING_PX)
+    if not prepared.dense.any() or len(peaks) == 0:
+        return rings
+    (h, w), columns = prepared.dense.shape, prepared.smooth.shape[1]
+    place = peaks & PLACE_BITS
+    block = np.minimum(place // columns // BLOCK_PX, h - 1), np.minimum(place % columns // BLOCK_PX, w - 1)
+    inside = prepared.dense[block]
+    pitch = BLOCK_PX * math.sqrt(int(np.count_nonzero(prepared.dense)) / max(int(np.count_nonzero(inside)), 1))
+    # those beside the zone are its dots as well
+    about = cv2.dilate(prepared.dense.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
+    rings[about[block]] = min(max(round(pitch / 2), LEAST_RING_PX), RING_PX)
+    return rings
 
 
 def _refusals(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -16,6 +17,7 @@ from extraction.noise import QUANTISATION_VARIANCE
 from extraction.spots.detect.blur import BLOCK_PX, ROW_STEP, Image32, blur
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 # of the blocks' typical noise over that of neighbouring pixels, above which what fills the blocks is light, not noise:
 # images with strings have 0.7, grids of dots up to 24 px apart 7 to 60
@@ -28,6 +30,12 @@ _DARK, _DARK_SIGMA = 0.05, 1.645
 # share of the pixels within three σ of the ground, from which there is a ground between dots: grids 12 px apart have
 # 0.35 and more, blotches and textures of surfaces 0.2 at most
 _GROUND, _GROUND_SIGMA = 0.3, 3.0
+# third neighbour's distance over the first's: 1.0 to 1.1 in grids, 1.3 in those seen at 40° aside; of speckle's and
+# textures' peaks it is 1.4 and more
+_EVEN, _FEWEST_DOTS, _SOME_DOTS = 1.3, 12, 100
+_ABOUT_BLOCKS = 6  # to every side of a zone's middle: dots enough, and no more to look at
+_NEAREST_PX = 7.0  # between dots: the blurred peaks of textures stand as near
+_FEWEST_BLOCKS = 16  # side by side, that light fills: a smaller grid stands in the minority of 5 × 5 blocks
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +44,8 @@ class PreparedImage:
 
     image: the raw grey levels (H, W). smooth: after the matched blur (H, W) [DN]. kernel: that blur's row (K,).
     background, noise, tops: level, standard deviation and largest value of the blurred image per block (h, w) [DN].
-    dense: whether light fills the blocks, so that background and noise are those of the ground between.
+    dense: the blocks (h, w) that light fills, so that background and noise are those of the ground between.
+    too_fine: whether a part of the image holds dots with no ground between.
     """
 
     image: Image
@@ -45,7 +54,8 @@ class PreparedImage:
     background: Image32
     noise: Image32
     tops: Image32
-    dense: bool = False
+    dense: Mask
+    too_fine: bool = False
 
 
 def prepare(image: Image, config: DetectConfig) -> PreparedImage:
@@ -55,10 +65,17 @@ def prepare(image: Image, config: DetectConfig) -> PreparedImage:
     background = np.asarray(cv2.medianBlur(blurred.mean, 5), dtype=np.float32)
     floor = QUANTISATION_VARIANCE * float(np.sum(blurred.kernel**2)) ** 2
     noise = np.sqrt(np.maximum(cv2.medianBlur(blurred.variance, 5), np.float32(floor)))
+    none = np.zeros(noise.shape, np.bool_)
     prepared = PreparedImage(
-        image, blurred.smooth, blurred.kernel, background, np.asarray(noise, np.float32), blurred.tops
+        image, blurred.smooth, blurred.kernel, background, np.asarray(noise, np.float32), blurred.tops, none
     )
-    return between_dots(prepared) if filled(prepared) else prepared
+    if filled(prepared):
+        return between_dots(prepared, ~none, _quiet_noise(prepared))
+    for zone, level in _filled_zones(prepared):
+        if _holds_grid(prepared, zone):
+            seen = between_dots(prepared, zone, level)
+            prepared = replace(seen, too_fine=prepared.too_fine or seen is prepared)
+    return prepared
 
 
 def filled(prepared: PreparedImage) -> bool:
@@ -71,22 +88,74 @@ def filled(prepared: PreparedImage) -> bool:
     return bool(bend.size and typical > FILLED * share * np.sqrt(_white(float(np.median(bend)) / 0.6745)))
 
 
-def between_dots(prepared: PreparedImage) -> PreparedImage:
-    """The same with background and noise as they are between dots that fill all blocks; unchanged where there is no
-    such ground.
+def between_dots(prepared: PreparedImage, zone: Mask, noise_dn: float) -> PreparedImage:
+    """The same with background and noise as they are between dots that fill the blocks of a zone (h, w); unchanged
+    where there is no such ground.
+
+    noise_dn: σ of the blurred image by noise alone.
     """
-    bends = np.sort(_bends(prepared.image), axis=None)
-    quiet = float(np.mean(bends[: math.ceil(_QUIET * len(bends))])) / _QUIET_MEAN
-    noise = math.sqrt(max(quiet**2 / 6.0, QUANTISATION_VARIANCE)) * float(np.sum(prepared.kernel**2))
     (h, w), smooth = prepared.background.shape, prepared.smooth
     if min(smooth.shape) < BLOCK_PX:
         return prepared
-    blocks = smooth[: h * BLOCK_PX, : w * BLOCK_PX].reshape(h, BLOCK_PX, w, BLOCK_PX).swapaxes(1, 2).reshape(h, w, -1)
-    ground = cv2.medianBlur(np.quantile(blocks, _DARK, axis=2).astype(np.float32), 3) + np.float32(_DARK_SIGMA * noise)
-    if np.mean(blocks < (ground + np.float32(_GROUND_SIGMA * noise))[:, :, None]) < _GROUND:
+    rows, columns = np.flatnonzero(zone.any(axis=1)), np.flatnonzero(zone.any(axis=0))
+    box = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
+    blocks = smooth[: h * BLOCK_PX, : w * BLOCK_PX].reshape(h, BLOCK_PX, w, BLOCK_PX).swapaxes(1, 2)[box]
+    blocks = blocks.reshape(*blocks.shape[:2], -1)
+    dark = np.quantile(blocks, _DARK, axis=2).astype(np.float32)
+    ground = cv2.medianBlur(dark, 3) + np.float32(_DARK_SIGMA * noise_dn)
+    inside = zone[box]
+    near_ground = (blocks < (ground + np.float32(_GROUND_SIGMA * noise_dn))[:, :, None]).mean(axis=2)
+    if near_ground[inside].mean() < _GROUND:
         return prepared
-    level = np.full_like(prepared.noise, noise * math.sqrt(block_share(tuple(prepared.kernel))))  # as of blocks
-    return replace(prepared, background=np.asarray(ground, np.float32), noise=level, dense=True)
+    background, noise = prepared.background.copy(), prepared.noise.copy()
+    background[box][inside] = ground[inside]
+    noise[zone] = noise_dn * math.sqrt(block_share(tuple(prepared.kernel)))  # as of blocks
+    return replace(prepared, background=background, noise=noise, dense=prepared.dense | zone)
+
+
+def _filled_zones(prepared: PreparedImage) -> Iterator[tuple[Mask, float]]:
+    """Zones of blocks (h, w) side by side that light fills, as of a fine grid of dots, and the noise there [DN]."""
+    least = FILLED * math.sqrt(QUANTISATION_VARIANCE) * float(np.sum(prepared.kernel**2))
+    if np.count_nonzero(prepared.noise > least) < _FEWEST_BLOCKS:  # pixels have that much noise at least
+        return
+    noise = _quiet_noise(prepared)
+    number, zones = cv2.connectedComponents((prepared.noise > FILLED * noise).astype(np.uint8), connectivity=4)
+    for k in range(1, number):
+        zone = np.asarray(zones == k)
+        if np.count_nonzero(zone) >= _FEWEST_BLOCKS:
+            yield zone, noise
+
+
+def _holds_grid(prepared: PreparedImage, zone: Mask) -> bool:
+    """Whether the peaks of a zone of blocks (h, w), above its mean, stand as dots of a grid do: each as near to its
+    third neighbour as to its first, about. A part of the zone about its middle block says so.
+    """
+    inside = np.argwhere(zone)
+    middle = inside[np.argmin(np.sum((inside - inside.mean(axis=0)) ** 2, axis=1))]
+    (top, left), (low, right) = np.maximum(middle - _ABOUT_BLOCKS, 0), middle + _ABOUT_BLOCKS + 1
+    part = prepared.smooth[top * BLOCK_PX : low * BLOCK_PX, left * BLOCK_PX : right * BLOCK_PX]
+    v, u = np.nonzero(part >= cv2.dilate(part, np.ones((5, 5), np.uint8)))
+    here, (h, w) = zone[top:low, left:right], zone[top:low, left:right].shape
+    block = np.minimum(v // BLOCK_PX, h - 1), np.minimum(u // BLOCK_PX, w - 1)
+    dots = here[block] & (part[v, u] > prepared.background[top:low, left:right][block])
+    places = np.column_stack([v, u])[dots].astype(float)
+    if not _FEWEST_DOTS <= len(places) <= np.count_nonzero(here) * BLOCK_PX**2 / _NEAREST_PX**2:
+        return False
+    some = places[:: math.ceil(len(places) / _SOME_DOTS)]
+    square = np.subtract.outer(some[:, 0], places[:, 0]) ** 2 + np.subtract.outer(some[:, 1], places[:, 1]) ** 2
+    square = np.partition(square, (1, 3), axis=1)  # the first is the dot itself
+    return bool(np.median(square[:, 3] / np.maximum(square[:, 1], 1.0)) < _EVEN**2)
+
+
+def _quiet_noise(prepared: PreparedImage) -> float:
+    """σ of the blurred image by the pixels' own noise alone [DN]: by the second differences that no dot has a part
+    in.
+    """
+    bends, quiet = _bends(prepared.image).ravel(), 0.0
+    if len(bends):
+        least = math.ceil(_QUIET * len(bends))
+        quiet = float(np.mean(np.partition(bends, least - 1)[:least])) / _QUIET_MEAN
+    return math.sqrt(max(quiet**2 / 6.0, QUANTISATION_VARIANCE)) * float(np.sum(prepared.kernel**2))
 
 
 def _bends(image: Image) -> NDArray[np.int32]:

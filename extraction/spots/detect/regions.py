@@ -41,8 +41,7 @@ class RegionRule(NamedTuple):
     """Which peaks get a region, and how far it goes.
 
     threshold: height over the ring's noise. height_dn: least height. level: share of the height down to which the
-    region goes. reach_px: from the peak, beyond which it is not followed. noise_dn: least noise of a ring. ring_px: its
-    half side.
+    region goes. reach_px: from the peak, beyond which it is not followed. noise_dn: least noise of a ring.
     """
 
     threshold: float
@@ -50,7 +49,6 @@ class RegionRule(NamedTuple):
     level: float
     reach_px: float
     noise_dn: float
-    ring_px: int = RING_PX
 
 
 class Ring(NamedTuple):
@@ -62,16 +60,18 @@ class Ring(NamedTuple):
 
 
 @kernel
-def grow_regions(smooth: Image32, owner: Owner, peaks: Indices, rule: RegionRule, table: NDArray[np.void]) -> None:
+def grow_regions(
+    smooth: Image32, owner: Owner, peaks: Indices, rings: Indices, rule: RegionRule, table: NDArray[np.void]
+) -> None:
     """Fill the table (N,) of REGION in the order of the keys ``peaks``, brightest first; owner (H, W): 1 + its number,
-    for every pixel of a region.
+    for every pixel of a region. rings: half side of each peak's ring (N,).
     """
     stack, sectors = np.empty((MAX_REGION_PX + 8, 2), np.int64), np.empty((2, SECTORS))
     for k in range(len(peaks)):
         place = peaks[k] & PLACE_BITS
         j = place // smooth.shape[1]
         i, row = place - j * smooth.shape[1], table[k]
-        ring = _ring(smooth, j, i, rule.ring_px, rule.noise_dn, sectors)
+        ring = _ring(smooth, j, i, rings[k], rule.noise_dn, sectors)
         row.peak_u, row.peak_v, row.top = i, j, smooth[j, i]
         row.ring, row.ring_noise, row.uneven = ring.level, ring.noise, ring.uneven
         height = float(smooth[j, i]) - ring.level

@@ -11,13 +11,12 @@ pairs whose distance is of class k, so that the contrast c and the correlation �
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
 
-from extraction.spots.error.influence import CAMERA, CLASSES, NEIGHBOUR, OWN, PRODUCT, SPECKLE, Budgets, budgets
+from extraction.spots.error.influence import CAMERA, CLASSES, PRODUCT, SPECKLE, Budgets, budgets
 from extraction.spots.frame import Fits
 
 Array = NDArray[np.float64]
@@ -29,9 +28,8 @@ class ErrorBudget:
 
     camera (N, 3, 3), speckle (N, 3, 3, K): Cov of (u, v, skew), NaN where the fit has none. white (N, 3, 3): the same
     of independent errors as large as the spot's height. skew (N,): third moment
-    along the long axis that the fit left. variance, neighbour (N,): Σ residual² over the core and Σ of neighbours'
-    products, over the height's square, the camera's part taken off; variance_camera (N,): that part of the former.
-    variance_speckle, neighbour_speckle (N, K): expectation of both.
+    along the long axis that the fit left. variance (N,): Σ residual² over the core, over the height's square, the
+    camera's part taken off; variance_camera (N,): that part. variance_speckle (N, K): its expectation.
     """
 
     camera: Array
@@ -39,19 +37,12 @@ class ErrorBudget:
     white: Array
     skew: Array
     variance: Array
-    neighbour: Array
     variance_camera: Array
     variance_speckle: Array
-    neighbour_speckle: Array
 
     def __getitem__(self, chosen: NDArray[np.intp]) -> ErrorBudget:
         """The budgets of the chosen spots."""
         return ErrorBudget(*(getattr(self, f.name)[chosen] for f in fields(self)))
-
-
-def concatenate(parts: Sequence[ErrorBudget]) -> ErrorBudget:
-    """The budgets of several groups of spots as one."""
-    return ErrorBudget(*(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(ErrorBudget)))
 
 
 def error_budget(fits: Fits) -> ErrorBudget:
@@ -59,18 +50,15 @@ def error_budget(fits: Fits) -> ErrorBudget:
     n = len(fits.spot)
     out = Budgets(
         np.zeros((n, 3, 3)), np.zeros((n, 3, 3, CLASSES)), np.zeros((n, 3, 3)), np.zeros(n),
-        np.zeros((n, 2, SPECKLE + CLASSES)),
+        np.zeros((n, SPECKLE + CLASSES)),
     )  # fmt: skip
     budgets(fits.windows, fits.place, fits.spot, fits.noise, out)
-    own, neighbour = out.moments[:, OWN], out.moments[:, NEIGHBOUR]
     return ErrorBudget(
         camera=out.camera,
         speckle=out.speckle,
         white=out.white * fits.spot["height"][:, None, None] ** 2,
         skew=out.skew,
-        variance=own[:, PRODUCT],
-        neighbour=neighbour[:, PRODUCT],
-        variance_camera=own[:, CAMERA],
-        variance_speckle=own[:, SPECKLE:],
-        neighbour_speckle=neighbour[:, SPECKLE:],
+        variance=out.moments[:, PRODUCT],
+        variance_camera=out.moments[:, CAMERA],
+        variance_speckle=out.moments[:, SPECKLE:],
     )

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from extraction.spots.error.budget import ErrorBudget, error_budget
-from extraction.spots.error.speckle import SHAPE_CONTRAST, estimate_speckle
+from extraction.spots.error.speckle import PRIOR_GRAIN_PX, SHAPE_CONTRAST, estimate_speckle
+from extraction.spots.frame import Fits
 from extraction.spots.localise import LocalisedSpots
 from extraction.spots.noise import FrameNoise
 
@@ -26,7 +27,8 @@ class SpotErrors:
 
     cov_uv_px2 (N, 2, 2): of the position. skew_sigma (N,): asymmetry along the long axis over what noise and speckle
     make of it. misfit (N,): variance of the residuals over what noise and speckle make of it. good (N,): the covariance
-    is one. budget: what they are made of, None for the fast method.
+    is one. budget: what they are made of, None for the fast method. fits: of the spots that tell of the speckle
+    where told (N,) says so.
     """
 
     cov_uv_px2: Array
@@ -34,13 +36,17 @@ class SpotErrors:
     misfit: Array
     good: NDArray[np.bool_]
     budget: ErrorBudget | None
+    fits: Fits | None
+    told: NDArray[np.bool_]
 
     def __getitem__(self, chosen: NDArray[np.intp]) -> SpotErrors:
         """Those of the chosen spots."""
         budget = self.budget[chosen] if self.budget is not None else None
+        fits = self.fits[chosen] if self.fits is not None else None
         return SpotErrors(
-            self.cov_uv_px2[chosen], self.skew_sigma[chosen], self.misfit[chosen], self.good[chosen], budget
-        )
+            self.cov_uv_px2[chosen], self.skew_sigma[chosen], self.misfit[chosen], self.good[chosen], budget, fits,
+            self.told[chosen],
+        )  # fmt: skip
 
 
 def spot_errors(spots: LocalisedSpots, kept: NDArray[np.intp], noise: FrameNoise) -> SpotErrors:
@@ -48,8 +54,10 @@ def spot_errors(spots: LocalisedSpots, kept: NDArray[np.intp], noise: FrameNoise
     if spots.fits is None or not len(kept):
         zero, given = np.zeros(len(kept)), spots.cov_uv_px2
         cov = given[kept] if given is not None else np.zeros((len(kept), 2, 2))
-        return SpotErrors(cov, zero, zero, np.ones(len(kept), dtype=np.bool_), None)
-    budget = error_budget(spots.fits[kept])
+        every = np.ones(len(kept), dtype=np.bool_)
+        return SpotErrors(cov, zero, zero, every, None, None, every)
+    fits = spots.fits[kept]
+    budget = error_budget(fits)
     alone = np.ones(len(kept), dtype=np.bool_)
     for k, one in enumerate(kept.tolist()):
         if one in spots.joint:  # the other's place is not known either
@@ -58,7 +66,10 @@ def spot_errors(spots: LocalisedSpots, kept: NDArray[np.intp], noise: FrameNoise
             budget.white[k, :2, :2] = errors.white
     # the other's grains are left in a joint fit's residuals: it speaks for the speckle where no spot stands alone
     told = spots.converged[kept] & (alone | ~np.any(spots.converged[kept] & alone))
-    speckle = estimate_speckle(budget, told, noise.speckle_contrast, noise.speckle_grain_px)
+    # one image's spots do not tell the grain
+    grain = PRIOR_GRAIN_PX if noise.speckle_grain_px is None else noise.speckle_grain_px
+    own = MODEL_SHARE * noise.model_error
+    speckle = estimate_speckle([fits[np.flatnonzero(told)]], own, noise.speckle_contrast, grain)
     cov = budget.camera + budget.speckle @ speckle.variances
     shape = SHAPE_CONTRAST**2 * budget.variance_speckle[:, 0]
     expected = budget.variance_camera + budget.variance_speckle @ speckle.variances + shape
@@ -68,4 +79,4 @@ def spot_errors(spots: LocalisedSpots, kept: NDArray[np.intp], noise: FrameNoise
     position = cov[:, :2, :2]
     skew = budget.skew / np.sqrt(np.maximum(cov[:, 2, 2], 1e-30))
     good = np.all(np.isfinite(cov), axis=(1, 2)) & (np.linalg.det(position) > 0)
-    return SpotErrors(position, skew, misfit, good, budget)
+    return SpotErrors(position, skew, misfit, good, budget, fits, told)

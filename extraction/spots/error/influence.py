@@ -55,8 +55,7 @@ SIGNAL, GRAINY, VARIANCE, WEIGHT, RESIDUAL = range(MOST_TERMS, MOST_TERMS + 5)
 PLANES = MOST_TERMS + 5
 # ⟨x x'⟩ over two points of a pixel [px²], weighted by the correlation of grains of 0.55 px (0.063 at 0.3, 0.018 at 1.3)
 WITHIN_PIXEL = 0.05
-# rows of `moments`, and its columns before those of the classes
-OWN, NEIGHBOUR = 0, 1
+# columns of `moments` before those of the classes
 PRODUCT, CAMERA, SPECKLE = 0, 1, 2
 
 
@@ -64,8 +63,8 @@ class Budgets(NamedTuple):
     """What `budgets` fills, all zero before.
 
     camera, white (N, 3, 3), speckle (N, 3, 3, K), skew (N,): as in `ErrorBudget`, white for a height of 1. moments
-    (N, 2, 2 + K): of the core's residuals and of neighbours' products over the height's square, freed of the camera's
-    part; that part; the speckle's of contrast 1 by classes of distance.
+    (N, 2 + K): of the core's residuals over the height's square, freed of the camera's part; that part; the speckle's
+    of contrast 1 by classes of distance.
     """
 
     camera: Array
@@ -318,47 +317,31 @@ def _residual_moments(planes: Array, stride: int, n: int, height: float, moments
             left[i] -= z[r, i] * share
     signal = planes[GRAINY] * core
     left += planes[RESIDUAL] * core
-    around, left_around, signal_around = np.zeros_like(z), np.zeros_like(left), np.zeros_like(left)
-    for r in range(n):
-        _half_neighbours(z[r], core, stride, around[r])
-    _half_neighbours(left, core, stride, left_around)
-    _half_neighbours(signal, core, stride, signal_around)
     scatter = Scatter(_scaled(weighted, planes[VARIANCE], n), _scaled(weighted, planes[GRAINY], n), np.empty((n, n)))
     _gram(scatter.camera, weighted, n, scatter.spread)
-    _moments(scatter, stride, z, z, signal, moments[OWN])
-    _moments(scatter, stride, z, around, signal, moments[NEIGHBOUR])
-    moments[OWN, PRODUCT] = _dot(left, left) - moments[OWN, CAMERA] - _dot(planes[VARIANCE], core)
-    moments[OWN, CAMERA] += _dot(planes[VARIANCE], core)
-    moments[OWN, SPECKLE] += _dot(signal, signal)
-    moments[NEIGHBOUR, PRODUCT] = _dot(left, left_around) - moments[NEIGHBOUR, CAMERA]
-    moments[NEIGHBOUR, SPECKLE + 1] += _dot(signal, signal_around)
+    _moments(scatter, stride, z, signal, moments)
+    moments[PRODUCT] = _dot(left, left) - moments[CAMERA] - _dot(planes[VARIANCE], core)
+    moments[CAMERA] += _dot(planes[VARIANCE], core)
+    moments[SPECKLE] += _dot(signal, signal)
     moments /= height * height
 
 
-@kernel
-def _half_neighbours(values: Array, core: Array, stride: int, out: Array) -> None:
-    """Half the sum over the four neighbours in the core, in the core: so every pair of neighbours counts once."""
-    for i in range(stride, len(values) - stride):
-        total = values[i - 1] + values[i + 1] + values[i - stride] + values[i + stride]
-        out[i] = 0.5 * total * core[i]
-
-
 @kernel(fastmath=True)
-def _moments(scatter: Scatter, stride: int, z: Array, other: Array, signal: Array, out: Array) -> None:
-    """Camera's and speckle's part (2 + K,) of Σ residual_i residual_j over the pairs that make ``other`` of z.
+def _moments(scatter: Scatter, stride: int, z: Array, signal: Array, out: Array) -> None:
+    """Camera's and speckle's part (2 + K,) of Σ residual².
 
-    Without the noise of the pair's own two pixels, which the caller adds. With z = F⁻¹ e (n, P) the residual is
+    Without the noise of the pixels themselves, which the caller adds. With z = F⁻¹ e (n, P) the residual is
     error_i - z_iᵀ Σ_l w_l e_l error_l, so that only sums over pixels are needed, none over pairs beyond REACH.
     """
     n = len(z)
     pairs, mixed = np.empty((n, n)), np.empty_like(z)
-    _gram(z, other, n, pairs)
+    _gram(z, z, n, pairs)
     for r in range(n):
         for s in range(n):
             out[CAMERA] += pairs[r, s] * scatter.spread[r, s]
-        out[CAMERA] -= 2.0 * _dot(scatter.camera[r], other[r])
+        out[CAMERA] -= 2.0 * _dot(scatter.camera[r], z[r])
     _mix(pairs, scatter.speckle, n, mixed)
     for r in range(n):
         for i in range(z.shape[1]):
-            mixed[r, i] -= 2.0 * other[r, i] * signal[i]
+            mixed[r, i] -= 2.0 * z[r, i] * signal[i]
         _lagged_dots(mixed[r], scatter.speckle[r], stride, out[SPECKLE:])

@@ -1,8 +1,19 @@
-"""Contrast and grain of the speckle, as the residuals of fitted spots show them."""
+"""Contrast and grain of the speckle, as the residuals of fitted spots show them.
+
+The bright pixels' residual r, freed of the fit's terms J, has the covariance of V + (c² + c₀²) · S ρ S: V the camera's
+variance, S what speckle multiplies, ρ the correlation of a round pupil's grains, c₀ what a string's shape leaves. Its
+restricted likelihood (Patterson & Thompson 1971) asks nothing of the terms: with Q orthogonal to V^-½ J,
+
+    ln L = -½ Σ ln(1 + c² λ) + z²/(1 + c² λ),    Qᵀ V^-½ S ρ S V^-½ Q = Σ λ e eᵀ,    z = eᵀ Qᵀ V^-½ r,
+
+so that one decomposition a grain gives all contrasts. Spots of an image or of a recording multiply their likelihoods;
+a spot that is no Gaussian's counts as one that speaks for any speckle.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,32 +21,38 @@ from numpy.typing import NDArray
 from scipy.special import j1
 
 from extraction.config import MAX_GRAIN_PX
-from extraction.spots.error.budget import ErrorBudget
-from extraction.spots.error.influence import CLASSES, LAGS
+from extraction.spots.error.influence import CLASSES, DISTANCES2, LAGS
+from extraction.spots.fit import window_of
+from extraction.spots.frame import Fits
 from extraction.spots.noise import PRIOR_CONTRAST
 from geometry import Camera, Sensor
 
 Array = NDArray[np.float64]
 
-# what is expected where an image does not tell, with its spread (ln). Contrast: unpolarised light's, over a pixel, of
-# the grain of F/4 and pixels of 5.5 µm (Goodman 2007, section 4.6); grain: λF#(1 + m) of red light by F/3 to F/8 and
-# pixels of 5 µm. 30 spots outweigh the contrast's, six frames of five just the grain's (docs/spots.md)
-PRIOR_CONTRAST_LN = 0.3
+# what is expected where images do not tell, with its spread (ln). Contrast: of PRIOR_LOOKS independent fields, two of
+# unpolarised light, over a pixel of the grain in question (Goodman 2007, section 4.6), one to four within 1 σ. Grain:
+# that of red light by F/3 to F/8 and pixels of 5 µm
+PRIOR_LOOKS, PRIOR_CONTRAST_LN = 2.0, 0.35
 PRIOR_GRAIN_PX, PRIOR_GRAIN_LN = 0.7, 0.5
 NO_SPECKLE = 0.01  # probability before looking that an image has none, or any other contrast
-CONTRASTS = np.geomspace(0.003, 1.0, 300)  # nodes of the posterior, 2 % apart
-GRAINS_PX = np.geomspace(0.2, MAX_GRAIN_PX, 40)  # nodes, 6 % apart; finer ones are averaged out within a pixel
-VARIANCES = CONTRASTS**2
-USUAL_CONTRAST = np.exp(-0.5 * (np.log(CONTRASTS / PRIOR_CONTRAST) / PRIOR_CONTRAST_LN) ** 2) + NO_SPECKLE
-UNUSUAL_GRAIN = (np.log(GRAINS_PX / PRIOR_GRAIN_PX) / PRIOR_GRAIN_LN) ** 2
+CONTRASTS = np.geomspace(0.003, 1.0, 300)  # of the posterior, 2 % apart; 1 is fully developed
+GRAINS_PX = np.geomspace(0.2, MAX_GRAIN_PX, 40)  # of it, 6 % apart; finer ones are averaged out within a pixel
+# of them those for which the likelihood is worked out; what lies between is interpolated
+CONTRAST_NODES = np.geomspace(0.003, 1.0, 32)
+GRAIN_NODES = np.array([0, 8, 14, 18, 22, 26, 30, 33, 36, 39])
 NODES = 20  # of a pixel's side
 # contrast that strings' departure from a Gaussian leaves in the residuals without any speckle or noise: 0.006 for
 # strings of 0.3 mm, 0.02 of 0.5 mm, 0.06 of 1 mm (benchmarks/extraction_model_error.py)
 SHAPE_CONTRAST = 0.02
-JUST_HALF = 0.5 - 1e-9  # of equal halves the lower one holds the median
-OUTLYING = 5.0  # times the median variance
-FREEDOM = 1.5  # independent residuals per unit of Σ signal² over the height's square
-MAX_CONTRAST = 1.0  # fully developed; larger residuals are those of something that is no Gaussian spot
+# share of the height above which pixels are looked at: in wings a spot departs from a Gaussian by more than by speckle.
+# Where they are less than MANY it is lowered, down to FAINT: spots that the lens draws have so few
+BRIGHT, FAINT, MANY = 0.1, 0.03, 30
+# powers of x and y: of the terms TAKEN up by a fit, and of the third and fourth moments, which spots of so MANY pixels
+# leave to the shape of the string
+POWERS = np.array([(a, d - a) for d in range(5) for a in range(d, -1, -1)])
+TAKEN = 6
+ODD_SPOT = 1e-3  # probability that a spot's residuals are those of something else
+MOST_SPOTS = 60  # of an image: each takes half a millisecond
 
 
 @dataclass(frozen=True)
@@ -85,22 +102,27 @@ def _sheet_on_axis_mm(camera: Camera) -> float:
     return distance if distance > 0 else math.inf
 
 
-def _pupil_correlations() -> Array:
-    """ρ (grains, CLASSES) of two pixels: that of a round pupil's speckle, (2 J₁(x)/x)² with x = π r/grain, over both.
+def _pupil_tables() -> tuple[Array, Array, Array]:
+    """By grain: correlation (G, CLASSES) of two pixels, variance (G,) of one field over a pixel, WITHIN (G,) of it.
 
-    Two pixels at a lag are uniform points whose difference has a triangle's distribution in u and in v. Source:
-    Goodman, Speckle Phenomena in Optics (2007), sections 4.4 and 4.6.
+    The speckle's is that of a round pupil, (2 J₁(x)/x)² with x = π r/grain, over both pixels. Two pixels at a lag are
+    uniform points whose difference t has a triangle's distribution in u and in v. WITHIN is ⟨x x'⟩ of a pixel's two
+    points weighted by it, (1 - |t|)²/12 - t²/4 where t is given. Source: Goodman, Speckle Phenomena in Optics (2007),
+    sections 4.4 and 4.6.
     """
     t = (np.arange(-NODES, NODES) + 0.5) / NODES
     triangle = (1.0 - np.abs(t)) / NODES
     lags = np.array([LAGS[LAGS[:, 0] == k][-1, 1:] for k in range(CLASSES)])
     r = np.hypot(lags[:, 0, None, None] + t[:, None], lags[:, 1, None, None] + t)
     x = np.pi * r / GRAINS_PX[:, None, None, None]
-    covariance = np.einsum("gkij,i,j->gk", (2.0 * j1(x) / x) ** 2, triangle, triangle)
-    return np.asarray(covariance / covariance[:, :1])
+    shared = (2.0 * j1(x) / x) ** 2
+    covariance = np.einsum("gkij,i,j->gk", shared, triangle, triangle)
+    moment = triangle * ((1.0 - np.abs(t)) ** 2 / 3.0 - t**2) / 4.0
+    within = np.einsum("gij,i,j->g", shared[:, 0], moment, triangle)
+    return covariance / covariance[:, :1], covariance[:, 0], within / covariance[:, 0]
 
 
-GRAIN_CORRELATIONS = _pupil_correlations()
+GRAIN_CORRELATIONS, PIXEL_VARIANCES, WITHIN = _pupil_tables()
 
 
 def correlation(grain_px: float) -> Array:
@@ -120,63 +142,149 @@ def correlation(grain_px: float) -> Array:
     ----------
     Goodman, Speckle Phenomena in Optics (2007), sections 4.4 and 4.6: a round pupil's, integrated over both pixels.
     """
+    return _at(GRAIN_CORRELATIONS, grain_px)
+
+
+def _at(table: Array, grain_px: float) -> Array:
+    """A table's row (G, ...) for a grain, between the two nearest."""
     place = float(np.interp(grain_px, GRAINS_PX, np.arange(len(GRAINS_PX))))
     low = min(int(place), len(GRAINS_PX) - 2)
-    return np.asarray(GRAIN_CORRELATIONS[low] + (place - low) * (GRAIN_CORRELATIONS[low + 1] - GRAIN_CORRELATIONS[low]))
+    return np.asarray(table[low] + (place - low) * (table[low + 1] - table[low]))
 
 
 def estimate_speckle(
-    budget: ErrorBudget, good: NDArray[np.bool_], contrast: float | None = None, grain_px: float | None = None
+    parts: Iterable[Fits], model_error: float, contrast: float | None = None, grain_px: float | None = None
 ) -> Speckle:
-    """Speckle from the error budgets of the fitted spots ``good`` (N,); what is given is kept.
+    """Speckle by the residuals of fitted spots; what is given is kept.
 
-    Moments: the residuals' variance over the signal's square gives the contrast, the product of neighbours the grain;
-    both under a prior, as a spot or two tell little: `learn_speckle` asks many images.
+    Parameters
+    ----------
+    parts
+        Fits of an image's spots each, the best first: MOST_SPOTS of an image are looked at.
+    model_error
+        Independent error of every pixel by the model, over the spot's height.
+    contrast, grain_px
+        What is known of it.
+
+    Returns
+    -------
+    Speckle
+        The mean, over all that the spots leave possible, of contrast² and of contrast² times neighbours' correlation:
+        what the covariance of a spot is made of.
     """
-    good = good & _alike(budget, good)
-    if grain_px is None:
-        grain_px = _grain(budget, good)
+    if contrast is not None and grain_px is not None:
+        return Speckle(contrast, grain_px)
+    contrasts = CONTRAST_NODES if contrast is None else np.array([contrast])
+    grains = GRAINS_PX[GRAIN_NODES] if grain_px is None else np.array([grain_px])
+    told = [one for fits in parts for one in _likelihoods(fits, model_error, contrasts, grains)]
+    if not told:
+        return Speckle(
+            PRIOR_CONTRAST if contrast is None else contrast, PRIOR_GRAIN_PX if grain_px is None else grain_px
+        )
+    likely = np.sum(told, axis=0)
     if contrast is None:
-        contrast = _contrast(budget, good, grain_px)
-    return Speckle(contrast, grain_px)
+        contrasts, likely = CONTRASTS, likely @ BETWEEN_CONTRASTS.T
+    if grain_px is None:
+        grains, likely = GRAINS_PX, BETWEEN_GRAINS @ likely
+    return _mean(likely, contrasts, grains, contrast, grain_px)
 
 
-def _alike(budget: ErrorBudget, good: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """The spots whose residuals are like most light's: what is no Gaussian does not speak for them."""
-    expected = budget.variance_speckle @ correlation(PRIOR_GRAIN_PX)
-    usable = good & np.isfinite(budget.variance) & (expected > 0)
-    if not np.any(usable):
-        return usable
-    share = np.where(usable, budget.variance / np.where(usable, expected, 1.0), np.inf)
-    order = np.argsort(share[usable], kind="stable")
-    weight = np.cumsum(expected[usable][order])
-    median = share[usable][order][np.searchsorted(weight, JUST_HALF * weight[-1])]
-    return np.asarray(usable & (share < MAX_CONTRAST**2) & (share <= max(OUTLYING * median, PRIOR_CONTRAST**2)))
+def _mean(likely: Array, contrasts: Array, grains: Array, contrast: float | None, grain_px: float | None) -> Speckle:
+    """Mean of the posterior, the prior put to the log-likelihood (G, C)."""
+    usual = np.sqrt(np.array([float(_at(PIXEL_VARIANCES, g)) for g in grains]) / PRIOR_LOOKS)
+    off = np.log(contrasts / usual[:, None]) / PRIOR_CONTRAST_LN
+    rare = np.log(grains / PRIOR_GRAIN_PX) / PRIOR_GRAIN_LN
+    posterior = likely + np.log(np.exp(-0.5 * off**2) + NO_SPECKLE) - 0.5 * rare[:, None] ** 2
+    weight = np.exp(posterior - posterior.max())
+    by_grain = weight @ contrasts**2
+    variance = float(by_grain.sum() / weight.sum())
+    if grain_px is None:
+        neighbours = np.array([float(correlation(g)[1]) for g in grains])
+        grain_px = float(np.interp(by_grain @ neighbours / by_grain.sum(), GRAIN_CORRELATIONS[:, 1], GRAINS_PX))
+    return Speckle(math.sqrt(variance) if contrast is None else contrast, grain_px)
 
 
-def _contrast(budget: ErrorBudget, good: NDArray[np.bool_], grain_px: float) -> float:
-    """Root mean square of the posterior: the residuals' variance is Gamma distributed about camera and speckle."""
-    pixels = float(budget.variance_speckle[good].sum(axis=0) @ correlation(grain_px))
-    if pixels <= 0:
-        return PRIOR_CONTRAST
-    camera = max(float(budget.variance_camera[good].sum()) / pixels, 1e-9)
-    observed = max(float(budget.variance[good].sum()) / pixels + camera, 0.0)
-    variance = VARIANCES + (camera + SHAPE_CONTRAST**2)
-    cost = FREEDOM * pixels * (np.log(variance) + observed / variance)
-    likely = np.exp(-0.5 * (cost - cost.min())) * USUAL_CONTRAST
-    return math.sqrt(float(likely @ VARIANCES) / float(np.sum(likely)))
+def _likelihoods(fits: Fits, model_error: float, contrasts: Array, grains: Array) -> Iterator[Array]:
+    """Log-likelihood (G, C) of every spot that tells anything."""
+    rho = np.array([[*correlation(g), 0.0] for g in grains])
+    within = np.array([float(_at(WITHIN, g)) for g in grains])
+    for k in range(min(len(fits.spot), MOST_SPOTS)):
+        bright = _bright(fits, k, model_error)
+        freed = bright.freed() if bright is not None else None
+        if bright is None or freed is None:
+            continue
+        grainy = bright.signal * np.sqrt(1.0 + within[:, None] * bright.fall2)
+        basis = freed * (bright.weight * grainy)[:, :, None]
+        shared = rho[:, CLASS_OF[np.minimum(bright.distance2, len(CLASS_OF) - 1)]]
+        size, vectors = np.linalg.eigh(basis.transpose(0, 2, 1) @ (shared @ basis))
+        z2 = ((bright.residual * bright.weight) @ freed @ vectors) ** 2
+        variance = 1.0 + (contrasts**2 + SHAPE_CONTRAST**2)[:, None] * np.maximum(size, 0.0)[:, None, :]
+        one = -0.5 * np.sum(np.log(variance) + z2[:, None, :] / variance, axis=-1)
+        yield np.logaddexp(one, one.max() + math.log(ODD_SPOT))
 
 
-def _grain(budget: ErrorBudget, good: NDArray[np.bool_]) -> float:
-    """Mean of the posterior of the grain, from the product of neighbours: unsure where that may be the spots' shape."""
-    variance = float(budget.variance[good].sum())
-    if variance <= 0:
-        return PRIOR_GRAIN_PX
-    observed = float(budget.neighbour[good].sum()) / variance
-    rho = GRAIN_CORRELATIONS
-    ratio = (rho @ budget.neighbour_speckle[good].sum(axis=0)) / (rho @ budget.variance_speckle[good].sum(axis=0))
-    pixels = float(budget.variance_speckle[good, 0].sum())
-    error2 = 1.0 / (FREEDOM * pixels) + (SHAPE_CONTRAST**2 * pixels / variance) ** 2
-    cost = (observed - ratio) ** 2 / error2 + UNUSUAL_GRAIN
-    likely = np.exp(-0.5 * (cost - cost.min()))
-    return float(np.sum(likely * GRAINS_PX) / np.sum(likely))
+@dataclass(frozen=True, eq=False)
+class _BrightPixels:
+    """The n pixels of a spot that tell of the speckle.
+
+    signal, residual [DN], weight: 1 over the camera's and the model's standard deviation; fall2: squared slope of the
+    light's logarithm; terms (n, P): what the spot may take up; distance2 (n, n) of pixels.
+    """
+
+    signal: Array
+    residual: Array
+    weight: Array
+    fall2: Array
+    terms: Array
+    distance2: NDArray[np.intp]
+
+    def freed(self) -> Array | None:
+        """Orthonormal basis (n, n - P) of what the terms leave of weighted residuals; None where that is nothing."""
+        count = self.terms.shape[1]
+        if len(self.signal) <= count:
+            return None
+        return np.asarray(np.linalg.qr(self.terms * self.weight[:, None], mode="complete")[0][:, count:])
+
+
+def _bright(fits: Fits, k: int, model_error: float) -> _BrightPixels | None:
+    """Those of spot k; None where its light is nowhere."""
+    place, spot, noise = fits.place[k], fits.spot[k], fits.noise[k]
+    window = window_of(fits.windows, k, place)
+    grey, use = window.grey, window.use
+    columns, rows = np.meshgrid(np.arange(grey.shape[1]), np.arange(grey.shape[0]))
+    x, y = columns - spot["u"], rows - spot["v"]
+    bell = np.asarray(np.exp(-0.5 * (spot["a"] * x * x + 2.0 * spot["h"] * x * y + spot["c"] * y * y)))
+    level = float(np.sort(bell[use])[-MANY]) if np.count_nonzero(use) >= MANY else 0.0
+    chosen = use & (bell >= min(max(level, FAINT), BRIGHT))
+    many = np.count_nonzero(chosen) >= MANY
+    x, y, bell, i, j = x[chosen], y[chosen], bell[chosen], columns[chosen], rows[chosen]
+    signal = spot["height"] * bell
+    mean = signal + spot["level"] + spot["slope_u"] * i + spot["slope_v"] * j
+    own = (model_error * spot["height"]) ** 2
+    variance = noise["floor"] + noise["gain"] * np.maximum(mean - noise["dark"], 0.0) + own
+    powers = POWERS if many else POWERS[:TAKEN]
+    x_powers, y_powers = (np.vander(at, 5, increasing=True) for at in (x, y))
+    terms = x_powers[:, powers[:, 0]] * y_powers[:, powers[:, 1]] * bell[:, None]
+    fall, drop = spot["a"] * x + spot["h"] * y, spot["h"] * x + spot["c"] * y
+    return _BrightPixels(
+        signal, grey[chosen] - mean, 1.0 / np.sqrt(variance), fall**2 + drop**2, terms,
+        (i[:, None] - i) ** 2 + (j[:, None] - j) ** 2,
+    )  # fmt: skip
+
+
+def _between(nodes: Array, at: Array) -> Array:
+    """Weights (A, N) that interpolate values at nodes by the cubic through the four about a place."""
+    out = np.zeros((len(at), len(nodes)))
+    first = np.clip(np.searchsorted(nodes, at) - 2, 0, len(nodes) - 4)
+    for k, start in enumerate(first):
+        four = nodes[start : start + 4]
+        for m in range(4):
+            others = np.delete(four, m)
+            out[k, start + m] = np.prod((at[k] - others) / (four[m] - others))
+    return out
+
+
+BETWEEN_CONTRASTS = _between(np.log(CONTRAST_NODES), np.log(CONTRASTS))
+BETWEEN_GRAINS = _between(np.log(GRAINS_PX[GRAIN_NODES]), np.log(GRAINS_PX))
+CLASS_OF = np.full(DISTANCES2[-1] + 2, CLASSES)  # of a squared distance, CLASSES beyond all
+CLASS_OF[DISTANCES2] = np.arange(CLASSES)

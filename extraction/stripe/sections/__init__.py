@@ -7,7 +7,7 @@ from extraction.stripe.sections.noise import estimate_noise
 from extraction.stripe.sections.normal import localise_along_normal
 from extraction.stripe.sections.pair import fit_pairs
 from extraction.stripe.sections.sigma import STEP_PX, SigmaPlaces, true_sigma
-from extraction.stripe.sections.tails import StripePoints, tails_kept, walk_tails
+from extraction.stripe.sections.tails import SectionPoints, tails_kept, walk_tails
 
 __all__ = [
     "NEIGHBOURS",
@@ -16,8 +16,8 @@ __all__ = [
     "FitLimits",
     "Records",
     "SectionPlaces",
+    "SectionPoints",
     "SigmaPlaces",
-    "StripePoints",
     "estimate_noise",
     "fit_faint",
     "fit_pairs",

@@ -31,7 +31,7 @@ _NEAR_PX, _NEAR_WIDTHS = 1.0, 0.8  # from the walk, that a section's fit may end
 _APART = 3.0  # widths from another stripe's point in the section, from which the walk is still on its own
 
 
-class StripePoints(NamedTuple):
+class SectionPoints(NamedTuple):
     """Points of stripes (N,), by section: section, centre [px], Gaussian σ [px], light [DN px], piece."""
 
     section: IntArray
@@ -54,7 +54,7 @@ class TailPlaces(NamedTuple):
 
 
 @kernel
-def walk_tails(grey: NDArray[Any], points: StripePoints, noise_dn: float) -> TailPlaces:
+def walk_tails(grey: NDArray[Any], points: SectionPoints, noise_dn: float) -> TailPlaces:
     """Where light goes on beyond the ends of every piece, section by section. noise_dn: σ of a dark pixel."""
     section, centre, width, light, piece = points
     n, sections = len(section), grey.shape[1]
