@@ -16,11 +16,12 @@ from calib.sensor.noise import with_noise
 from calib.sensor.on_line import MIN_POINTS, on_one_line, second_line
 from calib.sensor.result import SensorCalibration, SensorSolution, SensorVerdict, ViewResult
 from calib.sensor.sheet_frame import SheetFrame, sheet_frame, to_sheet
+from calib.sensor.start import stand_alike, view_homographies
 from calib.sensor.stated import Answer, tangent_uncertainty, uncertainty_of_tilts
 from calib.sensor.terms import BOARD, CAMERA, PLANE
 from calib.sensor.tilts import possible_tilts
 from calib.sensor.valley import settled
-from calib.sensor.verdict import judge, no_camera, too_few
+from calib.sensor.verdict import boards_parallel, judge, no_camera, too_few
 from calib.sensor.views import BoardView, BoardViews
 from geometry import Pose, State
 from geometry.sensor import SensorUncertainty, calibration_covariance
@@ -34,6 +35,7 @@ CORNER_SIGMAS, STRIPE_SIGMAS = 5.0, 4.5  # beyond which a point is none; of robu
 VIEW_RATIO = 3.0  # reprojection of a left-out view over the usual: beyond what tilt and focus make
 MAX_LEFT_OUT = 1 / 3  # share of views without which there is no answer
 SECOND_SHARE = 0.15  # of a view's stripe points, on another line than the rest: worth a word
+ALIKE_RAD = 2e-3  # between any two boards: less than a parallel rig repeats, from which no camera can be begun
 _ROUNDS = 2  # of dropping points and solving again
 
 
@@ -82,6 +84,8 @@ def calibrate_sensor(
     if len(given) < FEWEST_VIEWS:
         return SensorCalibration(too_few(len(given)), tuple(ViewResult(v.name, True, None) for v in views))
     try:
+        if stand_alike(view_homographies(given), size_px[0], ALIKE_RAD):
+            return SensorCalibration(boards_parallel(), tuple(ViewResult(v.name, True, None) for v in views))
         attempt = _Attempt.start(given, size_px, settings)
     except np.linalg.LinAlgError:  # the state went beyond all numbers
         return SensorCalibration(no_camera(), tuple(ViewResult(v.name, True, None) for v in views))

@@ -60,6 +60,16 @@ def view_homographies(views: tuple[BoardView, ...]) -> Array:
     return np.stack([homography(v.corners.xy_mm, v.corners.uv_px) for v in views])
 
 
+def stand_alike(homographies: Array, focal: float, within_rad: float) -> bool:
+    """Whether all boards (V, 3, 3) face one way, seen through a lens of about that focal length [px].
+
+    A board's normal is where its vanishing line says: the cross product of the first two columns.
+    """
+    line = np.cross(homographies[:, :, 0], homographies[:, :, 1]) * [focal, focal, 1.0]
+    normal = line / np.linalg.norm(line, axis=1, keepdims=True)
+    return bool(np.abs(normal @ normal.T).min() > np.cos(within_rad))
+
+
 def fitted_plane(points: Array) -> Array:
     """The vector p (3) of the plane p · X = 1 through points (N, 3), by least squares across it."""
     centre = points.mean(axis=0)

@@ -16,6 +16,7 @@ MAX_PLANE_SIGMA_DEG = 2.0  # of the plane's turn: beyond, boards met the sheet i
 WEAK_PLANE_SIGMA_DEG = 0.1  # 0.5 mm at 300 mm
 WEAK_FOCAL_SHARE = 0.005
 WEAK_VIEWS = 5
+WEAK_SOFT = 1 / 3  # of the views, out of focus: a lens's blur is not even, and draws corners its own way
 MISFIT_PX = 1.0  # a lens that OpenCV's model knows leaves tenths
 APART_PX = 1.0  # of whole stripes: a flat board that stood still leaves tenths
 APART_OF_FEW_PX = 0.3  # of two or three, which follow the plane that they bend: a third of what they are off is seen
@@ -35,6 +36,15 @@ def no_camera() -> SensorVerdict:
     return SensorVerdict(
         "not_converged",
         "the corners found fit no camera: is the board what board.toml says (its kind, its number of inner corners)?",
+    )
+
+
+def boards_parallel() -> SensorVerdict:
+    """The verdict on boards that all stand alike."""
+    return SensorVerdict(
+        "boards_parallel",
+        "all boards stand parallel: focal length, distance and laser plane can not be told apart; tilt the board "
+        "by 20° to 45° about both its axes",
     )
 
 
@@ -65,11 +75,7 @@ def judge(
             "board moved between laser off and on, is the sensor itself the same in all, is the board flat?",
         )
     if _largest_angle_deg(solution) < MIN_ANGLE_DEG:
-        return SensorVerdict(
-            "boards_parallel",
-            "all boards stand parallel: focal length, distance and laser plane can not be told apart; tilt the board "
-            "by 20° to 45° about both its axes",
-        )
+        return boards_parallel()
     if not choice.result.converged or not np.isfinite(turn + focal):
         return SensorVerdict("not_converged", "the bundle did not settle: check board.toml's corners and the pictures")
     if with_stripe < STRIPES_NEEDED or turn > MAX_PLANE_SIGMA_DEG:
@@ -100,6 +106,9 @@ def _on_quality(choice: Choice, solution: SensorSolution, turn: float, focal: fl
             "wrongly in board.toml; σ are widened by what is left",
         )
     weak = list(weak)
+    soft = sum(v.soft for v in choice.bundle.views.views)
+    if soft > WEAK_SOFT * used:
+        weak.append(f"{soft} of {used} boards are out of focus (stop down, or keep them within the depth of field)")
     if used < WEAK_VIEWS:
         weak.append(f"only {used} views")
     if focal > WEAK_FOCAL_SHARE:

@@ -75,11 +75,12 @@ class StripePoints:
 
 @dataclass(frozen=True, eq=False)
 class BoardView:
-    """One pose of the board: its corners and the stripe on it (which may hold no point)."""
+    """One pose of the board: its corners and the stripe on it (which may hold no point); soft: if out of focus."""
 
     name: str
     corners: Corners
     stripe: StripePoints
+    soft: bool = False
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,6 +3,14 @@
 from extraction.board.charuco import dictionary
 from extraction.board.find import find_board
 from extraction.board.found import BoardCorners, NoBoard
-from extraction.board.stripe import room_light_in_both, stripe_on_board
+from extraction.board.stripe import room_light_in_both, second_stripe, stripe_on_board
 
-__all__ = ["BoardCorners", "NoBoard", "dictionary", "find_board", "room_light_in_both", "stripe_on_board"]
+__all__ = [
+    "BoardCorners",
+    "NoBoard",
+    "dictionary",
+    "find_board",
+    "room_light_in_both",
+    "second_stripe",
+    "stripe_on_board",
+]

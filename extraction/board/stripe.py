@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from extraction.board.found import BoardCorners
-from extraction.board.plane import board_homography
+from extraction.board.plane import board_homography, mapped
 from extraction.config import StripeConfig
 from extraction.image import Image
 from extraction.stripe import EDGE, SHAPE, StripePeaks, detect_stripe
@@ -23,6 +23,9 @@ BORDER_WIDTHS, BORDER_PX = (
     1.0,
 )  # distance from a border of squares, dots or markers: Gaussian σ of the stripe, and pixels
 ALIKE_SHARE = 0.5  # slope of laser-on over laser-off levels from which the room light is in both
+# of another stripe: its distance in Gaussian σ of the first, its light over the first's, and how straight it is
+SECOND_WIDTHS, SECOND_LIGHT, SECOND_STRAIGHT_PX = 6.0, 0.1, 8.0
+MIN_FIRST = 60  # points of the first that count at least: few points of another are none
 WIDEST_PX = 24.0  # Gaussian σ of a stripe that floods a board made bright for its corners
 
 
@@ -49,11 +52,68 @@ def stripe_on_board(
         step of reflectance under the stripe draws its centre aside.
     """
     config = config or StripeConfig()
+    settings = config.model_copy(update={"along_normal": True})
+    return _detected(image, laser_off, board, corners, settings)
+
+
+def second_stripe(image: Image, laser_off: Image, board: Board, corners: BoardCorners, first: StripePeaks) -> float:
+    """Points of another stripe on a board, as a reflection draws it, over those of the first.
+
+    Parameters
+    ----------
+    image, laser_off, board, corners
+        As of `stripe_on_board`.
+    first
+        The stripe found there; it is looked for another where it is not.
+
+    Returns
+    -------
+    share
+        0 where nothing else is straight, of light enough and far from the first.
+    """
+    if len(first) < 3:
+        return 0.0
+    middle, along = _line(first.uv_px)
+    v, u = np.mgrid[: image.shape[0], : image.shape[1]]
+    away = np.abs((u - middle[0]) * along[1] - (v - middle[1]) * along[0])
+    beside = away > SECOND_WIDTHS * float(np.median(first.width_px)) + SECOND_STRAIGHT_PX
+    found = _detected(image, laser_off, board, corners, StripeConfig(), beside)
+    h = board_homography(corners.uv_px, corners.xy_mm)
+    margin = np.array([[-1.0], [1.0]]) * board.pitch_mm
+    low, high = np.stack([corners.xy_mm.min(axis=0), corners.xy_mm.max(axis=0)]) + margin
+    found, mine = (
+        p[np.all((xy := mapped(h, p.uv_px)) > low, axis=1) & np.all(xy < high, axis=1)] for p in (found, first)
+    )
+    if len(found) < 3 or np.median(found.amplitude_dn) < SECOND_LIGHT * np.median(first.amplitude_dn):
+        return 0.0
+    middle, along = _line(found.uv_px)
+    across = (found.uv_px - middle) @ [along[1], -along[0]]
+    return float(np.sum(np.abs(across) < SECOND_STRAIGHT_PX)) / max(len(mine), MIN_FIRST)
+
+
+def _line(uv: Array) -> tuple[Array, Array]:
+    """A place and the direction of the straight line through points (N, 2)."""
+    middle = np.median(uv, axis=0)
+    off = uv - middle
+    near = np.abs(off @ np.linalg.svd(off, full_matrices=False)[2][1]) < SECOND_STRAIGHT_PX
+    off = off[near] if near.sum() > 2 else off
+    return middle, np.linalg.svd(off, full_matrices=False)[2][0]
+
+
+def _detected(
+    image: Image,
+    laser_off: Image | None,
+    board: Board,
+    corners: BoardCorners,
+    config: StripeConfig,
+    allowed: Mask | None = None,
+) -> StripePeaks:
     h = board_homography(corners.uv_px, corners.xy_mm)
     mask = _near(image.shape, h, board, corners)
     off = laser_off if laser_off is not None and _lit_alike(image, laser_off, mask) else None
-    settings = config.model_copy(update={"along_normal": True, "max_width_px": max(config.max_width_px, WIDEST_PX)})
-    peaks = detect_stripe(image, settings, off, mask)
+    widest = max(config.max_width_px, WIDEST_PX)
+    places = mask if allowed is None else mask & allowed
+    peaks = detect_stripe(image, config.model_copy(update={"max_width_px": widest}), off, places)
     peaks = peaks[(peaks.flag & (EDGE | SHAPE)) == 0]
     return peaks[_clear(peaks, h, board, corners)] if len(peaks) else peaks
 

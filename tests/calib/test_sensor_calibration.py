@@ -440,3 +440,21 @@ def test_a_second_stripe_by_reflection_is_left_out_and_said():
     assert (
         abs(found.solution.plane_mm - sound.solution.plane_mm) < 4 * found.solution.uncertainty.sigma["plane_shift_mm"]
     )
+
+
+def test_copies_of_one_view_are_parallel_boards():
+    """They leave the camera open: no solution is begun, and nothing is said of the board's counts."""
+    rng = np.random.default_rng(4)
+    view = observe_boards(synthetic_sensor(rng), rng, 1)[0]
+    found = calibrate_sensor([replace(view, name=f"{i}") for i in range(5)], SIZE)
+    assert found.verdict.code == "boards_parallel"
+    assert found.solution is None
+
+
+@pytest.mark.parametrize(("soft", "code"), [(1, "ok"), (4, "weak")])
+def test_boards_out_of_focus_make_a_weak_answer(soft: int, code: str):
+    rng = np.random.default_rng(8)
+    views = observe_boards(synthetic_sensor(rng), rng, 8)
+    found = calibrate_sensor([replace(v, soft=i < soft) for i, v in enumerate(views)], SIZE, SHORT)
+    assert found.verdict.code == code
+    assert ("4 of 8 boards are out of focus" in found.verdict.text) == (code == "weak")

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from calib.sensor import BoardView, Corners, StripePoints
-from extraction.board import NoBoard, find_board
+from extraction.board import BoardCorners, NoBoard, find_board, second_stripe, stripe_on_board
 from extraction.sheet import image_to_sheet
 from geometry import Board, Camera, Pose, Sensor, Sheet
 from geometry.sensor import DirectMap
@@ -24,7 +24,7 @@ from workbench.cli.main import run
 from workbench.emulate import board_solids
 from workbench.files import board_text, find_views, read_board, read_sensor, sensor_text
 from workbench.sensor import exported
-from workbench.sensor.recording import _never_whole
+from workbench.sensor.recording import SECOND_SHARE, _never_whole, _together
 
 BOARD = Board("checkerboard", 5, 4, 10.0)
 ATOL_PX = 0.02
@@ -377,7 +377,25 @@ def test_a_board_out_of_focus_is_said(folder: Path, capsys: pytest.CaptureFixtur
     _, out, _ = called(folder, capsys, "--json")
     said = [n for n in json.loads(out)["notes"] if "out of focus" in n]
     assert len(said) == 1
-    assert said[0].startswith("a: the board is out of focus (its edges are blurred by 4.")
+    assert said[0].startswith("a: the board is out of focus (edges blurred by 4.")
+    assert "the sharpest view's by" in said[0]
+
+
+def test_what_is_said_of_many_pictures_is_said_once() -> None:
+    said = [*(f"{i}.jpg: is a JPEG" for i in range(5)), "a: moved", "b: moved", "no name"]
+    assert _together(said) == ["0.jpg and 4 more: is a JPEG", "a: moved", "b: moved", "no name"]
+
+
+def test_a_second_stripe_is_seen_and_one_alone_is_none() -> None:
+    """At a fifth of the first's light, across the board."""
+    board = KINDS[0]
+    R, t = pose_of(board, (0.3, 0.2), 0.1, (0.0, 0.0, 280.0))
+    off, on = (pictured(board, R, t, np.random.default_rng(i), state) for i, state in enumerate(("off", "on")))
+    both = np.clip(on + 0.2 * np.roll(on.astype(float), 45, 0), 0, 255).astype(np.uint8)
+    corners = find_board(off, board)
+    assert isinstance(corners, BoardCorners)
+    assert second_stripe(on, off, board, corners, stripe_on_board(on, off, board, corners)) == 0
+    assert second_stripe(both, off, board, corners, stripe_on_board(both, off, board, corners)) > SECOND_SHARE
 
 
 def test_a_mirrored_board_with_markers_is_not_taken() -> None:

@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from calib.sensor import BoardView, Corners, StripePoints
-from extraction.board import BoardCorners, NoBoard, find_board, room_light_in_both, stripe_on_board
+from extraction.board import BoardCorners, NoBoard, find_board, room_light_in_both, second_stripe, stripe_on_board
 from geometry import Board, InputError, Sensor
 from workbench.files import Image, ViewFiles, picture_sensor, read_image
 
 FULL_SHARE = 0.28  # of a board's pixels at full level: its white squares are flooded, corners and stripe with them
 BLOWN_SHARE = 0.5  # of a picture's pixels at full level, in which no board is found
-SOFT_BLUR_PX = 3.0  # Gaussian σ of a square's edge beyond which a board is out of focus
+SOFT_BLUR_PX = 3.0  # Gaussian σ of an edge beyond which a board is out of focus
+SOFT_SHARE = 0.15  # the same, of the distance of neighbours: hardly an edge is whole within a corner's window
+SOFT_TIMES, SOFT_LEAST_PX = 2.5, 1.5  # the same, of the sharpest view's: that board stood beyond the depth of field
+SECOND_SHARE = 0.3  # of the stripe's points, as many of a second one: worth a word
+ALONE = 3  # pictures or views of which the same is said, up to which each has its own sentence
 MOVED_PX = 0.5  # of a corner between the two pictures of a view, beside five of its σ
 FLOODED = "board and stripe are both saturated, with laser on and off: nothing is left to measure; expose shorter"
 BLOWN = (
@@ -70,7 +75,7 @@ def read_recording(
     paths = tuple(dict.fromkeys(p for f in files for p in (f.board, f.stripe) if p is not None))
     sensor = picture_sensor(paths, channel)
     said: list[str] = []
-    views, lost, pictures = [], [], {}
+    views, lost, pictures, blur = [], [], {}, {}
     for i, file in enumerate(files):
         image = read_image(file.board, sensor, said.append, lossy=True)
         lit = image
@@ -86,13 +91,56 @@ def read_recording(
             said += more
             views.append(view)
             pictures[file.name] = image
+            blur[file.name] = found.blur_px
         progress(i + 1, len(files))
+    soft, sentences = _out_of_focus(views, blur)
+    said += sentences
+    views = [replace(v, soft=v.name in soft) for v in views]
     said += _never_whole(views, board)
     unseen = {name for name, _ in lost}
     if len(unseen) > len(views):
         first = next(f for f in files if f.name in unseen)
         said += _other_counts(read_image(first.board, sensor, lossy=True), board)
-    return BoardFolder(sensor, board, tuple(views), tuple(lost), tuple(dict.fromkeys(said)), pictures)
+    return BoardFolder(sensor, board, tuple(views), tuple(lost), tuple(_together(dict.fromkeys(said))), pictures)
+
+
+def _out_of_focus(views: Sequence[BoardView], blur_px: Mapping[str, float]) -> tuple[set[str], list[str]]:
+    """The names of the views whose boards are out of focus, and what is said of them."""
+    sharpest = min(blur_px.values(), default=0.0)
+    soft, beyond = list[str](), False
+    for v in views:
+        blur = blur_px[v.name]
+        pitch = float(np.median(cKDTree(v.corners.uv_px).query(v.corners.uv_px, k=2)[0][:, 1]))
+        far = blur > max(SOFT_TIMES * sharpest, SOFT_LEAST_PX)
+        if far or blur > SOFT_BLUR_PX or blur > SOFT_SHARE * pitch:
+            soft, beyond = [*soft, v.name], beyond or far
+    against = f"; the sharpest view's by {sharpest:.1f} px" if beyond else ""
+    alone = [[name] for name in soft] if len(soft) <= ALONE else [soft]
+    said = []
+    for names in alone:
+        low, high = (f"{f(blur_px[n] for n in names):.1f}" for f in (min, max))
+        what = "the board is" if len(names) == 1 else "boards are"
+        px = low if low == high else f"{low} to {high}"
+        said.append(
+            f"{', '.join(names)}: {what} out of focus (edges blurred by {px} px{against}): stop down, or keep the "
+            "board within the depth of field"
+        )
+    return set(soft), said
+
+
+def _together(said: Iterable[str]) -> list[str]:
+    """Sentences "NAME: what", those that say the same of many names as one."""
+    names: dict[str, list[str]] = {}
+    for sentence in said:
+        name, _, what = sentence.partition(": ")
+        names.setdefault(what or sentence, []).append(name if what else "")
+    out = []
+    for what, of in names.items():
+        if len(of) > ALONE:
+            out.append(f"{of[0]} and {len(of) - 1} more: {what}")
+        else:
+            out += [f"{name}: {what}" if name else what for name in of]
+    return out
 
 
 def _never_whole(views: Sequence[BoardView], board: Board) -> list[str]:
@@ -111,12 +159,7 @@ def _never_whole(views: Sequence[BoardView], board: Board) -> list[str]:
 
 def _view(file: ViewFiles, board: Board, image: Image, lit: Image, found: BoardCorners) -> tuple[BoardView, list[str]]:
     corners = Corners(found.xy_mm, found.uv_px, found.covariance_px2)
-    said = []
-    if found.blur_px > SOFT_BLUR_PX:
-        said.append(
-            f"{file.name}: the board is out of focus (its edges are blurred by {found.blur_px:.1f} px): stop down, or "
-            "keep it within the depth of field"
-        )
+    said = list[str]()
     single = file.stripe == file.board
     flooded = _flooded(image, found)
     if file.stripe is not None and flooded and (single or _flooded(lit, found)):
@@ -130,7 +173,13 @@ def _view(file: ViewFiles, board: Board, image: Image, lit: Image, found: BoardC
         if moved is not None:
             text = f"{file.name}: the board moved by {moved:.1f} px between laser off and on: its stripe is left out"
             return BoardView(file.name, corners, StripePoints.nothing()), [*said, text]
-    peaks = stripe_on_board(lit, None if single else image, board, found)
+    off = None if single else image
+    peaks = stripe_on_board(lit, off, board, found)
+    if off is not None and second_stripe(lit, off, board, found, peaks) > SECOND_SHARE:
+        said.append(
+            f"{file.name}: a second stripe stands beside the one that is used (the laser's reflection?): the brighter "
+            "one is used; cover what shines"
+        )
     return BoardView(file.name, corners, StripePoints(peaks.uv_px, peaks.normal, peaks.sigma_px)), said
 
 
