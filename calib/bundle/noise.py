@@ -21,14 +21,15 @@ Mask = NDArray[np.bool_]
 _MAX_EVALUATIONS = 80  # of the deviance; two variances settle in some forty
 _LOG_TOLERANCE = 0.02  # of a variance; far below its own uncertainty
 _DEVIANCE_TOLERANCE = 1e-2  # 4.6 would be one percent by chance
-_SCORE_STEP = 0.3  # of a variance's logarithm, for the score test's differences
+_SCORE_STEP = 0.3  # of a variance's logarithm, for differences by it
 _MAX_LOG = 14.0  # a variance a million times smaller or larger than at the start: a σ a thousand times so
 _SIMPLEX = -0.7  # first steps of the search, in the logarithm of a variance
 
 # benchmarks/calib_consistency.py and benchmarks/calib_targets.py show that σ stay true with these, also where the noise
 # stated is wrong
-_PRIOR_LOG = np.array([0.46, 1.39])  # σ of the logarithm of a variance that is not as stated: the bounds of the points'
-# are two of them; that a data sheet's σ of joints is off by a factor of two
+# σ of the logarithms of two variances that are not as stated: the points' bounds below are two of them; joints, whose σ
+# is a data sheet's or a habit's, are commonly off by a factor of two
+_PRIOR_LOG = np.array([0.46, 1.39])
 _LEAST_SHARE = 0.1  # of the other noise; with less nothing is changed
 _STEPS, _SETTLED = 12, 1e-4  # of Newton's steps to it, in logarithms; four to six are taken
 _CONTRADICTION = 13.8  # deviance gained by two variances; 0.1 % by chance

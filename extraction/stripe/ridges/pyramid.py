@@ -86,13 +86,25 @@ def _without_blotches(level: Level) -> Level:
 
 def _mean_of_rows(level: Level, rows: int) -> Array:
     """Means over so many rows, twice: of what is beyond the border, its last rows again."""
-    out = level.astype(float)
-    half = rows // 2
-    for _ in range(2):
-        whole = np.concatenate([np.repeat(out[:1], half + 1, 0), out, np.repeat(out[-1:], half, 0)])
-        total = np.cumsum(whole, axis=0)
-        out = (total[2 * half + 1 :] - total[: -2 * half - 1]) / (2 * half + 1)
+    out, once = np.empty(level.shape), np.empty(level.shape)
+    _means(level.astype(float), rows // 2, once)
+    _means(once, rows // 2, out)
     return out
+
+
+@kernel
+def _means(values: Array, half: int, out: Array) -> None:
+    """Means over 2 half + 1 rows (H, W), by running sums down the columns: row by row, as memory lies."""
+    rows, columns = values.shape
+    total = np.zeros((rows + 2 * half + 2, columns))  # of what lies before each row, the borders' copies with it
+    for r in range(rows + 2 * half + 1):
+        row, before, here = values[min(max(r - half - 1, 0), rows - 1)], total[r], total[r + 1]
+        for c in range(columns):
+            here[c] = before[c] + row[c]
+    for r in range(rows):
+        low, high = total[r + 1], total[r + 2 * half + 2]
+        for c in range(columns):
+            out[r, c] = (high[c] - low[c]) / (2 * half + 1)
 
 
 def _of_level(level: Level, scale: int, step: int, threshold: float) -> Ridges:
