@@ -31,7 +31,7 @@ def draw_gap_flush(profile: Profile, answer: GapFlush, path: Path, reference: st
     figure, axis = new_figure(8, 3.8)
     shown = np.vstack([answer.gap_points, answer.flush_points])
     low, high = shown.min(axis=0) - (AROUND_MM, 2.0), shown.max(axis=0) + np.array([AROUND_MM, 4.5])
-    axis.plot(*profile.yz_mm.T, ".", color="0.6", markersize=3)
+    axis.plot(*profile.with_tails().yz_mm.T, ".", color="0.6", markersize=3)
     for edge, side, radius in zip((answer.left, answer.right), ("left", "right"), answer.radius_mm, strict=True):
         _draw_edge(axis, edge, f"radius {side}\n{radius:.2f} mm" if np.isfinite(radius) else "")
     _draw_lengths(axis, answer, answer.left if reference == "left" else answer.right)
