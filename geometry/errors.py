@@ -14,8 +14,9 @@ class PerceptronEmuError(Exception):
     """Base of every error that the project raises on purpose."""
 
     def __str__(self) -> str:
-        """Tell the message, with what a file holds of endless words cut: a sentence is for people."""
-        return ENDLESS.sub(lambda word: f"{word[0][:LONGEST_WORD]}…", super().__str__())
+        """Tell the message on one line, with what a file holds of endless words cut: a sentence is for people."""
+        one_line = super().__str__().replace("\r", "\\r").replace("\n", "\\n")  # a name in a file may have any letter
+        return ENDLESS.sub(lambda word: f"{word[0][:LONGEST_WORD]}…", one_line)
 
 
 class InputError(PerceptronEmuError):

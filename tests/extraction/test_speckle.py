@@ -13,7 +13,7 @@ from extraction import ExtractionConfig, LocaliseConfig, SpotNoiseConfig, extrac
 from extraction.noise import NOISE
 from extraction.spots.error import correlation, estimate_speckle
 from extraction.spots.error.influence import DISTANCES2
-from extraction.spots.error.speckle import _likelihoods
+from extraction.spots.error.speckle import POWERS, _BrightPixels, _likelihoods
 from extraction.spots.fit import PLACE, Windows
 from extraction.spots.frame import Fits
 from extraction.spots.model import SPOT
@@ -148,3 +148,17 @@ def test_what_is_given_is_kept() -> None:
     assert estimate_speckle(spots, 0.006, grain_px=0.9).grain_px == 0.9
     config = ExtractionConfig(noise=SpotNoiseConfig(speckle_contrast=0.3, speckle_grain_px=0.5))
     assert learn_speckle([np.zeros((ROWS * SIDE, COLUMNS * SIDE), np.uint8)], sensor(), config) == config
+
+
+def test_powers_that_few_columns_can_not_tell_apart_are_taken_once() -> None:
+    """On four columns the fourth power of x is a sum of the lower ones: what is left does not hang on rounding."""
+    y, x = (a.ravel() for a in np.mgrid[-4:5, -1:3].astype(float))
+    powers = POWERS
+    terms = x[:, None] ** powers[:, 0] * y[:, None] ** powers[:, 1]
+    one = np.ones(len(x))
+    distance2 = ((x[:, None] - x) ** 2 + (y[:, None] - y) ** 2).astype(np.intp)
+    basis = _BrightPixels(one, one, one, one, terms, distance2).freed()
+    assert basis is not None
+    assert basis.shape == (36, 36 - 14)
+    np.testing.assert_allclose(basis.T @ terms, 0.0, rtol=0, atol=1e-10)
+    np.testing.assert_allclose(basis.T @ basis, np.eye(22), rtol=0, atol=1e-12)

@@ -364,3 +364,12 @@ def test_the_hand_is_tool0_or_the_only_one(tmp_path: Path) -> None:
     assert urdf_ends(write(tmp_path, both.replace("eye", "tool0"))) == ("L0", "tool0")
     with pytest.raises(InputError, match="2 links hang on no joint"):
         urdf_ends(write(tmp_path, urdf_text(SIX, '<link name="alone"/>')))
+
+
+def test_a_name_with_a_line_end_is_said_on_one_line(tmp_path: Path) -> None:
+    path = tmp_path / "robot.toml"
+    path.write_text('urdf = "ar\\nm.urdf"\nbase = "L0"\ntip = "L8"\n', encoding="utf-8")
+    with pytest.raises(InputError) as refused:
+        read_robot(path)
+    assert "ar\\nm.urdf" in str(refused.value)
+    assert len(str(refused.value).splitlines()) == 1

@@ -51,6 +51,7 @@ BRIGHT, FAINT, MANY = 0.1, 0.03, 30
 # leave to the shape of the string
 POWERS = np.array([(a, d - a) for d in range(5) for a in range(d, -1, -1)])
 TAKEN = 6
+ALIKE = 1e-6  # singular value of terms over the largest, below which they are sums of each other but for rounding
 ODD_SPOT = 1e-3  # probability that a spot's residuals are those of something else
 MOST_SPOTS = 60  # of an image: each takes half a millisecond
 
@@ -239,11 +240,14 @@ class _BrightPixels:
     distance2: NDArray[np.intp]
 
     def freed(self) -> Array | None:
-        """Orthonormal basis (n, n - P) of what the terms leave of weighted residuals; None where that is nothing."""
-        count = self.terms.shape[1]
-        if len(self.signal) <= count:
-            return None
-        return np.asarray(np.linalg.qr(self.terms * self.weight[:, None], mode="complete")[0][:, count:])
+        """Orthonormal basis (n, n - rank) of what the terms leave of weighted residuals; None where that is nothing.
+
+        On a spot of few columns or rows the high powers are sums of the lower ones.
+        """
+        weighted = self.terms * self.weight[:, None]
+        left, size, _ = np.linalg.svd(weighted / np.linalg.norm(weighted, axis=0))
+        rank = int(np.count_nonzero(size > ALIKE * size[0]))
+        return left[:, rank:] if rank < len(left) else None
 
 
 def _bright(fits: Fits, k: int, model_error: float) -> _BrightPixels | None:
