@@ -78,6 +78,7 @@ def test_results_of_other_sensor_files_are_not_compared_silently(
         ("{", "is no JSON"),
         ("[1]", "holds no T_hand_sensor"),
         ('{"T_hand_sensor": [[1, 2], [3, 4]]}', "must be 4 × 4 finite numbers"),
+        (json.dumps({"T_hand_sensor": [[10**400, 0, 0, 0]] * 4}), "must be 4 × 4 finite numbers"),
         ('{"T_hand_sensor": [[2,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]}', "T_hand_sensor"),
     ],
 )

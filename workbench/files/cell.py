@@ -41,6 +41,7 @@ from workbench.files.tables import (
     GivenPoints,
     PosesSection,
     controller_poses,
+    names_profiles,
     read_evidence,
     read_frames,
     read_points,
@@ -124,7 +125,8 @@ class Cell:
     emulator: how images of the cell are made, no knowledge of a recorded one. remarks: a sentence for all that is
     doubtful in the files and was read nevertheless. workspace: the floor and boxes that nothing may touch.
     mount: "fixed" where the sensor stands and the hand carries the target: T_hand_sensor_design is then T_base_sensor,
-    T_base_jig is T_hand_jig. evidence: what is known beside the frames.
+    T_base_jig is T_hand_jig. evidence: what is known beside the frames. takes_profiles: whether frames.csv has a column
+    for profiles, not images.
     """
 
     folder: Path
@@ -146,6 +148,7 @@ class Cell:
     workspace: Workspace = field(default_factory=Workspace)
     mount: Mount = "hand"
     evidence: tuple[Evidence, ...] = ()
+    takes_profiles: bool = False
 
     @property
     def jig(self) -> Jig:
@@ -246,6 +249,7 @@ def read_cell(path: Path, *, recorded: bool = True) -> Cell:
         workspace=_workspace(file.workspace, source),
         mount=file.mount.sensor,
         evidence=evidence,
+        takes_profiles=names_profiles(frames_path),
     )
 
 

@@ -117,7 +117,7 @@ def _matrix(path: Path, value: Any, key: str, size: int) -> Array | None:
         return None
     try:
         out = np.array(value, dtype=float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         out = np.zeros(0)
     if out.shape != (size, size) or not np.all(np.isfinite(out)):
         raise InputError(f"{path}: {key} must be {size} × {size} finite numbers, or null")

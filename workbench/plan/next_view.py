@@ -362,7 +362,7 @@ def _hand(cell: Cell, f: Frame) -> Pose:
 
 def with_file(cell: Cell, row: Frame) -> Frame:
     """The row with the name of the file that its image or profile is to have."""
-    if cell.sensor.profile is not None:
+    if cell.takes_profiles or cell.sensor.profile is not None:
         return replace(row, profile=f"profiles/{row.number:03d}.csv")
     return replace(row, image=f"images/{row.number:03d}.png")
 

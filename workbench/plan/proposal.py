@@ -21,6 +21,7 @@ from workbench.plan.choose import LEVER_MM, RANDOM_PLANS, choose, random_plans, 
 from workbench.plan.clearance import target_in_workspace
 from workbench.plan.expected import view_information
 from workbench.plan.moves import Move, straight_moves
+from workbench.plan.next_view import with_file
 from workbench.plan.refine import ROUNDS, Planned, Refinement, refine
 from workbench.plan.view_space import Tally, ViewLimits, ViewSpace
 from workbench.plan.views import ViewProblem, Views, feasible_views, spread
@@ -287,7 +288,7 @@ def _proposal(cell: Cell, found: ViewPools, plan: Planned, criterion: str, rando
     )
     first = max((row.number for row in cell.frames), default=-1) + 1
     rows = tuple(
-        Frame(n, found.names[i], found.roles[i], plan.views.joints_rad[k], image=f"images/{n:03d}.png")
+        with_file(cell, Frame(n, found.names[i], found.roles[i], plan.views.joints_rad[k]))
         for k, (n, i) in enumerate(zip(count(first), plan.location, strict=False))
     )
     moves = _moves(found, plan, rows)

@@ -3,7 +3,7 @@
 from workbench.files.tables.anchors_csv import lay_onto
 from workbench.files.tables.controller import CONTROLLERS, controller_text
 from workbench.files.tables.evidence_csv import EvidenceSection, read_evidence
-from workbench.files.tables.frames_csv import LONGEST_NAME, frames_text, read_frames
+from workbench.files.tables.frames_csv import LONGEST_NAME, frames_text, names_profiles, read_frames
 from workbench.files.tables.points_csv import GivenPoints, points_text, read_points
 from workbench.files.tables.poses_section import ControllerPoses, PosesSection, controller_poses
 from workbench.files.tables.sockets_csv import read_sockets
@@ -22,6 +22,7 @@ __all__ = [
     "controller_text",
     "frames_text",
     "lay_onto",
+    "names_profiles",
     "points_text",
     "read_evidence",
     "read_frames",

@@ -24,6 +24,7 @@ _JOINT = re.compile(r"(?:J|A|Joint|joint|Axis|axis)[ _]?([1-9][0-9]?)(?:[ _]?deg
 MAX_FRAMES = 100_000  # of one dataset: more is a recording that was never cut into frames
 LARGEST_READING_DEG = 36_000.0  # a hundred turns: no joint counts so far
 LARGEST_COORDINATE_MM = 100_000.0  # of the hand in the base: beyond any arm, track or crane
+_FIRST_LINES = 100  # of a file, among which its header is
 LONGEST_NAME = 255  # bytes, of one part of a path
 ATOL_QUATERNION = 1e-2  # length of a quaternion as written; digits cut in the file stay far below
 
@@ -202,6 +203,13 @@ def _check_locations(path: Path, rows: tuple[Frame, ...]) -> None:
             raise InputError(f'{where} is "{before.location}" on line {before.line}; one spelling is right')
         if before.role != row.role:
             raise InputError(f"{where} has role {row.role}, on line {before.line} {before.role}; one role is right")
+
+
+def names_profiles(path: Path) -> bool:
+    """Whether a frames.csv, filled or not, has the column profile."""
+    with path.open(encoding="utf-8-sig", errors="replace") as lines:
+        header = next((line for line in islice(lines, _FIRST_LINES) if line.strip() and line[0] != "#"), "")
+    return "profile" in (name.strip(' "').lower() for name in re.split(r"[,;\t]", header.strip()))
 
 
 def _check_degrees(path: Path, rows: tuple[Frame, ...]) -> None:
