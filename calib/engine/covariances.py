@@ -114,13 +114,14 @@ def exact_covariance(result: Result) -> Array:
         own = u.block(name)
         kept = np.concatenate([own.free, np.ones(len(free), dtype=bool)])
         prior = np.diag(np.sqrt(own.prior_weight)) @ np.eye(own.size, len(kept))
-        triangle = np.linalg.qr(np.concatenate([*parts, prior])[:, kept], mode="r")
-        eliminated.append(triangle[int(own.free.sum()) :, int(own.free.sum()) :])
+        triangle = np.asarray(np.linalg.qr(np.concatenate([*parts, prior])[:, kept], mode="r"))
+        first = int(own.free.sum())
+        eliminated.append(triangle[first:, first:])
     table = np.concatenate(eliminated)
     scale = np.linalg.norm(table, axis=0)
     if not np.all(scale > 0):
         raise np.linalg.LinAlgError("an unknown is open")
-    root = np.linalg.inv(np.linalg.qr(table / scale, mode="r")) / scale[:, None]
+    root = np.linalg.inv(np.asarray(np.linalg.qr(table / scale, mode="r"))) / scale[:, None]
     out = np.zeros((u.size, u.size))
     out[np.ix_(free, free)] = root @ root.T
     return out

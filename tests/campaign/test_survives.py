@@ -51,6 +51,21 @@ def test_interrupted_is_resumable_and_said_so(tmp_path: Path) -> None:
         assert 0 < len(store.missing()) < store.shards
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere workers are spawned")
+def test_ctrl_c_while_workers_are_being_started_is_one_line(tmp_path: Path) -> None:
+    """The server that they are forked from is still importing."""
+    process = start_sweep(write_plan(tmp_path / "plan.toml", repeats=200), tmp_path / "run", workers=1)
+    try:
+        wait_until(lambda: len(group(process.pid)) > 2)  # the command, who tidies up, the server
+        time.sleep(0.3)
+        os.killpg(process.pid, signal.SIGINT)
+        _, said = process.communicate(timeout=60)
+        assert process.returncode == 130
+        assert len(said.strip().splitlines()) == 1
+    finally:
+        end(process)
+
+
 def test_what_ctrl_c_caught_half_removed_is_tidied_up_in_silence() -> None:
     """A semaphore that is gone when the tidying process looks for it, as after Ctrl-C within its removal."""
     half_removed = (

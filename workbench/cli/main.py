@@ -33,6 +33,10 @@ def main() -> None:
     except KeyboardInterrupt:  # before or after what `run` looks after
         os.write(2, b"interrupted\n")
         code = INTERRUPTED
+    if code == INTERRUPTED:  # threads may still compute, and crash where the interpreter is taken down about them
+        atexit._run_exitfuncs()
+        sys.stdout.flush()
+        os._exit(code)
     sys.exit(code)
 
 

@@ -6,10 +6,11 @@ The server is multiprocessing's forkserver, a process of one thread; where there
 from __future__ import annotations
 
 import os
+import signal
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from multiprocessing import context, forkserver, popen_forkserver
+from multiprocessing import context, forkserver, popen_forkserver, resource_tracker
 from types import ModuleType
 from typing import Any
 
@@ -67,14 +68,21 @@ def warm_server() -> WarmContext | None:
 
 @contextmanager
 def helpers_environment() -> Iterator[None]:
-    """The environment of workers and of those who tidy up after them, for what is started meanwhile."""
+    """The environment of workers and of those who tidy up after them, for what is started meanwhile.
+
+    A terminal sends Ctrl-C to all: it is this process's alone, the others inherit that it waits.
+    """
     warnings = ",".join(filter(None, (os.environ.get("PYTHONWARNINGS"), NO_REMARKS)))  # the last of them counts most
     asked = {**ONE_THREAD, "PYTHONWARNINGS": warnings}
     before = {name: os.environ.get(name) for name in asked}
     os.environ.update(asked)
+    resource_tracker.ensure_running()  # it lets Ctrl-C through once it runs
+    masked = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT]) if hasattr(signal, "pthread_sigmask") else None
     try:
         yield
     finally:
+        if masked is not None:
+            signal.pthread_sigmask(signal.SIG_SETMASK, masked)
         for name, value in before.items():
             if value is None:
                 del os.environ[name]
