@@ -244,8 +244,11 @@ class _BrightPixels:
 
         On a spot of few columns or rows the high powers are sums of the lower ones.
         """
+        if not len(self.signal):
+            return None
         weighted = self.terms * self.weight[:, None]
-        left, size, _ = np.linalg.svd(weighted / np.linalg.norm(weighted, axis=0))
+        length = np.maximum(np.linalg.norm(weighted, axis=0), np.finfo(float).tiny)
+        left, size, _ = np.linalg.svd(weighted / length)
         rank = int(np.count_nonzero(size > ALIKE * size[0]))
         return left[:, rank:] if rank < len(left) else None
 

@@ -206,7 +206,9 @@ def _check_locations(path: Path, rows: tuple[Frame, ...]) -> None:
 
 
 def names_profiles(path: Path) -> bool:
-    """Whether a frames.csv, filled or not, has the column profile."""
+    """Whether a frames.csv, filled or not, has the column profile; one that is not there yet has none."""
+    if not path.is_file():
+        return False
     with path.open(encoding="utf-8-sig", errors="replace") as lines:
         header = next((line for line in islice(lines, _FIRST_LINES) if line.strip() and line[0] != "#"), "")
     return "profile" in (name.strip(' "').lower() for name in re.split(r"[,;\t]", header.strip()))
