@@ -88,6 +88,7 @@ def short_lived(tmp_path: Path) -> Iterator[Cluster]:
     made.close()
 
 
+@pytest.mark.slow
 def test_a_scheduler_without_workers_is_one_sentence(
     small_run: Path, tmp_path: Path, cluster: Cluster, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -98,6 +99,7 @@ def test_a_scheduler_without_workers_is_one_sentence(
         run_campaign(read_plan(small_run.parent / "plan.toml"), tmp_path / "run", dask=cluster.address)
 
 
+@pytest.mark.slow
 def test_a_cluster_gives_the_same_tables(small_run: Path, tmp_path: Path, cluster: Cluster) -> None:
     cluster.add_workers(2)
     run_campaign(read_plan(small_run.parent / "plan.toml"), tmp_path / "dask", dask=cluster.address)

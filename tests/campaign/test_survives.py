@@ -171,6 +171,7 @@ def test_a_full_disk_is_one_sentence_and_costs_no_finished_shard(
         assert (tmp_path / "run" / "shards" / "000000" / "trials.parquet").read_bytes() == b"whole"
 
 
+@pytest.mark.slow
 def test_no_room_for_the_merged_tables_or_the_page_is_one_sentence(small_run: Path, tmp_path: Path) -> None:
     """The system refuses files beyond a size, as a quota does."""
     folder = tmp_path / "run"

@@ -53,6 +53,7 @@ def test_a_recording_without_places_is_solved_for_them(cli: Cli, recording: Path
     assert min(f["frame"] for f in frames) == len(read_cell(recording).frames)
 
 
+@pytest.mark.slow
 def test_frames_already_taken_count(cli: Cli, recording: Path) -> None:
     """With the recording's frames in hand the same number of further views knows every direction better.
 
