@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -36,21 +36,22 @@ def propose_on_surface(
         raise InputError(f"{cell.folder / 'cell.toml'}: every location has role verify; one must calibrate")
     arm = cell.arm
     taken = [f for f in cell.frames if f.location in places and f.reason is None]
-    plan = next_views(
+    asked = partial(
+        next_views,
         cell,
         cell.design,
-        places,
-        taken,
-        per_location,
+        count=per_location,
         criterion=criterion,
         model=model,
         tilt_deg=limits.tilt_deg,
         roll_deg=limits.roll_deg,
         seed=seed,
         each=True,
-        compared=RANDOM_PLANS,
     )
-    views = [*plan.views, *_checking(cell, per_location, criterion, model, limits, seed, places, len(plan.views))]
+    plan = asked(places, taken, compared=RANDOM_PLANS)
+    checked = {n: T for n, T in cell.T_base_jig.items() if n not in places}
+    checking = asked(checked, []).views if checked else ()
+    views = [*plan.views, *(_to_verify(cell, v, len(plan.views)) for v in checking)]
     views = sorted(views, key=lambda v: list(cell.T_base_jig).index(v.frame.location))
     rows = tuple(v.frame for v in views)
     ratio, of_noise = (
@@ -74,32 +75,7 @@ def propose_on_surface(
     )
 
 
-def _checking(
-    cell: Cell,
-    per_location: int,
-    criterion: str,
-    model: Model,
-    limits: ViewLimits,
-    seed: int,
-    calibrating: Collection[str],
-    before: int,
-) -> tuple[NextView, ...]:
-    """Views of the places that verify, numbered after those ``before``."""
-    places = {n: T for n, T in cell.T_base_jig.items() if n not in calibrating}
-    if not places:
-        return ()
-    plan = next_views(
-        cell,
-        cell.design,
-        places,
-        [],
-        per_location,
-        criterion=criterion,
-        model=model,
-        tilt_deg=limits.tilt_deg,
-        roll_deg=limits.roll_deg,
-        seed=seed,
-        each=True,
-    )
-    rows = (with_file(cell, replace(v.frame, number=v.frame.number + before, role="verify")) for v in plan.views)
-    return tuple(replace(v, frame=row) for v, row in zip(plan.views, rows, strict=True))
+def _to_verify(cell: Cell, view: NextView, before: int) -> NextView:
+    """A view of a place that verifies, numbered after those ``before``."""
+    row = replace(view.frame, number=view.frame.number + before, role="verify")
+    return replace(view, frame=with_file(cell, row))
