@@ -44,7 +44,7 @@ RESAMPLES = 2000
 
 HEAD = """# How accurate is the calibrated sensor?
 
-*Made by `benchmarks/docs_accuracy.py` from a run of [examples/accuracy.toml](../examples/accuracy.toml); every number below comes from that run, but for the section on other targets.*
+*Made by `benchmarks/docs_accuracy.py` from a run of [examples/accuracy.toml](../examples/accuracy.toml); every number below comes from that run, but for the sections on other targets and on one wrong number.*
 
     perceptron-emu sweep examples/accuracy.toml --out accuracy
     perceptron-emu report accuracy
