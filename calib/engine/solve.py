@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.engine.normal import Normal, departure, normal_step, total_normal, whitener
-from geometry import Linearised, State, Step, Term, Unknowns
+from geometry import Linearised, State, Term, Unknowns
 
 Array = NDArray[np.float64]
 Loss = Callable[[Array], Array]  # weights (G,) of a term's groups by their whitened lengths (G,)
@@ -85,8 +85,9 @@ def solve(
         For each term a robust loss for its groups, or None.
     max_iterations : int
     tolerance : float
-        The iteration stops at a step shorter than this many σ of its unknowns. Such a step is taken as it is: what it
-        gains is less than the rounding of the cost, which must not decide whether it is damped.
+        The iteration stops at an undamped step shorter than this many σ of its unknowns (a damped one is short far from
+        the optimum, too, where a valley bends). A step so short is taken as it is: what it gains is less than the
+        rounding of the cost, which must not decide whether it is damped.
     plain_iterations : int
         Iterations before the losses count, so that a poor start does not decide what is trusted.
 
@@ -101,12 +102,12 @@ def solve(
     damping, initial, iterations, converged = 0.0, here.cost, 0, False
     while iterations < max_iterations and not converged and damping < _MAX_DAMPING:
         iterations += 1
-        found, damping, step = _advance(here, damping, tolerance**2)
+        found, damping, settled = _advance(here, damping, tolerance**2)
         try:
             here = _Point.at(problem, found, weighted=robust and iterations >= plain_iterations)
         except np.linalg.LinAlgError:  # the data say nothing there (strings in the sheet): no place to go on from
             break
-        converged = step.decrement < tolerance**2 and iterations >= plain_iterations
+        converged = settled and iterations >= plain_iterations
     every = np.ones(unknowns.size, dtype=bool)
     return Result(
         unknowns,
@@ -182,22 +183,24 @@ class _Point:
         return _Point(problem, found, tuple(whites), tuple(weights), problem.cost(found, whites))
 
 
-def _advance(here: _Point, damping: float, short: float) -> tuple[_Found, float, Step]:
+def _advance(here: _Point, damping: float, short: float) -> tuple[_Found, float, bool]:
     """The first damped step that lowers the cost, at weights held fixed; the same state where none does.
 
-    short: a decrement below which a step is taken unjudged.
+    short: a decrement below which a step is taken unjudged. Returned besides: the damping to go on with and whether the
+    step was short without any.
     """
     problem, at = here.problem, here.found
     normal = total_normal(problem.unknowns, at.state, at.linearised, here.whites, problem.unknowns.free)
     while True:
         step = normal_step(normal, problem.unknowns.free, damping)
         trial = problem.linearise(at.state.moved(problem.unknowns, step))
-        cost = problem.cost(trial, here.whites)
-        if cost <= here.cost * (1 + 1e-12) + 1e-18 or step.decrement < short:
-            return trial, 0.0 if damping < 1e-6 else damping / 10, step
+        if step.decrement < short:
+            return trial, 0.0, damping == 0
+        if problem.cost(trial, here.whites) <= here.cost * (1 + 1e-12) + 1e-18:
+            return trial, 0.0 if damping < 1e-6 else damping / 10, False
         damping = max(10 * damping, 1e-4)
         if damping >= _MAX_DAMPING:
-            return at, damping, step
+            return at, damping, False
 
 
 def _weights(lin: Linearised, white: Array, loss: Loss | None) -> Array:
