@@ -34,6 +34,7 @@ FLAT_SHARE, PRINT_SHARE = 0.005, 0.002
 MOST_CORNERS = 100  # whose offsets are asked for: three unknowns each, and time goes with their square
 FEWEST_VIEWS = 4  # that show the corners: less the one that is left out, three as ever
 _SAME_MM = 1e-3  # between places of one corner
+_EXACT_MM = 1e-6  # across a plate that is said to be flat: as good as none
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +76,7 @@ class BoardShape:
         bend = np.full(3, 2 * flat / half**2 if lie else 0.0)
         ways = np.array([[0, 0], [-1, -1], [-1, 0], [-1, 1], [0, -1], [0, 1], [1, -1], [1, 0], [1, 1]])
         return BoardShape(
-            (low + high) / 2 + ways * (high - low) / 2, corners, bend, np.array([within, within, max(flat, 1e-6)])
+            (low + high) / 2 + ways * (high - low) / 2, corners, bend, np.array([within, within, max(flat, _EXACT_MM)])
         )
 
     def place(self, xy_mm: Array) -> Index:
