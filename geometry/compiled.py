@@ -23,7 +23,7 @@ from typing import Any, TypeVar, cast, overload
 
 import numba
 import numpy as np
-from numba import _dynfunc
+from numba._dynfunc import make_function
 from numba.core import types
 from numba.core.caching import FunctionCache, InTreeCacheLocator, UserProvidedCacheLocator, UserWideCacheLocator
 from numba.core.codegen import JITCodeLibrary
@@ -87,7 +87,7 @@ def kernel(
         dispatcher = _Kernel(function, {}, options | {"nopython": True})
         with _own_cache(function) as can_keep:
             if can_keep:
-                dispatcher._cache = _KernelCache(function)  # as numba's cache=True does
+                setattr(dispatcher, "_cache", _KernelCache(function))  # noqa: B010 - as numba's cache=True does
         return cast("F", dispatcher)
 
     return compiled if function is None else compiled(function)
@@ -105,12 +105,12 @@ class _Kernel(CPUDispatcher):
         begin(py_func, names, targetoptions, _OutsideCompiler)
 
     @cached_property
-    def _inside(self) -> object:
+    def _inside(self) -> Any:
         dispatcher, options = cast("Any", CPUDispatcher), self.targetoptions | {"no_cpython_wrapper": True}
         return dispatcher(self.py_func, self.locals, options, _InsideCompiler)
 
     @property
-    def _numba_type_(self) -> object:
+    def _numba_type_(self) -> Any:
         """What callers compile and link."""
         return types.Dispatcher(self._inside)
 
@@ -131,12 +131,13 @@ class _InsideCompiler(Compiler):
 
     def compile_extra(self, func: Callable[..., object]) -> Any:
         context = self.state.targetctx
-        self.state.library = _InsideLibrary(context.codegen(), func.__qualname__)
+        library: Any = _InsideLibrary
+        self.state.library = library(context.codegen(), func.__qualname__)
         self.state.flags.no_compile = True
         compile_extra: Any = super().compile_extra
         found = compile_extra(func)
         description, kept = found.fndesc, (found.library,)
-        key = _dynfunc.make_function(description.lookup_module(), func.__name__, "", 0, found.environment, kept)
+        key = make_function(description.lookup_module(), func.__name__, "", 0, found.environment, kept)
         context.insert_user_function(key, description, kept)  # a name for it alone: there is nothing to be called
         return found._replace(entry_point=key)
 

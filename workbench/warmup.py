@@ -1,17 +1,16 @@
 """Compile the numeric kernels once, when setting up: strings, surfaces and gaps rendered and measured, a cell solved.
 
-What is not run here is compiled by the first command that needs it. Two processes share the work: one renders, the
-other measures in images that are kept or drawn.
+What is not run here is compiled by the first command that needs it. Two processes share the work.
 """
 
 from __future__ import annotations
 
 import multiprocessing
-import sys
+from concurrent.futures import ProcessPoolExecutor
 
 import numpy as np
 
-from geometry import Pose
+from geometry import Pose, inside_polygon
 
 PANELS = {
     "wall": Pose.from_fixed_xyz_deg((0.0, 0.0, 90.0), (0.0, 0.0, 310.0)),
@@ -22,12 +21,9 @@ STRIPES = ("clipped_below_full_scale", "pair_1.5", "dashes", "on_blotches", "scr
 
 def main() -> None:
     """Run every compiled stage of the chain; the compiled code is kept beside the modules for later starts."""
-    measuring = multiprocessing.get_context("spawn").Process(target=measure)
-    measuring.start()
-    emulate()
-    measuring.join()
-    if measuring.exitcode:
-        sys.exit(measuring.exitcode)
+    with ProcessPoolExecutor(2, multiprocessing.get_context("spawn")) as pool:
+        for stage in [pool.submit(stage) for stage in (measure_stripes, emulate, measure_strings)]:
+            stage.result()
     measure_gap()
 
 
@@ -50,21 +46,31 @@ def emulate() -> None:
     bouncing = cell.emulator.model_copy(update={"light": changes["light"]})
     render(Scene(cell.sensor, cell.jig, T_sensor_jig, (wall, floor)), bouncing, np.random.default_rng(0))
     skin = panel(120.0, 120.0, PANELS["floor"], Material(0.5, scatter_mm=0.3), "skin")
-    bent = cell.sensor.with_camera(distortion=(-0.1, 0.05))
+    bent = cell.sensor.with_camera(distortion=(-0.1, 0.05, 0.0, 0.0, 0.0))
     render(Scene(bent, solids=(skin,)), cell.emulator.model_copy(update=changes), np.random.default_rng(0))
 
 
-def measure() -> None:
-    """Calibrate a recorded cell, and find two spots that are nearly one, and stripes of all kinds."""
+def measure_strings() -> None:
+    """Calibrate a recorded cell; find spots two of which are nearly one, and spots of a stack."""
     import assets
-    from extraction import StripeConfig, detect_stripe, extract
-    from extraction.stripe.pictures import draw
+    from extraction import extract
+    from extraction.spots import fit_stack
     from workbench.cell import observe, solve
     from workbench.files import read_cell
 
     cell = read_cell(assets.path("samples", "cell_a"))
     solve(cell, observe(cell))
-    extract(_pairs_of_spots(cell.sensor.require_camera().shape), cell.sensor)
+    image = _pairs_of_spots(cell.sensor.require_camera().shape)
+    extract(image, cell.sensor)
+    fit_stack(image[None, 490:511, 190:211].astype(float), 1.0)
+    inside_polygon(np.zeros((1, 2)), np.eye(3, 2))
+
+
+def measure_stripes() -> None:
+    """Find stripes that are clipped, two, broken, faint, none; of 8 and 16 bits, and less a picture without laser."""
+    from extraction import StripeConfig, detect_stripe
+    from extraction.stripe.pictures import draw
+
     for kind in STRIPES:
         image = draw(kind, np.random.default_rng(3)).image
         detect_stripe(image)
