@@ -18,7 +18,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import j1
 
 from extraction.config import MAX_GRAIN_PX
 from extraction.spots.error.influence import CLASSES, DISTANCES2, LAGS
@@ -26,6 +25,7 @@ from extraction.spots.fit import window_of
 from extraction.spots.frame import Fits
 from extraction.spots.noise import PRIOR_CONTRAST
 from geometry import Camera, Sensor
+from geometry.special import j1
 
 Array = NDArray[np.float64]
 
