@@ -213,17 +213,19 @@ def _from_image(
     cell: Cell, frame: Frame, config: ExtractionConfig, profile: ProfileSettings, read: _Picture | None
 ) -> _Measured:
     """Whatever an image holds, it does not end the run of the others. read: its image, where it was decoded before."""
-    from extraction import extract, extract_profile, region_mask
-    from workbench.cell.on_surface import on_surface
-
     sensor: Sensor = cell.sensor
     try:
         image, said = read or _picture(cell, frame)
         target = target_at(cell.target, frame.location)
         if isinstance(target, Surface):
+            from extraction import extract_profile, region_mask
+            from workbench.cell.on_surface import on_surface
+
             mask = region_mask(config.region, image.shape)
             seen = extract_profile(image, sensor, profile.stripe, mask=mask)
             return _found(on_surface(frame, seen, target, sensor, profile.feature), said)
+        from extraction import extract
+
         points = extract(image, sensor, config, lambda text: said.append(f"{cell.folder / frame.image}: {text}"))
     except (InputError, MemoryError) as error:
         why = str(error) or f"{frame.image}: not enough memory"
