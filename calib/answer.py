@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.config import CalibConfig
-from calib.figures import Fit, agreeing_pose, fit_location, max_deviation, spread_3d
+from calib.figures import Fit, agreeing_pose, distances, fit_location, max_deviation, spread_3d
 from calib.hands import chain_poses
 from calib.pose import own_poses
 from calib.result import CalibrationResult, DesignSolved, Distances, Estimate, LocationResult, Verdict
@@ -69,11 +69,12 @@ def figured(
 ) -> tuple[LocationResult, list[Frame]]:
     """A location's figures, none where too few of its frames are used, and the frames with what became of them."""
     own = target if estimate is None else estimate.targets.get(group[0].location, target)
+    kept = [f for f in group if estimate is None or f.number not in estimate.reasons]
     if isinstance(own, Surface):
-        figures = surface_figures(group, _like(own, estimate), design, solved)
+        figures = surface_figures(kept, _like(own, estimate), design, solved)
     else:
-        figures = location_figures(group, own, design, solved)
-    answered = _answered(group, figures, estimate)
+        figures = location_figures(kept, own, design, solved)
+    answered = _answered(group, figures, _distances(group, figures.fit, own, solved or design), estimate)
     enough = sum(f.used for f in answered) >= LEAST_FRAMES
     return figures.result if enough else _without_figures(figures.result), answered
 
@@ -197,11 +198,20 @@ def measured(group: Sequence[Frame]) -> list[Frame]:
     return [f for f in group if f.usable and len(f.axis)]
 
 
-def _answered(group: Sequence[Frame], figures: Figures, estimate: Estimate | None) -> list[Frame]:
+def _distances(group: Sequence[Frame], fit: Fit | None, target: Target, chain: Chain | None) -> dict[int, Array]:
+    """How far each frame's points lie from the target where the location's used frames have it, by frame's number."""
+    usable = measured(group)
+    if fit is None or chain is None or not usable:
+        return {}
+    points = SheetPoints.of([f.axis for f in usable], target.features)
+    far = distances(points, _sensors(usable, chain), target, fit.T_base_target)
+    return {f.number: far[i, : len(f.axis)] for i, f in enumerate(usable)}
+
+
+def _answered(
+    group: Sequence[Frame], figures: Figures, far: Mapping[int, Array], estimate: Estimate | None
+) -> list[Frame]:
     """The frames with what became of them: reason, flags of outliers, distances of points, own poses."""
-    distances = {}
-    if figures.fit is not None:
-        distances = {f.number: figures.fit.distance_mm[i, : len(f.axis)] for i, f in enumerate(measured(group))}
     out = []
     for f in group:
         flag = f.axis.flag or ("",) * len(f.axis)
@@ -217,7 +227,7 @@ def _answered(group: Sequence[Frame], figures: Figures, estimate: Estimate | Non
                 axis=replace(f.axis, flag=flag),
                 reason=reason,
                 used=reason is None,
-                residual_mm=distances.get(f.number, np.full(len(f.axis), np.nan)),
+                residual_mm=far.get(f.number, np.full(len(f.axis), np.nan)),
                 T_sensor_target=figures.own.get(f.number),
             )
         )

@@ -23,7 +23,7 @@ _FIT_TOLERANCE = 1e-8  # of a place, in units of its points' unit weight [mm]
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A target's place fitted to all frames of a location; distance_mm (F, M) of points from it, NaN where absent."""
+    """A target's place fitted to frames of a location; distance_mm (F, M) of points from it, NaN where absent."""
 
     T_base_target: Pose
     distance_mm: Array
@@ -63,10 +63,19 @@ def fit_location(points: SheetPoints, Ts_base_sensor: Pose, target: Target, star
     term = OffsetsFromTarget((Ts_base_sensor @ points.xyz_mm)[seen], points.feature[seen], target)
     unknowns = Unknowns((Block.pose("target", free=target.freedom),))
     result = engine.solve([term], unknowns, State({"target": start}), tolerance=_FIT_TOLERANCE)
-    distance = np.full(seen.shape, np.nan)
-    distance[seen] = np.linalg.norm(term.residual(result.state), axis=-1)
+    place = result.state.pose("target")
+    distance = distances(points, Ts_base_sensor, target, place)
     rms = float(np.sqrt(np.nanmean(distance**2))) if np.any(seen) else float("nan")
-    return Fit(result.state.pose("target"), distance, rms)
+    return Fit(place, distance, rms)
+
+
+def distances(points: SheetPoints, Ts_base_sensor: Pose, target: Target, place: Pose) -> Array:
+    """Perpendicular distances (F, M) [mm] of points from the target at T_base_target, NaN where there is no point."""
+    seen = points.present
+    term = OffsetsFromTarget((Ts_base_sensor @ points.xyz_mm)[seen], points.feature[seen], target)
+    distance = np.full(seen.shape, np.nan)
+    distance[seen] = np.linalg.norm(term.residual(State({"target": place})), axis=-1)
+    return distance
 
 
 def max_deviation(distances_mm: Array) -> float | None:

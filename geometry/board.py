@@ -33,6 +33,8 @@ class Board:
         Side of a ChArUco board's markers.
     dictionary : str
         Name of their dictionary, such as "DICT_4X4_50".
+    sigma_flat_mm, sigma_print_mm : float or None
+        How flat it is, as σ of its sag at half its diagonal, and σ of its corners' places; None where nobody says.
 
     Raises
     ------
@@ -46,6 +48,8 @@ class Board:
     pitch_mm: float
     marker_mm: float = 0.0
     dictionary: str = ""
+    sigma_flat_mm: float | None = None
+    sigma_print_mm: float | None = None
 
     def __post_init__(self) -> None:
         if self.kind not in BOARD_KINDS:

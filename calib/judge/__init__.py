@@ -11,7 +11,7 @@ from calib.judge.finding import find
 from calib.judge.jackknife import FEWEST_LEFT_OUT, at_least, jackknife_covariance, weak_by_jackknife
 from calib.judge.model_choice import UNCHECKED, table_advice
 from calib.judge.parts import left_out
-from calib.judge.verdict import RIVAL_CHI2, Facts, frames_motion, judge, judge_motion, misfit_limit
+from calib.judge.verdict import RIVAL_CHI2, Facts, Motion, frames_motion, judge, judge_motion, misfit_limit
 
 __all__ = [
     "FEWEST_LEFT_OUT",
@@ -19,6 +19,7 @@ __all__ = [
     "UNCHECKED",
     "Facts",
     "FalseRow",
+    "Motion",
     "at_least",
     "bundle_estimate",
     "bundle_facts",

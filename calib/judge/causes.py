@@ -280,6 +280,8 @@ def _one_name(v: ScrewViews) -> str:
             left = [i for i in left if i not in group]
         if len(groups) > 1 and sum(map(len, groups)) >= _GROUPED * total:
             parts = "; ".join(numbers_of(v, g) for g in groups)
+            if left:
+                parts += f" ({numbers_of(v, left)} fit{'s' if len(left) == 1 else ''} none of them)"
             only = len(set(v.names)) == 1
             says = (
                 f"all lie in one location: the column says {name} throughout" if only else f"location {name} is several"

@@ -4,6 +4,7 @@ from calib.sensor.calibrate import SensorSettings, calibrate_sensor
 from calib.sensor.choice import Tried
 from calib.sensor.direct import DirectModel, fit_direct
 from calib.sensor.result import SensorCalibration, SensorSolution, SensorVerdict, ViewResult
+from calib.sensor.shape import FoundShape
 from calib.sensor.tilts import PossibleTilts
 from calib.sensor.views import BoardView, Corners, StripePoints
 
@@ -11,6 +12,7 @@ __all__ = [
     "BoardView",
     "Corners",
     "DirectModel",
+    "FoundShape",
     "PossibleTilts",
     "SensorCalibration",
     "SensorSettings",

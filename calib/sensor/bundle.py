@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from calib import engine
 from calib.engine import Result
 from calib.sensor.lens import PINHOLE, TERMS, undistort
+from calib.sensor.shape import BEND, BENDS, PRINT, BoardShape
 from calib.sensor.start import board_poses, fitted_plane, focal_length, view_homographies
 from calib.sensor.terms import BOARD, CAMERA, PLANE, CornerResiduals, StripeNoise, StripeOnBoard
 from calib.sensor.views import BoardViews
@@ -34,10 +35,11 @@ CENTRE_BESIDE_TILT = 0.03  # of the image's width: how far off its middle chips 
 
 @dataclass(frozen=True, eq=False)
 class SensorBundle:
-    """Views with the terms of the lens that are free, and the noise that their residuals have.
+    """Views with the terms of lens and board that are free, and the noise that their residuals have.
 
     All pixels are counted from the image's centre, so that priors have their mean at zero; width_px is the image's.
     tilt_rad: at which the chip's tilt is held, where it is not among the terms; None for an upright chip.
+    shape: what is known of the board's; needed where BENDS or PRINT are among the terms.
     """
 
     views: BoardViews
@@ -46,10 +48,11 @@ class SensorBundle:
     corner_scale: float = 1.0
     stripe_noise: StripeNoise = field(default_factory=StripeNoise)
     tilt_rad: tuple[float, float] | None = None
+    shape: BoardShape | None = None
 
     @property
     def unknowns(self) -> Unknowns:
-        """Camera, plane and boards."""
+        """Camera, plane, boards and their shape."""
         tilted = {"p1", "p2"} if "tau_x" in self.terms or self.tilt_rad is not None else set()
         lens = [TANGENTIAL_BESIDE_TILT if name in tilted else PRIOR_SIGMA[name] for name in TERMS]
         middle = CENTRE_BESIDE_TILT * self.width_px if tilted else np.inf
@@ -59,7 +62,13 @@ class SensorBundle:
             Block.vector(CAMERA, np.where(free, sigma, 0.0), free, labels=CAMERA_PARAMETERS),
             Block.pose(BOARD, self.views.names),
         ]
-        return Unknowns((*blocks, Block.vector(PLANE, [np.inf] * 3)) if self.has_plane else tuple(blocks))
+        if self.has_plane:
+            blocks.append(Block.vector(PLANE, [np.inf] * 3))
+        if self.shape is not None and BENDS[0] in self.terms:
+            blocks.append(Block.vector(BEND, self.shape.sigma_bend, labels=BENDS))
+        if self.shape is not None and PRINT in self.terms:
+            blocks.append(Block.vector(PRINT, np.tile(self.shape.sigma_print_mm, len(self.shape.corners_mm))))
+        return Unknowns(tuple(blocks))
 
     @property
     def has_plane(self) -> bool:
@@ -69,12 +78,12 @@ class SensorBundle:
     @property
     def corner_term(self) -> CornerResiduals:
         """The corners' evidence."""
-        return CornerResiduals(self.views, self.corner_scale)
+        return CornerResiduals(self.views, self.corner_scale, self.shape)
 
     @property
     def stripe_term(self) -> StripeOnBoard:
         """The stripes' evidence."""
-        return StripeOnBoard(self.views, self.stripe_noise)
+        return StripeOnBoard(self.views, self.stripe_noise, self.shape)
 
     @property
     def evidence(self) -> tuple[CornerResiduals] | tuple[CornerResiduals, StripeOnBoard]:
@@ -82,8 +91,8 @@ class SensorBundle:
         return (self.corner_term, self.stripe_term) if self.has_plane else (self.corner_term,)
 
     def solve(self, start: State, max_steps: int = _MAX_STEPS, settled_sigma: float = _SETTLED_SIGMA) -> Result:
-        """The least-squares solution from a start, where every block has a value."""
-        known = State({b.name: start.values[b.name] for b in self.unknowns.blocks})
+        """The least-squares solution from a start, where every block has a value but those of the board's shape."""
+        known = State({b.name: start.values.get(b.name, b.at_rest()) for b in self.unknowns.blocks})
         begin = self.held(known)
         with np.errstate(over="ignore", invalid="ignore"):  # a trial step too far is refused by its cost
             return engine.solve(self.evidence, self.unknowns, begin, None, max_steps, settled_sigma)
@@ -97,7 +106,11 @@ class SensorBundle:
         return state.with_value(CAMERA, camera)
 
     def covariance(self, result: Result) -> Array:
-        """Of camera and plane (C, C): tilt, tangential terms and principal point can hardly be told apart."""
+        """Of camera and plane (21, 21), whatever the board's shape."""
+        return sensor_part(self.covariance_of_all(result), result.unknowns)
+
+    def covariance_of_all(self, result: Result) -> Array:
+        """Of all common unknowns (C, C): tilt, tangential terms and principal point can hardly be told apart."""
         try:
             return engine.exact_covariance(result)
         except np.linalg.LinAlgError:  # boards that leave something open: a large σ says so
@@ -107,6 +120,12 @@ class SensorBundle:
         """The bundle of the boards alone."""
         empty = tuple(replace(v, stripe=v.stripe[np.zeros(0, dtype=np.intp)]) for v in self.views.views)
         return replace(self, views=BoardViews(empty))
+
+
+def sensor_part(covariance: Array, unknowns: Unknowns) -> Array:
+    """Camera's and plane's part (21, 21) of a covariance (C, C) of all common unknowns."""
+    places = np.concatenate([unknowns.indices(name) for name in (CAMERA, PLANE) if name in unknowns])
+    return np.asarray(covariance[np.ix_(places, places)])
 
 
 def camera_start(views: BoardViews, width_px: float) -> State:

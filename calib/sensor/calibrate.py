@@ -8,13 +8,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.sensor.bundle import TILT_NAMES, SensorBundle, camera_start
+from calib.sensor.bundle import TILT_NAMES, SensorBundle, camera_start, sensor_part
 from calib.sensor.choice import LENGTH, Choice, choose_terms
 from calib.sensor.contradiction import common_error_px, contradicting_stripes
 from calib.sensor.left_out import left_out
 from calib.sensor.noise import with_noise
 from calib.sensor.on_line import MIN_POINTS, on_one_line, second_line
 from calib.sensor.result import SensorCalibration, SensorSolution, SensorVerdict, ViewResult
+from calib.sensor.shape import BoardShape, found_shape
 from calib.sensor.sheet_frame import SheetFrame, sheet_frame, to_sheet
 from calib.sensor.start import stand_alike, view_homographies
 from calib.sensor.stated import Answer, tangent_uncertainty, uncertainty_of_tilts
@@ -24,7 +25,7 @@ from calib.sensor.valley import settled
 from calib.sensor.verdict import boards_parallel, judge, no_camera, too_few
 from calib.sensor.views import BoardView, BoardViews
 from geometry import Pose, State
-from geometry.sensor import SensorUncertainty, calibration_covariance
+from geometry.sensor import CAMERA_PARAMETERS, SensorUncertainty, calibration_covariance
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -49,10 +50,15 @@ class SensorSettings:
         Longest vector of OpenCV's distortion terms that may be used, 0 to 14.
     origin_yz_mm : (float, float)
         Where {P}'s origin stands, from the foot of the camera's centre.
+    flat_mm, print_mm : float or None
+        σ of the board's sag at half its diagonal, and of its corners' places; 0 where it is flat, or its corners stand
+        where they are stated; what is usual where None.
     """
 
     max_terms: int = 14
     origin_yz_mm: tuple[float, float] = (0.0, 0.0)
+    flat_mm: float | None = None
+    print_mm: float | None = None
 
 
 def calibrate_sensor(
@@ -127,9 +133,10 @@ class _Attempt:
         views = _on_lines(views, state, COARSE_PX)
         if not len(views.stripe):
             return _Attempt(given, size_px, settings, dropped, None, state)
-        choice = choose_terms(SensorBundle(views, (), width), state, settings.max_terms)
+        shape = BoardShape.of(views, settings.flat_mm, settings.print_mm)
+        choice = choose_terms(SensorBundle(views, (), width, shape=shape), state, settings.max_terms)
         for _ in range(_ROUNDS):
-            cleaned = _without_outliers(_on_lines(views, choice.result.state, FINE_PX), choice)
+            cleaned = _without_outliers(_on_lines(views, choice.result.state, FINE_PX, shape), choice)
             bundle = replace(choice.bundle, views=cleaned)
             result = settled(bundle, choice.result.state)
             bundle = with_noise(bundle, result)
@@ -164,7 +171,7 @@ class _Attempt:
             if not len(kept.stripe):
                 continue
             every = given[kept.name]
-            count = second_line(every, kept, choice.result.state, i, COARSE_PX)
+            count = second_line(every, kept, choice.result.state, i, COARSE_PX, choice.bundle.shape)
             if count > SECOND_SHARE * len(every.stripe):
                 said.append(
                     f"{kept.name}: {count} of {len(every.stripe)} points of the stripe lie on another line than the "
@@ -192,7 +199,8 @@ class _Attempt:
         results |= _view_results(choice, answer.frame, centre)
         distances = bundle.stripe_term.distances(result.state).residual
         errors = bundle.corner_term.errors(result.state).residual
-        covariance = bundle.covariance(result)
+        of_all = bundle.covariance_of_all(result)
+        covariance = sensor_part(of_all, result.unknowns)
         solution = _solution(choice, answer, tangent_uncertainty(answer, bundle.terms, covariance), centre)
         between = common_error_px(bundle, result)
         verdict = judge(choice, solution, len(self.given), contradicted=contradicted, stripes_apart_px=between)
@@ -221,6 +229,7 @@ class _Attempt:
                 depth_mm=depth,
                 tried=choice.tried,
                 tilts=tilts,
+                shape=None if bundle.shape is None else found_shape(bundle.shape, result, of_all),
                 notes=tuple(self._second_stripes(choice)),
             )
             if len(whitened)
@@ -244,8 +253,8 @@ def _centred(view: BoardView, centre: Array) -> BoardView:
     )
 
 
-def _on_lines(views: BoardViews, state: State, tolerance_px: float) -> BoardViews:
-    return BoardViews(tuple(on_one_line(v, state, i, tolerance_px) for i, v in enumerate(views.views)))
+def _on_lines(views: BoardViews, state: State, tolerance_px: float, shape: BoardShape | None = None) -> BoardViews:
+    return BoardViews(tuple(on_one_line(v, state, i, tolerance_px, shape) for i, v in enumerate(views.views)))
 
 
 def _without_outliers(views: BoardViews, choice: Choice) -> BoardViews:
@@ -303,7 +312,8 @@ def _solution(choice: Choice, answer: Answer, known: SensorUncertainty, centre: 
     camera[2:4] += centre
     distance = float(1 / np.linalg.norm(answer.plane))
     boards = choice.result.state.pose(BOARD)
-    return SensorSolution(camera, choice.bundle.terms, answer.plane * distance, distance, answer.frame, known, boards)
+    lens = tuple(t for t in choice.bundle.terms if t in CAMERA_PARAMETERS)
+    return SensorSolution(camera, lens, answer.plane * distance, distance, answer.frame, known, boards)
 
 
 def _depth_sigma(

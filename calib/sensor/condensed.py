@@ -21,6 +21,7 @@ Index = NDArray[np.intp]
 PLANE_FREEDOM = 3
 STRIPE_FREEDOM = 2  # a stripe's shift and its turn
 _HALVINGS = 60
+_AT_ONCE = 200  # sets that are solved together: their matrices' memory
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +47,9 @@ class CondensedStripes:
 
     def deviance(self, common_px: float, without: Index) -> Array:
         """Least squares (S,) of the stripes that stay, one for every row (K,) of indices that are taken out."""
+        if len(without) > _AT_ONCE:
+            parts = (without[i : i + _AT_ONCE] for i in range(0, len(without), _AT_ONCE))
+            return np.concatenate([self.deviance(common_px, part) for part in parts])
         information, gradient, square = self._information(common_px)
         left = self.corners + information.sum(axis=0) - information[without].sum(axis=1)
         g = gradient.sum(axis=0) - gradient[without].sum(axis=1)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.sensor.choice import Tried
+from calib.sensor.shape import FoundShape
 from calib.sensor.sheet_frame import SheetFrame
 from calib.sensor.tilts import PossibleTilts
 from geometry import Pose
@@ -141,6 +142,7 @@ class SensorCalibration:
     depth_mm: tuple[float, float, float] | None = None
     tried: tuple[Tried, ...] = ()
     tilts: PossibleTilts | None = None
+    shape: FoundShape | None = None
     notes: tuple[str, ...] = ()
 
     @property

@@ -1,11 +1,13 @@
 """The two kinds of evidence of a sensor's calibration: corners of boards, and the laser's stripe on them.
 
 Unknowns: "camera" (18, CAMERA_PARAMETERS), "board" the pose T_camera_board of every view, "plane" the vector p (3)
-[1/mm] of the laser plane p · X = 1 in the camera's frame.
+[1/mm] of the laser plane p · X = 1 in the camera's frame; of a board that is not as stated, "bend" its curvatures (3)
+[1/mm] and "print" (3 P) the offsets of its corners [mm].
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
@@ -14,8 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.sensor.lens import project, rays, undistort
+from calib.sensor.shape import BEND, PRINT, BoardShape
 from calib.sensor.views import BoardViews
-from geometry import Linearised, State, skew
+from geometry import Linearised, State
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -23,6 +26,7 @@ Index = NDArray[np.intp]
 CAMERA, BOARD, PLANE = "camera", "board", "plane"
 
 _NEWTON = 3  # steps to where board and plane meet: doubles digits, from tenths of a pixel
+_BENT = 3  # steps along a ray to a bent board, from the plane that touches it: doubles digits, from a millimetre
 _ROWS = 16  # of a group: sums over groups are then products of matrices
 
 
@@ -84,10 +88,14 @@ class CornerErrors:
 
 @dataclass(frozen=True, eq=False)
 class CornerResiduals:
-    """Corners of flat boards: projected less seen, two rows a corner; scale is of their stated σ."""
+    """Corners of boards: projected less seen, two rows a corner; scale is of their stated σ.
+
+    shape: of what the state's curvatures and offsets are; None where it has none.
+    """
 
     views: BoardViews
     scale: float = 1.0
+    shape: BoardShape | None = None
 
     def linearise(self, state: State) -> Linearised:
         """Reprojection errors in units of their σ."""
@@ -111,12 +119,51 @@ class CornerResiduals:
         corners, member = self.views.corners, self.views.view_of_corner
         board = state.pose(BOARD)
         R, t = board.R[member], board.t[member]
-        p = np.concatenate([corners.xy_mm, np.zeros((len(corners), 1))], 1)
+        p, by_shape = self._on_board(state)
         X = (R @ p[..., None])[..., 0] + t
         xy, by_x = _normalised(X)
         seen = project(state.vector(CAMERA), xy)
-        by_pose = seen.by_point @ by_x @ np.concatenate([R, -R @ skew(p)], -1)
-        return CornerErrors(seen.value - corners.uv_px, {CAMERA: seen.by_camera, BOARD: by_pose})
+        by_place = seen.by_point @ by_x @ R
+        jacobian = {CAMERA: seen.by_camera, BOARD: np.concatenate([by_place, np.cross(p[:, None], by_place)], -1)}
+        return CornerErrors(
+            seen.value - corners.uv_px, jacobian | {name: _by(by_place) for name, _by in by_shape.items()}
+        )
+
+    def _on_board(self, state: State) -> tuple[Array, dict[str, Callable[[Array], Array]]]:
+        """Where the corners are (N, 3), and what takes Jacobians by it (N, 2, 3) to those by bend and print."""
+        xy = self.views.corners.xy_mm
+        p = np.concatenate([xy, np.zeros((len(xy), 1))], 1)
+        by: dict[str, Callable[[Array], Array]] = {}
+        if self.shape is None:
+            return p, by
+        if BEND in state.values:
+            h = self.shape.height(state.vector(BEND), xy)
+            lies = self.views.axes[self.views.view_of_corner]
+            p = p + (lies * h.z_mm)[:, None] * [0.0, 0.0, 1.0]
+            by_bend = lies[:, None, None] * h.by_bend[:, None, :]
+            by[BEND] = lambda by_place: by_place[:, :, 2:] * by_bend
+        if PRINT in state.values:
+            known = np.flatnonzero(self._place >= 0)
+            place, count = self._place[known], len(self.shape.corners_mm)
+            moved = np.zeros_like(p, dtype=state.vector(PRINT).dtype)
+            moved[known] = state.vector(PRINT).reshape(count, 3)[place]
+            p = p + moved
+
+            def by_print(by_place: Array) -> Array:
+                out = np.zeros((len(xy), 2, count, 3), dtype=by_place.dtype)
+                out[known, :, place] = by_place[known]
+                return out.reshape(len(xy), 2, 3 * count)
+
+            by[PRINT] = by_print
+        return p, by
+
+    @cached_property
+    def _place(self) -> Index:
+        """Which of the board's corners each is (N,); -1 where that is not known."""
+        if self.shape is None:
+            return np.full(len(self.views.corners), -1)
+        place = self.shape.place(self.views.corners.xy_mm)
+        return np.where(self.views.named[self.views.view_of_corner], place, -1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,6 +173,19 @@ class StripeErrors:
     residual: Array
     jacobian: dict[str, Array]
     by_pixel: Array
+
+
+@dataclass(frozen=True, eq=False)
+class MetBoards:
+    """Where rays (M,) meet boards.
+
+    reach: how far along them; normal (M, 3): the boards' there, its part along their own z 1; by_bend (M, 3): their
+    heights by their curvatures, None where they are flat.
+    """
+
+    reach: Array
+    normal: Array
+    by_bend: Array | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,6 +200,7 @@ class StripeOnBoard:
 
     views: BoardViews
     noise: StripeNoise = field(default_factory=StripeNoise)
+    shape: BoardShape | None = None
 
     def linearise(self, state: State) -> Linearised:
         """Errors in units of their σ, a view's rows mixed with each other only."""
@@ -172,17 +233,32 @@ class StripeOnBoard:
 
     def _off(self, state: State, uv: Array, near: Array | None) -> tuple[Array, Array, Array]:
         """Distances (M,) from the plane [mm], by a shift along the normal, and the rays (M, 2), found from near."""
-        stripe, member = self.views.stripe, self.views.view_of_stripe
-        board, plane = state.pose(BOARD), state.vector(PLANE)
+        stripe, plane = self.views.stripe, state.vector(PLANE)
         ray = rays(state.vector(CAMERA), uv, near)
         q = np.concatenate([ray.value, np.ones((len(stripe), 1))], 1)
-        normal = board.R[member, :, 2]
-        reach = _dot(normal, board.t[member]) / _dot(normal, q)
+        met = self.met(state, q)
         unit = plane / np.sqrt(plane @ plane)
-        slope = q @ unit / _dot(normal, q)
-        by_xy = reach[:, None] * (unit[None, :2] - slope[:, None] * normal[:, :2])
-        by_uv = (by_xy[:, None] @ ray.by_point)[:, 0]
-        return reach * (q @ unit) - 1 / np.sqrt(plane @ plane), _dot(by_uv, stripe.normal), ray.value
+        by_uv = (_by_ray(met, q, unit)[:, None, :2] @ ray.by_point)[:, 0]
+        return met.reach * (q @ unit) - 1 / np.sqrt(plane @ plane), _dot(by_uv, stripe.normal), ray.value
+
+    def met(self, state: State, q: Array) -> MetBoards:
+        """Where the points' rays (M, 3), or others in their place, meet their boards."""
+        member, board = self.views.view_of_stripe, state.pose(BOARD)
+        R, t = board.R[member], board.t[member]
+        normal = R[:, :, 2]
+        reach = _dot(normal, t) / _dot(normal, q)
+        if self.shape is None or BEND not in state.values:
+            return MetBoards(reach, normal, None)
+        bend, lies = state.vector(BEND), self.views.axes[member]
+        way, origin = _turned_back(R, q), _turned_back(R, t)
+        for _ in range(_BENT):
+            p = reach[:, None] * way - origin
+            h = self.shape.height(bend, p[:, :2])
+            upward = np.column_stack([-h.slope * lies[:, None], np.ones(len(q))])
+            reach = reach - (p[:, 2] - lies * h.z_mm) / _dot(upward, way)
+        h = self.shape.height(bend, reach[:, None] * way[:, :2] - origin[:, :2])
+        upward = np.column_stack([-h.slope * lies[:, None], np.ones(len(q))])
+        return MetBoards(reach, (R @ upward[..., None])[..., 0], h.by_bend * lies[:, None])
 
     def _distances(self, state: State, uv: Array, near: Array | None = None) -> StripeErrors:
         stripe, member = self.views.stripe, self.views.view_of_stripe
@@ -190,25 +266,22 @@ class StripeOnBoard:
         R, t = board.R[member], board.t[member]
         ray = undistort(state.vector(CAMERA), uv, near)
         q = np.concatenate([ray.value, np.ones((len(stripe), 1))], 1)
-        normal = R[:, :, 2]  # of the board
-        reach = _dot(normal, t) / _dot(normal, q)
-        X = reach[:, None] * q
+        met = self.met(state, q)
+        X = met.reach[:, None] * q
         size = np.sqrt(plane @ plane)
         residual = (X @ plane - 1) / size
         unit = plane / size
-        slope = q @ unit / _dot(normal, q)  # of the residual, by a shift of the board along its normal
-        # by q: X moves by reach · dq along the ray's turn, less what brings it back into the board
-        by_xy = reach[:, None] * (unit[None, :2] - slope[:, None] * normal[:, :2])
+        slope = q @ unit / _dot(met.normal, q)  # of the residual, by a shift of the board along its normal
+        by_xy = _by_ray(met, q, unit)[:, :2]
         by_uv = (by_xy[:, None] @ ray.by_point)[:, 0]
-        across = t - X
-        turned = np.stack([-_dot(R[:, :, 1], across), _dot(R[:, :, 0], across)], -1)  # (φ × e₃) · Rᵀ(t - X)
-        zero = np.zeros_like(residual)
-        by_pose = slope[:, None] * np.stack([zero, zero, zero + 1, turned[:, 0], turned[:, 1], zero], -1)
+        upward, place = _turned_back(R, met.normal), _turned_back(R, X - t)
         jacobian = {
             CAMERA: (by_xy[:, None] @ ray.by_camera)[:, 0],
-            BOARD: by_pose,
+            BOARD: slope[:, None] * np.concatenate([upward, np.cross(place, upward)], -1),
             PLANE: X / size - residual[:, None] * plane / size**2,
         }
+        if met.by_bend is not None:
+            jacobian[BEND] = slope[:, None] * met.by_bend
         return StripeErrors(residual, jacobian, _dot(by_uv, stripe.normal))
 
     def independent(self, table: Array) -> Array:
@@ -267,6 +340,20 @@ def _normalised(X: Array) -> tuple[Array, Array]:
     by_x[:, 0, 0] = by_x[:, 1, 1] = 1 / X[:, 2]
     by_x[:, :, 2] = -xy / X[:, 2:]
     return xy, by_x
+
+
+def _by_ray(met: MetBoards, q: Array, unit: Array) -> Array:
+    """Distances along a unit vector of where rays (M, 3) meet boards, by the rays (M, 3).
+
+    A point moves by its reach times the ray's turn, less what brings it back onto the board.
+    """
+    slope = q @ unit / _dot(met.normal, q)
+    return np.asarray(met.reach[:, None] * (unit - slope[:, None] * met.normal))
+
+
+def _turned_back(R: Array, v: Array) -> Array:
+    """Vectors (M, 3) in the frames that rotations (M, 3, 3) come from."""
+    return np.asarray((np.swapaxes(R, 1, 2) @ v[..., None])[..., 0])
 
 
 def _dot(a: Array, b: Array) -> Array:

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.engine import Result
-from calib.sensor.bundle import TILT_NAMES, TILT_PLACES, SensorBundle, tilted_more
+from calib.sensor.bundle import TILT_NAMES, TILT_PLACES, SensorBundle, sensor_part, tilted_more
 from calib.sensor.terms import CAMERA, PLANE
 from calib.sensor.valley import settled
 from geometry import State
@@ -258,10 +258,10 @@ def _held(bundle: SensorBundle, start: State, tau_rad: Array, more: bool = False
     held = replace(bundle, tilt_rad=(float(tau_rad[0]), float(tau_rad[1])))
     result = settled(held, start) if more else held.solve(start)
     u = result.unknowns
-    spread = held.covariance(result)
+    spread = held.covariance_of_all(result)
     scale = np.sqrt(np.maximum(np.diag(spread)[u.free], 1e-300))
     width = np.linalg.slogdet(spread[np.ix_(u.free, u.free)] / np.outer(scale, scale))[1] + 2 * np.log(scale).sum()
-    return _Held(result.cost - float(width), _common(result), spread), result.state
+    return _Held(result.cost - float(width), _common(result), sensor_part(spread, u)), result.state
 
 
 def _common(result: Result) -> Array:

@@ -75,12 +75,28 @@ class StripePoints:
 
 @dataclass(frozen=True, eq=False)
 class BoardView:
-    """One pose of the board: its corners and the stripe on it (which may hold no point); soft: if out of focus."""
+    """One pose of the board: its corners and the stripe on it (which may hold no point).
+
+    Parameters
+    ----------
+    name : str
+    corners : Corners
+    stripe : StripePoints
+    soft : bool
+        If out of focus.
+    axes : bool
+        Whether the corners' x and y are the board's own, up to a turn by 180°; of a part of a checkerboard they may be
+        turned by 90°.
+    named : bool
+        Whether the same place on the board is the same corner in every view.
+    """
 
     name: str
     corners: Corners
     stripe: StripePoints
     soft: bool = False
+    axes: bool = False
+    named: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,6 +132,16 @@ class BoardViews:
         return StripePoints(
             *(np.concatenate([getattr(s, n) for s in every]) for n in StripePoints.__dataclass_fields__)
         )
+
+    @cached_property
+    def axes(self) -> Mask:
+        """Of which views (V,) the corners' axes are the board's own."""
+        return np.array([v.axes for v in self.views], dtype=bool)
+
+    @cached_property
+    def named(self) -> Mask:
+        """Of which views (V,) the corners are known by their places."""
+        return np.array([v.named for v in self.views], dtype=bool)
 
     @cached_property
     def view_of_corner(self) -> Index:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from calib.bundle import Solution, make_bundle, solve_problem
-from calib.judge import bundle_estimate, bundle_facts, find, frames_motion, judge, judge_motion
+from calib.judge import Motion, bundle_estimate, bundle_facts, find, frames_motion, judge, judge_motion
 from calib.result import Estimate, Verdict
 from calib.stages.setup import CONTRADICTED, Setup, Solved
 from calib.surface import OPEN_CONDITION, condensed, degenerate, general_advice
@@ -39,7 +39,7 @@ def solve(setup: Setup, labelled: tuple[Frame, ...], T_hand_sensor: Pose) -> Sol
     refused = tuple(f for f in labelled if f.role == "calibrate" and f.reason == "not_labelled" and len(f.axis))
     facts = bundle_facts(solution, used, refused)
     estimate = _whole(bundle_estimate(solution, used, setup.config), used, labelled)
-    judged = judge(facts, moved, setup.config)
+    judged = judge(facts, _kept_motion(used, estimate), setup.config)
     verdict = _views_named(judged, setup, used, solution)
     if _open_on_surface(verdict, setup, used):
         return Solved(verdict, contradicted=judged.code in CONTRADICTED)
@@ -56,13 +56,18 @@ def try_suspects(setup: Setup, labelled: tuple[Frame, ...], solved: Solved) -> S
     refused = tuple(f for f in labelled if f.role == "calibrate" and f.reason == "not_labelled" and len(f.axis))
     facts = bundle_facts(finding.solution, used, refused, finding)
     estimate = _whole(bundle_estimate(finding.solution, used, config, finding), used, labelled)
-    verdict = judge(facts, frames_motion(used), config)
+    verdict = judge(facts, _kept_motion(used, estimate), config)
     if verdict.code not in _ACCUSING:  # what frames or motions are the fault of is no number's
         estimate = replace(estimate, culprit=())
     verdict = _views_named(verdict, setup, used, finding.solution)
     if _open_on_surface(verdict, setup, used):
         return Solved(verdict)
     return Solved(verdict, estimate, finding.solution, used)
+
+
+def _kept_motion(used: tuple[Frame, ...], estimate: Estimate) -> Motion:
+    """How the hand moved between the frames that were not left out."""
+    return frames_motion(tuple(f for f in used if f.number not in estimate.reasons) or used)
 
 
 def _open_on_surface(verdict: Verdict, setup: Setup, used: tuple[Frame, ...]) -> bool:

@@ -5,7 +5,7 @@ Points are where plain geometry and geometry's lens put them; nothing of the sol
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,7 @@ MIDDLE_MM = 290.0  # from the camera to where the sheet crosses its axis
 _NORMAL = np.array([0.05, 0.92, 0.38])  # of the sheet: it cuts the field of view in depth
 _LEAST = 1e-3  # px, of a σ that is stated
 _STEPS_MM = 0.2  # between a stripe's points
+_BENT = 40  # rounds to where the plane meets a bent board: each a hundredth of what the one before left
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +63,23 @@ class BoardNoise:
     stripe_px: float = 0.03
 
 
+@dataclass(frozen=True, eq=False)
+class PlateShape:
+    """A true board: z = (a x² + 2 b x y + c y²) / 2 about its middle, curvatures bend [1/mm], and corners' offsets.
+
+    offset_mm (54, 3): of the corners alone, from where they are stated to be; the plate has none of them.
+    """
+
+    bend: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    offset_mm: Array = field(default_factory=lambda: np.zeros((INNER_CORNERS[0] * INNER_CORNERS[1], 3)))
+
+    def height(self, xy: Array) -> Array:
+        """Of the plate (N,) at points (N, 2)."""
+        x, y = (xy - SQUARE_MM * (np.array(INNER_CORNERS) - 1) / 2).T
+        a, b, c = self.bend
+        return np.asarray((a * x**2 + 2 * b * x * y + c * y**2) / 2)
+
+
 def observe_boards(
     sensor: SyntheticSensor,
     rng: np.random.Generator,
@@ -69,47 +87,54 @@ def observe_boards(
     noise: BoardNoise | None = None,
     tilt_rad: float = 0.6,
     step: int = 6,
+    plate: PlateShape | None = None,
 ) -> list[BoardView]:
     """Views of a board, tilted by up to ``tilt_rad`` about both axes, with every ``step``-th point of its stripe."""
-    noise = noise or BoardNoise()
+    noise, plate = noise or BoardNoise(), plate or PlateShape()
     row, column = np.divmod(np.arange(INNER_CORNERS[0] * INNER_CORNERS[1]), INNER_CORNERS[0])
     corners: Array = np.stack([column, row], -1) * np.float64(SQUARE_MM)
+    printed = np.column_stack([corners, plate.height(corners)]) + plate.offset_mm
     views = []
     for k in range(count):
         a, b = rng.uniform(-tilt_rad, tilt_rad, 2) if tilt_rad > 0 else (0.1, 0.2)
         R = exp_so3(np.array([a, b, 0.0])) @ exp_so3(np.array([0, 0, rng.uniform(-3, 3)]))
         centre = np.array([rng.uniform(-35, 35), rng.uniform(-20, 20), rng.uniform(260, 320)])
         board = Pose(R, centre - R @ [*(corners.mean(axis=0)), 0.0])
-        uv = _seen(sensor, board, corners)
+        uv = _seen(sensor, board, printed)
         uv = uv + noise.corner_px * rng.standard_normal(uv.shape)
         covariance = np.broadcast_to(np.eye(2) * max(noise.corner_px, _LEAST) ** 2, (len(uv), 2, 2)).copy()
-        stripe = _stripe(sensor, board, rng, noise.stripe_px, step)
-        views.append(BoardView(f"{k:03d}", Corners(corners, uv, covariance), stripe))
+        stripe = _stripe(sensor, board, rng, noise.stripe_px, step, plate)
+        views.append(BoardView(f"{k:03d}", Corners(corners, uv, covariance), stripe, axes=True, named=True))
     return views
 
 
-def _seen(sensor: SyntheticSensor, board: Pose, xy: Array) -> Array:
-    """Pixels (N, 2) of points (N, 2) of a board T_camera_board."""
+def _seen(sensor: SyntheticSensor, board: Pose, xyz: Array) -> Array:
+    """Pixels (N, 2) of points (N, 3) of a board T_camera_board."""
     fx, fy, cx, cy, *lens = sensor.camera.tolist()
     facing = Pose(np.eye(3), np.array([1.0, 0.0, 0.0]))  # any: points are given in the camera's frame
     camera = Camera(*SIZE_PX, fx, fy, cx, cy, facing, tuple(lens))
-    points = board @ np.column_stack([xy, np.zeros(len(xy))])
-    return project(camera, facing @ points)
+    return project(camera, facing @ (board @ xyz))
 
 
-def _stripe(sensor: SyntheticSensor, board: Pose, rng: np.random.Generator, sigma_px: float, step: int) -> StripePoints:
+def _stripe(
+    sensor: SyntheticSensor, board: Pose, rng: np.random.Generator, sigma_px: float, step: int, plate: PlateShape
+) -> StripePoints:
     """Points where board and laser plane meet, on the board, moved across the stripe by its noise."""
     across = (board.R.T @ sensor.normal)[:2]
     reach = sensor.distance_mm - sensor.normal @ board.t
     along = np.array([-across[1], across[0]]) / np.hypot(*across)
     half = SQUARE_MM * max(INNER_CORNERS)
     way = np.arange(-half, half + _STEPS_MM / 2, _STEPS_MM)
-    xy = across * reach / (across @ across) + way[:, None] * along
+    upward = float(board.R[:, 2] @ sensor.normal)
+    straight = across * reach / (across @ across) + way[:, None] * along
+    xy = straight
+    for _ in range(_BENT):  # the plane meets a board of height z that much farther across
+        xy = straight - across * (upward * plate.height(xy) / (across @ across))[:, None]
     high = SQUARE_MM * (np.array(INNER_CORNERS) - 1) + 0.8 * SQUARE_MM
     xy = xy[np.all((xy > -0.8 * SQUARE_MM) & (xy < high), axis=1)][::step]
     if len(xy) < 20:
         return StripePoints.nothing()
-    uv = _seen(sensor, board, xy)
+    uv = _seen(sensor, board, np.column_stack([xy, plate.height(xy)]))
     tangent = np.gradient(uv, axis=0)
     normal = np.column_stack([-tangent[:, 1], tangent[:, 0]]) / np.linalg.norm(tangent, axis=1)[:, None]
     moved = uv + normal * (sigma_px * rng.standard_normal(len(uv)))[:, None]

@@ -65,6 +65,8 @@ def find_charuco(image: NDArray[np.uint8], board: Board, usable: Mask) -> BoardC
         float(np.median(fit.blur_px[good])),
         2 * contrast,
         markers_mm=np.array([np.mean(m, axis=0)[:2] for m in printed.getObjPoints()]) - board.pitch_mm,
+        axes=True,
+        named=True,
     )
 
 

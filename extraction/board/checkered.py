@@ -51,8 +51,32 @@ def find_checkerboard(image: Grey, board: Board, usable: Mask, quick: bool = Fal
     if not _one_grid(grid):
         return NoBoard("the corners found lie on no one grid: is the board's number of corners right?")
     fit = grid.fit
-    xy = grid.place[:, ::-1] * board.pitch_mm
-    return BoardCorners(xy - xy.min(axis=0), fit.uv_px, fit.covariance_px2, float(np.median(fit.blur_px)), _step(fit))
+    xy, axes, named = _as_stated(grid, board)
+    blur = float(np.median(fit.blur_px))
+    return BoardCorners(xy, fit.uv_px, fit.covariance_px2, blur, _step(fit), axes=axes, named=named)
+
+
+def _as_stated(grid: _Grid, board: Board) -> tuple[Array, bool, bool]:
+    """Places (N, 2) [mm] in the board's frame, whether its axes are the board's own, and whether corners are known.
+
+    z points into the board. Where the whole board is seen, x runs along its columns; where a turn by 180° changes the
+    colours, the square before the first corner is the dark one.
+    """
+    xy, fit = grid.place[:, ::-1] - grid.place[:, ::-1].min(axis=0), grid.fit
+    colour = float(np.sign(np.median(fit.contrast_dn * (1 - 2 * (xy.sum(axis=1) % 2)))))
+    h = board_homography(xy.astype(float), fit.uv_px)
+    middle = np.append(xy.mean(axis=0), 1.0)
+    if np.linalg.det(h) * (h[2] @ middle) < 0:  # counted as from behind
+        xy, colour = np.stack([xy[:, 0].max() - xy[:, 0], xy[:, 1]], -1), -colour * (-1) ** int(np.ptp(xy[:, 0]))
+    columns, rows = (np.ptp(xy, axis=0) + 1).tolist()
+    if (columns, rows) == (board.rows, board.columns) != (board.columns, board.rows):
+        xy, colour = np.stack([xy[:, 1], xy[:, 0].max() - xy[:, 0]], -1), -colour * (-1) ** int(np.ptp(xy[:, 0]))
+        columns, rows = rows, columns
+    axes = (columns, rows) == (board.columns, board.rows) and columns != rows
+    named = axes and (columns + rows) % 2 == 1
+    if named and colour < 0:
+        xy = xy.max(axis=0) - xy
+    return xy * board.pitch_mm, axes, named
 
 
 def _one_grid(grid: _Grid) -> bool:

@@ -62,6 +62,7 @@ def _localised(image: NDArray[np.uint8], board: Board, start: Array, usable: Mas
     radius = float(np.sqrt(np.median(area / _areas(flat.homography, xy)) / np.pi))
     reach = WINDOW_SHARE * near[good][clear]
     fit = fit_discs(image, flat, xy, uv, radius, reach)
+    alone = board.kind == "asymmetric_circles" and board.rows % 2 == 1  # else it looks the same turned by 180°
     fine = fit.misfit_dn < MAX_MISFIT * np.median(fit.misfit_dn)
     fine &= np.linalg.norm(fit.uv_px - uv, axis=1) < MAX_MOVE * np.sqrt(area / np.pi)
     if fine.sum() < MIN_DOTS:
@@ -73,6 +74,8 @@ def _localised(image: NDArray[np.uint8], board: Board, start: Array, usable: Mas
         float(np.median(fit.blur_px[fine])),
         float(np.median(np.abs(fit.step_dn[fine]))),
         float(np.median(fit.radius_mm[fine])),
+        axes=alone or board.columns != board.rows,
+        named=alone,
     )
 
 

@@ -31,6 +31,11 @@ class BoardCorners:
         Of the dots, the median of all; 0 for corners of squares.
     markers_mm : ndarray (M, 2) or None
         The middles of a ChArUco board's markers, on the board.
+    axes : bool
+        Whether x and y are the board's own, up to a turn by 180°; of a checkerboard seen in part they may be turned by
+        90°.
+    named : bool
+        Whether a place on the board is the same corner in every picture.
     """
 
     xy_mm: Array
@@ -40,6 +45,8 @@ class BoardCorners:
     contrast_dn: float
     dot_radius_mm: float = 0.0
     markers_mm: Array | None = None
+    axes: bool = False
+    named: bool = False
 
     def __len__(self) -> int:
         """The number of corners."""

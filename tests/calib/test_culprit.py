@@ -115,3 +115,9 @@ def test_single_misnamed_frames_are_left_out_and_named(cell_and_frames: tuple[Sy
     assert any("location C" in r and "location A: its location is misnamed" in r for r in result.remarks)
     apart = without.T_hand_sensor.inverse() @ result.T_hand_sensor
     assert np.max(np.abs(apart.log())) < ATOL_LEFT_OUT
+    for name, location in without.locations.items():
+        same = result.locations[name]
+        assert same.point_rms_mm.solved == pytest.approx(location.point_rms_mm.solved, abs=ATOL_LEFT_OUT)
+    far = result.frames[3].residual_mm
+    assert far is not None
+    assert np.all(far > 10 * result.locations["A"].point_rms_mm.solved)

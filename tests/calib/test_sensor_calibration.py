@@ -19,6 +19,7 @@ from calib.sensor.bundle import (
     tilted_more,
 )
 from calib.sensor.lens import project, undistort
+from calib.sensor.shape import BEND, PRINT, BoardShape
 from calib.sensor.sheet_frame import plane_deviations, sheet_deviations, sheet_frame, to_sheet
 from calib.sensor.start import fitted_plane
 from calib.sensor.stated import PLANE_NAMES, Answer, parts_by_name
@@ -26,7 +27,14 @@ from calib.sensor.terms import BOARD, CAMERA, PLANE, CornerResiduals, StripeNois
 from calib.sensor.valley import settled
 from calib.sensor.views import BoardViews
 from calib.synthetic.boards import SIZE_PX as SIZE
-from calib.synthetic.boards import BoardNoise, SyntheticSensor, observe_boards, parameter_errors, synthetic_sensor
+from calib.synthetic.boards import (
+    BoardNoise,
+    PlateShape,
+    SyntheticSensor,
+    observe_boards,
+    parameter_errors,
+    synthetic_sensor,
+)
 from geometry import Pose, Sensor, Sheet, State
 from geometry.sensor import SensorDeviation
 
@@ -460,3 +468,112 @@ def test_boards_out_of_focus_make_a_weak_answer(soft: int, code: str):
     found = calibrate_sensor([replace(v, soft=i < soft) for i, v in enumerate(views)], SIZE, SHORT)
     assert found.verdict.code == code
     assert ("4 of 8 boards are out of focus" in found.verdict.text) == (code == "weak")
+
+
+BENT = PlateShape((2e-4, -1e-4, 5e-5))  # 0.27 mm over the corners
+PULL = 4.0  # σ of one number among a hundred
+
+
+def _shaped(plate: PlateShape, seed: int = 0) -> tuple[SensorCalibration, SyntheticSensor, list[BoardView]]:
+    rng = np.random.default_rng([77, seed])
+    truth = synthetic_sensor(rng)
+    views = observe_boards(truth, rng, 10, plate=plate)
+    return calibrate_sensor(views, SIZE, SHORT), truth, views
+
+
+def test_bent_views_are_where_a_bent_board_meets_ray_and_plane():
+    """The exact views: corners on the bent board, stripes on board and laser plane, by OpenCV's inverse lens."""
+    import cv2
+
+    rng = np.random.default_rng(1)
+    sensor = synthetic_sensor(rng)
+    views = observe_boards(sensor, rng, 2, BoardNoise(0.0, 0.0), plate=BENT)
+    K = np.array([[sensor.camera[0], 0, sensor.camera[2]], [0, sensor.camera[1], sensor.camera[3]], [0, 0, 1.0]])
+    for view in views:
+        xyz = np.c_[view.corners.xy_mm, BENT.height(view.corners.xy_mm)]
+        _, r, t = cv2.solvePnP(xyz, view.corners.uv_px, K, sensor.camera[4:])
+        again = cv2.projectPoints(xyz, r, t, K, sensor.camera[4:])[0][:, 0]
+        np.testing.assert_allclose(again, view.corners.uv_px, rtol=0, atol=1e-4)
+        uv = view.stripe.uv_px[:, None]
+        ray = cv2.undistortPointsIter(uv, K, sensor.camera[4:], None, None, (3, 90, 1e-14))[:, 0]
+        q = np.c_[ray, np.ones(len(ray))]
+        on_plane = (sensor.distance_mm / (q @ sensor.normal))[:, None] * q
+        p = (on_plane - t.ravel()) @ cv2.Rodrigues(r)[0]
+        np.testing.assert_allclose(p[:, 2], BENT.height(p[:, :2]), rtol=0, atol=1e-4)
+
+
+@pytest.mark.parametrize("kind", ["corners", "stripe", "distance"])
+def test_jacobians_of_a_bent_board_are_those_of_the_complex_step(kind: str):
+    views, state = _scene()
+    lies = tuple(replace(v, axes=i > 0, named=i > 0) for i, v in enumerate(views.views))  # the first: a part, turned
+    views = BoardViews((*lies, *(replace(v, name=f"{v.name}+") for v in lies)))
+    board, rng = state.pose(BOARD), np.random.default_rng(4)
+    shape = BoardShape.of(views)
+    state = State(
+        {
+            CAMERA: state.vector(CAMERA),
+            BOARD: Pose(np.concatenate([board.R, board.R]), np.concatenate([board.t, board.t])),
+            PLANE: state.vector(PLANE),
+            BEND: np.array([1e-3, -5e-4, 7e-4]),
+            PRINT: rng.normal(0, 0.1, 3 * len(shape.corners_mm)),
+        }
+    )
+    corners, stripe = CornerResiduals(views, 1.0, shape), StripeOnBoard(views, StripeNoise(), shape)
+    rows = {"corners": corners.errors, "stripe": stripe.errors, "distance": stripe.distances}[kind]
+    found = rows(state)
+    assert set(found.jacobian) == {CAMERA, BOARD, BEND, *([PRINT] if kind == "corners" else [PLANE])}
+    for name in (BOARD, BEND, CAMERA, *([PRINT] if kind == "corners" else [])):
+        for j in range(0, found.jacobian[name].shape[-1], 40 if name == PRINT else 1):
+            d = np.zeros(found.jacobian[name].shape[-1], dtype=complex)
+            d[j] = 1j * STEP
+            if name == BOARD:
+                board = state.pose(BOARD)
+                w = np.array([[0, -d[5], d[4]], [d[5], 0, -d[3]], [-d[4], d[3], 0]])
+                moved = Pose(board.R + board.R @ w, board.t + board.R @ d[:3])
+            else:
+                moved = state.vector(name) + d
+            expected = rows(state.with_value(name, moved)).residual.imag / STEP
+            scale = max(np.abs(expected).max(), 1e-6)
+            np.testing.assert_allclose(found.jacobian[name][..., j] / scale, expected / scale, rtol=0, atol=2e-7)
+
+
+def test_a_bent_board_is_told_and_the_sensor_is_true():
+    found, truth, views = _shaped(BENT)
+    flat = calibrate_sensor(views, SIZE, replace(SHORT, flat_mm=0.0, print_mm=0.0))
+    assert found.shape is not None
+    assert found.shape.bend_per_mm is not None
+    assert not len(found.shape.offset_mm)
+    assert np.all(np.abs(found.shape.bend_per_mm - BENT.bend) < PULL * found.shape.sigma_bend_per_mm)
+    assert found.shape.sag_mm == pytest.approx(np.ptp(BENT.height(views[0].corners.xy_mm)), abs=ATOL_MM)
+    assert flat.shape is None
+    assert found.left_out_mm < flat.left_out_mm / 5
+    assert sum(len(v.stripe_mm) for v in found.views) == sum(len(v.stripe) for v in views)  # a curve is no outlier
+    value, count = nees(found, truth)
+    assert value < 2.5 * count
+
+
+def test_a_print_that_is_not_where_it_is_stated_is_told_and_the_sensor_is_true():
+    """Offsets of 20 µm, those of a common motion apart, which no picture shows."""
+    offset = np.random.default_rng(3).normal(0, 0.02, (54, 3))
+    found, truth, views = _shaped(PlateShape(offset_mm=offset))
+    assert found.shape is not None
+    assert found.shape.bend_per_mm is None
+    place = views[0].corners.xy_mm
+    order = [int(np.argmin(np.abs(place - c).sum(axis=1))) for c in found.shape.corners_mm]
+    p, apart = np.c_[place, np.zeros(54)][order], found.shape.offset_mm - offset[order]
+    turns = np.concatenate([np.eye(3)[None] + 0 * p[:, :1, None], -np.stack([np.cross(np.eye(3), x) for x in p])], 2)
+    scale = p[:, :, None]
+    motions = np.concatenate([turns, scale], 2).reshape(162, 7)
+    apart = apart.reshape(-1) - motions @ np.linalg.lstsq(motions, apart.reshape(-1), rcond=None)[0]
+    assert np.sqrt(np.mean(apart**2)) < 0.01
+    value, count = nees(found, truth)
+    assert value < 2.5 * count
+
+
+def test_a_flat_board_is_not_bent_and_parts_of_boards_have_no_names():
+    found, _, views = _shaped(PlateShape())
+    assert found.shape is None
+    assert any("bend_x" in t.terms for t in found.tried)
+    assert any("print" in t.terms for t in found.tried)
+    nameless = [replace(v, axes=False, named=False) for v in views]
+    assert not any({"bend_x", "print"} & set(t.terms) for t in calibrate_sensor(nameless, SIZE, SHORT).tried)

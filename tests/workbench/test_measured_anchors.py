@@ -107,3 +107,10 @@ def test_the_numbers_as_json(cli: Cli, tmp_path: Path) -> None:
     (tmp_path / "ball.toml").write_text('kind = "sphere"\ndiameter_mm = 40.0\n')
     assert cli("jig", tmp_path / "ball.toml", "--json").json == {"kind": "sphere", "diameter_mm": 40.0}
     assert cli("jig", "--json", "--toml").code == 2
+
+
+def test_a_drawing_is_not_written_by_out(cli: Cli, tmp_path: Path) -> None:
+    result = cli("jig", "--out", tmp_path / "jig.svg")
+    assert result.code == 2
+    assert "--export" in result.err
+    assert not (tmp_path / "jig.svg").exists()

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
 from geometry import Board, InputError
-from workbench.files.strict import FileSection, Positive, Text, Whole, validate
+from workbench.files.strict import FileSection, NotNegative, Positive, Text, Whole, validate
 from workbench.files.toml_text import read_toml
 
 
@@ -20,8 +21,11 @@ class BoardFile(FileSection):
     squares: tuple[Whole, Whole] | None = None
     marker_mm: Positive | None = None
     dictionary: Text | None = None
+    sigma_flat_mm: NotNegative | None = None
+    sigma_print_mm: NotNegative | None = None
 
 
+SHAPE_KEYS = ("sigma_flat_mm", "sigma_print_mm")  # of every kind, and none is needed
 KEYS = {
     "checkerboard": ("corners", "square_mm"),
     "circles": ("corners", "pitch_mm"),
@@ -56,10 +60,10 @@ def read_board(path: Path) -> Board:
         if key not in given:
             raise InputError(f'{path}: the key {key} is missing; kind = "{file.kind}" has {", ".join(wanted)}')
     for key in given:
-        if key not in wanted:
+        if key not in (*wanted, *SHAPE_KEYS):
             raise InputError(f'{path}: {key} is no key of kind = "{file.kind}", which has {", ".join(wanted)}')
     try:
-        return _board(file)
+        return replace(_board(file), sigma_flat_mm=file.sigma_flat_mm, sigma_print_mm=file.sigma_print_mm)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
 
@@ -82,4 +86,6 @@ def board_text(board: Board) -> str:
     else:
         size = "square_mm" if board.kind == "checkerboard" else "pitch_mm"
         lines += [f"corners = [{board.columns}, {board.rows}]", f"{size} = {board.pitch_mm!r}"]
+    known = {key: getattr(board, key) for key in SHAPE_KEYS}
+    lines += [f"{key} = {value!r}" for key, value in known.items() if value is not None]
     return "\n".join(lines) + "\n"

@@ -80,7 +80,7 @@ def rounds(
     every_s
         Between looks; a file counts once it has not changed from one look to the next.
     say
-        Told in a sentence what is waited for, once.
+        Told in a sentence what is waited for, once, where it is still so at the next look.
     sleep
         Waits so many seconds.
 
@@ -96,7 +96,7 @@ def rounds(
             raise
     before: dict[Path, tuple[int, int]] = {}
     done: tuple[object, ...] | None = None
-    told = ""
+    told = last = ""
     while True:
         now = _files(folder)
         still = {path for path, stamp in now.items() if before.get(path) == stamp}
@@ -108,9 +108,10 @@ def rounds(
             words = ""
         except (InputError, _NotYetError) as error:
             words = str(error)
-        if words and words != told:
+        if words and words == last != told:
             say(words)
-        told = words
+            told = words
+        told, last = told if words else "", words
         if state is not None and state != done:
             done = state
             try:

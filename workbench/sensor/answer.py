@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from calib.sensor import PossibleTilts, SensorCalibration, SensorSolution
+from calib.sensor import FoundShape, PossibleTilts, SensorCalibration, SensorSolution
 from geometry import (
     Camera,
     Pose,
@@ -68,6 +68,7 @@ def answer_object(
             "view_offset_px": result.offset_px,
         },
         "untaken_tilt": None if result.untaken is None else tilt_object(result.untaken),
+        "board_shape": None if result.shape is None else shape_object(result.shape),
         "terms_tried": [
             {
                 "terms": t.terms,
@@ -78,7 +79,7 @@ def answer_object(
         ],
         "verdict": {"code": result.verdict.code, "text": result.verdict.text},
         "views": sorted(views, key=lambda v: str(v["view"])),
-        "notes": [*result.notes, *remarks, *untaken_note(result.untaken), *UNSEEN],
+        "notes": [*result.notes, *remarks, *untaken_note(result.untaken), *shape_note(result.shape), *UNSEEN],
     }
 
 
@@ -104,6 +105,35 @@ def untaken_note(tilt: PossibleTilts | None) -> list[str]:
         f"the chip is taken to stand upright; the views leave a chance of {100 * tilt.probability:.0f} % that it is "
         f"tilted ({angles}), which every σ holds: tilt the board more"
     ]
+
+
+def shape_object(shape: FoundShape) -> dict[str, Any]:
+    """A board that is not as stated: curvatures of z = (a x² + 2 b x y + c y²) / 2, and its corners' offsets."""
+    bent = shape.bend_per_mm is not None
+    return {
+        "bend_per_m": None if shape.bend_per_mm is None else 1e3 * shape.bend_per_mm,
+        "sigma_bend_per_m": None if shape.sigma_bend_per_mm is None else 1e3 * shape.sigma_bend_per_mm,
+        "sag_mm": shape.sag_mm if bent else None,
+        "corners_mm": shape.corners_mm,
+        "offset_mm": shape.offset_mm,
+        "sigma_offset_mm": shape.sigma_offset_mm,
+    }
+
+
+def shape_note(shape: FoundShape | None) -> list[str]:
+    """The same in words."""
+    if shape is None:
+        return []
+    said = []
+    if shape.bend_per_mm is not None:
+        said.append(f"the board is not flat: it sags by {shape.sag_mm:.2f} mm over its corners")
+    if len(shape.offset_mm):
+        x, y, z = np.sqrt(np.mean(shape.offset_mm**2, axis=0))
+        said.append(
+            f"the board's corners stand off their stated places by {x:.3f}, {y:.3f} and {z:.3f} mm (root mean square "
+            "along its columns, its rows and across it)"
+        )
+    return [f"{', and '.join(said)}: the bundle holds it, for left-out views are predicted better so, and every σ does"]
 
 
 def _by_depth(values: tuple[float, float, float] | None) -> dict[str, float] | None:

@@ -159,20 +159,21 @@ def _never_whole(views: Sequence[BoardView], board: Board) -> list[str]:
 
 def _view(file: ViewFiles, board: Board, image: Image, lit: Image, found: BoardCorners) -> tuple[BoardView, list[str]]:
     corners = Corners(found.xy_mm, found.uv_px, found.covariance_px2)
+    bare = BoardView(file.name, corners, StripePoints.nothing(), axes=found.axes, named=found.named)
     said = list[str]()
     single = file.stripe == file.board
     flooded = _flooded(image, found)
     if file.stripe is not None and flooded and (single or _flooded(lit, found)):
-        return BoardView(file.name, corners, StripePoints.nothing()), [*said, f"{file.name}: {FLOODED}"]
+        return bare, [*said, f"{file.name}: {FLOODED}"]
     if flooded:
         said.append(f"{file.name}: {BLOWN}")
     if file.stripe is None:
-        return BoardView(file.name, corners, StripePoints.nothing()), said
+        return bare, said
     if not single and room_light_in_both(lit, image, board, found):
         moved = _moved(lit, board, found)
         if moved is not None:
             text = f"{file.name}: the board moved by {moved:.1f} px between laser off and on: its stripe is left out"
-            return BoardView(file.name, corners, StripePoints.nothing()), [*said, text]
+            return bare, [*said, text]
     off = None if single else image
     peaks = stripe_on_board(lit, off, board, found)
     if off is not None and second_stripe(lit, off, board, found, peaks) > SECOND_SHARE:
@@ -180,7 +181,7 @@ def _view(file: ViewFiles, board: Board, image: Image, lit: Image, found: BoardC
             f"{file.name}: a second stripe stands beside the one that is used (the laser's reflection?): the brighter "
             "one is used; cover what shines"
         )
-    return BoardView(file.name, corners, StripePoints(peaks.uv_px, peaks.normal, peaks.sigma_px)), said
+    return replace(bare, stripe=StripePoints(peaks.uv_px, peaks.normal, peaks.sigma_px)), said
 
 
 def _flooded(image: Image, found: BoardCorners) -> bool:

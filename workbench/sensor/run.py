@@ -25,7 +25,6 @@ def calibrate_recording(
     SensorCalibration
         With a verdict.
     """
-    camera = recording.sensor.require_camera()
-    return calibrate_sensor(
-        recording.views, (camera.width_px, camera.height_px), SensorSettings(max_terms, origin_yz_mm)
-    )
+    camera, board = recording.sensor.require_camera(), recording.board
+    settings = SensorSettings(max_terms, origin_yz_mm, board.sigma_flat_mm, board.sigma_print_mm)
+    return calibrate_sensor(recording.views, (camera.width_px, camera.height_px), settings)

@@ -33,7 +33,7 @@ def command(
         Path | None, typer.Option(help="CSV of a measuring machine: name, x_mm, y_mm, z_mm of anchors or balls.")
     ] = None,
     out: Annotated[
-        Path | None, typer.Option(help="Write the target, with --anchors as measured, to this file.")
+        Path | None, typer.Option(help="Write the target, with --anchors as measured, to this .toml.")
     ] = None,
     sensor: Annotated[str | None, typer.Option(help="Whether this sensor sees the jig whole: file or preset.")] = None,
     toml: Annotated[bool, typer.Option("--toml", help="Print the target's file to start from.")] = False,
@@ -47,6 +47,8 @@ def command(
 
     if toml and as_json:
         raise InputError("--toml and --json both fill standard output: give one of them")
+    if out is not None and out.suffix.lower() != ".toml":
+        raise InputError(f"--out {out}: the target is written as .toml; drawings and solids are written by --export")
     found, told = find_target(jig), AskedBeside(as_json)
     if anchors is not None:
         if not isinstance(found, Jig | Balls):
