@@ -24,7 +24,7 @@ from perceptron_emu.light.strings import Cylinders
 from perceptron_emu.light.stripes import lit_pieces
 from perceptron_emu.light.transport import Cosines, Light, LightPath, Surfaces, brdf, surfaces_of
 from perceptron_emu.scene import Material, Scene
-from perceptron_emu.solids import SheetPieces, World, between, hidden_by_solid
+from perceptron_emu.solids import SheetPieces, World, between, hidden_by_solid, into_solids
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -42,6 +42,7 @@ MOST_SENT_BACK = 0.99  # of the light that falls on a surface; white paint sends
 MIRROR, MIRROR_LOBE, MIRRORED_SHARE = 0.5, 0.05, 0.5  # reflectance and α of a mirror; part of its light that is thrown
 FAR_MM = 1e6  # of a lamp whose light comes from one direction
 OFF_MM = 1e-4  # where a ray from a surface starts
+SAME_PLANE_MM = 1e-6  # height of one element over another's plane up to which rounding alone lifts it
 NEGLIGIBLE = 1e-4  # part of the light so far below which a group's is not asked for
 SMALLEST = 1e-4  # of the largest lamp: what brings less is left out
 
@@ -397,14 +398,34 @@ def _groups(bunches: Lamps) -> Index:
 
 
 class BounceRoom(NamedTuple):
-    """Arrays to work in: a stack (256,), points (3, 3), and what bunches bring (IN_A_GROUP,)."""
+    """Arrays to work in: a stack (256,), a point (3,) and its places in the solids' axes (S, 3), what bunches bring
+    (IN_A_GROUP,); and a lamp of each bunch in the solids' axes (B, S, 3).
+    """
 
     stack: Index
-    points: Array
+    point: Array
+    own: Array
     part: Array
+    lamps: Array
 
 
-@kernel
+@kernel(inline=True)
+def bounce_room(sources: Sources, world: World) -> BounceRoom:
+    """Room for `radiance` of these lamps among these solids.
+
+    The lamp in a bunch's middle stands for all: the mean of several lies inside a round solid.
+    """
+    count, solids = len(sources.bunches), len(world.roots)
+    point, lamps = np.empty(3), np.empty((count, solids, 3))
+    for b in range(count):
+        lamp = sources.lamps[(sources.begin[b] + sources.begin[b + 1]) // 2]
+        for a in range(3):
+            point[a] = lamp["xyz"][a] + OFF_MM * lamp["normal"][a]
+        into_solids(world, point, lamps[b])
+    return BounceRoom(np.empty(256, np.int64), point, np.empty((solids, 3)), np.empty(IN_A_GROUP), lamps)
+
+
+@kernel(inline=True)
 def radiance(sources: Sources, world: World, element: Array, surface: int, room: BounceRoom) -> float:
     """Light per area and solid angle that a surface element lit by lamps sends to the camera.
 
@@ -413,50 +434,42 @@ def radiance(sources: Sources, world: World, element: Array, surface: int, room:
     and the unit way to the camera (3, 3); surface: the number of its material.
     """
     lamps, bunches, begin, near = sources.lamps, sources.bunches, sources.begin, sources.near
-    groups, surfaces, part, points = sources.groups, sources.surfaces, room.part, room.points
+    groups, surfaces, part = sources.groups, sources.surfaces, room.part
     lit = surfaces[surface]
     total = 0.0
     for a in range(3):
-        points[2, a] = element[0, a] + OFF_MM * element[1, a]
+        room.point[a] = element[0, a] + OFF_MM * element[1, a]
+    into_solids(world, room.point, room.own)
     for g in range(len(groups) - 1):
         first, last = groups[g], groups[g + 1] - 1
-        group = 0.0
+        group, bright, low, high = 0.0, first, last, first  # what brings most, the ends of what brings light
         for b in range(first, last + 1):
-            apart = 0.0
+            apart, brought = 0.0, 0.0
             for a in range(3):
                 apart += (bunches[b]["xyz"][a] - element[0, a]) ** 2
             if apart >= near[b] * near[b]:
-                part[b - first] = _from(bunches[b], surfaces[bunches[b]["surface"]], element, lit)
+                brought = _from(bunches[b], surfaces[bunches[b]["surface"]], element, lit)
             else:
-                part[b - first] = 0.0
                 for i in range(begin[b], begin[b + 1]):
-                    part[b - first] += _from(lamps[i], surfaces[lamps[i]["surface"]], element, lit)
-            group += part[b - first]
+                    brought += _from(lamps[i], surfaces[lamps[i]["surface"]], element, lit)
+            part[b - first] = brought
+            if brought > 0:
+                group += brought
+                low, high = min(low, b), b
+                bright = b if brought > part[bright - first] else bright
         if group <= NEGLIGIBLE * total:
             continue
-        low, high, bright = last, first, first  # the ends of what brings light, and what brings most
-        for b in range(first, last + 1):
-            if part[b - first] > 0:
-                low, high = min(low, b), max(high, b)
-                bright = b if part[b - first] > part[bright - first] else bright
-        # a lamp from the middle of each bunch: the mean of several lies inside a round solid
-        seen = _in_sight(lamps[(begin[bright] + begin[bright + 1]) // 2], world, room)
-        if (low == bright or seen == _in_sight(lamps[(begin[low] + begin[low + 1]) // 2], world, room)) and (
-            high == bright or seen == _in_sight(lamps[(begin[high] + begin[high + 1]) // 2], world, room)
+        ends = surface, bunches[first]["surface"]  # one for all of a group
+        seen = not between(world, room.own, room.lamps[bright], ends, room.stack)
+        if (low == bright or seen != between(world, room.own, room.lamps[low], ends, room.stack)) and (
+            high == bright or seen != between(world, room.own, room.lamps[high], ends, room.stack)
         ):
             total += group if seen else 0.0
             continue
         for b in range(first, last + 1):
-            if part[b - first] > 0 and _in_sight(lamps[(begin[b] + begin[b + 1]) // 2], world, room):
+            if part[b - first] > 0 and not between(world, room.own, room.lamps[b], ends, room.stack):
                 total += part[b - first]
     return total
-
-
-@kernel
-def _in_sight(lamp: np.void, world: World, room: BounceRoom) -> bool:
-    for a in range(3):
-        room.points[0, a] = lamp["xyz"][a] + OFF_MM * lamp["normal"][a]
-    return not between(world, room.points[2], room.points[0], room.stack)
 
 
 @kernel(fastmath=True, inline=True)
@@ -466,7 +479,7 @@ def _from(lamp: np.void, material: np.void, element: Array, lit: np.void) -> flo
     nx, ny, nz = lamp["normal"][0], lamp["normal"][1], lamp["normal"][2]
     cos_b = element[1, 0] * rx + element[1, 1] * ry + element[1, 2] * rz
     cos_a = -(nx * rx + ny * ry + nz * rz)
-    if cos_a <= 0 or cos_b <= 0:
+    if cos_a <= SAME_PLANE_MM or cos_b <= SAME_PLANE_MM:
         return 0.0
     r2 = rx * rx + ry * ry + rz * rz
     r = math.sqrt(r2)
