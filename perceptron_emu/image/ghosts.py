@@ -395,7 +395,8 @@ def _blur(light: Float32, taps: Float32, first: int, last: int) -> None:
     line = np.zeros(width + 2 * reach, np.float32)
     rows = np.zeros((last - first + 1, width), np.float32)
     for j in range(first, last + 1):
-        line[reach : reach + width] = light[j]
+        for i in range(width):
+            line[reach + i] = light[j, i]
         convolved(line, taps, rows[j - first])
     for j in range(low, high + 1):
         out = light[j]

@@ -3,12 +3,12 @@
 from typing import TYPE_CHECKING
 
 from geometry.lazy import lazy_names
-from workbench.profiles.scan_line import ScanLine, Told
+from workbench.profiles.scan_line import SUFFIXES, ScanLine, Told
 
 if TYPE_CHECKING:
     from workbench.profiles.checked import CheckedProfile, checked_profile
     from workbench.profiles.conversion import convert
-    from workbench.profiles.files import READERS, SUFFIXES, WRITERS, read_scan_lines, write_scan_lines
+    from workbench.profiles.files import READERS, WRITERS, read_scan_lines, write_scan_lines
     from workbench.profiles.of_frames import FrameProfiles, frame_profiles
     from workbench.profiles.source import open_source
 
@@ -39,7 +39,6 @@ __getattr__ = lazy_names(
         "workbench.profiles.conversion": ("convert",),
         "workbench.profiles.files": (
             "READERS",
-            "SUFFIXES",
             "WRITERS",
             "read_scan_lines",
             "write_scan_lines",
