@@ -2,15 +2,16 @@
 PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
+CHECK  := $(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/mypy && $(BIN)/lint-imports --no-cache
 export PIP_DISABLE_PIP_VERSION_CHECK = 1
 
-.PHONY: demo test test-packaging test-slow test-mutation docs check lint format clean setup setup-dev
+.PHONY: demo test test-packaging test-slow test-mutation docs check lint format clean setup setup-dev setup-docs
 
 $(VENV)/.setup: pyproject.toml
 	$(PYTHON) -c 'import sys; sys.exit("Python 3.11 or newer is needed, this is " + sys.version.split()[0] + ": set PYTHON=...") if sys.version_info < (3, 11) else None'
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	$(BIN)/pip install --quiet --editable .
-	@echo "compiling the numeric kernels, once"
+	@echo "compiling the numeric kernels, once, in two processes"
 	$(BIN)/python -m workbench.warmup
 	touch $@
 
@@ -18,14 +19,22 @@ $(VENV)/.setup-dev: $(VENV)/.setup
 	$(BIN)/pip install --quiet --editable '.[dev]'
 	touch $@
 
+$(VENV)/.setup-docs: $(VENV)/.setup-dev
+	$(BIN)/pip install --quiet --editable '.[docs]'
+	touch $@
+
 setup: $(VENV)/.setup
 setup-dev: $(VENV)/.setup-dev
+setup-docs: $(VENV)/.setup-docs
 
 demo: setup
 	$(BIN)/perceptron-emu demo
 
-test: check
-	$(BIN)/python -m pytest -n 2 --dist loadscope --no-loadscope-reorder
+test: setup-dev
+	@mkdir -p build; \
+	{ $(CHECK); } >build/check.txt 2>&1 & check=$$!; \
+	$(BIN)/python -m pytest -n 2 --dist worksteal; tests=$$?; \
+	wait $$check; checked=$$?; cat build/check.txt; exit $$((tests ? tests : checked))
 
 test-packaging: setup-dev
 	$(if $(MATRIX),PACKAGING_MATRIX=1 )$(BIN)/python -m pytest -m packaging
@@ -37,17 +46,13 @@ test-mutation: setup-dev
 test-slow: setup-dev
 	$(BIN)/python -m pytest -m slow
 
-docs: setup-dev
-	$(BIN)/pip install --quiet --editable '.[docs]'
+docs: setup-docs
 	$(BIN)/python -m sphinx -q -W --keep-going -b html docs build/site
 	$(BIN)/python -m pytest -n 2 -m tutorials
 	@echo "open build/site/index.html"
 
 check: setup-dev
-	$(BIN)/ruff check .
-	$(BIN)/ruff format --check .
-	$(BIN)/mypy
-	$(BIN)/lint-imports --no-cache
+	$(CHECK)
 
 format: setup-dev
 	$(BIN)/ruff check --fix .

@@ -4,9 +4,10 @@
         [--pictures DIR] [--traced DIR]
 
 Mitsuba (pip install mitsuba) is an oracle of this script alone; PYTHON is an interpreter that has it, by default this
-one. It traces particles from a projector through the same triangles with the same BRDFs. One factor between its light
-and ours is found from a plain matte plate lit once and used for all scenes. Ghosts are compared where no
-light comes straight. "place" is the difference of their centroids, over all and, where a ghost is a line, across.
+one. It traces particles from a projector through the same triangles, with the same normals at their corners and the
+same BRDFs. One factor between its light and ours is found from a plain matte plate lit once and used for all scenes.
+Ghosts are compared where no light comes straight. "place" is the difference of their centroids, over all and, where a
+ghost is a line, across.
 """
 
 from __future__ import annotations
@@ -257,6 +258,8 @@ SCENES: dict[str, Callable[[], list[Any]]] = {
 
 def ask(scenes: dict[str, Any], folder: Path, options: argparse.Namespace) -> dict[str, Any]:
     """Mitsuba's images of the scenes: once scattered, and two of what was scattered twice."""
+    from perceptron_emu.solids import body_of
+
     request, files = {}, {name: folder / f"{name.replace(' ', '_').replace(',', '')}_traced.npz" for name in scenes}
     folder.mkdir(parents=True, exist_ok=True)
     for number, (name, scene) in enumerate(scenes.items()):
@@ -264,9 +267,9 @@ def ask(scenes: dict[str, Any], folder: Path, options: argparse.Namespace) -> di
             continue
         parts = []
         for k, solid in enumerate(scene.solids):
-            mesh = solid.mesh.copy().apply_transform(solid.T_sensor_mesh.matrix)
-            file = folder / f"{number}_{k}.npz"
-            np.savez(file, vertices=mesh.vertices, faces=mesh.faces, normals=smooth(solid) if round_(solid) else [])
+            file, body, pose = folder / f"{number}_{k}.npz", body_of(solid), solid.T_sensor_mesh
+            vertices, normals = pose @ body.triangles.reshape(-1, 3), body.normals.reshape(-1, 3) @ pose.R.T
+            np.savez(file, vertices=vertices, normals=normals)
             m = solid.material
             parts.append({"file": str(file), "material": [m.diffuse, m.specular, m.roughness]})
         camera = scene.camera.T_sensor_camera.matrix.tolist()
@@ -276,16 +279,6 @@ def ask(scenes: dict[str, Any], folder: Path, options: argparse.Namespace) -> di
     if answer.returncode:
         sys.exit(f"Mitsuba did not run (pip install mitsuba, or --mitsuba-python): {answer.stderr.strip()[-600:]}")
     return {name: dict(np.load(files[name])) for name in scenes}
-
-
-def round_(solid: Any) -> bool:
-    """Whether a solid is shaded as round by both."""
-    return solid.name == "ball"
-
-
-def smooth(solid: Any) -> np.ndarray:
-    """Normals of a ball's corners."""
-    return np.asarray(solid.mesh.vertices / np.linalg.norm(solid.mesh.vertices, axis=1, keepdims=True))
 
 
 def trace_all(particles: float) -> None:
@@ -367,13 +360,11 @@ def mitsuba_mesh(mitsuba: Any, data: Any, numbers: list[float]) -> Any:
     blend = {"type": "twosided", "b": {"type": "blendbsdf", "weight": 0.5, "a": matte, "c": mirror}}
     properties = mitsuba.Properties()
     properties["bsdf"] = mitsuba.load_dict(blend)
-    vertices, faces = data["vertices"].astype(np.float32), data["faces"].astype(np.uint32)
-    round_mesh = len(data["normals"]) > 0
-    mesh = mitsuba.Mesh("part", len(vertices), len(faces), has_vertex_normals=round_mesh, props=properties)
+    vertices, normals = data["vertices"].astype(np.float32), data["normals"].astype(np.float32)
+    mesh = mitsuba.Mesh("part", len(vertices), len(vertices) // 3, has_vertex_normals=True, props=properties)
     values = mitsuba.traverse(mesh)
-    values["vertex_positions"], values["faces"] = vertices.ravel(), faces.ravel()
-    if round_mesh:
-        values["vertex_normals"] = data["normals"].astype(np.float32).ravel()
+    values["vertex_positions"], values["vertex_normals"] = vertices.ravel(), normals.ravel()
+    values["faces"] = np.arange(len(vertices), dtype=np.uint32)
     values.update()
     return mesh
 

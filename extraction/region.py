@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -30,6 +29,8 @@ def region_mask(region: RegionConfig, shape: tuple[int, ...]) -> Mask | None:
     """
     if not region.keep and not region.leave_out:
         return None
+    import cv2  # a tenth of a second, and most recipes draw no region
+
     mask = np.full(shape[:2], 0 if region.keep else 1, np.uint8)
     for polygons, value in ((region.keep, 1), (region.leave_out, 0)):
         for polygon in polygons:

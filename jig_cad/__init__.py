@@ -1,8 +1,8 @@
 """The string jig: lines, anchors, tolerances; solids as meshes; drawings, STL and GLB."""
 
-from importlib import import_module
 from typing import TYPE_CHECKING
 
+from geometry.lazy import lazy_names
 from jig_cad.files import jig_from_table, jig_text, read_jig, write_jig
 from jig_cad.flat import Edge, Plane, Wedge, frame_with_x
 from jig_cad.jig import Jig, sample_tolerance
@@ -48,18 +48,20 @@ __all__ = [
 ]
 
 # meshes take most of a second to import, and calibration needs none
-_LAZY = {
-    "PillarDesign": "jig_cad.solids",
-    "jig_solids": "jig_cad.solids",
-    "export_jig": "jig_cad.export",
-    "export_target": "jig_cad.export",
-    "drawing_dxf": "jig_cad.drawing",
-    "drawing_svg": "jig_cad.drawing",
-}
-
-
-def __getattr__(name: str) -> object:
-    """The names that need trimesh, imported when first used."""
-    if name in _LAZY:
-        return getattr(import_module(_LAZY[name]), name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+__getattr__ = lazy_names(
+    __name__,
+    {
+        "jig_cad.drawing": (
+            "drawing_dxf",
+            "drawing_svg",
+        ),
+        "jig_cad.export": (
+            "export_jig",
+            "export_target",
+        ),
+        "jig_cad.solids": (
+            "PillarDesign",
+            "jig_solids",
+        ),
+    },
+)

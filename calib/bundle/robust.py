@@ -6,13 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import chdtri
 
 from calib.bundle.problem import Bundle
 from calib.bundle.solve import hand_twists, linearisations, solve_bundle
 from calib.bundle.weights import deletion_chi2, frame_chi2
 from calib.engine import Result
 from geometry import State
+from geometry.special import chdtri
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -8,10 +8,10 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import stdtrit
 
 from calib.closure.terms import ClosureFit, Socket, closure_problem, positions, predicted_covariance, solve_closure
 from geometry import InputError, Robot
+from geometry.special import stdtrit
 
 Array = NDArray[np.float64]
 Code = Literal[

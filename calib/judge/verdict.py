@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import chdtri
 
 from calib.config import CalibConfig
 from calib.judge.words import accusation
 from calib.result import Code, Culprit, Verdict
 from geometry import Frame, Pose, log_so3, stack_poses
+from geometry.special import chdtri
 
 Array = NDArray[np.float64]
 

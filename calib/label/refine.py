@@ -9,13 +9,13 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import chdtri
 
 from calib.config import CalibConfig
 from calib.label.evidence import SAME_CHI2, Prior
 from calib.label.surface_offset import axis_points
 from calib.pose import JigPoseCandidate, JigPoseFit, crossings, fit_pose, pose_near
 from geometry import AxisPoints, NoAnswerError, Pose, Sensor, SurfacePoints, Symmetry
+from geometry.special import chdtri
 from geometry.ties import first_least
 from jig_cad import Jig
 

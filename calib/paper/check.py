@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.special import chdtri
 
 from calib.result import Estimate, Verdict
+from geometry.special import chdtri
 
 _TAIL = 1e-6  # of the paper's own covariance, which contains what the bundle makes better use of
 _REACH_MM = 300.0  # turns the angle between two SCPs into a length where the jig is

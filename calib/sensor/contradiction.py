@@ -83,6 +83,6 @@ def common_error_px(bundle: SensorBundle, result: Result) -> float:
 
 def _chance(ratio: float, above: int, below: int) -> float:
     """That a ratio of mean squares with these degrees of freedom is larger."""
-    from scipy.special import fdtrc  # a tenth of a second, and most commands need none of it
+    from geometry.special import fdtrc  # a tenth of a second, and most commands need none of it
 
     return float(fdtrc(above, below, max(ratio, 0.0)))

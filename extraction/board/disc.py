@@ -11,10 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import erf
 
 from extraction.board.climb import climb, position_covariance
 from extraction.board.plane import board_homography, mapped
+from geometry.special import erf
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import erf
 
 from extraction.board.climb import climb, position_covariance
+from geometry.special import erf
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from extraction.board.found import BoardCorners
 from extraction.board.plane import board_homography, mapped
@@ -203,6 +202,8 @@ def _border_distance(xy: Array, board: Board, corners: BoardCorners) -> Array:
     grid = np.abs(inside - pitch * np.round(inside / pitch)).min(axis=1)
     distance = np.where(off > 0, off, grid)
     if corners.markers_mm is not None:
+        from scipy.spatial import cKDTree  # a tenth of a second, and a window on strings needs none of it
+
         middle = corners.markers_mm[cKDTree(corners.markers_mm).query(xy, p=np.inf)[1]]
         beyond = np.maximum(np.abs(xy - middle) - board.marker_mm / 2, 0.0)
         distance = np.minimum(distance, np.linalg.norm(beyond, axis=1))  # inside a marker there are borders everywhere
@@ -211,5 +212,7 @@ def _border_distance(xy: Array, board: Board, corners: BoardCorners) -> Array:
 
 def _rim_distance(xy: Array, board: Board, corners: BoardCorners) -> Array:
     """Distance [mm] from the nearest dot's rim."""
+    from scipy.spatial import cKDTree
+
     nearest, _ = cKDTree(board.points_mm).query(xy)
     return np.asarray(np.abs(nearest - corners.dot_radius_mm))

@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import ndtr
 
 from extraction.config import SpotNoiseConfig
 from extraction.image import clipping_level
 from extraction.noise import QUANTISATION_VARIANCE
 from extraction.spots.detect import Image32, PreparedImage, block_share
 from geometry import Sensor
+from geometry.special import ndtr
 
 PRIOR_CONTRAST = 0.33  # of the speckle, where nothing is known of it; see `error.speckle`
 # noise σ about grey level 0, cut off there and rounded: the mean and variance that are left

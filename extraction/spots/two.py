@@ -287,7 +287,8 @@ def _joint(window: Window, q: Array, law: PixelNoise) -> tuple[TwoSpots, float]:
                 same, after = _see(window, new, law, now.variance, trial)
                 small = gain < TOLERANCE
                 if small or same <= chi2:
-                    q[:] = new
+                    for r in range(TERMS):
+                        q[r] = new[r]
                     now, trial = trial, now
                     chi2 = after
                     damping = 0.1 * damping if damping > 1e-6 else 0.0

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import erf
 
 from extraction.config import StripeConfig
 from extraction.image import clipping_level, grey_levels
 from extraction.stripe.profile import SATURATED, StripePeaks
 from extraction.stripe.view import StripeView, stripe_view
+from geometry.special import erf
 
 Array = NDArray[np.float64]
 

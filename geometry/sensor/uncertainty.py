@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag
 
 from geometry.errors import InputError, did_you_mean
 
@@ -109,6 +108,8 @@ class SensorUncertainty:
         usual = SensorUncertainty.by_source(self.source, focal_px)
         more = [i for i, name in enumerate(usual.parameters) if name not in self.parameters]
         rest, tangent = usual.covariance[np.ix_(more, more)], self.tangent_covariance
+        from scipy.linalg import block_diag  # a tenth of a second, and most commands need none of it
+
         return SensorUncertainty(
             (*self.parameters, *(usual.parameters[i] for i in more)),
             block_diag(self.covariance, rest),

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtri
 
 from geometry.compiled import kernel
+from geometry.special import ndtri
 
 Float32 = NDArray[np.float32]
 Complex64 = NDArray[np.complex64]

@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtr
 
 from geometry.compiled import kernel
+from geometry.special import ndtr
 
 Float32 = NDArray[np.float32]
 Array = NDArray[np.float64]

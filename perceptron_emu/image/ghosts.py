@@ -1,7 +1,9 @@
 """Ghosts: what the camera sees of light that has been scattered twice, drawn where it shows and as finely as it wants.
 
 The scene is looked at through the pixels' own rays. A square of pixels whose corners show one surface and whose middle
-is what its corners say is filled between them; others are halved, down to single pixels.
+is what its corners say is filled between them; others are halved, down to single pixels. Where two surfaces meet, the
+smallest squares' light is that of the nearest known pixel of the same surface: a rim wants to know what each pixel
+shows, not its light anew.
 """
 
 from __future__ import annotations
@@ -19,9 +21,9 @@ from geometry.compiled import kernel
 from perceptron_emu.config import EmulatorConfig, OpticsConfig
 from perceptron_emu.image.deposit import convolved, gaussian_taps
 from perceptron_emu.lens import Gather, gather, gathered, sharp_sigma_px
-from perceptron_emu.light import IN_A_GROUP, BounceRoom, Cylinders, Sources, bounce_sources, far_lamp, radiance
+from perceptron_emu.light import BounceRoom, Cylinders, Sources, bounce_room, bounce_sources, far_lamp, radiance
 from perceptron_emu.scene import Material, Scene
-from perceptron_emu.solids import World, first_met, normal_at, world_of
+from perceptron_emu.solids import World, first_met, into_solids, normal_at, world_of
 
 Array = NDArray[np.float64]
 Float32 = NDArray[np.float32]
@@ -34,6 +36,9 @@ GLOSS_SEEN = 0.5  # part of the glossy reflectance that sends room light to the 
 FLAT = 0.03  # of the light there, by which a square's middle may differ from what its corners say
 FAINT = 0.002  # of the brightest light among the first squares' corners: what is less is not refined
 FAINT_E = 0.25  # electrons a pixel: squares with less at all corners and the middle are left; noise is 50 times as much
+SIDES = ((0, 1, 0, 1), (0, 1, 0, 0), (0, 0, 0, 1), (1, 1, 0, 1), (0, 1, 1, 1))  # columns and rows of the two corners
+# that a square's middle and its sides' middles lie between
+KNOWN_PX = 4  # side of the squares within which a surface's light is taken over from where it is known
 SAME_SURFACE = 0.9  # cosine between faces that go over into one another
 PIXEL_VARIANCE = 1 / 12  # of a square pixel's own blur [px²]
 BLUR_REACH = 4.0  # σ
@@ -120,7 +125,8 @@ def _light_of(sources: Sources, side: int, rays: PixelRays, scene: Scene, config
     camera = scene.camera
     view = GhostView(np.array(camera.T_sensor_camera.R, order="C"), np.array(camera.centre_mm, dtype=float), rays)
     light = np.zeros(camera.shape, np.float32)
-    canvas = GhostCanvas(np.zeros(rays.x.shape, np.float32), np.full(rays.x.shape, -2, np.int32))
+    shape = rays.x.shape
+    canvas = GhostCanvas(np.zeros(shape, np.float32), np.zeros(shape, np.int32), np.zeros(shape, np.bool_))
     first, last = _draw(light, canvas, view, world_of(scene.solids), sources, side)
     if first > last:
         return None
@@ -176,10 +182,28 @@ def _gathered(lens: Gather, cosine: Array, out: Array) -> None:
 
 
 class GhostCanvas(NamedTuple):
-    """Electrons known at pixels (H', W'), and which face each shows (-1: nothing, -2: not yet asked)."""
+    """Electrons at pixels (H', W'), the face that each shows, counted from 1 (-1: nothing, 0: not yet asked), and
+    whether its light was asked.
+    """
 
     light: Float32
     face: NDArray[np.int32]
+    known: NDArray[np.bool_]
+
+
+class _Ghosts(NamedTuple):
+    """What is drawn: the canvas, the camera, the solids and where the camera stands in their axes (S, 3), the lamps;
+    room to work in, for `radiance` and for a way (3,) and an element (3, 3).
+    """
+
+    canvas: GhostCanvas
+    camera: GhostView
+    world: World
+    eyes: Array
+    sources: Sources
+    room: BounceRoom
+    way: Array
+    element: Array
 
 
 @kernel
@@ -188,13 +212,17 @@ def _draw(
 ) -> tuple[int, int]:
     """Set the light (H, W) square by square; the first and the last row that have any."""
     height, width = light.shape
-    room = BounceRoom(np.empty(256, np.int64), np.empty((3, 3)), np.empty(IN_A_GROUP))
+    eyes = np.empty((len(world.roots), 3))
+    into_solids(world, view.t, eyes)
+    room = bounce_room(sources, world)
+    ghosts = _Ghosts(canvas, view, world, eyes, sources, room, np.empty(3), np.empty((3, 3)))
     most = np.float32(0)
     for j in range(0, height + side, side):
         for i in range(0, width + side, side):
-            _ask(canvas, view, world, sources, room, j, i)
+            _ask(ghosts, j, i, np.float32(0))
             most = max(most, canvas.light[j, i])
     faint = max(np.float32(FAINT_E), np.float32(FAINT) * most)
+    shares = np.empty(side, np.float32)
     todo = np.empty((64, 3), np.int64)
     first, last = height, -1
     for j in range(0, height, side):
@@ -204,17 +232,16 @@ def _draw(
             while left > 0:
                 left -= 1
                 top, begin, n = todo[left]
-                if n == 1:
-                    _ask(canvas, view, world, sources, room, top, begin)
-                    if top < height and begin < width:
-                        light[top, begin] = canvas.light[top, begin]
-                        if light[top, begin] > 0:
-                            first, last = min(first, top), max(last, top)
-                    continue
                 if top >= height or begin >= width:
                     continue
-                if _is_even(canvas, view, world, sources, room, faint, (top, begin, n)):
-                    if _fill(light, canvas.light, top, begin, n):
+                if n == 1:
+                    _ask(ghosts, top, begin, faint)
+                    light[top, begin] = canvas.light[top, begin]
+                    if light[top, begin] > 0:
+                        first, last = min(first, top), max(last, top)
+                    continue
+                if _is_even(ghosts, faint, (top, begin, n), n == side):
+                    if _fill(light, canvas.light, (top, begin, n), shares):
                         first, last = min(first, top), max(last, min(top + n, height) - 1)
                     continue
                 half = n // 2
@@ -224,64 +251,82 @@ def _draw(
     return first, last
 
 
-@kernel
-def _is_even(
-    canvas: GhostCanvas,
-    view: GhostView,
-    world: World,
-    sources: Sources,
-    room: BounceRoom,
-    faint: np.float32,
-    square: tuple[int, int, int],
-) -> bool:
-    """Whether a square's corners say what it shows; they are known afterwards."""
+@kernel(inline=True)
+def _is_even(ghosts: _Ghosts, faint: np.float32, square: tuple[int, int, int], is_first: bool) -> bool:
+    """Whether a square's corners say what it shows; they are known afterwards.
+
+    is_first: of the first squares the sides' middles are asked, too, and none is left because it is dark where two
+    surfaces meet.
+    """
     top, left, n = square
-    most, mean, half = np.float32(0), np.float32(0), n // 2
-    one_surface = True
-    for k in range(4):
-        j, i = top + n * (k // 2), left + n * (k % 2)
-        _ask(canvas, view, world, sources, room, j, i)
-        most, mean = max(most, canvas.light[j, i]), mean + canvas.light[j, i] / np.float32(4)
-        one_surface = one_surface and _one_surface(world, canvas.face[top, left], canvas.face[j, i])
-    _ask(canvas, view, world, sources, room, top + half, left + half)
-    middle = canvas.light[top + half, left + half]
-    one_surface = one_surface and _one_surface(world, canvas.face[top, left], canvas.face[top + half, left + half])
-    if max(most, middle) < faint:
-        return True
-    limit = max(faint, np.float32(FLAT) * max(most, middle))
-    return bool(one_surface and abs(middle - mean) <= limit)
+    canvas, most, off = ghosts.canvas, np.float32(0), np.float32(0)
+    one_surface, within = True, faint if n < KNOWN_PX else np.float32(0)
+    for k in range(9 if is_first else 5):
+        if k == 5 and (most < faint or not one_surface):
+            break
+        j, i = _of_square(square, k)
+        if canvas.face[j, i] == 0:
+            _ask(ghosts, j, i, within)
+        most = max(most, canvas.light[j, i])
+        one_surface = one_surface and _one_surface(ghosts.world, canvas.face[top, left], canvas.face[j, i])
+        if k > 3:
+            before, after, above, below = SIDES[k - 4]
+            mean = (
+                canvas.light[top + n * above, left + n * before] + canvas.light[top + n * below, left + n * after]
+            ) / np.float32(2)
+            if k == 4:
+                mean = (
+                    mean + (canvas.light[top, left + n] + canvas.light[top + n, left]) / np.float32(2)
+                ) / np.float32(2)
+            off = max(off, abs(canvas.light[j, i] - mean))
+    if one_surface:
+        return bool(off <= max(faint, np.float32(FLAT) * most))
+    return bool(most < faint and not is_first)
+
+
+@kernel(inline=True)
+def _of_square(square: tuple[int, int, int], k: int) -> tuple[int, int]:
+    """Corner k of a square (top, left, side), its middle (4), or the middle of a side (5 to 8)."""
+    top, left, n = square
+    if k < 4:
+        return top + n * (k // 2), left + n * (k % 2)
+    before, after, above, below = SIDES[k - 4]
+    return top + n * (above + below) // 2, left + n * (before + after) // 2
 
 
 @kernel
 def _one_surface(world: World, one: int, other: int) -> bool:
-    """Whether two faces are of one surface: neighbours in direction, on one solid."""
+    """Whether two faces, counted from 1, are of one surface: neighbours in direction, on one solid."""
     if one == other:
         return True
-    if one < 0 or other < 0:
+    if one < 1 or other < 1:
         return False
     for k in range(len(world.first) - 1):
-        if (one < world.first[k + 1]) != (other < world.first[k + 1]):
+        if (one <= world.first[k + 1]) != (other <= world.first[k + 1]):
             return False
     cosine = 0.0
     for a in range(3):
-        cosine += world.outwards[one, a] * world.outwards[other, a]
+        cosine += world.outwards[one - 1, a] * world.outwards[other - 1, a]
     return cosine > SAME_SURFACE
 
 
 @kernel
-def _ask(
-    canvas: GhostCanvas, view: GhostView, world: World, sources: Sources, room: BounceRoom, j: int, i: int
-) -> None:
-    """What the pixel shows, where it is not known yet."""
-    if canvas.face[j, i] > -2:
+def _ask(ghosts: _Ghosts, j: int, i: int, faint: np.float32) -> None:
+    """What the pixel shows and its light, where they are not known yet.
+
+    faint: above 0 light may be taken over from the pixels of the surface that are known within KNOWN_PX, where these
+    differ by no more than that or FLAT.
+    """
+    canvas, view, world = ghosts.canvas, ghosts.camera, ghosts.world
+    if canvas.face[j, i] != 0:
         return
+    way, element = ghosts.way, ghosts.element
     x, y = float(view.rays.x[j, i]), float(view.rays.y[j, i])
-    way, element = np.empty(3), np.empty((3, 3))
     for a in range(3):
         way[a] = view.R[a, 0] * x + view.R[a, 1] * y + view.R[a, 2]
-    hit = first_met(world, view.t, way, room.stack, room.points)
-    canvas.face[j, i] = hit.triangle
-    if hit.solid < 0:
+    hit = first_met(world, ghosts.eyes, way, ghosts.room.stack)
+    canvas.face[j, i] = hit.triangle + 1 if hit.solid >= 0 else -1
+    if hit.solid < 0 or (faint > 0 and _taken_over(canvas, world, j, i, faint)):
         return
     normal_at(world, hit, element[1])
     size = math.sqrt(way[0] * way[0] + way[1] * way[1] + way[2] * way[2])
@@ -290,27 +335,54 @@ def _ask(
         element[0, a] = view.t[a] + hit.distance * way[a]
         element[2, a] = -way[a] / size
         towards += element[1, a] * element[2, a]
+    canvas.known[j, i] = True
     if towards < 0:
         if world.closed[hit.solid]:
             return
         for a in range(3):
             element[1, a] = -element[1, a]
-    light = radiance(sources, world, element, hit.solid, room)
+    clear = hit.solid if world.bare[hit.triangle] else -1
+    light = radiance(ghosts.sources, world, element, hit.solid, clear, ghosts.room)
     canvas.light[j, i] = light * view.rays.of_radiance[j, i]
 
 
+@kernel(inline=True)
+def _taken_over(canvas: GhostCanvas, world: World, j: int, i: int, faint: np.float32) -> bool:
+    """Whether the light of a pixel is that of the nearest one of its surface in its square of KNOWN_PX; set if so."""
+    top, left = j - j % KNOWN_PX, i - i % KNOWN_PX
+    least, most, nearest, count = np.float32(np.inf), np.float32(0), np.float32(0), 0
+    closest = 2 * KNOWN_PX * KNOWN_PX
+    for k in range(5):
+        at = _of_square((top, left, KNOWN_PX), k)
+        if not (canvas.known[at] and _one_surface(world, canvas.face[j, i], canvas.face[at])):
+            continue
+        value, apart = canvas.light[at], (at[0] - j) ** 2 + (at[1] - i) ** 2
+        least, most, count = min(least, value), max(most, value), count + 1
+        if apart < closest:
+            nearest, closest = value, apart
+    if count < 2 or most - least > max(faint, np.float32(FLAT) * most):
+        return False
+    canvas.light[j, i] = nearest
+    return True
+
+
 @kernel
-def _fill(light: Float32, known: Float32, top: int, left: int, n: int) -> bool:
-    """Fill a square between its corners, linearly; whether there is any light in it."""
+def _fill(light: Float32, known: Float32, square: tuple[int, int, int], shares: Float32) -> bool:
+    """Fill a square between its corners, linearly; whether there is any light in it. shares: room for its side."""
     height, width = light.shape
+    top, left, n = square
     a, b, c, d = known[top, left], known[top, left + n], known[top + n, left], known[top + n, left + n]
     if a <= 0 and b <= 0 and c <= 0 and d <= 0:
         return False
+    for i in range(n):
+        shares[i] = np.float32(i / n)
+    columns = min(n, width - left)
     for j in range(top, min(top + n, height)):
-        t = np.float32((j - top) / n)
+        t = shares[j - top]
         before, after = a + t * (c - a), b + t * (d - b)
-        for i in range(left, min(left + n, width)):
-            light[j, i] = before + np.float32((i - left) / n) * (after - before)
+        row, step = light[j, left : left + columns], after - before
+        for i in range(columns):
+            row[i] = before + shares[i] * step
     return True
 
 
@@ -323,7 +395,8 @@ def _blur(light: Float32, taps: Float32, first: int, last: int) -> None:
     line = np.zeros(width + 2 * reach, np.float32)
     rows = np.zeros((last - first + 1, width), np.float32)
     for j in range(first, last + 1):
-        line[reach : reach + width] = light[j]
+        for i in range(width):
+            line[reach + i] = light[j, i]
         convolved(line, taps, rows[j - first])
     for j in range(low, high + 1):
         out = light[j]

@@ -118,7 +118,8 @@ def _light(shape: tuple[int, int], spots: GaussianSpots, taps: Float32) -> _Lit:
         if reached[j, 0] >= reached[j, 1]:
             continue
         a, b = max(reached[j, 0] - reach, 0), min(reached[j, 1] + reach, columns)
-        line[reach + a : reach + b] = grid[j, a:b]
+        for i in range(a, b):
+            line[reach + i] = grid[j, i]
         convolved(line[a : b + 2 * reach], taps, grid[j, a:b])
         line[reach + a : reach + b] = 0
         reached[j, 0], reached[j, 1] = a, b
@@ -130,7 +131,8 @@ def _across(lit: _Lit, j: int, taps: Float32, light: Float32) -> tuple[int, int]
     """Set light to row j, spread along v too; from which column to which it has any."""
     rows, reached = lit
     if len(taps) == 0:
-        light[:] = rows[j]
+        for i in range(len(light)):
+            light[i] = rows[j, i]
         return 0, len(light)
     reach = len(taps) // 2
     above, below = max(j - reach, 0), min(j + reach + 1, len(rows))

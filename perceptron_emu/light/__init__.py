@@ -1,6 +1,6 @@
 """The laser on the scene: the sheet, what it reaches first, and the light that each lit point sends to the chip."""
 
-from perceptron_emu.light.bounce import IN_A_GROUP, BounceRoom, Sources, bounce_sources, far_lamp, radiance
+from perceptron_emu.light.bounce import BounceRoom, Sources, bounce_room, bounce_sources, far_lamp, radiance
 from perceptron_emu.light.lighting import LitScene, light_scene, thread_of
 from perceptron_emu.light.motion import Moment, moments, moved
 from perceptron_emu.light.nodes import TILE_PX, LightNodes, join, string_group, stripe_group
@@ -11,7 +11,6 @@ from perceptron_emu.light.stripes import OFF_SURFACE_MM, lit_pieces
 from perceptron_emu.light.transport import Light
 
 __all__ = [
-    "IN_A_GROUP",
     "OFF_SURFACE_MM",
     "SHEET_REACH",
     "TILE_PX",
@@ -26,6 +25,7 @@ __all__ = [
     "across",
     "along",
     "axis_meets_sheet_mm",
+    "bounce_room",
     "bounce_sources",
     "cylinders",
     "faces_in_sheet",

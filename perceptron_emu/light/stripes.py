@@ -141,7 +141,10 @@ def _kept(
         if outside:
             continue
         u, v = uv[p, 1, 0] - uv[p, 0, 0], uv[p, 1, 1] - uv[p, 0, 1]
-        ends[n], normals[n], face[n], length[n] = pieces.ends[p], pieces.normals[p], f, math.sqrt(u * u + v * v)
+        face[n], length[n] = f, math.sqrt(u * u + v * v)
+        for e in range(2):
+            for a in range(3):
+                ends[n, e, a], normals[n, e, a] = pieces.ends[p, e, a], pieces.normals[p, e, a]
         n += 1
     return SheetPieces(ends[:n].copy(), normals[:n].copy(), face[:n].copy()), length[:n].copy()
 

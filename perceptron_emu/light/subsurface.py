@@ -18,9 +18,9 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import iti0k0
 
 from geometry.compiled import kernel
+from geometry.special import iti0k0
 from perceptron_emu.scene import Material
 
 Array = NDArray[np.float64]

@@ -190,7 +190,10 @@ def _split(low: Array, high: Array, members: Index, cost: Array) -> int:
         for k in range(n - 1):
             if cost[k] < best * (1 - TIE):
                 best, best_at, best_axis = cost[k], k + 1, axis
-    members[:] = members[np.argsort(low[members, best_axis] + high[members, best_axis], kind="mergesort")]
+    before = members.copy()
+    order = np.argsort(low[members, best_axis] + high[members, best_axis], kind="mergesort")
+    for k in range(n):
+        members[k] = before[order[k]]
     return best_at
 
 

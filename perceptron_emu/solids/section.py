@@ -165,14 +165,18 @@ def lit_in_planes(triangles: Array, normals: Array, planes: Array, shades: Shade
 def _longer(values: Array, size: int) -> Array:
     n, rows, columns = values.shape
     out = np.empty((size, rows, columns))
-    out[:n] = values
+    for i in range(n):
+        for r in range(rows):
+            for c in range(columns):
+                out[i, r, c] = values[i, r, c]
     return out
 
 
 @kernel
 def _longer_int(values: Index, size: int) -> Index:
     out = np.empty(size, np.int64)
-    out[: len(values)] = values
+    for i in range(len(values)):
+        out[i] = values[i]
     return out
 
 
@@ -191,8 +195,9 @@ def _first_reached(ends: Array, origin: Array, grid: Array) -> Reached:
     """
     n = len(ends)
     angle, breaks = np.empty((n, 2)), np.empty(2 * n + len(grid))
-    breaks[: len(grid)] = grid
     count = len(grid)
+    for k in range(count):
+        breaks[k] = grid[k]
     for i in range(n):
         first = math.atan2(ends[i, 0, 0] - origin[0], ends[i, 0, 1] - origin[1])
         second = math.atan2(ends[i, 1, 0] - origin[0], ends[i, 1, 1] - origin[1])

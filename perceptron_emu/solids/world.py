@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from geometry.compiled import kernel
 from perceptron_emu.scene import Solid
 from perceptron_emu.solids.bodies import Body, body_of
-from perceptron_emu.solids.bvh import EDGE_SLACK, SLACK, Bvh, cuts
+from perceptron_emu.solids.bvh import EDGE_SLACK, SLACK, Bvh, Vector, cuts
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -36,6 +36,8 @@ class World(NamedTuple):
         Unit normals for shading at their corners (T, 3, 3).
     closed : NDArray
         (S,) whether back faces are never seen.
+    bare : NDArray
+        (T,) whether nothing of its solid stands before what faces a triangle.
     R, t : Array
         (S, 3, 3), (S, 3) [mm]: T_sensor_mesh of each.
     """
@@ -46,6 +48,7 @@ class World(NamedTuple):
     outwards: Array
     normals: Array
     closed: NDArray[np.bool_]
+    bare: NDArray[np.bool_]
     R: Array
     t: Array
 
@@ -110,25 +113,33 @@ def _joined(bodies: tuple[Body, ...]) -> World:
     return World(
         bvh, nodes[:-1].copy(), first, np.concatenate([b.outwards for b in bodies]),
         np.concatenate([b.normals for b in bodies]), np.array([b.closed for b in bodies]),
-        np.zeros((len(bodies), 3, 3)), np.zeros((len(bodies), 3)),
+        np.concatenate([b.bare for b in bodies]), np.zeros((len(bodies), 3, 3)), np.zeros((len(bodies), 3)),
     )  # fmt: skip
 
 
 @kernel
-def between(world: World, point: Array, target: Array, stack: Index) -> bool:
-    """Whether a solid cuts the open segment between two points (3,) of {P}. stack: room to work in (256,)."""
-    boxes, children, members, triangles = world.bvh
+def into_solids(world: World, point: Array, out: Array) -> None:
+    """Set out (S, 3) to a point (3,) of {P} in the axes of each solid."""
     R, t = world.R, world.t
-    px, py, pz = point[0], point[1], point[2]
-    wx, wy, wz = target[0] - px, target[1] - py, target[2] - pz
+    for k in range(len(t)):
+        x, y, z = point[0] - t[k, 0], point[1] - t[k, 1], point[2] - t[k, 2]
+        for a in range(3):
+            out[k, a] = R[k, 0, a] * x + R[k, 1, a] * y + R[k, 2, a] * z
+
+
+@kernel
+def between(world: World, points: Array, targets: Array, but: tuple[int, int], stack: Index) -> bool:
+    """Whether a solid cuts the open segment between two points.
+
+    points, targets: the two in the axes of each solid (S, 3). but: solids that are known not to (-1 where none is).
+    stack: room to work in (256,).
+    """
+    boxes, children, members, triangles = world.bvh
     for k in range(len(world.roots)):
-        x, y, z = px - t[k, 0], py - t[k, 1], pz - t[k, 2]
-        ox = R[k, 0, 0] * x + R[k, 1, 0] * y + R[k, 2, 0] * z
-        oy = R[k, 0, 1] * x + R[k, 1, 1] * y + R[k, 2, 1] * z
-        oz = R[k, 0, 2] * x + R[k, 1, 2] * y + R[k, 2, 2] * z
-        dx = R[k, 0, 0] * wx + R[k, 1, 0] * wy + R[k, 2, 0] * wz
-        dy = R[k, 0, 1] * wx + R[k, 1, 1] * wy + R[k, 2, 1] * wz
-        dz = R[k, 0, 2] * wx + R[k, 1, 2] * wy + R[k, 2, 2] * wz
+        if k == but[0] or k == but[1]:
+            continue
+        ox, oy, oz = points[k, 0], points[k, 1], points[k, 2]
+        dx, dy, dz = targets[k, 0] - ox, targets[k, 1] - oy, targets[k, 2] - oz
         ix = 1 / dx if abs(dx) > 1e-12 else 1e12
         iy = 1 / dy if abs(dy) > 1e-12 else 1e12
         iz = 1 / dz if abs(dz) > 1e-12 else 1e12
@@ -156,58 +167,58 @@ def between(world: World, point: Array, target: Array, stack: Index) -> bool:
     return False
 
 
-@kernel
-def first_met(world: World, origin: Array, way: Array, stack: Index, own: Array) -> Hit:
-    """What a ray of {P} from the origin (3,) along the way (3,) meets first. stack, own: to work in (256,), (2, 3)."""
-    best = Hit(-1, -1, np.inf, 0.0, 0.0)
+@kernel(inline=True)
+def first_met(world: World, origins: Array, way: Array, stack: Index) -> Hit:
+    """What a ray along the way (3,) of {P} meets first; origins: where it starts, in the axes of each solid (S, 3).
+
+    stack: room to work in (256,). Of two boxes the one that lies nearer along the way is looked into first.
+    """
+    boxes, children, members, triangles = world.bvh
+    R, solid, found, best, u, v = world.R, -1, -1, np.inf, 0.0, 0.0
     for k in range(len(world.roots)):
-        for a in range(3):
-            own[0, a], own[1, a] = 0.0, 0.0
-            for b in range(3):
-                own[0, a] += world.R[k, b, a] * (origin[b] - world.t[k, b])
-                own[1, a] += world.R[k, b, a] * way[b]
-        best = _nearest(world.bvh, world.roots[k], own, stack, k, best)
-    return best
+        ox, oy, oz = origins[k, 0], origins[k, 1], origins[k, 2]
+        dx = R[k, 0, 0] * way[0] + R[k, 1, 0] * way[1] + R[k, 2, 0] * way[2]
+        dy = R[k, 0, 1] * way[0] + R[k, 1, 1] * way[1] + R[k, 2, 1] * way[2]
+        dz = R[k, 0, 2] * way[0] + R[k, 1, 2] * way[1] + R[k, 2, 2] * way[2]
+        ix = 1 / dx if abs(dx) > 1e-12 else 1e12
+        iy = 1 / dy if abs(dy) > 1e-12 else 1e12
+        iz = 1 / dz if abs(dz) > 1e-12 else 1e12
+        stack[0] = world.roots[k]
+        top = 1
+        while top > 0:
+            top -= 1
+            node = stack[top]
+            a, b = (boxes[node, 0] - ox) * ix, (boxes[node, 3] - ox) * ix
+            near, far = max(0.0, min(a, b)), min(best, max(a, b))
+            a, b = (boxes[node, 1] - oy) * iy, (boxes[node, 4] - oy) * iy
+            near, far = max(near, min(a, b)), min(far, max(a, b))
+            a, b = (boxes[node, 2] - oz) * iz, (boxes[node, 5] - oz) * iz
+            near, far = max(near, min(a, b)), min(far, max(a, b))
+            if near > far * (1 + SLACK) + SLACK:
+                continue
+            first, second = children[node, 0], children[node, 1]
+            if first >= 0:
+                ahead = (boxes[first, 0] + boxes[first, 3] - boxes[second, 0] - boxes[second, 3]) * dx
+                ahead += (boxes[first, 1] + boxes[first, 4] - boxes[second, 1] - boxes[second, 4]) * dy
+                ahead += (boxes[first, 2] + boxes[first, 5] - boxes[second, 2] - boxes[second, 5]) * dz
+                stack[top], stack[top + 1] = (first, second) if ahead > 0 else (second, first)
+                top += 2
+                continue
+            for i in range(-1 - first, second - 1 - first):
+                distance, along, across = _meeting(triangles, members[i], (ox, oy, oz), (dx, dy, dz))
+                if 0 < distance < best:
+                    solid, found, best, u, v = k, members[i], distance, along, across
+    return Hit(solid, found, best, u, v)
 
 
-@kernel
-def _nearest(bvh: Bvh, root: int, ray: Array, stack: Index, solid: int, best: Hit) -> Hit:
-    """The nearer of the best hit so far and one of a solid. ray: origin and way (2, 3) in the solid's axes."""
-    boxes, children = bvh.boxes, bvh.children
-    inverse = np.empty(3)
-    for a in range(3):
-        inverse[a] = 1 / ray[1, a] if abs(ray[1, a]) > 1e-12 else 1e12
-    stack[0] = root
-    top = 1
-    while top > 0:
-        top -= 1
-        node = stack[top]
-        near, far = 0.0, best.distance
-        for a in range(3):
-            p, q = (boxes[node, a] - ray[0, a]) * inverse[a], (boxes[node, 3 + a] - ray[0, a]) * inverse[a]
-            near, far = max(near, min(p, q)), min(far, max(p, q))
-        if near > far * (1 + 1e-9) + 1e-9:
-            continue
-        first, second = children[node, 0], children[node, 1]
-        if first >= 0:
-            stack[top], stack[top + 1] = first, second
-            top += 2
-            continue
-        for i in range(-1 - first, second - 1 - first):
-            triangle = bvh.members[i]
-            distance, u, v = _meeting(bvh.triangles[triangle], ray)
-            if 0 < distance < best.distance:
-                best = Hit(solid, triangle, distance, u, v)
-    return best
-
-
-@kernel
-def _meeting(triangle: Array, ray: Array) -> tuple[float, float, float]:
-    """Distance to a triangle (3, 3) along a ray (2, 3) and the place on it; -1 where it is missed (as in `cuts`)."""
-    (ax, ay, az), (dx, dy, dz) = (triangle[0, 0], triangle[0, 1], triangle[0, 2]), (ray[1, 0], ray[1, 1], ray[1, 2])
-    e1x, e1y, e1z = triangle[1, 0] - ax, triangle[1, 1] - ay, triangle[1, 2] - az
-    e2x, e2y, e2z = triangle[2, 0] - ax, triangle[2, 1] - ay, triangle[2, 2] - az
-    sx, sy, sz = ray[0, 0] - ax, ray[0, 1] - ay, ray[0, 2] - az
+@kernel(inline=True)
+def _meeting(triangles: Array, i: int, origin: Vector, way: Vector) -> Vector:
+    """Distance to a triangle along a ray and the place on it; -1 where it is missed (as in `cuts`)."""
+    (ox, oy, oz), (dx, dy, dz) = origin, way
+    ax, ay, az = triangles[i, 0, 0], triangles[i, 0, 1], triangles[i, 0, 2]
+    e1x, e1y, e1z = triangles[i, 1, 0] - ax, triangles[i, 1, 1] - ay, triangles[i, 1, 2] - az
+    e2x, e2y, e2z = triangles[i, 2, 0] - ax, triangles[i, 2, 1] - ay, triangles[i, 2, 2] - az
+    sx, sy, sz = ox - ax, oy - ay, oz - az
     px, py, pz = dy * e2z - dz * e2y, dz * e2x - dx * e2z, dx * e2y - dy * e2x
     det = e1x * px + e1y * py + e1z * pz
     if det == 0:
@@ -222,7 +233,7 @@ def _meeting(triangle: Array, ray: Array) -> tuple[float, float, float]:
     return (e2x * qx + e2y * qy + e2z * qz) / det, u, v
 
 
-@kernel
+@kernel(inline=True)
 def normal_at(world: World, hit: Hit, out: Array) -> None:
     """Set out (3,) to the unit normal for shading in {P} where a ray has met a solid, by its winding."""
     w = 1 - hit.u - hit.v

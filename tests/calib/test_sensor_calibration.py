@@ -365,7 +365,7 @@ def test_a_board_that_moved_is_left_out_by_name():
     views = observe_boards(synthetic_sensor(rng), rng, 9)
     moved = views[4]
     views[4] = replace(moved, stripe=replace(moved.stripe, uv_px=moved.stripe.uv_px + np.array([0.0, 12.0])))
-    found = calibrate_sensor(views, SIZE)
+    found = calibrate_sensor(views, SIZE, SHORT)
     assert [v.name for v in found.views if not v.used] == [moved.name]
     assert found.verdict.code == "ok"
 
@@ -373,7 +373,7 @@ def test_a_board_that_moved_is_left_out_by_name():
 def test_parallel_boards_and_too_few_views_are_named():
     rng = np.random.default_rng(6)
     sensor = synthetic_sensor(rng)
-    assert calibrate_sensor(observe_boards(sensor, rng, 6, tilt_rad=0.0), SIZE).verdict.code == "boards_parallel"
+    assert calibrate_sensor(observe_boards(sensor, rng, 6, tilt_rad=0.0), SIZE, SHORT).verdict.code == "boards_parallel"
     one = calibrate_sensor(observe_boards(sensor, rng, 1), SIZE)
     assert one.verdict.code == "too_few_views"
     assert not one.verdict.is_answer

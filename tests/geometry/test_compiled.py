@@ -26,6 +26,8 @@ class State(NamedTuple):
 
 @kernel
 def scaled(x):
+    if x > 1e6:
+        raise ValueError("too large", x)
     return 10.0 * x
 """
 WHOLE = """
@@ -87,6 +89,18 @@ def test_an_edit_in_another_file_is_noticed(room: Path) -> None:
     edit(room / "parts.py", "FACTOR = 2.0", "FACTOR = 4.0")
     assert run(room)[0] == "120.0"
     assert run(room)[0] == "120.0 1"
+
+
+def test_callees_are_compiled_within_their_callers_alone(room: Path) -> None:
+    """Nothing of them is kept apart, and what they raise arrives, from code just compiled and from kept code."""
+    program = (
+        "from room.whole import State, answer\n"
+        "try:\n    answer(State(1e9, 0.0))\n"
+        "except ValueError as error:\n    print(*error.args, *answer.stats.cache_hits.values())"
+    )
+    assert run(room, program)[0] == "too large 1000000000.0"
+    assert [file.name.split("-")[0] for file in room.rglob("*.nbi")] == ["whole.answer"]
+    assert run(room, program)[0] == "too large 1000000000.0 1"
 
 
 def test_changed_named_tuples_are_noticed_and_nothing_stale_stays(room: Path) -> None:

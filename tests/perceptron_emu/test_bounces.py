@@ -6,17 +6,21 @@ ten with a path tracer.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
+from trimesh.creation import cylinder
 
 from geometry import InputError, Pose
-from perceptron_emu import EmulatorConfig, Material, Scene, mean_electrons, panel, project, render
+from perceptron_emu import EmulatorConfig, Material, Scene, Solid, mean_electrons, panel, project, render
 from perceptron_emu.image.ghosts import pixel_rays
 from perceptron_emu.light import Light
 from tests.perceptron_emu.conftest import make_sensor
 
 PLACE_ATOL_PX = 0.1  # of a mirrored line: the lobe is 12 px wide there
 LIGHT_RTOL = 0.05
+FINER_RTOL = 0.03  # the rims of a post 45 px wide are sampled at the middles of pixels
 QUIET = {"laser": {"profile": "uniform", "divergence": False, "power_mw": 50.0}, "optics": {"vignetting": False}}
 
 
@@ -25,8 +29,8 @@ def configs() -> tuple[EmulatorConfig, EmulatorConfig]:
     return once, once.model_copy(update={"light": once.light.model_copy(update={"bounces": True})})
 
 
-def ghost_of(scene: Scene) -> np.ndarray:
-    once, twice = (mean_electrons(scene, c).astype(float) for c in configs())
+def ghost_of(scene: Scene, with_configs: Sequence[EmulatorConfig] | None = None) -> np.ndarray:
+    once, twice = (mean_electrons(scene, c).astype(float) for c in with_configs or configs())
     return twice - once
 
 
@@ -82,6 +86,29 @@ def test_the_glow_of_a_stripe_on_a_matte_wall_is_the_line_lamps() -> None:
         u, v = np.round(project(scene.sensor, point)).astype(int)
         expected = lit * 0.6 / np.pi * pixel_rays(scene.sensor, once.optics, 660.0).of_radiance[v, u]
         assert ghost[v, u] == pytest.approx(expected, rel=LIGHT_RTOL, abs=0.3)
+
+
+def test_ghosts_are_the_same_however_fine_the_pixels_are() -> None:
+    """Rims of a post and of its shadow included: squares of pixels are halved there, and light is taken over."""
+    wall = Pose.from_fixed_xyz_deg([0, 4, 90.0], [0, 0, 312.0])
+    post = Solid(
+        cylinder(3.0, 40.0, sections=48), Material(0.1, 0.8, 0.2), Pose.from_fixed_xyz_deg([0, 90, 0], [0, 8.0, 298.0])
+    )
+    scene = Scene(make_sensor(), solids=(post, panel(120, 60, wall, Material(0.6), "wall")))
+    strong = {"power_mw": 5000.0}  # so that nothing is left out for being faint
+    once, twice = (c.model_copy(update={"laser": c.laser.model_copy(update=strong)}) for c in configs())
+    camera, n = scene.camera, 2
+    optics = once.optics.model_copy(update={"pixel_um": once.optics.pixel_um / n, "blur_px": once.optics.blur_px * n})
+    fine_sensor = scene.sensor.with_camera(
+        width_px=n * camera.width_px, height_px=n * camera.height_px, fx_px=n * camera.fx_px, fy_px=n * camera.fy_px,
+        cx_px=n * (camera.cx_px + 0.5) - 0.5, cy_px=n * (camera.cy_px + 0.5) - 0.5,
+    )  # fmt: skip
+    fine = Scene(fine_sensor, solids=scene.solids)
+    fine_ghost = ghost_of(fine, [c.model_copy(update={"optics": optics}) for c in (once, twice)])
+    summed = fine_ghost[::2, ::2] + fine_ghost[1::2, ::2] + fine_ghost[::2, 1::2] + fine_ghost[1::2, 1::2]
+    ghost = ghost_of(scene, [once, twice])
+    assert ghost.sum() == pytest.approx(summed.sum(), rel=FINER_RTOL)
+    assert np.abs(ghost - summed).mean() < FINER_RTOL * ghost.mean()
 
 
 def test_light_that_does_not_bounce_costs_nothing_and_changes_nothing() -> None:

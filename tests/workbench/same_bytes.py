@@ -73,6 +73,7 @@ kind = "checkerboard"
 corners = [9, 6]
 square_mm = 10.0
 """
+SERIES = "import sys; from workbench.cli.main import run; sys.exit(max(run(line.split()) for line in sys.argv[1:]))"
 WORKS = ("demo", "render", "sweep", "surfaces", "stripes", "board", "twin")
 
 
@@ -83,8 +84,11 @@ def digests(environment: str, folder: Path, cache: Path, *works: str) -> dict[st
     """
     folder.mkdir(parents=True, exist_ok=True)
     for work in works:
-        for number, command in enumerate(_commands(work, folder, ENVIRONMENTS[environment][THREADS[0]])):
-            (folder / f"{work}_{number}.txt").write_text(_output(environment, folder, cache, command), encoding="utf-8")
+        commands = _commands(work, folder, ENVIRONMENTS[environment][THREADS[0]])
+        processes = [commands] if work == "short" else [[command] for command in commands]
+        for number, together in enumerate(processes):
+            said = _output(environment, folder, cache, together)
+            (folder / f"{work}_{number}.txt").write_text(said, encoding="utf-8")
     return {str(p.relative_to(folder)): _digest(p) for p in sorted(folder.rglob("*")) if p.is_file() and _counts(p)}
 
 
@@ -93,17 +97,17 @@ def differing(one: dict[str, str], other: dict[str, str]) -> list[str]:
     return sorted(path for path in one.keys() | other.keys() if one.get(path) != other.get(path))
 
 
-def _output(environment: str, folder: Path, cache: Path, command: list[str]) -> str:
+def _output(environment: str, folder: Path, cache: Path, commands: list[list[str]]) -> str:
+    """What the commands print, one after the other in one process."""
     chosen = ENVIRONMENTS[environment]
     env = {k: v for k, v in os.environ.items() if k not in CHOOSING} | chosen
     env["PYOPENGL_PLATFORM"] = "none"  # the picture of the cell is the graphics driver's
     if "NUMBA_CPU_NAME" in chosen:
         env["NUMBA_CACHE_DIR"] = str(cache)
-    done = subprocess.run(
-        [sys.executable, "-m", "workbench", *command], cwd=folder, env=env, capture_output=True, text=True, check=False
-    )
+    program = ["-m", "workbench", *commands[0]] if len(commands) == 1 else ["-c", SERIES, *map(" ".join, commands)]
+    done = subprocess.run([sys.executable, *program], cwd=folder, env=env, capture_output=True, text=True, check=False)
     if done.returncode not in (0, 1):  # 1: an answer that its verdict does not trust
-        raise RuntimeError(f"{environment}: {' '.join(command)} ended with {done.returncode}:\n{done.stderr}")
+        raise RuntimeError(f"{environment}: {commands} ended with {done.returncode}:\n{done.stderr}")
     return done.stdout
 
 

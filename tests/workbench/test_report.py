@@ -60,12 +60,13 @@ def without_drawing(html: str) -> str:
 
 def test_a_report_is_a_record(cli: Cli, dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Data set, date, version, hashes of files and settings, pass or fail; the same bytes but for the date."""
-    monkeypatch.setenv("SOURCE_DATE_EPOCH", "1700000000")
-    pages = [tmp_path / "a.html", tmp_path / "b.html"]
-    for page in pages:
-        assert cli("calibrate", dataset, "--report", page).code == 0
-    html = without_drawing(pages[0].read_text(encoding="utf-8"))
-    assert html == without_drawing(pages[1].read_text(encoding="utf-8"))
+    pages = []
+    for seconds in ("1700000000", "1800000000"):
+        monkeypatch.setenv("SOURCE_DATE_EPOCH", seconds)
+        assert cli("calibrate", dataset, "--report", tmp_path / f"{seconds}.html").code == 0
+        pages.append(without_drawing((tmp_path / f"{seconds}.html").read_text(encoding="utf-8")))
+    html = pages[0]
+    assert pages[1].replace("2027-01-15", "2023-11-14") == html
     for word in (
         "2023-11-14",
         f"perceptron-emu {version('perceptron-emu')}",
@@ -76,9 +77,6 @@ def test_a_report_is_a_record(cli: Cli, dataset: Path, tmp_path: Path, monkeypat
     for name in ("sensor.toml", "frames.csv", "images/000.png"):
         assert f"<td>{name}</td>" in html
         assert hashlib.sha256((dataset / name).read_bytes()).hexdigest() in html
-    monkeypatch.setenv("SOURCE_DATE_EPOCH", "1800000000")
-    assert cli("calibrate", dataset, "--report", pages[1]).code == 0
-    assert without_drawing(pages[1].read_text(encoding="utf-8")).replace("2027-01-15", "2023-11-14") == html
 
 
 def test_a_fixed_sensor_stands_and_the_hand_carries_the_target(recording: Path) -> None:

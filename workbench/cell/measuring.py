@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,16 +12,17 @@ from numpy.typing import NDArray
 from extraction import (
     Circle,
     FeatureConfig,
-    GapFlush,
     Line,
     Profile,
     StripePeaks,
     TargetPoints,
     find_target_points,
-    measure_gap_flush,
 )
 from geometry import NoAnswerError
 from workbench.files import Recipe, ToleranceConfig
+
+if TYPE_CHECKING:
+    from extraction import GapFlush
 
 Array = NDArray[np.float64]
 
@@ -78,6 +79,8 @@ def measure(profile: Profile, recipe: Recipe, field_of_view_mm: Array | None = N
     if not asked.gap_and_flush:
         return MeasuredProfile(feature)
     try:
+        from extraction import measure_gap_flush  # it loads what fits bends, and most recipes measure none
+
         return MeasuredProfile(feature, measure_gap_flush(profile, recipe.gapflush))
     except NoAnswerError as error:
         return MeasuredProfile(feature, None, str(error))

@@ -6,26 +6,15 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calib import CalibConfig, CalibrationResult, calibrate
-from extraction import (
-    ExtractionConfig,
-    FeatureConfig,
-    Profile,
-    StripeConfig,
-    TargetPoints,
-    extract,
-    extract_profile,
-    region_mask,
-)
-from extraction.features import string_points
+from extraction import ExtractionConfig, FeatureConfig, StripeConfig
 from geometry import Frame, InputError, Sensor, Surface, SurfacePoints, Target, target_at
 from jig_cad import Jig
-from workbench.cell.on_surface import OnSurface, dataset_remarks, on_surface
 from workbench.cell.remarks import (
     beside_the_camera,
     beyond_labelling,
@@ -34,10 +23,13 @@ from workbench.cell.remarks import (
     remarks,
     with_complaints,
 )
-from workbench.cell.speckle import dataset_config
 from workbench.files import Cell, Settings, read_image
-from workbench.profiles import frame_profiles
 
+if TYPE_CHECKING:
+    from extraction import Profile, TargetPoints
+    from workbench.cell.on_surface import OnSurface
+
+# what finds spots, stripes or targets is imported where a dataset of that kind is measured
 Progress = Callable[[int, int], None]
 FEWEST_TO_SEARCH = 20  # given points of a surface; fewer were chosen by whoever wrote them
 WORKERS = 2  # decoding and OpenCV release the interpreter's lock; more threads than cores would only wait
@@ -94,6 +86,8 @@ def observe(
         All frames, those that can not be used with a reason, and a sentence for each bad image.
 
     """
+    from workbench.cell.on_surface import dataset_remarks
+
     frames: list[Frame] = []
     complaints: dict[int, str] = {}
     said: list[str] = []
@@ -201,6 +195,8 @@ def _measured(cell: Cell, config: ExtractionConfig, profile: ProfileSettings) ->
     read: dict[int, _Picture] = {}
     with ThreadPoolExecutor(WORKERS) as pool:
         if any(isinstance(target, Jig) for target in cell.targets):
+            from workbench.cell.speckle import dataset_config
+
             ranked = sorted(range(len(cell.frames)), key=lambda k: cell.frames[k].number)  # rows may stand in any order
             config = dataset_config(
                 cell.sensor,
@@ -222,9 +218,14 @@ def _from_image(
         image, said = read or _picture(cell, frame)
         target = target_at(cell.target, frame.location)
         if isinstance(target, Surface):
+            from extraction import extract_profile, region_mask
+            from workbench.cell.on_surface import on_surface
+
             mask = region_mask(config.region, image.shape)
             seen = extract_profile(image, sensor, profile.stripe, mask=mask)
             return _found(on_surface(frame, seen, target, sensor, profile.feature), said)
+        from extraction import extract
+
         points = extract(image, sensor, config, lambda text: said.append(f"{cell.folder / frame.image}: {text}"))
     except (InputError, MemoryError) as error:
         why = str(error) or f"{frame.image}: not enough memory"
@@ -237,6 +238,8 @@ def _from_profiles(cell: Cell, settings: ProfileSettings) -> Iterator[_Measured]
     output = cell.sensor.profile
     if output is None:
         raise TypeError("the sensor gives no profiles")
+    from workbench.profiles import frame_profiles
+
     read = frame_profiles(cell.folder, cell.frames, output)
     said = read.remarks
     for frame in cell.frames:
@@ -248,11 +251,15 @@ def _from_profiles(cell: Cell, settings: ProfileSettings) -> Iterator[_Measured]
 
 
 def _on_target(cell: Cell, frame: Frame, profile: Profile, said: list[str], config: FeatureConfig) -> _Measured:
+    from workbench.cell.on_surface import on_surface
+
     target = target_at(cell.target, frame.location)
     if isinstance(target, Surface):
         return _found(on_surface(frame, profile, target, cell.sensor, config), said)
     if not isinstance(target, Jig):
         raise InputError(f"location {frame.location}: this kind of target can not be found in a profile")
+    from extraction.features import string_points
+
     return _Measured(replace(frame, points=string_points(profile, target.string_diameter_mm)), remarks=tuple(said))
 
 
@@ -279,4 +286,7 @@ def _surface_points(frame: Frame, points: SurfacePoints, target: Surface, sensor
     """Given points of a surface: what of them is the target where they are many, else all of them."""
     if len(points) < FEWEST_TO_SEARCH or target.kind == "edge":
         return replace(frame, points=points, n_points=len(points))
+    from extraction import Profile
+    from workbench.cell.on_surface import on_surface
+
     return on_surface(frame, Profile.of_points(points.yz_mm, points.cov_yz_mm2), target, sensor).frame

@@ -9,11 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from extraction import GapFlushConfig, Profile, extract_profile, read_profile_csv, region_mask
+from extraction import GapFlushConfig, Profile
 from geometry import InputError, Remark, no_remark, read_bytes
 from geometry.sensor import AUTO, ProfileOutput
 from workbench.files import LOSSY_SUFFIXES, SUFFIXES, Image, Settings, read_image, read_sensor
-from workbench.profiles import Told, checked_profile, read_scan_lines
 
 MAX_OWN_BYTES = 64 * 2**20  # a profile of ours has some kilobytes
 
@@ -54,11 +53,15 @@ def read_profile(source: ProfileSource, remark: Remark = no_remark) -> Profile:
     image = read_image(source.path, sensor, remark, lossy=True)
     off = None if source.laser_off is None else read_image(source.laser_off, sensor, remark, lossy=True)
     mask = None if source.mask is None else read_image(source.mask, sensor, lossy=True) > 0
+    from extraction import extract_profile
+
     return extract_profile(image, sensor, source.settings.stripe, off, usable(image, mask, source.settings))
 
 
 def usable(image: Image, mask: NDArray[np.bool_] | None, settings: Settings) -> NDArray[np.bool_] | None:
     """The pixels (H, W) that a mask and the settings' region both let through; None where all may be used."""
+    from extraction import region_mask
+
     region = region_mask(settings.extraction.region, image.shape)
     if mask is None or region is None:
         return region if mask is None else mask
@@ -71,6 +74,9 @@ def _profile_of_file(source: ProfileSource, remark: Remark) -> Profile:
     """A profile by its maker's file, with what a profile sensor's file says of it; our own CSV has the stripe's too."""
     sensor = None if source.sensor is None else read_sensor(source.sensor)
     output = ProfileOutput() if sensor is None or sensor.profile is None else sensor.profile
+    from extraction import read_profile_csv
+    from workbench.profiles import Told, checked_profile, read_scan_lines
+
     if output.format == AUTO and source.path.suffix.lower() == ".csv" and _has_stripe(source.path):
         own = read_profile_csv(source.path)
         return own if sensor is None or own.sensor_cov_yz_mm2 is not None else own.with_sensor(sensor)

@@ -5,15 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from extraction import PieceEnds, Profile, StripePeaks, detect_stripe, extract_profile, flag_names, piece_ends
+from extraction import Profile, StripePeaks, flag_names
 from geometry import InputError, Remark, Sensor, no_remark
 from workbench.cell.profiling import usable
 from workbench.files import LOSSY_SUFFIXES, Settings, read_image, read_sensor, sensor_of_picture
+
+if TYPE_CHECKING:
+    from extraction import PieceEnds
 
 Image = NDArray[np.uint8] | NDArray[np.uint16]
 
@@ -114,6 +117,8 @@ def with_channel(sensor: Sensor, channel: str | None) -> Sensor:
 
 
 def _measure(path: Path, sensor: Sensor | None, inputs: StripeInputs, remark: Remark) -> MeasuredStripe:
+    from extraction import detect_stripe, extract_profile, piece_ends
+
     model = sensor_of_picture(path, inputs.channel) if sensor is None else sensor
     image = read_image(path, model, remark, lossy=True)
     off = None if inputs.laser_off is None else read_image(inputs.laser_off, model, remark, lossy=True)
@@ -218,6 +223,8 @@ def stripe_record(measured: MeasuredStripe) -> dict[str, object]:
 
 def stripe_overlay(measured: MeasuredStripe) -> NDArray[np.uint8]:
     """The image with its points: green; orange where ambiguous; blue where flagged otherwise (H, W, 3) BGR."""
+    import cv2
+
     image = measured.image
     top = float(np.percentile(image, 99.9)) if image.dtype != np.uint8 else 255.0
     grey = np.clip(image.astype(np.float32) * (255.0 / max(top, 1.0)), 0, 255).astype(np.uint8)

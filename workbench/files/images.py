@@ -5,7 +5,6 @@ from __future__ import annotations
 import zlib
 from pathlib import Path
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -125,6 +124,8 @@ def _decode(path: Path, data: bytes, header: ImageHeader) -> NDArray[np.generic]
         return _unpacked(path, data, header)
     for at, value in header.patches:
         data = data[:at] + value + data[at + len(value) :]
+    import cv2  # a tenth of a second, and profiles need none of it
+
     spoken = cv2.utils.logging.getLogLevel()
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)  # the sentence below is enough
     try:
@@ -207,6 +208,8 @@ def _grey(path: Path, image: NDArray[np.generic], camera: Camera, remark: Remark
     if camera.channel in _CHANNELS:
         return colour[..., _CHANNELS[camera.channel]]
     if camera.channel == "grey":
+        import cv2
+
         return np.asarray(cv2.cvtColor(np.ascontiguousarray(colour), cv2.COLOR_BGR2GRAY))
     if camera.channel is None:
         remark(f"{path}: is a colour image, the largest of its channels is taken; [image] channel says another")
@@ -274,6 +277,8 @@ def _right_aligned(path: Path, levels: Image, header: ImageHeader, camera: Camer
 
 def write_png(path: Path, image: Image, compression: int = 1) -> None:
     """Write an image as PNG, atomically and with the same bytes every time; colour images are in BGR order."""
+    import cv2
+
     done, data = cv2.imencode(".png", image, [cv2.IMWRITE_PNG_COMPRESSION, compression])
     if not done:
         raise InputError(f"{path}: the image can not be written as PNG")

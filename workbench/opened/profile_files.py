@@ -13,7 +13,6 @@ from geometry.sensor import ProfileOutput
 from workbench.cell import ProfileSource, read_profile
 from workbench.files import Cell, Image
 from workbench.opened.pictures import Pictures, Stamp
-from workbench.profiles import Told, checked_profile, frame_profiles, read_scan_lines
 
 Content = Image | Profile  # what an opened folder holds one of for each frame
 
@@ -77,6 +76,8 @@ class ProfileRecords:
 def cell_profiles(cell: Cell) -> ProfileRecords:
     """The profiles of a dataset's frames, in their order."""
     output = cell.sensor.profile or ProfileOutput()
+    from workbench.profiles import frame_profiles
+
     found = frame_profiles(cell.folder, cell.frames, output)
 
     def get(index: int) -> Profile:
@@ -92,6 +93,8 @@ def cell_profiles(cell: Cell) -> ProfileRecords:
 def bare_profiles(folder: Path, paths: Sequence[Path], sensor_file: Path | None, sensor: Sensor) -> ProfileRecords:
     """The profiles of files: one a file, or all those of a single one."""
     if len(paths) == 1:
+        from workbench.profiles import Told, checked_profile, read_scan_lines
+
         output = sensor.profile or ProfileOutput()
         told = Told(output.format, output.pitch_mm, output.start_mm, output.unit, output.width)
         try:

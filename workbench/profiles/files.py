@@ -43,10 +43,6 @@ WRITERS: dict[str, Callable[[Sequence[ScanLine], Told], bytes]] = {
     m.NAME: m.write
     for m in (csv_points, gocator, keyence_csv, ply, npy_points, keyence_lj_x, opencv_yaml, xyz)
 }  # fmt: skip
-SUFFIXES = {
-    "csv": ".csv", "gocator": ".csv", "keyence_csv": ".csv", "ply": ".ply", "npy": ".npy", "keyence_lj_x": ".npy",
-    "opencv_yaml": ".yml", "xyz": ".xyz",
-}  # fmt: skip
 
 
 def recognise(source: Source) -> str:

@@ -12,6 +12,12 @@ from geometry import InputError, Remark, no_remark
 
 Array = NDArray[np.float64]
 
+# of the files that are written, by their format
+SUFFIXES = {
+    "csv": ".csv", "gocator": ".csv", "keyence_csv": ".csv", "ply": ".ply", "npy": ".npy", "keyence_lj_x": ".npy",
+    "opencv_yaml": ".yml", "xyz": ".xyz",
+}  # fmt: skip
+
 
 @dataclass(frozen=True, eq=False)
 class ScanLine:

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
-from scipy.special import chdtrc, ndtri
 
 from calib import printed_sigmas
+from geometry.special import chdtrc, ndtri
 from workbench.files import SavedResult, SavedScp
 from workbench.report.as_text import AXES
 

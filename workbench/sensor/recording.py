@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from calib.sensor import BoardView, Corners, StripePoints
 from extraction.board import (
@@ -116,6 +115,8 @@ def read_recording(
 
 def _out_of_focus(views: Sequence[BoardView], blur_px: Mapping[str, float]) -> tuple[set[str], list[str]]:
     """The names of the views whose boards are out of focus, and what is said of them."""
+    from scipy.spatial import cKDTree  # a tenth of a second, and a dataset with its sensor needs none of it
+
     sharpest = min(blur_px.values(), default=0.0)
     soft, beyond = list[str](), False
     for v in views:

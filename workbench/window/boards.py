@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from extraction.board import NoBoard, find_board, stripe_on_board
 from geometry import Board
 from workbench.cell import Value
 from workbench.files import Image, Recipe
@@ -27,6 +26,8 @@ class Boards:
 
     def view(self, index: int, image: Image, recipe: Recipe) -> ProfileView:
         """The corners, found in the picture's partner where it has one, and the stripe where there should be one."""
+        from extraction.board import NoBoard, find_board, stripe_on_board
+
         shows = self.board_of.get(index, index)
         lit = image if shows == index else self.read(shows)
         corners = find_board(lit, self.board)

@@ -14,15 +14,6 @@ from geometry import InputError, clean, json_text
 from workbench.cell import Observed, Value, judged, solve, verify_cell
 from workbench.files import Cell, Recipe, SavedResult, Settings, saved_result
 from workbench.opened import ImageSet
-from workbench.report import (
-    ReportInput,
-    calibration_object,
-    difference,
-    difference_object,
-    report_page,
-    scene_object,
-    scp_rows,
-)
 
 LEFT_OUT = "left out"
 ROLES = ("calibrate", "verify", LEFT_OUT)
@@ -50,6 +41,12 @@ class Calibrator:
 
     def run(self, recipe: Recipe, roles: Mapping[str, str]) -> dict[str, Any]:
         """Measure where the recipe changed, solve, and give the page the answer."""
+        from workbench.report import (
+            calibration_object,
+            scene_object,
+            scp_rows,
+        )  # the first picture must not wait for them
+
         cell = self.images.cell
         if cell is None:
             raise InputError("only a cell dataset can be calibrated")
@@ -83,7 +80,7 @@ class Calibrator:
 
     def report(self) -> str:
         """The report of the newest answer, one HTML page."""
-        from workbench.report import cell_image  # it loads the emulator, and the first picture must not wait for that
+        from workbench.report import ReportInput, cell_image, report_page  # they load the emulator
 
         last = self.answered()
         picture, _ = cell_image(last.cell, last.result)
@@ -91,11 +88,15 @@ class Calibrator:
 
     def result_text(self) -> str:
         """The newest answer as `calibrate --json` prints it."""
+        from workbench.report import calibration_object
+
         last = self.answered()
         return json_text(calibration_object(last.result, last.observed.complaints, last.cell)) + "\n"
 
     def compare(self, text: str, name: str) -> dict[str, Any]:
         """The difference of an earlier result and the newest answer."""
+        from workbench.report import calibration_object, difference, difference_object
+
         last = self.answered()
         now = calibration_object(last.result, last.observed.complaints, last.cell)
         found: dict[str, Any] = clean(difference_object(difference(_saved(text, name), saved_result(Path("now"), now))))

@@ -15,12 +15,9 @@ from extraction import (
     Profile,
     Seen,
     Stages,
-    detect_stripe,
     explain,
-    extract_profile,
     extract_stages,
     image_to_sheet,
-    region_mask,
 )
 from extraction.spots import Candidates
 from geometry import InputError, Sensor, SurfacePoints
@@ -102,6 +99,8 @@ class Detector:
             return ProfileView(None, content, measure(content, recipe, field_of_view_of(self.sensor)), reason)
         if self.boards is not None:
             return self.boards.view(index, content, recipe)
+        from extraction import detect_stripe, extract_profile, region_mask
+
         mask = region_mask(recipe.region, content.shape)
         if not self.plane_known:
             peaks = detect_stripe(content, recipe.stripe, mask=mask)

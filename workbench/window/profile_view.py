@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from extraction import Circle, Line, Profile, StripePeaks, TargetPoints
-from extraction.board import BoardCorners
-from extraction.gapflush import GapFlush, PanelEdge
 from workbench.cell import MeasuredProfile, flag_counts
+
+if TYPE_CHECKING:
+    from extraction import GapFlush
+    from extraction.board import BoardCorners
+    from extraction.gapflush import PanelEdge
 
 Array = NDArray[np.float64]
 

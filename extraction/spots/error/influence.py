@@ -288,7 +288,8 @@ def _lagged(q: Array, stride: int, out: Array) -> None:
     for a in range(3):
         for b in range(a + 1):
             _lagged_dots(q[a], q[b], stride, out[a, b])
-            out[b, a] = out[a, b]
+            for k in range(out.shape[2]):
+                out[b, a, k] = out[a, b, k]
 
 
 @kernel

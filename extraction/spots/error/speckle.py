@@ -18,7 +18,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import j1
 
 from extraction.config import MAX_GRAIN_PX
 from extraction.spots.error.influence import CLASSES, DISTANCES2, LAGS
@@ -26,6 +25,7 @@ from extraction.spots.fit import window_of
 from extraction.spots.frame import Fits
 from extraction.spots.noise import PRIOR_CONTRAST
 from geometry import Camera, Sensor
+from geometry.special import j1
 
 Array = NDArray[np.float64]
 
@@ -279,15 +279,17 @@ def _bright(fits: Fits, k: int, model_error: float) -> _BrightPixels | None:
     )  # fmt: skip
 
 
+_OTHERS = np.array([[k for k in range(4) if k != m] for m in range(4)])  # of four nodes
+
+
 def _between(nodes: Array, at: Array) -> Array:
     """Weights (A, N) that interpolate values at nodes by the cubic through the four about a place."""
     out = np.zeros((len(at), len(nodes)))
     first = np.clip(np.searchsorted(nodes, at) - 2, 0, len(nodes) - 4)
     for k, start in enumerate(first):
         four = nodes[start : start + 4]
-        for m in range(4):
-            others = np.delete(four, m)
-            out[k, start + m] = np.prod((at[k] - others) / (four[m] - others))
+        others = four[_OTHERS]
+        out[k, start : start + 4] = np.prod((at[k] - others) / (four[:, None] - others), axis=1)
     return out
 
 
