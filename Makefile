@@ -33,7 +33,7 @@ demo: setup
 test: setup-dev
 	@mkdir -p build; \
 	{ $(CHECK); } >build/check.txt 2>&1 & check=$$!; \
-	$(BIN)/python -m pytest -n 2 --dist worksteal; tests=$$?; \
+	$(BIN)/python -m pytest -n 2 --dist loadscope --no-loadscope-reorder; tests=$$?; \
 	wait $$check; checked=$$?; cat build/check.txt; exit $$((tests ? tests : checked))
 
 test-packaging: setup-dev

@@ -137,7 +137,7 @@ def test_a_board_counted_wrongly_in_all_pictures_is_a_sentence(
 
 
 def test_other_room_light_in_the_picture_without_laser_costs_no_point() -> None:
-    """2.4 times the light: squares would stay on the picture with the stripe. The same light leaves the picture as it is."""
+    """2.4 times the light: squares would stay on the picture with the stripe. The same light leaves it as it is."""
     board, (image, _) = Board("checkerboard", 5, 4, 10.0), drawn(1.0)
     stripe = drawn(1.0, stripe=True)[0].astype(float) - 10
     corners = find_board(image, board)
