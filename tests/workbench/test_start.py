@@ -24,7 +24,7 @@ NEVER = (
     "matplotlib", "numpy.f2py", "numpy.testing", "pyrender", "jinja2", "perceptron_emu.scene", "extraction.gapflush",
     "extraction.board", "extraction.stripe.pipeline", "workbench.plan", "workbench.report.page",
 )  # fmt: skip
-OF_PROFILES = (*NEVER, "cv2", "extraction.spots")
+OF_PROFILES = (*NEVER, "numba", "cv2", "extraction.spots")
 OF_IMAGES = (*NEVER, "workbench.profiles.files")
 
 
