@@ -2,6 +2,7 @@
 PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
+CHECK  := $(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/mypy && $(BIN)/lint-imports --no-cache
 export PIP_DISABLE_PIP_VERSION_CHECK = 1
 
 .PHONY: demo test test-packaging test-slow test-mutation docs check lint format clean setup setup-dev setup-docs
@@ -31,8 +32,8 @@ demo: setup
 
 test: setup-dev
 	@mkdir -p build; \
-	$(MAKE) --no-print-directory check >build/check.txt 2>&1 & check=$$!; \
-	$(BIN)/python -m pytest -n 2 --dist worksteal; tests=$$?; \
+	{ $(CHECK); } >build/check.txt 2>&1 & check=$$!; \
+	$(BIN)/python -m pytest -n 2 --dist loadscope --no-loadscope-reorder; tests=$$?; \
 	wait $$check; checked=$$?; cat build/check.txt; exit $$((tests ? tests : checked))
 
 test-packaging: setup-dev
@@ -51,10 +52,7 @@ docs: setup-docs
 	@echo "open build/site/index.html"
 
 check: setup-dev
-	$(BIN)/ruff check .
-	$(BIN)/ruff format --check .
-	$(BIN)/mypy
-	$(BIN)/lint-imports --no-cache
+	$(CHECK)
 
 format: setup-dev
 	$(BIN)/ruff check --fix .

@@ -6,8 +6,9 @@
 Mitsuba (pip install mitsuba) is an oracle of this script alone; PYTHON is an interpreter that has it, by default this
 one. It traces particles from a projector through the same triangles, with the same normals at their corners and the
 same BRDFs. One factor between its light and ours is found from a plain matte plate lit once and used for all scenes.
-Ghosts are compared where no light comes straight. "place" is the difference of their centroids, over all and, where a
-ghost is a line, across.
+Its mirror reflects alike at any angle, where ours follows Schlick's approximation: glossy surfaces that are met at
+grazing angles send on more light here. Ghosts are compared where no light comes straight. "place" is the difference of
+their centroids, over all and, where a ghost is a line, across.
 """
 
 from __future__ import annotations

@@ -36,10 +36,9 @@ GLOSS_SEEN = 0.5  # part of the glossy reflectance that sends room light to the 
 FLAT = 0.03  # of the light there, by which a square's middle may differ from what its corners say
 FAINT = 0.002  # of the brightest light among the first squares' corners: what is less is not refined
 FAINT_E = 0.25  # electrons a pixel: squares with less at all corners and the middle are left; noise is 50 times as much
-WIDE_PX, RIM_PX = 32, 16  # side of squares whose sides' middles are asked too; of those that may be dark at a rim
 SIDES = ((0, 1, 0, 1), (0, 1, 0, 0), (0, 0, 0, 1), (1, 1, 0, 1), (0, 1, 1, 1))  # columns and rows of the two corners
 # that a square's middle and its sides' middles lie between
-KNOWN_PX = 8  # side of the squares within which a surface's light is taken over from where it is known
+KNOWN_PX = 4  # side of the squares within which a surface's light is taken over from where it is known
 SAME_SURFACE = 0.9  # cosine between faces that go over into one another
 PIXEL_VARIANCE = 1 / 12  # of a square pixel's own blur [px²]
 BLUR_REACH = 4.0  # σ
@@ -241,7 +240,7 @@ def _draw(
                     if light[top, begin] > 0:
                         first, last = min(first, top), max(last, top)
                     continue
-                if _is_even(ghosts, faint, (top, begin, n)):
+                if _is_even(ghosts, faint, (top, begin, n), n == side):
                     if _fill(light, canvas.light, (top, begin, n), shares):
                         first, last = min(first, top), max(last, min(top + n, height) - 1)
                     continue
@@ -253,12 +252,16 @@ def _draw(
 
 
 @kernel(inline=True)
-def _is_even(ghosts: _Ghosts, faint: np.float32, square: tuple[int, int, int]) -> bool:
-    """Whether a square's corners say what it shows; they are known afterwards."""
+def _is_even(ghosts: _Ghosts, faint: np.float32, square: tuple[int, int, int], is_first: bool) -> bool:
+    """Whether a square's corners say what it shows; they are known afterwards.
+
+    is_first: of the first squares the sides' middles are asked, too, and none is left because it is dark where two
+    surfaces meet.
+    """
     top, left, n = square
     canvas, most, off = ghosts.canvas, np.float32(0), np.float32(0)
     one_surface, within = True, faint if n < KNOWN_PX else np.float32(0)
-    for k in range(9 if n >= WIDE_PX else 5):
+    for k in range(9 if is_first else 5):
         if k == 5 and (most < faint or not one_surface):
             break
         j, i = _of_square(square, k)
@@ -278,7 +281,7 @@ def _is_even(ghosts: _Ghosts, faint: np.float32, square: tuple[int, int, int]) -
             off = max(off, abs(canvas.light[j, i] - mean))
     if one_surface:
         return bool(off <= max(faint, np.float32(FLAT) * most))
-    return bool(most < faint and n <= RIM_PX)
+    return bool(most < faint and not is_first)
 
 
 @kernel(inline=True)
@@ -338,7 +341,8 @@ def _ask(ghosts: _Ghosts, j: int, i: int, faint: np.float32) -> None:
             return
         for a in range(3):
             element[1, a] = -element[1, a]
-    light = radiance(ghosts.sources, world, element, hit.solid, ghosts.room)
+    clear = hit.solid if world.bare[hit.triangle] else -1
+    light = radiance(ghosts.sources, world, element, hit.solid, clear, ghosts.room)
     canvas.light[j, i] = light * view.rays.of_radiance[j, i]
 
 

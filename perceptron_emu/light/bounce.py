@@ -44,6 +44,7 @@ FAR_MM = 1e6  # of a lamp whose light comes from one direction
 OFF_MM = 1e-4  # where a ray from a surface starts
 SAME_PLANE_MM = 1e-6  # height of one element over another's plane up to which rounding alone lifts it
 NEGLIGIBLE = 1e-4  # part of the light so far below which a group's is not asked for
+SMALL = 0.02  # part of the light so far up to which a group is in sight, or not, as its brightest is
 SMALLEST = 1e-4  # of the largest lamp: what brings less is left out
 
 
@@ -60,6 +61,8 @@ class Lamps(NamedTuple):
         (N,) [mm²].
     surface : NDArray
         (N,) number of the material.
+    clear : NDArray
+        (N,) number of the solid that hides nothing of what faces a lamp, its own, or -1.
     """
 
     xyz: Array
@@ -67,13 +70,21 @@ class Lamps(NamedTuple):
     flux: Array
     area: Array
     surface: Index
+    clear: Index
 
     def part(self, which: Index) -> Lamps:
         """Some of them, in that order."""
-        return Lamps(self.xyz[which], self.normal[which], self.flux[which], self.area[which], self.surface[which])
+        return Lamps(
+            self.xyz[which],
+            self.normal[which],
+            self.flux[which],
+            self.area[which],
+            self.surface[which],
+            self.clear[which],
+        )
 
 
-# a lamp in one row: point, normal, unit way (y, z) to the laser, flux, area, material
+# a lamp in one row: point, normal, unit way (y, z) to the laser, flux, area, material, solid that hides nothing of it
 LAMP = np.dtype(
     [
         ("xyz", float, 3),
@@ -82,6 +93,7 @@ LAMP = np.dtype(
         ("flux", float),
         ("area", float),
         ("surface", np.int64),
+        ("clear", np.int64),
     ]
 )
 Table = NDArray[np.void]
@@ -89,7 +101,7 @@ Table = NDArray[np.void]
 
 def _table(lamps: Lamps, origin: Array) -> Table:
     out = np.empty(len(lamps.flux), LAMP)
-    for name in ("xyz", "normal", "flux", "area", "surface"):
+    for name in ("xyz", "normal", "flux", "area", "surface", "clear"):
         out[name] = getattr(lamps, name)
     towards = origin[1:] - lamps.xyz[:, 1:]
     out["towards"] = towards / np.sqrt(towards[:, :1] ** 2 + towards[:, 1:] ** 2)
@@ -184,8 +196,8 @@ def far_lamp(materials: Sequence[Material], direction: Array, irradiance: float)
         For `radiance`.
     """
     flux = math.pi * FAR_MM * FAR_MM * irradiance
-    white = len(materials)
-    one = Lamps(-FAR_MM * direction[None], direction[None], np.array([flux]), np.zeros(1), np.array([white]))
+    white, none = np.array([len(materials)]), np.array([-1])
+    one = Lamps(-FAR_MM * direction[None], direction[None], np.array([flux]), np.zeros(1), white, none)
     table = _table(one, -2 * FAR_MM * direction)
     each = np.array([0, 1])
     return Sources(table, table, each, np.zeros(1), each, surfaces_of([*materials, Material(1.0)]))
@@ -238,7 +250,9 @@ def _on_solids(
     planes = SIDE * sigma * np.array([-1.0, 0.0, 1.0])
     pieces = lit_pieces(faces, strings, planes, sensor)
     slant = np.sqrt(np.maximum(1 - faces.facing[pieces.face, 0] ** 2, 1e-12))
-    return _lamps(pieces, 1 / slant, faces.solid[pieces.face], float(planes[2]), path, length)
+    solid = faces.solid[pieces.face]
+    clear = np.where(faces.bare[pieces.face], solid, -1)
+    return _lamps(pieces, 1 / slant, (solid, clear), float(planes[2]), path, length)
 
 
 def _farthest(triangles: Array, path: LightPath) -> Array:
@@ -249,8 +263,12 @@ def _farthest(triangles: Array, path: LightPath) -> Array:
 
 
 @kernel
-def _lamps(pieces: SheetPieces, slant: Array, solid: Index, side: float, path: LightPath, length: float) -> Lamps:
-    """Middles of equal parts of the pieces; slant: width on each face of 1 mm of the sheet; side: the outer planes."""
+def _lamps(
+    pieces: SheetPieces, slant: Array, solids: tuple[Index, Index], side: float, path: LightPath, length: float
+) -> Lamps:
+    """Middles of equal parts of the pieces; slant: width on each face of 1 mm of the sheet; side: the outer planes;
+    solids: each piece's own, and which hides nothing of it.
+    """
     parts = np.empty(len(pieces.face), np.int64)
     for p in range(len(parts)):
         size = 0.0
@@ -259,7 +277,8 @@ def _lamps(pieces: SheetPieces, slant: Array, solid: Index, side: float, path: L
         parts[p] = max(1, math.ceil(math.sqrt(size) / length))
     count = parts.sum()
     xyz, normal = np.empty((count, 3)), np.empty((count, 3))
-    flux, area, surface = np.empty(count), np.empty(count), np.empty(count, np.int64)
+    flux, area = np.empty(count), np.empty(count)
+    surface, clear = np.empty(count, np.int64), np.empty(count, np.int64)
     n = 0
     for p in range(len(parts)):
         size = 0.0
@@ -284,9 +303,9 @@ def _lamps(pieces: SheetPieces, slant: Array, solid: Index, side: float, path: L
             area[n] = along * side
             power = density_at(math.atan2(-ly, -lz), path.fan) / distance * share
             flux[n] = path.scale * power * abs(cosine) / max(math.sqrt(norm), 1e-12) * along
-            surface[n] = solid[p]
+            surface[n], clear[n] = solids[0][p], solids[1][p]
             n += 1
-    return Lamps(xyz, normal, flux, area, surface)
+    return Lamps(xyz, normal, flux, area, surface, clear)
 
 
 def _on_strings(scene: Scene, strings: Cylinders, path: LightPath, surface: int) -> Lamps:
@@ -317,11 +336,12 @@ def _on_strings(scene: Scene, strings: Cylinders, path: LightPath, surface: int)
     for solid in scene.solids:
         shaded |= hidden_by_solid(solid, points, emitter)
     bright = np.where(shaded, 0.0, flux.ravel())
-    return Lamps(xyz.reshape(-1, 3), normal.reshape(-1, 3), bright, area.ravel(), np.full(flux.size, surface))
+    numbers = np.full(flux.size, surface), np.full(flux.size, -1)
+    return Lamps(xyz.reshape(-1, 3), normal.reshape(-1, 3), bright, area.ravel(), *numbers)
 
 
 def _none() -> Lamps:
-    return Lamps(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.zeros(0, np.int64))
+    return Lamps(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), np.zeros(0), *np.zeros((2, 0), np.int64))
 
 
 @kernel
@@ -346,12 +366,19 @@ def _bunches(lamps: Lamps, surfaces: Surfaces, size: float) -> Index:
     return begin[: count + 1].copy()
 
 
+@kernel(inline=True)
+def _middle(begin: Index, bunch: int) -> int:
+    """The lamp in a bunch's middle: the mean of several lies inside a round solid."""
+    return int((begin[bunch] + begin[bunch + 1]) // 2)
+
+
 @kernel
 def _together(lamps: Lamps, begin: Index, surfaces: Surfaces) -> tuple[Lamps, Array]:
     """Bunches as one lamp each, and the distance (B,) below which theirs count one by one."""
     count = len(begin) - 1
     xyz, normal, near = np.zeros((count, 3)), np.zeros((count, 3)), np.zeros(count)
-    flux, area, surface = np.zeros(count), np.zeros(count), np.empty(count, np.int64)
+    flux, area = np.zeros(count), np.zeros(count)
+    surface, clear = np.empty(count, np.int64), np.empty(count, np.int64)
     sharp = 1.0
     for m in surfaces:
         if m["specular"] > 0:
@@ -374,9 +401,9 @@ def _together(lamps: Lamps, begin: Index, surfaces: Surfaces) -> tuple[Lamps, Ar
             for a in range(3):
                 apart += (lamps.xyz[i, a] - xyz[b, a]) ** 2
             extent = max(extent, 2 * math.sqrt(apart))
-        surface[b] = lamps.surface[begin[b]]
+        surface[b], clear[b] = lamps.surface[begin[b]], lamps.clear[_middle(begin, b)]
         near[b] = extent * max(NEAR, NEAR_LOBE / sharp) if begin[b + 1] - begin[b] > 1 else 0.0
-    return Lamps(xyz, normal, flux, area, surface), near
+    return Lamps(xyz, normal, flux, area, surface, clear), near
 
 
 @kernel
@@ -411,14 +438,11 @@ class BounceRoom(NamedTuple):
 
 @kernel(inline=True)
 def bounce_room(sources: Sources, world: World) -> BounceRoom:
-    """Room for `radiance` of these lamps among these solids.
-
-    The lamp in a bunch's middle stands for all: the mean of several lies inside a round solid.
-    """
+    """Room for `radiance` of these lamps among these solids; the lamp in a bunch's middle stands for all."""
     count, solids = len(sources.bunches), len(world.roots)
     point, lamps = np.empty(3), np.empty((count, solids, 3))
     for b in range(count):
-        lamp = sources.lamps[(sources.begin[b] + sources.begin[b + 1]) // 2]
+        lamp = sources.lamps[_middle(sources.begin, b)]
         for a in range(3):
             point[a] = lamp["xyz"][a] + OFF_MM * lamp["normal"][a]
         into_solids(world, point, lamps[b])
@@ -426,12 +450,13 @@ def bounce_room(sources: Sources, world: World) -> BounceRoom:
 
 
 @kernel(inline=True)
-def radiance(sources: Sources, world: World, element: Array, surface: int, room: BounceRoom) -> float:
+def radiance(sources: Sources, world: World, element: Array, surface: int, clear: int, room: BounceRoom) -> float:
     """Light per area and solid angle that a surface element lit by lamps sends to the camera.
 
     L = Σ Φ f_A cos θ_A · cos θ_B f_B / r², Φ the flux on lamp A; r² + A/π in place of r² for lamps as near as they are
     large (a disc's form factor). In electrons per mm² and sr. element: its point, its unit normal on the camera's side
-    and the unit way to the camera (3, 3); surface: the number of its material.
+    and the unit way to the camera (3, 3); surface: the number of its material;
+    clear: of the solid that hides nothing of what faces it, or -1.
     """
     lamps, bunches, begin, near = sources.lamps, sources.bunches, sources.begin, sources.near
     groups, surfaces, part = sources.groups, sources.surfaces, room.part
@@ -459,17 +484,23 @@ def radiance(sources: Sources, world: World, element: Array, surface: int, room:
                 bright = b if brought > part[bright - first] else bright
         if group <= NEGLIGIBLE * total:
             continue
-        ends = surface, bunches[first]["surface"]  # one for all of a group
-        seen = not between(world, room.own, room.lamps[bright], ends, room.stack)
-        if (low == bright or seen != between(world, room.own, room.lamps[low], ends, room.stack)) and (
-            high == bright or seen != between(world, room.own, room.lamps[high], ends, room.stack)
+        seen = _in_sight(sources, world, clear, bright, room)
+        if group <= SMALL * total or (
+            (low == bright or seen == _in_sight(sources, world, clear, low, room))
+            and (high == bright or seen == _in_sight(sources, world, clear, high, room))
         ):
             total += group if seen else 0.0
             continue
         for b in range(first, last + 1):
-            if part[b - first] > 0 and not between(world, room.own, room.lamps[b], ends, room.stack):
+            if part[b - first] > 0 and _in_sight(sources, world, clear, b, room):
                 total += part[b - first]
     return total
+
+
+@kernel(inline=True)
+def _in_sight(sources: Sources, world: World, clear: int, bunch: int, room: BounceRoom) -> bool:
+    """Whether nothing stands between an element and a bunch that face each other."""
+    return not between(world, room.own, room.lamps[bunch], (clear, sources.bunches[bunch]["clear"]), room.stack)
 
 
 @kernel(fastmath=True, inline=True)

@@ -18,6 +18,7 @@ from perceptron_emu.solids import body_of
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
+Mask = NDArray[np.bool_]
 
 MAX_PLANES = 201  # of the sheet: enough for a waist of 1/27 of its widest part; finer ones would cost, not show
 MAX_SLOPE = 3.0  # a steeper face is hardly lit
@@ -38,12 +39,15 @@ class Faces:
         Those for shading, at the corners (T, 3, 3).
     solid : NDArray
         The solid each belongs to (T,).
+    bare : NDArray
+        (T,) of bool: nothing of that solid stands before what faces the triangle.
     """
 
     triangles: Array
     facing: Array
     normals: Array
     solid: Index
+    bare: Mask
 
 
 def faces_in_sheet(scene: Scene, config: EmulatorConfig) -> Faces:
@@ -66,19 +70,26 @@ def faces_in_sheet(scene: Scene, config: EmulatorConfig) -> Faces:
     for solid in scene.solids:
         pose, body = solid.T_sensor_mesh, body_of(solid)
         R, t = np.ascontiguousarray(pose.R), np.ascontiguousarray(pose.t)
-        parts.append(_near(body.triangles, body.outwards, body.normals, R, t, reach))
+        parts.append(_near(body.triangles, body.outwards, body.normals, body.bare, (R, t), reach))
     if not parts:
-        return Faces(np.zeros((0, 3, 3)), np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros(0, dtype=np.int64))
+        return Faces(
+            np.zeros((0, 3, 3)),
+            np.zeros((0, 3)),
+            np.zeros((0, 3, 3)),
+            np.zeros(0, dtype=np.int64),
+            np.zeros(0, dtype=bool),
+        )
     owner = np.repeat(np.arange(len(parts)), [len(p[0]) for p in parts])
-    triangles, facing, normals = (np.concatenate(columns) for columns in zip(*parts, strict=True))
-    return Faces(triangles, facing, normals, owner)
+    triangles, facing, normals, bare = (np.concatenate(columns) for columns in zip(*parts, strict=True))
+    return Faces(triangles, facing, normals, owner, bare)
 
 
 @kernel
 def _near(
-    triangles: Array, outwards: Array, normals: Array, R: Array, t: Array, reach: float
-) -> tuple[Array, Array, Array]:
-    """A body's triangles that come nearer to x = 0 than reach, turned into {P}, with their normals."""
+    triangles: Array, outwards: Array, normals: Array, bare: Mask, pose: tuple[Array, Array], reach: float
+) -> tuple[Array, Array, Array, Mask]:
+    """A body's triangles that come nearer to x = 0 than reach, turned into {P}, with their normals; which are bare."""
+    R, t = pose
     near, n = np.empty(len(triangles), np.int64), 0
     for i in range(len(triangles)):
         low, high = np.inf, -np.inf
@@ -90,15 +101,17 @@ def _near(
             near[n] = i
             n += 1
     corners, facing, shading = np.empty((n, 3, 3)), np.empty((n, 3)), np.empty((n, 3, 3))
+    alone = np.empty(n, np.bool_)
     for m in range(n):
         i = near[m]
+        alone[m] = bare[i]
         _turned(R, outwards[i], facing[m])
         for k in range(3):
             _turned(R, triangles[i, k], corners[m, k])
             _turned(R, normals[i, k], shading[m, k])
             for a in range(3):
                 corners[m, k, a] += t[a]
-    return corners, facing, shading
+    return corners, facing, shading, alone
 
 
 @kernel(inline=True)

@@ -45,6 +45,8 @@ class Body:
         Without a hole in its surface and wound outwards, so that back faces are never seen.
     convex : bool
         It never hides a part of its own surface that faces the camera.
+    bare : NDArray
+        (T,) of bool: nothing of it stands before what faces that triangle.
     """
 
     triangles: Array
@@ -54,6 +56,7 @@ class Body:
     bvh: Bvh
     closed: bool
     convex: bool
+    bare: NDArray[np.bool_]
 
 
 _BODIES: dict[int, tuple[weakref.ref[trimesh.Trimesh], Body]] = {}
@@ -78,12 +81,12 @@ def body_of(solid: Solid) -> Body:
         return known[1]
     mesh = solid.mesh
     triangles = np.asarray(mesh.triangles, dtype=float)
-    convex = _convex(triangles, np.array(mesh.vertices, dtype=float))
+    closed = bool(mesh.is_volume)
+    convex, bare = _bare(triangles, np.array(mesh.vertices, dtype=float), closed)
     outwards = _face_normals(triangles)[0]
     flat = flat_faces(np.array(mesh.vertices, dtype=float), np.array(mesh.faces, dtype=np.int64), outwards)
     bvh = build_bvh(triangles)
-    normals, closed = corner_normals(mesh), bool(mesh.is_volume)
-    body = Body(triangles, outwards, flat, normals, bvh, closed, convex)
+    body = Body(triangles, outwards, flat, corner_normals(mesh), bvh, closed, convex, bare)
     _BODIES[key] = (weakref.ref(solid.mesh, lambda _: _BODIES.pop(key, None)), body)
     return body
 
@@ -112,27 +115,32 @@ def hidden_by_solid(
     return blocked(body_of(solid).bvh, points, sources, solid.T_sensor_mesh.R, solid.T_sensor_mesh.t, but)
 
 
-def _convex(triangles: Array, corners: Array) -> bool:
-    """Whether all ``corners`` (V, 3) lie on one side of every triangle's plane; false for meshes too large to ask."""
+def _bare(triangles: Array, corners: Array, closed: bool) -> tuple[bool, NDArray[np.bool_]]:
+    """Whether all ``corners`` (V, 3) lie on one side of every triangle's plane, and of which triangles (T,) nothing
+    stands above; false for meshes too large to ask.
+    """
     if len(triangles) > MAX_CONVEX_FACES:
-        return False
-    return bool(_one_sided(triangles, corners, FLAT * float(np.ptp(corners, axis=0).max())))
+        return False, np.zeros(len(triangles), dtype=bool)
+    above, below = _sides(triangles, corners, FLAT * float(np.ptp(corners, axis=0).max()))
+    convex = not np.any(above & below)
+    return convex, ~above if closed else np.full(len(triangles), convex)
 
 
 @kernel
-def _one_sided(triangles: Array, corners: Array, slack: float) -> bool:
-    """Whether no triangle's plane has corners on both sides, farther away than slack."""
+def _sides(triangles: Array, corners: Array, slack: float) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Whether corners lie farther than slack above, and below, each triangle's plane (T,)."""
+    above, below = np.zeros(len(triangles), np.bool_), np.zeros(len(triangles), np.bool_)
     for t in range(len(triangles)):
         a, b, c = triangles[t, 0], triangles[t, 1] - triangles[t, 0], triangles[t, 2] - triangles[t, 0]
         nx, ny, nz = b[1] * c[2] - b[2] * c[1], b[2] * c[0] - b[0] * c[2], b[0] * c[1] - b[1] * c[0]
         size = np.sqrt(nx * nx + ny * ny + nz * nz)
-        above, below = False, False
-        for p in corners:
-            height = nx * (p[0] - a[0]) + ny * (p[1] - a[1]) + nz * (p[2] - a[2])
-            above, below = above or height > slack * size, below or height < -slack * size
-            if above and below:
-                return False
-    return True
+        for k in range(len(corners)):
+            height = nx * (corners[k, 0] - a[0]) + ny * (corners[k, 1] - a[1]) + nz * (corners[k, 2] - a[2])
+            above[t] |= height > slack * size
+            below[t] |= height < -slack * size
+            if above[t] and below[t]:
+                break
+    return above, below
 
 
 def corner_normals(mesh: trimesh.Trimesh) -> Array:

@@ -36,8 +36,8 @@ class World(NamedTuple):
         Unit normals for shading at their corners (T, 3, 3).
     closed : NDArray
         (S,) whether back faces are never seen.
-    convex : NDArray
-        (S,) whether nothing of a solid stands before another part of it.
+    bare : NDArray
+        (T,) whether nothing of its solid stands before what faces a triangle.
     R, t : Array
         (S, 3, 3), (S, 3) [mm]: T_sensor_mesh of each.
     """
@@ -48,7 +48,7 @@ class World(NamedTuple):
     outwards: Array
     normals: Array
     closed: NDArray[np.bool_]
-    convex: NDArray[np.bool_]
+    bare: NDArray[np.bool_]
     R: Array
     t: Array
 
@@ -113,7 +113,7 @@ def _joined(bodies: tuple[Body, ...]) -> World:
     return World(
         bvh, nodes[:-1].copy(), first, np.concatenate([b.outwards for b in bodies]),
         np.concatenate([b.normals for b in bodies]), np.array([b.closed for b in bodies]),
-        np.array([b.convex for b in bodies]), np.zeros((len(bodies), 3, 3)), np.zeros((len(bodies), 3)),
+        np.concatenate([b.bare for b in bodies]), np.zeros((len(bodies), 3, 3)), np.zeros((len(bodies), 3)),
     )  # fmt: skip
 
 
@@ -128,15 +128,15 @@ def into_solids(world: World, point: Array, out: Array) -> None:
 
 
 @kernel
-def between(world: World, points: Array, targets: Array, ends: tuple[int, int], stack: Index) -> bool:
+def between(world: World, points: Array, targets: Array, but: tuple[int, int], stack: Index) -> bool:
     """Whether a solid cuts the open segment between two points.
 
-    points, targets: the two in the axes of each solid (S, 3). ends: the solids that they lie on (S where on none), on
-    sides that face each other: a convex one does not hide what it faces. stack: room to work in (256,).
+    points, targets: the two in the axes of each solid (S, 3). but: solids that are known not to (-1 where none is).
+    stack: room to work in (256,).
     """
     boxes, children, members, triangles = world.bvh
     for k in range(len(world.roots)):
-        if world.convex[k] and (k == ends[0] or k == ends[1]):
+        if k == but[0] or k == but[1]:
             continue
         ox, oy, oz = points[k, 0], points[k, 1], points[k, 2]
         dx, dy, dz = targets[k, 0] - ox, targets[k, 1] - oy, targets[k, 2] - oz
