@@ -19,7 +19,7 @@ NEES        squared errors of all stated parameters over their covariance, a par
             makes of it is told by draws from what is stated: far out along a bent valley squared errors scatter more
             than those of one ellipsoid
 coverage    how often |error| < 1.96 sigma, of every parameter
-tilt        how often the chip's tilt was taken
+tilt        how often the chip's tilt was taken; shape: how often the flat board's
 mapping     pixel to (y, z) where stripes were seen, after the best rigid motion within the sheet: root mean square
             error over its bound by the points' own sigma and the true set of terms, and over the stated sigma; with
             what chance makes of the first: one direction holds two thirds of the mapping's variance, so that a sensor
@@ -43,6 +43,7 @@ from scipy.stats import chi2
 
 from calib.sensor import BoardView, SensorCalibration, SensorSolution, calibrate_sensor
 from calib.sensor.bundle import SensorBundle
+from calib.sensor.shape import BENDS, PRINT
 from calib.sensor.sheet_frame import camera_rows, sheet_deviations, sheet_frame, to_sheet
 from calib.sensor.stated import Answer, parts_by_name
 from calib.sensor.terms import BOARD, CAMERA, PLANE
@@ -79,6 +80,7 @@ class Trial:
     verdict: str
     variance: float = np.nan
     beyond: float = np.nan
+    shape: tuple[str, ...] = ()
 
 
 def trial(seed: int, index: int, tilt_deg: float) -> Trial:
@@ -104,7 +106,16 @@ def trial(seed: int, index: int, tilt_deg: float) -> Trial:
         found.verdict.code,
         float(np.var(drawn)),
         float(np.mean(drawn > nees)),
+        shape_terms(found),
     )
+
+
+def shape_terms(found: SensorCalibration) -> tuple[str, ...]:
+    """Which of the board's shape were taken."""
+    shape = found.shape
+    if shape is None:
+        return ()
+    return (*(() if shape.bend_per_mm is None else BENDS), *((PRINT,) if len(shape.offset_mm) else ()))
 
 
 def drawn_nees(found: SensorCalibration, rng: np.random.Generator) -> Array:
@@ -130,7 +141,8 @@ def left_out_ratio(found: SensorCalibration, sensor: SyntheticSensor) -> tuple[f
     """Root mean squares of left-out corners and stripes with the chosen terms over those with the true ones."""
     assert found.solution is not None
     by_terms = {t.terms: t for t in found.tried}
-    mine, true = by_terms[found.solution.terms], by_terms[sensor.terms]
+    shape = shape_terms(found)
+    mine, true = by_terms[(*found.solution.terms, *shape)], by_terms[(*sensor.terms, *shape)]
     return mine.reprojection_rms_px / true.reprojection_rms_px, mine.plane_rms_mm / true.plane_rms_mm
 
 
@@ -234,6 +246,7 @@ def consistency(trials: Sequence[Trial]) -> None:
         print(f"  NEES a parameter {total / numbers:.3f} (95 % of chance: {low:.3f} to {high:.3f})")
         worst = [t for t in good if t.beyond < 1e-3]
         print(f"  sensors beyond one in a thousand: {len(worst)}")
+        print(f"  a board's shape taken: {np.mean([bool(t.shape) for t in good]):.3f}")
         print(f"  tilt taken: {np.mean(['tau_x' in t.terms for t in good]):.3f}")
         names = dict.fromkeys(n for t in good for n in t.pulls)
         held = {n: np.mean([abs(t.pulls[n]) < COVERED for t in good if n in t.pulls]) for n in names}

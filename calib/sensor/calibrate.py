@@ -12,6 +12,7 @@ from calib.sensor.bundle import TILT_NAMES, SensorBundle, camera_start, sensor_p
 from calib.sensor.choice import LENGTH, Choice, choose_terms
 from calib.sensor.contradiction import common_error_px, contradicting_stripes
 from calib.sensor.left_out import left_out
+from calib.sensor.mirrored import mirrored
 from calib.sensor.noise import with_noise
 from calib.sensor.on_line import MIN_POINTS, on_one_line, second_line
 from calib.sensor.result import SensorCalibration, SensorSolution, SensorVerdict, ViewResult
@@ -101,7 +102,7 @@ def calibrate_sensor(
         if worst is None or out > MAX_LEFT_OUT * len(given) or len(given) - out < FEWEST_VIEWS:
             break
         attempt = attempt.without(*worst)
-    return attempt.answer(centre, contradicted=worst is not None)
+    return attempt.with_mirrors().answer(centre, contradicted=worst is not None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,6 +163,20 @@ class _Attempt:
             f"its stripe lies {found.off_px[0]:.2f} px off where the other views expect it "
             f"(the board moved between the two pictures?)"
         )
+
+    def with_mirrors(self) -> _Attempt:
+        """The same, of views that were left out said where their pictures are mirrored."""
+        if self.choice is None:
+            return self
+        dropped = dict(self.dropped)
+        for view in self.given:
+            way = mirrored(view, self.choice) if view.name in dropped else None
+            if way is not None:
+                dropped[view.name] = (
+                    f"the picture is {way}: seen the other way its stripe lies where the other views expect it (a flip "
+                    "in the camera's driver?)"
+                )
+        return replace(self, dropped=dropped)
 
     def _second_stripes(self, choice: Choice) -> list[str]:
         """Views in which many points of the stripe lie on another straight line than those that were used."""

@@ -27,6 +27,7 @@ MAX_BEND_SHARE = 0.3  # of the distance of neighbours: perspective and lens make
 MAX_OFF_SHARE = 0.2  # of the same, from the plane's grid: a lens bends less
 MIN_CORNERS = 12  # of a view: eight numbers of its homography and some to spare
 SMALLEST = 3  # corners along a side of a part that is looked for
+COUNTED_PX = 640  # the same, where corners are only counted
 COARSE_PX = 1600  # larger pictures are searched at this width: squares stay large enough
 _ROUNDS = 12
 
@@ -41,15 +42,19 @@ class _Grid:
 
 def find_checkerboard(image: Grey, board: Board, usable: Mask, quick: bool = False) -> BoardCorners | NoBoard:
     """The corners of a checkerboard in a picture of 8 bits (H, W)."""
-    start = _part(image, board, quick)
-    if start is None:
-        return NoBoard("no checkerboard was found")
-    places, uv = start
-    grid = _grown(image, places, uv, board, usable)
-    if grid is None or len(grid.place) < MIN_CORNERS:
-        return NoBoard("too few corners of the checkerboard are clear")
-    if not _one_grid(grid):
-        return NoBoard("the corners found lie on no one grid: is the board's number of corners right?")
+    why = NoBoard("no checkerboard was found")
+    for places, uv in _parts(image, board, quick):
+        grid = _grown(image, places, uv, board, usable)
+        if grid is None or len(grid.place) < MIN_CORNERS:
+            why = NoBoard("too few corners of the checkerboard are clear")
+        elif not _one_grid(grid):
+            why = NoBoard("the corners found lie on no one grid: is the board's number of corners right?")
+        else:
+            return _found(grid, board)
+    return why
+
+
+def _found(grid: _Grid, board: Board) -> BoardCorners:
     fit = grid.fit
     xy, axes, named = _as_stated(grid, board)
     blur = float(np.median(fit.blur_px))
@@ -114,14 +119,17 @@ def _step(fit: Saddles) -> float:
     return float(2 * np.median(np.abs(fit.contrast_dn)))
 
 
-def _part(image: Grey, board: Board, quick: bool) -> tuple[NDArray[np.intp], Array] | None:
-    """Places and pixels of the whole board or, where that is not found, of the largest part that is."""
+def _parts(image: Grey, board: Board, quick: bool) -> Iterator[tuple[NDArray[np.intp], Array]]:
+    """Places and pixels of the whole board or, where that is not found, of parts that are; they grow to all of it."""
     scale = min(1.0, COARSE_PX / max(image.shape))
     small = image
     if scale < 1:
         small = np.asarray(cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA), np.uint8)
     stretched = _stretched(small)
+    tried = 0
     for size, picture, thorough in _attempts(board, small, stretched):
+        if tried >= GROWN:
+            return
         if thorough:
             found, corners = cv2.findChessboardCornersSB(picture, size, flags=0)
         else:
@@ -129,20 +137,52 @@ def _part(image: Grey, board: Board, quick: bool) -> tuple[NDArray[np.intp], Arr
         if found:
             row, column = np.divmod(np.arange(size[0] * size[1]), size[0])
             uv = (corners.reshape(-1, 2).astype(float) + 0.5) / scale - 0.5
-            return np.stack([row, column], -1), uv
+            tried += 1
+            yield np.stack([row, column], -1), uv
         if quick:
-            break
-    return None
+            return
 
 
 QUICK = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_FAST_CHECK
+
+
+def counts_seen(image: Grey) -> tuple[int, int] | None:
+    """Inner corners along the two sides of a checkerboard that is seen whole, whichever way it lies; None without one.
+
+    Parameters
+    ----------
+    image
+        Grey levels (H, W), 8 bits.
+
+    Returns
+    -------
+    counts
+        A board hidden in part has as many as are seen together.
+    """
+    scale = min(1.0, COUNTED_PX / max(image.shape))
+    small = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA) if scale < 1 else image
+    found, _, grid = cv2.findChessboardCornersSBWithMeta(small, (SMALLEST, SMALLEST), cv2.CALIB_CB_LARGER)
+    return (int(grid.shape[1]), int(grid.shape[0])) if found else None
+
+
 PARTS = 6  # sizes of parts that are tried, largest first
+GROWN = 3  # grids that are tried to grow before a picture is given up
 
 
 def _attempts(board: Board, picture: Grey, stretched: Grey) -> Iterator[tuple[tuple[int, int], Grey, bool]]:
-    """The whole board by the quick detector and by the thorough one, then parts of it."""
+    """The whole board by the quick detector and by the thorough one, then parts of it.
+
+    The quick one takes seconds where a board of other counts is seen: then that is looked for, where it may be a part.
+    """
     c, r = board.columns, board.rows
-    yield (c, r), picture, False
+    seen = counts_seen(picture)
+    other = seen is not None and sorted(seen) != sorted((c, r))
+    if not other:
+        yield (c, r), picture, False
+    elif seen is not None:
+        for columns, rows in (seen, seen[::-1]):
+            if columns <= c and rows <= r:
+                yield (columns, rows), picture, True
     yield (c, r), picture, True
     yield (c, r), stretched, True
     parts = [(c - i, r - j) for i in range(c - SMALLEST + 1) for j in range(r - SMALLEST + 1) if i + j]

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from extraction.board.charuco import find_charuco
-from extraction.board.checkered import find_checkerboard
+from extraction.board.checkered import counts_seen, find_checkerboard
 from extraction.board.circles import find_circles
 from extraction.board.found import BoardCorners, NoBoard
 from extraction.image import Image
@@ -47,6 +47,11 @@ def find_board(
     if board.kind == "charuco":
         return find_charuco(grey, board, allowed)
     return find_circles(grey, board, allowed)
+
+
+def board_counts(image: Image) -> tuple[int, int] | None:
+    """Inner corners along the two sides of the checkerboard in a picture (H, W), in either order; None without one."""
+    return counts_seen(_eight_bits(image))
 
 
 def _eight_bits(image: Image) -> NDArray[np.uint8]:

@@ -25,6 +25,11 @@ ALIKE_SHARE = 0.5  # slope of laser-on over laser-off levels from which the room
 # of another stripe: its distance in Gaussian σ of the first, its light over the first's, and how straight it is
 SECOND_WIDTHS, SECOND_LIGHT, SECOND_STRAIGHT_PX = 6.0, 0.1, 8.0
 MIN_FIRST = 60  # points of the first that count at least: few points of another are none
+# of the light of a room in two pictures: pixels that it is fitted to, and how many at least with how many levels; those
+# that count, of their scatter; and what is the same light: the laser's own, scattered over a room, is a tenth
+FITTED, FEWEST_FITTED, FEWEST_STEPS = 40_000, 200, 4
+FIT_ROUNDS, FIT_SIGMAS, FULL_SHARE = 6, 3.0, 0.98
+SAME_GAIN = 0.12
 WIDEST_PX = 24.0  # Gaussian σ of a stripe that floods a board made bright for its corners
 
 
@@ -110,6 +115,7 @@ def _detected(
     h = board_homography(corners.uv_px, corners.xy_mm)
     mask = _near(image.shape, h, board, corners)
     off = laser_off if laser_off is not None and _lit_alike(image, laser_off, mask) else None
+    off = None if off is None else as_lit(image, off, mask)
     widest = max(config.max_width_px, WIDEST_PX)
     places = mask if allowed is None else mask & allowed
     peaks = detect_stripe(image, config.model_copy(update={"max_width_px": widest}), off, places)
@@ -132,6 +138,34 @@ def _lit_alike(image: Image, laser_off: Image, mask: Mask) -> bool:
     step_off = np.median(off[bright]) - np.median(off[dark])
     step_on = np.median(on[bright]) - np.median(on[dark])
     return bool(step_on > ALIKE_SHARE * step_off)
+
+
+def as_lit(image: Image, laser_off: Image, mask: Mask) -> Image:
+    """The picture without laser, brought to the room light of the one with it: a + g times its levels.
+
+    Both are fitted to the levels of the pixels that the room alone lights, by least squares without those that lie off
+    by more than the others scatter: the stripe and its halo. The same picture where the light is the same.
+    """
+    at = np.flatnonzero(mask)[:: max(1, int(mask.sum()) // FITTED)]
+    off, on = laser_off.ravel()[at].astype(float), image.ravel()[at].astype(float)
+    top = np.iinfo(image.dtype).max
+    good = (off < FULL_SHARE * min(top, off.max())) & (on < FULL_SHARE * min(top, on.max()))
+    off, on = off[good], on[good]
+    if len(off) < FEWEST_FITTED or np.ptp(off) < FEWEST_STEPS:
+        return laser_off
+    gain, shift = 1.0, 0.0
+    kept = np.ones(len(off), dtype=bool)
+    for _ in range(FIT_ROUNDS):
+        gain, shift = np.polyfit(off[kept], on[kept], 1)
+        left = on - gain * off - shift
+        spread = 1.4826 * float(np.median(np.abs(left[kept] - np.median(left[kept]))))
+        kept = np.abs(left) < max(FIT_SIGMAS * spread, 1.0)
+        if kept.sum() < FEWEST_FITTED or np.ptp(off[kept]) < FEWEST_STEPS:
+            return laser_off
+    if abs(gain - 1) < SAME_GAIN:
+        return laser_off
+    scaled = np.rint(np.clip(gain * laser_off.astype(np.float32) + shift, 0, top))
+    return np.asarray(scaled, dtype=laser_off.dtype)
 
 
 def _near(shape: tuple[int, ...], h: Array, board: Board, corners: BoardCorners) -> Mask:

@@ -577,3 +577,17 @@ def test_a_flat_board_is_not_bent_and_parts_of_boards_have_no_names():
     assert any("print" in t.terms for t in found.tried)
     nameless = [replace(v, axes=False, named=False) for v in views]
     assert not any({"bend_x", "print"} & set(t.terms) for t in calibrate_sensor(nameless, SIZE, SHORT).tried)
+
+
+@pytest.mark.parametrize(("signs", "words"), [((-1, 1), "left to right"), ((1, -1), "top to bottom")])
+def test_a_mirrored_view_among_right_ones_is_named(signs: tuple[int, int], words: str):
+    rng = np.random.default_rng([8, 5])
+    views = observe_boards(synthetic_sensor(rng), rng, 8)
+    v, flip = views[3], np.array(signs)
+    corners = replace(v.corners, uv_px=CENTRE + flip * (v.corners.uv_px - CENTRE))
+    stripe = replace(v.stripe, uv_px=CENTRE + flip * (v.stripe.uv_px - CENTRE), normal=flip * v.stripe.normal)
+    given = [*views[:3], replace(v, corners=corners, stripe=stripe), *views[4:]]
+    found = calibrate_sensor(given, SIZE, SHORT)
+    assert {v.name: v.reason for v in found.views if not v.used}.keys() == {v.name}
+    assert f"the picture is mirrored {words}" in found.views[3].reason
+    assert found.verdict.is_answer

@@ -17,18 +17,20 @@ from jig_cad import Edge, Sphere, Wedge
 NEES_LIMIT = 22.5  # of six numbers: 1 in 1,000
 
 
-@pytest.mark.parametrize("by_design", [True, False])
+KINDS = (
+    ("sphere, shifts alone", True),
+    ("sphere, one axis", False),
+    ("sphere, through its middle", False),
+    ("one plane, three tilts", True),
+    ("one plane, tilts about one axis", False),
+    ("edge, crossed square", True),
+    ("wedge, shifts alone", False),
+)  # and whether a drawing tells where the sensor is mounted
+
+
 @pytest.mark.parametrize(
-    "name",
-    [
-        "sphere, shifts alone",
-        "sphere, one axis",
-        "sphere, through its middle",
-        "one plane, three tilts",
-        "one plane, tilts about one axis",
-        "edge, crossed square",
-        "wedge, shifts alone",
-    ],
+    ("name", "by_design"),
+    [*KINDS, *(pytest.param(name, not drawn, marks=pytest.mark.slow) for name, drawn in KINDS)],
 )
 def test_it_is_refused_by_name_with_what_to_add(name: str, by_design: bool) -> None:
     spoilt = SPOILT[name]

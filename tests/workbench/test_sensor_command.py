@@ -15,6 +15,7 @@ import pytest
 
 from calib.sensor import BoardView, Corners, StripePoints
 from extraction.board import BoardCorners, NoBoard, find_board, second_stripe, stripe_on_board
+from extraction.board.stripe import as_lit
 from extraction.sheet import image_to_sheet
 from geometry import Board, Camera, Pose, Sensor, Sheet
 from geometry.sensor import DirectMap
@@ -121,6 +122,36 @@ def test_a_board_counted_wrongly_is_named(folder: Path, capsys: pytest.CaptureFi
     answer = json.loads(out)
     assert code == 3
     assert answer["views"][0]["reason"] is not None or answer["n_corners"] <= 20
+
+
+@pytest.mark.parametrize("counts", [(9, 8), (4, 3)])
+def test_a_board_counted_wrongly_in_all_pictures_is_a_sentence(
+    folder: Path, capsys: pytest.CaptureFixture[str], counts: tuple[int, int]
+) -> None:
+    (folder / "board.toml").write_text(board_text(Board("checkerboard", *counts, 10.0)))
+    for name in "abc":
+        cv2.imwrite(str(folder / "pictures" / f"{name}_off.png"), drawn(1.0)[0])
+    code, _, err = called(folder, capsys)
+    assert code == 2
+    assert f"a board of 5 × 4 inner corners where board.toml says {counts[0]} × {counts[1]}" in err
+
+
+def test_other_room_light_in_the_picture_without_laser_costs_no_point() -> None:
+    """2.4 times the light: squares would stay on the picture with the stripe. The same light leaves it as it is."""
+    board, (image, _) = Board("checkerboard", 5, 4, 10.0), drawn(1.0)
+    stripe = drawn(1.0, stripe=True)[0].astype(float) - 10
+    corners = find_board(image, board)
+    assert isinstance(corners, BoardCorners)
+    lit = np.clip(stripe + 0.25 * image, 0, 255).astype(np.uint8)
+    same, brighter = ((share * image).astype(np.uint8) for share in (0.25, 0.6))
+    everywhere = np.ones(lit.shape, dtype=bool)
+    assert as_lit(lit, same, everywhere) is same
+    left = as_lit(lit, brighter, everywhere).astype(float) - same
+    assert np.sqrt(np.mean(left**2)) < 2.0
+    alike, found = (stripe_on_board(lit, off, board, corners) for off in (same, brighter))
+    assert len(found) > 0.95 * len(alike)
+    apart = np.linalg.norm(found.uv_px[:, None] - alike.uv_px, axis=-1).min(axis=1)
+    assert np.median(apart) < 0.05
 
 
 def test_a_moved_board_is_noticed_by_its_corners(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -8,7 +8,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calib.sensor import BoardView, Corners, StripePoints
-from extraction.board import BoardCorners, NoBoard, find_board, room_light_in_both, second_stripe, stripe_on_board
+from extraction.board import (
+    BoardCorners,
+    NoBoard,
+    board_counts,
+    find_board,
+    room_light_in_both,
+    second_stripe,
+    stripe_on_board,
+)
 from geometry import Board, InputError, Sensor
 from workbench.files import Image, ViewFiles, picture_sensor, read_image
 
@@ -18,6 +26,7 @@ SOFT_BLUR_PX = 3.0  # Gaussian σ of an edge beyond which a board is out of focu
 SOFT_SHARE = 0.15  # the same, of the distance of neighbours: hardly an edge is whole within a corner's window
 SOFT_TIMES, SOFT_LEAST_PX = 2.5, 1.5  # the same, of the sharpest view's: that board stood beyond the depth of field
 SECOND_SHARE = 0.3  # of the stripe's points, as many of a second one: worth a word
+COUNTED = 3  # pictures by which a board is said to be counted wrongly: one may show another
 ALONE = 3  # pictures or views of which the same is said, up to which each has its own sentence
 MOVED_PX = 0.5  # of a corner between the two pictures of a view, beside five of its σ
 FLOODED = "board and stripe are both saturated, with laser on and off: nothing is left to measure; expose shorter"
@@ -74,6 +83,7 @@ def read_recording(
     paths = tuple(dict.fromkeys(p for f in files for p in (f.board, f.stripe) if p is not None))
     sensor = picture_sensor(paths, channel)
     said: list[str] = []
+    _check_counts(files, sensor, board)
     views, lost, pictures, blur = [], [], {}, {}
     for i, file in enumerate(files):
         image = read_image(file.board, sensor, said.append, lossy=True)
@@ -211,21 +221,35 @@ def _moved(lit: Image, board: Board, found: BoardCorners) -> float | None:
     return shift if shift > MOVED_PX + 5 * sigma else None
 
 
+def _check_counts(files: Sequence[ViewFiles], sensor: Sensor, board: Board) -> None:
+    """InputError where the first pictures all show a checkerboard of other counts, and none the one that is stated.
+
+    One that lacks a row or a column may be the stated one, hidden in part: it is found, and said.
+    """
+    if board.kind != "checkerboard" or len(files) < COUNTED:
+        return
+    seen = {board_counts(read_image(file.board, sensor, lossy=True)) for file in files[:COUNTED]}
+    counts = seen.pop()
+    if seen or counts is None or _may_be(counts, board) or _may_be(counts[::-1], board):
+        return
+    raise InputError(f"the first {COUNTED} pictures show {_counted_wrongly(counts, board)}")
+
+
+def _may_be(counts: tuple[int, int], board: Board) -> bool:
+    """Whether a board of these counts may be the stated one, a row or a column of it hidden."""
+    return all(0 <= a - b <= 1 for a, b in zip((board.columns, board.rows), counts, strict=True))
+
+
+def _counted_wrongly(counts: tuple[int, int], board: Board) -> str:
+    return (
+        f"a board of {max(counts)} × {min(counts)} inner corners where board.toml says {board.columns} × {board.rows}: "
+        "count the corners between squares, not the squares"
+    )
+
+
 def _other_counts(image: Image, board: Board) -> list[str]:
     """Whether a board of other counts is seen where the stated one is not."""
-    if board.kind != "checkerboard":
+    counts = board_counts(image) if board.kind == "checkerboard" else None
+    if counts is None or sorted(counts) == sorted((board.columns, board.rows)):
         return []
-    for columns in range(board.columns - 2, board.columns + 3):
-        for rows in range(board.rows - 2, board.rows + 3):
-            if (columns, rows) == (board.columns, board.rows) or min(columns, rows) < 3:
-                continue
-            try:
-                other = find_board(image, Board("checkerboard", columns, rows, board.pitch_mm), quick=True)
-            except InputError:
-                continue
-            if not isinstance(other, NoBoard):
-                return [
-                    f"a board of {columns} × {rows} inner corners is seen where board.toml says "
-                    f"{board.columns} × {board.rows}: count the corners between squares, not the squares"
-                ]
-    return []
+    return [f"a picture shows {_counted_wrongly(counts, board)}"]
