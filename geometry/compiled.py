@@ -1,41 +1,17 @@
 """Kernels: loops compiled to machine code by numba, kept on disk for later processes.
 
-One decorator serves all packages. What it compiles is kept beside the modules (or where `NUMBA_CACHE_DIR` says, or in
-the user's cache folder) and used again for as long as it is fresh: numba itself looks at a kernel's own file alone, and
-would go on using what it once compiled of a callee in another. Here a kernel is fresh while its file *and* all that the
-file takes from others (kernels, with what they take in turn; named tuples; constants) are as they were.
-Where nothing can be written, every process compiles for itself; it goes on and says so once, through `logging`.
+One decorator serves all packages. It only notes the function: numba, and the kept machine code, are loaded by the first
+call, so that a process pays for the kernels it calls and for no others, and for numba only where it calls one.
+`geometry.compiler` does that.
 """
 
 from __future__ import annotations
 
-import hashlib
-import logging
-import sys
+import functools
 import threading
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
-from enum import Enum
-from functools import cached_property
-from pathlib import Path
-from types import ModuleType
+from collections.abc import Callable
 from typing import Any, TypeVar, cast, overload
 
-import numba
-import numpy as np
-from numba._dynfunc import make_function
-from numba.core import types
-from numba.core.caching import FunctionCache, InTreeCacheLocator, UserProvidedCacheLocator, UserWideCacheLocator
-from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import Compiler
-from numba.core.registry import CPUDispatcher
-from numba.core.runtime.nrt import rtsys
-
-# LLVM's leave to take values for finite; none to reorder sums, to divide by reciprocals or to fuse products with sums,
-# which gives other last bits on a processor of another width or with other instructions
-_FINITE = {"nnan", "ninf", "nsz"}
-_PLACES: tuple[Any, ...] = (UserProvidedCacheLocator, InTreeCacheLocator, UserWideCacheLocator)
-_settings: Any = numba.config
 F = TypeVar("F", bound=Callable[..., object])
 
 
@@ -79,212 +55,52 @@ def kernel(
     4.0
     """
 
-    def compiled(function: F) -> F:
-        options: dict[str, Any] = {"error_model": "numpy", "nogil": True, "parallel": parallel}
-        options["fastmath"] = _FINITE if fastmath else False
-        options["inline"] = "always" if inline else "never"
-        options["no_cfunc_wrapper"] = True  # nobody calls them from C, and it compiles faster
-        dispatcher = _Kernel(function, {}, options | {"nopython": True})
-        with _own_cache(function) as can_keep:
-            if can_keep:
-                setattr(dispatcher, "_cache", _KernelCache(function))  # noqa: B010 - as numba's cache=True does
-        return cast("F", dispatcher)
+    def noted(function: F) -> F:
+        met(function)
+        return cast("F", _Kernel(function, fastmath=fastmath, inline=inline, parallel=parallel))
 
-    return compiled if function is None else compiled(function)
+    return noted if function is None else noted(function)
 
 
-class _Kernel(CPUDispatcher):
-    """What Python calls. Kernels that call it see another: its part inside them, which is not compiled for itself.
+class _Kernel:
+    """A function that numba compiles, once somebody calls it, compiles a caller, or asks what numba knows of it."""
 
-    numba compiles a callee whole, with a wrapper that unpacks Python's arguments, and then once more in each caller.
-    Two kernels of three are only ever called by others, and more than a third of the time went there.
-    """
+    def __init__(self, function: Callable[..., object], **options: bool) -> None:
+        functools.update_wrapper(self, function)
+        self._function = function
+        self._options = options
+        self._dispatcher: Any = None
 
-    def __init__(self, py_func: Callable[..., object], names: dict[str, Any], targetoptions: dict[str, Any]) -> None:
-        begin: Any = super().__init__  # of numba's signature, by which it also unpickles
-        begin(py_func, names, targetoptions, _OutsideCompiler)
+    def __call__(self, *values: object, **named: object) -> object:
+        return (self._dispatcher or self._loaded())(*values, **named)
 
-    @cached_property
-    def _inside(self) -> Any:
-        dispatcher, options = cast("Any", CPUDispatcher), self.targetoptions | {"no_cpython_wrapper": True}
-        return dispatcher(self.py_func, self.locals, options, _InsideCompiler)
+    def __getattr__(self, name: str) -> object:
+        """Of numba's own: its compiler asks a kernel that another calls for its type, its options, its source."""
+        if name.startswith("__"):  # of copying, pickling and printing
+            raise AttributeError(name)
+        return getattr(self._loaded(), name)
 
-    @property
-    def _numba_type_(self) -> Any:
-        """What callers compile and link."""
-        return types.Dispatcher(self._inside)
+    def _loaded(self) -> Any:
+        from geometry import compiler
 
-
-class _OutsideCompiler(Compiler):
-    """numba's, and hands the code that was linked the environments that its exceptions are made in."""
-
-    def compile_extra(self, func: Callable[..., object]) -> Any:
-        compile_extra: Any = super().compile_extra
-        found = compile_extra(func)
-        for environment in found._find_referenced_environments():
-            found.library.codegen.set_env(environment.env_name, environment)
-        return found
-
-
-class _InsideCompiler(Compiler):
-    """Compiles as far as the code that callers link."""
-
-    def compile_extra(self, func: Callable[..., object]) -> Any:
-        context = self.state.targetctx
-        library: Any = _InsideLibrary
-        self.state.library = library(context.codegen(), func.__qualname__)
-        self.state.flags.no_compile = True
-        compile_extra: Any = super().compile_extra
-        found = compile_extra(func)
-        description, kept = found.fndesc, (found.library,)
-        key = make_function(description.lookup_module(), func.__name__, "", 0, found.environment, kept)
-        context.insert_user_function(key, description, kept)  # a name for it alone: there is nothing to be called
-        return found._replace(entry_point=key)
-
-
-class _InsideLibrary(JITCodeLibrary):
-    """Code that is linked into others, where it is optimized and made into the machine's."""
-
-    def _optimize_final_module(self) -> None:
-        """Left to the caller."""
-
-    def _finalize_final_module(self) -> None:
-        find_globals: Any = self._finalize_dynamic_globals
-        find_globals()
-        self._finalized = True
-
-
-class _KernelCache(FunctionCache):
-    """numba's cache, which loads what was kept without setting up the compiler: that costs every process 0.4 CPU-s."""
-
-    def __init__(self, function: Callable[..., object]) -> None:
-        begin: Any = super().__init__
-        begin(function)
-
-    def load_overload(self, sig: object, target_context: Any) -> object:
-        """The kept code for these types, or None. numba's own sets up the compiler first; compiling does so itself."""
-        rtsys.initialize(target_context)  # what allocates arrays in compiled code
-        with self._guard_against_spurious_io_errors():
-            load: Any = self._load_overload
-            return load(sig, target_context)
-
-
-class KernelCacheLocator:
-    """Where numba keeps one kernel, and of what source the kept one must be: the class that numba asks for both."""
-
-    def __init__(self, function: Callable[..., object], file: str, folder: str) -> None:
-        self._py_file = file  # numba's remarks name it
-        self._folder = Path(folder)
-        self._files = f"{Path(file).stem}.{function.__qualname__}-".replace("<", "").replace(">", "")
-        self._stamp = _module_stamp(function.__module__, file, function.__globals__)
-
-    @classmethod
-    def from_function(cls, function: Callable[..., object], file: str) -> KernelCacheLocator | None:
-        """The first of numba's own folders that can be written, or None."""
-        folder = _folder(function, file)
-        return None if folder is None else cls(function, file, folder)
-
-    def get_cache_path(self) -> str:
-        """The folder."""
-        return str(self._folder)
-
-    def ensure_cache_path(self) -> None:
-        """Called before a kernel is written: makes the folder, and removes what was compiled of other source."""
-        self._folder.mkdir(parents=True, exist_ok=True)
-        for file in self._folder.glob(f"{self._files}*.nb[ic]"):
-            if not file.name.startswith(self._files + self.get_disambiguator()):
-                with suppress(OSError):  # another process has it open, or was quicker
-                    file.unlink()
-
-    def get_source_stamp(self) -> str:
-        """The hash of all that the kernel is made of: compared with the kept one's."""
-        return self._stamp
-
-    def get_disambiguator(self) -> str:
-        """Part of the files' names, where numba has the line number.
-
-        What was compiled of other source is not even opened: it may speak of classes that are no more.
-        """
-        return self._stamp[:16]
-
-
-_folders: dict[tuple[str, str], str | None] = {}  # of a file's folder, and what the user says → where kernels are kept
-
-
-def _folder(function: Callable[..., object], file: str) -> str | None:
-    """The first of numba's own folders that can be written, looked for once for every folder of modules."""
-    key = (str(Path(file).parent), str(_settings.CACHE_DIR))
-    if key not in _folders:
-        places = (place.from_function(function, file) for place in _PLACES)
-        _folders[key] = next((place.get_cache_path() for place in places if place is not None), None)
-    return _folders[key]
-
-
-@contextmanager
-def _own_cache(function: Callable[..., object]) -> Iterator[bool]:
-    """Within, numba asks the locator above; whether that finds a folder. Functions of others are left alone."""
-    with _lock:
-        before = _settings.CACHE_LOCATOR_CLASSES
-        _settings.CACHE_LOCATOR_CLASSES = f"{__name__}.{KernelCacheLocator.__name__}"
-        try:
-            yield _can_keep(function)
-        finally:
-            _settings.CACHE_LOCATOR_CLASSES = before
-
-
-def _can_keep(function: Callable[..., object]) -> bool:
-    global _said  # noqa: PLW0603 - once a process
-    file = Path(function.__code__.co_filename)
-    if not file.exists():  # typed at a prompt
-        return False
-    if KernelCacheLocator.from_function(function, str(file)) is not None:
-        return True
-    if not _said:
-        _said = True
-        logging.getLogger(__name__).warning(
-            "compiled code can be kept neither in %s nor in the user's cache folder: every run compiles again, "
-            "a minute or two. Set NUMBA_CACHE_DIR to a folder that can be written.",
-            file.parent,
-        )
-    return False
+        with _lock:
+            if self._dispatcher is None:
+                self._dispatcher = compiler.dispatcher(self._function, **self._options)
+        return self._dispatcher
 
 
 _lock = threading.RLock()
-_said = False
-_stamps: dict[str, str] = {}  # module name → stamp
+_names: dict[
+    str, dict[str, object]
+] = {}  # of modules with kernels, when their first one is met: what they had imported
 
 
-def _module_stamp(name: str, file: str, names: Mapping[str, object]) -> str:
-    """Hash of a module's file and of what it has imported, when its first kernel is met."""
-    if name not in _stamps:
-        _stamps[name] = ""  # its own names, met on the way, are in its file
-        digest = hashlib.sha256(_OWN)
-        digest.update(Path(file).read_bytes())
-        for key, value in sorted(names.items()):
-            if not key.startswith("__"):
-                digest.update(f"{key}={_fingerprint(value)};".encode())
-        _stamps[name] = digest.hexdigest()
-    return _stamps[name]
+def met(function: Callable[..., object]) -> None:
+    """Note what the function's module has imported, when its first kernel is met."""
+    if function.__module__ not in _names:
+        _names[function.__module__] = dict(function.__globals__)
 
 
-def _fingerprint(value: object) -> str:
-    """What of an imported name can change compiled code: plain data by value, kernels and named tuples by the stamp of
-    the module they come from.
-    """
-    if isinstance(value, (bool, int, float, complex, str, np.generic, np.dtype, Enum)):
-        return repr(value)
-    if isinstance(value, tuple):
-        return f"({','.join(map(_fingerprint, value))})"
-    if isinstance(value, np.ndarray):
-        return f"{value.dtype}{value.shape}{hashlib.sha256(value.tobytes()).hexdigest()}"
-    if isinstance(value, type) and issubclass(value, Enum):
-        return repr(list(value))
-    if isinstance(value, type) and issubclass(value, tuple):
-        module = sys.modules.get(value.__module__)
-        file = getattr(module, "__file__", None)
-        return _module_stamp(value.__module__, file, vars(module)) if module and file else repr(value)
-    name = value.__name__ if isinstance(value, ModuleType) else getattr(value, "__module__", None)
-    return _stamps.get(str(name), "")
-
-
-_OWN = Path(__file__).read_bytes()
+def imported_by(module: str) -> dict[str, object] | None:
+    """What a module had imported above its first kernel; None: it has no kernel."""
+    return _names.get(module)
