@@ -164,7 +164,7 @@ def as_lit(image: Image, laser_off: Image, mask: Mask) -> Image:
             return laser_off
     if abs(gain - 1) < SAME_GAIN:
         return laser_off
-    scaled = np.rint(np.clip(gain * laser_off.astype(np.float32) + shift, 0, top))
+    scaled: Array = np.rint(np.clip(gain * laser_off.astype(np.float32) + shift, 0, top))
     return scaled.astype(np.uint8) if laser_off.dtype == np.uint8 else scaled.astype(np.uint16)
 
 
