@@ -1,9 +1,9 @@
 """numba, and where it keeps what it compiled: imported by the first call of a kernel (`geometry.compiled`).
 
-What is compiled is kept beside the modules (or where `NUMBA_CACHE_DIR` says, or in
-the user's cache folder) and used again for as long as it is fresh: numba itself looks at a kernel's own file alone, and
-would go on using what it once compiled of a callee in another. Here a kernel is fresh while its file *and* all that the
-file takes from others (kernels, with what they take in turn; named tuples; constants) are as they were.
+What is compiled is kept beside the modules (or where `NUMBA_CACHE_DIR` says, or in the user's cache folder) and used
+again for as long as it is fresh: numba itself looks at a kernel's own file alone, and would go on using what it once
+compiled of a callee in another. Here a kernel is fresh while its file *and* all that the file takes from others
+(kernels, with what they take in turn; named tuples; constants) are as they were.
 Where nothing can be written, every process compiles for itself; it goes on and says so once, through `logging`.
 """
 
@@ -16,10 +16,9 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from enum import Enum
-from functools import cached_property
 from pathlib import Path
 from types import ModuleType
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -41,11 +40,7 @@ def _without(name: str) -> Iterator[None]:
 
 with _without("coverage"):  # numba would tell it of compiled lines: 40 modules in every process, where it is installed
     import numba
-    from numba._dynfunc import make_function
-    from numba.core import types
     from numba.core.caching import FunctionCache, InTreeCacheLocator, UserProvidedCacheLocator, UserWideCacheLocator
-    from numba.core.codegen import JITCodeLibrary
-    from numba.core.compiler import Compiler
     from numba.core.registry import CPUDispatcher
     from numba.core.runtime.nrt import rtsys
 
@@ -54,6 +49,7 @@ with _without("coverage"):  # numba would tell it of compiled lines: 40 modules 
 _FINITE = {"nnan", "ninf", "nsz"}
 _PLACES: tuple[Any, ...] = (UserProvidedCacheLocator, InTreeCacheLocator, UserWideCacheLocator)
 _settings: Any = numba.config
+_NEWEST_TRIED = (0, 68)  # numba; from 0.62 on kernels work as `geometry.linked` compiles them, tests/geometry show it
 
 
 def dispatcher(function: Callable[..., object], *, fastmath: bool, inline: bool, parallel: bool) -> Any:
@@ -62,72 +58,20 @@ def dispatcher(function: Callable[..., object], *, fastmath: bool, inline: bool,
     options["fastmath"] = _FINITE if fastmath else False
     options["inline"] = "always" if inline else "never"
     options["no_cfunc_wrapper"] = True  # nobody calls them from C, and it compiles faster
-    made: Any = _Kernel(function, {}, options | {"nopython": True})
+    made: Any = _dispatching()(function, {}, options | {"nopython": True})
     with _own_cache(function) as can_keep:
         if can_keep:
             made._cache = _KernelCache(function)  # as numba's cache=True does
     return made
 
 
-class _Kernel(CPUDispatcher):
-    """What Python calls. Kernels that call it see another: its part inside them, which is not compiled for itself.
+def _dispatching() -> Any:
+    """The class of dispatchers: numba's own in a release newer than those tried, whose parts may be others."""
+    if numba.version_info.short > _NEWEST_TRIED:
+        return CPUDispatcher
+    from geometry.linked import LinkingDispatcher
 
-    numba compiles a callee whole, with a wrapper that unpacks Python's arguments, and then once more in each caller.
-    Two kernels of three are only ever called by others, and more than a third of the time went there.
-    """
-
-    def __init__(self, py_func: Callable[..., object], names: dict[str, Any], targetoptions: dict[str, Any]) -> None:
-        begin: Any = super().__init__  # of numba's signature, by which it also unpickles
-        begin(py_func, names, targetoptions, _OutsideCompiler)
-
-    @cached_property
-    def _inside(self) -> Any:
-        dispatcher, options = cast("Any", CPUDispatcher), self.targetoptions | {"no_cpython_wrapper": True}
-        return dispatcher(self.py_func, self.locals, options, _InsideCompiler)
-
-    @property
-    def _numba_type_(self) -> Any:
-        """What callers compile and link."""
-        return types.Dispatcher(self._inside)
-
-
-class _OutsideCompiler(Compiler):
-    """numba's, and hands the code that was linked the environments that its exceptions are made in."""
-
-    def compile_extra(self, func: Callable[..., object]) -> Any:
-        compile_extra: Any = super().compile_extra
-        found = compile_extra(func)
-        for environment in found._find_referenced_environments():
-            found.library.codegen.set_env(environment.env_name, environment)
-        return found
-
-
-class _InsideCompiler(Compiler):
-    """Compiles as far as the code that callers link."""
-
-    def compile_extra(self, func: Callable[..., object]) -> Any:
-        context = self.state.targetctx
-        library: Any = _InsideLibrary
-        self.state.library = library(context.codegen(), func.__qualname__)
-        self.state.flags.no_compile = True
-        compile_extra: Any = super().compile_extra
-        found = compile_extra(func)
-        description, kept = found.fndesc, (found.library,)
-        key = make_function(description.lookup_module(), func.__name__, "", 0, found.environment, kept)
-        context.insert_user_function(key, description, kept)  # a name for it alone: there is nothing to be called
-        return found._replace(entry_point=key)
-
-
-class _InsideLibrary(JITCodeLibrary):
-    """Code that is linked into others, where it is optimized and made into the machine's."""
-
-    def _optimize_final_module(self) -> None:
-        """Left to the caller."""
-
-    def _finalize_final_module(self) -> None:
-        find_globals: Any = self._finalize_dynamic_globals
-        find_globals()
-        self._finalized = True
+    return LinkingDispatcher
 
 
 class _KernelCache(FunctionCache):
@@ -267,4 +211,4 @@ def _fingerprint(value: object) -> str:
     return "" if imported_by(name) is None else _module_stamp(name)
 
 
-_OWN = Path(__file__).read_bytes()
+_OWN = Path(__file__).read_bytes() + Path(__file__).with_name("linked.py").read_bytes()

@@ -103,6 +103,14 @@ def test_callees_are_compiled_within_their_callers_alone(room: Path) -> None:
     assert run(room, program)[0] == "too large 1000000000.0 1"
 
 
+def test_a_newer_numba_compiles_them_its_own_way(room: Path) -> None:
+    """What numba does not promise to keep is used with releases that it was tried with only."""
+    program = f"from geometry import compiler; compiler._NEWEST_TRIED = (0, 0); {PROGRAM}"
+    assert run(room, program)[0] == "20.0"
+    assert {file.name.split("-")[0] for file in room.rglob("*.nbi")} == {"whole.answer", "whole.below", "parts.scaled"}
+    assert run(room, program)[0] == "20.0 1"
+
+
 def test_changed_named_tuples_are_noticed_and_nothing_stale_stays(room: Path) -> None:
     """Fields of another order, and a class of another name: what was compiled speaks of one that is no more."""
     assert run(room)[0] == "20.0"
