@@ -14,7 +14,7 @@ from calib.hands import chain_poses
 from calib.pose import own_poses
 from calib.result import CalibrationResult, DesignSolved, Distances, Estimate, LocationResult, Verdict
 from calib.surface import described, own_centres
-from geometry import Frame, Pose, Robot, SheetPoints, Surface, Target, locations_of, stack_poses, target_at
+from geometry import Frame, Pose, Robot, Role, SheetPoints, Surface, Target, locations_of, stack_poses, target_at
 from jig_cad import Sphere, Wedge
 
 Array = NDArray[np.float64]
@@ -71,17 +71,18 @@ def figured(
     own = target if estimate is None else estimate.targets.get(group[0].location, target)
     kept = [f for f in group if estimate is None or f.number not in estimate.reasons]
     if isinstance(own, Surface):
-        figures = surface_figures(kept, _like(own, estimate), design, solved)
+        figures = surface_figures(group[0].role, kept, _like(own, estimate), design, solved)
     else:
-        figures = location_figures(kept, own, design, solved)
+        figures = location_figures(group[0].role, kept, own, design, solved)
     answered = _answered(group, figures, _distances(group, figures.fit, own, solved or design), estimate)
     enough = sum(f.used for f in answered) >= LEAST_FRAMES
     return figures.result if enough else _without_figures(figures.result), answered
 
 
-def location_figures(group: Sequence[Frame], target: Target, design: Chain | None, solved: Chain | None) -> Figures:
+def location_figures(
+    role: Role, group: Sequence[Frame], target: Target, design: Chain | None, solved: Chain | None
+) -> Figures:
     """All figures of one location from its labelled frames."""
-    role = group[0].role
     usable = measured(group)
     chain = solved or design
     if not usable or chain is None:
@@ -116,9 +117,10 @@ def _with_nominal(result: LocationResult, by_nominal: LocationResult) -> Locatio
     return replace(result, **both)
 
 
-def surface_figures(group: Sequence[Frame], target: Surface, design: Chain | None, solved: Chain | None) -> Figures:
+def surface_figures(
+    role: Role, group: Sequence[Frame], target: Surface, design: Chain | None, solved: Chain | None
+) -> Figures:
     """All figures of one location of a surface; max deviation and spread are of each frame's own centre of a ball."""
-    role = group[0].role
     usable = measured(group)
     n_points = sum(max(f.n_points, len(f.axis)) for f in group)
     chain = solved or design
