@@ -5,7 +5,7 @@ BIN    := $(VENV)/bin
 CHECK  := $(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/mypy && $(BIN)/lint-imports --no-cache
 export PIP_DISABLE_PIP_VERSION_CHECK = 1
 
-.PHONY: demo test test-packaging test-slow test-mutation docs check lint format clean setup setup-dev setup-docs
+.PHONY: demo test test-processes test-packaging test-slow test-mutation docs check lint format clean setup setup-dev setup-docs
 
 $(VENV)/.setup: pyproject.toml
 	$(PYTHON) -c 'import sys; sys.exit("Python 3.11 or newer is needed, this is " + sys.version.split()[0] + ": set PYTHON=...") if sys.version_info < (3, 11) else None'
@@ -35,6 +35,9 @@ test: setup-dev
 	{ $(CHECK); } >build/check.txt 2>&1 & check=$$!; \
 	$(BIN)/python -m pytest -n 2 --dist loadscope --no-loadscope-reorder; tests=$$?; \
 	wait $$check; checked=$$?; cat build/check.txt; exit $$((tests ? tests : checked))
+
+test-processes: setup-dev
+	$(BIN)/python -m pytest -n 2 --dist loadscope --no-loadscope-reorder -m "processes and not slow"
 
 test-packaging: setup-dev
 	$(if $(MATRIX),PACKAGING_MATRIX=1 )$(BIN)/python -m pytest -m packaging

@@ -19,6 +19,8 @@ from workbench.campaign import read_plan, run_campaign
 
 distributed = pytest.importorskip("distributed", reason="the campaign extra is not installed")
 
+pytestmark = pytest.mark.processes
+
 QUIET = {
     "DASK_DISTRIBUTED__DIAGNOSTICS__NVML": "False",
     "DASK_DISTRIBUTED__ADMIN__LARGE_GRAPH_WARNING_THRESHOLD": "1GB",

@@ -24,6 +24,7 @@ from workbench.campaign import Plan, read_plan, read_run, run_campaign
 from workbench.campaign.store.store import ShardResult, opened_store
 from workbench.campaign.work.trusted import check_cache
 
+pytestmark = pytest.mark.processes
 KILLS = 100
 
 

@@ -20,7 +20,7 @@ from tests.window.chromium import ActionChains, By, Keys, Page, ended, needs_bro
 from workbench.cli.main import run
 from workbench.files import read_sensor
 
-pytestmark = needs_browser
+pytestmark = [needs_browser, pytest.mark.processes]
 ATOL_PX = 5.6e-5  # the page is told four decimals, the file five
 ATOL_POINTED_MM = 1.2  # half a screen pixel at each end, of 1.3 image pixels and 0.9 mm
 ATOL_SHOWN_MM, ATOL_SHOWN_PX = 5e-3, 1e-3  # a display of hundredths of a millimetre; there and back by the same grid

@@ -10,7 +10,7 @@ import pytest
 from tests.window.chromium import Page, needs_browser
 from workbench.cli.main import run
 
-pytestmark = needs_browser
+pytestmark = [needs_browser, pytest.mark.processes]
 PX_PER_MM = 96 / 25.4
 MARGIN_MM = 14.0  # of @page, at each side
 

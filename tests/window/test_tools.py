@@ -18,7 +18,7 @@ from tests.window.chromium import ActionChains, Keys, Page, ended, needs_browser
 from workbench.cli.main import run
 from workbench.files import read_settings
 
-pytestmark = needs_browser
+pytestmark = [needs_browser, pytest.mark.processes]
 STATIC = Path(__file__).parents[2] / "workbench" / "window" / "static"
 ATOL_PX = 1.5e-3  # the page is told three decimals
 

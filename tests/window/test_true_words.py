@@ -14,7 +14,7 @@ import pytest
 from tests.window.chromium import Page, ended, needs_browser, served
 from workbench.window.serve import way_in
 
-pytestmark = needs_browser
+pytestmark = [needs_browser, pytest.mark.processes]
 
 
 @pytest.fixture(scope="module")

@@ -9,6 +9,8 @@ import pytest
 
 from tests.workbench.same_bytes import ENVIRONMENTS, REFERENCE, WORKS, differing, digests
 
+pytestmark = pytest.mark.processes
+
 
 def test_a_recorded_cell_is_the_same_with_old_libraries(tmp_path: Path) -> None:
     """Planned, rendered and extracted with BLAS, numpy, glibc and OpenCV as on a processor without AVX2.
