@@ -1,8 +1,7 @@
-# make demo: set up, run the paper's experiment, show its results.   make test: set up, check, run the tests.
+# make demo: set up, run the paper's experiment, show its results.   make test: set up, run the tests.
 PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
-CHECK  := $(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/mypy && $(BIN)/lint-imports --no-cache
 export PIP_DISABLE_PIP_VERSION_CHECK = 1
 
 .PHONY: demo test test-processes test-packaging test-slow test-mutation docs check lint format clean setup setup-dev setup-docs
@@ -31,10 +30,7 @@ demo: setup
 	$(BIN)/perceptron-emu demo
 
 test: setup-dev
-	@mkdir -p build; \
-	{ $(CHECK); } >build/check.txt 2>&1 & check=$$!; \
-	$(BIN)/python -m pytest -n 2 --dist loadscope --no-loadscope-reorder; tests=$$?; \
-	wait $$check; checked=$$?; cat build/check.txt; exit $$((tests ? tests : checked))
+	$(BIN)/python -m pytest -n 2 --dist loadscope --no-loadscope-reorder
 
 test-processes: setup-dev
 	$(BIN)/python -m pytest -n 2 --dist loadscope --no-loadscope-reorder -m "processes and not slow"
@@ -55,7 +51,10 @@ docs: setup-docs
 	@echo "open build/site/index.html"
 
 check: setup-dev
-	$(CHECK)
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports --no-cache
 
 format: setup-dev
 	$(BIN)/ruff check --fix .

@@ -123,7 +123,7 @@ def test_noise_is_weighed_as_far_as_the_residuals_tell_it() -> None:
     assert 0.85 < few < 1.05
 
 
-@pytest.mark.parametrize("model", ["scp", "full"])
+@pytest.mark.parametrize("model", [pytest.param("scp", marks=pytest.mark.slow), "full"])
 def test_sigma_is_true_on_average(model: str) -> None:
     """Mean NEES of 60 runs in [4.4, 7.6]: 3.5 standard deviations of the mean; the benchmark has the narrow gate."""
     rng = np.random.default_rng(5)

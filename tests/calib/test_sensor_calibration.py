@@ -373,7 +373,8 @@ def test_a_board_that_moved_is_left_out_by_name():
 def test_parallel_boards_and_too_few_views_are_named():
     rng = np.random.default_rng(6)
     sensor = synthetic_sensor(rng)
-    assert calibrate_sensor(observe_boards(sensor, rng, 6, tilt_rad=0.0), SIZE, SHORT).verdict.code == "boards_parallel"
+    plain = SensorSettings(max_terms=4, flat_mm=0.0, print_mm=0.0)
+    assert calibrate_sensor(observe_boards(sensor, rng, 6, tilt_rad=0.0), SIZE, plain).verdict.code == "boards_parallel"
     one = calibrate_sensor(observe_boards(sensor, rng, 1), SIZE)
     assert one.verdict.code == "too_few_views"
     assert not one.verdict.is_answer

@@ -87,6 +87,7 @@ def test_two_views_a_wedge_that_two_answers_fit_are_no_answer(by_design: bool) -
     assert result.T_hand_sensor is None
 
 
+@pytest.mark.slow
 def test_an_edge_seen_so_that_its_place_is_open_is_no_fault_of_the_program() -> None:
     """One of the trials behind the verdict meets a location whose equations are singular."""
     rng = np.random.default_rng(17)

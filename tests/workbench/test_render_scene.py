@@ -198,6 +198,7 @@ def test_never_an_empty_image(cli: Cli, folder: Path, text: str, words: str) -> 
 
 
 @needs_gl
+@pytest.mark.processes
 def test_a_cell_by_opengl(cli: Cli, plan: Path, folder: Path) -> None:
     """Two frames by the other renderer: string spots where ours has them."""
     views = ("--joints", folder / "views.csv", "--seed", 5)
