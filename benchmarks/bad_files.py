@@ -4,7 +4,8 @@ A fault is anything but an answer or one sentence: another exception, a sentence
 patience, a result that differs after a kill, a file that is neither whole nor absent. Prints counts and every fault's
 seed; the exit code is 1 where there is one. Mutations: bytes flipped, set, cut, doubled, moved and filled, words
 replaced by numbers and words that programs stumble over; a file may be hit several times.
-Run: python benchmarks/bad_files.py [mutations, default 5000] [kills, default 30] [seed]; a release takes 200000 500.
+Run: PYTHONPATH=. python benchmarks/bad_files.py [mutations, default 5000] [kills, default 30] [seed]; a release takes
+200000 500.
 """
 
 from __future__ import annotations

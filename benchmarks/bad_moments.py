@@ -6,7 +6,8 @@ Most commands are forked from a process that has the modules in memory, so that 
 one in five is started as a user starts it, so that the moment may fall into imports. Moments are counted in the
 command's own processor time where it is one process, so that a busy machine changes nothing. In a corner it has to
 answer or to say one sentence, with nothing half written, and once out of it to give what it always gives.
-Run: python benchmarks/bad_moments.py [kills, default 30] [seed] [0: no corners]; `bad_files.py` runs them, too.
+Run: PYTHONPATH=. python benchmarks/bad_moments.py [kills, default 30] [seed] [0: no corners]; `bad_files.py` runs them,
+too.
 """
 
 from __future__ import annotations
