@@ -197,6 +197,19 @@ def run(arguments):
 main.run = run
 main.main()
 """
+IN_A_DESTRUCTOR = """
+import os, signal
+from workbench.cli import main
+class Gone:
+    def __del__(self):
+        os.kill(os.getpid(), signal.SIGINT)
+def run(arguments):
+    Gone()
+    print("went on")
+    return 0
+main.run = run
+main.main()
+"""
 TAKEN_DOWN = """
 import os, signal, sys
 from workbench.cli import main
@@ -210,9 +223,12 @@ main.main()
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals are sent in another way there")
-@pytest.mark.parametrize(("script", "code"), [(SWALLOWED_BY_LLVM, 130), (TAKEN_DOWN, 0)])
+@pytest.mark.parametrize(("script", "code"), [(SWALLOWED_BY_LLVM, 130), (IN_A_DESTRUCTOR, 130), (TAKEN_DOWN, 0)])
 def test_interrupts_are_neither_lost_nor_too_late(script: str, code: int) -> None:
-    """In what is called back from LLVM nothing can be raised; when all is written, Ctrl-C changes nothing."""
+    """In what is called back from LLVM, or in a destructor, nothing can be raised; when all is written, Ctrl-C changes
+    nothing.
+    """
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
     assert done.returncode == code, done.stderr
     assert "Traceback" not in done.stderr
+    assert not done.stdout

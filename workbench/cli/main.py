@@ -30,6 +30,7 @@ def run(arguments: Sequence[str]) -> int:
 def main() -> None:
     """Entry point of the command."""
     signal.signal(signal.SIGINT, interrupted)
+    sys.unraisablehook = _unraisable
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # looked for in all that is installed
     gc.set_threshold(NEW_OBJECTS, *gc.get_threshold()[1:])
     code = 1  # of what is raised beyond `run`
@@ -53,6 +54,16 @@ def _leave(code: int) -> None:
         sys.stdout.flush()
         sys.stderr.flush()
     os._exit(code)
+
+
+def _unraisable(ignored: sys.UnraisableHookArgs) -> None:
+    """End at once where a KeyboardInterrupt met what can raise nothing, a destructor say: Python would only tell of it,
+    and the command go on.
+    """
+    if issubclass(ignored.exc_type, KeyboardInterrupt):
+        os.write(2, b"interrupted\n")
+        os._exit(INTERRUPTED)
+    sys.__unraisablehook__(ignored)
 
 
 def interrupted(_signal: int, frame: FrameType | None) -> None:
