@@ -90,9 +90,8 @@ class _Kernel:
 
 
 _lock = threading.RLock()
-_names: dict[
-    str, dict[str, object]
-] = {}  # of modules with kernels, when their first one is met: what they had imported
+# of modules with kernels, when their first one is met: what they had imported
+_names: dict[str, dict[str, object]] = {}
 
 
 def met(function: Callable[..., object]) -> None:

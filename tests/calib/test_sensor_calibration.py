@@ -109,6 +109,21 @@ def _scene() -> tuple[BoardViews, State]:
     return views, state.with_value(PLANE, fitted_plane(stripe_points(views, state)))
 
 
+def _column_is_true(rows, state: State, name: str, j: int, jacobian: np.ndarray) -> None:
+    """A block's Jacobian by its number ``j``, against the complex step of the rows."""
+    d = np.zeros(jacobian.shape[-1], dtype=complex)
+    d[j] = 1j * STEP
+    if name == BOARD:
+        board = state.pose(BOARD)
+        w = np.array([[0, -d[5], d[4]], [d[5], 0, -d[3]], [-d[4], d[3], 0]])
+        moved = Pose(board.R + board.R @ w, board.t + board.R @ d[:3])
+    else:
+        moved = state.vector(name) + d
+    expected = rows(state.with_value(name, moved)).residual.imag / STEP
+    scale = max(np.abs(expected).max(), 1e-6)
+    np.testing.assert_allclose(jacobian[..., j] / scale, expected / scale, rtol=0, atol=2e-7)
+
+
 @pytest.mark.parametrize("kind", ["corners", "stripe", "distance"])
 def test_jacobians_are_those_of_the_complex_step(kind: str):
     views, state = _scene()
@@ -116,19 +131,8 @@ def test_jacobians_are_those_of_the_complex_step(kind: str):
     rows = {"corners": corners.errors, "stripe": stripe.errors, "distance": stripe.distances}[kind]
     found = rows(state)
     for name in found.jacobian:
-        size = found.jacobian[name].shape[-1]
-        for j in range(size):
-            d = np.zeros(size, dtype=complex)
-            d[j] = 1j * STEP
-            if name == BOARD:
-                board = state.pose(BOARD)
-                w = np.array([[0, -d[5], d[4]], [d[5], 0, -d[3]], [-d[4], d[3], 0]])
-                moved = Pose(board.R + board.R @ w, board.t + board.R @ d[:3])
-            else:
-                moved = state.vector(name) + d
-            expected = rows(state.with_value(name, moved)).residual.imag / STEP
-            scale = max(np.abs(expected).max(), 1e-6)
-            np.testing.assert_allclose(found.jacobian[name][..., j] / scale, expected / scale, rtol=0, atol=2e-7)
+        for j in range(found.jacobian[name].shape[-1]):
+            _column_is_true(rows, state, name, j, found.jacobian[name])
 
 
 def test_the_noise_of_a_stripe_is_made_independent():
@@ -525,17 +529,7 @@ def test_jacobians_of_a_bent_board_are_those_of_the_complex_step(kind: str):
     assert set(found.jacobian) == {CAMERA, BOARD, BEND, *([PRINT] if kind == "corners" else [PLANE])}
     for name in (BOARD, BEND, CAMERA, *([PRINT] if kind == "corners" else [])):
         for j in range(0, found.jacobian[name].shape[-1], 40 if name == PRINT else 1):
-            d = np.zeros(found.jacobian[name].shape[-1], dtype=complex)
-            d[j] = 1j * STEP
-            if name == BOARD:
-                board = state.pose(BOARD)
-                w = np.array([[0, -d[5], d[4]], [d[5], 0, -d[3]], [-d[4], d[3], 0]])
-                moved = Pose(board.R + board.R @ w, board.t + board.R @ d[:3])
-            else:
-                moved = state.vector(name) + d
-            expected = rows(state.with_value(name, moved)).residual.imag / STEP
-            scale = max(np.abs(expected).max(), 1e-6)
-            np.testing.assert_allclose(found.jacobian[name][..., j] / scale, expected / scale, rtol=0, atol=2e-7)
+            _column_is_true(rows, state, name, j, found.jacobian[name])
 
 
 def test_a_bent_board_is_told_and_the_sensor_is_true():
