@@ -28,7 +28,10 @@ def cross(a: Array, b: Array) -> Array:
     """Cross product along the last axis (..., 3) of float arrays (np.cross spends most of its time on checks)."""
     a0, a1, a2 = a[..., 0], a[..., 1], a[..., 2]
     b0, b1, b2 = b[..., 0], b[..., 1], b[..., 2]
-    return np.stack([a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0], -1)
+    x = a1 * b2 - a2 * b1
+    out = np.empty((*x.shape, 3))
+    out[..., 0], out[..., 1], out[..., 2] = x, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0
+    return out
 
 
 def _series(angle: Array) -> tuple[Array, Array, Array]:
