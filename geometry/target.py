@@ -94,7 +94,25 @@ class Target(Protocol):
 
 
 def target_at(target: Target | Mapping[str, Target], location: str) -> Target:
-    """What stood at a location: the one target, or that of a mapping by location; InputError where it names none."""
+    """What stood at a location.
+
+    Parameters
+    ----------
+    target : Target or mapping of str to Target
+        One for all locations, or by location.
+    location : str
+        Its name.
+
+    Returns
+    -------
+    Target
+        The one that stood there.
+
+    Raises
+    ------
+    InputError
+        Where the mapping names none.
+    """
     if not isinstance(target, Mapping):
         return target
     if location not in target:

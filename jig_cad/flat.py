@@ -197,7 +197,17 @@ def frame_with_z(z: Array) -> Array:
 
 
 def frame_with_x(x: Array) -> Array:
-    """A rotation whose first column is the unit vector x; the second has no part along the base axis least like x."""
+    """A rotation by its first column; the second has no part along the base axis least like it.
+
+    Parameters
+    ----------
+    x : (3,)
+        A unit vector.
+
+    Returns
+    -------
+    (3, 3) array
+    """
     least = np.eye(3)[int(np.argmin(np.round(np.abs(x), 6)))]
     y = np.cross(least, x)
     y = y / np.linalg.norm(y)
