@@ -17,6 +17,7 @@ from calib.synthetic.cell import Layout, Noise, calibrated, made_cell, observe, 
 from calib.synthetic.views import JigView, SpotNoise, disturbed, observe_spots, random_pose, random_sensor, random_view
 from geometry import AxisPoints, InputError, Pose, SurfacePoints, cross_plane_x0, field_of_view, inside_polygon
 from jig_cad import ANCHORS, STRINGS, Jig, sample_tolerance
+from tests.pinned import pinned
 
 CONFIG = CalibConfig()
 TEN = {
@@ -79,6 +80,7 @@ def test_labels_among_clutter_without_a_guess(jig, hidden, n):
         view = view_of(rng, jig)
         truth = observe_spots(view, SpotNoise(clutter=int(rng.integers(0, 10)), hidden=hidden), rng)
         frame = label_frame(truth.points, view.jig, view.sensor, None, CONFIG)
+        pinned(frame)
         assert wrong_labels(frame, truth, jig) == 0
         full += len(frame.axis) == len(jig.strings) - hidden
     assert full >= n - 1
@@ -92,6 +94,7 @@ def test_a_guess_labels_lines_with_strings_hidden():
         truth = observe_spots(view, SpotNoise(clutter=5, hidden=2), rng)
         guess = disturbed(view.T_sensor_jig, jig, 4.0, 1.5, rng)
         frame = label_frame(truth.points, jig, view.sensor, guess, CONFIG)
+        pinned(frame)
         assert all(truth.label[s] == label for label, s in zip(frame.axis.label, frame.axis.spot, strict=True))
         given += len(frame.axis) == 3
     assert given >= 12
@@ -126,6 +129,7 @@ def test_a_location_of_a_turned_jig_is_labelled_one_way():
     truths = [observe_spots(replace(first, T_sensor_jig=T), SpotNoise(), rng) for T in (poses[0], poses[1], poses[2])]
     spots = [t.points for t in truths]
     frames = label_location(spots, poses.inverse(), Pose.identity(), jig, first.sensor, CONFIG)
+    pinned(frames)
     way = {}
     for frame, truth in zip(frames, truths, strict=True):
         assert len(frame.axis) >= 5
@@ -154,7 +158,9 @@ def test_a_renamed_pillar_is_labelled_and_posed_to_the_same_bits(six):
         truth = observe_spots(view, SpotNoise(clutter=6, hidden=k % 2), rng)
         guess = disturbed(view.T_sensor_jig, view.jig, 4.0, 1.5, rng) if k % 3 else None
         own = label_frame(truth.points, view.jig, view.sensor, guess, CONFIG)
+        pinned(own)
         other = label_frame(truth.points, renamed(view.jig), view.sensor, guess, CONFIG)
+        pinned(other)
         assert other.axis.label == tuple(RENAMED[s] for s in own.axis.label)
         assert other.reason == own.reason
         if own.T_sensor_jig is not None:

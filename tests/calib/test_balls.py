@@ -13,6 +13,7 @@ from calib.synthetic.cell import CellFrames
 from calib.synthetic.surfaces import ProfileNoise, observe_surface, surface_cell
 from geometry import Frame, Pose, Robot, Role
 from jig_cad import Balls
+from tests.pinned import pinned
 
 NEES_LIMIT = 30.0  # a sound covariance exceeds it in 4 of 100,000 runs
 CENTRES = {"a": (0, 0, 0), "b": (90, 10, 0), "c": (20, 80, 15), "d": (100, 95, 0)}
@@ -70,6 +71,7 @@ def _check(target: Balls, drawn: bool) -> None:
 def test_equal_balls_one_at_a_time_are_not_told_without_a_drawing() -> None:
     seen, anonymous, robot, _ = _seen(EQUAL)
     result = calibrate(anonymous.frames, EQUAL, robot, seen.sensor, None)
+    pinned(result)
     assert not result.verdict.trustworthy
     assert result.T_hand_sensor is None
     assert "equal balls" in result.verdict.text

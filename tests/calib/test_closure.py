@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,7 @@ from calib.closure.judge import Socket, closure, held_out_rms
 from calib.closure.terms import closure_problem, solve_closure
 from calib.synthetic.cell import industrial_arm
 from geometry import DhRobot, draw_errors
+from tests.pinned import pinned
 from tests.recordings import MISSING, recording
 
 RECORDED = recording("real/socket_closure/data")
@@ -72,6 +75,7 @@ def test_wrong_robot_is_corrected() -> None:
     made = industrial_arm().corrected(5 * draw_errors(industrial_arm(), rng))
     sockets = synthetic(rng, made, np.array([10.0, -20.0, 140.0]))
     result = closure(sockets, industrial_arm(), 50.0, prior_scale=5.0)
+    pinned(result)
     assert result.gains
     assert result.calibrated.rms_mm < 0.02 * result.nominal.rms_mm
 
@@ -85,17 +89,20 @@ def test_recorded_pandas_close_where_they_were_not_fitted(name: str, robot, last
     sockets = recorded(name)
     problem = closure_problem([s for s in sockets if s.location != last], robot(), 50.0, 3.0, 0.1)
     fit = solve_closure(problem, np.ones(len(problem.prior_sigma), dtype=bool))
+    pinned(fit)
     assert held_out_rms(fit, [s for s in sockets if s.location == last]) < reach_mm
 
 
 def test_recorded_iiwa_gains_nothing_from_the_larger_model() -> None:
     result = closure(recorded("kuka_14"), iiwa(), 50.0)
+    pinned(result)
     assert not result.gains
     assert "no gain from the larger model" in result.text
 
 
 def test_recorded_panda_gains_everywhere() -> None:
     result = closure(recorded("panda_3"), panda(), 50.0)
+    pinned(result)
     assert result.gains
     assert max(h.calibrated_mm for h in result.held_out) < 0.27
 
@@ -113,6 +120,7 @@ def seated() -> list[Socket]:
 def test_a_wrong_distance_is_named(seated: list[Socket], distance_mm: float, right: bool) -> None:
     """It pulls the robot's lengths by many σ while the sockets still close."""
     result = closure(seated, industrial_arm(), distance_mm)
+    pinned(result)
     assert result.trustworthy == right
     if not right:
         assert result.code == "distance_contradicts"
@@ -125,6 +133,7 @@ def test_priors_count_in_chi2(seated: list[Socket]) -> None:
     """Departures from the priors are part of the cost, and cost no degree of freedom."""
     problem = closure_problem(seated, industrial_arm(), 55.0, 3.0, 0.1)
     fit = solve_closure(problem, np.ones(len(problem.prior_sigma), dtype=bool))
+    pinned(fit)
     assert fit.cost > np.sum(fit.pulls**2) > 1000
     assert fit.chi2_per_dof > 2
 
@@ -135,6 +144,7 @@ def test_a_table_of_another_arm_is_named(seated: list[Socket]) -> None:
     assert closure(seated, other, 50.0).code == "robot_contradicts"
     wrong = industrial_arm().with_changes(a=np.array([0, 30.0, 0, 0, 0, 0]))
     result = closure(seated, wrong, 50.0)
+    pinned(result)
     assert result.code == "priors_contradict"
     assert "the sockets close only if a2 is changed by -" in result.text
 
@@ -142,14 +152,23 @@ def test_a_table_of_another_arm_is_named(seated: list[Socket]) -> None:
 def test_sigma_of_predicted_positions_is_seen_at_locations_left_out(seated: list[Socket]) -> None:
     """Of both models, without what the locations left out widen; three locations tell a factor of two."""
     result = closure(seated, industrial_arm(), 50.0)
+    pinned(result)
     for seen, expected in (("nominal_mm", "nominal_sigma_mm"), ("calibrated_mm", "calibrated_sigma_mm")):
         rms, sigma = (np.sqrt(np.mean([getattr(h, k) ** 2 for h in result.held_out])) for k in (seen, expected))
         assert 0.5 < rms / sigma < 2.0
     assert result.predicted_sigma_mm is not None
+    missed = tuple(
+        replace(h, nominal_mm=10 * h.nominal_sigma_mm, calibrated_mm=10 * h.nominal_sigma_mm) for h in result.held_out
+    )
+    wide = replace(result, held_out=missed)
+    assert not wide.gains
+    assert wide.widened == pytest.approx(10.0)
+    np.testing.assert_allclose(wide.tool_covariance, 100 * result.nominal.tool_covariance)
 
 
 @pytest.mark.parametrize("name", ["panda_3", "panda_4"])
 def test_sigma_of_predicted_positions_on_recorded_arms(name: str) -> None:
     result = closure(recorded(name), panda(), 50.0)
+    pinned(result)
     assert result.code == "ok"
     assert result.widened < 1.3

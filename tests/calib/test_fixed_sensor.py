@@ -13,6 +13,7 @@ from calib.synthetic.cell import Layout, axis_points, default_sensor, industrial
 from calib.verify import verify
 from geometry import AxisPoints, DhRobot, Frame, Inverted, Pose, draw_errors, inverse_kinematics
 from jig_cad import Jig, sample_tolerance
+from tests.pinned import pinned
 
 TRUE = Pose.from_fixed_xyz_deg((3.0, -87.0, 2.0), (1900.0, 60.0, 900.0))  # depth towards the arm
 DESIGN = TRUE @ Pose.exp(np.array([2.0, -3.0, 2.5, 0.01, -0.015, 0.02]))
@@ -56,6 +57,7 @@ def test_without_noise_it_is_found_to_the_last_digit() -> None:
     arm, jig = industrial_arm(), Jig.nominal()
     frames = _frames(np.random.default_rng(0), arm, arm, jig, noisy=False)
     result = calibrate(frames, jig, arm, default_sensor(), DESIGN, config=CalibConfig(model="scp"), mount="fixed")
+    pinned(result)
     assert result.T_hand_sensor is not None
     np.testing.assert_allclose(result.T_hand_sensor.matrix, TRUE.matrix, rtol=0, atol=ATOL_MM)
     for name, place in MOUNTED.items():
@@ -95,6 +97,7 @@ def test_hand_poses_alone_do() -> None:
         noise = rng.normal(size=6) * np.array([0.05] * 3 + [5e-5] * 3)
         shaken.append(replace(f, joints_rad=None, T_base_hand=arm.pose(f.joints_rad) @ Pose.exp(noise)))
     result = calibrate(shaken, jig, None, default_sensor(), DESIGN, mount="fixed")
+    pinned(result)
     assert result.verdict.trustworthy, result.verdict.text
     assert result.T_hand_sensor is not None
     assert result.covariance is not None
@@ -107,6 +110,7 @@ def test_the_truth_verifies_to_the_noise() -> None:
     arm, jig = industrial_arm(), Jig.nominal()
     frames = _frames(np.random.default_rng(3), arm, arm, jig, noisy=True)
     found = verify(frames, jig, arm, default_sensor(), TRUE, mount="fixed")
+    pinned(found)
     assert found.largest_rms_mm is not None
     assert found.largest_rms_mm < 0.2
 

@@ -15,6 +15,7 @@ from calib.label.refine import turned_over
 from calib.synthetic.views import JigView, SpotNoise, disturbed, observe_spots, random_pose, random_sensor, random_view
 from geometry import Frame, Pose, SurfacePoints, exp_so3, stack_poses
 from jig_cad import STRINGS, Jig, sample_tolerance
+from tests.pinned import pinned
 
 CONFIG = CalibConfig()
 HALF_TURN = Jig.nominal(strings=tuple(STRINGS)).symmetries[0]
@@ -88,6 +89,7 @@ def test_without_a_guess_the_half_turn_follows_the_convention():
     for _ in range(8):
         view = random_view(rng)
         frame = label_frame(observe_spots(view, SpotNoise(), rng).points, view.jig, view.sensor, None, CONFIG)
+        pinned(frame)
         assert frame.T_sensor_jig is not None
         assert frame.T_sensor_jig.R[0, 0] > 0
 
@@ -101,6 +103,7 @@ def test_a_spot_cut_short_is_flagged_or_left_out_not_trusted():
         truth = observe_spots(view, SpotNoise(cut=1, clutter=3), rng)
         guess = disturbed(view.T_sensor_jig, view.jig, 4.0, 1.5, rng)
         frame = label_frame(truth.points, view.jig, view.sensor, guess, CONFIG)
+        pinned(frame)
         assert wrong_labels(frame, truth) == 0
         labelled += frame.reason is None
         unnoticed += frame.reason is None and len(frame.axis) == 5 and set(frame.axis.flag) == {""}
@@ -129,12 +132,14 @@ def test_frames_of_a_location_share_their_half_turn_and_help_those_with_hidden_s
             rng, noise=lambda i: SpotNoise(clutter=6, hidden=2 if i == 3 else 1 if i == 5 else 0)
         )
         frames = label_location([t.points for t in truth], hands, design, jig, sensor, CONFIG)
+        pinned(frames)
         turned = poses[0].R[0, 0] < 0
         assert [len(f.axis) for f in frames][:3] == [5, 5, 5]
         assert len(frames[5].axis) >= 3
         for frame, one in zip(frames, truth, strict=True):
             assert wrong_labels(frame, one, turned) == 0
         given = label_location([t.points for t in truth], hands, design, jig, sensor, CONFIG, T_base_jig)
+        pinned(given)
         for frame, one in zip(given, truth, strict=True):
             assert wrong_labels(frame, one) == 0
 
@@ -154,6 +159,7 @@ def test_a_first_frame_with_hidden_strings_decides_the_half_turn_too(seed):
     """It is labelled through the other frames, which must not decide in its place."""
     jig, sensor, design, _, hands, poses, truth = hidden_first(seed)
     frames = label_location([t.points for t in truth], hands, design, jig, sensor, CONFIG)
+    pinned(frames)
     first = next(i for i, f in enumerate(frames) if f.T_sensor_jig is not None)
     assert frames[first].T_sensor_jig.R[0, 0] > 0
     for frame, one in zip(frames, truth, strict=True):
@@ -183,6 +189,7 @@ def test_one_alien_frame_does_not_mislead_the_others():
     R = hands.R.copy()
     R[0] = exp_so3(np.array([0.0, 0.6, 0.3])) @ R[0]
     frames = label_location([t.points for t in truth], Pose(R, hands.t), design, jig, sensor, CONFIG)
+    pinned(frames)
     turned = poses[1].R[0, 0] < 0
     for frame, one in list(zip(frames, truth, strict=True))[1:]:
         assert len(frame.axis) == 5
@@ -218,6 +225,7 @@ def test_a_point_kept_in_doubt_keeps_its_residual_through_the_half_turn():
         yz = truth.points.yz_mm.copy()
         yz[list(truth.label).index("B'")] += [0.6, 0.0]
         frame = label_frame(replace(truth.points, yz_mm=yz), view.jig, view.sensor, view.T_sensor_jig, CONFIG)
+        pinned(frame)
         if "pose_residual" not in frame.axis.flag:
             continue
         doubtful += 1

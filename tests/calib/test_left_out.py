@@ -13,6 +13,7 @@ from calib.judge import at_least, jackknife_covariance
 from calib.synthetic.surfaces import ProfileNoise, observe_surface, surface_cell
 from geometry import Frame, Pose
 from jig_cad import Sphere
+from tests.pinned import pinned
 
 REAL = Path(os.environ.get("PERCEPTRON_EMU_DATA", "nowhere")) / "real" / "sphere_fanuc"
 
@@ -41,6 +42,7 @@ def test_points_weighted_alike_are_the_plain_least_squares() -> None:
     hands = cell.built.pose(cell.joints_rad)
     own = tuple(Frame(f.number, "A", T_base_hand=hands[f.number], axis=f.axis) for f in seen.frames)
     result = calibrate(own, cell.target, None, seen.sensor, None)
+    pinned(result)
     alike = result.equal_weights
     assert alike is not None
     assert result.covariance is not None
@@ -68,6 +70,7 @@ def test_locations_are_left_out_or_frames_where_there_is_one() -> None:
     seen = observe_surface(cell, rng, ProfileNoise(), 60, labelled=False)
     config = CalibConfig(model="full")
     both = calibrate(seen.frames, cell.target, cell.robot, seen.sensor, seen.design, config=config).left_out
+    pinned(both)
     assert both is not None
     assert both.by == "location"
     assert [p.name for p in both.parts] == ["A", "B"]
@@ -77,6 +80,7 @@ def test_locations_are_left_out_or_frames_where_there_is_one() -> None:
         if f.location == "A" and f.joints_rad is not None
     )
     one = calibrate(own, cell.target, None, seen.sensor, None, config=CalibConfig(model="scp")).left_out
+    pinned(one)
     assert one is not None
     assert one.by == "frame"
     assert len(one.parts) == 9

@@ -10,6 +10,7 @@ import pytest
 from calib import CalibConfig, calibrate
 from calib.synthetic.cell import Noise, made_cell, observe, random_cell
 from geometry import InputError
+from tests.pinned import pinned
 
 ATOL_MM = 1e-6
 
@@ -27,9 +28,11 @@ def test_one_term_or_two_give_one_answer() -> None:
     seen = observe(cell, made, rng, Noise(anchors=False))
     config = CalibConfig(model="full")
     one = calibrate(seen.frames, jig, cell.robot, seen.sensor, cell.design, config=config)
+    pinned(one)
     other = replace(jig, name="its own record")
     both = {"A": jig, "B": other, "C": jig, "D": other}
     two = calibrate(seen.frames, both, cell.robot, seen.sensor, cell.design, config=config)
+    pinned(two)
     assert one.T_hand_sensor is not None
     assert two.T_hand_sensor is not None
     np.testing.assert_allclose(two.T_hand_sensor.matrix, one.T_hand_sensor.matrix, rtol=0, atol=ATOL_MM)

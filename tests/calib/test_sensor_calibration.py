@@ -37,6 +37,7 @@ from calib.synthetic.boards import (
 )
 from geometry import Pose, Sensor, Sheet, State
 from geometry.sensor import SensorDeviation
+from tests.pinned import pinned
 
 STEP = 1e-30
 ATOL_PX = 1e-9
@@ -155,6 +156,7 @@ def test_the_noise_of_a_stripe_is_made_independent():
 
 def test_exact_views_give_the_true_sensor():
     found, truth = _solved(1, 0.0, noise=BoardNoise(1e-6, 1e-6))
+    pinned((found, truth))
     assert found.solution is not None
     np.testing.assert_allclose(found.solution.camera[:4], truth.camera[:4], rtol=0, atol=0.05)
     np.testing.assert_allclose(found.solution.plane_normal, truth.normal, rtol=0, atol=1e-5)
@@ -219,6 +221,7 @@ def test_a_tilt_that_can_not_be_told_is_in_every_sigma():
 
 def test_a_tilt_that_is_excluded_is_in_no_sigma():
     found, _ = _solved(1, 0.0, noise=BoardNoise(0.01, 0.01))
+    pinned(found)
     assert found.untaken is None
     assert found.solution is not None
     assert "tau_x" not in found.solution.uncertainty.parameters
@@ -309,6 +312,7 @@ def test_points_of_a_tilted_chip_scatter_as_stated(bent: tuple[SensorCalibration
     assert found.tilts.taken
     known, answer = found.solution.uncertainty, _answer(found)
     yz = to_sheet(answer.camera, answer.frame, np.concatenate([v.stripe.uv_px for v in views])[::40] - CENTRE)
+    pinned(yz)
     deviation = SensorDeviation(answer.sensor, known.parameters)
     motions = np.stack(
         [np.tile(one, len(yz)) for one in ((1.0, 0.0), (0.0, 1.0))] + [(yz @ [[0, 1], [-1, 0]]).reshape(-1)], -1
@@ -392,10 +396,38 @@ def test_without_stripes_the_plane_is_open():
 
 def test_a_direct_map_follows_the_bundle():
     found, _ = _solved(2, 0.0, count=8)
+    pinned(found)
     plain, bent = fit_direct(found, "homography", SIZE), fit_direct(found, "polynomial", SIZE)
+    pinned((plain, bent))
     assert plain.homography is not None
     assert len(bent.polynomial) == 15
     assert bent.rms_mm < 0.01 < plain.rms_mm  # the lens is in the polynomial, not in the homography
+
+
+def test_opencvs_vector_is_as_short_as_holds_all_terms():
+    found, _ = _solved(2, 0.0, count=8)
+    solution = found.solution
+    assert solution is not None
+    for last, length in ((0, 4), (1, 4), (3, 4), (4, 5), (5, 8), (8, 12), (13, 14)):
+        camera = np.concatenate([solution.camera[:4], np.zeros(14)])
+        camera[4 + last] = 0.1
+        vector = replace(solution, camera=camera).distortion
+        assert len(vector) == length
+        assert vector[last] == 0.1
+
+
+def test_a_corner_far_off_is_left_out():
+    """Three corners of two views lie 2 px beside their crossing: of the corners that were judged they are missing."""
+    rng = np.random.default_rng(31)
+    sensor = synthetic_sensor(rng)
+    views = list(observe_boards(sensor, rng, 9))
+    for i, k in ((1, 7), (1, 20), (4, 11)):
+        uv = views[i].corners.uv_px.copy()
+        uv[k] += [2.0, -2.0]
+        views[i] = replace(views[i], corners=replace(views[i].corners, uv_px=uv))
+    found = calibrate_sensor(views, SIZE, SHORT)
+    left = [len(v.corners.uv_px) - len(r.corners_px) for v, r in zip(views, found.views, strict=True)]
+    assert left == [0, 2, 0, 0, 1, 0, 0, 0, 0]
 
 
 def _moved(view: BoardView, by_px: float) -> BoardView:

@@ -13,6 +13,7 @@ from calib.printed import nees
 from calib.synthetic.surfaces import ProfileNoise, observe_surface, surface_cell
 from calib.synthetic.telling_nothing import SPOILT, spoilt_cell
 from jig_cad import Edge, Sphere, Wedge
+from tests.pinned import pinned
 
 NEES_LIMIT = 22.5  # of six numbers: 1 in 1,000
 
@@ -68,6 +69,7 @@ def test_few_frames_from_a_drawing_do_not_end_in_a_false_answer(seed: int) -> No
     cell = surface_cell(Sphere(40.0), rng, (("A", "calibrate", 5),), noise)
     seen = observe_surface(cell, rng, noise, 100, labelled=False)
     result = calibrate(seen.frames, Sphere(40.0), cell.robot, seen.sensor, seen.design)
+    pinned(result)
     assert result.verdict.code in ("weak", "ambiguous_pose")
     if result.T_hand_sensor is not None:
         assert nees(cell.T_hand_sensor, result.T_hand_sensor, result.covariance) < NEES_LIMIT
@@ -83,6 +85,7 @@ def test_two_views_a_wedge_that_two_answers_fit_are_no_answer(by_design: bool) -
     seen = observe_surface(cell, rng, noise, 100, labelled=False)
     design = seen.design if by_design else None
     result = calibrate(seen.frames, Wedge(90.0), cell.robot, seen.sensor, design)
+    pinned(result)
     assert result.verdict.code == "ambiguous_pose", result.verdict.text
     assert result.T_hand_sensor is None
 

@@ -16,6 +16,7 @@ from calib.synthetic.surfaces import ProfileNoise, SurfaceCell, observe_surface,
 from geometry import AxisPoints, Frame, Pose, SheetPoints, Surface, exp_so3
 from geometry.robot import RobotUncertainty
 from jig_cad import Balls, Edge, Plane, Sphere, Wedge
+from tests.pinned import pinned
 
 NEES_LIMIT = 30.0  # a sound covariance exceeds it in 4 of 100,000 runs
 SAME_MM = 1e-4  # one minimum, reached from two starts
@@ -61,6 +62,7 @@ def test_an_edges_sigma_are_as_large_as_its_errors() -> None:
         seen = observe_surface(cell, rng, exact, labelled=False)
         robot = replace(cell.robot, uncertainty=RobotUncertainty(1e-9, 0.0, 0.0, 0.0, 0.0))
         result = calibrate(seen.frames, Edge(), robot, seen.sensor, seen.design, config=CalibConfig(model="scp"))
+        pinned(result)
         assert result.T_hand_sensor is not None
         assert result.covariance is not None
         squared.append(nees(cell.T_hand_sensor, result.T_hand_sensor, result.covariance))
@@ -128,6 +130,7 @@ def test_targets_may_differ_by_location() -> None:
     )
     targets = {"A": ball, "B": ball, "C": plate}
     result = calibrate(frames, targets, one.robot, first.sensor, None, config=CalibConfig(model="full"))
+    pinned(result)
     assert result.T_hand_sensor is not None, result.verdict.text
     assert result.covariance is not None
     assert nees(one.T_hand_sensor, result.T_hand_sensor, result.covariance) < NEES_LIMIT
@@ -215,6 +218,7 @@ def test_a_diameter_that_the_data_contradict_is_said_in_sigma(stated: float) -> 
     seen = observe_surface(cell, np.random.default_rng(4), ProfileNoise(), points=120, labelled=False)
     config = CalibConfig(model="full")
     result = calibrate(seen.frames, Sphere(stated), cell.robot, seen.sensor, seen.design, config=config)
+    pinned(result)
     assert result.verdict.code == "priors_contradict"
     assert f"{stated:g} mm by target.toml" in result.verdict.text
     assert result.T_hand_sensor is not None
@@ -238,6 +242,7 @@ def test_noise_of_hand_poses_does_not_hide_a_wrong_diameter(stated: float) -> No
     """It is learnt from the residuals, which a wrong diameter makes large."""
     cell, frames = _by_hand_poses(12)
     result = calibrate(frames, Sphere(stated), None, default_sensor(), cell.design)
+    pinned(result)
     assert result.verdict.code == "priors_contradict", result.verdict.text
     assert f"{stated:g} mm by target.toml" in result.verdict.text
     assert calibrate(frames, Sphere(40.0), None, default_sensor(), cell.design).verdict.code in ("ok", "weak")
@@ -248,6 +253,7 @@ def test_profiles_out_of_step_are_named_whatever_else_the_views_lack() -> None:
     cell, frames = _by_hand_poses(10)
     after = [replace(a, axis=b.axis, n_points=b.n_points) for a, b in zip(frames[1:], frames[:-1], strict=True)]
     result = calibrate(after, Sphere(40.0), None, default_sensor(), cell.design)
+    pinned(result)
     assert not result.verdict.trustworthy
     assert result.T_hand_sensor is None
     assert "profiles and poses are out of step" in result.verdict.text

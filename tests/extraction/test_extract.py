@@ -17,6 +17,7 @@ from extraction import (
 from extraction.spots import TrueSpot
 from extraction.spots.detect import prepare
 from tests.extraction.spots import camera, dot_grid, make_sensor, mean_frame, some_spots
+from tests.pinned import pinned
 from tests.recordings import MISSING, recording
 
 SAMPLE, CELL_A = assets.path("samples", "cell_a"), recording("cell_a")  # half of the recording, and all of it
@@ -39,6 +40,7 @@ def test_every_spot_is_found_and_nothing_else(bits, scale, read):
         spots = some_spots(rng)
         image = camera(mean_frame(spots) * scale, rng, gain=0.025 * scale, read=read, bits=bits)
         points = extract(image, sensor, QUIET)
+        pinned(points)
         assert -1 not in matched(points, spots)
         assert len(points) == len(spots)
         assert np.all(np.diff(points.score) <= 0)
@@ -51,6 +53,7 @@ def test_covariance_is_that_of_the_errors_in_px_and_mm():
     for _ in range(40):
         spots = some_spots(rng)
         points = extract(camera(mean_frame(spots), rng), sensor, QUIET)
+        pinned(points)
         truth = np.array([(s.u_px, s.v_px) for s in spots])
         true_mm, _ = image_to_sheet(sensor, truth)
         for s, k in enumerate(matched(points, spots)):
@@ -65,6 +68,7 @@ def test_shape_and_direction_are_reported():
     rng, sensor = np.random.default_rng(4), make_sensor()
     spots = [TrueSpot(100 + 60 * k, 200.3, 1500, 2.6, 0.9, -1.2 + 0.4 * k) for k in range(7)]
     points = extract(camera(mean_frame(spots), rng), sensor, QUIET)
+    pinned(points)
     for s, k in zip(spots, matched(points, spots), strict=True):
         turned = (points.axis_rad[k] - s.axis_rad + np.pi / 2) % np.pi - np.pi / 2
         assert abs(turned) < 0.05
@@ -89,6 +93,7 @@ def test_a_bright_post_scores_below_every_string():
     u, v = np.meshgrid(np.arange(640), np.arange(512))
     post = 3000 * np.exp(-0.5 * (((u - 40) / 6.0) ** 2 + ((v - 490) / 1.7) ** 2))
     points = extract(camera(mean_frame(spots) + post, rng), sensor, QUIET)
+    pinned(points)
     found = matched(points, spots)
     assert -1 not in found
     assert max(found) == len(spots) - 1
@@ -100,6 +105,7 @@ def test_a_spot_on_the_edge_of_a_bright_body_is_found():
     for offset in (-6, -3, 0, 3, 6):
         spot = TrueSpot(320.3 + offset, 200.6, 700, 1.6, 0.85, 1.4)
         points = extract(camera(mean_frame([spot]) + body, rng), sensor, QUIET)
+        pinned(points)
         assert matched(points, [spot], 1.0) != [-1]
 
 
@@ -119,6 +125,7 @@ def test_saturated_spots_are_found_and_flagged():
     rng, sensor = np.random.default_rng(9), make_sensor()
     spots = [TrueSpot(100.2, 100.7, 9000, 2.0, 1.0, 0.3), TrueSpot(300.1, 300.2, 900, 2.0, 1.0, 0.3)]
     points = extract(camera(mean_frame(spots), rng), sensor, QUIET)
+    pinned(points)
     bright, plain = matched(points, spots)
     assert points.flag[bright] == "saturated"
     assert points.flag[plain] == ""
@@ -130,6 +137,7 @@ def test_two_strings_that_touch_are_flagged():
     rng, sensor = np.random.default_rng(10), make_sensor()
     spots = [TrueSpot(200, 200, 1500, 2.0, 0.9, 1.5), TrueSpot(203.4, 202, 1200, 2.0, 0.9, 1.5)]
     points = extract(camera(mean_frame(spots), rng), sensor, QUIET)
+    pinned(points)
     assert len(points)
     assert all(points.flag)
 
@@ -139,6 +147,7 @@ def test_fast_method_finds_the_same_spots():
     spots = some_spots(rng)
     image = camera(mean_frame(spots), rng)
     fast = extract(image, sensor, ExtractionConfig(localise=LocaliseConfig(method="fast")))
+    pinned(fast)
     assert -1 not in matched(fast, spots)
 
 
@@ -162,6 +171,7 @@ def test_cell_a_shows_its_strings_above_all_clutter(folder):
     sensor = make_sensor(1280, 1024)
     for path in sorted((folder / "images").glob("*.png")):
         points = extract(cv2.imread(str(path), cv2.IMREAD_UNCHANGED), sensor)
+        pinned(points)
         visible = {"011": 3, "025": 4}.get(path.stem, 5)
         assert np.sum(points.score > 0.65) >= visible
         narrow = points.sigma_px[:visible, 1]
@@ -172,6 +182,7 @@ def test_a_grid_of_dots_is_measured_whole():
     image, centres = dot_grid(20, 24.0, np.random.default_rng(21))
     said = []
     points = extract(image, make_sensor(512, 512), None, said.append)
+    pinned(points)
     assert len(points) == 400
     assert not said
     distance = np.linalg.norm(points.uv_px[:, None] - centres, axis=2)
@@ -192,6 +203,7 @@ def test_a_fine_grid_of_dots_in_a_part_of_the_image_is_measured_whole(side, pitc
     part, centres = dot_grid(side, pitch, rng, size)
     said = []
     points = extract(in_the_dark(part, 200, 1024, rng), make_sensor(1024, 1024), None, said.append)
+    pinned(points)
     assert len(points) == side * side
     assert not said
     distance = np.linalg.norm(points.uv_px[:, None] - (centres + 200), axis=2)
@@ -203,6 +215,7 @@ def test_dots_too_near_to_each_other_in_a_part_of_the_image_are_said_to_be_lost(
     part, _ = dot_grid(30, 9.0, rng)
     said = []
     points = extract(in_the_dark(part, 200, 1024, rng), make_sensor(1024, 1024), None, said.append)
+    pinned(points)
     assert len(points) < 900
     assert len(said) == 1
     assert said[0].startswith("a part of the image is full of light")

@@ -11,6 +11,7 @@ from geometry import Pose, exp_so3
 from jig_cad import Jig
 from perceptron_emu import EmulatorConfig, Scene, render
 from tests.extraction.spots import make_sensor
+from tests.pinned import pinned
 
 SENSOR = make_sensor(1280, 1024)
 CONFIG = EmulatorConfig.model_validate({"laser": {"power_mw": 1.0}})  # strings near, but below saturation
@@ -119,6 +120,7 @@ def test_other_cameras_and_strings_need_no_tuning(sensor, emulator, diameter_mm)
             (f := render(Scene(model, Jig.nominal(string_diameter_mm=diameter_mm), pose), config, rng)).image, f.truth,
         )  # fmt: skip
         points = extract(image, model)
+        pinned(points)
         seen = np.array([s.image_px for s in truth.strings if s.electrons > FAINT_E])
         nearest = np.linalg.norm(points.uv_px[:, None] - seen[None], axis=2)
         apart = np.linalg.norm(seen[:, None] - seen[None], axis=2) + 99 * np.eye(len(seen))

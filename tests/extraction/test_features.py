@@ -8,6 +8,7 @@ import pytest
 from extraction import Circle, Line, Profile, StripePeaks, find_target_points
 from extraction.features.shapes import Circles, Lines
 from geometry import InputError
+from tests.pinned import pinned
 
 SIGMA_MM = 0.03
 ATOL_MM = 0.05  # of a centre or corner from some hundred points with that noise
@@ -45,6 +46,7 @@ def test_the_ball_is_found_and_stem_table_and_strays_are_not(seed):
     table = np.concatenate([flat((-60.0, 250.0), (-12.0, 250.0), rng), flat((22.0, 250.0), (60.0, 250.0), rng)])
     strays = rng.uniform([-60, 150], [60, 260], (25, 2))
     found = find_target_points(profile(np.concatenate([arc, stem, table, strays])), "sphere", (40.0,))
+    pinned(found)
     assert found.reason is None
     circle = found.curves[0]
     assert np.allclose(circle.centre_mm, (5.0, 220.0), rtol=0, atol=ATOL_MM)
@@ -59,6 +61,7 @@ def test_the_ball_is_found_and_stem_table_and_strays_are_not(seed):
 def test_a_profile_without_the_ball_is_said():
     rng = np.random.default_rng(1)
     found = find_target_points(profile(flat((-50.0, 200.0), (50.0, 204.0), rng)), "sphere", (40.0,))
+    pinned(found)
     assert found.reason == "no_target"
     assert "arc" in found.text
     assert len(found) == 0
@@ -68,6 +71,7 @@ def test_a_profile_without_the_ball_is_said():
 def test_a_stated_diameter_ten_per_cent_too_small_still_finds_the_arc():
     """What is wrong with the diameter must be told by all frames together, not by an empty profile."""
     found = find_target_points(profile(ball((0.0, 200.0), 20.0, np.random.default_rng(2))), "sphere", (36.0,))
+    pinned(found)
     assert found.reason is None
     assert abs(found.curves[0].radius_mm - 20.0) < ATOL_MM
 
@@ -76,12 +80,15 @@ def test_two_balls_are_refused_unless_it_is_known_which():
     rng = np.random.default_rng(3)
     both = profile(np.concatenate([ball((-25.0, 220.0), 17.0, rng), ball((25.0, 225.0), 19.0, rng)]))
     found = find_target_points(both, "sphere", (40.0,))
+    pinned(found)
     assert found.reason == "no_target"
     assert found.rivals == 1
     assert "two balls" in found.text
     chosen = find_target_points(both, "sphere", (40.0,), expected_mm=np.array([[-23.0, 221.0]]))
+    pinned(chosen)
     assert np.allclose(chosen.curves[0].centre_mm, (-25.0, 220.0), rtol=0, atol=ATOL_MM)
     pair = find_target_points(both, "balls", (40.0, 40.0))
+    pinned(pair)
     assert [round(c.centre_mm[0]) for c in pair.curves] == [-25, 25]
     assert set(pair.feature.tolist()) == {0, 1}
 
@@ -94,6 +101,7 @@ def test_a_second_ball_is_seen_among_clutter(seed):
     assert 0.45 < len(second) / len(first) < 0.6
     clutter = rng.uniform([-60, 150], [60, 300], (150, 2))
     found = find_target_points(profile(np.concatenate([first, second, clutter])), "sphere", (40.0,))
+    pinned(found)
     assert found.rivals == 1
 
 
@@ -111,6 +119,7 @@ def test_clutter_too_small_for_a_second_ball_is_not_searched():
     clutter = rng.uniform([-60, 150], [60, 300], (len(arc) // 3, 2))
     counted = Counted()
     found = find_target_points(profile(np.concatenate([arc, clutter])), "sphere", (40.0,), rng=counted)
+    pinned(found)
     assert found.reason is None
     assert counted.drawn < 300  # of three numbers each; 12,000 where the search ended by itself
 
@@ -137,6 +146,7 @@ def test_a_plate_is_a_straight_stretch_and_its_bend_is_told(bend_mm):
     plate[:, 1] += bend_mm * (1 - np.linspace(-1, 1, len(plate)) ** 2)
     clamp = flat((46.0, 200.0), (56.0, 200.0), rng)
     found = find_target_points(profile(np.concatenate([plate, clamp])), "plane")
+    pinned(found)
     assert found.reason is None
     assert np.count_nonzero(found.index < len(plate)) >= 0.98 * len(plate)
     assert np.count_nonzero(found.index >= len(plate)) == 0
@@ -151,12 +161,14 @@ def test_the_sections_beside_a_stripes_ends_are_left_out_where_its_width_is_know
     wide = replace(plain, peaks=replace(plain.peaks, width_px=np.full(200, 2.0)))
     assert find_target_points(plain, "plane").n_found == 200
     found = find_target_points(wide, "plane")
+    pinned(found)
     np.testing.assert_array_equal(np.sort(found.index), np.arange(4, 196))
     assert len(found.yz_mm) == len(found.cov_yz_mm2) == len(found.feature) == 192
 
 
 def test_a_ball_is_no_plane():
     found = find_target_points(profile(ball((0.0, 200.0), 20.0, np.random.default_rng(5))), "plane")
+    pinned(found)
     assert found.reason == "no_target"
 
 
@@ -173,6 +185,7 @@ def test_the_corner_of_a_plate_has_no_bias_and_a_true_sigma():
             profile(np.column_stack([y, z])[y < 25]), "edge", expected_mm=np.array([[0.0, 200.0]]),
             field_of_view_mm=field,
         )  # fmt: skip
+        pinned(found)
         assert len(found) == 1
         errors.append(found.yz_mm[0] - [border, 200.0 + 0.3 * border])
         sigmas.append(np.sqrt(found.cov_yz_mm2[0, 0, 0]))
@@ -187,8 +200,10 @@ def test_an_end_at_the_fields_border_is_no_edge():
     plate = profile(flat((-40.0, 210.0), (40.0, 210.0), rng))
     left = np.array([[-60.0, 100.0], [40.1, 100.0], [40.1, 300.0], [-60.0, 300.0]])
     found = find_target_points(plate, "edge", field_of_view_mm=left)
+    pinned(found)
     assert np.allclose(found.yz_mm, [[-40.0, 210.0]], rtol=0, atol=PITCH_MM)
     both = find_target_points(plate, "edge")
+    pinned(both)
     assert both.rivals == 1
     assert "both ends" in both.text
     tight = np.array([[-40.1, 100.0], [40.1, 100.0], [40.1, 300.0], [-40.1, 300.0]])
@@ -200,6 +215,7 @@ def test_the_faces_of_a_wedge_are_told_apart():
     faces = np.concatenate([flat((-30.0, 230.0), (2.0, 205.0), rng), flat((2.0, 205.0), (35.0, 222.0), rng)])
     table = flat((50.0, 260.0), (90.0, 260.0), rng)
     found = find_target_points(profile(np.concatenate([faces, table])), "wedge")
+    pinned(found)
     assert found.reason is None
     assert all(isinstance(c, Line) for c in found.curves)
     ridge = found.curves[0].meets(found.curves[1])
@@ -212,6 +228,7 @@ def test_the_faces_of_a_wedge_are_told_apart():
 def test_the_stated_covariance_is_scaled_to_what_points_scatter_by():
     rng = np.random.default_rng(8)
     found = find_target_points(profile(ball((0.0, 200.0), 18.0, rng), sigma_mm=0.01), "sphere", (40.0,))
+    pinned(found)
     n = found.curves[0].normals(found.yz_mm)
     sigma = np.sqrt(np.einsum("ni,nij,nj->n", n, found.cov_yz_mm2, n))
     assert abs(np.median(sigma) / found.scatter_mm - 1) < 0.05

@@ -6,6 +6,7 @@ import pytest
 from extraction import GapFlushConfig, measure_gap_flush
 from extraction.stripe import Profile, StripePeaks
 from geometry import InputError, NoAnswerError
+from tests.pinned import pinned
 
 SIGMA_MM = 0.01
 ATOL_EXACT_MM = 1e-6
@@ -72,6 +73,7 @@ def truth(case):
 def test_exact_profiles_give_the_truth(name):
     case = CASES[name]
     g = measure_gap_flush(as_profile(panels(**case)))
+    pinned(g)
     np.testing.assert_allclose([g.gap_mm, g.flush_mm, *g.radius_mm], truth(case), atol=ATOL_EXACT_MM)
     assert g.flag == ""
 
@@ -82,6 +84,7 @@ def test_noise_moves_the_answer_by_its_sigma(name):
     case, rng, z = CASES[name], np.random.default_rng(1), []
     for _ in range(25):
         g = measure_gap_flush(as_profile(panels(rng=rng, **case)))
+        pinned(g)
         z.append((np.array([g.gap_mm, g.flush_mm]) - truth(case)[:2]) / [g.sigma_gap_mm, g.sigma_flush_mm])
     assert np.all(np.abs(np.mean(z, axis=0)) < 0.2 + 3 / np.sqrt(25))
     assert np.all(np.std(z, axis=0) < 1.25)
@@ -92,7 +95,9 @@ def test_noise_moves_the_answer_by_its_sigma(name):
 def test_points_noisier_than_they_claim_widen_sigma():
     rng = np.random.default_rng(2)
     honest = measure_gap_flush(as_profile(panels(rng=rng, noise=0.03), sigma=0.03))
+    pinned(honest)
     claimed = measure_gap_flush(as_profile(panels(rng=rng, noise=0.03), sigma=0.005))
+    pinned(claimed)
     assert claimed.sigma_gap_mm > 0.5 * honest.sigma_gap_mm
 
 
@@ -103,6 +108,7 @@ def test_stray_points_do_not_matter():
         stray = rng.random(len(yz)) < 0.04
         yz[stray, 1] += rng.uniform(-8, 8, int(stray.sum()))
         g = measure_gap_flush(as_profile(yz))
+        pinned(g)
         off.append([g.gap_mm - 3.0, g.flush_mm - 0.5])
     assert np.median(np.abs(off), axis=0).max() < 0.02
     assert np.abs(off).max() < 0.15
@@ -116,7 +122,9 @@ def test_reference_panel_decides_the_directions():
     turn = np.array([[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]])
     yz[right] = (yz[right] - pivot) @ turn.T + pivot
     left = measure_gap_flush(as_profile(yz))
+    pinned(left)
     other = measure_gap_flush(as_profile(yz), GapFlushConfig(reference="right"))
+    pinned(other)
     centres = np.array([4.5 + 3.0 - 1.5, 0.0])  # from the left bend's centre to the right one's
     np.testing.assert_allclose(left.gap_mm, centres @ [1, 0] - 3.0, atol=2e-3)
     np.testing.assert_allclose(other.gap_mm, centres @ [np.cos(a), np.sin(a)] - 3.0, atol=2e-3)
@@ -126,10 +134,13 @@ def test_reference_panel_decides_the_directions():
 def test_mirrored_profile_swaps_the_sides_and_the_sign():
     yz = panels(rng=np.random.default_rng(4))
     a = measure_gap_flush(as_profile(yz))
+    pinned(a)
     b = measure_gap_flush(as_profile(yz * [-1, 1]), GapFlushConfig(reference="right"))
+    pinned(b)
     np.testing.assert_allclose([a.gap_mm, a.flush_mm], [b.gap_mm, b.flush_mm], atol=1e-4)
     np.testing.assert_allclose(a.radius_mm, b.radius_mm[::-1], atol=1e-4)
     c = measure_gap_flush(as_profile(yz), GapFlushConfig(reference="right"))
+    pinned(c)
     assert c.flush_mm == pytest.approx(-a.flush_mm, abs=0.01), "parallel faces: the other way round, the other sign"
 
 
@@ -137,12 +148,14 @@ def test_order_of_points_does_not_matter():
     yz = panels(rng=np.random.default_rng(5))
     shuffled = np.random.default_rng(6).permutation(len(yz))
     a, b = measure_gap_flush(as_profile(yz)), measure_gap_flush(as_profile(yz[shuffled]))
+    pinned((a, b))
     assert a.gap_mm == b.gap_mm
 
 
 def test_sharp_edges_are_told():
     yz = panels(radii=(1e-3, 1e-3), flush=0.3, rng=np.random.default_rng(7))
     g = measure_gap_flush(as_profile(yz))
+    pinned(g)
     assert g.flag == "sharp_left+sharp_right"
     assert np.isnan(g.radius_mm).all()
     assert abs(g.gap_mm - 3.0) < 3 * g.sigma_gap_mm
@@ -151,6 +164,7 @@ def test_sharp_edges_are_told():
 
 def test_short_arc_is_told_and_its_sigma_is_wide():
     g = measure_gap_flush(as_profile(panels(arc_deg=25.0, rng=np.random.default_rng(8))))
+    pinned(g)
     assert "arc" in g.flag or "sharp" in g.flag
     assert g.sigma_gap_mm > 0.1
 
@@ -216,6 +230,7 @@ def by_hand(tangent_deg=30.0, depth=1.0, offset=1.2):
 def test_every_definition_is_that_of_the_outline(turn):
     config = GapFlushConfig(tangent_deg=30.0, fixed_radius_mm=RADII, **GAUGE)
     found = measure_gap_flush(as_profile(panels(turn=turn)), config).definitions
+    pinned(found)
     assert set(found) == set(by_hand())
     for name, (gap, flush) in by_hand().items():
         np.testing.assert_allclose([found[name].gap_mm, found[name].flush_mm], [gap, flush], atol=1e-5, err_msg=name)
@@ -224,6 +239,7 @@ def test_every_definition_is_that_of_the_outline(turn):
         assert apart @ x == pytest.approx(gap, abs=1e-5)
     straight = GapFlushConfig(tangent_deg=30.0, axis="distance", **GAUGE)
     distance = measure_gap_flush(as_profile(panels(turn=turn)), straight).definitions["tangent"].gap_mm
+    pinned(distance)
     sunk = FLUSH - (RADII[1] - RADII[0]) * (1 - np.cos(np.deg2rad(30.0)))
     assert distance == pytest.approx(np.hypot(by_hand()["tangent"][0], sunk), abs=1e-5)
 
@@ -231,6 +247,7 @@ def test_every_definition_is_that_of_the_outline(turn):
 def test_chosen_definition_is_the_answer_and_the_rest_stand_beside_it():
     config = GapFlushConfig(definition="tangent")
     g = measure_gap_flush(as_profile(panels()), config)
+    pinned(g)
     assert g.definition == "tangent"
     assert g.gap_mm == g.definitions["tangent"].gap_mm == pytest.approx(GAP + sum(RADII), abs=1e-5)
     assert set(g.definitions) == {"extreme", "tangent", "edge"}
@@ -244,6 +261,7 @@ def test_sigma_of_every_definition_is_that_of_the_scatter():
     widths = {name: [] for name in by_hand()}
     for _ in range(25):
         found = measure_gap_flush(as_profile(panels(rng=rng)), config).definitions
+        pinned(found)
         for name, truth_ in by_hand().items():
             by = found[name]
             pulls[name].append((np.array([by.gap_mm, by.flush_mm]) - truth_) / [by.sigma_gap_mm, by.sigma_flush_mm])
@@ -269,6 +287,7 @@ def test_a_master_takes_out_what_both_share():
     together = np.sqrt(g.sigma_gap_mm**2 + master.sigma_gap_mm**2 + 0.01**2)
     assert found.sigma_gap_mm == pytest.approx(together, rel=1e-9)
     other = measure_gap_flush(as_profile(panels()), GapFlushConfig(definition="edge"))
+    pinned(other)
     with pytest.raises(InputError, match='measured by "edge"'):
         g.against(other, (3, 0))
 

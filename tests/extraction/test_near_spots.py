@@ -12,6 +12,7 @@ from extraction.spots.fit import PLACE, Window, Windows
 from extraction.spots.model import SPOT, Spot
 from extraction.spots.two import NearPeak, fit_two, flat_topped, full_widths_apart
 from tests.extraction.spots import make_sensor
+from tests.pinned import pinned
 
 WIDTH, HEIGHT, FINE, SIGMA_PX = 160, 128, 5, 1.3
 QUIET = ExtractionConfig(noise=SpotNoiseConfig(speckle_contrast=0.0, model_error=0.0))
@@ -44,6 +45,7 @@ def test_two_are_taken_apart_and_each_sigma_is_true(apart, ratio):
     for _ in range(20):
         image, centres = picture(rng, apart, ratio)
         points = extract(image, SENSOR, QUIET)
+        pinned(points)
         assert len(points) == 2
         assert all(flag == ("crowded" if apart < 1.6 else "") for flag in points.flag)
         one = np.linalg.norm(points.uv_px - centres, axis=1).sum()
@@ -58,6 +60,7 @@ def test_the_default_settings_take_them_apart_too(apart):
     for _ in range(5):
         image, centres = picture(rng, apart, 0.8)
         points = extract(image, SENSOR)
+        pinned(points)
         assert len(points) == 2
         assert np.all(np.linalg.norm(points.uv_px[:, None] - centres, axis=2).min(axis=0) < 0.2)
 
@@ -97,6 +100,7 @@ def test_the_joint_fit_is_that_of_another_solver():
     one = Spot(11.0, 9.0, 110.0, 0.2, 0.0, 0.5, 12.0, 0.0, 0.0)
     window = Window(grey, np.ones(grey.shape, dtype=np.bool_))
     stands, found = fit_two(window, one, NearPeak(14.0, 10.0, 65.0), PixelNoise(4.0, 0.0, 0.0, 0.0))
+    pinned((stands, found))
     assert stands
     assert np.abs(found.q - other).max() < 1e-2 * np.abs(other).max()
     assert np.abs(found.q[[0, 1, 3, 4]] - other[[0, 1, 3, 4]]).max() < 2e-3  # a hundredth of σ
@@ -134,6 +138,7 @@ def test_dots_that_fill_every_block_are_found_by_the_ground_between(pitch):
         SENSOR,
         ExtractionConfig.model_validate({"localise": {"max_spots": 10000}, "detect": {"max_candidates": 30000}}),
     )
+    pinned(points)
     inside = points.uv_px[np.all((points.uv_px > 5) & (points.uv_px < np.array([WIDTH, HEIGHT]) - 6), axis=1)]
     off = np.abs((inside + pitch / 2) % pitch - pitch / 2).max(axis=1)  # those at the border are cut by it
     assert len(inside) >= whole
@@ -156,6 +161,7 @@ def test_a_grid_too_fine_to_be_found_is_said(pitch, told):
     image, _ = dots(pitch)
     remarks = []
     points = extract(image, SENSOR, remark=remarks.append)
+    pinned(points)
     assert any("full of light" in text for text in remarks) == told
     assert ("full of light" in extract_stages(image, SENSOR).reason) == told
     assert (len(points) > 0) != told

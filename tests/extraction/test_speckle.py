@@ -18,6 +18,7 @@ from extraction.spots.fit import PLACE, Windows
 from extraction.spots.frame import Fits
 from extraction.spots.model import SPOT
 from geometry import Camera, Pose, Sensor, Sheet
+from tests.pinned import pinned
 
 Array = NDArray[np.float64]
 
@@ -66,6 +67,7 @@ def test_sigma_by_the_speckle_learnt_is_the_scatter(along: float, across: float,
     image, centres = drawn(along, across, grain_px, looks, np.random.default_rng(5))
     many = ExtractionConfig(localise=LocaliseConfig(max_spots=2 * ROWS * COLUMNS))
     points = extract(image, sensor(), learn_speckle([image], sensor(), many))
+    pinned(points)
     near = np.argmin(np.linalg.norm(points.uv_px[:, None] - centres, axis=2), axis=1)
     error = points.uv_px - centres[near]
     clear = np.array([flag == "" for flag in points.flag])
@@ -77,6 +79,7 @@ def test_sigma_by_the_speckle_learnt_is_the_scatter(along: float, across: float,
 def test_contrast_is_that_of_the_field() -> None:
     image, _ = drawn(1.4, 1.1, 0.5, 2, np.random.default_rng(5))
     noise = learn_speckle([image], sensor(), ExtractionConfig(localise=LocaliseConfig(max_spots=200))).noise
+    pinned(noise)
     # the field's variance of pixels, from its definition on a fine grid
     wide = np.random.default_rng(6).standard_normal((2, 900, 900))
     f = np.fft.fftfreq(900) * OVER
@@ -138,12 +141,14 @@ def test_an_odd_spot_does_not_speak_for_all() -> None:
     plain = [one_spot(rng) for _ in range(12)]
     odd = one_spot(rng, residual=5.0)
     alone, with_odd = estimate_speckle(plain, 0.006), estimate_speckle([*plain, odd], 0.006)
+    pinned((alone, with_odd))
     assert with_odd.contrast == pytest.approx(alone.contrast, rel=0.05)
 
 
 def test_what_is_given_is_kept() -> None:
     spots = [one_spot(np.random.default_rng(7))]
     known = estimate_speckle(spots, 0.006, contrast=0.4)
+    pinned(known)
     assert known.contrast == 0.4
     assert estimate_speckle(spots, 0.006, grain_px=0.9).grain_px == 0.9
     config = ExtractionConfig(noise=SpotNoiseConfig(speckle_contrast=0.3, speckle_grain_px=0.5))

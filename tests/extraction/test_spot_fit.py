@@ -6,6 +6,7 @@ import pytest
 
 from extraction.spots import TrueSpot, fit_peaks, fit_stack, mean_image, position_bound
 from geometry import InputError
+from tests.pinned import pinned
 
 ATOL_EXACT_PX = 2e-3  # the pixel's integral is taken to fourth order in 1/σ
 SIDE = 11
@@ -26,6 +27,7 @@ def test_noise_free_spot_is_recovered(along, across):
     rng = np.random.default_rng(1)
     spots = [TrueSpot(*rng.uniform(7.5, 8.5, 2), 5000, along, across, rng.uniform(-1.5, 1.5), 12.0) for _ in range(50)]
     fit = fit_stack([mean_image(s, (17, 17)) for s in spots], 1.0)
+    pinned(fit)
     assert np.all(fit.converged)
     np.testing.assert_allclose(fit.uv_px, [(s.u_px, s.v_px) for s in spots], atol=ATOL_EXACT_PX)
     np.testing.assert_allclose(np.linalg.eigvalsh(fit.shape_px2), [(across**2, along**2)] * 50, rtol=0.02)
@@ -38,6 +40,7 @@ def test_round_spots_reach_the_bound(light, limit):
     """3,000 spots: the ratio's own standard deviation is 0.009, so the limits stand 2-3 σ above the reach of 1.03."""
     images, truth, bound = stack(np.random.default_rng(2), 3000, *light)
     fit = fit_stack(images, light[2] ** 2)
+    pinned(fit)
     rmse = np.sqrt(np.mean((fit.uv_px - truth) ** 2))
     assert 0.96 < rmse / np.sqrt(np.trace(bound) / 2) < limit
     assert np.mean(fit.converged) > 0.998
@@ -47,6 +50,7 @@ def test_round_spots_reach_the_bound(light, limit):
 def test_elongated_spots_reach_the_bound_in_both_axes(shape):
     images, truth, bound = stack(np.random.default_rng(3), 3000, 3000, 20, 5, shape, side=15)
     fit = fit_stack(images, 25.0)
+    pinned(fit)
     turn = np.array([[np.cos(shape[2]), -np.sin(shape[2])], [np.sin(shape[2]), np.cos(shape[2])]])
     scatter = np.std((fit.uv_px - truth) @ turn, axis=0)
     np.testing.assert_allclose(scatter / np.sqrt(np.diag(turn.T @ bound @ turn)), 1.0, atol=0.06)
@@ -56,6 +60,7 @@ def test_reported_covariance_is_that_of_the_errors():
     """NEES of 2 degrees of freedom; mean of 3,000 has a standard deviation of 0.04."""
     images, truth, _ = stack(np.random.default_rng(4), 3000, 2000, 10, 3, (2.0, 1.0, 0.4))
     fit = fit_stack(images, 9.0)
+    pinned(fit)
     error = fit.uv_px - truth
     nees = np.einsum("ni,nij,nj->n", error, np.linalg.inv(fit.cov_uv_px2), error)
     assert abs(np.mean(nees) - 2.0) < 0.15
@@ -67,6 +72,7 @@ def test_clipped_pixels_are_left_out():
     spots = [TrueSpot(*rng.uniform(7.5, 8.5, 2), 20_000, 2.0, 1.1, 0.7, 10.0) for _ in range(300)]
     images = np.array([rng.poisson(mean_image(s, (17, 17))) for s in spots], dtype=float)
     fit = fit_stack(np.minimum(images, 600.0), 1.0, saturation=600.0)
+    pinned(fit)
     error = fit.uv_px - [(s.u_px, s.v_px) for s in spots]
     assert np.sqrt(np.mean(error**2)) < 0.02
     assert np.all(np.abs(np.mean(error, axis=0)) < 0.004)
@@ -128,5 +134,6 @@ def test_blank_and_noise_windows_end_without_a_trustworthy_spot():
     """Nothing is raised; what converged on noise alone has an uncertainty of its own width."""
     rng = np.random.default_rng(7)
     fit = fit_stack(np.concatenate([np.zeros((3, 9, 9)), rng.normal(10, 2, (200, 9, 9))]), 4.0)
+    pinned(fit)
     sure = fit.converged & (np.trace(fit.cov_uv_px2, axis1=1, axis2=2) < 2 * 0.1**2)
     assert not np.any(sure)

@@ -7,6 +7,7 @@ from scipy.special import ndtr
 from extraction import StripeConfig
 from extraction.stripe import depth_direction, detect_stripe, extract_profile, flag_names
 from geometry import Camera, InputError, Pose, Sensor, Sheet
+from tests.pinned import pinned
 
 ATOL_CLEAN_PX = 0.004  # without noise what is left is rounding to grey levels
 
@@ -39,6 +40,7 @@ def test_clean_stripe_is_exact_to_rounding():
     centres = 40 + 0.013 * np.arange(600)
     image = stripe_mean(centres, 180, 1.7, 100).round().astype(np.uint8)
     peaks = detect_stripe(image)
+    pinned(peaks)
     assert len(peaks) == 600
     assert np.abs(errors(peaks, centres)).max() < 10 * ATOL_CLEAN_PX
     assert np.sqrt(np.mean(errors(peaks, centres) ** 2)) < ATOL_CLEAN_PX
@@ -54,6 +56,7 @@ def test_reported_sigma_is_the_scatter(peak, sigma, gain, read):
     for _ in range(8):
         centres = curve(rng, 1000)
         peaks = detect_stripe(noisy(stripe_mean(centres, peak, sigma, 160), rng, gain, read))
+        pinned(peaks)
         assert len(peaks) > 990
         scaled.append(errors(peaks, centres) / peaks.sigma_px)
     scatter = np.std(np.concatenate(scaled))
@@ -65,7 +68,9 @@ def test_rows_are_columns_of_the_turned_image():
     rng = np.random.default_rng(2)
     image = noisy(stripe_mean(curve(rng, 400), 100, 1.5, 160), rng)
     a = detect_stripe(image, StripeConfig(direction="columns"))
+    pinned(a)
     b = detect_stripe(np.ascontiguousarray(image.T), StripeConfig(direction="rows"))
+    pinned(b)
     np.testing.assert_array_equal(a.uv_px, b.uv_px[:, ::-1])
     np.testing.assert_array_equal(a.normal, b.normal[:, ::-1])
     np.testing.assert_array_equal(a.section, b.section)
@@ -82,6 +87,7 @@ def test_selection_among_three_stripes(rule, expected):
     )
     image = noisy(mean, rng)
     peaks = detect_stripe(image, StripeConfig(select=rule))
+    pinned(peaks)
     assert len(peaks) > 495
     assert np.abs(errors(peaks, stripes[expected])).max() < 0.4
     assert len(detect_stripe(image, StripeConfig(select="all"))) > 1485
@@ -94,6 +100,7 @@ def test_continuous_ignores_brighter_reflections_that_come_and_go():
     image = noisy(10 + stripe_mean(centres, 70, 1.5, 160, 0) + stripe_mean(flashes, 110, 1.5, 160, 0), rng)
     for rule in ("continuous", "strongest"):
         chain = detect_stripe(image, StripeConfig(select=rule))
+        pinned(chain)
         assert np.abs(errors(chain, centres)).max() < 0.4
         assert len(chain) > 595
 
@@ -102,6 +109,7 @@ def test_gap_in_the_stripe_stays_empty():
     rng, u = np.random.default_rng(5), np.arange(500)
     centres = np.where((u > 200) & (u < 260), np.nan, 80.0)
     peaks = detect_stripe(noisy(stripe_mean(centres, 90, 1.5, 160), rng))
+    pinned(peaks)
     assert not np.any((peaks.section > 201) & (peaks.section < 259))
     assert len(peaks) >= 435
 
@@ -113,6 +121,7 @@ def test_width_limits_reject_broad_light():
     )
     assert np.median(detect_stripe(image).uv_px[:, 1]) == pytest.approx(140, abs=0.2)
     narrow = detect_stripe(image, StripeConfig(max_width_px=2.5))
+    pinned(narrow)
     assert np.median(narrow.uv_px[:, 1]) == pytest.approx(50, abs=0.1)
 
 
@@ -121,6 +130,7 @@ def test_clipped_stripe_is_flagged_and_unbiased():
     rng = np.random.default_rng(7)
     centres = 60 + 0.021 * np.arange(800)
     peaks = detect_stripe(noisy(stripe_mean(centres, 600, 1.8, 120), rng))
+    pinned(peaks)
     assert len(peaks) > 780
     assert all(flag_names(f) == "saturated" for f in peaks.flag)
     scaled = errors(peaks, centres) / peaks.sigma_px
@@ -135,6 +145,7 @@ def test_laser_off_frame_takes_away_what_is_not_laser():
     on, off = noisy(lamp + stripe_mean(centres, 60, 1.6, 160, 0), rng), noisy(lamp, rng)
     assert np.median(detect_stripe(on).uv_px[:, 1]) == pytest.approx(40, abs=0.2)
     peaks = detect_stripe(on, laser_off=off)
+    pinned(peaks)
     assert len(peaks) == 400
     scaled = errors(peaks, centres) / peaks.sigma_px
     assert 0.9 < np.std(scaled) < 1.1
@@ -148,9 +159,11 @@ def test_mask_and_region():
     mask = np.ones(image.shape, dtype=bool)
     mask[:70] = False
     masked = detect_stripe(image, mask=mask)
+    pinned(masked)
     assert np.median(masked.uv_px[:, 1]) == pytest.approx(110, abs=0.1)
     assert not np.any(masked.uv_px[:, 1] < 69)
     region = detect_stripe(image, StripeConfig(region_px=(50, 80, 250, 160)))
+    pinned(region)
     assert region.section.min() >= 50
     assert region.section.max() < 250
     np.testing.assert_allclose(region.uv_px[:, 1], 110, atol=0.5)
@@ -162,7 +175,9 @@ def test_steep_stripe_along_its_normal():
     centres = 20 + np.tan(np.pi / 3) * np.arange(150)
     image = noisy(stripe_mean(centres, 120, 1.5 / np.cos(np.pi / 3), 320), rng)
     sections = detect_stripe(image)
+    pinned(sections)
     peaks = detect_stripe(image, StripeConfig(along_normal=True))
+    pinned(peaks)
     inner = (peaks.section > 10) & (peaks.section < 140)
     assert np.median(sections.width_px) == pytest.approx(3.0, rel=0.05)
     assert np.median(peaks.width_px[inner]) == pytest.approx(1.5, rel=0.06)
@@ -177,6 +192,7 @@ def test_sixteen_bits():
     centres = curve(rng, 300)
     image = noisy(stripe_mean(centres, 9000, 1.6, 160, 400), rng, gain=2.0, read=20, top=65535)
     peaks = detect_stripe(image)
+    pinned(peaks)
     assert len(peaks) == 300
     assert 0.85 < np.std(errors(peaks, centres) / peaks.sigma_px) < 1.15
 
@@ -238,6 +254,7 @@ def test_profile_of_a_flat_board_is_a_straight_line_in_mm():
     rows = np.interp(np.arange(400), uv[order, 0], uv[order, 1], left=np.nan, right=np.nan)
     image = noisy(stripe_mean(rows, 140, 1.6, 300), np.random.default_rng(15))
     profile = extract_profile(image, s)
+    pinned(profile)
     assert len(profile) > 300
     off = profile.yz_mm[:, 1] - (280 + 0.1 * profile.yz_mm[:, 0])
     across = np.array([-0.1, 1.0])
@@ -265,6 +282,7 @@ def test_plateau_lies_midway_between_its_flanks():
     centres = 60 + 0.021 * np.arange(800)
     for sigma in (1.8, 2.5):
         peaks = detect_stripe(noisy(stripe_mean(centres, 3000, sigma, 130), rng))
+        pinned(peaks)
         assert len(peaks) > 790
         assert all(flag_names(f) == "saturated" for f in peaks.flag)
         assert abs(np.mean(errors(peaks, centres))) < 0.005
@@ -279,6 +297,7 @@ def test_one_plateau_with_several_peaks_is_one_point():
     grey = 60 + rng.normal(0, 2, signal.shape) + signal * rng.gamma(12, 1 / 12, signal.shape)
     image = grey.round().clip(0, 255).astype(np.uint8)
     peaks = detect_stripe(image, StripeConfig(select="all"))
+    pinned(peaks)
     assert np.bincount(peaks.section, minlength=500).max() == 1
     assert len(peaks) > 490
     assert 0.8 < np.std(errors(peaks, centres) / peaks.sigma_px) < 1.25

@@ -13,6 +13,7 @@ from extraction.stripe.pictures import EMPTY, FWHM, KINDS, draw
 from extraction.stripe.ridges import Chain
 from extraction.stripe.verdict.stripes import Stripe, _each_once, _longest_free
 from extraction.stripe.verdict.track import Bumps, Track
+from tests.pinned import pinned
 
 SEEDS = (3, 8)
 RIGHT, FALSE = 0.99, 0.01  # of the sections; of the points, without a flag
@@ -130,6 +131,13 @@ def test_a_plateau_is_clipping_at_any_level(top, noise):
     assert clipping_level(image, stated=150.0) == 150.0
 
 
+def test_a_flat_bright_face_is_no_clipping():
+    """Many pixels at the highest level, and as many at each of the levels below it: a noisy face, no plateau."""
+    rng = np.random.default_rng(9)
+    face = rng.integers(180, 200, (120, 200)).astype(np.uint8)
+    assert clipping_level(face) == 255.0
+
+
 def test_clipped_points_have_true_sigma():
     """Never too small; up to a third too large where the pixels' phase, which σ allows for, matters little."""
     scaled = []
@@ -149,6 +157,7 @@ def test_sigma_and_correlation_of_a_speckled_stripe():
         signal = 110 * np.exp(-0.5 * ((np.arange(120)[:, None] - 60) / 3.0) ** 2)
         image = np.clip(np.round(6 + signal * (1 + 0.25 * field / field.std()) + rng.normal(0, 1, field.shape)), 0, 255)
         peaks = detect_stripe(image.astype(np.uint8))
+        pinned(peaks)
         error = peaks.uv_px[:, 1] - 60
         ratios.append(np.std(error) / np.median(peaks.sigma_px))
         blocks = error[: len(error) // 40 * 40].reshape(-1, 40).mean(axis=1)
@@ -161,7 +170,9 @@ def test_sigma_and_correlation_of_a_speckled_stripe():
 def test_direction_is_found_either_way():
     picture = draw("white_core", np.random.default_rng(2))
     upright = detect_stripe(picture.image)
+    pinned(upright)
     lying = detect_stripe(np.ascontiguousarray(picture.image.T))
+    pinned(lying)
     np.testing.assert_allclose(upright.uv_px, lying.uv_px[:, ::-1], atol=1e-9)
     assert np.all(lying.normal[:, 0] == 1)
 
@@ -183,6 +194,7 @@ def test_a_dim_stripe_on_blotches_is_found_whole_and_its_sigma_is_true(peak):
         mean += peak * np.exp(-0.5 * ((np.arange(240)[:, None] - truth) / 2.0) ** 2) * ((u > 60) & (u < 580))
         image = np.clip(np.round(mean + rng.normal(size=mean.shape) * np.sqrt(0.03 * mean + 0.64)), 0, 255)
         peaks = detect_stripe(image.astype(np.uint8))
+        pinned(peaks)
         error = peaks.uv_px[:, 1] - truth[peaks.section]
         assert np.count_nonzero(np.abs(error) < 2.5) > 0.97 * 519
         assert abs(np.median(peaks.width_px) - 2.0) < 0.4

@@ -13,12 +13,13 @@ from extraction import detect_stripe, extract_profile, piece_ends
 from geometry import Pose
 from perceptron_emu import EmulatorConfig, Scene, panel, project, render
 from tests.perceptron_emu.conftest import make_sensor
+from tests.pinned import pinned
 
 SHAPE = (140, 420)
 RENDERED_PX = 0.06  # of plates without speckle: four times what is measured
 
 
-def drawn(rng, pieces, peak, width=2.0, blur=0.8):
+def drawn(rng, pieces, peak, width=2.0, blur=0.8, row=60.0):
     """A stripe lit from place to place along the columns, each border blurred, integrated over the pixels."""
     columns, rows = np.arange(SHAPE[1]), np.arange(SHAPE[0])[:, None]
     parts = (np.arange(32) + 0.5) / 32 - 0.5
@@ -26,7 +27,7 @@ def drawn(rng, pieces, peak, width=2.0, blur=0.8):
     for begin, end in pieces:
         at = columns[:, None] + parts
         share += (ndtr((at - begin) / blur) * ndtr((end - at) / blur)).mean(axis=1)
-    mean = 5 + peak * share * np.exp(-0.5 * ((rows - 60 - 0.03 * columns) / width) ** 2)
+    mean = 5 + peak * share * np.exp(-0.5 * ((rows - row - 0.03 * columns) / width) ** 2)
     noisy = mean + rng.normal(size=SHAPE) * np.sqrt(0.03 * mean + 0.64)
     return np.clip(np.round(noisy), 0, 255).astype(np.uint8)
 
@@ -57,6 +58,14 @@ def test_both_ends_of_every_piece_and_none_at_the_border():
     np.testing.assert_allclose(found, [100.3, 140.6, 250.2, 262.8], rtol=0, atol=0.08)
 
 
+def test_ends_of_a_stripe_at_the_pictures_border():
+    """Its bell is cut by the border; what lies outside has no light and no weight."""
+    image = drawn(np.random.default_rng(3), [(90.4, 330.7)], 110, row=2.0)
+    (ends,) = piece_ends(image, detect_stripe(image))
+    assert abs(ends.begin_px - 90.4) < 0.12
+    assert abs(ends.end_px - 330.7) < 0.06
+
+
 def test_sections_that_are_rows_and_a_laser_off_image():
     off = np.full(SHAPE, 20, np.uint8)
     image = drawn(np.random.default_rng(2), [(90.4, 330.7)], 110) + np.uint8(20)
@@ -81,6 +90,7 @@ def test_the_borders_of_rendered_plates():
         half = rng.uniform(15, 30)
         plate = Pose.from_fixed_xyz_deg([*rng.uniform(-12, 12, 2), 5.0], [0, rng.uniform(-10, 10), 300])
         image = render(Scene(sensor, solids=(panel(200, 2 * half, plate),)), clean, rng).image
+        pinned(image)
         (ends,) = piece_ends(image, extract_profile(image, sensor).peaks)
         borders = []
         for side in (-half, half):

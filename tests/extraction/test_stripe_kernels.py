@@ -11,6 +11,7 @@ from extraction.stripe.sections.faint import _say_enough_alone
 from extraction.stripe.sections.fit import SECTION, SectionPlaces, fit_sections
 from extraction.stripe.sections.model import FitLimits
 from extraction.stripe.view import Pixels
+from tests.pinned import pinned
 
 RELATIVE = 1e-11
 
@@ -75,6 +76,7 @@ def test_a_stripe_without_a_peak_in_many_sections_is_doubted() -> None:
         return rng.normal(12 + light, 1.2).round().clip(0, 255).astype(np.uint8)
 
     clear, rough = detect_stripe(seen(laser)), detect_stripe(seen(lamp))
+    pinned((clear, rough))
     assert len(clear) == 600
     assert not np.any(clear.flag)
     assert np.count_nonzero(rough.flag == 0) == 0

@@ -12,6 +12,7 @@ from assets import path as asset
 from extraction import StripeConfig, extract_profile, measure_gap_flush, read_profile_csv, write_profile_csv
 from perceptron_emu import EmulatorConfig, Material, Scene, render
 from perceptron_emu.solids import random_panels
+from tests.pinned import pinned
 from workbench.files import read_sensor
 
 WIDTH_PX, PEAK_DN = 1.2, 60.0
@@ -43,6 +44,7 @@ def test_a_fading_stripe_is_followed_to_its_last_light(sensor):
     for seed in range(8):
         image, course = drawn(np.random.default_rng([12, seed]), True)
         profile = extract_profile(image, sensor)
+        pinned(profile)
         tails = profile.tails.peaks
         end = int(profile.peaks.section.max())
         assert FACE_END - 1 <= end <= FACE_END + 4  # where the light falls to half
@@ -60,6 +62,7 @@ def test_a_cut_stripe_has_no_tail(sensor):
     for seed in range(4):
         image, _ = drawn(np.random.default_rng([13, seed]), False)
         profile = extract_profile(image, sensor)
+        pinned(profile)
         assert (profile.peaks.section.min(), profile.peaks.section.max()) == (FIRST, FACE_END)
         assert len(profile.tails) <= 1  # noise of three σ
 
@@ -67,6 +70,7 @@ def test_a_cut_stripe_has_no_tail(sensor):
 def test_tails_are_none_of_the_profile_s_own_points(sensor):
     image, _ = drawn(np.random.default_rng(14), True)
     profile = extract_profile(image, sensor)
+    pinned(profile)
     whole = profile.with_tails()
     assert len(whole) == len(profile) + len(profile.tails)
     assert len(profile[:0].with_tails()) == len(profile.tails)
@@ -78,6 +82,7 @@ def test_tails_are_none_of_the_profile_s_own_points(sensor):
 def test_a_written_profile_has_its_tails_again(sensor, tmp_path):
     image, _ = drawn(np.random.default_rng(16), True)
     profile = extract_profile(image, sensor)
+    pinned(profile)
     write_profile_csv(profile, tmp_path / "p.csv")
     again = read_profile_csv(tmp_path / "p.csv")
     for a, b in ((profile, again), (profile.tails, again.tails)):
@@ -92,7 +97,9 @@ def test_a_written_profile_has_its_tails_again(sensor, tmp_path):
 def test_tails_along_the_normal_are_those_of_the_sections(sensor):
     image, _ = drawn(np.random.default_rng(15), True)
     plain = extract_profile(image, sensor)
+    pinned(plain)
     normal = extract_profile(image, sensor, StripeConfig(along_normal=True))
+    pinned(normal)
     assert normal.tails.peaks.section.tolist() == plain.tails.peaks.section.tolist()
     assert normal.peaks.section.tolist() == plain.peaks.section.tolist()
     assert np.abs(normal.tails.yz_mm - plain.tails.yz_mm).max() < 0.5
@@ -116,11 +123,15 @@ def test_rendered_panels_have_their_gap_by_the_light_of_their_bends(sensor, spec
         panels, pose = random_panels(rng)
         config = EmulatorConfig.model_validate({"exposure": {"time_ms": 0.3}, "speckle": {"enabled": speckle}})
         image = render(Scene(sensor, None, solids=panels.solids(pose, Material(0.6))), config, rng).image
+        pinned(image)
         profile = extract_profile(image, sensor)
+        pinned(profile)
         answer = measure_gap_flush(profile)
+        pinned(answer)
         assert answer.flag == ""
         assert answer.sigma_gap_mm < widest_mm
         moved = measure_gap_flush(shaken(profile, rng))
+        pinned(moved)
         assert abs(moved.gap_mm - answer.gap_mm) < ATOL_SHAKEN_MM
         errors.append([answer.gap_mm - panels.gap_mm, (answer.gap_mm - panels.gap_mm) / answer.sigma_gap_mm])
     error, pull = np.array(errors).T

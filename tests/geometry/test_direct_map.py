@@ -74,6 +74,7 @@ def test_what_it_leaves_of_its_camera_is_in_the_sensors_own_sigma() -> None:
         ({"homography": np.ones((3, 3))}, "invertible"),
         ({"homography": np.full((3, 3), np.nan)}, "invertible"),
         ({"polynomial": ((-1, 0, 1.0, 1.0),)}, "powers"),
+        ({"polynomial": ((9, 6, 1.0, 1.0),)}, "powers"),
         ({"polynomial": ((1, 0, 1.0, 1.0), (1, 0, 2.0, 1.0))}, "same powers"),
         ({"homography": H, "rms_mm": -1.0}, "rms_mm"),
         ({"homography": H, "seen_px": (5.0, 0.0, 1.0, 9.0)}, "seen_px"),

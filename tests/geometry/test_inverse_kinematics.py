@@ -8,6 +8,7 @@ from hypothesis import given, settings
 
 from geometry import DhRobot, InputError, Pose, all_solutions, inverse_kinematics, stack_poses
 from tests.geometry.strategies import SEEDS, six_axis_arm
+from tests.pinned import pinned
 
 ATOL_MM = 1e-9
 ATOL_RAD = 1e-12
@@ -70,6 +71,7 @@ def test_reachable_goals_are_reached(arm: str) -> None:
     robot, rng = ARMS[arm](), np.random.default_rng(7)
     goals = robot.pose(rng.uniform(robot.min_rad, robot.max_rad, (200, robot.n_joints)))
     found = inverse_kinematics(robot, goals, rng)
+    pinned(found)
     assert found.converged.mean() >= 0.995
     ok = found.converged
     assert_reaches(robot, found.joints[ok], goals[ok])
@@ -83,6 +85,7 @@ def test_singular_wrists_are_solved(arm: str) -> None:
     q[:, 4] = 0.0
     goals = robot.pose(q)
     found = inverse_kinematics(robot, goals, rng)
+    pinned(found)
     assert np.all(found.converged)
     assert_reaches(robot, found.joints, goals)
 
@@ -105,6 +108,7 @@ def test_whole_turns_follow_the_seed() -> None:
     robot, rng = collaborative_arm(), np.random.default_rng(3)
     q = np.array([0.3, -1.2, 1.4, -0.4, 1.0, -5.9])
     found = inverse_kinematics(robot, robot.pose(q), rng, seeds=q + 0.01)
+    pinned(found)
     np.testing.assert_allclose(found.joints, q, rtol=0, atol=1e-8)
 
 
@@ -113,6 +117,7 @@ def test_unreachable_goals_are_a_mask_not_an_error() -> None:
     near = robot.pose(np.array([0.2, 0.3, -0.4, 0.5, 0.6, 0.7]))
     goals = stack_poses([Pose(near.R, np.array([9000.0, 0, 0])), near])
     found = inverse_kinematics(robot, goals, rng)
+    pinned(found)
     assert found.converged.tolist() == [False, True]
     assert found.position_error_mm[0] > 1000
     assert np.all(robot.within_limits(found.joints))

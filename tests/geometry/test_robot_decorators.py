@@ -28,6 +28,7 @@ from geometry import (
     with_beta_prior,
 )
 from tests.geometry.strategies import random_robot, six_axis_arm
+from tests.pinned import pinned
 
 ATOL_POSE = 1e-9  # mm, and of rotations
 ATOL_PER_RAD = 2e-5  # mm/rad: a central difference of a pose some metres away, of the torque within it as well
@@ -160,6 +161,7 @@ def test_hands_that_a_decorated_arm_reaches_are_found() -> None:
     rng = np.random.default_rng(3)
     goals = robot.pose(rng.uniform(-1, 1, (10, 6)))
     found = inverse_kinematics(robot, goals, rng)
+    pinned(found)
     assert np.all(found.converged)
     np.testing.assert_allclose(robot.pose(found.joints).t, goals.t, rtol=0, atol=1e-8)
     assert np.all(np.linalg.norm(robot.dh_part().pose(found.joints).t - goals.t, axis=-1) > 0.05)

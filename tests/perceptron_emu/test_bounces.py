@@ -17,6 +17,7 @@ from perceptron_emu import EmulatorConfig, Material, Scene, Solid, mean_electron
 from perceptron_emu.image.ghosts import pixel_rays
 from perceptron_emu.light import Light
 from tests.perceptron_emu.conftest import make_sensor
+from tests.pinned import pinned
 
 PLACE_ATOL_PX = 0.1  # of a mirrored line: the lobe is 12 px wide there
 LIGHT_RTOL = 0.05
@@ -123,6 +124,7 @@ def test_ghosts_have_their_own_label() -> None:
     scene, *_ = mirror_and_wall()
     _, twice = configs()
     truth = render(scene, twice, full_truth=True).truth
+    pinned(truth)
     assert truth.label_names[-1] == "ghost"
     where = truth.labels == len(truth.label_names) - 1
     ghost = ghost_of(scene)

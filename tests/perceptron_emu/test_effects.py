@@ -10,6 +10,7 @@ from perceptron_emu import EmulatorConfig, Scene, panel, render
 from perceptron_emu.lens import defocus_radius_px, filter_transmission, focus_distance_mm, to_camera
 from perceptron_emu.light import across, along, half_width_mm
 from tests.perceptron_emu.conftest import make_sensor
+from tests.pinned import pinned
 
 PLAIN = {"ambient": {"enabled": False}, "speckle": {"enabled": False}}
 CLEAN = PLAIN | {"noise": {"enabled": False, "full_well_e": 1e6}}
@@ -63,6 +64,7 @@ def test_laser_off_shows_the_room_alone(scene: Scene) -> None:
     wall = panel(600, 600, Pose(np.eye(3), np.array([0.0, 0, 420])))
     both = Scene(scene.sensor, scene.jig, scene.T_sensor_jig, (wall,))
     dark = render(both, EmulatorConfig.model_validate({"exposure": {"laser_on": False}, "noise": {"enabled": False}}))
+    pinned(dark)
     assert dark.image.max() < 40
     assert dark.image.min() >= 10
     assert np.ptp(dark.image) > 0
@@ -170,6 +172,7 @@ def test_full_truth_labels_and_curve(scene: Scene) -> None:
     """Labelled pixels stand where the light is; the curve lies on the wall and misses what the strings shade."""
     wall = panel(600, 600, Pose(np.eye(3), np.array([0.0, 0, 420])), name="wall")
     frame = render(Scene(scene.sensor, scene.jig, scene.T_sensor_jig, (wall,)), None, full_truth=True)
+    pinned(frame)
     truth = frame.truth
     assert truth.labels is not None
     assert truth.curve is not None

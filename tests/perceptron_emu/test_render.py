@@ -12,6 +12,7 @@ from geometry import Pose, Sensor
 from jig_cad import Jig
 from perceptron_emu import EmulatorConfig, Scene, Solid, mean_electrons, panel, project, render
 from tests.perceptron_emu.conftest import TILTED, jig_before, make_sensor
+from tests.pinned import pinned
 
 ATOL_PX = 1e-5
 EXACT_LINE_PX = 1e-3
@@ -64,6 +65,7 @@ def test_lit_surface_lies_between_axis_and_emitter(scene: Scene) -> None:
 def test_a_plate_before_the_laser_hides_every_string(scene: Scene) -> None:
     shield = panel(300, 300, Pose(np.eye(3), np.array([0.0, 0, 150])))
     frame = render(Scene(scene.sensor, scene.jig, scene.T_sensor_jig, (shield,)), CLEAN_16BIT)
+    pinned(frame)
     assert all(s.visible_fraction == 0 and np.all(np.isnan(s.image_px)) for s in frame.truth.strings)
     assert all(np.all(np.isfinite(s.axis_mm)) for s in frame.truth.strings)
 
@@ -73,11 +75,13 @@ def test_a_blade_before_the_camera_cuts_a_spot(scene: Scene) -> None:
     side.
     """
     free = render(scene, CLEAN_16BIT).truth.strings[0]
+    pinned(free)
     towards = scene.sensor.camera.centre_mm - np.array([0.0, *free.surface_mm])
     edge = np.array([0.0, *free.surface_mm]) + 0.1 * towards
     blade = trimesh.creation.box((20, 20, 0.5))
     blade.apply_translation([0, 10 + edge[1], edge[2]])
     frame = render(Scene(scene.sensor, scene.jig, scene.T_sensor_jig, (Solid(blade),)), CLEAN_16BIT)
+    pinned(frame)
     cut = frame.truth.strings[0]
     assert 0.2 < cut.visible_fraction < 0.8
     assert cut.image_px[0] < free.image_px[0] - 0.1
@@ -104,11 +108,14 @@ def test_strings_cast_shadows_on_a_wall() -> None:
     wall = panel(900, 900, Pose(np.eye(3), np.array([0.0, 0, 420])))
     jig = jig_before(sensor)
     bare = render(Scene(sensor, solids=(wall,)), CLEAN_16BIT).image.astype(float).sum()
+    pinned(bare)
     both = render(Scene(sensor, jig.jig, jig.T_sensor_jig, (wall,)), CLEAN_16BIT)
+    pinned(both)
     spots = sum(s.electrons for s in both.truth.strings) * (65535 - 10) / 1e6
     assert both.image.astype(float).sum() < bare + spots
 
 
 def test_far_jig_gives_no_spots(sensor: Sensor) -> None:
     frame = render(Scene(sensor, Jig.nominal(), Pose(np.eye(3), np.array([-50.0, 900, 300]))), CLEAN_16BIT)
+    pinned(frame)
     assert all(s.visible_fraction == 0 for s in frame.truth.strings)

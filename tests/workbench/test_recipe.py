@@ -34,6 +34,8 @@ def test_a_region_is_the_polygons_that_are_kept_without_those_left_out() -> None
     assert not out[:, :6].any()
     assert out[:, 6:].all()
     assert region_mask(RegionConfig(), (50, 60)) is None
+    colour = region_mask(RegionConfig(leave_out=(((0, 0), (5, 0), (5, 49), (0, 49)),)), (50, 60, 3))
+    np.testing.assert_array_equal(colour, out)
 
 
 def test_a_feature_has_a_true_sigma() -> None:
