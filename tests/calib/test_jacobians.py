@@ -12,6 +12,7 @@ from calib.bundle.problem import Bundle
 from calib.closure.terms import KnownDistance, Seated
 from calib.figures import OffsetsFromTarget
 from calib.pose.own import SeenAlone
+from calib.prediction import prediction_jacobian
 from calib.sensor_errors import SensorErrors
 from calib.synthetic.cell import Noise, default_sensor, industrial_arm
 from calib.synthetic.problem import made_problem, true_jigs
@@ -191,3 +192,18 @@ def test_sensor_errors_equal_finite_differences() -> None:
     place = state.with_value("target", state.pose("target") @ Pose.exp(np.array([0, 0, 1e-5, 0, 1e-6, 0])))
     moved = lin.jacobian["target"] @ np.array([0, 0, 1e-5, 0, 1e-6, 0])
     np.testing.assert_allclose(term.residual(place) - lin.residual, moved, atol=1e-9)
+
+
+def test_predicted_points_move_as_differences_say() -> None:
+    """By SCP and by every number of the arm's table."""
+    rng, robot = np.random.default_rng(11), industrial_arm()
+    T, q, yz = Pose.exp(rng.normal(size=6)), rng.uniform(-1, 1, (2, 6)), rng.uniform([-20, 250], [20, 350], (2, 3, 2))
+    points = np.concatenate([np.zeros((2, 3, 1)), yz], -1)
+    J = prediction_jacobian(T, robot, None, q, yz)
+    step, free = 1e-6, len(robot.parameters)
+    for k in range(6 + free):
+        ends = []
+        for sign in (step, -step):
+            by_scp, by_robot = sign * np.eye(6 + free)[k, :6], sign * np.eye(6 + free)[k, 6:]
+            ends.append((robot.corrected(by_robot).pose(q) @ (T @ Pose.exp(by_scp))) @ points)
+        np.testing.assert_allclose(J[..., k], (ends[0] - ends[1]) / (2 * step), rtol=1e-6, atol=1e-6)
