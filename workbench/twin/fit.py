@@ -9,7 +9,7 @@ recorded and emulated, G the step's own gain.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -35,7 +35,7 @@ from workbench.twin.keys import (
     start_values,
     within,
 )
-from workbench.twin.seen import NAMES, Image, ImageSeen, see, smooth
+from workbench.twin.seen import NAMES, Image, ImageSeen, Look, see, smooth, usual_width_px
 
 Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
@@ -54,7 +54,7 @@ POWERS = (1.0, 0.5, 2.0, 0.25, 4.0, 0.1, 10.0, 0.03, 30.0)  # of the file's, tri
 MIN_PARTS = 0.7  # of the recorded stripes: so many must be found in the emulated images
 MIN_INSIDE = 0.5  # part of the points that must lie in the laser's fan
 MAX_IMAGES = 12
-MAX_CLIPPED = 0.5  # part of the points: what is left of such stripes is their dim ends alone
+MAX_CLIPPED = 0.5  # part of the points: beyond, what is left of the stripes is their dim ends alone
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +62,8 @@ class Twin:
     """A sensor as its images show it.
 
     sensor, config: with the fitted keys. keys: the same with σ. recorded, emulated: what extraction sees, image by
-    image. chi2_per_dof: of the figures.
+    image. chi2_per_dof: of the figures. clipped: whether most points have saturated pixels, so that width and flanks
+    tell the light, not height.
     """
 
     sensor: Sensor
@@ -72,6 +73,7 @@ class Twin:
     emulated: tuple[ImageSeen, ...]
     chi2_per_dof: float
     converged: bool
+    clipped: bool
 
 
 def fit_twin(
@@ -102,8 +104,12 @@ def fit_twin(
     InputError
         Where no image shows a stripe, or the stripes do not lie in the laser's fan.
     """
-    every = [see(image, sensor, StripeConfig()) for _, image in images]
-    _check_clipped(every)
+    every = [see(image, sensor, StripeConfig(), Look()) for _, image in images]
+    look = Look(clipped_too=_clipped(every))
+    if look.clipped_too:
+        every = [see(image, sensor, StripeConfig(), look) for _, image in images]
+    own = replace(look, width_px=usual_width_px(every))
+    every = [see(image, sensor, StripeConfig(), own) for _, image in images]
     recorded = tuple(s for s in every if len(s.parts))[:MAX_IMAGES]
     if not recorded:
         raise InputError(
@@ -111,7 +117,7 @@ def fit_twin(
             f"with the laser on, of a smooth surface"
         )
     _check_fan(recorded, sensor)
-    emulate = _Emulation(sensor, config, tuple(_scene(s, sensor) for s in recorded), seed, progress)
+    emulate = _Emulation(sensor, config, tuple(_scene(s, sensor) for s in recorded), look, seed, progress)
     start = np.array([v if k.linear else np.log(v) for k, v in zip(KEYS, start_values(sensor, config), strict=True)])
     precision = TO_KEYS.T @ np.diag([k.prior**-2 for k in KEYS]) @ TO_KEYS
     asked = _Asked(*_means(recorded), precision, np.linalg.solve(TO_KEYS, start))
@@ -130,7 +136,7 @@ def fit_twin(
     chi2_per_dof = asked.misfit(place) / max(int(np.isfinite(asked.figures - place.figures).sum()) - len(KEYS), 1)
     # figures that differ by more than their scatter say how far the emulator is off: σ hold it too (Birge's ratio)
     keys = fitted(place.theta, covariance * max(1.0, chi2_per_dof))
-    return Twin(twin_sensor, twin_config, keys, recorded, place.seen, chi2_per_dof, converged)
+    return Twin(twin_sensor, twin_config, keys, recorded, place.seen, chi2_per_dof, converged, look.clipped_too)
 
 
 class _Emulation:
@@ -141,10 +147,12 @@ class _Emulation:
         sensor: Sensor,
         config: EmulatorConfig,
         scenes: tuple[tuple[Solid, ...], ...],
+        look: Look,
         seed: int,
         progress: Progress,
     ) -> None:
-        self._sensor, self._config, self._scenes, self._seed, self._progress = sensor, config, scenes, seed, progress
+        self._sensor, self._config, self._scenes, self.look = sensor, config, scenes, look
+        self._seed, self._progress = seed, progress
         self._done, self._total = 0, ITERATIONS * (len(KEYS) + 2) + 1
 
     def __call__(self, theta: Array) -> tuple[ImageSeen, ...]:
@@ -153,7 +161,7 @@ class _Emulation:
         out = []
         for k, solids in enumerate(self._scenes):
             image = render(Scene(sensor, solids=solids), config, np.random.default_rng([self._seed, k])).image
-            out.append(see(image, sensor, StripeConfig()))
+            out.append(see(image, sensor, StripeConfig(), self.look))
         self._done += 1
         self._progress(min(self._done, self._total), self._total)
         return tuple(out)
@@ -277,13 +285,9 @@ def _begun(start: ArrayLike, emulate: _Emulation, asked: _Asked, parts: float) -
     return place
 
 
-def _check_clipped(every: Sequence[ImageSeen]) -> None:
-    clipped, clear = sum(s.clipped for s in every), sum(len(s.profile) for s in every)
-    if clipped > MAX_CLIPPED * (clipped + clear):
-        raise InputError(
-            f"{100 * clipped / (clipped + clear):.0f} % of the stripes' points have saturated pixels: a twin is told "
-            f"by the stripe's height and noise, so record with a shorter exposure, until few are"
-        )
+def _clipped(every: Sequence[ImageSeen]) -> bool:
+    """Whether most of the points found have saturated pixels."""
+    return sum(s.clipped for s in every) > MAX_CLIPPED * sum(s.found for s in every)
 
 
 def _check_fan(recorded: Sequence[ImageSeen], sensor: Sensor) -> None:
@@ -324,15 +328,15 @@ def _count(seen: Sequence[ImageSeen]) -> int:
 
 
 def _seen_at_all(theta: Array, emulate: _Emulation, parts: float) -> tuple[Array, tuple[ImageSeen, ...]]:
-    """The start with power by which extraction finds most of the emulated stripes, neither lost nor clipped, and what
-    it sees there.
+    """The start with power by which extraction finds most of the emulated stripes, neither lost nor clipped unless
+    the recorded ones are, and what it sees there.
     """
     power = [k.name for k in KEYS].index("power_mw")
     for factor in POWERS:
         trial = theta.copy()
         trial[power] += np.log(factor)
         seen = emulate(trial)
-        if _count(seen) >= parts:
+        if _count(seen) >= parts and (_clipped(seen) or not emulate.look.clipped_too):
             return trial, seen
     raise InputError(
         f"extraction finds no stripe in the emulated images of this sensor, at {POWERS[-2]:g} to {POWERS[-1]:g} times "
@@ -346,7 +350,7 @@ def _first_step(target: Array, figures: Array) -> Array:
     off = np.nan_to_num(target - figures)
     step[at["power_mw"]] = off[figure["height"]]
     step[at["contrast"]] = off[figure["line_rms"]]
-    step[at["blur_px"]] = off[figure["width"]]
+    step[at["blur_px"]] = off[figure["width" if np.isnan(target[figure["flank"]]) else "flank"]]
     step[at["read_noise_e"]] = off[figure["dark_noise"]] / 2
     room, own = (f[figure["room"]] - f[figure["black"]] for f in (target, figures))
     if room > 0 and own > 0:
