@@ -101,7 +101,7 @@ def test_the_command_writes_a_sensor_file_and_a_page(cli: Cli, tmp_path: Path, m
 def test_clipped_stripes_are_told_by_their_flanks(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(fit, "ITERATIONS", 2)
     sensor = small_sensor()
-    bright = EmulatorConfig.model_validate({"laser": {"power_mw": 120.0}})
+    bright = EmulatorConfig.model_validate({"laser": {"power_mw": 30.0}})
     twin = fit_twin(stripes(sensor, bright, 2), sensor, EmulatorConfig(), 0, lambda *_: None)
     assert twin.clipped
     assert sum(len(s.profile) for s in twin.recorded) > 500

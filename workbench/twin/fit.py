@@ -51,7 +51,7 @@ STEP, LINEAR_STEP = 0.4, 0.5  # of a key's logarithm, of a linear key, for its d
 FLOOR = 0.01  # σ that no figure is taken to be better than: the surface that stands for the recorded one is not it
 SHARES = (1.0, 0.5, 0.25)  # of the first step
 POWERS = (1.0, 0.5, 2.0, 0.25, 4.0, 0.1, 10.0, 0.03, 30.0)  # of the file's, tried in turn
-MIN_PARTS = 0.7  # of the recorded stripes: so many must be found in the emulated images
+MIN_POINTS = 0.7  # of the recorded stripes': so many must be found in the emulated images
 MIN_INSIDE = 0.5  # part of the points that must lie in the laser's fan
 MAX_IMAGES = 12
 MAX_CLIPPED = 0.5  # part of the points: beyond, what is left of the stripes is their dim ends alone
@@ -121,13 +121,13 @@ def fit_twin(
     start = np.array([v if k.linear else np.log(v) for k, v in zip(KEYS, start_values(sensor, config), strict=True)])
     precision = TO_KEYS.T @ np.diag([k.prior**-2 for k in KEYS]) @ TO_KEYS
     asked = _Asked(*_means(recorded), precision, np.linalg.solve(TO_KEYS, start))
-    parts = MIN_PARTS * _count(recorded)
-    place = _begun(np.linalg.solve(TO_KEYS, _first(start, asked.figures)), emulate, asked, parts)
+    points = MIN_POINTS * _count(recorded)
+    place = _begun(np.linalg.solve(TO_KEYS, _first(start, asked.figures)), emulate, asked, points)
     converged, covariance = False, np.asarray(np.linalg.inv(precision))
     for _ in range(ITERATIONS):
         step = _Step.at(place, emulate, asked)
         covariance = step.covariance
-        moved, last = _nearer(place, step, emulate, asked, parts)
+        moved, last = _nearer(place, step, emulate, asked, points)
         converged = moved is None or bool(np.all(np.abs(last) < SETTLED * np.sqrt(np.diag(covariance))))
         place = moved or place
         if converged:
@@ -260,7 +260,7 @@ def _change(before: Sequence[ImageSeen], after: Sequence[ImageSeen]) -> tuple[Ar
 
 
 def _nearer(
-    place: _Place, step: _Step, emulate: _Emulation, asked: _Asked, parts: float
+    place: _Place, step: _Step, emulate: _Emulation, asked: _Asked, points: float
 ) -> tuple[_Place | None, Array]:
     """The first damped step that brings the figures nearer and where it leads, or none and the shortest one tried."""
     cost, last = asked.cost(place), np.zeros(len(KEYS))
@@ -268,19 +268,19 @@ def _nearer(
         last = step.damped(damping)
         theta = within(place.theta + np.clip(last, -LARGEST, LARGEST))
         seen = emulate(theta)
-        if _count(seen) >= parts and asked.cost(trial := _Place.of(theta, seen)) < cost:
+        if _count(seen) >= points and asked.cost(trial := _Place.of(theta, seen)) < cost:
             return trial, last
     return None, last
 
 
-def _begun(start: ArrayLike, emulate: _Emulation, asked: _Asked, parts: float) -> _Place:
+def _begun(start: ArrayLike, emulate: _Emulation, asked: _Asked, points: float) -> _Place:
     """Where the fit starts: with light that extraction sees, and what the first figures say outright."""
-    place = _Place.of(*_seen_at_all(rounded_keys(start), emulate, parts))
+    place = _Place.of(*_seen_at_all(rounded_keys(start), emulate, points))
     step = _first_step(asked.figures, place.figures)
     for share in SHARES:  # what is read off the figures may lead to where too few stripes are found
         theta = within(place.theta + share * step)
         seen = emulate(theta)
-        if _count(seen) >= parts:
+        if _count(seen) >= points:
             return _Place.of(theta, seen)
     return place
 
@@ -323,11 +323,11 @@ def _scene(seen: ImageSeen, sensor: Sensor) -> tuple[Solid, ...]:
 
 
 def _count(seen: Sequence[ImageSeen]) -> int:
-    """Parts of stripes that extraction finds."""
-    return sum(len(s.parts) for s in seen)
+    """Points of stripes that extraction finds."""
+    return sum(len(s.profile) for s in seen)
 
 
-def _seen_at_all(theta: Array, emulate: _Emulation, parts: float) -> tuple[Array, tuple[ImageSeen, ...]]:
+def _seen_at_all(theta: Array, emulate: _Emulation, points: float) -> tuple[Array, tuple[ImageSeen, ...]]:
     """The start with power by which extraction finds most of the emulated stripes, neither lost nor clipped unless
     the recorded ones are, and what it sees there.
     """
@@ -336,7 +336,7 @@ def _seen_at_all(theta: Array, emulate: _Emulation, parts: float) -> tuple[Array
         trial = theta.copy()
         trial[power] += np.log(factor)
         seen = emulate(trial)
-        if _count(seen) >= parts and (_clipped(seen) or not emulate.look.clipped_too):
+        if _count(seen) >= points and (_clipped(seen) or not emulate.look.clipped_too):
             return trial, seen
     raise InputError(
         f"extraction finds no stripe in the emulated images of this sensor, at {POWERS[-2]:g} to {POWERS[-1]:g} times "

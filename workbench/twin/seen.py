@@ -70,7 +70,7 @@ class ImageSeen:
 class Look:
     """Which points of a stripe are taken.
 
-    clipped_too: those with saturated pixels, whose height says nothing. width_px: usual width of the laser's stripe,
+    clipped_too: those with saturated pixels. width_px: usual width of the laser's stripe,
     other ridges are left out; None where all are taken.
     """
 
@@ -172,10 +172,10 @@ def _figures(image: Image, sensor: Sensor, profile: Profile, residual: Array, he
     values["width_rms"] = _scatter(section, np.log(peaks.width_px) - smooth(section, np.log(peaks.width_px)))[0]
     values.update(_noise_of_levels(image, part))
     values.update(_surroundings(image, part))
-    if clipped_too:
-        values["height"] = np.nan  # of a clipped stripe it is the converter's
-    else:
+    if not clipped_too:
         values["flank"] = np.nan  # what the width says, once more
+    elif np.median(peaks.amplitude_dn + peaks.background_dn) <= sensor.require_camera().saturation_dn:
+        values["height"] = np.nan  # so many pixels are clipped in a row that nothing tells it
     return np.array([np.log(max(values[n], 1e-9)) if n in _LOG else values[n] for n in NAMES])
 
 
