@@ -13,6 +13,7 @@ from extraction.board.found import BoardCorners
 from extraction.board.plane import board_homography, mapped
 from extraction.image import Image
 from geometry import Board
+from geometry.special import erf
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -88,8 +89,6 @@ def _powers(x: Array, y: Array, order: int) -> Array:
 
 def _squares(xy: Array, per_px: Array, board: Board, corners: BoardCorners, blur: float) -> tuple[Array, Mask]:
     """Of pixels (H, W): 1 on squares of the one colour, -1 on the other, between them at borders; and where known."""
-    from scipy.special import erf  # a tenth of a second, and most commands need none of it
-
     pitch = board.pitch_mm
     first = corners.xy_mm.min(axis=0)
     s = (xy - first) / pitch
@@ -102,7 +101,7 @@ def _squares(xy: Array, per_px: Array, board: Board, corners: BoardCorners, blur
     about = np.zeros(xy.shape[:2], dtype=bool)
     for i in (0, 1):
         for j in (0, 1):
-            at = np.clip(cell + [i + 1, j + 1], 0, np.array(seen.shape) - 1)
+            at = np.clip(cell + np.array([i, j]) + 1, 0, np.array(seen.shape) - 1)
             about |= seen[at[..., 0], at[..., 1]]
     # squares end with the print: beyond their outer borders nothing is known
     inside = np.all((xy > first - pitch + CLEAR_WIDTHS * blur * per_px), axis=-1)
@@ -118,8 +117,7 @@ def _squares(xy: Array, per_px: Array, board: Board, corners: BoardCorners, blur
 
 def _dots(xy: Array, per_px: Array, board: Board, corners: BoardCorners, blur: float) -> tuple[Array, Mask]:
     """As `_squares`, of dots: 1 on them."""
-    from scipy.spatial import cKDTree
-    from scipy.special import erf
+    from scipy.spatial import cKDTree  # a tenth of a second, and most commands need none of it
 
     distance = cKDTree(corners.xy_mm).query(xy.reshape(-1, 2))[0].reshape(xy.shape[:2])
     colour = erf((corners.dot_radius_mm - distance) / per_px.mean(axis=-1) / (np.sqrt(2) * blur))
