@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from geometry import InputError
+from geometry.sensor import PROFILE_FORMATS
 from workbench.profiles import READERS, SUFFIXES, WRITERS, ScanLine, Told, convert, read_scan_lines, write_scan_lines
 
 PITCH_MM, START_MM = 0.1, -20.0
@@ -28,6 +29,7 @@ def example(seed=0, n=401):
 def test_every_format_of_the_table_can_be_read():
     asked = "csv gocator keyence_csv keyence_lj_x keyence_lj_v genicam sick wenglor opencv_yaml ply pcd xyz"
     assert set(asked.split()) <= set(READERS)
+    assert set(PROFILE_FORMATS) == set(READERS)
     assert {"csv", "gocator", "keyence_csv", "ply", "npy"} <= set(WRITERS)
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from extraction import Circle, FeatureConfig, Profile, TargetPoints, find_target_points
+from extraction import FEATURE_KINDS, Circle, FeatureConfig, Profile, TargetPoints, find_target_points
 from geometry import AxisPoints, Frame, Sensor, Surface
 from jig_cad import Balls, Sphere
 
@@ -55,7 +55,7 @@ def on_surface(
         With reason "no_profile" or "no_target" where nothing can be used.
 
     """
-    if target.kind not in ("sphere", "balls", "plane", "edge", "wedge"):
+    if target.kind not in FEATURE_KINDS:
         n = len(profile)
         axis = AxisPoints(target.features[:1] * n, np.full(n, -1), profile.yz_mm, profile.cov_yz_mm2, ("",) * n)
         return OnSurface(replace(frame, axis=axis, n_points=n))

@@ -42,9 +42,8 @@ _LONGEST_HEADER = 200  # characters that a sentence can repeat
 Reader = Callable[[Source, Told], tuple[ScanLine, ...]]
 READERS: dict[str, Reader] = {m.NAME: m.read for m in _FORMATS}
 WRITERS: dict[str, Callable[[Sequence[ScanLine], Told], bytes]] = {
-    m.NAME: m.write
-    for m in (csv_points, gocator, keyence_csv, ply, npy_points, keyence_lj_x, opencv_yaml, xyz)
-}  # fmt: skip
+    m.NAME: m.write for m in _FORMATS if hasattr(m, "write")
+}
 
 
 def recognise(source: Source) -> str:
