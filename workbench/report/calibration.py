@@ -146,7 +146,7 @@ def scp_rows(result: CalibrationResult) -> list[dict[str, Any]]:
         ("rotation", "°", nothing if design is None else design.fixed_xyz_deg, angles, result.sigma_rotation_deg),
         ("translation", "mm", nothing if design is None else design.t, place, result.sigma_translation_mm),
     )
-    nominal = result.nominal if np.any(result.robot_delta) else None
+    nominal = result.nominal_apart
     by_nominal = (
         (nothing, nothing) if nominal is None else (nominal.T_hand_sensor.fixed_xyz_deg, nominal.T_hand_sensor.t)
     )
@@ -165,7 +165,7 @@ def scp_rows(result: CalibrationResult) -> list[dict[str, Any]]:
 def _conventions(result: CalibrationResult) -> list[dict[str, Any]]:
     if result.T_hand_sensor is None:
         return []
-    pose = result.T_hand_sensor
+    pose = result.T_hand_sensor if result.nominal_apart is None else result.nominal_apart.T_hand_sensor
     return [{"maker": c.maker, "formula": c.formula, "numbers": express(pose, key)} for key, c in CONVENTIONS.items()]
 
 

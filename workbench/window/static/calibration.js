@@ -118,11 +118,11 @@ function table(r) {
 }
 
 function conventions(r) {
-  const names = Object.keys(r.conventions ?? {});
+  const apart = r.table.some((row) => row.nominal !== null), shown_ = (apart ? r.conventions_nominal : r.conventions) ?? {}, names = Object.keys(shown_);
   if (!names.length) return null;
-  return el("details", { class: "conventions" }, el("summary", {}, t("In controllers' conventions")),
+  return el("details", { class: "conventions" }, el("summary", {}, apart ? t("For a controller with its nominal table, in makers' conventions") : t("In controllers' conventions")),
     headed(["maker", "numbers"], names.map((n) => el("tr", {}, el("td", { title: r.convention_formulas[n] }, n.toUpperCase()),
-      el("td", { class: "left numbers" }, Object.entries(r.conventions[n]).map(([k, v]) => el("span", {}, `${k.split(" / ")[0]} ${number(v, 4)}${k.includes(" / ") ? ` ${k.split(" / ")[1]}` : ""}`)))))));
+      el("td", { class: "left numbers" }, Object.entries(shown_[n]).map(([k, v]) => el("span", {}, `${k.split(" / ")[0]} ${number(v, 4)}${k.includes(" / ") ? ` ${k.split(" / ")[1]}` : ""}`)))))));
 }
 
 function locations(r) {
