@@ -243,7 +243,19 @@ class Jig:
 
 
 def sample_tolerance(jig: Jig, rng: np.random.Generator) -> Jig:
-    """The jig with every anchor moved uniformly within ± half of its tolerance in y and z: one made jig."""
+    """One made jig: every anchor moved uniformly within ± half of its tolerance in y and z.
+
+    Parameters
+    ----------
+    jig : Jig
+        As drawn.
+    rng : numpy.random.Generator
+
+    Returns
+    -------
+    Jig
+        With its anchors as made.
+    """
     shift = np.zeros((len(jig.anchors), 3))
     shift[:, 1:] = rng.uniform(-0.5, 0.5, (len(jig.anchors), 2)) * jig.tolerance_mm
     return replace(jig, anchors_mm=jig.anchors_mm + shift, measured=False)

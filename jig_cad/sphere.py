@@ -69,6 +69,10 @@ class Sphere(Surface):
         direction = points_mm / np.maximum(length, 1e-9)
         return length - self.diameter_mm / 2, direction[:, None, :]
 
+    def at_place(self, T_base_target: Pose, sensors_mm: Array) -> dict[str, object]:
+        """Centre and diameter."""
+        return {"centre_mm": T_base_target.t, "diameter_mm": self.diameter_mm}
+
     def place(self, points_mm: Array, feature: Index) -> Pose | None:
         """The centre, by least squares."""
         centre = sphere_centre(points_mm, self.diameter_mm / 2)
@@ -135,6 +139,12 @@ class Balls(Surface):
         away = points_mm - self.centres_mm[feature]
         length = np.linalg.norm(away, axis=-1, keepdims=True)
         return length - self.diameters_mm[feature, None] / 2, (away / np.maximum(length, 1e-9))[:, None, :]
+
+    def at_place(self, T_base_target: Pose, sensors_mm: Array) -> dict[str, object]:
+        """Each ball's name, centre and diameter."""
+        centres = T_base_target @ self.centres_mm
+        balls = zip(self.names, centres, self.diameters_mm.tolist(), strict=True)
+        return {"balls": [{"name": n, "centre_mm": c, "diameter_mm": d} for n, c, d in balls]}
 
     def place(self, points_mm: Array, feature: Index) -> Pose | None:
         """Each ball's centre by least squares, and the rigid motion onto them."""

@@ -56,6 +56,7 @@ FACE_MM = (4.0, 20.0)  # from a wedge's ridge, between which its faces are seen
 GRAZING_RAD = np.deg2rad(25.0)  # between the laser's ray and a face: a flatter one sends hardly any light back
 SPREAD_MM = 12.0  # beside where the frames so far saw the target
 LINE_MM = 15.0  # to either side, that a plate's line is seen
+DEEP_MM, _DEPTHS, _LINES = 60.0, 121, 5  # before and behind, where any other surface is looked for, along five lines
 HAND_NOISE_MM, HAND_NOISE_DEG = 0.1, 0.02  # of hand poses of which nothing is known yet
 
 
@@ -412,7 +413,7 @@ def _seen(place: _Place, T_base_sensor: Pose) -> AxisPoints:
     elif isinstance(target, Edge | Wedge):
         nodes, labels = _ridge(T, target)
     else:
-        raise InputError(f"views of a {target.kind} can not be proposed")
+        nodes, labels = _met(T, target, place.seen_mm)
     yz = np.array(nodes).reshape(-1, 2)
     n = len(yz)
     labels = labels if n else []
@@ -435,6 +436,29 @@ def _line(T: Pose, seen: Array) -> list[Array]:
         return []
     y = seen[1] + np.array([-LINE_MM, LINE_MM])
     return [np.array([v, (n @ T.t - n[1] * v) / n[2]]) for v in y]
+
+
+def _met(T: Pose, target: Surface, seen: Array) -> tuple[list[Array], list[str]]:
+    """Points of any other surface: where lines along z first come upon it, about where it is seen."""
+    if target.residuals_per_point != 1:
+        raise InputError(f"views of a {target.kind} can not be proposed")
+    y = seen[1] + np.linspace(-LINE_MM, LINE_MM, _LINES)
+    z = seen[2] + np.linspace(-DEEP_MM, DEEP_MM, _DEPTHS)
+    grid = np.stack(np.broadcast_arrays(0.0, y[:, None], z), axis=-1)  # (lines, depths, 3) in {P}
+    points = (T.inverse() @ grid).reshape(-1, 3)
+    nodes, labels = [], []
+    for k, name in enumerate(target.features):
+        off, gradient = target.offset(points, np.full(len(points), k))
+        height = off.reshape(len(y), len(z))
+        slope = np.abs((gradient[:, 0] @ T.R.T)[:, 2]).reshape(height.shape)
+        for line, h in enumerate(height):
+            came = np.flatnonzero((h[:-1] > 0) & (h[1:] <= 0))
+            if len(came) and slope[line, came[0]] > np.sin(GRAZING_RAD):
+                i = int(came[0])
+                depth = z[i] + (z[i + 1] - z[i]) * h[i] / (h[i] - h[i + 1])
+                nodes.append(np.array([y[line], depth]))
+                labels.append(name)
+    return nodes, labels
 
 
 def _ridge(T: Pose, target: Edge | Wedge) -> tuple[list[Array], list[str]]:
