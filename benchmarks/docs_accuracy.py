@@ -325,9 +325,9 @@ def others(store: Path, jig: list[str]) -> str:
                 inside = np.mean(table[:, 0] < chi2.isf(0.05, 6))
                 called = "as built" if arm == "built" else arm
                 lines.append(
-                    f"| {name} | {called} | {len(table)} | {mm:.3f} | {deg:.4f} | {mean:.2f} ± {spread:.2f} | {inside:.1%} |"
+                    f"| {name} | {called} | {len(table)} | {mm:.3f} | {deg:.4f} | {mean:.2f} ± {spread:.2f} | {100 * inside:.1f} % |"
                 )
-    return OTHERS.format(rows="\n".join(lines).replace("%", " %"))
+    return OTHERS.format(rows="\n".join(lines))
 
 
 def jig_rows(run: Run) -> str:
