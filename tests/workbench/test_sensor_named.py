@@ -20,8 +20,9 @@ FAR = "[region]\nkeep = [[[3000, 3000], [4000, 3000], [4000, 4000]]]\n"
 @pytest.fixture
 def picture(tmp_path: Path) -> Path:
     """A straight stripe as the nominal sensor's image."""
-    image = np.full((1024, 1280), 8, np.uint8)
-    image[500:504, 100:1200] = 180
+    light = np.zeros((1024, 1280))
+    light[:, 100:1200] = 150 * np.exp(-0.5 * ((np.arange(1024) - 502.3) / 1.8) ** 2)[:, None]
+    image = np.rint(light + np.random.default_rng(2).normal(10, 1, light.shape)).clip(0, 255).astype(np.uint8)
     path = tmp_path / "stripe.png"
     cv2.imwrite(str(path), image)
     return path
