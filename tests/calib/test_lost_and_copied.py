@@ -154,3 +154,13 @@ def test_a_third_of_the_frames_may_be_lost(cell: SyntheticCell, observed: CellFr
 
     result = calibrated(replace(observed, frames=tuple(map(spoilt, observed.frames))), cell.jig, cell.robot)
     assert result.verdict.trustworthy
+
+
+def test_noise_that_is_larger_than_stated_is_said(cell: SyntheticCell, observed: CellFrames) -> None:
+    def surer(f: Frame) -> Frame:
+        assert f.axis is not None
+        return replace(f, axis=replace(f.axis, cov_yz_mm2=f.axis.cov_yz_mm2 / 2.2))
+
+    result = calibrated(replace(observed, frames=tuple(map(surer, observed.frames))), cell.jig, cell.robot)
+    assert result.verdict.code == "ok"
+    assert "and the σ given follow" in result.verdict.text
