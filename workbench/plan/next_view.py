@@ -48,7 +48,6 @@ POOL = 200  # views drawn at each location
 _STARTS = 4  # of the inverse kinematics, beside the last frame's posture
 _SAME = 1e-6  # of a size's logarithm: of views as good the first is taken
 NODE_MM = 0.01  # σ of a node: many points of some 0.05 mm that share their noise; joints weigh more
-NODE_ALONG_MM = 1e-3
 BESIDE = 0.7  # of a ball's radius, that a view cuts it beside its middle at most
 LEAST_SECTION = 0.3  # of a ball's radius: a smaller section is a cap that is hardly lit
 ARC_RAD = 0.9  # to either side of a section's middle, that is lit
