@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Section:
+class FrameSection:
     """What one frame tells of one feature, in {P}: a line (a place and a direction), a circle or a point.
 
     frame: its place among the frames. group: location and feature. place (3,); direction (3,) of a line, times half of
@@ -29,7 +29,7 @@ class Section:
     radius: float
 
 
-def sections_of(frames: Sequence[Frame], target: Target) -> list[Section]:
+def sections_of(frames: Sequence[Frame], target: Target) -> list[FrameSection]:
     """What each frame tells of each feature: of a plane's section a line, of a ball's a circle, else every point."""
     out = []
     for k, f in enumerate(frames):
@@ -43,13 +43,13 @@ def sections_of(frames: Sequence[Frame], target: Target) -> list[Section]:
                 middle = p.mean(axis=0)
                 spread = np.linalg.svd(p - middle, full_matrices=False)
                 half = float(spread[1][0]) / np.sqrt(len(p))
-                out.append(Section(k, group, "line", middle, half * spread[2][0], 0.0))
+                out.append(FrameSection(k, group, "line", middle, half * spread[2][0], 0.0))
             elif section == "circle" and len(p) >= 3:
                 circle = circle_through(p[:, 1:]) if len(p) == 3 else circle_through(p[[0, len(p) // 2, -1]][:, 1:])
                 if circle is not None:
-                    out.append(Section(k, group, "circle", np.array([0.0, *circle[0]]), nothing, circle[1]))
+                    out.append(FrameSection(k, group, "circle", np.array([0.0, *circle[0]]), nothing, circle[1]))
             elif section is None:
-                out += [Section(k, group, "point", q, nothing, 0.0) for q in p]
+                out += [FrameSection(k, group, "point", q, nothing, 0.0) for q in p]
     return out
 
 
@@ -65,7 +65,7 @@ def circle_through(yz: Array) -> tuple[Array, float] | None:
 
 def face_angles(frames: Sequence[Frame], target: Target) -> Array:
     """Angles [deg] between the two lines of every frame, where they open."""
-    by_frame: dict[int, list[Section]] = {}
+    by_frame: dict[int, list[FrameSection]] = {}
     for s in sections_of(frames, target):
         by_frame.setdefault(s.frame, []).append(s)
     out = []

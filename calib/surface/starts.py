@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from calib.bundle import Bundle, rotation_grid, solve_bundle
 from calib.surface.constellation import balls_places, renamed_by_place, told_alone, with_names
 from calib.surface.faces import exchanged, namings
-from calib.surface.sections import Section, face_angles, sections_of
+from calib.surface.sections import FrameSection, face_angles, sections_of
 from geometry import Frame, Pose, Surface, Target, log_so3, stack_poses, target_at
 from jig_cad import Balls, Sphere, Wedge
 
@@ -295,7 +295,7 @@ def _placed(
 
 def _candidates(frames: Sequence[Frame], target: Target | Mapping[str, Target]) -> list[Pose]:
     """SCPs to be tried, the most promising first."""
-    sections: list[Section] = []
+    sections: list[FrameSection] = []
     for own in {id(t): t for t in (target_at(target, f.location) for f in frames)}.values():
         here = [k for k, f in enumerate(frames) if target_at(target, f.location) is own]
         found = sections_of([frames[k] for k in here], own)
@@ -322,7 +322,7 @@ class _Linear:
     cost (K,) [mm²], translation (K, 3) [mm], centres: (K, 3) of balls by group.
     """
 
-    def __init__(self, rotations: Array, hands: Pose, sections: Sequence[Section]) -> None:
+    def __init__(self, rotations: Array, hands: Pose, sections: Sequence[FrameSection]) -> None:
         self.rotations, self.hands, self.sections = rotations, hands, sections
         self.groups = list(dict.fromkeys((s.group, s.kind) for s in sections))
         self.cost, self.translation = np.zeros(len(rotations)), np.zeros((len(rotations), 3))
