@@ -94,14 +94,14 @@ def calibrate_sensor(
         if stand_alike(view_homographies(given), size_px[0], ALIKE_RAD):
             return SensorCalibration(boards_parallel(), tuple(ViewResult(v.name, True, None) for v in views))
         attempt = _Attempt.start(given, size_px, settings)
+        while True:
+            worst = attempt.worst()
+            out = len(attempt.dropped) + 1
+            if worst is None or out > MAX_LEFT_OUT * len(given) or len(given) - out < FEWEST_VIEWS:
+                break
+            attempt = attempt.without(*worst)
     except np.linalg.LinAlgError:  # the state went beyond all numbers
         return SensorCalibration(no_camera(), tuple(ViewResult(v.name, True, None) for v in views))
-    while True:
-        worst = attempt.worst()
-        out = len(attempt.dropped) + 1
-        if worst is None or out > MAX_LEFT_OUT * len(given) or len(given) - out < FEWEST_VIEWS:
-            break
-        attempt = attempt.without(*worst)
     return attempt.with_mirrors().answer(centre, contradicted=worst is not None)
 
 
@@ -138,6 +138,8 @@ class _Attempt:
         choice = choose_terms(SensorBundle(views, (), width, shape=shape), state, settings.max_terms)
         for _ in range(_ROUNDS):
             cleaned = _without_outliers(_on_lines(views, choice.result.state, FINE_PX, shape), choice)
+            if not len(cleaned.stripe):  # what was found is no straight line of any board
+                return _Attempt(given, size_px, settings, dropped, None, state)
             bundle = replace(choice.bundle, views=cleaned)
             result = settled(bundle, choice.result.state)
             bundle = with_noise(bundle, result)

@@ -215,7 +215,7 @@ def _moved(lit: Image, board: Board, found: BoardCorners) -> float | None:
     if isinstance(again, NoBoard):
         return None
     distance = np.linalg.norm(again.uv_px[:, None] - found.uv_px[None], axis=-1)
-    nearest = distance.min(axis=1)
+    nearest = min((distance.min(axis=i) for i in (0, 1)), key=np.median)  # one of them may show a part only
     sigma = np.sqrt(np.median(np.trace(found.covariance_px2, axis1=1, axis2=2)))
     shift = float(np.median(nearest))
     return shift if shift > MOVED_PX + 5 * sigma else None
