@@ -264,16 +264,23 @@ def _contradiction(f: Facts, config: CalibConfig) -> Verdict | None:
 def _misfit(f: Facts, config: CalibConfig) -> Verdict | None:
     limit = misfit_limit(f.dof, config.misfit_chi2)
     paper = config.method == "paper"
-    if (paper or f.inferred) and f.chi2_per_dof > limit:
-        advice = "give joint readings" if f.inferred else "--method bundle"
+    if paper and f.chi2_per_dof > limit:
         return Verdict(
             "model_misfit",
             f"χ² per degree of freedom is {f.chi2_per_dof:.3g}, far from 1: the residuals exceed the noise of points "
-            f"and joints; with {advice} robot errors can be told from noise. "
-            + ("No σ can be given, and none is" if f.inferred else "The σ given carry the robot's uncertainty"),
-            withheld=f.inferred,
+            "and joints; with --method bundle robot errors can be told from noise. The σ given carry the robot's "
+            "uncertainty",
         )
-    if paper or f.inferred or (f.explained <= limit and f.largest_pull <= config.pull_limit + REST_SLACK):
+    fits = f.explained <= limit and f.largest_pull <= config.pull_limit + REST_SLACK
+    if f.inferred and f.chi2_per_dof > limit and not fits:
+        return Verdict(
+            "model_misfit",
+            f"χ² per degree of freedom is {f.chi2_per_dof:.3g}, far from 1: the residuals exceed the noise of points "
+            "and joints, and errors of the robot's table of the stated size do not explain them; with joint readings "
+            "in frames.csv robot errors can be told from noise. No σ can be given, and none is",
+            withheld=True,
+        )
+    if paper or f.inferred or fits:
         return None
     return Verdict(
         "model_misfit",

@@ -64,13 +64,16 @@ def on_surface(
         target.kind,
         _diameters(target),
         field_of_view_mm=field_of_view_of(sensor) if target.kind == "edge" else None,
+        towards_sensor=sensor.profile is not None and sensor.profile.z_towards_sensor,
         config=config,
     )
     ready = replace(frame, n_points=found.n_points, reason=found.reason)
     if found.reason is not None:
         return OnSurface(ready, found, found.text)
     if target.kind == "edge" and found.rivals:
-        return OnSurface(replace(ready, reason="no_target"), found, found.text)
+        known = field_of_view_of(sensor) is not None
+        text = found.text if known else f"{found.text}: state [profile] field_of_view_mm in sensor.toml"
+        return OnSurface(replace(ready, reason="no_target"), found, text)
     names = (
         target.features
     )  # of several balls told later which: sections have names, and they are the balls' in any order
