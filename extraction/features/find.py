@@ -173,6 +173,12 @@ def _arcs(search: FeatureSearch, most: int) -> list[Agreement]:
     low = config.min_section * min(known) if whole else 0.0
     high = config.max_section * max(known) if whole else config.max_radius_mm
 
+    return _arcs_between(search, low, high, most)
+
+
+def _arcs_between(search: FeatureSearch, low: float, high: float, most: int) -> list[Agreement]:
+    """Arcs of radii [mm] between two, the one with most points first."""
+
     def valid(curves: Circles | Lines) -> Mask:
         if not isinstance(curves, Circles):
             return np.zeros(len(curves), dtype=bool)
@@ -180,16 +186,24 @@ def _arcs(search: FeatureSearch, most: int) -> list[Agreement]:
 
     def arched(found: Agreement) -> bool:
         curve, yz = found.curve, search.course.yz_mm[found.inliers]
-        return isinstance(curve, Circle) and curve.arc_rad(yz) >= np.deg2rad(config.min_arc_deg)
+        return isinstance(curve, Circle) and curve.arc_rad(yz) >= np.deg2rad(search.config.min_arc_deg)
 
-    return _things(search, Circle, valid, arched, most, config.rival_share)
+    return _things(search, Circle, valid, arched, most, search.config.rival_share)
 
 
 def _no_arc(search: FeatureSearch) -> str:
-    known = [d / 2 for d in search.diameters_mm if d is not None]
-    of = f" of radius {search.config.min_section * min(known):.3g} … {max(known):.3g} mm" if known else ""
+    """What is said where there is no arc of the balls stated; a larger one is told, as of a radius for a diameter."""
+    config, known = search.config, [d / 2 for d in search.diameters_mm if d is not None]
+    of = f" of radius {config.min_section * min(known):.3g} … {max(known):.3g} mm" if known else ""
     where = "" if search.expected_mm is None else f" within {search.within_mm:g} mm of where it is expected"
-    return f"none of the {len(search.order)} points lie on an arc{of}{where}"
+    text = f"none of the {len(search.order)} points lie on an arc{of}{where}"
+    if len(known) != len(search.diameters_mm) or search.expected_mm is not None:
+        return text
+    larger = _arcs_between(search, config.max_section * max(known), config.max_radius_mm, 1)
+    if not larger or not isinstance(larger[0].curve, Circle):
+        return text
+    radius = larger[0].curve.radius_mm
+    return f"{text}, but {np.count_nonzero(larger[0].inliers)} on one of {radius:.3g} mm: is the diameter stated right?"
 
 
 def _is_rival(search: FeatureSearch, other: Agreement, first: Agreement) -> bool:

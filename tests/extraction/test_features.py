@@ -257,3 +257,12 @@ def test_unknown_kinds_and_impossible_diameters_are_refused():
     with pytest.raises(InputError, match="diameter"):
         find_target_points(some, "sphere", (-1.0,))
     assert find_target_points(some, "sphere", (40.0,)).reason == "no_target"
+
+
+def test_a_radius_stated_for_a_diameter_is_told_by_the_larger_arc():
+    rng = np.random.default_rng(11)
+    found = find_target_points(profile(ball((2.0, 240.0), 19.0, rng)), "sphere", (20.0,))
+    assert found.reason == "no_target"
+    assert "on one of 19 mm: is the diameter stated right?" in found.text
+    table = profile(flat((-40.0, 240.0), (40.0, 240.0), rng))
+    assert "stated right" not in find_target_points(table, "sphere", (20.0,)).text
