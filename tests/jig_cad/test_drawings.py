@@ -16,6 +16,7 @@ from jig_cad import STRINGS, Balls, Edge, Jig, Plane, Sphere, Wedge, export_targ
 from jig_cad.drawing import pillar_drawing
 from jig_cad.drawing_targets import target_drawing
 from jig_cad.paper import A3_MM, LETTER_SHARE, Paper, dxf_text, svg_text
+from tests.pinned import pinned
 
 ATOL_MM = 1e-3
 BALLS = Balls.of({"first": (30, (-40, 0, 0)), "second": (30, (40, 0, 0)), "third": (20, (0, 50, 10))})
@@ -40,6 +41,7 @@ def test_nothing_lies_beyond_the_sheet(name: str) -> None:
     """Neither lines nor, by a letter's usual width, words."""
     paper = target_drawing(TARGETS[name])
     points = np.concatenate([s.points for s in paper.shapes])
+    pinned(paper)
     assert points.min() >= 0
     assert np.all(points.max(axis=0) <= A3_MM)
     for t in paper.words:
