@@ -15,7 +15,7 @@ from geometry.pose import Pose, cross
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
-Section = Literal["line", "circle"]
+SectionKind = Literal["line", "circle"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,7 +130,7 @@ class Surface:
     """
 
     kind: str = "surface"
-    section: Section | None = None
+    section: SectionKind | None = None
     features: tuple[str, ...] = ("surface",)
     shape: Shape = Shape()
     symmetries: tuple[Symmetry, ...] = ()

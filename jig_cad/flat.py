@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import InputError, Pose, Section, Shape, Surface, Symmetry
+from geometry import InputError, Pose, SectionKind, Shape, Surface, Symmetry
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -25,7 +25,7 @@ class Plane(Surface):
     name: str = ""
 
     kind = "plane"
-    section: Section | None = "line"
+    section: SectionKind | None = "line"
     features: tuple[str, ...] = ("plane",)
     freedom: tuple[bool, ...] = (False, False, True, True, True, False)
 
@@ -94,7 +94,7 @@ class Wedge(Surface):
     name: str = ""
 
     kind = "wedge"
-    section: Section | None = "line"
+    section: SectionKind | None = "line"
     features: tuple[str, ...] = ("face 1", "face 2")
     freedom: tuple[bool, ...] = (False, True, True, True, True, True)
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import InputError, Pose, Section, Shape, Surface, nearest_rotation
+from geometry import InputError, Pose, SectionKind, Shape, Surface, nearest_rotation
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -35,7 +35,7 @@ class Sphere(Surface):
     name: str = ""
 
     kind = "sphere"
-    section: Section | None = "circle"
+    section: SectionKind | None = "circle"
     features: tuple[str, ...] = ("sphere",)
     freedom: tuple[bool, ...] = (True, True, True, False, False, False)
 
@@ -92,7 +92,7 @@ class Balls(Surface):
     name: str = ""
 
     kind = "balls"
-    section: Section | None = "circle"
+    section: SectionKind | None = "circle"
 
     @staticmethod
     def of(balls: Mapping[str, tuple[float, Sequence[float]]], name: str = "") -> Balls:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.surface.condense import condensed
+from calib.surface.sections import circle_through
 from geometry import Frame, Pose, Surface
 from jig_cad import Sphere
 
@@ -62,12 +63,4 @@ def section_share(frames: Sequence[Frame], radius: float) -> float | None:
 
 def _circle(f: Frame) -> tuple[Array, float] | None:
     """Centre (2,) and radius through a frame's three nodes."""
-    if len(f.axis) != 3:
-        return None
-    a, b, c = f.axis.yz_mm
-    u, v = b - a, c - a
-    area = 2 * (u[0] * v[1] - u[1] * v[0])
-    if abs(area) < 1e-9:
-        return None
-    away = np.array([v[1] * (u @ u) - u[1] * (v @ v), u[0] * (v @ v) - v[0] * (u @ u)]) / area
-    return a + away, float(np.hypot(*away))
+    return circle_through(f.axis.yz_mm) if len(f.axis) == 3 else None
