@@ -29,7 +29,10 @@ CROWD_PART = 0.15  # of the best's height times length, that such a ridge has at
 # of a short ridge's significance, from which refused ones are its like, and how many such make it one of the texture:
 # the best of a dozen chance ridges is 1.4 times the middle one, a piece of a stripe among them 2 to 4 times
 TEXTURE_LIKE, TEXTURE = 0.6, 6
-DARK_WIDTH = 1.0  # of the stripe's width, at most, where it is dark: less light is narrower; a border's glow is not
+DARK_WIDTH = 1.15  # of the stripe's width, at most, where it is dark, and noise on it: a border's glow is wider
+# of the best ridge's width, and pixels beside, from which another is no stripe of the same laser out of focus, unless
+# it is brighter by that factor: clipped light is wide
+WIDER, WIDER_PX, BRIGHTER = 2.0, 1.0, 1.3
 LEAST_JOINED, ASKED_JOINED = 3.0, 0.8  # contrast of a ridge that goes on where a stripe ends; of that asked elsewhere
 LIKE = 0.45  # of a ridge's light and height, from which another is its like
 GHOST_LIGHT = 0.2  # of a brighter ridge's height, from which a longer one is the stripe and the brighter its ghost
@@ -123,7 +126,8 @@ def judge(grey: NDArray[Any], chains: list[Chain], clip: float, max_width: float
         clear = s.chain.contrast >= best.chain.contrast and 2 * s.chain.significance >= best.chain.significance
         # what narrow rows alone show has another noise: beside a clear stripe its contrast says little
         alike = best.chain.narrow or not s.chain.narrow or s.chain.significance >= NARROW * best.chain.significance
-        return enough and alike and not s.dark and _stands_alone(s, CLEAR_ASPECT if clear else LEAST_ASPECT)
+        alike &= not s.dark and not _wider(s, best)
+        return enough and alike and _stands_alone(s, CLEAR_ASPECT if clear else LEAST_ASPECT)
 
     texture = [s.chain.significance for s in waiting + flat if not bright(s)]
     changed = True
@@ -131,7 +135,7 @@ def judge(grey: NDArray[Any], chains: list[Chain], clip: float, max_width: float
         changed = False
         for s in list(waiting):
             joined = any(_continues(s, k) for k in kept if not k.ghost)
-            joined &= not s.dark or (s.bumps.peaks == 1 and s.bumps.width <= DARK_WIDTH * best.bumps.width)
+            joined &= not _wider(s, best) and (not s.dark or _dark_part(s, kept))
             alike = sum(k >= TEXTURE_LIKE * s.chain.significance for k in texture)
             if (joined and s.chain.contrast >= max(LEAST_JOINED, ASKED_JOINED * asked)) or (
                 bright(s) and alike < TEXTURE
@@ -141,6 +145,17 @@ def judge(grey: NDArray[Any], chains: list[Chain], clip: float, max_width: float
                 changed = True
     refuse("weak_beside_the_stripe", len(waiting))
     return StripeVerdict(sorted(_rivalry(kept), key=lambda s: -s.light), waiting + flat, refused)
+
+
+def _wider(s: Stripe, best: Stripe) -> bool:
+    """Whether a ridge is far wider than the best one, and no brighter: a laser draws it as wide, a lit face does not."""
+    return s.height <= BRIGHTER * best.height and s.bumps.width > WIDER * best.bumps.width + WIDER_PX
+
+
+def _dark_part(s: Stripe, kept: list[Stripe]) -> bool:
+    """Whether what lies dark between two lit pieces of its ridge is as narrow as those."""
+    lit = max((k.bumps.width for k in kept if k.chain is s.chain and not k.dark), default=0.0)
+    return s.bumps.peaks == 1 and s.bumps.width <= DARK_WIDTH * lit
 
 
 def _near_end(chain: Chain, k: Chain) -> bool:
