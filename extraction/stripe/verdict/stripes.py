@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +29,9 @@ CROWD_PART = 0.15  # of the best's height times length, that such a ridge has at
 # of a short ridge's significance, from which refused ones are its like, and how many such make it one of the texture:
 # the best of a dozen chance ridges is 1.4 times the middle one, a piece of a stripe among them 2 to 4 times
 TEXTURE_LIKE, TEXTURE = 0.6, 6
-DARK_WIDTH = 1.15  # of the stripe's width, at most, where it is dark, and noise on it: a border's glow is wider
+# of the stripe's width, at most, where it is dark, and noise on it: a border's glow is wider; and of its width where it
+# is clipped, which is that of its foot
+DARK_WIDTH, DARK_CLIPPED = 1.15, 0.75
 # of the best ridge's width, and pixels beside, from which another is no stripe of the same laser out of focus, unless
 # it is brighter by that factor: clipped light is wide
 WIDER, WIDER_PX, BRIGHTER = 2.0, 1.0, 1.3
@@ -129,14 +131,16 @@ def judge(grey: NDArray[Any], chains: list[Chain], clip: float, max_width: float
         alike &= not s.dark and not _wider(s, best)
         return enough and alike and _stands_alone(s, CLEAR_ASPECT if clear else LEAST_ASPECT)
 
-    texture = [s.chain.significance for s in waiting + flat if not bright(s)]
+    texture = [s for s in waiting + flat if not bright(s)]
     changed = True
     while changed:
         changed = False
         for s in list(waiting):
             joined = any(_continues(s, k) for k in kept if not k.ghost)
             joined &= not _wider(s, best) and (not s.dark or _dark_part(s, kept))
-            alike = sum(k >= TEXTURE_LIKE * s.chain.significance for k in texture)
+            alike = sum(
+                k.chain.significance >= TEXTURE_LIKE * s.chain.significance and not _wider(k, s) for k in texture
+            )
             if (joined and s.chain.contrast >= max(LEAST_JOINED, ASKED_JOINED * asked)) or (
                 bright(s) and alike < TEXTURE
             ):
@@ -153,9 +157,9 @@ def _wider(s: Stripe, best: Stripe) -> bool:
 
 
 def _dark_part(s: Stripe, kept: list[Stripe]) -> bool:
-    """Whether what lies dark between two lit pieces of its ridge is as narrow as those."""
-    lit = max((k.bumps.width for k in kept if k.chain is s.chain and not k.dark), default=0.0)
-    return s.bumps.peaks == 1 and s.bumps.width <= DARK_WIDTH * lit
+    """Whether what lies dark between two lit pieces of its ridge is as narrow as those, and narrower than clipped ones."""
+    lit = [(DARK_WIDTH if k.bumps.flat > 0 else DARK_CLIPPED) * k.bumps.width for k in kept if k.chain is s.chain]
+    return s.bumps.peaks == 1 and s.bumps.width <= max(lit, default=0.0)
 
 
 def _near_end(chain: Chain, k: Chain) -> bool:
@@ -182,7 +186,7 @@ def _crowding(best: Stripe, everything: list[Stripe]) -> float:
         s
         for s in everything
         if s is best
-        or (s.height >= LIKE * best.height and s.light >= CROWD_PART * best.light and not _goes_on(best, s))
+        or (s.height >= LIKE * best.height and s.light >= CROWD_PART * best.light and not _goes_on(best, s, _ridge_of(s, everything)))
     ]
     covered = np.zeros(max(s.track.stop for s in alike))
     for s in alike:
@@ -248,18 +252,40 @@ def _cut_to(s: Stripe, start: int, stop: int) -> Stripe:
 
 def _ghosts(stripes: list[Stripe]) -> list[Stripe]:
     """Ridges marked as ghost: they begin or end beside one that goes on."""
-    return [replace(b, ghost=True) if any(a is not b and _goes_on(a, b) for a in stripes) else b for b in stripes]
+    reach = [_ridge_of(b, stripes) for b in stripes]
+    return [
+        replace(b, ghost=True) if any(a is not b and _goes_on(a, b, r) for a in stripes) else b
+        for b, r in zip(stripes, reach, strict=True)
+    ]
 
 
-def _goes_on(a: Stripe, b: Stripe) -> bool:
-    """Whether ``a`` is a stripe that goes on where ``b`` beside it begins or ends."""
-    if len(a.track.place) <= len(b.track.place) or a.chain.contrast < _asked_contrast(b) or not _stands_alone(a):
+class _Ridge(NamedTuple):
+    """A ridge from end to end: sections first … stop - 1, how many of them its lit pieces hold, and their light."""
+
+    first: int
+    stop: int
+    sections: int
+    light: float
+
+
+def _ridge_of(s: Stripe, stripes: list[Stripe]) -> _Ridge:
+    """The ridge that a piece is of: a shadow cuts it, and a black square, but it goes on behind."""
+    own = [s] if s.dark else [k for k in stripes if k.chain is s.chain and not k.dark]
+    first, stop = min(k.track.first for k in own), max(k.track.stop for k in own)
+    return _Ridge(first, stop, sum(len(k.track.place) for k in own), sum(k.light for k in own))
+
+
+def _goes_on(a: Stripe, b: Stripe, ridge: _Ridge) -> bool:
+    """Whether ``a`` is a stripe that goes on where ``b`` beside it begins or ends. ridge: that b is of."""
+    if a.chain is b.chain or len(a.track.place) <= ridge.sections:
         return False
-    if a.height < GHOST_LIGHT * b.height or a.light < GHOST_TOTAL * b.light:
+    if a.chain.contrast < _asked_contrast(b) or not _stands_alone(a):
         return False
-    before, after = b.track.first - a.track.first, a.track.stop - b.track.stop
+    if a.height < GHOST_LIGHT * b.height or a.light < GHOST_TOTAL * ridge.light:
+        return False
+    before, after = ridge.first - a.track.first, a.track.stop - ridge.stop
     inside = _overlap(a, b) >= 0.8 * len(b.track.place)
-    return inside and max(before, after) >= max(GHOST_LONGER * len(b.track.place), 12)
+    return inside and max(before, after) >= max(GHOST_LONGER * ridge.sections, 12)
 
 
 def _continues(s: Stripe, k: Stripe) -> bool:
