@@ -152,12 +152,12 @@ def judge(grey: NDArray[Any], chains: list[Chain], clip: float, max_width: float
 
 
 def _wider(s: Stripe, best: Stripe) -> bool:
-    """Whether a ridge is far wider than the best one, and no brighter: a laser draws it as wide, a lit face does not."""
+    """Whether a ridge is far wider than the best one, and no brighter: a lit face, or a border's glow."""
     return s.height <= BRIGHTER * best.height and s.bumps.width > WIDER * best.bumps.width + WIDER_PX
 
 
 def _dark_part(s: Stripe, kept: list[Stripe]) -> bool:
-    """Whether what lies dark between two lit pieces of its ridge is as narrow as those, and narrower than clipped ones."""
+    """Whether what lies dark between lit pieces of its ridge is as narrow as those, narrower than clipped ones."""
     lit = [(DARK_WIDTH if k.bumps.flat > 0 else DARK_CLIPPED) * k.bumps.width for k in kept if k.chain is s.chain]
     return s.bumps.peaks == 1 and s.bumps.width <= max(lit, default=0.0)
 
@@ -186,7 +186,11 @@ def _crowding(best: Stripe, everything: list[Stripe]) -> float:
         s
         for s in everything
         if s is best
-        or (s.height >= LIKE * best.height and s.light >= CROWD_PART * best.light and not _goes_on(best, s, _ridge_of(s, everything)))
+        or (
+            s.height >= LIKE * best.height
+            and s.light >= CROWD_PART * best.light
+            and not _goes_on(best, s, _ridge_of(s, everything))
+        )
     ]
     covered = np.zeros(max(s.track.stop for s in alike))
     for s in alike:
