@@ -29,7 +29,7 @@ _ROBUST = 3.5  # residuals beyond so many σ are edges of the profile
 _MOST = 3.0  # times the middle window's excess: more is an edge or a bend of the profile
 # a bend closer than the windows: how much less of the variance its cubics leave, of that of shorter ones how much at
 # most, and how much less the shortest ones leave
-BEND, SETTLED, CLEAR_BEND = 8.0, 2.5, 300.0
+BEND, SETTLED, CLEAR_BEND = 8.0, 2.5, 1000.0
 _BEND_REACH, _SKEW = 6, 1.1  # sections on either side, for a bend; 0.75 under even noise, 1.5 under shot noise alone
 _FEWEST_OF_CUBIC = 8  # points that a cubic is laid through
 WINDOWS_ABOUT = 2  # on either side, that say with a point's own what it scatters

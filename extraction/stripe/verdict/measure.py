@@ -32,7 +32,7 @@ from geometry.compiled import kernel
 
 Array = NDArray[np.float64]
 
-DARK_MARGIN = 3  # sections between a lit piece and the dark one beside it
+DARK_MARGIN = 1  # sections between a lit piece and the dark one beside it
 CLEAR, WALK_NODES = 8.0, 3  # contrast from which a ridge is followed to its ends; level sections inside, to begin
 PAIR_APART = 0.2  # of two peaks' distance, that it may differ between a ridge's halves
 PROFILE_STEP_PX = 0.5

@@ -35,6 +35,7 @@ DARK_WIDTH, DARK_CLIPPED = 1.15, 0.75
 # of the best ridge's width, and pixels beside, from which another is no stripe of the same laser out of focus, unless
 # it is brighter by that factor: clipped light is wide
 WIDER, WIDER_PX, BRIGHTER = 2.0, 1.0, 1.3
+FILLS = 0.6  # of the best ridge's height, that a short one in a gap of the stripe has, and of its own, that none has
 LEAST_JOINED, ASKED_JOINED = 3.0, 0.8  # contrast of a ridge that goes on where a stripe ends; of that asked elsewhere
 LIKE = 0.45  # of a ridge's light and height, from which another is its like
 GHOST_LIGHT = 0.2  # of a brighter ridge's height, from which a longer one is the stripe and the brighter its ghost
@@ -142,7 +143,7 @@ def judge(grey: NDArray[Any], chains: list[Chain], clip: float, max_width: float
                 k.chain.significance >= TEXTURE_LIKE * s.chain.significance and not _wider(k, s) for k in texture
             )
             if (joined and s.chain.contrast >= max(LEAST_JOINED, ASKED_JOINED * asked)) or (
-                bright(s) and alike < TEXTURE
+                alike < TEXTURE and (bright(s) or (s.chain.contrast >= asked and _fills(s, best, kept, waiting)))
             ):
                 kept.append(replace(s, joined=True) if joined else s)
                 waiting.remove(s)
@@ -154,6 +155,17 @@ def judge(grey: NDArray[Any], chains: list[Chain], clip: float, max_width: float
 def _wider(s: Stripe, best: Stripe) -> bool:
     """Whether a ridge is far wider than the best one, and no brighter: a lit face, or a border's glow."""
     return s.height <= BRIGHTER * best.height and s.bumps.width > WIDER * best.bumps.width + WIDER_PX
+
+
+def _fills(s: Stripe, best: Stripe, kept: list[Stripe], waiting: list[Stripe]) -> bool:
+    """Whether a short ridge, as high and as wide as the best, is the only one in a gap between pieces of the stripe."""
+    if s.dark or s.ghost or _wider(s, best) or _wider(best, s) or not _stands_alone(s, CLEAR_ASPECT):
+        return False
+    pieces, length = [k for k in kept if not k.ghost], len(s.track.place)
+    inside = any(k.track.stop <= s.track.first for k in pieces) and any(k.track.first >= s.track.stop for k in pieces)
+    if not inside or s.height < FILLS * best.height or any(_overlap(s, k) > 0.2 * length for k in pieces):
+        return False
+    return all(k is s or k.height < FILLS * s.height or _overlap(s, k) < 0.5 * length for k in waiting)
 
 
 def _dark_part(s: Stripe, kept: list[Stripe]) -> bool:
