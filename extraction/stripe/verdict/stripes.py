@@ -111,7 +111,7 @@ def judge(grey: NDArray[Any], chains: list[Chain], clip: float, max_width: float
                 flat.append(piece)
             else:
                 measured.append(piece)
-    measured = _each_once(sorted(measured, key=lambda s: (-round(s.light, 3), s.track.first)))
+    measured = _each_once(sorted(measured, key=lambda s: (s.dark, -round(s.light, 3), s.track.first)))
     measured = _ghosts(measured)
     best = next((s for s in measured if not (s.ghost or s.dark) and _stands_alone(s)), None)
     if best is None:
@@ -169,9 +169,13 @@ def _fills(s: Stripe, best: Stripe, kept: list[Stripe], waiting: list[Stripe]) -
 
 
 def _dark_part(s: Stripe, kept: list[Stripe]) -> bool:
-    """Whether what lies dark between lit pieces of its ridge is as narrow as those, narrower than clipped ones."""
-    lit = [(DARK_WIDTH if k.bumps.flat > 0 else DARK_CLIPPED) * k.bumps.width for k in kept if k.chain is s.chain]
-    return s.bumps.peaks == 1 and s.bumps.width <= max(lit, default=0.0)
+    """Whether what is dark of a ridge shows by itself, as narrow as its lit pieces, and narrower than clipped ones."""
+    lit = [k for k in kept if k.chain is s.chain and not k.dark]
+    if not lit or s.bumps.peaks != 1:
+        return False
+    share = s.height / max(k.height for k in lit)
+    widest = max((DARK_WIDTH if k.bumps.flat > 0 else DARK_CLIPPED) * k.bumps.width for k in lit)
+    return share * s.chain.contrast >= LEAST_JOINED and s.bumps.width <= widest
 
 
 def _near_end(chain: Chain, k: Chain) -> bool:
