@@ -29,9 +29,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 import trimesh
+from bad_moments import corner, kill, undisturbed
 
 import assets
-from benchmarks.bad_moments import corner, kill, undisturbed
 from extraction import read_profile_csv
 from geometry import InputError, NoAnswerError
 from jig_cad import read_jig

@@ -41,7 +41,8 @@ def windows(rng: np.random.Generator, count: int, light, shape=(WIDTH_PX, WIDTH_
     electrons, background, read = light
     bank, bounds, phases = [], [], rng.uniform(-0.5, 0.5, (400, 2))
     for du, dv in phases:
-        spot = TrueSpot(side // 2 + du, side // 2 + dv, electrons, *shape, background)
+        along, across, angle = shape
+        spot = TrueSpot(side // 2 + du, side // 2 + dv, electrons, along, across, angle, background)
         bank.append(mean_image(spot, (side, side)))
         bounds.append(np.trace(position_bound(spot, (side, side), read, round_spot=shape[0] == shape[1])) / 2)
     pick = rng.integers(0, len(bank), count)
@@ -134,9 +135,9 @@ def table(title: str, cases, count: int) -> None:
     for name in (*METHODS, *PEERS):
         try:
             found = [
-                own_score(METHODS[name], *d, case[1][2])
+                own_score(METHODS[name], *d, read=case[1][2])
                 if name in METHODS
-                else peer_score(name, *d, case[1][2], case[2][:2])
+                else peer_score(name, *d, read=case[1][2], width=case[2][:2])
                 for d, case in zip(data, cases, strict=True)
             ]
         except ImportError as error:

@@ -9,6 +9,7 @@ Run: python benchmarks/extraction_stripe_kinds.py [seeds]
 from __future__ import annotations
 
 import sys
+from typing import Any
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from extraction import detect_stripe
 from extraction.stripe.pictures import KINDS, StripePicture, draw
 
 
-def score(picture: StripePicture) -> dict[str, object]:
+def score(picture: StripePicture) -> dict[str, Any]:
     """The measures of one picture."""
     image = picture.image if picture.image.ndim == 2 else picture.image.max(axis=2)
     peaks = detect_stripe(np.ascontiguousarray(image))

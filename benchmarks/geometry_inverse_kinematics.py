@@ -39,7 +39,7 @@ def main() -> None:
     """Print a line per arm."""
     print(f"{'arm':22}{'found':>9}{'solves/s':>10}{'scipy found':>13}{'solves/s':>10}")
     for name in assets.list_presets("robots"):
-        robot, rng = read_robot(assets.path("robots", name)), np.random.default_rng(1)
+        robot, rng = read_robot(assets.path("robots", name)).dh_part(), np.random.default_rng(1)
         goals = robot.pose(rng.uniform(robot.min_rad, robot.max_rad, (GOALS, robot.n_joints)))
         began = process_time()
         found = inverse_kinematics(robot, goals, rng, max_starts=STARTS)

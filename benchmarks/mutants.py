@@ -360,7 +360,7 @@ def _in_the_fork(chosen: list[str], kernels: Path, out: Path) -> None:
         import numba
         import pytest
 
-        numba.config.CACHE_DIR = str(kernels)
+        numba.config.CACHE_DIR = str(kernels)  # type: ignore[attr-defined] # set by numba as it starts
         sys.path.insert(0, str(Path.cwd()))
         code = int(
             pytest.main(["-q", "-x", "--tb=line", "-p", "no:cacheprovider", "-p", "benchmarks.mutants", *chosen])

@@ -12,7 +12,7 @@ from scipy.special import j1
 
 from geometry import Camera, Pose, Sensor, Sheet, nearest_rotation
 from perceptron_emu import EmulatorConfig, Material, Scene, mean_electrons, panel, render
-from perceptron_emu.image import contrast, grain_px
+from perceptron_emu.image import grain_px, speckle_contrast
 
 READ_E, DSNU_E, PRNU, WELL_E, GAIN = 12.0, 6.0, 0.012, 9000.0, 0.35
 FRAMES = 16
@@ -95,7 +95,7 @@ def speckle(polarised: bool) -> list[tuple[str, float, float]]:
     window = np.s_[int(np.argmax(smooth.sum(1))) - 15 : int(np.argmax(smooth.sum(1))) + 16, 100:1180]
     fields = [mean_electrons(scene, config, key)[window] / smooth[window] for key in range(24)]
     measured = np.mean([covariance(f) for f in fields], 0)
-    grain, strength = grain_px(config, sensor), contrast(config)
+    grain, strength = grain_px(config, sensor), speckle_contrast(config)
     expected = pixel_covariance(grain)
     # the grain: the pattern's correlation area is 4 grain²/π (Goodman 2007, eq. 4-63); the pixel leaves it as it is
     area, lags = measured[:6, :6], np.r_[1, 2 * np.ones(5)]

@@ -205,8 +205,8 @@ PAIRS: dict[str, Callable[[], tuple[Picture, Picture]]] = {
         "A",
         9,
         *(config(surface={"diffuse": d, "specular": s, "roughness": 0.1}) for d, s in ((0.6, 0.0), (0.05, 0.9))),
-        0.25,
-        STREAK,
+        gain=0.25,
+        turn_deg=STREAK,
     ),
     "post": lambda: post_stripe(
         (jig_scene(post=MATTE, turn_deg=STREAK), config()), (jig_scene(turn_deg=STREAK), config())
@@ -217,7 +217,7 @@ PAIRS: dict[str, Callable[[], tuple[Picture, Picture]]] = {
         "C",
         16,
         *(config(optics={"defocus": d, "f_number": 2.0, "focus_distance_mm": 300.0}) for d in (False, True)),
-        0.5,
+        gain=0.5,
     ),
     "scheimpflug": scheimpflug,
     "vignetting": lambda: whole(
@@ -234,7 +234,7 @@ PAIRS: dict[str, Callable[[], tuple[Picture, Picture]]] = {
             for f in (400.0, 25.0)
         ],
     ),
-    "speckle": lambda: at_string("C'", 14, *(config(speckle={"enabled": e}) for e in (False, True)), 0.7),
+    "speckle": lambda: at_string("C'", 14, *(config(speckle={"enabled": e}) for e in (False, True)), gain=0.7),
     "grain": lambda: at_string(
         "C'",
         14,
@@ -246,10 +246,10 @@ PAIRS: dict[str, Callable[[], tuple[Picture, Picture]]] = {
             )
             for f in (4.0, 11.0)
         ),
-        0.7,
+        gain=0.7,
     ),
     "motion": lambda: at_string("A", 20, *(config(motion={"velocity_mm_s": [0.0, v, 0.0]}) for v in (0.0, 1200.0))),
-    "noise": lambda: at_string("B'", 30, *(config(noise={"enabled": e}) for e in (False, True)), 8.0),
+    "noise": lambda: at_string("B'", 30, *(config(noise={"enabled": e}) for e in (False, True)), gain=8.0),
     "hdr": lambda: post_stripe(
         (jig_scene(), config(noise=NOISY, exposure={"time_ms": 5.0})),
         (jig_scene(), config(noise=NOISY, exposure={"time_ms": 5.0, "hdr_ratios": [0.2, 0.04]})),

@@ -159,7 +159,7 @@ def embree(scene: Scene) -> Callable[[], object]:
     rays = np.stack([(u - s.cx_px) / s.fx_px, (v - s.cy_px) / s.fy_px, np.ones(u.shape)], -1).reshape(-1, 3)
     rays = rays @ s.T_sensor_camera.R.T
     origins = np.broadcast_to(s.centre_mm, rays.shape)
-    return lambda: world.ray.intersects_first(origins, rays)
+    return lambda: world.ray.intersects_first(origins, rays)  # type: ignore[attr-defined] # a mesh's, says trimesh
 
 
 def pyrender_depth(scene: Scene) -> Callable[[], object]:

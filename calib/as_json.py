@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.printed import printed_sigmas
-from geometry import CONVENTIONS, Frame, clean, express
+from geometry import CONVENTIONS, Frame, Pose, clean, express
 
 if TYPE_CHECKING:
     from calib.result import CalibrationResult, DesignSolved, LocationResult, Pull
@@ -71,7 +71,8 @@ def result_object(
                 "rotation_deg": None if design is None else design.fixed_xyz_deg,
                 "translation_mm": None if design is None else design.t,
             },
-            "conventions": {} if pose is None else {name: express(pose, name) for name in CONVENTIONS},
+            "conventions": _numbers(pose),
+            "conventions_nominal": _numbers(None if result.nominal is None else result.nominal.T_hand_sensor),
             "convention_formulas": {name: f"{c.maker}: {c.formula}" for name, c in CONVENTIONS.items()},
             "locations": {name: location_object(location) for name, location in result.locations.items()},
             "frames": [
@@ -87,6 +88,11 @@ def result_object(
         }
     )
     return out
+
+
+def _numbers(pose: Pose | None) -> dict[str, dict[str, float]]:
+    """The pose in every maker's numbers."""
+    return {} if pose is None else {name: express(pose, name) for name in CONVENTIONS}
 
 
 def _nominal(result: CalibrationResult) -> dict[str, Any]:

@@ -31,7 +31,7 @@ def calibrate(
     target: Target | Mapping[str, Target],
     robot: Robot | None,
     sensor: Sensor,
-    T_hand_sensor: Pose | None,
+    T_hand_sensor: Pose | None = None,
     places: Mapping[str, Pose] | None = None,
     config: CalibConfig | None = None,
     mount: Mount = "hand",
@@ -49,11 +49,13 @@ def calibrate(
         Nominal; None where every frame has T_base_hand.
     sensor : Sensor
         Whose frame {P} the points are in.
-    T_hand_sensor : Pose or None
-        The SCP by design: some millimetres and degrees off. None where no drawing gives it: surfaces do without.
+    T_hand_sensor : Pose, optional
+        The SCP by design: some millimetres and degrees off. Where no drawing gives it surfaces do without, and strings
+        with five of them in the frames.
     places : mapping of str to Pose, optional
         T_base_target of locations where it is known; it then decides between symmetric poses.
     config : CalibConfig, optional
+        Model, method and every number that decides; None: the defaults.
     mount : "hand" or "fixed"
         Where the sensor is. With "fixed" it stands in the base and the hand carries the target: T_hand_sensor is then
         T_base_sensor, here and in the answer, and every T_base_target is T_hand_target.

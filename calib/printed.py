@@ -13,9 +13,21 @@ _LOCKED_COS = 0.05  # |Y| within 3° of 90°: σ of X and Z exceed that of the r
 
 
 def printed_sigmas(T_hand_sensor: Pose, covariance: Array) -> tuple[Array, Array]:
-    """σ of the rotations about fixed X, Y, Z (3,) [deg] and of the translation (3,) [mm], hand axes.
+    """σ of the six printed numbers of an SCP.
 
-    covariance: (6, 6) of ξ, sensor axes. At gimbal lock (|Y| = 90°) X and Z are not separate; infinite there.
+    Parameters
+    ----------
+    T_hand_sensor : Pose
+        One.
+    covariance : (6, 6)
+        Of ξ = (translation, rotation) in sensor axes [mm, rad].
+
+    Returns
+    -------
+    rotations : (3,) array
+        About fixed X, Y, Z [deg]; at gimbal lock (|Y| = 90°) X and Z are not separate, and infinite.
+    translation : (3,) array
+        [mm], hand axes.
     """
     x, y, _ = np.deg2rad(T_hand_sensor.fixed_xyz_deg)
     rates = np.array(  # ω in sensor axes of unit rates of X, Y, Z for R = Rz·Ry·Rx

@@ -368,6 +368,11 @@ class CalibrationResult:
         return self.nominal_robot if self.trusted is None else self.trusted.robot
 
     @property
+    def nominal_apart(self) -> Nominal | None:
+        """The SCP that goes with the robot's nominal table, where the solved one goes with another table; None else."""
+        return self.nominal if np.any(self.robot_delta) else None
+
+    @property
     def robot_delta(self) -> Array:
         """Corrections (P,) of the robot's parameters, zero where none belong to the answer."""
         if self.trusted is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections import Counter
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
@@ -12,7 +13,8 @@ if TYPE_CHECKING:
     from calib.result import CalibrationResult
 
 WIDTH = 110
-MOST_LOCATIONS, MOST_NOTES = 8, 4  # that fit on a screen beside the rest
+MOST_LOCATIONS, MOST_NOTES = 8, 3  # that fit on a screen beside the rest
+VERDICT_LINES, NOTE_LINES = 4, 3
 
 
 def summary(result: CalibrationResult) -> str:
@@ -20,10 +22,14 @@ def summary(result: CalibrationResult) -> str:
     return "\n".join(line if len(line) <= WIDTH else f"{line[: WIDTH - 1]}…" for line in _lines(result))
 
 
+def _wrapped(sentence: str, most_lines: int, indent: str) -> list[str]:
+    return textwrap.wrap(sentence, WIDTH, subsequent_indent=indent, max_lines=most_lines, placeholder=" …")
+
+
 def _lines(result: CalibrationResult) -> Iterator[str]:
     chi2 = "" if result.chi2_per_dof is None else f", χ² {result.chi2_per_dof:.2f} per degree of freedom"
     yield f"Calibration ({result.method}, {result.model}): {result.verdict.code}{chi2}"
-    yield result.verdict.text
+    yield from _wrapped(result.verdict.text, VERDICT_LINES, "")
     pose, angles, lengths = result.T_hand_sensor, result.sigma_rotation_deg, result.sigma_translation_mm
     if pose is None:
         yield "T_hand_sensor: none that can be trusted"
@@ -42,8 +48,9 @@ def _lines(result: CalibrationResult) -> Iterator[str]:
     reasons = Counter(f.reason for f in result.frames if f.reason)
     left = ", ".join(f"{n} {reason}" for reason, n in reasons.most_common())
     yield f"{used} of {len(result.frames)} frames used" + (f"; left out: {left}" if left else "")
-    notes = (*result.weak_directions, *result.notes)
-    yield from (f"note: {note}" for note in notes[:MOST_NOTES])
+    notes = (*result.notes, *result.weak_directions)
+    for note in notes[:MOST_NOTES]:
+        yield from _wrapped(f"note: {note}", NOTE_LINES, "      ")
     if len(notes) > MOST_NOTES:
         yield f"… and {len(notes) - MOST_NOTES} further notes in result.notes"
 

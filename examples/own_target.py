@@ -51,7 +51,7 @@ def main() -> float:
             found = inverse_kinematics(robot, T_base_target @ view @ design.inverse(), rng)
             if not found.converged:
                 continue
-            q = found.joints + rng.normal(size=6) * robot.uncertainty.joint_sigma_rad
+            q = found.joints + rng.normal(size=6) * robot.dh_part().uncertainty.joint_sigma_rad
             T_sensor_target = (built.pose(q) @ truth).inverse() @ T_base_target
             solid = Solid(pipe, T_sensor_mesh=T_sensor_target @ along_x)
             profile = extract_profile(render(Scene(sensor, solids=(solid,)), camera, rng).image, sensor)

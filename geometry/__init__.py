@@ -62,7 +62,7 @@ from geometry.rounding import (
     rounded_transform,
 )
 from geometry.sensor import Camera, Sensor, Sheet, field_of_view, inside_polygon
-from geometry.target import Prediction, Section, Shape, Surface, Symmetry, Target, target_at
+from geometry.target import Prediction, SectionKind, Shape, Surface, Symmetry, Target, target_at
 from geometry.unknowns import Block, Linearised, State, Step, Term, Unknowns
 from geometry.workspace import Workspace
 from geometry.writing import toml_value, write_bytes, write_text
@@ -104,7 +104,7 @@ __all__ = [
     "Robot",
     "RobotUncertainty",
     "Role",
-    "Section",
+    "SectionKind",
     "Sensor",
     "Shape",
     "Sheet",

@@ -9,10 +9,19 @@ Array = NDArray[np.float64]
 
 
 def cross_plane_x0(points: ArrayLike, directions: ArrayLike) -> tuple[Array, Array]:
-    """Where lines cross the plane x = 0.
+    """Where lines cross the plane x = 0, the laser sheet of {P}.
 
-    points, directions: (..., 3) [mm], any frame whose x = 0 is the laser plane; directions of any length.
-    Returns the crossing points (..., 3), NaN for a line parallel to the plane, and s with p = point + s · direction.
+    Parameters
+    ----------
+    points, directions : (..., 3)
+        A point [mm] of each line and its direction, of any length.
+
+    Returns
+    -------
+    crossing : (..., 3) array
+        [mm]; NaN for a line parallel to the plane.
+    s : (...) array
+        With crossing = point + s · direction.
     """
     p, d = np.asarray(points, dtype=float), np.asarray(directions, dtype=float)
     parallel = np.abs(d[..., 0]) <= 1e-12 * np.linalg.norm(d, axis=-1)
@@ -21,6 +30,21 @@ def cross_plane_x0(points: ArrayLike, directions: ArrayLike) -> tuple[Array, Arr
 
 
 def distance_to_line(points: ArrayLike, line_points: ArrayLike, unit_directions: ArrayLike) -> Array:
-    """Perpendicular distance (...) [mm] of points (..., 3) from lines through (..., 3) along unit vectors (..., 3)."""
+    """The perpendicular distance of points from lines.
+
+    Parameters
+    ----------
+    points : (..., 3)
+        [mm]
+    line_points : (..., 3)
+        A point of each line [mm].
+    unit_directions : (..., 3)
+        Of length 1; not checked.
+
+    Returns
+    -------
+    (...) array
+        [mm]
+    """
     offset = np.asarray(points, dtype=float) - np.asarray(line_points, dtype=float)
     return np.asarray(np.linalg.norm(np.cross(offset, np.asarray(unit_directions, dtype=float)), axis=-1))

@@ -17,7 +17,18 @@ _SMALL_RAD = 1e-4  # below this the closed forms lose digits and their series ar
 
 
 def skew(v: ArrayLike) -> Array:
-    """Cross-product matrix of ``v`` (..., 3), so that ``skew(a) @ b == cross(a, b)``; (..., 3, 3)."""
+    """The cross-product matrix, with ``skew(a) @ b == cross(a, b)``.
+
+    Parameters
+    ----------
+    v : (..., 3)
+        Vectors.
+
+    Returns
+    -------
+    (..., 3, 3) array
+        Antisymmetric.
+    """
     v = np.asarray(v, dtype=float)
     out = np.zeros((*v.shape[:-1], 3, 3))
     out[..., 0, 1], out[..., 0, 2], out[..., 1, 2] = -v[..., 2], v[..., 1], -v[..., 0]
@@ -28,7 +39,10 @@ def cross(a: Array, b: Array) -> Array:
     """Cross product along the last axis (..., 3) of float arrays (np.cross spends most of its time on checks)."""
     a0, a1, a2 = a[..., 0], a[..., 1], a[..., 2]
     b0, b1, b2 = b[..., 0], b[..., 1], b[..., 2]
-    return np.stack([a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0], -1)
+    x = a1 * b2 - a2 * b1
+    out = np.empty((*x.shape, 3))
+    out[..., 0], out[..., 1], out[..., 2] = x, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0
+    return out
 
 
 def _series(angle: Array) -> tuple[Array, Array, Array]:
@@ -44,7 +58,18 @@ def _series(angle: Array) -> tuple[Array, Array, Array]:
 
 
 def exp_so3(rotvec: ArrayLike) -> Array:
-    """Rotation matrices (..., 3, 3) of the rotation vectors (..., 3) [rad] (Rodrigues)."""
+    """The rotation matrices of rotation vectors.
+
+    Parameters
+    ----------
+    rotvec : (..., 3)
+        Axis times angle [rad].
+
+    Returns
+    -------
+    (..., 3, 3) array
+        R, by Rodrigues' formula.
+    """
     w = np.asarray(rotvec, dtype=float)
     s, c, _ = (x[..., None, None] for x in _series(np.linalg.norm(w, axis=-1)))
     k = skew(w)
@@ -52,7 +77,18 @@ def exp_so3(rotvec: ArrayLike) -> Array:
 
 
 def log_so3(rotation: ArrayLike) -> Array:
-    """Rotation vectors (..., 3) [rad], of length ≤ π, of rotation matrices (..., 3, 3)."""
+    """The rotation vectors of rotation matrices.
+
+    Parameters
+    ----------
+    rotation : (..., 3, 3)
+        Orthogonal, determinant 1; not checked.
+
+    Returns
+    -------
+    (..., 3) array
+        Axis times angle [rad], of length ≤ π.
+    """
     q = quaternion_wxyz(rotation)
     vec = q[..., 1:]
     sin_half = np.linalg.norm(vec, axis=-1)
@@ -62,7 +98,22 @@ def log_so3(rotation: ArrayLike) -> Array:
 
 
 def quaternion_wxyz(rotation: ArrayLike) -> Array:
-    """Unit quaternions (..., 4), w first and w ≥ 0, of rotation matrices (..., 3, 3) (Shepperd 1978)."""
+    """The unit quaternions of rotation matrices.
+
+    Parameters
+    ----------
+    rotation : (..., 3, 3)
+        Orthogonal, determinant 1; not checked.
+
+    Returns
+    -------
+    (..., 4) array
+        w first and w ≥ 0.
+
+    References
+    ----------
+    S. W. Shepperd, Quaternion from rotation matrix, J. Guidance and Control 1978.
+    """
     r = np.asarray(rotation, dtype=float)
     qq = np.empty((*r.shape[:-2], 4, 4))  # 4 q qᵀ: every element is linear in R
     trace = np.trace(r, axis1=-2, axis2=-1)
@@ -77,7 +128,18 @@ def quaternion_wxyz(rotation: ArrayLike) -> Array:
 
 
 def nearest_rotation(matrix: ArrayLike) -> Array:
-    """The rotation (..., 3, 3) nearest to ``matrix`` in the Frobenius norm (orthogonal Procrustes)."""
+    """The rotation nearest to a matrix in the Frobenius norm (orthogonal Procrustes).
+
+    Parameters
+    ----------
+    matrix : (..., 3, 3)
+        Any.
+
+    Returns
+    -------
+    (..., 3, 3) array
+        Orthogonal, determinant 1.
+    """
     u, _, vt = np.linalg.svd(np.asarray(matrix, dtype=float))
     last = np.where(np.linalg.det(u @ vt) < 0, -1.0, 1.0)
     u[..., :, 2] *= last[..., None]
@@ -246,7 +308,18 @@ def check_rotation(rotation: ArrayLike, atol: float = 1e-6) -> None:
 
 
 def stack_poses(poses: list[Pose] | tuple[Pose, ...]) -> Pose:
-    """One batch of poses (N) from single ones."""
+    """One batch of poses from single ones.
+
+    Parameters
+    ----------
+    poses : sequence of N Pose
+        Of one pair of frames.
+
+    Returns
+    -------
+    Pose
+        The batch (N).
+    """
     if not poses:
         return Pose(np.zeros((0, 3, 3)), np.zeros((0, 3)))
     return Pose(np.stack([p.R for p in poses]), np.stack([p.t for p in poses]))

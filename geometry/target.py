@@ -15,7 +15,7 @@ from geometry.pose import Pose, cross
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
-Section = Literal["line", "circle"]
+SectionKind = Literal["line", "circle"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +94,25 @@ class Target(Protocol):
 
 
 def target_at(target: Target | Mapping[str, Target], location: str) -> Target:
-    """What stood at a location: the one target, or that of a mapping by location; InputError where it names none."""
+    """What stood at a location.
+
+    Parameters
+    ----------
+    target : Target or mapping of str to Target
+        One for all locations, or by location.
+    location : str
+        Its name.
+
+    Returns
+    -------
+    Target
+        The one that stood there.
+
+    Raises
+    ------
+    InputError
+        Where the mapping names none.
+    """
     if not isinstance(target, Mapping):
         return target
     if location not in target:
@@ -107,11 +125,12 @@ class Surface:
 
     The residual is the distance itself. What a subclass may say beside it: ``section``, the curve in which a plane cuts
     each of its features ("line" or "circle"), by which a frame's many points are condensed to few; ``shaped`` and
-    ``by_shape`` where it has shape unknowns; ``place``, its pose from points in closed form.
+    ``by_shape`` where it has shape unknowns; ``place``, its pose from points in closed form; ``at_place``, what a
+    report says of it.
     """
 
     kind: str = "surface"
-    section: Section | None = None
+    section: SectionKind | None = None
     features: tuple[str, ...] = ("surface",)
     shape: Shape = Shape()
     symmetries: tuple[Symmetry, ...] = ()
@@ -129,6 +148,15 @@ class Surface:
     def by_shape(self, points_mm: Array, feature: Index) -> Array:
         """Derivative (N, k, S) of the offsets of points (N, 3) by the shape unknowns."""
         return np.zeros((len(points_mm), self.residuals_per_point, len(self.shape.sigma)))
+
+    @property
+    def runs_along_x(self) -> bool:
+        """Whether it is a line's, an edge's or a ridge's: shifts along x alone do not show, and the sheet crosses x."""
+        return self.freedom[:3] == (False, True, True)
+
+    def at_place(self, T_base_target: Pose, sensors_mm: Array) -> dict[str, object]:
+        """What a report says of the surface in the base; sensors_mm (F, 3): where the sensor looked from."""
+        return {"T_base_target": T_base_target.matrix}
 
     def place(self, points_mm: Array, feature: Index) -> Pose | None:
         """The pose at which the surface passes through points (N, 3) about as well as it can; None where none is."""

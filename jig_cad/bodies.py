@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import singledispatch
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,8 +23,9 @@ FACE_WIDTH_MM = 200.0
 _HALVINGS = 5  # of an icosahedron's edges: its faces are within 2e-4 of the radius of the ball
 
 
+@singledispatch
 def target_meshes(target: Target) -> dict[str, trimesh.Trimesh]:
-    """The target's body by name of its part, in its own axes.
+    """The target's body by name of its part, in its own axes; a kind of one's own adds its by ``.register``.
 
     Parameters
     ----------
@@ -40,20 +42,35 @@ def target_meshes(target: Target) -> dict[str, trimesh.Trimesh]:
     InputError
         For a target whose body is not known.
     """
-    if isinstance(target, Sphere):
-        return {"ball": _ball(np.zeros(3), target.diameter_mm)}
-    if isinstance(target, Balls):
-        balls = zip(target.names, target.centres_mm, target.diameters_mm, strict=True)
-        return {f"ball {name}": _ball(centre, float(diameter)) for name, centre, diameter in balls}
-    if isinstance(target, Plane):
-        w, h = (target.width_mm or PLATE_MM[0]) / 2, (target.height_mm or PLATE_MM[1]) / 2
-        return {"plate": _quad([[-w, -h, 0.0], [w, -h, 0.0], [w, h, 0.0], [-w, h, 0.0]])}
-    if isinstance(target, Edge):
-        w, h = PLATE_MM[0] / 2, PLATE_MM[1]
-        return {"plate": _quad([[-w, -h, 0.0], [w, -h, 0.0], [w, 0.0, 0.0], [-w, 0.0, 0.0]])}
-    if isinstance(target, Wedge):
-        return {name: _face(target, side) for name, side in zip(target.features, (1.0, -1.0), strict=True)}
     raise InputError(f"a target of class {type(target).__name__} has no body that could be lit")
+
+
+@target_meshes.register(Sphere)
+def _sphere(ball: Sphere) -> dict[str, trimesh.Trimesh]:
+    return {"ball": _ball(np.zeros(3), ball.diameter_mm)}
+
+
+@target_meshes.register(Balls)
+def _balls(target: Balls) -> dict[str, trimesh.Trimesh]:
+    balls = zip(target.names, target.centres_mm, target.diameters_mm, strict=True)
+    return {f"ball {name}": _ball(centre, float(diameter)) for name, centre, diameter in balls}
+
+
+@target_meshes.register(Plane)
+def _plane(plane: Plane) -> dict[str, trimesh.Trimesh]:
+    w, h = (plane.width_mm or PLATE_MM[0]) / 2, (plane.height_mm or PLATE_MM[1]) / 2
+    return {"plate": _quad([[-w, -h, 0.0], [w, -h, 0.0], [w, h, 0.0], [-w, h, 0.0]])}
+
+
+@target_meshes.register(Edge)
+def _edge(_: Edge) -> dict[str, trimesh.Trimesh]:
+    w, h = PLATE_MM[0] / 2, PLATE_MM[1]
+    return {"plate": _quad([[-w, -h, 0.0], [w, -h, 0.0], [w, 0.0, 0.0], [-w, 0.0, 0.0]])}
+
+
+@target_meshes.register(Wedge)
+def _wedge(wedge: Wedge) -> dict[str, trimesh.Trimesh]:
+    return {name: _face(wedge, side) for name, side in zip(wedge.features, (1.0, -1.0), strict=True)}
 
 
 def _ball(centre: Array, diameter_mm: float) -> trimesh.Trimesh:

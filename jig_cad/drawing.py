@@ -20,15 +20,48 @@ DETAIL = 5.0  # scale of the hole's section
 
 
 def drawing_svg(jig: Jig, design: PillarDesign | None = None) -> str:
-    """The drawing of the jig as it stands (nominal, sampled or measured anchors) as SVG, an A3 sheet.
+    """The drawing of the jig as it stands (nominal, sampled or measured anchors), an A3 sheet.
 
-    InputError where the jig is no pillar.
+    Parameters
+    ----------
+    jig : Jig
+        A pillar.
+    design : PillarDesign, optional
+        None: the defaults.
+
+    Returns
+    -------
+    str
+        SVG, in mm.
+
+    Raises
+    ------
+    InputError
+        Where the jig is no pillar.
     """
     return svg_text(pillar_drawing(jig, design))
 
 
 def drawing_dxf(jig: Jig, design: PillarDesign | None = None) -> str:
-    """As `drawing_svg`, as DXF."""
+    """The drawing of the jig as it stands, an A3 sheet.
+
+    Parameters
+    ----------
+    jig : Jig
+        A pillar.
+    design : PillarDesign, optional
+        None: the defaults.
+
+    Returns
+    -------
+    str
+        DXF, in mm.
+
+    Raises
+    ------
+    InputError
+        Where the jig is no pillar.
+    """
     return dxf_text(pillar_drawing(jig, design))
 
 

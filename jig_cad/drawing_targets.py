@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import singledispatch
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -23,23 +25,16 @@ WEDGE_LONG_MM, WEDGE_LEG_MM = 150.0, 60.0
 ROOM = np.array([250.0, 165.0])  # on the sheet, for one view
 
 
+@singledispatch
 def target_drawing(target: Target) -> Paper:
-    """The sheet for a target of any kind; InputError where lines are no pillar."""
-    if isinstance(target, Jig):
-        return pillar_drawing(target)
-    if isinstance(target, Sphere):
-        return _sphere(target)
-    if isinstance(target, Balls):
-        return _balls(target)
-    if isinstance(target, Plane):
-        return _plane(target)
-    if isinstance(target, Edge):
-        return _edge(target)
-    if isinstance(target, Wedge):
-        return _wedge(target)
+    """The sheet for a target of any kind; InputError where lines are no pillar, or no drawing is registered."""
     raise InputError(f"no drawing is known for a target of class {type(target).__name__}")
 
 
+target_drawing.register(Jig, pillar_drawing)
+
+
+@target_drawing.register(Sphere)
 def _sphere(ball: Sphere) -> Paper:
     paper = _sheet("Ball", ball.name, "ball: ceramic or steel, matt (etched, or sprayed thin and even)")
     d = ball.diameter_mm
@@ -82,6 +77,7 @@ def _sphere(ball: Sphere) -> Paper:
     return _with_block(paper, k)
 
 
+@target_drawing.register(Balls)
 def _balls(balls: Balls) -> Paper:
     paper = _sheet("Balls", balls.name, "balls as for a tooling ball; plate: aluminium or steel; matt")
     centres, radius = balls.centres_mm, balls.diameters_mm / 2
@@ -139,6 +135,7 @@ def _balls(balls: Balls) -> Paper:
     return _with_block(paper, k)
 
 
+@target_drawing.register(Plane)
 def _plane(plane: Plane) -> Paper:
     paper = _sheet("Plane", plane.name, "granite, steel or cast aluminium plate, lapped, matt")
     w, h = plane.width_mm or PLATE_MM[0], plane.height_mm or PLATE_MM[1]
@@ -155,6 +152,7 @@ def _plane(plane: Plane) -> Paper:
     )
 
 
+@target_drawing.register(Edge)
 def _edge(_: Edge) -> Paper:
     paper = _sheet("Edge", "", "hardened steel, ground; matt upper face")
     return _plate(
@@ -189,6 +187,7 @@ def _plate(paper: Paper, w: float, h: float, notes: list[str], mark: str) -> Pap
     return _with_block(paper, k)
 
 
+@target_drawing.register(Wedge)
 def _wedge(wedge: Wedge) -> Paper:
     paper = _sheet("Wedge", wedge.name, "two ground plates or one milled block, matt")
     half = np.deg2rad(wedge.angle_deg) / 2

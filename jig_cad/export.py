@@ -25,10 +25,21 @@ _STRING_COLOUR = (235, 225, 190, 255)
 
 
 def export_jig(jig: Jig, path: str | os.PathLike[str], design: PillarDesign | None = None) -> None:
-    """Write the jig to ``path``, whole or not at all; its ending chooses the format.
+    """Write the jig, whole or not at all; the path's ending chooses the format.
 
-    .stl: all solids in one mesh, {J} [mm]. .glb: a scene of named solids, each in {J} [mm] under a node "jig" that
-    turns and scales them to glTF's metres, Y up. .svg, .dxf: the drawing with dimensions and tolerances, on A3.
+    Parameters
+    ----------
+    jig : Jig
+    path : str or path
+        .stl: all solids in one mesh, {J} [mm]. .glb: a scene of named solids, each in {J} [mm] under a node "jig" that
+        turns and scales them to glTF's metres, Y up. .svg, .dxf: the drawing with dimensions and tolerances, on A3.
+    design : PillarDesign, optional
+        Plates, posts and holes; None: the defaults.
+
+    Raises
+    ------
+    InputError
+        For another ending, or a drawing of strings that are no pillar.
     """
     goal = Path(path)
     suffix = goal.suffix.lower()
@@ -44,7 +55,19 @@ def export_jig(jig: Jig, path: str | os.PathLike[str], design: PillarDesign | No
 
 
 def export_target(target: Target, path: str | os.PathLike[str]) -> None:
-    """As `export_jig`, of a target of any kind; surfaces have no solids of their own, so they are drawn alone."""
+    """Write a target of any kind as `export_jig` does; surfaces have no solids of their own, so they are drawn alone.
+
+    Parameters
+    ----------
+    target : Target
+    path : str or path
+        Its ending chooses the format.
+
+    Raises
+    ------
+    InputError
+        For an ending that the kind does not have.
+    """
     if isinstance(target, Jig):
         export_jig(target, path)
         return

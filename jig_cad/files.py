@@ -73,14 +73,46 @@ class LinesTable(BaseModel):
 
 
 def read_jig(path: str | os.PathLike[str]) -> Jig:
-    """The jig of a TOML file; InputError names the file and the key that is wrong."""
+    """The jig of a TOML file.
+
+    Parameters
+    ----------
+    path : str or path
+        A jig.toml, or a target.toml of kind "strings".
+
+    Returns
+    -------
+    Jig
+
+    Raises
+    ------
+    InputError
+        Naming the file and the key that is wrong.
+    """
     where = Path(path)
     table = parse_toml(read_text(where), str(where))
     return jig_from_table(table, str(where))
 
 
 def jig_from_table(table: Mapping[str, Any], where: str = "jig.toml") -> Jig:
-    """The jig of a parsed TOML table; ``where`` (the file's name) stands in every error."""
+    """The jig of a parsed TOML table.
+
+    Parameters
+    ----------
+    table : mapping
+        As of `tomllib`.
+    where : str
+        The file's name, which stands in every error.
+
+    Returns
+    -------
+    Jig
+
+    Raises
+    ------
+    InputError
+        Naming ``where`` and the key that is wrong.
+    """
     table = without_names(table)
     model = table_model(table, where)
     try:
@@ -115,7 +147,17 @@ def without_names(table: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def jig_text(jig: Jig) -> str:
-    """The jig as the text of a jig.toml; read back it is the same jig to the last bit."""
+    """The jig as the text of a jig.toml.
+
+    Parameters
+    ----------
+    jig : Jig
+
+    Returns
+    -------
+    str
+        Read back it is the same jig to the last bit.
+    """
     as_named = jig.pillar is not None and jig.anchors == ANCHORS
     pillar = as_named and all(role == name for role, name in (jig.pillar.strings if jig.pillar else {}).items())
     keys = ("side_mm", "height_mm") if pillar else ()
@@ -147,7 +189,19 @@ def _lines_text(jig: Jig) -> list[str]:
 
 
 def write_jig(jig: Jig, path: str | os.PathLike[str]) -> None:
-    """Write a jig.toml, whole or not at all."""
+    """Write a jig.toml, whole or not at all.
+
+    Parameters
+    ----------
+    jig : Jig
+    path : str or path
+        What stood there is replaced.
+
+    Raises
+    ------
+    InputError
+        Where it can not be written.
+    """
     write_text(path, jig_text(jig))
 
 

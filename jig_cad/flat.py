@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import InputError, Pose, Section, Shape, Surface, Symmetry
+from geometry import InputError, Pose, SectionKind, Shape, Surface, Symmetry
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -25,13 +25,19 @@ class Plane(Surface):
     name: str = ""
 
     kind = "plane"
-    section: Section | None = "line"
+    section: SectionKind | None = "line"
     features: tuple[str, ...] = ("plane",)
     freedom: tuple[bool, ...] = (False, False, True, True, True, False)
 
     def offset(self, points_mm: Array, feature: Index) -> tuple[Array, Array]:
         """Height (N, 1) above the face, and its gradient (N, 1, 3)."""
         return points_mm[:, 2:], np.broadcast_to(np.array([0.0, 0.0, 1.0]), (len(points_mm), 1, 3))
+
+    def at_place(self, T_base_target: Pose, sensors_mm: Array) -> dict[str, object]:
+        """Its normal, towards the sensors, and its distance from the base's origin along it."""
+        normal = T_base_target.R[:, 2]
+        normal = normal * (-1.0 if normal @ (sensors_mm.mean(axis=0) - T_base_target.t) < 0 else 1.0)
+        return {"normal": normal, "distance_mm": float(normal @ T_base_target.t)}
 
     def place(self, points_mm: Array, feature: Index) -> Pose | None:
         """The plane through the points, by least squares."""
@@ -57,6 +63,10 @@ class Edge(Surface):
         """Components (N, 2) across the line, and their gradients (N, 2, 3)."""
         across = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
         return points_mm[:, 1:], np.broadcast_to(across, (len(points_mm), 2, 3))
+
+    def at_place(self, T_base_target: Pose, sensors_mm: Array) -> dict[str, object]:
+        """The line's point nearest the base's origin, and its direction."""
+        return line_at_place(T_base_target)
 
     def place(self, points_mm: Array, feature: Index) -> Pose | None:
         """The line through the points, by least squares."""
@@ -84,7 +94,7 @@ class Wedge(Surface):
     name: str = ""
 
     kind = "wedge"
-    section: Section | None = "line"
+    section: SectionKind | None = "line"
     features: tuple[str, ...] = ("face 1", "face 2")
     freedom: tuple[bool, ...] = (False, True, True, True, True, True)
 
@@ -131,6 +141,13 @@ class Wedge(Surface):
         turned = np.array([[0.0, -np.sin(half), np.cos(half)], [0.0, np.sin(half), np.cos(half)]])[feature]
         return np.asarray(np.sum(turned * points_mm, axis=1)[:, None, None] / 2)
 
+    def at_place(self, T_base_target: Pose, sensors_mm: Array) -> dict[str, object]:
+        """The ridge as a line, both normals towards the sensors, and the angle."""
+        normals = self.normals @ T_base_target.R.T
+        towards = sensors_mm.mean(axis=0) - T_base_target.t
+        normals = normals * np.where(normals @ towards < 0, -1.0, 1.0)[:, None]
+        return line_at_place(T_base_target) | {"normals": normals, "angle_deg": self.angle_deg}
+
     def place(self, points_mm: Array, feature: Index) -> Pose | None:
         """The plane through each face's points, and where they meet."""
         faces = [points_mm[feature == k] for k in (0, 1)]
@@ -145,6 +162,14 @@ class Wedge(Surface):
         right = [normals[0] @ middles[0], normals[1] @ middles[1], rows[2] @ (middles[0] + middles[1]) / 2]
         foot = np.linalg.solve(rows, np.array(right))
         return wedge_frame(foot, rows[2], middles[0], middles[1])
+
+
+def line_at_place(T_base_target: Pose) -> dict[str, object]:
+    """The x axis in the base: its point nearest the origin, and its direction, the first number of weight positive."""
+    along = T_base_target.R[:, 0]
+    lead = along[int(np.argmax(np.abs(along) > 1e-9))]
+    along = along * (-1.0 if lead < 0 else 1.0)
+    return {"point_mm": T_base_target.t - along * (along @ T_base_target.t), "direction": along}
 
 
 def wedge_frame(foot: Array, along: Array, on_first: Array, on_second: Array) -> Pose:
@@ -172,7 +197,17 @@ def frame_with_z(z: Array) -> Array:
 
 
 def frame_with_x(x: Array) -> Array:
-    """A rotation whose first column is the unit vector x; the second has no part along the base axis least like x."""
+    """A rotation by its first column; the second has no part along the base axis least like it.
+
+    Parameters
+    ----------
+    x : (3,)
+        A unit vector.
+
+    Returns
+    -------
+    (3, 3) array
+    """
     least = np.eye(3)[int(np.argmin(np.round(np.abs(x), 6)))]
     y = np.cross(least, x)
     y = y / np.linalg.norm(y)

@@ -141,13 +141,17 @@ class Jig:
         """The strings: what a point can lie on."""
         return self.strings
 
+    @property
+    def anchor_sigma_mm(self) -> float:
+        """σ of every anchor's y and z: uniform within ± half of the tolerance; 0 where the anchors were measured."""
+        exact = self.measured or self.tolerance_mm < LEAST_TOLERANCE_MM
+        return 0.0 if exact else float(self.tolerance_mm / np.sqrt(12))
+
     @cached_property
     def shape(self) -> Shape:
-        """Shifts of every anchor in y and z: uniform within ± half of the tolerance, none where they were measured."""
-        exact = self.measured or self.tolerance_mm < LEAST_TOLERANCE_MM
-        sigma = 0.0 if exact else self.tolerance_mm / np.sqrt(12)
+        """Shifts of every anchor in y and z."""
         labels = tuple(f"{a}.{axis}" for a in self.anchors for axis in ("y", "z"))
-        return Shape(labels, np.full(len(labels), float(sigma)))
+        return Shape(labels, np.full(len(labels), self.anchor_sigma_mm))
 
     @property
     def freedom(self) -> tuple[bool, ...]:
@@ -243,7 +247,19 @@ class Jig:
 
 
 def sample_tolerance(jig: Jig, rng: np.random.Generator) -> Jig:
-    """The jig with every anchor moved uniformly within ± half of its tolerance in y and z: one made jig."""
+    """One made jig: every anchor moved uniformly within ± half of its tolerance in y and z.
+
+    Parameters
+    ----------
+    jig : Jig
+        As drawn.
+    rng : numpy.random.Generator
+
+    Returns
+    -------
+    Jig
+        With its anchors as made.
+    """
     shift = np.zeros((len(jig.anchors), 3))
     shift[:, 1:] = rng.uniform(-0.5, 0.5, (len(jig.anchors), 2)) * jig.tolerance_mm
     return replace(jig, anchors_mm=jig.anchors_mm + shift, measured=False)

@@ -46,7 +46,18 @@ class Pillar:
 
 
 def nominal_anchors(side_mm: float, height_mm: float) -> Array:
-    """Anchors (6, 3) [mm] in {J}, in the order of ANCHORS, of a regular pillar."""
+    """The anchors of a regular pillar.
+
+    Parameters
+    ----------
+    side_mm, height_mm : float
+        Of the triangle between its anchors, and of its strings.
+
+    Returns
+    -------
+    (6, 3) array
+        [mm] in {J}, in the order of ANCHORS.
+    """
     depth, half = np.sqrt(3) / 2 * side_mm, side_mm / 2
     bottom = np.array([[0, 0, 0], [0, -half, depth], [0, half, depth]])
     top = bottom + np.array([height_mm, 0, 0])

@@ -52,10 +52,6 @@ class SizedJig:
         """The jig's."""
         return self.jig.residuals_per_point
 
-    def resized(self, side_mm: float, height_mm: float) -> Jig:
-        """The jig with so much more side and height."""
-        return replace(self.jig, anchors_mm=self._anchors(side_mm, height_mm))
-
     def predict(self, T_sensor_target: Pose, shape: Array, points: SheetPoints) -> Prediction:
         """See Target."""
         shifts, sizes = shape[: -len(SIZES)], shape[-len(SIZES) :]

@@ -74,11 +74,22 @@ class PillarDesign:
 def jig_solids(
     jig: Jig, design: PillarDesign | None = None, *, strings: bool = True, posts: bool = True
 ) -> dict[str, trimesh.Trimesh]:
-    """Watertight meshes in {J} [mm] by name: "bottom plate", "top plate", "post 1" …, "string A" ….
+    """Watertight meshes of a jig, in {J} [mm].
 
-    The holes are drilled at the jig's anchors (measured or sampled, where they are). A set of strings that is no
-    pillar has a block at each anchor, "block NAME", in place of plates and posts. strings, posts: whether they are
-    wanted; a ray caster that intersects strings as exact cylinders leaves them out.
+    Parameters
+    ----------
+    jig : Jig
+        The holes are drilled at its anchors, measured or sampled where they are.
+    design : PillarDesign, optional
+        None: the defaults.
+    strings, posts : bool
+        Whether they are wanted; a ray caster that intersects strings as exact cylinders leaves them out.
+
+    Returns
+    -------
+    dict of str to trimesh.Trimesh
+        By name: "bottom plate", "top plate", "post 1" …, "string A" …; of strings that are no pillar a block at each
+        anchor, "block NAME", in place of plates and posts.
     """
     design = design or PillarDesign()
     if jig.pillar is None:

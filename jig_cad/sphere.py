@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry import InputError, Pose, Section, Shape, Surface, nearest_rotation
+from geometry import InputError, Pose, SectionKind, Shape, Surface, nearest_rotation
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -35,7 +35,7 @@ class Sphere(Surface):
     name: str = ""
 
     kind = "sphere"
-    section: Section | None = "circle"
+    section: SectionKind | None = "circle"
     features: tuple[str, ...] = ("sphere",)
     freedom: tuple[bool, ...] = (True, True, True, False, False, False)
 
@@ -69,6 +69,10 @@ class Sphere(Surface):
         direction = points_mm / np.maximum(length, 1e-9)
         return length - self.diameter_mm / 2, direction[:, None, :]
 
+    def at_place(self, T_base_target: Pose, sensors_mm: Array) -> dict[str, object]:
+        """Centre and diameter."""
+        return {"centre_mm": T_base_target.t, "diameter_mm": self.diameter_mm}
+
     def place(self, points_mm: Array, feature: Index) -> Pose | None:
         """The centre, by least squares."""
         centre = sphere_centre(points_mm, self.diameter_mm / 2)
@@ -88,7 +92,7 @@ class Balls(Surface):
     name: str = ""
 
     kind = "balls"
-    section: Section | None = "circle"
+    section: SectionKind | None = "circle"
 
     @staticmethod
     def of(balls: Mapping[str, tuple[float, Sequence[float]]], name: str = "") -> Balls:
@@ -135,6 +139,12 @@ class Balls(Surface):
         away = points_mm - self.centres_mm[feature]
         length = np.linalg.norm(away, axis=-1, keepdims=True)
         return length - self.diameters_mm[feature, None] / 2, (away / np.maximum(length, 1e-9))[:, None, :]
+
+    def at_place(self, T_base_target: Pose, sensors_mm: Array) -> dict[str, object]:
+        """Each ball's name, centre and diameter."""
+        centres = T_base_target @ self.centres_mm
+        balls = zip(self.names, centres, self.diameters_mm.tolist(), strict=True)
+        return {"balls": [{"name": n, "centre_mm": c, "diameter_mm": d} for n, c, d in balls]}
 
     def place(self, points_mm: Array, feature: Index) -> Pose | None:
         """Each ball's centre by least squares, and the rigid motion onto them."""

@@ -5,16 +5,15 @@ electrons on the chip (`image`) → grey levels (`chip`), with the truth of all 
 beside it `gl`, a second renderer by OpenGL and pictures of the cell, and `scene_file`, which reads scene.toml.
 """
 
-from importlib import import_module
 from typing import TYPE_CHECKING
 
+from geometry.lazy import lazy_names
 from perceptron_emu.config import EmulatorConfig
 
 if TYPE_CHECKING:
     from perceptron_emu.check import check_optics, check_scene
     from perceptron_emu.chip import gain_dn_per_e
-    from perceptron_emu.image import contrast as speckle_contrast
-    from perceptron_emu.image import grain_px
+    from perceptron_emu.image import grain_px, speckle_contrast
     from perceptron_emu.lens import project
     from perceptron_emu.light import cylinders, faces_in_sheet, hidden_by_strings
     from perceptron_emu.pipeline import mean_electrons, render
@@ -57,42 +56,53 @@ __all__ = [
 ]
 
 # kernels take a fifth of a second to load, and calibration needs the settings alone
-_LAZY = {
-    "ALUMINIUM": ("perceptron_emu.scene", "ALUMINIUM"),
-    "BLACK_PLATE": ("perceptron_emu.scene", "BLACK_PLATE"),
-    "MATTE": ("perceptron_emu.scene", "MATTE"),
-    "Material": ("perceptron_emu.scene", "Material"),
-    "RenderedFrame": ("perceptron_emu.truth", "RenderedFrame"),
-    "RenderedTruth": ("perceptron_emu.truth", "RenderedTruth"),
-    "Scene": ("perceptron_emu.scene", "Scene"),
-    "SceneFile": ("perceptron_emu.scene_file", "SceneFile"),
-    "SheetCurve": ("perceptron_emu.truth", "SheetCurve"),
-    "Solid": ("perceptron_emu.scene", "Solid"),
-    "StringTruth": ("perceptron_emu.truth", "StringTruth"),
-    "Surroundings": ("perceptron_emu.scene_file", "Surroundings"),
-    "WALL": ("perceptron_emu.scene", "WALL"),
-    "check_optics": ("perceptron_emu.check", "check_optics"),
-    "check_scene": ("perceptron_emu.check", "check_scene"),
-    "cylinders": ("perceptron_emu.light", "cylinders"),
-    "faces_in_sheet": ("perceptron_emu.light", "faces_in_sheet"),
-    "gain_dn_per_e": ("perceptron_emu.chip", "gain_dn_per_e"),
-    "grain_px": ("perceptron_emu.image", "grain_px"),
-    "hidden_by_solid": ("perceptron_emu.solids", "hidden_by_solid"),
-    "hidden_by_strings": ("perceptron_emu.light", "hidden_by_strings"),
-    "mean_electrons": ("perceptron_emu.pipeline", "mean_electrons"),
-    "panel": ("perceptron_emu.scene", "panel"),
-    "profile_strip": ("perceptron_emu.solids", "profile_strip"),
-    "project": ("perceptron_emu.lens", "project"),
-    "read_scene": ("perceptron_emu.scene_file", "read_scene"),
-    "read_surroundings": ("perceptron_emu.scene_file", "read_surroundings"),
-    "render": ("perceptron_emu.pipeline", "render"),
-    "speckle_contrast": ("perceptron_emu.image", "contrast"),
-}
-
-
-def __getattr__(name: str) -> object:
-    """The names that need kernels, imported when first used."""
-    if name in _LAZY:
-        module, own = _LAZY[name]
-        return getattr(import_module(module), own)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+__getattr__ = lazy_names(
+    __name__,
+    {
+        "perceptron_emu.check": (
+            "check_optics",
+            "check_scene",
+        ),
+        "perceptron_emu.chip": ("gain_dn_per_e",),
+        "perceptron_emu.image": (
+            "grain_px",
+            "speckle_contrast",
+        ),
+        "perceptron_emu.lens": ("project",),
+        "perceptron_emu.light": (
+            "cylinders",
+            "faces_in_sheet",
+            "hidden_by_strings",
+        ),
+        "perceptron_emu.pipeline": (
+            "mean_electrons",
+            "render",
+        ),
+        "perceptron_emu.scene": (
+            "ALUMINIUM",
+            "BLACK_PLATE",
+            "MATTE",
+            "Material",
+            "Scene",
+            "Solid",
+            "WALL",
+            "panel",
+        ),
+        "perceptron_emu.scene_file": (
+            "SceneFile",
+            "Surroundings",
+            "read_scene",
+            "read_surroundings",
+        ),
+        "perceptron_emu.solids": (
+            "hidden_by_solid",
+            "profile_strip",
+        ),
+        "perceptron_emu.truth": (
+            "RenderedFrame",
+            "RenderedTruth",
+            "SheetCurve",
+            "StringTruth",
+        ),
+    },
+)

@@ -23,7 +23,7 @@ from perceptron_emu.light import (
     thread_of,
 )
 from perceptron_emu.scene import Scene
-from perceptron_emu.solids import hidden_by_solid
+from perceptron_emu.solids import hidden_by_solids
 
 Array = NDArray[np.float64]
 
@@ -219,9 +219,7 @@ def sheet_curve(scene: Scene, lit: LitScene, config: EmulatorConfig) -> SheetCur
     middle = pieces.ends.mean(1)
     towards = scene.camera.centre_mm - middle
     start = middle + OFF_SURFACE_MM * towards / np.linalg.norm(towards, axis=1, keepdims=True)
-    hidden = np.zeros(len(middle), dtype=bool)
-    for solid in scene.solids:
-        hidden |= hidden_by_solid(solid, start, scene.camera.centre_mm)
+    hidden = hidden_by_solids(scene.solids, start, scene.camera.centre_mm)
     if lit.strings is not None:
         hidden |= hidden_by_strings(lit.strings, start, scene.camera.centre_mm)
     return SheetCurve(pieces.ends[..., 1:], project(scene.sensor, pieces.ends), faces.solid[pieces.face], ~hidden)

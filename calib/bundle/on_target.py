@@ -104,14 +104,14 @@ class OnTarget:
 
     def residual(self, state: State) -> Array:
         """Residuals (F, r) [mm]."""
-        found = self._predicted(state)[0]
+        found = self._predicted(self.T_sensor_target(state), state)[0]
         f, m, k = found.residual.shape
         return found.residual.reshape(f, m * k)
 
     def linearise(self, state: State) -> OnTargetLinearised:
         """Residuals (F, r), their Jacobians, and their covariance with the hand's."""
         T = self.T_sensor_target(state)
-        found, sheet = self._predicted(state)
+        found, sheet = self._predicted(T, state)
         f, m, k = found.residual.shape
         in_sheet = found.by_motion.reshape(f, m * k, 6)
         twist = in_sheet if self.errors is None else in_sheet @ sheet.inverse().adjoint
@@ -145,9 +145,9 @@ class OnTarget:
         moved = np.where(self.points.present[..., None, None], moved, 0.0)
         return np.asarray(moved.reshape(*in_sheet.shape[:2], twists.shape[-1]) - in_sheet @ twists)
 
-    def _predicted(self, state: State) -> tuple[Prediction, Pose]:
-        """What the target makes of the points in their plane, and T_sensor_sheet."""
-        T, shape = self.T_sensor_target(state), state.vector(self.shape_block)
+    def _predicted(self, T: Pose, state: State) -> tuple[Prediction, Pose]:
+        """What the target at T_sensor_target (F) makes of the points in their plane, and T_sensor_sheet."""
+        shape = state.vector(self.shape_block)
         if self.errors is None:
             return self.target.predict(T, shape, self.points), Pose.identity()
         seen = self.errors.seen(self.points.yz_mm, state.vector("sensor"))

@@ -7,7 +7,7 @@ from calib.judge.contradiction import frames_contradict
 from calib.judge.culprits import culprit, strangers
 from calib.judge.culprits_jig import wrong_jig
 from calib.judge.facts import bundle_estimate, bundle_facts
-from calib.judge.finding import find
+from calib.judge.finding import UNCERTAINTY, find
 from calib.judge.jackknife import FEWEST_LEFT_OUT, at_least, jackknife_covariance, weak_by_jackknife
 from calib.judge.model_choice import UNCHECKED, table_advice
 from calib.judge.parts import left_out
@@ -16,6 +16,7 @@ from calib.judge.verdict import RIVAL_CHI2, Facts, Motion, frames_motion, judge,
 __all__ = [
     "FEWEST_LEFT_OUT",
     "RIVAL_CHI2",
+    "UNCERTAINTY",
     "UNCHECKED",
     "Facts",
     "FalseRow",

@@ -14,6 +14,7 @@ from jig_cad import Jig
 Targets = Target | Mapping[str, Target]
 
 _CONTRADICTED = ("not_converged", "outliers")
+_UNSEEN = ("image_unreadable", "no_profile", "no_target")  # more poses would not help
 _WORDS = {
     "image_unreadable": "images unreadable",
     "no_spots": "no string found in the image",
@@ -48,10 +49,12 @@ def frames_contradict(
         return Verdict("frames_contradict", f"{found}. In all, {verdict.text}") if found else None
     found = found or "; ".join(_in_common(counted))
     what = "calibrate frames" if counted is asked else "frames"
+    unseen = all(f.reason in _UNSEEN for f in counted if f.reason is not None) and verdict.code == "too_few_poses"
+    rest = "Each left-out frame's own sentence says what is in its place" if unseen else f"In all, {verdict.text}"
     return Verdict(
         "frames_contradict",
         f"{_lost(counted)} of {len(counted)} {what} had to be left out (limit {config.max_lost_share:.0%}), "
-        f"so that what is left is no answer: {found}. In all, {verdict.text}",
+        f"so that what is left is no answer: {found}. {rest}",
     )
 
 

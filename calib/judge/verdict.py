@@ -19,6 +19,7 @@ Array = NDArray[np.float64]
 # benchmarks/calib_degenerate.py: every spoilt set of its kinds is refused, none of the sound ones
 _SAME_MM, _SAME_DEG = 1.0, 0.1  # configurations nearer than this are one: some hundred times an arm's repeatability
 _MISFIT_TAIL = 1e-4  # of sound data are called a misfit by chance
+_AS_STATED = 1.5  # χ² per degree of freedom from which it is said that the noise is more than stated
 _LEVER_MM = 5.0  # over 300 mm of stand-off a degree: less turns positions by no more than their noise
 RIVAL_CHI2 = 12.0  # a likelihood ratio of 400: what is nearer is called ambiguous
 _GROSS_CHI2 = 30.0  # with all robot errors free within their priors; sound cells stay below 2
@@ -263,16 +264,23 @@ def _contradiction(f: Facts, config: CalibConfig) -> Verdict | None:
 def _misfit(f: Facts, config: CalibConfig) -> Verdict | None:
     limit = misfit_limit(f.dof, config.misfit_chi2)
     paper = config.method == "paper"
-    if (paper or f.inferred) and f.chi2_per_dof > limit:
-        advice = "give joint readings" if f.inferred else "--method bundle"
+    if paper and f.chi2_per_dof > limit:
         return Verdict(
             "model_misfit",
             f"χ² per degree of freedom is {f.chi2_per_dof:.3g}, far from 1: the residuals exceed the noise of points "
-            f"and joints; with {advice} robot errors can be told from noise. "
-            + ("No σ can be given, and none is" if f.inferred else "The σ given carry the robot's uncertainty"),
-            withheld=f.inferred,
+            "and joints; with --method bundle robot errors can be told from noise. The σ given carry the robot's "
+            "uncertainty",
         )
-    if paper or f.inferred or (f.explained <= limit and f.largest_pull <= config.pull_limit + REST_SLACK):
+    fits = f.explained <= limit and f.largest_pull <= config.pull_limit + REST_SLACK
+    if f.inferred and f.chi2_per_dof > limit and not fits:
+        return Verdict(
+            "model_misfit",
+            f"χ² per degree of freedom is {f.chi2_per_dof:.3g}, far from 1: the residuals exceed the noise of points "
+            "and joints, and errors of the robot's table of the stated size do not explain them; with joint readings "
+            "in frames.csv robot errors can be told from noise. No σ can be given, and none is",
+            withheld=True,
+        )
+    if paper or f.inferred or fits:
         return None
     return Verdict(
         "model_misfit",
@@ -296,9 +304,15 @@ def _weak(f: Facts, config: CalibConfig) -> Verdict | None:
 
 
 def _ok_text(f: Facts, moved: Motion, config: CalibConfig) -> str:
+    larger = f.explained > misfit_limit(f.dof, _AS_STATED)
+    residuals = (
+        f"the residuals are {np.sqrt(f.explained):.1f} times what σ of points and joints say, and the σ given follow"
+        if larger
+        else "the residuals agree with the noise"
+    )
     text = (
         f"{moved.frames} frames at {f.locations} locations, rotations up to {moved.rotation_deg:.0f}°: "
-        f"the residuals agree with the noise (χ² {f.explained:.2f} per degree of freedom)"
+        f"{residuals} (χ² {f.explained:.2f} per degree of freedom)"
     )
     if f.chi2_per_dof <= misfit_limit(f.dof, config.misfit_chi2):
         return text

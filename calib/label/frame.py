@@ -12,7 +12,7 @@ from calib.label.faces import face_pairs, five_spot_labels
 from calib.label.gates import DETECTED, gated_labels
 from calib.label.refine import FULL, LabelledFrame, refine_labels, turned_over, upright_turn
 from calib.label.surface_offset import rough_offset
-from calib.pose import MIN_STRINGS, anchor_sigma
+from calib.pose import MIN_STRINGS
 from geometry import Pose, Sensor, SurfacePoints, skew, stack_poses
 from geometry.ties import ascending
 from jig_cad import Jig
@@ -164,7 +164,7 @@ def _spots(
     along = np.array([1.0, 0.0, 0.0]) if prior is None else prior.T_sensor_jig.R @ jig.axis
     radius = jig.string_diameter_mm / 2
     offset = rough_offset(points.yz_mm[:n], along, radius, sensor)
-    extra = config.labelling.floor_mm**2 + (OFFSET_SPREAD * radius) ** 2 + anchor_sigma(jig) ** 2 + doubt_mm**2
+    extra = config.labelling.floor_mm**2 + (OFFSET_SPREAD * radius) ** 2 + jig.anchor_sigma_mm**2 + doubt_mm**2
     cov = points.cov_yz_mm2[:n] + extra * np.eye(2)
     odds = 0.5 * np.log((points.score[:n] + 0.05) / (1.05 - points.score[:n]))
     width, depth = np.ptp(points.yz_mm[:n], axis=0)

@@ -8,7 +8,7 @@ from calib.pose.own import own_poses
 from calib.pose.solver import PoseProblem, PoseSolution, solve_poses
 from calib.pose.starts import pencil_starts
 from calib.pose.tangent import departure
-from calib.pose.weights import anchor_sigma, whitening
+from calib.pose.weights import whitening
 
 __all__ = [
     "MIN_STRINGS",
@@ -17,7 +17,6 @@ __all__ = [
     "JigPoseResult",
     "PoseProblem",
     "PoseSolution",
-    "anchor_sigma",
     "closed_form_strings",
     "closed_forms",
     "crossings",

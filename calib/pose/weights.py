@@ -27,11 +27,6 @@ def whitening(cov: Array) -> Array:
     return out.reshape(*cov.shape[:-3], 2 * n, 2 * n)
 
 
-def anchor_sigma(jig: Jig) -> float:
-    """σ [mm] of every anchor's y and z: uniform within ± half of the tolerance; 0 where the anchors were measured."""
-    return 0.0 if jig.measured else float(jig.tolerance_mm / np.sqrt(12))
-
-
 def anchor_covariance(T: Pose, jig: Jig, index: NDArray[np.intp], sigma_mm: float) -> Array:
     """Covariance (..., 2N, 2N) of the crossings of strings ``index`` through their anchors, which strings share."""
     first, second = anchor_jacobian(T, jig.starts[index], jig.directions[index], jig.lengths[index])
@@ -47,7 +42,7 @@ def chi2_with_tolerance(
     solution: PoseSolution, axis: AxisPoints, jig: Jig, index: NDArray[np.intp], sigma_mm: float | None
 ) -> Array:
     """χ² (K,) of every minimum with the anchors' tolerance in the covariance, to first order about the minimum."""
-    sigma = anchor_sigma(jig) if sigma_mm is None else sigma_mm
+    sigma = jig.anchor_sigma_mm if sigma_mm is None else sigma_mm
     if sigma == 0:
         return solution.cost
     n = len(axis)

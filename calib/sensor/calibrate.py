@@ -90,18 +90,27 @@ def calibrate_sensor(
     given = tuple(_centred(v, centre) for v in views)
     if len(given) < FEWEST_VIEWS:
         return SensorCalibration(too_few(len(given)), tuple(ViewResult(v.name, True, None) for v in views))
+    with np.errstate(over="ignore", invalid="ignore"):  # where few views show the stripe, left-out ones lie anywhere
+        return _calibrated(given, size_px, settings, centre)
+
+
+def _calibrated(
+    given: tuple[BoardView, ...], size_px: tuple[int, int], settings: SensorSettings, centre: Array
+) -> SensorCalibration:
+    """`calibrate_sensor` of views whose pixels count from the image's centre."""
+    every = tuple(ViewResult(v.name, True, None) for v in given)
     try:
         if stand_alike(view_homographies(given), size_px[0], ALIKE_RAD):
-            return SensorCalibration(boards_parallel(), tuple(ViewResult(v.name, True, None) for v in views))
+            return SensorCalibration(boards_parallel(), every)
         attempt = _Attempt.start(given, size_px, settings)
+        while True:
+            worst = attempt.worst()
+            out = len(attempt.dropped) + 1
+            if worst is None or out > MAX_LEFT_OUT * len(given) or len(given) - out < FEWEST_VIEWS:
+                break
+            attempt = attempt.without(*worst)
     except np.linalg.LinAlgError:  # the state went beyond all numbers
-        return SensorCalibration(no_camera(), tuple(ViewResult(v.name, True, None) for v in views))
-    while True:
-        worst = attempt.worst()
-        out = len(attempt.dropped) + 1
-        if worst is None or out > MAX_LEFT_OUT * len(given) or len(given) - out < FEWEST_VIEWS:
-            break
-        attempt = attempt.without(*worst)
+        return SensorCalibration(no_camera(), every)
     return attempt.with_mirrors().answer(centre, contradicted=worst is not None)
 
 
@@ -138,6 +147,8 @@ class _Attempt:
         choice = choose_terms(SensorBundle(views, (), width, shape=shape), state, settings.max_terms)
         for _ in range(_ROUNDS):
             cleaned = _without_outliers(_on_lines(views, choice.result.state, FINE_PX, shape), choice)
+            if not len(cleaned.stripe):  # what was found is no straight line of any board
+                return _Attempt(given, size_px, settings, dropped, None, state)
             bundle = replace(choice.bundle, views=cleaned)
             result = settled(bundle, choice.result.state)
             bundle = with_noise(bundle, result)
@@ -219,6 +230,9 @@ class _Attempt:
         solution = _solution(choice, answer, tangent_uncertainty(answer, bundle.terms, covariance), centre)
         between = common_error_px(bundle, result)
         verdict = judge(choice, solution, len(self.given), contradicted=contradicted, stripes_apart_px=between)
+        left_out_mm = choice.left_out.plane_rms_mm
+        if verdict.code == "plane_not_determined":  # nor is where the others expect a stripe
+            left_out_mm, results = float("nan"), {n: replace(r, left_out_mm=float("nan")) for n, r in results.items()}
         tilt_fits = verdict.is_answer and self.settings.max_terms >= LENGTH[TILT_NAMES[0]]
         tilts = possible_tilts(bundle, result, covariance) if tilt_fits else None
         yz = to_sheet(answer.camera, answer.frame, bundle.views.stripe.uv_px)
@@ -235,7 +249,7 @@ class _Attempt:
                 reprojection_rms_px=float(np.sqrt(np.mean(np.sum(errors**2, axis=1)))),
                 plane_rms_mm=float(np.sqrt(np.mean(distances**2))),
                 left_out_px=choice.left_out.reprojection_rms_px,
-                left_out_mm=choice.left_out.plane_rms_mm,
+                left_out_mm=left_out_mm,
                 corner_scale=bundle.corner_scale,
                 stripe_scale=float(np.median(bundle.stripe_noise.scale)),
                 offset_px=bundle.stripe_noise.offset_px,

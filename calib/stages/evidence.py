@@ -8,9 +8,11 @@ import numpy as np
 
 from calib import engine
 from calib.bundle import Bundle, DistanceBetween, Evidence, Hands, Solution, other_linearisations
-from calib.judge import FalseRow, worst_row
+from calib.judge import UNCERTAINTY, FalseRow, evidence_contradicts, worst_row
+from calib.result import Verdict
 from calib.stages.preparation import prepare
-from calib.stages.setup import Prepared, Setup
+from calib.stages.setup import Prepared, Setup, Solved
+from calib.stages.solve import solve, try_suspects
 from geometry import State, Unknowns
 
 _MOST_FALSE = 0.25  # share of the rows of one file that may be false; beyond it the file is, and nothing is left out
@@ -45,6 +47,28 @@ def sound_evidence(prepared: Prepared) -> tuple[Prepared, tuple[str, ...]]:
         less = prepare(replace(less.setup, evidence=rest), less.given)
         words.append(_said(false, "the frames and the other rows"))
     return less, tuple(words)
+
+
+def told_by_evidence_alone(prepared: Prepared, judged: Solved) -> Verdict | None:
+    """The verdict on a row of the evidence, where one false row explains what [uncertainty] as a whole was accused of.
+
+    A wrong distance is one number; robots whose every number is off by many times what is stated are rarer. The row is
+    named where the frames fit the robot as stated without it.
+    """
+    first = prepared.solved.solution
+    accused = judged.estimate is not None and any(c.parameter == UNCERTAINTY for c in judged.estimate.culprit[:1])
+    if first is None or not accused:
+        return None
+    verdict, false = evidence_contradicts(first), _worst(prepared.setup.evidence, first)
+    if verdict is None or false is None:
+        return None
+    rest = _without(prepared.setup.evidence, false) or _but(prepared.setup.evidence, false.evidence)
+    less = try_suspects(
+        replace(prepared.setup, evidence=rest),
+        prepared.labelled,
+        solve(replace(prepared.setup, evidence=rest), prepared.labelled, first.T_hand_sensor),
+    )
+    return verdict if less.verdict.code in ("ok", "weak") else None
 
 
 def _said(false: FalseRow, rest: str) -> str:

@@ -22,6 +22,7 @@ from calib.judge import (
     weak_by_jackknife,
 )
 from calib.result import SIGMA_HOLDS, CalibrationResult, LeftOut, Verdict
+from calib.stages.evidence import told_by_evidence_alone
 from calib.stages.setup import Prepared, Setup, Solved
 from calib.stages.solve import try_suspects
 from geometry import Frame, Surface, locations_of
@@ -31,6 +32,8 @@ def judged_answer(prepared: Prepared) -> CalibrationResult:
     """The answer of the bundle, with how well it predicts what was left out where it can be trusted."""
     setup, labelled = prepared.setup, prepared.labelled
     judged = try_suspects(setup, labelled, prepared.solved)
+    alone = told_by_evidence_alone(prepared, judged)
+    judged = judged if alone is None else replace(prepared.solved, verdict=alone)
     beside = None if judged.solution is None else evidence_contradicts(judged.solution)
     if beside is not None and judged.verdict.code in SIGMA_HOLDS:
         judged = replace(judged, verdict=beside)

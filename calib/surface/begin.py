@@ -11,7 +11,8 @@ from calib.bundle import make_bundle
 from calib.config import CalibConfig
 from calib.surface.condense import condensed
 from calib.surface.constellation import with_names
-from calib.surface.starts import SurfaceStart, begun, exchanged, surface_start
+from calib.surface.faces import exchanged
+from calib.surface.starts import SurfaceStart, begun, surface_start
 from geometry import AxisPoints, Frame, Pose, Robot, Surface, Target, target_at
 from jig_cad import Wedge
 

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.surface.condense import condensed
+from calib.surface.sections import circle_through
 from geometry import Frame, Pose, Surface
-from jig_cad import Balls, Edge, Plane, Sphere, Wedge
+from jig_cad import Sphere
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -20,30 +21,7 @@ _LARGER = 0.04  # of the radius squared, by which sections may be larger than th
 
 def described(target: Surface, T_base_target: Pose, sensors_mm: Array) -> dict[str, object]:
     """A surface at its place, in the base; sensors_mm (F, 3): where the sensor looked from."""
-    out: dict[str, object] = {"kind": target.kind}
-    if isinstance(target, Sphere):
-        return out | {"centre_mm": T_base_target.t, "diameter_mm": target.diameter_mm}
-    if isinstance(target, Balls):
-        centres = T_base_target @ target.centres_mm
-        balls = zip(target.names, centres, target.diameters_mm.tolist(), strict=True)
-        return out | {"balls": [{"name": n, "centre_mm": c, "diameter_mm": d} for n, c, d in balls]}
-    if isinstance(target, Plane):
-        normal = T_base_target.R[:, 2]
-        normal = normal * (-1.0 if normal @ (sensors_mm.mean(axis=0) - T_base_target.t) < 0 else 1.0)
-        return out | {"normal": normal, "distance_mm": float(normal @ T_base_target.t)}
-    if isinstance(target, Edge | Wedge):
-        along = T_base_target.R[:, 0]
-        lead = along[int(np.argmax(np.abs(along) > 1e-9))]
-        along = along * (-1.0 if lead < 0 else 1.0)
-        out |= {"point_mm": T_base_target.t - along * (along @ T_base_target.t), "direction": along}
-    if isinstance(target, Wedge):
-        normals = target.normals @ T_base_target.R.T
-        towards = sensors_mm.mean(axis=0) - T_base_target.t
-        normals = normals * np.where(normals @ towards < 0, -1.0, 1.0)[:, None]
-        out |= {"normals": normals, "angle_deg": target.angle_deg}
-    if out.keys() == {"kind"}:
-        out["T_base_target"] = T_base_target.matrix
-    return out
+    return {"kind": target.kind} | target.at_place(T_base_target, sensors_mm)
 
 
 def own_centres(
@@ -85,12 +63,4 @@ def section_share(frames: Sequence[Frame], radius: float) -> float | None:
 
 def _circle(f: Frame) -> tuple[Array, float] | None:
     """Centre (2,) and radius through a frame's three nodes."""
-    if len(f.axis) != 3:
-        return None
-    a, b, c = f.axis.yz_mm
-    u, v = b - a, c - a
-    area = 2 * (u[0] * v[1] - u[1] * v[0])
-    if abs(area) < 1e-9:
-        return None
-    away = np.array([v[1] * (u @ u) - u[1] * (v @ v), u[0] * (v @ v) - v[0] * (u @ u)]) / area
-    return a + away, float(np.hypot(*away))
+    return circle_through(f.axis.yz_mm) if len(f.axis) == 3 else None

@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 
 from calib.bundle import Bundle, rotation_grid, solve_bundle
 from calib.surface.constellation import balls_places, renamed_by_place, told_alone, with_names
+from calib.surface.faces import exchanged, namings
+from calib.surface.sections import FrameSection, face_angles, sections_of
 from geometry import Frame, Pose, Surface, Target, log_so3, stack_poses, target_at
 from jig_cad import Balls, Sphere, Wedge
 
@@ -28,13 +30,11 @@ _TRIED = 8  # of the best ones, solved in full
 _APART_RAD = 0.35  # between rotations that are both tried
 _SIDES = (1.0, 1.003, 1.01, 1.03, 1.1)  # radii over the largest section's, where a ball's is not known
 _EDGE_ROUNDS = 4  # of direction and place of an edge in turn
-_LEAST_TURN = 0.03  # sine of the angle between two lines of a face that still span its plane
 _RIDGE = 1e-9  # share of the diagonal that closes what is open
 _ITERATIONS = 40
 _FEW = 10  # residuals to spare with which a solve from the drawing may end in a false answer; with more none of 60 did
 _BEYOND = 100.0  # squared σ of a drawing: no part is ten σ from its drawing
 _DRAWN = 24  # places that the drawing allows
-_NEARLY = 4.0  # times the best naming's misfit: a drawing some degrees off makes a right one as large
 _PLACES_OF_BALLS, _MOST_CHOICES = 3, 27  # that a location's balls may have by an SCP of a drawing, and together
 _GROSS = 300.0  # cost of a row at a false minimum: as built, an arm of the usual priors gives some 25
 _OTHER_MM, _OTHER_RAD = 5.0, 0.02  # SCPs that are farther apart are different answers
@@ -56,22 +56,6 @@ class SurfaceStart:
     found: bool
     rival: float = np.inf
     beyond_drawing: bool = False
-
-
-@dataclass(frozen=True, eq=False)
-class _Section:
-    """What one frame tells of one feature, in {P}: a line (a place and a direction), a circle or a point.
-
-    frame: its place among the frames. group: location and feature. place (3,); direction (3,) of a line, times half of
-    its length; radius of a circle.
-    """
-
-    frame: int
-    group: tuple[str, str]
-    kind: str
-    place: Array
-    direction: Array
-    radius: float
 
 
 def surface_start(
@@ -201,10 +185,10 @@ def _told(frames: Sequence[Frame], target: Target | Mapping[str, Target]) -> lis
 def begun(target: Target, frames: Sequence[Frame]) -> Target:
     """The target with a value to begin with for a shape of which nothing is known, from its condensed frames."""
     if isinstance(target, Sphere) and not target.known:
-        radii = [s.radius for s in _sections(frames, target) if s.kind == "circle"]
+        radii = [s.radius for s in sections_of(frames, target) if s.kind == "circle"]
         return replace(target, diameter_mm=2 * max(radii)) if radii else target
     if isinstance(target, Wedge) and not target.angle_known:
-        angles = _section_angles(frames, target)
+        angles = face_angles(frames, target)
         middle = float(np.clip(np.median(angles), 10.0, 170.0)) if len(angles) else target.angle_deg
         return replace(target, angle_deg=middle)
     return target
@@ -246,73 +230,12 @@ def _renamed(frames: Sequence[Frame], target: Target | Mapping[str, Target], T_h
         own = target_at(target, name)
         group = [f for f in frames if f.location == name and not f.labels_given and len(f.axis)]
         if isinstance(own, Wedge):
-            turned = _namings(group, own, T_hand_sensor)[0]
+            turned = namings(group, own, T_hand_sensor)[0]
             out |= {f.number: exchanged(f) for f in group if f.number in turned}
         elif isinstance(own, Balls):
             for place in balls_places(group, own, T_hand_sensor):
                 out |= {f.number: f for f in renamed_by_place(group, own, T_hand_sensor, place)}
     return tuple(out[f.number] for f in frames)
-
-
-def _namings(group: Sequence[Frame], target: Wedge, T_hand_sensor: Pose) -> list[set[int]]:
-    """Numbers of a location's frames whose faces must be exchanged for each face's lines to lie in one plane.
-
-    Two frames span both planes; of all pairs, in either order, the one is taken that all frames fit best, and the
-    planes' angle where it is known. Where the other order fits nearly as well it follows second: the sensor's place is
-    a drawing's, and where all frames but one look alike, directions fit in either order.
-    """
-    ends: dict[int, dict[str, Array]] = {}
-    for s in _sections(group, target):
-        ends.setdefault(s.frame, {})[s.group[1]] = np.array([s.place - s.direction, s.place + s.direction])
-    whole = [k for k, lines in ends.items() if len(lines) == 2]
-    single = [k for k, lines in ends.items() if len(lines) == 1]
-    if len(whole) < 2:
-        return [set()]
-    a, b = target.features
-    at = {k: group[k].at @ T_hand_sensor for k in ends}
-    points = np.array([[at[k] @ ends[k][a], at[k] @ ends[k][b]] for k in whole])  # (F, 2, 2, 3): frame, face, end
-    lines = points[:, :, 1] - points[:, :, 0]
-    half = float(np.median(np.linalg.norm(lines, axis=-1))) / 2
-    lines = lines / np.maximum(np.linalg.norm(lines, axis=-1, keepdims=True), 1e-9)
-    first, second = np.triu_indices(len(whole), 1)
-    found: list[tuple[float, set[int]]] = []
-    orders = ([0, 1], [1, 0])
-    across = [np.cross(lines[first], lines[second][:, order]) for order in orders]  # (P, 2, 3)
-    # frames of one direction span the sheet in the other order, and no face in their own
-    spans = np.min([np.linalg.norm(n, axis=-1).min(axis=1) for n in across], axis=0) > _LEAST_TURN
-    for order, upright in zip(orders, across, strict=True):
-        normals = upright / np.maximum(np.linalg.norm(upright, axis=-1, keepdims=True), 1e-9)
-        middle = (points[first].mean(axis=2) + points[second][:, order].mean(axis=2)) / 2
-        height = np.einsum("pki,flei->pfkle", normals, points) - np.sum(normals * middle, -1)[:, None, :, None, None]
-        off = np.abs(height).mean(axis=-1)  # of each line from each plane
-        straight, crossed = off[..., 0, 0] + off[..., 1, 1], off[..., 0, 1] + off[..., 1, 0]
-        total = np.sum(np.minimum(straight, crossed), axis=1)
-        if target.angle_known:
-            cosine = np.abs(np.sum(normals[:, 0] * normals[:, 1], axis=-1))
-            total = total + half * len(whole) * np.abs(cosine - abs(np.cos(np.deg2rad(target.angle_deg))))
-        total = np.where(spans, total, np.inf)
-        best = int(np.argmin(np.round(total, 9)))
-        if np.isfinite(total[best]):
-            choice = crossed[best] < straight[best]
-            turned = {group[k].number for k, other in zip(whole, choice, strict=True) if other != choice[0]}
-            for k in single:  # by the planes found
-                ((feature, line),) = ends[k].items()
-                in_base = at[k] @ line
-                off_each = [np.mean(np.abs((in_base - middle[best, f]) @ normals[best, f])) for f in (0, 1)]
-                other = bool(off_each[1] < off_each[0]) == (feature == a)
-                if other != choice[0]:
-                    turned.add(group[k].number)
-            found.append((float(total[best]), turned))
-    found = sorted(found, key=lambda f: round(f[0], 9))
-    best_cost = found[0][0] if found else 0.0
-    near = [turned for cost, turned in found if cost <= _NEARLY * best_cost + 1e-9]
-    return [t for k, t in enumerate(near) if t not in near[:k]] or [set()]
-
-
-def exchanged(f: Frame) -> Frame:
-    """The frame with the names of a wedge's two faces exchanged."""
-    other = {"face 1": "face 2", "face 2": "face 1"}
-    return replace(f, axis=replace(f.axis, label=tuple(other.get(name, name) for name in f.axis.label)))
 
 
 def _solved(
@@ -355,7 +278,7 @@ def _placed(
         if isinstance(own, Balls):
             several[name] = balls_places(group, own, T, _PLACES_OF_BALLS)
         elif isinstance(own, Wedge):
-            faces[name] = _namings([f for f in group if not f.labels_given], own, T)
+            faces[name] = namings([f for f in group if not f.labels_given], own, T)
     for turned in islice(product(*faces.values()), most_faces):
         other = set().union(*turned)
         out = {f.number: exchanged(f) if f.number in other else f for f in frames} if faces else {}
@@ -370,60 +293,12 @@ def _placed(
             yield tuple(out[f.number] for f in frames), places
 
 
-def _sections(frames: Sequence[Frame], target: Target) -> list[_Section]:
-    out = []
-    for k, f in enumerate(frames):
-        labels = np.array(f.axis.label)
-        for feature in dict.fromkeys(f.axis.label):
-            p = f.axis.xyz_mm[labels == feature]
-            section = target.section if isinstance(target, Surface) else None
-            group = (f.location, feature)
-            nothing = np.zeros(3)
-            if section == "line" and len(p) >= 2:
-                middle = p.mean(axis=0)
-                spread = np.linalg.svd(p - middle, full_matrices=False)
-                half = float(spread[1][0]) / np.sqrt(len(p))
-                out.append(_Section(k, group, "line", middle, half * spread[2][0], 0.0))
-            elif section == "circle" and len(p) >= 3:
-                circle = _through(p[:, 1:]) if len(p) == 3 else _through(p[[0, len(p) // 2, -1]][:, 1:])
-                if circle is not None:
-                    out.append(_Section(k, group, "circle", np.array([0.0, *circle[0]]), nothing, circle[1]))
-            elif section is None:
-                out += [_Section(k, group, "point", q, nothing, 0.0) for q in p]
-    return out
-
-
-def _through(yz: Array) -> tuple[Array, float] | None:
-    """Centre and radius of the circle through three points (3, 2)."""
-    a, b = yz[1] - yz[0], yz[2] - yz[0]
-    area = 2 * (a[0] * b[1] - a[1] * b[0])
-    if abs(area) < 1e-9:
-        return None
-    away = np.array([b[1] * (a @ a) - a[1] * (b @ b), a[0] * (b @ b) - b[0] * (a @ a)]) / area
-    return yz[0] + away, float(np.hypot(*away))
-
-
-def _section_angles(frames: Sequence[Frame], target: Target) -> Array:
-    """Angles [deg] between the two lines of every frame, where they open."""
-    by_frame: dict[int, list[_Section]] = {}
-    for s in _sections(frames, target):
-        by_frame.setdefault(s.frame, []).append(s)
-    out = []
-    for pair in by_frame.values():
-        if len(pair) == 2:
-            u, v = (s.direction / max(float(np.linalg.norm(s.direction)), 1e-9) for s in pair)
-            apart = pair[1].place - pair[0].place
-            u, v = u * np.sign(u @ apart or 1.0), -v * np.sign(v @ apart or 1.0)
-            out.append(180.0 - float(np.rad2deg(np.arccos(np.clip(-u @ v, -1, 1)))))
-    return np.array(out)
-
-
 def _candidates(frames: Sequence[Frame], target: Target | Mapping[str, Target]) -> list[Pose]:
     """SCPs to be tried, the most promising first."""
-    sections: list[_Section] = []
+    sections: list[FrameSection] = []
     for own in {id(t): t for t in (target_at(target, f.location) for f in frames)}.values():
         here = [k for k, f in enumerate(frames) if target_at(target, f.location) is own]
-        found = _sections([frames[k] for k in here], own)
+        found = sections_of([frames[k] for k in here], own)
         sections += [replace(s, frame=here[s.frame]) for s in found]
     if not sections:
         return []
@@ -447,7 +322,7 @@ class _Linear:
     cost (K,) [mm²], translation (K, 3) [mm], centres: (K, 3) of balls by group.
     """
 
-    def __init__(self, rotations: Array, hands: Pose, sections: Sequence[_Section]) -> None:
+    def __init__(self, rotations: Array, hands: Pose, sections: Sequence[FrameSection]) -> None:
         self.rotations, self.hands, self.sections = rotations, hands, sections
         self.groups = list(dict.fromkeys((s.group, s.kind) for s in sections))
         self.cost, self.translation = np.zeros(len(rotations)), np.zeros((len(rotations), 3))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from calib.surface.describe import section_depths, section_share
 from geometry import Frame, Pose, Surface, Target, log_so3, stack_poses, target_at
-from jig_cad import Edge, Plane, Sphere, Wedge
+from jig_cad import Plane, Sphere
 
 Array = NDArray[np.float64]
 
@@ -110,7 +110,7 @@ def _one_axis(frames: Sequence[Frame], kinds: Sequence[Target], places: Mapping[
     ridges = [
         frames[i].at.R.T @ places[frames[i].location].R[:, 0]
         for i, t in enumerate(kinds)
-        if isinstance(t, Wedge | Edge) and frames[i].location in places
+        if isinstance(t, Surface) and t.runs_along_x and frames[i].location in places
     ]
     if ridges and all(np.linalg.norm(np.cross(axes[0], r)) < _PARALLEL for r in ridges):
         text = f"all turns of the hand are about the {_what(kinds)}'s own line, along which nothing shows"
@@ -148,7 +148,7 @@ def _middle(
 def _square(
     frames: Sequence[Frame], kinds: Sequence[Target], T: Pose | None, places: Mapping[str, Pose]
 ) -> Degenerate | None:
-    if T is None or not all(isinstance(t, Edge | Wedge) for t in kinds):
+    if T is None or not all(isinstance(t, Surface) and t.runs_along_x for t in kinds):
         return None
     off = []
     for f in frames:

@@ -124,7 +124,7 @@ def views_of(target: Surface, rng: np.random.Generator, count: int, tilt_deg: fl
     turn = exp_so3(np.column_stack([tilt, np.zeros(count)]))
     roll = exp_so3(np.column_stack([np.zeros((count, 2)), np.deg2rad(rng.uniform(-roll_deg, roll_deg, count))]))
     looking = np.diag([1.0, -1.0, -1.0])  # the sensor's z against the target's
-    if isinstance(target, Wedge | Edge):  # the sheet crosses the ridge
+    if target.runs_along_x:  # the sheet crosses the ridge
         looking = np.array([[1.0, 0, 0], [0, -1, 0], [0, 0, -1]])
     R = turn @ looking @ roll
     if isinstance(target, Balls):

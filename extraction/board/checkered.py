@@ -25,6 +25,7 @@ MIN_CONTRAST_SHARE = 0.35  # of the usual contrast
 MAX_MISFIT_SHARE = 0.25  # residual over contrast: a corner half hidden, or none
 MAX_BEND_SHARE = 0.3  # of the distance of neighbours: perspective and lens make a tenth at most
 MAX_OFF_SHARE = 0.2  # of the same, from the plane's grid: a lens bends less
+ENOUGH = 0.7  # of a board's corners: of fewer another part that is found may grow to more
 MIN_CORNERS = 12  # of a view: eight numbers of its homography and some to spare
 SMALLEST = 3  # corners along a side of a part that is looked for
 COUNTED_PX = 640  # the same, where corners are only counted
@@ -42,16 +43,18 @@ class _Grid:
 
 def find_checkerboard(image: Grey, board: Board, usable: Mask, quick: bool = False) -> BoardCorners | NoBoard:
     """The corners of a checkerboard in a picture of 8 bits (H, W)."""
-    why = NoBoard("no checkerboard was found")
+    why, best = NoBoard("no checkerboard was found"), None
     for places, uv in _parts(image, board, quick):
         grid = _grown(image, places, uv, board, usable)
         if grid is None or len(grid.place) < MIN_CORNERS:
             why = NoBoard("too few corners of the checkerboard are clear")
         elif not _one_grid(grid):
             why = NoBoard("the corners found lie on no one grid: is the board's number of corners right?")
-        else:
-            return _found(grid, board)
-    return why
+        elif best is None or len(grid.place) > len(best.place):
+            best = grid
+            if len(grid.place) >= ENOUGH * board.columns * board.rows:
+                break
+    return why if best is None else _found(best, board)
 
 
 def _found(grid: _Grid, board: Board) -> BoardCorners:
@@ -87,20 +90,22 @@ def _as_stated(grid: _Grid, board: Board) -> tuple[Array, bool, bool]:
 def _one_grid(grid: _Grid) -> bool:
     """Do the corners lie where one plane's grid has them, and each near the middle of its neighbours?
 
-    A part of a board that is counted wrongly may be found with corners left out between others.
+    A part of a board that is counted wrongly may be found with corners left out between others; of two rows alone
+    nothing tells how far apart they are.
     """
     xy, uv = grid.place[:, ::-1].astype(float), grid.fit.uv_px
     at = {(int(r), int(c)): p for (r, c), p in zip(grid.place, uv, strict=True)}
-    steps = []
+    steps, ways = [], set()
     for (r, c), middle in at.items():
         for dr, dc in ((0, 1), (1, 0)):
             one, other = at.get((r - dr, c - dc)), at.get((r + dr, c + dc))
             if one is None or other is None:
                 continue
             steps.append(float(np.linalg.norm(other - one)) / 2)
+            ways.add((dr, dc))
             if np.linalg.norm(one + other - 2 * middle) > MAX_BEND_SHARE * steps[-1]:
                 return False
-    if not steps:
+    if len(ways) < 2:
         return False
     off = np.linalg.norm(mapped(board_homography(xy, uv), xy) - uv, axis=1)
     return bool(off.max() < MAX_OFF_SHARE * float(np.median(steps)))
@@ -216,7 +221,7 @@ def _grown(image: Grey, places: NDArray[np.intp], uv: Array, board: Board, usabl
         if more is None or not len(more.place):
             break
         grid = _joined(grid, more)
-        if np.any(np.ptp(grid.place, axis=0) + 1 > max(board.rows, board.columns)):
+        if not _fits(np.ptp(grid.place, axis=0) + 1, board):
             return None
     return grid
 
@@ -267,12 +272,15 @@ def _neighbours(places: NDArray[np.intp], board: Board) -> NDArray[np.intp]:
     around = np.unique((places[:, None] + steps).reshape(-1, 2), axis=0)
     known = {tuple(p) for p in places.tolist()}
     low, high = places.min(axis=0), places.max(axis=0)
-    span = high - low + 1
-    upright = span[0] <= board.rows and span[1] <= board.columns
-    most = np.array([board.rows, board.columns] if upright else [board.columns, board.rows])
-    fits = (np.maximum(high, around) - np.minimum(low, around) + 1 <= most).all(axis=1)
+    fits = _fits(np.maximum(high, around) - np.minimum(low, around) + 1, board)
     free = [tuple(p) not in known for p in around.tolist()]
     return np.asarray(around[fits & np.array(free, dtype=bool)])
+
+
+def _fits(span: NDArray[np.intp], board: Board) -> Mask:
+    """Whether grids of so many rows and columns (…, 2) are no larger than the board, whichever way it lies."""
+    sides = np.array([board.rows, board.columns])
+    return np.asarray((span <= sides).all(axis=-1) | (span <= sides[::-1]).all(axis=-1))
 
 
 def _directions(h: Array, xy: Array) -> Array:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from extraction.board.found import BoardCorners
 from extraction.board.plane import board_homography, mapped
+from extraction.board.print_alone import print_alone
 from extraction.config import StripeConfig
 from extraction.image import Image
 from extraction.stripe import EDGE, SHAPE, StripePeaks, detect_stripe
@@ -43,7 +44,8 @@ def stripe_on_board(
     image
         Grey levels (H, W) with the stripe.
     laser_off
-        The same view without it; subtracted where the room light is in both.
+        The same view without it; subtracted where the room light is in both. Where there is none, what the print would
+        show without the laser is drawn and subtracted, if more of the stripe is found with it.
     board, corners
         The board and where it was found.
     config
@@ -57,7 +59,12 @@ def stripe_on_board(
     """
     config = config or StripeConfig()
     settings = config.model_copy(update={"along_normal": True})
-    return _detected(image, laser_off, board, corners, settings)
+    found = _detected(image, laser_off, board, corners, settings)
+    drawn = print_alone(image, board, corners) if laser_off is None else None
+    if drawn is None:
+        return found
+    on_print = _points(image, drawn[0], board, corners, settings, drawn[1])
+    return on_print if len(on_print) > len(found) else found
 
 
 def second_stripe(image: Image, laser_off: Image, board: Board, corners: BoardCorners, first: StripePeaks) -> float:
@@ -116,10 +123,16 @@ def _detected(
     mask = _near(image.shape, h, board, corners)
     off = laser_off if laser_off is not None and _lit_alike(image, laser_off, mask) else None
     off = None if off is None else as_lit(image, off, mask)
+    return _points(image, off, board, corners, config, mask if allowed is None else mask & allowed)
+
+
+def _points(
+    image: Image, off: Image | None, board: Board, corners: BoardCorners, config: StripeConfig, places: Mask
+) -> StripePeaks:
     widest = max(config.max_width_px, WIDEST_PX)
-    places = mask if allowed is None else mask & allowed
     peaks = detect_stripe(image, config.model_copy(update={"max_width_px": widest}), off, places)
     peaks = peaks[(peaks.flag & (EDGE | SHAPE)) == 0]
+    h = board_homography(corners.uv_px, corners.xy_mm)
     return peaks[_clear(peaks, h, board, corners)] if len(peaks) else peaks
 
 

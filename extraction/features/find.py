@@ -20,9 +20,13 @@ Mask = NDArray[np.bool_]
 
 FEATURE_KINDS = ("sphere", "balls", "plane", "edge", "wedge")
 _MOST_THINGS = 6  # looked for in a profile: two faces or some balls, and what stands around them
+_MOST_STRETCHES = 3  # that can be an edge's plate: it, what lies behind it, a clamp
 _STRAIGHT = ("plane", "wedge")
 _END_SIGMAS = 2.0  # of the stripe's width, in sections: on a path-traced plate three are 0.02 to 0.05 mm off, no others
 _BEYOND_PITCHES = 2.0  # an end this near the field's border is the field's, not the plate's
+_BEYOND_POINTS = 8  # looked at beyond an end: more than strays, less than anything that stands there
+_JUMP_SIGMAS = 8.0  # of the stretch's scatter: a step beyond an end by more is a jump
+_LEAST_JUMP_MM = 0.3  # and by less none: burrs and rounded borders
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +40,7 @@ class FeatureSearch:
     expected_mm: Array | None
     within_mm: float
     field_of_view_mm: Array | None
+    towards_sensor: bool
     config: FeatureConfig
     rng: np.random.Generator
 
@@ -59,6 +64,7 @@ def find_target_points(
     expected_mm: Array | None = None,
     within_mm: float = 10.0,
     field_of_view_mm: Array | None = None,
+    towards_sensor: bool = False,
     config: FeatureConfig | None = None,
     rng: np.random.Generator | None = None,
 ) -> TargetPoints:
@@ -79,6 +85,8 @@ def find_target_points(
         How far off.
     field_of_view_mm
         Polygon (N, 2) in {P}: where the sensor measures. An end of the profile at its border is no edge.
+    towards_sensor
+        Whether z counts towards the sensor: of two surfaces at a jump only the nearer one ends there.
     config
         The defaults where None.
     rng
@@ -104,7 +112,7 @@ def find_target_points(
     course = course_of(profile.yz_mm[order], profile.cov_yz_mm2[order])
     expected = None if expected_mm is None else np.asarray(expected_mm, dtype=float).reshape(-1, 2)
     search = FeatureSearch(
-        kind, course, order, tuple(diameters_mm), expected, within_mm, field_of_view_mm,
+        kind, course, order, tuple(diameters_mm), expected, within_mm, field_of_view_mm, towards_sensor,
         config or FeatureConfig(), np.random.default_rng(0) if rng is None else rng,
     )  # fmt: skip
     if len(order) == 0:
@@ -165,6 +173,12 @@ def _arcs(search: FeatureSearch, most: int) -> list[Agreement]:
     low = config.min_section * min(known) if whole else 0.0
     high = config.max_section * max(known) if whole else config.max_radius_mm
 
+    return _arcs_between(search, low, high, most)
+
+
+def _arcs_between(search: FeatureSearch, low: float, high: float, most: int) -> list[Agreement]:
+    """Arcs of radii [mm] between two, the one with most points first."""
+
     def valid(curves: Circles | Lines) -> Mask:
         if not isinstance(curves, Circles):
             return np.zeros(len(curves), dtype=bool)
@@ -172,16 +186,24 @@ def _arcs(search: FeatureSearch, most: int) -> list[Agreement]:
 
     def arched(found: Agreement) -> bool:
         curve, yz = found.curve, search.course.yz_mm[found.inliers]
-        return isinstance(curve, Circle) and curve.arc_rad(yz) >= np.deg2rad(config.min_arc_deg)
+        return isinstance(curve, Circle) and curve.arc_rad(yz) >= np.deg2rad(search.config.min_arc_deg)
 
-    return _things(search, Circle, valid, arched, most, config.rival_share)
+    return _things(search, Circle, valid, arched, most, search.config.rival_share)
 
 
 def _no_arc(search: FeatureSearch) -> str:
-    known = [d / 2 for d in search.diameters_mm if d is not None]
-    of = f" of radius {search.config.min_section * min(known):.3g} … {max(known):.3g} mm" if known else ""
+    """What is said where there is no arc of the balls stated; a larger one is told, as of a radius for a diameter."""
+    config, known = search.config, [d / 2 for d in search.diameters_mm if d is not None]
+    of = f" of radius {config.min_section * min(known):.3g} … {max(known):.3g} mm" if known else ""
     where = "" if search.expected_mm is None else f" within {search.within_mm:g} mm of where it is expected"
-    return f"none of the {len(search.order)} points lie on an arc{of}{where}"
+    text = f"none of the {len(search.order)} points lie on an arc{of}{where}"
+    if len(known) != len(search.diameters_mm) or search.expected_mm is not None:
+        return text
+    larger = _arcs_between(search, config.max_section * max(known), config.max_radius_mm, 1)
+    if not larger or not isinstance(larger[0].curve, Circle):
+        return text
+    radius = larger[0].curve.radius_mm
+    return f"{text}, but {np.count_nonzero(larger[0].inliers)} on one of {radius:.3g} mm: is the diameter stated right?"
 
 
 def _is_rival(search: FeatureSearch, other: Agreement, first: Agreement) -> bool:
@@ -234,25 +256,32 @@ def _no_line(search: FeatureSearch) -> str:
 
 
 def _edge(search: FeatureSearch) -> TargetPoints:
-    """The corners: ends of the longest straight stretch that are not the field of view's."""
-    lines = _lines(search, 1)
+    """The corners of the straight stretch of most points from which the profile jumps away, else of that which ends."""
+    lines = _lines(search, _MOST_STRETCHES)
     if not lines:
         return search.none(_no_line(search))
-    line = lines[0].curve
-    if not isinstance(line, Line):
-        raise TypeError("a straight stretch is a line")
-    ends = [e for e in _ends(search, line, lines[0]) if search.near_expected(e[0])]
-    if not ends:
-        return search.none("the straight stretch ends only where the field of view does, so there is no edge in it")
+    ends = [[e for e in _ends(search, found) if search.near_expected(e.corner)] for found in lines]
+    for borders in ([[e for e in of if e.jumps] for of in ends], ends):
+        for found, some in zip(lines, borders, strict=True):
+            if some:
+                return _corners(search, found, some)
+    return search.none(
+        "the straight stretch ends only where the field of view does or where something nearer hides it, so there is "
+        "no edge in it"
+    )
+
+
+def _corners(search: FeatureSearch, found: Agreement, ends: list[_End]) -> TargetPoints:
+    """One corner, or both ends where nothing tells which it is."""
     if search.expected_mm is not None:
         middle = search.expected_mm
-        ends = [min(ends, key=lambda e: float(np.min(np.hypot(*(middle - e[0]).T))))]
-    text = "" if len(ends) == 1 else "both ends of the straight stretch can be the edge"
-    straight = _points(search, lines)
+        ends = [min(ends, key=lambda e: float(np.min(np.hypot(*(middle - e.corner).T))))]
+    unknown = "" if search.field_of_view_mm is not None else ", and where the field of view ends is not known"
+    text = "" if len(ends) == 1 else f"both ends of the straight stretch can be the edge{unknown}"
     return replace(
-        straight,
-        yz_mm=np.array([corner for corner, _ in ends]),
-        cov_yz_mm2=np.array([cov for _, cov in ends]),
+        _points(search, [found]),
+        yz_mm=np.array([e.corner for e in ends]),
+        cov_yz_mm2=np.array([e.covariance for e in ends]),
         feature=np.arange(len(ends), dtype=np.intp),
         index=np.full(len(ends), -1, dtype=np.intp),
         text=text,
@@ -260,11 +289,24 @@ def _edge(search: FeatureSearch) -> TargetPoints:
     )
 
 
-def _ends(search: FeatureSearch, line: Line, found: Agreement) -> list[tuple[Array, Array]]:
-    """Corner (2,) and covariance (2, 2) at each end of a straight stretch, left end first.
+@dataclass(frozen=True, eq=False)
+class _End:
+    """An end of a straight stretch: corner (2,), its covariance (2, 2), whether something farther off begins there."""
+
+    corner: Array
+    covariance: Array
+    jumps: bool
+
+
+def _ends(search: FeatureSearch, found: Agreement) -> list[_End]:
+    """The ends of a straight stretch that can be a plate's border, left end first.
 
     The last point lies anywhere within one pitch of the border, on its inner side: half a pitch outwards is its mean.
+    An end at the field's border is the field's; one beyond which something nearer stands is that thing's shadow.
     """
+    line = found.curve
+    if not isinstance(line, Line):
+        raise TypeError("a straight stretch is a line")
     s = np.sort(line.along(search.course.yz_mm[found.inliers]))
     pitch = float(np.median(np.diff(s)))
     turn = np.column_stack([line.direction, line.normal])
@@ -273,11 +315,27 @@ def _ends(search: FeatureSearch, line: Line, found: Agreement) -> list[tuple[Arr
         beyond = line.origin_mm + (end + outwards * _BEYOND_PITCHES * pitch) * line.direction
         if polygon is not None and not bool(inside_polygon(beyond, polygon)):
             continue
+        step = _step_beyond(search, found, line, outwards)
+        if step < 0:
+            continue
         place = end + outwards * pitch / 2
         across = found.scatter_mm**2 * (1 / len(s) + (place - s.mean()) ** 2 / np.sum((s - s.mean()) ** 2))
         spread = np.diag([pitch**2 / 12, across])
-        out.append((line.origin_mm + place * line.direction, turn @ spread @ turn.T))
+        out.append(_End(line.origin_mm + place * line.direction, turn @ spread @ turn.T, step > 0))
     return out
+
+
+def _step_beyond(search: FeatureSearch, found: Agreement, line: Line, outwards: float) -> float:
+    """How much farther from the sensor [mm] the profile goes on beyond an end; below 0 nearer, 0 where it does not."""
+    y, inside = search.course.yz_mm[:, 0], found.inliers
+    last = float(np.max(outwards * y[inside]))
+    there = np.flatnonzero(outwards * y > last)
+    there = there[np.argsort(outwards * y[there], kind="stable")][:_BEYOND_POINTS]
+    if len(there) < _BEYOND_POINTS:
+        return 0.0
+    off = float(np.median(line.residuals(search.course.yz_mm[there])))
+    farther = -off if search.towards_sensor else off
+    return farther if abs(off) > max(_JUMP_SIGMAS * found.scatter_mm, _LEAST_JUMP_MM) else 0.0
 
 
 def _wedge(search: FeatureSearch) -> TargetPoints:

@@ -23,9 +23,24 @@ _TOUCHING_MM = 1e-9
 def robot_from_axes(points: ArrayLike, directions: ArrayLike, T_base_hand: Pose) -> DhRobot:
     """The standard DH model of revolute joints about given axes, without limits.
 
-    points, directions: a point (n, 3) [mm] on every joint's axis and the axis (n, 3), in the base, all readings at 0.
-    T_base_hand: the hand's pose at readings 0. What no table can hold stands in T_base_first and T_last_hand.
-    Consecutive axes that are nearly parallel get d = 0 and Hayati's β. Source: Denavit & Hartenberg 1955; Hayati 1983.
+    Parameters
+    ----------
+    points : (n, 3)
+        A point [mm] on every joint's axis, in the base, all readings at 0.
+    directions : (n, 3)
+        The axes, in the base.
+    T_base_hand : Pose
+        The hand's pose at readings 0.
+
+    Returns
+    -------
+    DhRobot
+        What no table can hold stands in T_base_first and T_last_hand; consecutive axes that are nearly parallel get
+        d = 0 and Hayati's β.
+
+    References
+    ----------
+    J. Denavit & R. Hartenberg, J. Applied Mechanics 1955; S. Hayati, IEEE CDC 1983.
     """
     p = np.asarray(points, dtype=float)
     z = np.asarray(directions, dtype=float)

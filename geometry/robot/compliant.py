@@ -139,7 +139,15 @@ def torque_by_joints(robot: Arm, joints_rad: ArrayLike, compliance: Compliance) 
 def assumed_compliance(robot: Arm) -> Compliance:
     """The assumed compliance of an arm of another size or number of joints, whose joints give way by like angles.
 
-    Masses grow with the cube of the links' length and stiffness with its fourth power.
+    Parameters
+    ----------
+    robot : Arm
+        Its links tell its size.
+
+    Returns
+    -------
+    Compliance
+        Masses grow with the cube of the links' length and stiffness with its fourth power.
     """
     plain, table = Compliance(), robot.dh_part()
     share = float(np.sum(np.hypot(table.a, table.d))) / _LINKS_MM
@@ -181,7 +189,20 @@ def with_compliance_prior(robot: Robot) -> Robot:
 
 
 def compliant_part(robot: Robot, values: ArrayLike | None = None) -> Compliant | None:
-    """The table with its compliance, both with the corrections (P,) built in; None for an arm without compliance."""
+    """The table with its compliance, both with corrections built in.
+
+    Parameters
+    ----------
+    robot : Robot
+        Any; a decorated one is looked into.
+    values : (P,), optional
+        Corrections of its parameters; None: none.
+
+    Returns
+    -------
+    Compliance or None
+        None for an arm without compliance.
+    """
     robot = getattr(robot, "arm", robot)  # of one that is seen from its hand
     if isinstance(robot, Corrected):
         return compliant_part(robot.robot, robot.with_more(values))

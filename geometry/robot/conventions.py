@@ -32,14 +32,45 @@ class Convention:
 
 
 def express(pose: Pose, convention: str) -> dict[str, float]:
-    """The single pose ``T_a_b`` in a maker's numbers, by their labels; ``convention`` is a key of CONVENTIONS."""
+    """A pose in a maker's numbers.
+
+    Parameters
+    ----------
+    pose : Pose
+        One T_a_b.
+    convention : str
+        A key of CONVENTIONS: kuka, fanuc, abb, ….
+
+    Returns
+    -------
+    dict of str to float
+        By the maker's labels, in mm and in the maker's own angles.
+    """
     c = _known(convention)
     numbers = [*(pose.t / c.length_mm), *c.rotation_to(pose)]
     return {label: float(value) for label, value in zip(c.labels, numbers, strict=True)}
 
 
 def interpret(numbers: Sequence[float], convention: str) -> Pose:
-    """The pose ``T_a_b`` of a maker's numbers, in the order of its labels; InputError where they can not be one."""
+    """The pose of a maker's numbers.
+
+    Parameters
+    ----------
+    numbers : sequence of float
+        In the order of the convention's labels, in mm and in the maker's own angles.
+    convention : str
+        A key of CONVENTIONS.
+
+    Returns
+    -------
+    Pose
+        One T_a_b.
+
+    Raises
+    ------
+    InputError
+        Where they can not be a pose, such as a quaternion that has no length 1.
+    """
     c = _known(convention)
     values = np.asarray(numbers, dtype=float)
     if values.shape != (len(c.labels),) or not np.all(np.isfinite(values)):

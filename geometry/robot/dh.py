@@ -230,6 +230,14 @@ class DhRobot:
         """Poses (..., n + 1) in the base of the chain's base end and of every link frame, without T_last_hand."""
         if values is not None:
             return self.corrected(values).link_poses(joints_rad)
+        q = np.asarray(joints_rad, dtype=float)
+        key = q.shape, q.tobytes()
+        if key not in self._last:  # a step of a fit asks for the hand and for what moves it at the same readings
+            self._last.clear()
+            self._last[key] = self._chain(q)
+        return self._last[key]
+
+    def _chain(self, joints_rad: Array) -> Pose:
         links = self._links(self.joint_angles(joints_rad))
         batch = links.t.shape[:-2]
         rotations = np.empty((*batch, self.n_joints + 1, 3, 3))
@@ -335,6 +343,11 @@ class DhRobot:
         return np.where(low, -np.inf, self.min_rad), np.where(high, np.inf, self.max_rad)
 
     @cached_property
+    def _last(self) -> dict[tuple[tuple[int, ...], bytes], Pose]:
+        """The link poses of the last readings."""
+        return {}
+
+    @cached_property
     def _sigma(self) -> Array:
         """Prior σ (5, n) in the order of DH_ROWS."""
         table = self.uncertainty.table(self.n_joints)
@@ -370,12 +383,13 @@ def _check(robot: DhRobot) -> None:
     n = len(robot.d)
     if n == 0:
         raise InputError("the robot has no joints: at least one [[joint]] is needed")
-    for name in _COLUMNS:
-        column = getattr(robot, name)
+    columns = [getattr(robot, name) for name in _COLUMNS]
+    for name, column in zip(_COLUMNS, columns, strict=True):
         if column.shape != (n,):
             raise InputError(f"the robot's {name} has {column.size} values for {n} joints")
-        if not np.all(np.isfinite(column)):
-            raise InputError(f"joint {int(np.argmin(np.isfinite(column))) + 1}: {name} is not a finite number")
+    if not np.all(finite := np.isfinite(columns)):
+        row, joint = np.argwhere(~finite)[0]
+        raise InputError(f"joint {joint + 1}: {_COLUMNS[row]} is not a finite number")
     if len(robot.unstated) not in (0, n):
         raise InputError(f"the robot's stated limits are told of {len(robot.unstated)} joints of {n}")
     if len(robot.uncertainty.beta_sigma_rad) not in (0, n):
@@ -399,8 +413,9 @@ def _check_coupling(coupling: Array, n: int) -> None:
 
 def _rotating(hand: Pose, axis: Array, point: Array) -> Array:
     """Twists (..., 6, n) in the hand's axes of unit rotations about axes (..., n, 3) through points (..., n, 3)."""
-    linear = cross(axis, hand.t[..., None, :] - point)
-    twists = np.stack([linear, axis], -2) @ hand.R[..., None, :, :]
+    twists = np.empty((*axis.shape[:-1], 2, 3))
+    twists[..., 0, :], twists[..., 1, :] = cross(axis, hand.t[..., None, :] - point), axis
+    twists = twists @ hand.R[..., None, :, :]
     return np.moveaxis(twists.reshape(*twists.shape[:-2], 6), -1, -2)
 
 

@@ -46,15 +46,33 @@ def inverse_kinematics(
     seeds: ArrayLike | None = None,
     max_starts: int = 24,
 ) -> InverseKinematics:
-    """Joint readings within the limits at which the hand takes each goal T_base_hand (...).
+    """Joint readings within the limits at which the hand takes each goal.
 
-    seeds: readings (n,) or (..., n) [rad] to start from; the answer is then the solution reached from there, turned by
-    whole turns to be near it. Where that fails, and without seeds, up to ``max_starts`` random configurations nearest
-    to the goal are tried, in rounds; of a round's exact solutions the one with the least joint motion from the seed
-    (without one, from the limits' middle) is taken, of equals that of the nearer start: never by what rounding left.
-    An unreachable goal is no error: ``converged`` is False there.
-    Source: Levenberg-Marquardt with the damping of Sugihara (IEEE T-RO 2011, the square of the error), limits by
-    an active set.
+    Parameters
+    ----------
+    robot : Arm
+        A robot whose links are known.
+    goals : Pose
+        T_base_hand (...).
+    rng : numpy.random.Generator
+        Draws the configurations to start from.
+    seeds : (n,) or (..., n), optional
+        Readings [rad] to start from; the answer is then the solution reached from there, turned by whole turns to be
+        near it.
+    max_starts : int
+        Where that fails, and without seeds, up to as many random configurations nearest to the goal are tried, in
+        rounds. Of a round's exact solutions the one with the least joint motion from the seed (without one, from the
+        limits' middle) is taken, of equals that of the nearer start: never by what rounding left.
+
+    Returns
+    -------
+    InverseKinematics
+        An unreachable goal is no error: ``converged`` is False there.
+
+    References
+    ----------
+    T. Sugihara, Solvability-unconcerned inverse kinematics by the Levenberg-Marquardt method, IEEE T-RO 2011 (damping
+    by the square of the error); limits by an active set.
     """
     batch = goals.t.shape[:-1]
     flat = Pose(goals.R.reshape(-1, 3, 3), goals.t.reshape(-1, 3))
@@ -76,9 +94,23 @@ def inverse_kinematics(
 
 
 def all_solutions(robot: Arm, goal: Pose, rng: np.random.Generator, starts: int = 160) -> Array:
-    """Distinct solutions (S, n) [rad] within the limits for one goal T_base_hand, as found from ``starts`` starts.
+    """Distinct solutions within the limits for one goal.
 
-    Solutions that differ by whole turns are one; a redundant arm has infinitely many, of which these are samples.
+    Parameters
+    ----------
+    robot : Arm
+        A robot whose links are known; a redundant one has infinitely many, of which samples are found.
+    goal : Pose
+        One T_base_hand.
+    rng : numpy.random.Generator
+        Draws the starts.
+    starts : int
+        How many are tried.
+
+    Returns
+    -------
+    (S, n) array
+        Readings [rad]; those that differ by whole turns are one.
     """
     goals = Pose(np.broadcast_to(goal.R, (starts, 3, 3)), np.broadcast_to(goal.t, (starts, 3)))
     _check_goals(goals)

@@ -79,6 +79,16 @@ class Arm(Robot, Protocol):
 def require_arm(robot: Robot) -> Arm:
     """The robot, if its links are known.
 
+    Parameters
+    ----------
+    robot : Robot
+        Any.
+
+    Returns
+    -------
+    Arm
+        The same.
+
     Raises
     ------
     InputError

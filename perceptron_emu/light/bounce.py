@@ -24,7 +24,7 @@ from perceptron_emu.light.strings import Cylinders
 from perceptron_emu.light.stripes import lit_pieces
 from perceptron_emu.light.transport import Cosines, Light, LightPath, Surfaces, brdf, surfaces_of
 from perceptron_emu.scene import Material, Scene
-from perceptron_emu.solids import SheetPieces, World, between, hidden_by_solid, into_solids
+from perceptron_emu.solids import SheetPieces, World, between, hidden_by_solids, into_solids
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -332,9 +332,7 @@ def _on_strings(scene: Scene, strings: Cylinders, path: LightPath, surface: int)
     points = xyz.reshape(-1, 3) + OFF_MM * normal.reshape(-1, 3)
     emitter = points.copy()
     emitter[:, 1:] = path.origin[1:]
-    shaded = np.zeros(len(points), dtype=bool)
-    for solid in scene.solids:
-        shaded |= hidden_by_solid(solid, points, emitter)
+    shaded = hidden_by_solids(scene.solids, points, emitter)
     bright = np.where(shaded, 0.0, flux.ravel())
     numbers = np.full(flux.size, surface), np.full(flux.size, -1)
     return Lamps(xyz.reshape(-1, 3), normal.reshape(-1, 3), bright, area.ravel(), *numbers)

@@ -14,7 +14,7 @@ from perceptron_emu.light.strings import Cylinders, LitStrings, cylinders, hidde
 from perceptron_emu.light.stripes import light_solids
 from perceptron_emu.light.transport import Light
 from perceptron_emu.scene import Material, Scene
-from perceptron_emu.solids import hidden_by_solid
+from perceptron_emu.solids import hidden_by_solids
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -113,7 +113,4 @@ def _hidden(
     strings: Cylinders, scene: Scene, points: Array, sources: Array, own: Index, dark: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
     """Which points (N, 3) on strings anything stands before, or are dark already."""
-    hidden = dark | hidden_by_strings(strings, points, sources, own)
-    for solid in scene.solids:
-        hidden |= hidden_by_solid(solid, points, sources, hidden)
-    return hidden
+    return hidden_by_solids(scene.solids, points, sources, dark | hidden_by_strings(strings, points, sources, own))

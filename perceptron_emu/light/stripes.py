@@ -19,10 +19,11 @@ from perceptron_emu.light.strings import Cylinders, hidden_by_strings
 from perceptron_emu.light.subsurface import line_spread, moved_below, spread_mm
 from perceptron_emu.light.transport import Light
 from perceptron_emu.scene import Material, Scene
-from perceptron_emu.solids import LaserRays, Shades, SheetPieces, body_of, hidden_by_solid, lit_in_planes
+from perceptron_emu.solids import LaserRays, Shades, SheetPieces, hidden_by_solids, lit_in_planes
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
+Mask = NDArray[np.bool_]
 
 OFF_SURFACE_MM = 1e-4  # where a ray to the camera starts: above its own face's rounding, below any part's detail
 UNKNOWN_PX, MAX_PAIRS = 2000.0, 4000  # of a piece that reaches behind the camera; of nodes on a piece
@@ -33,13 +34,14 @@ MARGIN_PX = 40.0  # light this far outside the image can still reach into it
 
 class SurfaceNodes(NamedTuple):
     """Nodes (N,) on lit surface: points and unit normals towards the laser (N, 3) [mm] in {P}, the area [mm²] that each
-    stands for, the solid it lies on.
+    stands for, the solid it lies on, whether nothing of that one stands before it.
     """
 
     xyz_mm: Array
     normal: Array
     area_mm2: Array
     solid: Index
+    bare: Mask
 
 
 def light_solids(scene: Scene, strings: Cylinders | None, config: EmulatorConfig, light: Light) -> LightNodes:
@@ -89,21 +91,29 @@ def _silhouettes(strings: Cylinders | None, planes: Array, origin: Array) -> Sha
     """
     if strings is None:
         return Shades(np.zeros((len(planes), 0, 2, 2)), np.zeros((len(planes), 0), dtype=bool))
-    slope = strings.directions[:, 0]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        t = (planes[:, None] - strings.starts[:, 0]) / slope  # (K, S)
-        centre = strings.starts[:, 1:] + t[..., None] * strings.directions[:, 1:]
-        towards = centre - origin
-        distance = np.sqrt(np.einsum("...i,...i->...", towards, towards))
-        towards /= distance[..., None]
-        along = np.sum(towards * strings.directions[:, 1:], -1)
-        # the ray at δ from the axis point passes the axis at s |sin δ| |d_x| / √(1 − (r·d)²)
-        sine = strings.radius * np.sqrt(1 - along**2) / (distance * np.abs(slope))
-        reached = (t >= 0) & (t <= strings.lengths) & (sine < GRAZED)
-        half = (distance * sine / np.sqrt(1 - sine**2))[..., None]
-        across = np.stack([towards[..., 1], -towards[..., 0]], -1)
-        ends = np.stack([centre - half * across, centre + half * across], -2)
-    return Shades(ends, reached)
+    return _shades(strings.starts, strings.directions, strings.lengths, strings.radius, planes, origin)
+
+
+@kernel
+def _shades(starts: Array, directions: Array, lengths: Array, radius: float, planes: Array, origin: Array) -> Shades:
+    """`_silhouettes` of strings."""
+    ends, there = np.empty((len(planes), len(starts), 2, 2)), np.empty((len(planes), len(starts)), np.bool_)
+    for k in range(len(planes)):
+        for s in range(len(starts)):
+            slope, dy, dz = directions[s, 0], directions[s, 1], directions[s, 2]
+            t = (planes[k] - starts[s, 0]) / slope
+            y, z = starts[s, 1] + t * dy, starts[s, 2] + t * dz
+            ty, tz = y - origin[0], z - origin[1]
+            distance = math.sqrt(ty * ty + tz * tz)
+            ty, tz = ty / distance, tz / distance
+            along = ty * dy + tz * dz
+            # the ray at δ from the axis point passes the axis at s |sin δ| |d_x| / √(1 − (r·d)²)
+            sine = radius * math.sqrt(1 - along * along) / (distance * abs(slope))
+            there[k, s] = t >= 0 and t <= lengths[s] and sine < GRAZED
+            half = distance * sine / math.sqrt(1 - sine * sine)
+            ends[k, s, 0, 0], ends[k, s, 0, 1] = y - half * tz, z + half * ty
+            ends[k, s, 1, 0], ends[k, s, 1, 1] = y + half * tz, z - half * ty
+    return Shades(ends, there)
 
 
 def _in_view(faces: Faces, pieces: SheetPieces, sensor: Sensor) -> tuple[SheetPieces, Array]:
@@ -158,16 +168,12 @@ def _seen(nodes: SurfaceNodes, scene: Scene, strings: Cylinders | None, light: L
     else:
         density = light.electrons_on(nodes.xyz_mm, nodes.normal, materials, nodes.solid)
     uv = project(sensor, nodes.xyz_mm)
-    xyz, start, electrons, number, group = _bright(nodes, density, uv, (camera.width_px, camera.height_px))
+    xyz, start, electrons, free_of, group = _bright(nodes, density, uv, (camera.width_px, camera.height_px))
     eyes = pupil_points_mm(light.config.optics, sensor)
     seen = np.zeros(len(electrons))
     for eye in eyes:
-        hidden = np.zeros(len(electrons), dtype=bool)
-        if strings is not None:
-            hidden |= hidden_by_strings(strings, start, eye)
-        for k, solid in enumerate(scene.solids):
-            hidden |= hidden_by_solid(solid, start, eye, hidden | (number == k) if body_of(solid).convex else hidden)
-        seen += ~hidden
+        behind = None if strings is None else hidden_by_strings(strings, start, eye)
+        seen += ~hidden_by_solids(scene.solids, start, eye, behind, free_of)
     if np.all(seen == len(eyes)):
         return LightNodes(xyz, electrons, group)
     some = seen > 0
@@ -189,7 +195,8 @@ def _below_surface(nodes: SurfaceNodes, materials: list[Material], light: Light)
         density = light.electrons_on(xyz, normal, [matte], np.zeros(len(own), np.int64))
         n = len(shares)
         area, solid = np.repeat(nodes.area_mm2[own], n), np.repeat(nodes.solid[own], n)
-        parts.append(SurfaceNodes(places, np.repeat(normal, n, axis=0), area, solid))
+        bare = np.repeat(nodes.bare[own], n)
+        parts.append(SurfaceNodes(places, np.repeat(normal, n, axis=0), area, solid, bare))
         densities.append((density[:, None] * shares).ravel())
     return SurfaceNodes(*(np.concatenate(columns) for columns in zip(*parts, strict=True))), np.concatenate(densities)
 
@@ -199,10 +206,10 @@ def _bright(
     nodes: SurfaceNodes, density: Array, uv: Array, size: tuple[int, int]
 ) -> tuple[Array, Array, Array, Index, Index]:
     """Of nodes whose image at uv (N, 2) is within MARGIN_PX of the chip and not dark: points, where rays from them
-    start, electrons, solids, groups. density: electrons per mm².
+    start, electrons, the solid that does not hide them (−1: none), groups. density: electrons per mm².
     """
     xyz, start = np.empty_like(nodes.xyz_mm), np.empty_like(nodes.xyz_mm)
-    electrons, number, group = np.empty(len(uv)), np.empty(len(uv), np.int64), np.empty(len(uv), np.int64)
+    electrons, free_of, group = np.empty(len(uv)), np.empty(len(uv), np.int64), np.empty(len(uv), np.int64)
     n = 0
     for i in range(len(uv)):
         u, v, light = uv[i, 0], uv[i, 1], nodes.area_mm2[i] * density[i]
@@ -213,10 +220,10 @@ def _bright(
         for a in range(3):
             xyz[n, a] = nodes.xyz_mm[i, a]
             start[n, a] = xyz[n, a] + OFF_SURFACE_MM * nodes.normal[i, a]
-        electrons[n], number[n] = light, nodes.solid[i]
-        group[n] = stripe_group(number[n], math.floor(u / TILE_PX), math.floor(v / TILE_PX))
+        electrons[n], free_of[n] = light, nodes.solid[i] if nodes.bare[i] else -1
+        group[n] = stripe_group(nodes.solid[i], math.floor(u / TILE_PX), math.floor(v / TILE_PX))
         n += 1
-    return xyz[:n], start[:n], electrons[:n], number[:n], group[:n]
+    return xyz[:n], start[:n], electrons[:n], free_of[:n], group[:n]
 
 
 def _nodes(
@@ -225,22 +232,29 @@ def _nodes(
     """Pairs of Gauss-Legendre nodes along the pieces."""
     step_px = NODE_STEP * sharp_sigma_px(config.optics, sensor, config.laser.wavelength_nm)
     origin = np.array(sensor.sheet.origin_mm, dtype=float)
-    return _place(pieces, length_px, (step_px, step), faces.facing, faces.solid, origin)
+    return _place(pieces, length_px, (step_px, step), (faces.facing, faces.solid, faces.bare), origin)
 
 
 @kernel
 def _place(
-    pieces: SheetPieces, length_px: Array, steps: tuple[float, float], facing: Array, solid: Index, origin: Array
+    pieces: SheetPieces,
+    length_px: Array,
+    steps: tuple[float, float],
+    faces: tuple[Array, Index, Mask],
+    origin: Array,
 ) -> SurfaceNodes:
-    """Nodes of pieces whose images are so long. steps: along the image [px], across the sheet [mm]."""
+    """Nodes of pieces whose images are so long. steps: along the image [px], across the sheet [mm]; faces: their
+    normals, whose they are, and whether they are bare.
+    """
     ends, normals = pieces.ends, pieces.normals
+    facing, solid, bare = faces
     pairs, count = np.empty(len(length_px), np.int64), 0
     for p in range(len(pairs)):
         length = length_px[p] if length_px[p] < np.inf else UNKNOWN_PX
         pairs[p] = min(max(math.ceil(length / steps[0]), 1), MAX_PAIRS)
         count += 2 * pairs[p]
     xyz, normal = np.empty((count, 3)), np.empty((count, 3))
-    area_mm2, owner = np.empty(count), np.empty(count, np.int64)
+    area_mm2, owner, alone = np.empty(count), np.empty(count, np.int64), np.empty(count, np.bool_)
     n = 0
     for p in range(len(pairs)):
         along, face = 0.0, pieces.face[p]
@@ -260,6 +274,6 @@ def _place(
             scale = (-1.0 if towards < 0 else 1.0) / max(math.sqrt(size), 1e-12)
             for a in range(3):
                 normal[n, a] *= scale
-            area_mm2[n], owner[n] = area, solid[face]
+            area_mm2[n], owner[n], alone[n] = area, solid[face], bare[face]
             n += 1
-    return SurfaceNodes(xyz, normal, area_mm2, owner)
+    return SurfaceNodes(xyz, normal, area_mm2, owner, alone)

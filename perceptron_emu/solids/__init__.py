@@ -5,7 +5,16 @@ from perceptron_emu.solids.bvh import Bvh, blocked, build_bvh
 from perceptron_emu.solids.flat_faces import FlatFaces, flat_faces
 from perceptron_emu.solids.panels import PanelPair, profile_strip, random_panels
 from perceptron_emu.solids.section import LaserRays, Shades, SheetPieces, lit_in_planes
-from perceptron_emu.solids.world import Hit, World, between, first_met, into_solids, normal_at, world_of
+from perceptron_emu.solids.world import (
+    Hit,
+    World,
+    between,
+    first_met,
+    hidden_by_solids,
+    into_solids,
+    normal_at,
+    world_of,
+)
 
 __all__ = [
     "Body",
@@ -24,6 +33,7 @@ __all__ = [
     "first_met",
     "flat_faces",
     "hidden_by_solid",
+    "hidden_by_solids",
     "into_solids",
     "lit_in_planes",
     "normal_at",

@@ -12,6 +12,7 @@ from geometry.compiled import kernel
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 Vector = tuple[float, float, float]
+Span = tuple[float, float]
 Mask = NDArray[np.bool_]
 
 LEAF = 4  # triangles of a box that is not divided
@@ -117,14 +118,17 @@ def blocked(
         (N,) of bool.
     """
     # copies where they are read-only views: kernels are compiled for arrays that can be written
-    origins = _writable(origins)
-    targets = _writable(np.atleast_2d(targets))
+    origins = writable(origins)
+    targets = writable(np.atleast_2d(targets))
     place = MeshPose(np.array(R, dtype=float, order="C"), np.array(t, dtype=float))
     free = np.zeros(len(origins), np.bool_) if but is None else but
-    return np.asarray(_blocked(bvh, origins, targets, place, free))
+    out = np.zeros(len(origins), np.bool_)
+    block(bvh, 0, (origins, targets), place, free, out)
+    return out
 
 
-def _writable(points: Array) -> Array:
+def writable(points: Array) -> Array:
+    """Points as kernels are compiled for: in a row, and not a read-only view."""
     points = np.ascontiguousarray(points, dtype=float)
     return points if points.flags.writeable else points.copy()
 
@@ -198,9 +202,13 @@ def _split(low: Array, high: Array, members: Index, cost: Array) -> int:
 
 
 @kernel
-def _blocked(bvh: Bvh, origins: Array, targets: Array, place: MeshPose, free: Mask) -> Mask:
-    """Segments are taken in packets of neighbours: most packets come near no triangle at all."""
-    out = np.zeros(len(origins), np.bool_)
+def block(bvh: Bvh, root: int, segments: tuple[Array, Array], place: MeshPose, free: Mask, out: Mask) -> None:
+    """Set out (N,) for segments that a triangle below the root cuts, where they are not known to be free.
+
+    segments: where they begin (N, 3) and end, (N, 3) or (1, 3). They are taken in packets of neighbours: most packets
+    come near no triangle at all.
+    """
+    origins, targets = segments
     stack = np.empty(128, np.int64)
     begin, end = np.empty((2, PACKET, 3))
     begin_box, end_box = np.empty((2, 6))
@@ -219,15 +227,15 @@ def _blocked(bvh: Bvh, origins: Array, targets: Array, place: MeshPose, free: Ma
             middle[a] = (begin_box[a] + begin_box[3 + a]) / 2
             way[a] = (end_box[a] + end_box[3 + a]) / 2 - middle[a]
             half[a] = max(begin_box[3 + a] - begin_box[a], end_box[3 + a] - end_box[a]) / 2
-        if not _meets(bvh, middle, way, half, False, stack):
+        if not _meets(bvh, root, (middle, way, half), False, stack):
             continue
         for k in range(n):
             if free[first + k]:
                 continue
             for a in range(3):
                 way[a] = end[k, a] - begin[k, a]
-            out[first + k] = _meets(bvh, begin[k], way, single, True, stack)
-    return out
+            if _meets(bvh, root, (begin[k], way, single), True, stack):
+                out[first + k] = True
 
 
 @kernel
@@ -240,29 +248,24 @@ def _bounds(points: Array, n: int, box: Array) -> None:
 
 
 @kernel
-def _meets(bvh: Bvh, origin: Array, way: Array, half: Array, exact: bool, stack: Index) -> bool:
-    """Whether the segment from the origin along the way cuts a triangle; not exact: whether it comes within half of the
-    box of a few triangles along each axis.
+def _meets(bvh: Bvh, root: int, segment: tuple[Array, Array, Array], exact: bool, stack: Index) -> bool:
+    """Whether a segment (origin, way, half) cuts a triangle below the root; not exact: whether it comes within half of
+    the box of a few triangles along each axis.
     """
     boxes, children = bvh.boxes, bvh.children
+    origin, way, half = segment
     ox, oy, oz = origin[0], origin[1], origin[2]
     dx, dy, dz = way[0], way[1], way[2]
     hx, hy, hz = half[0], half[1], half[2]
-    # a component of 0 becomes one so small that its slab is all or nothing
-    ix = 1 / dx if abs(dx) > 1e-12 else 1e12
-    iy = 1 / dy if abs(dy) > 1e-12 else 1e12
-    iz = 1 / dz if abs(dz) > 1e-12 else 1e12
-    stack[0] = 0
+    ix, iy, iz = inverse(dx), inverse(dy), inverse(dz)
+    stack[0] = root
     top = 1
     while top > 0:
         top -= 1
         node = stack[top]
-        a, b = (boxes[node, 0] - hx - ox) * ix, (boxes[node, 3] + hx - ox) * ix
-        near, far = max(0.0, min(a, b)), min(1.0, max(a, b))
-        a, b = (boxes[node, 1] - hy - oy) * iy, (boxes[node, 4] + hy - oy) * iy
-        near, far = max(near, min(a, b)), min(far, max(a, b))
-        a, b = (boxes[node, 2] - hz - oz) * iz, (boxes[node, 5] + hz - oz) * iz
-        near, far = max(near, min(a, b)), min(far, max(a, b))
+        near, far = slab((boxes[node, 0] - hx, boxes[node, 3] + hx), ox, ix, (0.0, 1.0))
+        near, far = slab((boxes[node, 1] - hy, boxes[node, 4] + hy), oy, iy, (near, far))
+        near, far = slab((boxes[node, 2] - hz, boxes[node, 5] + hz), oz, iz, (near, far))
         if near > far + SLACK:
             continue
         first, second = children[node, 0], children[node, 1]
@@ -276,6 +279,19 @@ def _meets(bvh: Bvh, origin: Array, way: Array, half: Array, exact: bool, stack:
             if cuts(bvh.triangles, bvh.members[i], (ox, oy, oz), (dx, dy, dz)):
                 return True
     return False
+
+
+@kernel(inline=True)
+def inverse(component: float) -> float:
+    """Of a ray's way along an axis; 0 becomes so small that a slab is all or nothing."""
+    return 1 / component if abs(component) > 1e-12 else 1e12
+
+
+@kernel(inline=True)
+def slab(sides: Span, origin: float, over_way: float, span: Span) -> Span:
+    """What is left of a span of a ray between two planes across an axis (Kay & Kajiya 1986); over_way: `inverse`."""
+    a, b = (sides[0] - origin) * over_way, (sides[1] - origin) * over_way
+    return max(span[0], min(a, b)), min(span[1], max(a, b))
 
 
 @kernel(inline=True)

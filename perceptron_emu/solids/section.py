@@ -84,19 +84,35 @@ class Reached(NamedTuple):
     where: Array
 
 
+class _Fan(NamedTuple):
+    """Angles that the fan is cut at in any case, from edge to edge (G,), and the rays midway between them: sine and
+    cosine (G − 1, 2).
+    """
+
+    angle: Array
+    middle: Array
+
+
+class _Breaks(NamedTuple):
+    """Angles of the fan in order (B,), and of which of its steps each begins one that nothing else cuts (−1: none)."""
+
+    angle: Array
+    step: Index
+
+
 @kernel
-def cut_plane(triangles: Array, normals: Array, x: float) -> tuple[Array, Array, Index]:
+def _cut_plane(triangles: Array, normals: Array, spans: Array, x: float) -> tuple[Array, Array, Index]:
     """Where triangles (T, 3, 3) [mm] cut the plane of constant x: ends (n, 2, 2) as (y, z) [mm], normals there (n, 2,
-    3), triangle numbers (n,).
+    3), triangle numbers (n,). spans: least and largest x of each (T, 2).
     """
     count = 0
     for i in range(len(triangles)):
-        lo = min(triangles[i, 0, 0], triangles[i, 1, 0], triangles[i, 2, 0])
-        hi = max(triangles[i, 0, 0], triangles[i, 1, 0], triangles[i, 2, 0])
-        count += lo < x <= hi
+        count += spans[i, 0] < x <= spans[i, 1]
     ends, normal, owner = np.empty((count, 2, 2)), np.empty((count, 2, 3)), np.empty(count, np.int64)
     n = 0
     for i in range(len(triangles)):
+        if not spans[i, 0] < x <= spans[i, 1]:  # else it has a corner on either side, and two of its edges cross
+            continue
         t = triangles[i]
         found = 0
         for a in range(3):
@@ -108,10 +124,19 @@ def cut_plane(triangles: Array, normals: Array, x: float) -> tuple[Array, Array,
                 for k in range(3):
                     normal[n, found, k] = normals[i, a, k] + s * (normals[i, b, k] - normals[i, a, k])
                 found += 1
-        if found == 2:
-            owner[n] = i
-            n += 1
-    return ends[:n], normal[:n], owner[:n]
+        owner[n] = i
+        n += 1
+    return ends, normal, owner
+
+
+@kernel
+def _spans(triangles: Array) -> Array:
+    """Least and largest x of triangles (T, 2)."""
+    out = np.empty((len(triangles), 2))
+    for i in range(len(triangles)):
+        a, b, c = triangles[i, 0, 0], triangles[i, 1, 0], triangles[i, 2, 0]
+        out[i, 0], out[i, 1] = min(a, b, c), max(a, b, c)
+    return out
 
 
 @kernel
@@ -136,13 +161,13 @@ def lit_in_planes(triangles: Array, normals: Array, planes: Array, shades: Shade
     SheetPieces
         In the order of planes and angles.
     """
-    grid = _grid(rays.fan_rad)
+    fan, spans = _grid(rays.fan_rad), _spans(triangles)
     ends, normal, face = np.empty((256, 2, 3)), np.empty((256, 2, 3)), np.empty(256, np.int64)
     n = 0
     for k in range(len(planes)):
-        cut, turned, owner = cut_plane(triangles, normals, planes[k])
+        cut, turned, owner = _cut_plane(triangles, normals, spans, planes[k])
         solids = len(cut)
-        which, where = _first_reached(np.concatenate((cut, shades.ends[k][shades.there[k]])), rays.origin, grid)
+        which, where = _first_reached(np.concatenate((cut, shades.ends[k][shades.there[k]])), rays.origin, fan)
         if n + len(which) > len(face):
             more = max(2 * len(face), n + len(which))
             ends, normal, face = _longer(ends, more), _longer(normal, more), _longer_int(face, more)
@@ -181,23 +206,25 @@ def _longer_int(values: Index, size: int) -> Index:
 
 
 @kernel
-def _grid(fan_rad: float) -> Array:
-    return np.linspace(-fan_rad / 2, fan_rad / 2, int(fan_rad / GRID_RAD) + 2)
+def _grid(fan_rad: float) -> _Fan:
+    angle = np.linspace(-fan_rad / 2, fan_rad / 2, int(fan_rad / GRID_RAD) + 2)
+    middle = np.empty((len(angle) - 1, 2))
+    for k in range(len(middle)):
+        at = (angle[k] + angle[k + 1]) / 2
+        middle[k, 0], middle[k, 1] = math.sin(at), math.cos(at)
+    return _Fan(angle, middle)
 
 
 @kernel
-def _first_reached(ends: Array, origin: Array, grid: Array) -> Reached:
+def _first_reached(ends: Array, origin: Array, fan: _Fan) -> Reached:
     """The pieces of segments (n, 2, 2) as (y, z) [mm] that rays from the origin (2,) reach first within the fan about
     +z.
 
-    grid: angles that the fan is cut at in any case, from edge to edge. Source: the angular sweep of planar
-    visibility (Suri & O'Rourke 1986): between two neighbouring ends the nearest segment does not change.
+    Source: the angular sweep of planar visibility (Suri & O'Rourke 1986): between two neighbouring ends the nearest
+    segment does not change.
     """
-    n = len(ends)
-    angle, breaks = np.empty((n, 2)), np.empty(2 * n + len(grid))
-    count = len(grid)
-    for k in range(count):
-        breaks[k] = grid[k]
+    n, grid = len(ends), fan.angle
+    angle, own, count = np.empty((n, 2)), np.empty(2 * n), 0
     for i in range(n):
         first = math.atan2(ends[i, 0, 0] - origin[0], ends[i, 0, 1] - origin[1])
         second = math.atan2(ends[i, 1, 0] - origin[0], ends[i, 1, 1] - origin[1])
@@ -206,26 +233,45 @@ def _first_reached(ends: Array, origin: Array, grid: Array) -> Reached:
             angle[i] = BEHIND_RAD
         for a in angle[i]:
             if grid[0] <= a <= grid[-1]:
-                breaks[count] = a
+                own[count] = a
                 count += 1
-    breaks = np.sort(breaks[:count])
     by_start = np.argsort(angle[:, 0], kind="mergesort")
-    return _sweep(Segments(ends, angle, by_start), breaks, origin)
+    return _sweep(Segments(ends, angle, by_start), _merged(np.sort(own[:count]), grid), fan.middle, origin)
 
 
 @kernel
-def _sweep(segments: Segments, breaks: Array, origin: Array) -> Reached:
+def _merged(own: Array, grid: Array) -> _Breaks:
+    """Two sorted lists of angles as one."""
+    angle, step = np.empty(len(own) + len(grid)), np.empty(len(own) + len(grid), np.int64)
+    i, n = 0, 0
+    for k in range(len(grid)):
+        while i < len(own) and own[i] < grid[k]:
+            angle[n], step[n] = own[i], -1
+            i, n = i + 1, n + 1
+        uncut = i == len(own) or (k + 1 < len(grid) and own[i] >= grid[k + 1])
+        angle[n], step[n] = grid[k], k if uncut else -1
+        n += 1
+    while i < len(own):
+        angle[n], step[n] = own[i], -1
+        i, n = i + 1, n + 1
+    return _Breaks(angle, step)
+
+
+@kernel
+def _sweep(segments: Segments, breaks: _Breaks, rays: Array, origin: Array) -> Reached:
     """From one break of the fan to the next: what is reached first there.
 
-    Where one segment alone is met nothing is compared, and a piece's ends are worked out once it is whole.
+    rays: midway in the steps of the fan that nothing cuts. Where one segment alone is met nothing is compared, and a
+    piece's ends are worked out once it is whole.
     """
     ends, angle, by_start = segments
-    which, where = np.empty(len(breaks), np.int64), np.empty((len(breaks), 2))
+    count = len(breaks.angle)
+    which, where = np.empty(count, np.int64), np.empty((count, 2))
     active = np.empty(len(ends), np.int64)
     n_active, following, m = 0, 0, 0
     open_, begin, end = -1, 0.0, 0.0  # the piece that may go on
-    for k in range(len(breaks) - 1):
-        a, b = breaks[k], breaks[k + 1]
+    for k in range(count - 1):
+        a, b = breaks.angle[k], breaks.angle[k + 1]
         if b - a < SAME_RAD:
             continue
         middle = (a + b) / 2
@@ -240,7 +286,11 @@ def _sweep(segments: Segments, breaks: Array, origin: Array) -> Reached:
         n_active = kept
         best = active[0] if n_active == 1 else -1
         if n_active > 1:
-            ry, rz, best_distance = math.sin(middle), math.cos(middle), np.inf
+            best_distance, step = np.inf, breaks.step[k]
+            if step >= 0:
+                ry, rz = rays[step, 0], rays[step, 1]
+            else:
+                ry, rz = math.sin(middle), math.cos(middle)
             for j in range(n_active):
                 distance = _distance(ends[active[j]], origin, ry, rz)
                 if 0 < distance < best_distance:

@@ -11,10 +11,23 @@ from numpy.typing import NDArray
 from geometry.compiled import kernel
 from perceptron_emu.scene import Solid
 from perceptron_emu.solids.bodies import Body, body_of
-from perceptron_emu.solids.bvh import EDGE_SLACK, SLACK, Bvh, Vector, cuts
+from perceptron_emu.solids.bvh import (
+    EDGE_SLACK,
+    SLACK,
+    Bvh,
+    MeshPose,
+    Span,
+    Vector,
+    block,
+    cuts,
+    inverse,
+    slab,
+    writable,
+)
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
+Mask = NDArray[np.bool_]
 
 KEPT = 8  # sets of meshes that stay joined
 
@@ -117,6 +130,46 @@ def _joined(bodies: tuple[Body, ...]) -> World:
     )  # fmt: skip
 
 
+def hidden_by_solids(
+    solids: tuple[Solid, ...], points: Array, sources: Array, known: Mask | None = None, own: Index | None = None
+) -> Mask:
+    """Whether any solid stands between points and sources.
+
+    Parameters
+    ----------
+    solids : tuple of Solid
+        Any number, at their places in {P}.
+    points : Array
+        (N, 3) [mm] in {P}.
+    sources : Array
+        (N, 3) or (3,) [mm] in {P}.
+    known : NDArray, optional
+        (N,) of bool: points that are hidden already.
+    own : NDArray, optional
+        (N,) the solid that does not hide a point for certain, −1 where there is none.
+
+    Returns
+    -------
+    NDArray
+        (N,) of bool, the known ones too.
+    """
+    hidden = np.zeros(len(points), np.bool_) if known is None else known.copy()
+    if solids and len(points):
+        none = np.full(len(points), -1) if own is None else own
+        _hide(world_of(solids), (writable(points), writable(np.atleast_2d(sources))), none, hidden)
+    return hidden
+
+
+@kernel
+def _hide(world: World, segments: tuple[Array, Array], own: Index, hidden: Mask) -> None:
+    """Set ``hidden`` (N,) for segments that a solid cuts; own: the solid that is not asked."""
+    free = np.empty(len(hidden), np.bool_)
+    for k in range(len(world.roots)):
+        for i in range(len(free)):
+            free[i] = hidden[i] or own[i] == k
+        block(world.bvh, world.roots[k], segments, MeshPose(world.R[k], world.t[k]), free, hidden)
+
+
 @kernel
 def into_solids(world: World, point: Array, out: Array) -> None:
     """Set out (S, 3) to a point (3,) of {P} in the axes of each solid."""
@@ -140,20 +193,13 @@ def between(world: World, points: Array, targets: Array, but: tuple[int, int], s
             continue
         ox, oy, oz = points[k, 0], points[k, 1], points[k, 2]
         dx, dy, dz = targets[k, 0] - ox, targets[k, 1] - oy, targets[k, 2] - oz
-        ix = 1 / dx if abs(dx) > 1e-12 else 1e12
-        iy = 1 / dy if abs(dy) > 1e-12 else 1e12
-        iz = 1 / dz if abs(dz) > 1e-12 else 1e12
+        ix, iy, iz = inverse(dx), inverse(dy), inverse(dz)
         stack[0] = world.roots[k]
         top = 1
         while top > 0:
             top -= 1
             node = stack[top]
-            a, b = (boxes[node, 0] - ox) * ix, (boxes[node, 3] - ox) * ix
-            near, far = max(0.0, min(a, b)), min(1.0, max(a, b))
-            a, b = (boxes[node, 1] - oy) * iy, (boxes[node, 4] - oy) * iy
-            near, far = max(near, min(a, b)), min(far, max(a, b))
-            a, b = (boxes[node, 2] - oz) * iz, (boxes[node, 5] - oz) * iz
-            near, far = max(near, min(a, b)), min(far, max(a, b))
+            near, far = _in_box(boxes[node], (ox, oy, oz), (ix, iy, iz), 1.0)
             if near > far + SLACK:
                 continue
             first, second = children[node, 0], children[node, 1]
@@ -180,20 +226,13 @@ def first_met(world: World, origins: Array, way: Array, stack: Index) -> Hit:
         dx = R[k, 0, 0] * way[0] + R[k, 1, 0] * way[1] + R[k, 2, 0] * way[2]
         dy = R[k, 0, 1] * way[0] + R[k, 1, 1] * way[1] + R[k, 2, 1] * way[2]
         dz = R[k, 0, 2] * way[0] + R[k, 1, 2] * way[1] + R[k, 2, 2] * way[2]
-        ix = 1 / dx if abs(dx) > 1e-12 else 1e12
-        iy = 1 / dy if abs(dy) > 1e-12 else 1e12
-        iz = 1 / dz if abs(dz) > 1e-12 else 1e12
+        ix, iy, iz = inverse(dx), inverse(dy), inverse(dz)
         stack[0] = world.roots[k]
         top = 1
         while top > 0:
             top -= 1
             node = stack[top]
-            a, b = (boxes[node, 0] - ox) * ix, (boxes[node, 3] - ox) * ix
-            near, far = max(0.0, min(a, b)), min(best, max(a, b))
-            a, b = (boxes[node, 1] - oy) * iy, (boxes[node, 4] - oy) * iy
-            near, far = max(near, min(a, b)), min(far, max(a, b))
-            a, b = (boxes[node, 2] - oz) * iz, (boxes[node, 5] - oz) * iz
-            near, far = max(near, min(a, b)), min(far, max(a, b))
+            near, far = _in_box(boxes[node], (ox, oy, oz), (ix, iy, iz), best)
             if near > far * (1 + SLACK) + SLACK:
                 continue
             first, second = children[node, 0], children[node, 1]
@@ -209,6 +248,14 @@ def first_met(world: World, origins: Array, way: Array, stack: Index) -> Hit:
                 if 0 < distance < best:
                     solid, found, best, u, v = k, members[i], distance, along, across
     return Hit(solid, found, best, u, v)
+
+
+@kernel(inline=True)
+def _in_box(box: Array, origin: Vector, over_way: Vector, most: float) -> Span:
+    """From where to where, up to most, a ray is in a box (6,); nowhere where the first is the larger."""
+    span = slab((box[0], box[3]), origin[0], over_way[0], (0.0, most))
+    span = slab((box[1], box[4]), origin[1], over_way[1], span)
+    return slab((box[2], box[5]), origin[2], over_way[2], span)
 
 
 @kernel(inline=True)

@@ -69,7 +69,7 @@ def _check(target: Balls, drawn: bool) -> None:
 
 def test_equal_balls_one_at_a_time_are_not_told_without_a_drawing() -> None:
     seen, anonymous, robot, _ = _seen(EQUAL)
-    result = calibrate(anonymous.frames, EQUAL, robot, seen.sensor, None)
+    result = calibrate(anonymous.frames, EQUAL, robot, seen.sensor)
     assert not result.verdict.trustworthy
     assert result.T_hand_sensor is None
     assert "equal balls" in result.verdict.text

@@ -200,6 +200,9 @@ def test_a_result_prints_on_a_screen(cell: SyntheticCell, observed: CellFrames) 
         assert f"{value:.4f} ± " in text
     assert result.verdict.code in lines[0]
     assert all(name in text for name in result.locations)
+    words = " ".join(text.split())
+    assert result.verdict.text in words
+    assert f"note: {result.notes[0]}" in words
     few = calibrated(replace(observed, frames=observed.frames[:2]), cell.jig, cell.robot, CalibConfig(model="scp"))
     assert "none that can be trusted" in str(few)
     read = json.loads(result.to_json())

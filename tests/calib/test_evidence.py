@@ -239,6 +239,20 @@ def test_what_nothing_overrules() -> None:
     np.testing.assert_array_equal(result.covariance, without.covariance)
 
 
+def test_a_wrong_distance_of_balls_is_not_laid_on_the_robot() -> None:
+    """3 mm more than the balls are apart would take a robot 20 times worse than stated."""
+    rng = np.random.default_rng(3)
+    cell = surface_cell(Sphere(40.0), rng, (("A", "calibrate", 7), ("B", "calibrate", 7)))
+    observed = observe_surface(cell, rng, ProfileNoise())
+    apart = float(np.linalg.norm(cell.T_base_target["A"].t - cell.T_base_target["B"].t))
+    args = (observed.frames, cell.target, cell.robot, observed.sensor, observed.design)
+    result = calibrate(*args, evidence=[DistanceBetween("A", "B", apart + 3.0)])
+    assert result.verdict.code == "priors_contradict"
+    assert result.verdict.text.startswith("the distance from A to B")
+    assert result.covariance is None
+    assert calibrate(*args, evidence=[DistanceBetween("A", "B", apart)]).verdict.trustworthy
+
+
 def test_what_can_not_be_used_is_refused() -> None:
     cell = random_cell(np.random.default_rng(4))
     rng = np.random.default_rng(4)

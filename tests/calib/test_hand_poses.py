@@ -11,10 +11,13 @@ from scipy.stats import chi2
 from calib import CalibConfig
 from calib.configurations import standing
 from calib.hands import with_joints
+from calib.judge.verdict import Facts, Motion, judge
 from calib.printed import gimbal_note, nees
 from calib.synthetic.cell import CellFrames, Noise, SyntheticCell, calibrated, made_cell, observe, random_cell
 from calib.synthetic.problem import CALIBRATE_ONLY
-from geometry import ArmConfiguration, InputError, Pose
+from calib.synthetic.surfaces import ProfileNoise, observe_surface, surface_cell
+from geometry import ArmConfiguration, DhRobot, InputError, Pose
+from jig_cad import Sphere
 
 ATOL_MM = 1e-6
 NEES_LIMIT = 30.0  # a sound covariance exceeds it in 4 of 100,000 runs
@@ -202,3 +205,35 @@ def test_what_auto_is_with_an_arm_whose_solution_is_open_is_said() -> None:
     assert any("in which of its configurations the arm was" in r for r in with_table.remarks)
     without = calibrated(poses, cell.jig, None)
     assert any("no joint readings that a robot's table turns into poses" in r for r in without.remarks)
+
+
+def test_errors_that_the_table_explains_are_no_misfit() -> None:
+    """A ball from twelve poses of an arm with three parallel axes, as built: residuals exceed points and joints by far,
+    errors of the stated size explain them, and σ carry these.
+    """
+    alpha = np.deg2rad([90.0, 0.0, 0.0, 90.0, -90.0, 0.0])
+    lengths = [180.7, 0, 0, 174.15, 119.85, 116.55], [0, -612.7, -571.55, 0, 0, 0]
+    arm = DhRobot.from_dh(np.zeros(6), *lengths, alpha, name="arm")
+    rng = np.random.default_rng(6)
+    cell = surface_cell(Sphere(40.0), rng, (("A", "calibrate", 12),), robot=arm)
+    data = observe_surface(cell, rng, ProfileNoise())
+    frames = tuple(replace(f, joints_rad=None, T_base_hand=arm.pose(f.joints_rad)) for f in data.frames)
+    result = calibrated(replace(data, frames=frames), cell.target, arm)
+    assert result.chi2_per_dof > CalibConfig().misfit_chi2
+    assert result.verdict.code == "ok"
+    assert "once errors of the robot's table of the stated size are allowed for" in result.verdict.text
+    assert result.T_hand_sensor is not None
+    assert result.covariance is not None
+    assert nees(cell.T_hand_sensor, result.T_hand_sensor, result.covariance) < NEES_LIMIT
+
+
+def test_residuals_of_poses_that_no_error_of_the_table_explains_are_a_misfit() -> None:
+    facts = Facts(
+        converged=True, iterations=5, chi2_per_dof=6.0, explained=5.0, dof=60, condition=30.0,
+        noise_covariance=1e-4 * np.eye(6), outlier_share=0.0, outlying_strings=(), rival=np.inf, locations=1,
+        inferred=True,
+    )  # fmt: skip
+    verdict = judge(facts, Motion(12, 11, 11, 90.0, 40.0, 100.0), CalibConfig())
+    assert verdict.code == "model_misfit"
+    assert verdict.withheld
+    assert "of the stated size do not explain them" in verdict.text

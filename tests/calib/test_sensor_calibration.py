@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calib.sensor import BoardView, SensorCalibration, SensorSettings, calibrate_sensor, fit_direct
+from calib.sensor import BoardView, SensorCalibration, SensorSettings, StripePoints, calibrate_sensor, fit_direct
 from calib.sensor.bundle import (
     TILT_NAMES,
     TILT_PLACES,
@@ -388,6 +388,24 @@ def test_without_stripes_the_plane_is_open():
     rng = np.random.default_rng(7)
     views = [replace(v, stripe=v.stripe[:0]) for v in observe_boards(synthetic_sensor(rng), rng, 5)]
     assert calibrate_sensor(views, SIZE).verdict.code == "plane_not_determined"
+
+
+def scattered(view: BoardView, rng: np.random.Generator, count: int = 13) -> BoardView:
+    """The view with points in place of its stripe that lie on no line, or none."""
+    uv = view.corners.uv_px.mean(axis=0) + rng.uniform(-60, 60, (count, 2))
+    normal = np.tile([0.0, 1.0], (count, 1))
+    return replace(view, stripe=StripePoints(uv, normal, np.full(count, 0.05)))
+
+
+@pytest.mark.parametrize("with_stripe", [0, 1])
+def test_points_on_no_line_leave_the_plane_open(with_stripe: int):
+    rng = np.random.default_rng(17)
+    views = observe_boards(synthetic_sensor(rng), rng, 5)
+    views[with_stripe:] = [scattered(v, rng) for v in views[with_stripe:]]
+    found = calibrate_sensor(views, SIZE, SHORT)
+    assert found.verdict.code == "plane_not_determined"
+    assert np.isnan(found.left_out_mm)
+    assert all(np.isnan(v.left_out_mm) for v in found.views)
 
 
 def test_a_direct_map_follows_the_bundle():

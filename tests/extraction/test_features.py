@@ -195,6 +195,29 @@ def test_an_end_at_the_fields_border_is_no_edge():
     assert find_target_points(plate, "edge", field_of_view_mm=tight).reason == "no_target"
 
 
+@pytest.mark.parametrize("towards_sensor", [False, True])
+@pytest.mark.parametrize("plate_mm", [25.0, 60.0])
+def test_a_plate_before_a_table_ends_where_the_profile_jumps(plate_mm, towards_sensor):
+    """Whichever of both is longer: the table's end is the plate's shadow, and no field of view need be known."""
+    rng = np.random.default_rng(8)
+    table = flat((-40.0, 230.0), (-0.1, 230.0), rng)
+    yz = np.concatenate([table, flat((0.1, 210.0), (plate_mm, 205.0), rng)])
+    yz[:, 1] = 300.0 - yz[:, 1] if towards_sensor else yz[:, 1]
+    found = find_target_points(profile(yz), "edge", towards_sensor=towards_sensor)
+    assert found.reason is None
+    assert found.rivals == 0
+    corner = 90.0 if towards_sensor else 210.0
+    assert np.allclose(found.yz_mm, [[0.0, corner]], rtol=0, atol=PITCH_MM)
+
+
+def test_a_plate_whose_other_surroundings_are_nearer_has_no_edge_there():
+    """A clamp before the plate hides its border."""
+    rng = np.random.default_rng(9)
+    yz = np.concatenate([flat((-40.0, 210.0), (0.0, 210.0), rng), flat((0.2, 180.0), (7.0, 180.0), rng)])
+    field = np.array([[-40.1, 100.0], [60.0, 100.0], [60.0, 300.0], [-40.1, 300.0]])
+    assert find_target_points(profile(yz), "edge", field_of_view_mm=field).reason == "no_target"
+
+
 def test_the_faces_of_a_wedge_are_told_apart():
     rng = np.random.default_rng(7)
     faces = np.concatenate([flat((-30.0, 230.0), (2.0, 205.0), rng), flat((2.0, 205.0), (35.0, 222.0), rng)])
@@ -234,3 +257,12 @@ def test_unknown_kinds_and_impossible_diameters_are_refused():
     with pytest.raises(InputError, match="diameter"):
         find_target_points(some, "sphere", (-1.0,))
     assert find_target_points(some, "sphere", (40.0,)).reason == "no_target"
+
+
+def test_a_radius_stated_for_a_diameter_is_told_by_the_larger_arc():
+    rng = np.random.default_rng(11)
+    found = find_target_points(profile(ball((2.0, 240.0), 19.0, rng)), "sphere", (20.0,))
+    assert found.reason == "no_target"
+    assert "on one of 19 mm: is the diameter stated right?" in found.text
+    table = profile(flat((-40.0, 240.0), (40.0, 240.0), rng))
+    assert "stated right" not in find_target_points(table, "sphere", (20.0,)).text

@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import trimesh
 
-from perceptron_emu.solids import blocked, build_bvh
+from geometry import Pose
+from perceptron_emu import Material, Solid
+from perceptron_emu.solids import blocked, build_bvh, hidden_by_solids
 
 
 def rays(n: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
@@ -58,3 +60,25 @@ def test_a_flat_panel_across_an_axis_blocks() -> None:
     points = np.array([[0.0, 0, 1], [1, 2, 3], [9, 0, 1], [0, 0, 1]])
     ends = np.array([[0.0, 0, -1], [1, 2, -3], [9, 0, -1], [0, 0, 0.5]])
     np.testing.assert_array_equal(blocked(tree, points, ends), [True, True, False, False])
+
+
+def test_several_solids_hide_what_each_hides_alone() -> None:
+    """Each at its own place, in one walk; points that are hidden stay so, a point's own solid is not asked."""
+    rng = np.random.default_rng(4)
+    meshes = (trimesh.creation.torus(20, 7), trimesh.creation.icosphere(2, 9.0), trimesh.creation.box([30, 4, 12]))
+    places = [Pose.exp(np.r_[rng.normal(size=3) * 15, rng.normal(size=3)]) for _ in meshes]
+    solids = tuple(Solid(m, Material(0.5), p, str(k)) for k, (m, p) in enumerate(zip(meshes, places, strict=True)))
+    origins, targets = rays(3000, 3)
+    known, own = rng.random(3000) < 0.1, rng.integers(-1, 3, 3000)
+    expected = known.copy()
+    for k, solid in enumerate(solids):
+        pose = solid.T_sensor_mesh
+        expected |= blocked(build_bvh(solid.mesh.triangles), origins, targets, pose.R, pose.t) & (own != k)
+    found = hidden_by_solids(solids, origins, targets, known, own)
+    np.testing.assert_array_equal(found, expected)
+    assert 0.2 < found.mean() < 0.9
+    np.testing.assert_array_equal(hidden_by_solids((), origins, targets[0], known), known)
+    seen = hidden_by_solids(solids[:1], origins, targets[0])
+    np.testing.assert_array_equal(
+        seen, blocked(build_bvh(meshes[0].triangles), origins, targets[0], places[0].R, places[0].t)
+    )

@@ -9,7 +9,7 @@ from scipy.special import j1
 from perceptron_emu import EmulatorConfig
 from perceptron_emu.chip import expose
 from perceptron_emu.chip.dark import dark_levels, dark_pixels
-from perceptron_emu.image import contrast
+from perceptron_emu.image import speckle_contrast
 from perceptron_emu.image.speckle import speckle_field, speckle_of
 from tests.perceptron_emu.conftest import make_sensor
 
@@ -140,7 +140,7 @@ def test_speckle_of_overlapping_boxes_agrees() -> None:
 
 def test_bandwidth_and_depolarisation_lower_the_contrast() -> None:
     of = [
-        contrast(EmulatorConfig.model_validate({"laser": {"bandwidth_nm": b}, "speckle": {"polarised": p}}))
+        speckle_contrast(EmulatorConfig.model_validate({"laser": {"bandwidth_nm": b}, "speckle": {"polarised": p}}))
         for b, p in ((0.01, True), (0.01, False), (5.0, False))
     ]
     assert of[0] == pytest.approx(1, abs=1e-3)

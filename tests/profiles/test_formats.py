@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from geometry import InputError
+from geometry.sensor import PROFILE_FORMATS
 from workbench.profiles import READERS, SUFFIXES, WRITERS, ScanLine, Told, convert, read_scan_lines, write_scan_lines
 
 PITCH_MM, START_MM = 0.1, -20.0
@@ -28,6 +29,7 @@ def example(seed=0, n=401):
 def test_every_format_of_the_table_can_be_read():
     asked = "csv gocator keyence_csv keyence_lj_x keyence_lj_v genicam sick wenglor opencv_yaml ply pcd xyz"
     assert set(asked.split()) <= set(READERS)
+    assert set(PROFILE_FORMATS) == set(READERS)
     assert {"csv", "gocator", "keyence_csv", "ply", "npy"} <= set(WRITERS)
 
 
@@ -168,6 +170,22 @@ def test_genicam_records_and_columns(tmp_path):
         assert np.allclose(line.z_mm, [201, np.nan, 203], rtol=0, atol=1e-12, equal_nan=True), name
 
 
+def test_genicam_counts_without_a_scale_are_no_millimetres(tmp_path):
+    rows = np.zeros(20, dtype=[("CoordinateA", "<u2"), ("CoordinateC", "<u2")])
+    rows["CoordinateA"], rows["CoordinateC"] = 10 * np.arange(20), 19000 + np.arange(20)
+    np.save(tmp_path / "g.npy", rows)
+    lines = "".join(f"{a},{c}\n" for a, c in rows)
+    (tmp_path / "g.csv").write_text("CoordinateA,CoordinateC\n" + lines)
+    for name in ("g.npy", "g.csv"):
+        with pytest.raises(InputError, match=r"add Scan3dCoordinateScale\[Coordinate[AC]\]"):
+            read_scan_lines(tmp_path / name)
+    metric = np.zeros(20, dtype=[("CoordinateA", "<f4"), ("CoordinateC", "<f4")])
+    metric["CoordinateA"], metric["CoordinateC"] = np.arange(20) / 8, 190 + np.arange(20) / 16
+    np.save(tmp_path / "m.npy", metric)
+    (line,) = read_scan_lines(tmp_path / "m.npy")
+    assert line.z_mm[1] == 190.0625
+
+
 SICK = """<icon_data_format name="" valuetype="">
  <parameter name="size">12</parameter><parameter name="layout">SUBCOMPONENT</parameter>
  <component name="Range" valuetype="Hi3D"><parameter name="height">2</parameter>
@@ -207,6 +225,21 @@ def test_wenglor_points_without_light_are_missing(tmp_path):
     (line,) = read_scan_lines(path)
     assert np.array_equal(line.z_mm, [210.25, np.nan, 211.0], equal_nan=True)
     assert np.array_equal(line.intensity, [800, 0, 790])
+
+
+def test_wenglor_columns_without_a_header_are_known_by_their_dark_points(tmp_path):
+    path = tmp_path / "w.csv"
+    path.write_text("-1.5;210.25;800;5\n0;0;0;0\n-0.5;210.5;790;6\n0.5;211;790;6\n")
+    (line,) = read_scan_lines(path)
+    assert np.array_equal(line.y_mm, [-1.5, np.nan, -0.5, 0.5], equal_nan=True)
+    assert np.array_equal(line.intensity, [800, 0, 790, 790])
+
+
+def test_a_header_of_unknown_columns_is_repeated_with_what_would_be_right(tmp_path):
+    path = tmp_path / "p.csv"
+    path.write_text("X,Z\n-1.5,210.25\n")
+    with pytest.raises(InputError, match=r'its first line, "X,Z", names no columns.*y_mm \(or x_mm'):
+        read_scan_lines(path)
 
 
 def test_opencv_yaml_as_filestorage_writes_it(tmp_path):

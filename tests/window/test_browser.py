@@ -283,6 +283,26 @@ def test_one_click_calibrates(page: Page) -> None:
     assert "D" in page.find("#calibration").text
 
 
+def test_the_pose_for_the_nominal_table_stands_beside_the_solved_one(page: Page) -> None:
+    """With robot errors estimated, what a controller with its own table takes is another pose, and which is said."""
+    page.tab("calibration")
+    result = json.loads(_saved(page, "result"))
+    assert result["model"] == "full"
+    heads = page.js("return [...document.querySelectorAll('#calibration th')].map((h) => h.textContent)")
+    assert "with the nominal table" in heads
+    rows = page.js("return [...document.querySelectorAll('#calibration td:last-child')].map((c) => c.textContent)")
+    for i in range(3):
+        place, sigma = result["T_hand_sensor_nominal"][i][3], result["sigma_translation_mm_nominal"][i]
+        assert f"{place:.3f} ± {sigma:.3f}".replace("-", "−") in rows
+    assert "nominal table" in page.find("#which-table").text
+    assert "(asked: auto)" in page.find("#verdict").text
+    written = page.js("return document.querySelector('#calibration .conventions').textContent").replace("−", "-")
+    for maker in ("kuka", "abb", "ros", "ur"):  # metres and quaternions with as many digits as they need
+        for label, value in result["conventions_nominal"][maker].items():
+            digits = 4 if label.endswith(("mm", "°", "deg")) else 7
+            assert f"{label.split(' / ')[0]} {value:.{digits}f}" in written
+
+
 def _saved(page: Page, what: str) -> str:
     """What a button of the calibration saves."""
     return str(

@@ -360,3 +360,18 @@ def test_a_page_elsewhere_may_lead_here_and_read_nothing(client: Client) -> None
     assert client.ask("/wrong/", headers=asked)[0] == 403
     for changed in ({"sec-fetch-dest": "iframe"}, {"sec-fetch-mode": "no-cors"}, {"sec-fetch-dest": "image"}):
         assert client.ask(f"/{TOKEN}/", headers=asked | changed)[0] == 403
+
+
+def test_a_page_of_another_folder_is_told_so(client: Client) -> None:
+    """What was made for another opened folder is not answered with this one's pictures; who names none is."""
+    opened = json.loads(client.ask(f"/{TOKEN}/api/session")[2])["opened"]
+    config = json.dumps({"what": "strings"})
+    body = {"index": 0, "config": config}
+    assert client.post("check", body)[0] == 200
+    assert client.post("check", body, **{"x-opened": opened})[0] == 200
+    status, answer = client.post("check", body, **{"x-opened": "0" * 16})
+    assert status == 421
+    assert "Another folder" in answer["error"]
+    assert client.ask(f"/{TOKEN}/api/thumbnail/0?opened={opened}&1")[0] == 200
+    assert client.ask(f"/{TOKEN}/api/thumbnail/0?opened=other")[0] == 421
+    assert client.ask(f"/{TOKEN}/api/session", headers={"x-opened": "other"})[0] == 200

@@ -77,3 +77,17 @@ def test_bad_evidence_is_one_sentence(
     result = cli("calibrate", folder, "--json")
     assert result.code == 2
     assert words in result.err
+
+
+def test_a_distance_to_a_place_that_no_frame_saw_is_said(recording: Path, tmp_path: Path) -> None:
+    folder = _with(recording, tmp_path / "cell", '[[evidence.distance]]\nbetween = ["A", "Z"]\ndistance_mm = 300.0')
+    assert any("names location Z, at which no frame was taken" in r for r in read_cell(folder).remarks)
+
+
+def test_a_floor_that_is_none_is_asked_for_in_words(cli: Cli, recording: Path, tmp_path: Path) -> None:
+    folder = _with(recording, tmp_path / "cell", "")
+    (folder / "cell.toml").write_text((recording / "cell.toml").read_text() + "[workspace]\nfloor_z_mm = true\n")
+    said = cli("calibrate", folder)
+    assert said.code == 2
+    assert "[workspace] floor_z_mm must be a number" in said.err
+    assert "constrained" not in said.err

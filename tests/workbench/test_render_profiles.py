@@ -42,7 +42,9 @@ def test_a_sensor_of_a_data_sheet_measures_what_it_says(cli: Cli, tmp_path: Path
     assert "the fan opens with depth" in refused.err
 
 
-@pytest.mark.parametrize(("target", "form"), [("sphere", "gocator"), ("wedge", "keyence_csv")])
+@pytest.mark.parametrize(
+    ("target", "form"), [("sphere", "gocator"), ("wedge", "keyence_csv"), ("plane", "keyence_lj_x")]
+)
 def test_what_is_rendered_is_calibrated_to_its_truth(cli: Cli, tmp_path: Path, target: str, form: str) -> None:
     cli("datasheet", tmp_path / "s.toml", *SHEET)
     assert cli("init", tmp_path / "plan", "--target", target, "--sensor", tmp_path / "s.toml").code == 0

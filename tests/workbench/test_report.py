@@ -45,6 +45,25 @@ def test_the_report_stands_alone(cli: Cli, dataset: Path, tmp_path: Path) -> Non
         assert heading in html
 
 
+def test_makers_numbers_are_of_the_pose_for_the_controller_s_table(cli: Cli, dataset: Path, tmp_path: Path) -> None:
+    """Screen, report and JSON agree on it with --export: with robot errors solved for, it is not T_hand_sensor."""
+    page, tool = tmp_path / "page.html", tmp_path / "tool.txt"
+    result = cli("calibrate", dataset, "--model", "full", "--json", "--report", page, "--export", "kuka", tool).json
+    x = result["T_hand_sensor_nominal"][0][3]
+    assert x in result["conventions_nominal"]["kuka"].values()
+    assert abs(x - result["T_hand_sensor"][0][3]) > 1e-3
+    assert f"X {x:.4f}" in tool.read_text()
+    shown = cli("calibrate", dataset, "--model", "full").out
+    line = next(row for row in shown.splitlines() if row.strip().startswith("KUKA"))
+    assert f"x {x:.7g}," in line
+    assert "nominal table" in shown.splitlines()[shown.splitlines().index(line) - 1]
+    text = page.read_text(encoding="utf-8")
+    assert "with the nominal table" in text
+    assert "For a controller with its nominal table" in text
+    plain = cli("calibrate", dataset, "--model", "scp").out
+    assert "The same pose as makers write it" in plain
+
+
 def test_a_report_without_an_answer(cli: Cli, dataset: Path, tmp_path: Path) -> None:
     lines = (dataset / "frames.csv").read_text().splitlines()
     (dataset / "frames.csv").write_text("\n".join(lines[:2]) + "\n")

@@ -136,6 +136,23 @@ def test_a_board_counted_wrongly_in_all_pictures_is_a_sentence(
     assert f"a board of 5 × 4 inner corners where board.toml says {counts[0]} × {counts[1]}" in err
 
 
+@pytest.mark.parametrize("board", [BOARD, Board("circles", 5, 4, 14.0)])
+def test_a_stripe_across_the_print_is_found_without_a_picture_of_the_print_alone(board: Board) -> None:
+    rng = np.random.default_rng(5)
+    R, t = pose_of(board, (0.3, -0.4), 0.3, (3.0, 2.0, 290.0))
+    image = pictured(board, R, t, rng, "both")
+    found = find_board(image, board)
+    assert isinstance(found, BoardCorners)
+    single, pair = (
+        stripe_on_board(image, off, board, found).uv_px for off in (None, pictured(board, R, t, rng, "off"))
+    )
+    print_px = [f(found.uv_px[:, 0]) for f in (np.min, np.max)]
+    on_print = [(p[:, 0] > print_px[0]) & (p[:, 0] < print_px[1]) for p in (single, pair)]
+    assert on_print[0].sum() > 0.7 * on_print[1].sum() > 20
+    off = single[:, 1] - np.polyval(np.polyfit(*pair.T, 2), single[:, 0])
+    assert np.sqrt(np.mean(off**2)) < 0.1
+
+
 def test_other_room_light_in_the_picture_without_laser_costs_no_point() -> None:
     """2.4 times the light: squares would stay on the picture with the stripe. The same light leaves it as it is."""
     board, (image, _) = Board("checkerboard", 5, 4, 10.0), drawn(1.0)

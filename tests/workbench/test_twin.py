@@ -10,11 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from extraction import StripeConfig
 from geometry import Camera, InputError, Pose, Sensor, Sheet
 from perceptron_emu import EmulatorConfig, Material, Scene, panel, render
 from tests.workbench.helpers import Cli
 from workbench.files import read_emulator, sensor_text, write_png
 from workbench.twin import find_images, fit, fit_twin, twin_object
+from workbench.twin.seen import Look, see, usual_width_px
 
 SIGMAS = 4.0
 ROTATION = np.array([[0, -0.924016832, -0.382351793], [1, 0, 0], [0, -0.382351793, 0.924016832]])
@@ -96,8 +98,28 @@ def test_the_command_writes_a_sensor_file_and_a_page(cli: Cli, tmp_path: Path, m
     assert "two-sample distance" in page.read_text(encoding="utf-8")
 
 
-def test_clipped_stripes_are_refused_with_what_to_do() -> None:
+def test_clipped_stripes_are_told_by_their_flanks(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(fit, "ITERATIONS", 2)
     sensor = small_sensor()
-    bright = EmulatorConfig.model_validate({"laser": {"power_mw": 120.0}})
-    with pytest.raises(InputError, match=r"% of the stripes' points have saturated pixels.*shorter exposure"):
-        fit_twin(stripes(sensor, bright, 2), sensor, EmulatorConfig(), 0, lambda *_: None)
+    bright = EmulatorConfig.model_validate({"laser": {"power_mw": 30.0}})
+    twin = fit_twin(stripes(sensor, bright, 2), sensor, EmulatorConfig(), 0, lambda *_: None)
+    assert twin.clipped
+    assert sum(len(s.profile) for s in twin.recorded) > 500
+    widths = [
+        np.median(np.concatenate([s.profile.peaks.width_px for s in seen])) for seen in (twin.recorded, twin.emulated)
+    ]
+    assert widths[1] == pytest.approx(widths[0], rel=0.15)
+
+
+def test_a_lit_rim_is_no_stripe() -> None:
+    rows, columns = np.mgrid[:320, :400].astype(float)
+    stripe = 90 * np.exp(-((rows - 100 - 0.02 * columns) ** 2) / (2 * 1.6**2)) * (columns < 190)
+    rim = 40 * np.exp(-((rows - 250) ** 2) / (2 * 6.0**2)) * (columns > 210)
+    image = np.clip(np.random.default_rng(2).normal(stripe + rim + 12, 0.8) + 0.5, 0, 255).astype(np.uint8)
+    every = see(image, small_sensor(), StripeConfig(), Look())
+    assert np.any(every.profile.peaks.section > 210)
+    usual = usual_width_px([every])
+    assert usual == pytest.approx(1.6, abs=0.1)
+    laser = see(image, small_sensor(), StripeConfig(), Look(width_px=usual))
+    assert len(laser.profile) > 150
+    assert np.all(laser.profile.peaks.section < 200)

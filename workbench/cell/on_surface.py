@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from extraction import Circle, FeatureConfig, Profile, TargetPoints, find_target_points
+from extraction import FEATURE_KINDS, Circle, FeatureConfig, Profile, TargetPoints, find_target_points
 from geometry import AxisPoints, Frame, Sensor, Surface
 from jig_cad import Balls, Sphere
 
@@ -55,7 +55,7 @@ def on_surface(
         With reason "no_profile" or "no_target" where nothing can be used.
 
     """
-    if target.kind not in ("sphere", "balls", "plane", "edge", "wedge"):
+    if target.kind not in FEATURE_KINDS:
         n = len(profile)
         axis = AxisPoints(target.features[:1] * n, np.full(n, -1), profile.yz_mm, profile.cov_yz_mm2, ("",) * n)
         return OnSurface(replace(frame, axis=axis, n_points=n))
@@ -64,13 +64,16 @@ def on_surface(
         target.kind,
         _diameters(target),
         field_of_view_mm=field_of_view_of(sensor) if target.kind == "edge" else None,
+        towards_sensor=sensor.profile is not None and sensor.profile.z_towards_sensor,
         config=config,
     )
     ready = replace(frame, n_points=found.n_points, reason=found.reason)
     if found.reason is not None:
         return OnSurface(ready, found, found.text)
     if target.kind == "edge" and found.rivals:
-        return OnSurface(replace(ready, reason="no_target"), found, found.text)
+        known = field_of_view_of(sensor) is not None
+        text = found.text if known else f"{found.text}: state [profile] field_of_view_mm in sensor.toml"
+        return OnSurface(replace(ready, reason="no_target"), found, text)
     names = (
         target.features
     )  # of several balls told later which: sections have names, and they are the balls' in any order

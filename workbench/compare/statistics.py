@@ -32,7 +32,18 @@ class Statistics:
 
 
 def errors_mm(comparisons: Iterable[Comparison]) -> Array:
-    """Errors (K, 2) of the visible strings that were found, frame by frame."""
+    """The errors of the visible strings that were found, frame by frame.
+
+    Parameters
+    ----------
+    comparisons : iterable of Comparison
+        One a frame.
+
+    Returns
+    -------
+    (K, 2) array
+        (y, z) measured less true [mm].
+    """
     return np.array([m.error_mm for c in comparisons for m in c.found], dtype=float).reshape(-1, 2)
 
 

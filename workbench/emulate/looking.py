@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geometry import InputError, Pose, Role, Surface, exp_so3, field_of_view, inverse_kinematics, target_at
-from jig_cad import Edge, Sphere, Wedge
+from jig_cad import Sphere
 from workbench.files import Cell
 from workbench.plan import carrying, room_at_target_mm, room_before_fixed, room_in_workspace_mm, standing
 
@@ -60,8 +60,7 @@ def room_mm(cell: Cell, joints_rad: Array, target: Surface, place: Pose) -> Arra
 
 def _looks(cell: Cell, target: Surface, count: int, rng: np.random.Generator) -> Pose:
     """T_target_sensor (count)."""
-    across = isinstance(target, Edge | Wedge)
-    roll = np.deg2rad(ROLL_ACROSS_DEG if across else ROLL_DEG)
+    roll = np.deg2rad(ROLL_ACROSS_DEG if target.runs_along_x else ROLL_DEG)
     tilt = np.deg2rad(rng.uniform(-TILT_DEG, TILT_DEG, (count, 2)))
     profile = cell.sensor.profile
     against = profile is None or not profile.z_towards_sensor

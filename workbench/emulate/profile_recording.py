@@ -9,15 +9,16 @@ from pathlib import Path
 import numpy as np
 
 from calib.mount import chain_of
-from geometry import DH_ROWS, Arm, Frame, InputError, Pose, Target, target_at
+from geometry import DH_ROWS, Arm, Frame, InputError, Pose, Sensor, Target, target_at
 from geometry.sensor import AUTO
 from jig_cad import Jig, sample_tolerance
 from workbench.emulate.recording import READING_DECIMALS, Configuration
 from workbench.emulate.sheet_profile import profile_sensor, profiler, sheet_profile
 from workbench.files import Cell, Truth, TruthFrame, write_cell
-from workbench.profiles import SUFFIXES, WRITERS, Told, write_scan_lines
+from workbench.profiles import SUFFIXES, WRITERS, Told, fitting_unit, write_scan_lines
 
 Progress = Callable[[int, int], None]
+_IN_COUNTS = "keyence_lj_x"  # whose files do not tell their unit
 
 
 def record_profiles(
@@ -67,7 +68,7 @@ def record_profiles(
     name = "csv" if asked == AUTO else asked
     if name not in WRITERS:
         raise InputError(f'profiles can not be written as "{name}"; {", ".join(WRITERS)} can')
-    sensor = profile_sensor(cell.sensor, name)
+    sensor = _counting(profile_sensor(cell.sensor, name), name)
     what = profiler(sensor)
     targets = _as_built(cell.target, np.random.default_rng([seed, 2**30]), built)
     rows, frames = [], []
@@ -86,6 +87,14 @@ def record_profiles(
     done = replace(cell, folder=folder, sensor=sensor, frames=tuple(rows), truth=truth)
     write_cell(done, folder, READING_DECIMALS)
     return done
+
+
+def _counting(sensor: Sensor, form: str) -> Sensor:
+    """The sensor with the unit of its counts, where the format has them: one for all files, that holds the field."""
+    output = sensor.profile
+    if output is None or form != _IN_COUNTS or output.unit is not None:
+        return sensor
+    return replace(sensor, profile=replace(output, unit=fitting_unit(output.require_field_of_view()[:, 1])))
 
 
 def _as_built(

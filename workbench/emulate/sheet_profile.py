@@ -1,6 +1,7 @@
 """What a profile sensor delivers of a target: rays of the fan against exact geometry, on the maker's grid, with noise.
 
-The geometry is met here by its own equations, which nothing that solves uses.
+The geometry is met here by its own equations, which nothing that solves uses; of a kind that has none here, by the
+sections of its mesh.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from geometry import InputError, Pose, Sensor, Target, field_of_view, inside_polygon
 from geometry.sensor import ProfileOutput
 from jig_cad import Balls, Edge, Jig, Plane, Sphere, Wedge
-from jig_cad.bodies import FACE_MM, FACE_WIDTH_MM, PLATE_MM
+from jig_cad.bodies import FACE_MM, FACE_WIDTH_MM, PLATE_MM, target_meshes
 from workbench.profiles import ScanLine
 
 Array = NDArray[np.float64]
@@ -150,7 +151,44 @@ def _meet(target: Target) -> Meet:
         return _wedge(target)
     if isinstance(target, Jig):
         return _strings(target)
-    raise InputError(f"a target of class {type(target).__name__} can not be emulated as a profile")
+    return _bodies(target)
+
+
+def _bodies(target: Target) -> Meet:
+    """Of a target without equations here: the sections in which the sheet cuts its meshes, a feature each."""
+    import trimesh  # slow, and none of the shipped kinds needs it
+
+    meshes = tuple(target_meshes(target).values())
+
+    def meet(origin: Array, direction: Array) -> tuple[Array, NDArray[np.intp]]:
+        ahead = direction[len(direction) // 2]
+        across = np.cross(direction[0], direction[-1])
+        across = across / np.linalg.norm(across)
+        axes = np.array([ahead, np.cross(across, ahead)])
+        ray = direction @ axes.T
+        pieces = [trimesh.intersections.mesh_plane(mesh, across, origin) for mesh in meshes]  # type: ignore[no-untyped-call] # trimesh has no types
+        return _nearest([_first_cut((np.asarray(p).reshape(-1, 2, 3) - origin) @ axes.T, ray) for p in pieces])
+
+    return meet
+
+
+def _first_cut(pieces: Array, ray: Array) -> Array:
+    """Lengths (N,) along rays (N, 2), in the order of their angle, from the origin to the first of straight pieces.
+
+    pieces (P, 2, 2): their ends. A piece is held against the rays between its ends alone; infinite where none is met.
+    """
+    out = np.full(len(ray), np.inf)
+    angle, ends = np.arctan2(ray[:, 1], ray[:, 0]), np.sort(np.arctan2(pieces[..., 1], pieces[..., 0]), axis=1)
+    first = np.searchsorted(angle, ends[:, 0], "left")
+    last = np.where(np.ptp(ends, axis=1) < np.pi, np.searchsorted(angle, ends[:, 1], "right"), 0)  # none behind the eye
+    for k in np.flatnonzero(last > first):
+        mine = slice(first[k], last[k])
+        start, way = pieces[k, 0], pieces[k, 1] - pieces[k, 0]
+        turn = ray[mine, 0] * way[1] - ray[mine, 1] * way[0]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            length = (start[0] * way[1] - start[1] * way[0]) / turn
+        out[mine] = np.fmin(out[mine], np.where(length > 0, length, np.inf))
+    return out
 
 
 def _nearest(lengths: list[Array]) -> tuple[Array, NDArray[np.intp]]:

@@ -225,6 +225,8 @@ def read_cell(path: Path, *, recorded: bool = True) -> Cell:
         _check_location_names(file, frames, source)
     truth = folder / "truth.json"
     evidence = _evidence(file, folder, robot, source, remarks.append) if recorded else ()
+    if recorded and frames:
+        _check_distances(file, frames, source, remarks.append)
     target = _read_targets(folder, file, source, frames)
     scp = file.scp_initial
     points = _points(folder, file, frames, frames_path, target, remarks.append) if recorded else None
@@ -258,6 +260,17 @@ def _evidence(
 ) -> tuple[Evidence, ...]:
     n_joints = None if robot is None else robot.n_joints
     return read_evidence(file.evidence, folder, n_joints, source.where(("evidence",)), remark)
+
+
+def _check_distances(file: CellFile, frames: tuple[Frame, ...], source: TomlSource, remark: Remark) -> None:
+    """A distance to a place that no frame saw tells nothing, which is said: misspelt, or yet to be seen."""
+    seen = list(dict.fromkeys(row.location for row in frames))
+    for given in file.evidence.distance:
+        for name in (n for n in given.between if n not in seen):
+            remark(
+                f"{source.where(('evidence',))}: [[evidence.distance]] between names location {name}, at which no "
+                f"frame was taken: the distance is not used{suggestion(name, seen)}"
+            )
 
 
 def _places(source: TomlSource, file: CellFile) -> dict[str, Pose]:

@@ -66,11 +66,15 @@ def validate(
         raise InputError(sentence(error, model, source, also or {})) from None
 
 
+# what pydantic adds to a place where several kinds of value are right
+_BRANCH = re.compile(r"constrained-\w+|literal\[.*\]|function-\w+\[.*\]")
+
+
 def sentence(error: ValidationError, model: type[BaseModel], source: TomlSource, also: Names) -> str:
     """The first problem of ``error`` as one sentence; unknown keys come first, they cause the others."""
     problems = error.errors(include_url=False, include_context=True)
     first = min(problems, key=lambda p: p["type"] != "extra_forbidden")
-    location: Location = tuple(first["loc"])
+    location: Location = tuple(p for p in first["loc"] if not (isinstance(p, str) and _BRANCH.fullmatch(p)))
     where = source.where(location)
     if first["type"] == "extra_forbidden":
         known = [*_known_keys(model, location[:-1]), *also.get(location[:-1], ())]

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field
 
-from geometry import InputError, Target, did_you_mean, toml_value
+from geometry import InputError, Surface, Target, did_you_mean, toml_value
 from jig_cad import Balls, Edge, Jig, Plane, Sphere, Wedge, jig_from_table, jig_text
 from jig_cad.files import KINDS, table_model, without_names
 from workbench.files.strict import FileSection, NotNegative, Positive, Vector3, validate
@@ -83,56 +84,92 @@ def read_target(path: Path) -> Target:
         near = did_you_mean(str(kind), KINDS) or f" (known: {', '.join(KINDS)})"
         raise InputError(f'{source.where(("kind",))}: kind = "{str(kind)[:40]}" is no target{near}')
     try:
-        return _read(str(kind), source)
+        if kind in _KINDS:
+            return _KINDS[kind].made(source)
+        validate(table_model(source.data, source.where(("kind",))), source, without_names(source.data))
+        return jig_from_table(source.data, str(source.path))
     except InputError as error:
         raise error if str(error).startswith(str(path)) else InputError(f"{path}: {error}") from None
 
 
-def _read(kind: str, source: TomlSource) -> Target:
-    if kind == "sphere":
-        ball = validate(SphereFile, source)
-        if ball.diameter_mm is None:
-            if ball.diameter_sigma_mm:
-                raise InputError(f"{source.where(('diameter_sigma_mm',))}: stands without diameter_mm")
-            return Sphere(diameter_sigma_mm=np.inf, name=ball.name)
-        return Sphere(ball.diameter_mm, ball.diameter_sigma_mm, ball.name)
-    if kind == "balls":
-        balls = validate(BallsFile, source)
-        names = [b.name or f"ball {k + 1}" for k, b in enumerate(balls.ball)]
-        twice = next((n for n in names if names.count(n) > 1), None)
-        if twice is not None:
-            raise InputError(f'{source.where(("ball",))}: two balls are called "{twice}"')
-        return Balls.of({n: (b.diameter_mm, b.centre_mm) for n, b in zip(names, balls.ball, strict=True)}, balls.name)
-    if kind == "plane":
-        plane = validate(PlaneFile, source)
-        return Plane(plane.width_mm, plane.height_mm, plane.name)
-    if kind == "edge":
-        return Edge(validate(EdgeFile, source).name)
-    if kind == "wedge":
-        wedge = validate(WedgeFile, source)
-        known = wedge.angle_deg is not None
-        return Wedge(angle_deg=wedge.angle_deg or 90.0, angle_known=known, name=wedge.name)
-    validate(table_model(source.data, source.where(("kind",))), source, without_names(source.data))
-    return jig_from_table(source.data, str(source.path))
+def _sphere(source: TomlSource) -> Sphere:
+    ball = validate(SphereFile, source)
+    if ball.diameter_mm is None:
+        if ball.diameter_sigma_mm:
+            raise InputError(f"{source.where(('diameter_sigma_mm',))}: stands without diameter_mm")
+        return Sphere(diameter_sigma_mm=np.inf, name=ball.name)
+    return Sphere(ball.diameter_mm, ball.diameter_sigma_mm, ball.name)
+
+
+def _sphere_text(ball: Sphere) -> str:
+    keys = {"diameter_mm": ball.diameter_mm, "diameter_sigma_mm": ball.diameter_sigma_mm or None}
+    return _text("sphere", ball.name, keys if ball.known else {})
+
+
+def _balls(source: TomlSource) -> Balls:
+    balls = validate(BallsFile, source)
+    names = [b.name or f"ball {k + 1}" for k, b in enumerate(balls.ball)]
+    twice = next((n for n in names if names.count(n) > 1), None)
+    if twice is not None:
+        raise InputError(f'{source.where(("ball",))}: two balls are called "{twice}"')
+    return Balls.of({n: (b.diameter_mm, b.centre_mm) for n, b in zip(names, balls.ball, strict=True)}, balls.name)
+
+
+def _balls_text(target: Balls) -> str:
+    balls = zip(target.names, target.diameters_mm.tolist(), target.centres_mm.tolist(), strict=True)
+    each = [f"[[ball]]\nname = {toml_value(n)}\ndiameter_mm = {d!r}\ncentre_mm = {c}\n" for n, d, c in balls]
+    return _text("balls", target.name, {}) + "".join(each)
+
+
+def _plane(source: TomlSource) -> Plane:
+    plane = validate(PlaneFile, source)
+    return Plane(plane.width_mm, plane.height_mm, plane.name)
+
+
+def _plane_text(plane: Plane) -> str:
+    return _text("plane", plane.name, {"width_mm": plane.width_mm, "height_mm": plane.height_mm})
+
+
+def _edge(source: TomlSource) -> Edge:
+    return Edge(validate(EdgeFile, source).name)
+
+
+def _edge_text(edge: Edge) -> str:
+    return _text("edge", edge.name, {})
+
+
+def _wedge(source: TomlSource) -> Wedge:
+    wedge = validate(WedgeFile, source)
+    known = wedge.angle_deg is not None
+    return Wedge(angle_deg=wedge.angle_deg or 90.0, angle_known=known, name=wedge.name)
+
+
+def _wedge_text(wedge: Wedge) -> str:
+    return _text("wedge", wedge.name, {"angle_deg": wedge.angle_deg if wedge.angle_known else None})
+
+
+class _Kind(NamedTuple):
+    """How a target of one kind is made of its file, and written."""
+
+    made: Callable[[TomlSource], Target]
+    text: Callable[[Any], str]
+
+
+_KINDS: dict[str, _Kind] = {
+    "sphere": _Kind(_sphere, _sphere_text),
+    "balls": _Kind(_balls, _balls_text),
+    "plane": _Kind(_plane, _plane_text),
+    "edge": _Kind(_edge, _edge_text),
+    "wedge": _Kind(_wedge, _wedge_text),
+}
 
 
 def target_text(target: Target) -> str:
     """A target as the text of its file; read back it is the same."""
     if isinstance(target, Jig):
         return 'kind = "strings"\n' + jig_text(target)
-    if isinstance(target, Sphere):
-        keys = {"diameter_mm": target.diameter_mm, "diameter_sigma_mm": target.diameter_sigma_mm or None}
-        return _text("sphere", target.name, keys if target.known else {})
-    if isinstance(target, Plane):
-        return _text("plane", target.name, {"width_mm": target.width_mm, "height_mm": target.height_mm})
-    if isinstance(target, Edge):
-        return _text("edge", target.name, {})
-    if isinstance(target, Wedge):
-        return _text("wedge", target.name, {"angle_deg": target.angle_deg if target.angle_known else None})
-    if isinstance(target, Balls):
-        balls = zip(target.names, target.diameters_mm.tolist(), target.centres_mm.tolist(), strict=True)
-        each = [f"[[ball]]\nname = {toml_value(n)}\ndiameter_mm = {d!r}\ncentre_mm = {c}\n" for n, d, c in balls]
-        return _text("balls", target.name, {}) + "".join(each)
+    if isinstance(target, Surface) and target.kind in _KINDS:
+        return _KINDS[target.kind].text(target)
     raise InputError(f"a target of class {type(target).__name__} has no file")
 
 

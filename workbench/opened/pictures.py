@@ -45,6 +45,7 @@ class Pictures:
         self._lock = threading.Lock()
         self._kept: OrderedDict[int, tuple[Stamp, Image]] = OrderedDict()
         self._bytes = 0
+        self._remarks: dict[int, list[str]] = {}
 
     def add(self, paths: Iterable[Path]) -> None:
         """More images, behind those that are there."""
@@ -91,10 +92,17 @@ class Pictures:
             if kept is not None and kept[0] == stamp:
                 self._kept.move_to_end(index)
                 return kept
-        path = self.paths[index]
-        image = read_image(path, self._sensor or sensor_of_picture(path), lossy=True)
+        path, said = self.paths[index], list[str]()
+        image = read_image(path, self._sensor or sensor_of_picture(path), said.append, lossy=True)
         self._keep(index, stamp, image)
+        self._remarks.pop(index, None)
+        if said:
+            self._remarks[index] = said
         return stamp, image
+
+    def remarks(self, index: int) -> list[str]:
+        """What was remarked when the image was read last: a lossy format, colours."""
+        return self._remarks.get(index, [])
 
     def _keep(self, index: int, stamp: Stamp, image: Image) -> None:
         with self._lock:

@@ -6,6 +6,7 @@ the sensor's housing, the housing as a box. Distances are exact.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 
 from geometry import (
     Arm,
+    InputError,
     Pose,
     Sensor,
     Surface,
@@ -23,7 +25,8 @@ from geometry import (
     segments_to_boxes_mm,
 )
 from geometry.sensor import housing_box
-from jig_cad import Balls, Jig, Plane, Sphere
+from jig_cad import Balls, Edge, Jig, Plane, Sphere, Wedge
+from jig_cad.bodies import target_meshes
 from jig_cad.solids import PillarDesign, block_edge_mm
 
 Array = NDArray[np.float64]
@@ -199,6 +202,9 @@ def target_boxes(target: Target) -> Array:
     if isinstance(target, Plane):
         half = np.array([(target.width_mm or PLATE_SIDE_MM) / 2, (target.height_mm or PLATE_SIDE_MM) / 2])
         return np.array([[[*-half, -PLATE_MM], [*half, 0.0]]])
+    if isinstance(target, Surface) and not isinstance(target, Edge | Wedge):
+        with suppress(InputError):  # one whose body nobody gave keeps the box of an edge
+            return np.array([mesh.bounds for mesh in target_meshes(target).values()])
     edge = PLATE_SIDE_MM / 4 if isinstance(target, Surface) else 0.0
     return np.array([[[-edge, -edge, -edge], [edge, edge, 0.0]]])
 

@@ -30,7 +30,7 @@ from geometry import (
     target_at,
 )
 from geometry.ties import first_least
-from jig_cad import Balls, Edge, Plane, Sphere, Wedge
+from jig_cad import Balls, Sphere
 from workbench.files import Cell
 from workbench.plan.choose import size_mm
 from workbench.plan.clearance import (
@@ -40,6 +40,7 @@ from workbench.plan.clearance import (
     room_in_workspace_mm,
     standing,
 )
+from workbench.plan.nodes import nodes_of
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -47,15 +48,8 @@ Index = NDArray[np.intp]
 POOL = 200  # views drawn at each location
 _STARTS = 4  # of the inverse kinematics, beside the last frame's posture
 _SAME = 1e-6  # of a size's logarithm: of views as good the first is taken
-NODE_MM = 0.01  # σ of a node: many points of some 0.05 mm that share their noise; joints weigh more
-NODE_ALONG_MM = 1e-3
 BESIDE = 0.7  # of a ball's radius, that a view cuts it beside its middle at most
-LEAST_SECTION = 0.3  # of a ball's radius: a smaller section is a cap that is hardly lit
-ARC_RAD = 0.9  # to either side of a section's middle, that is lit
-FACE_MM = (4.0, 20.0)  # from a wedge's ridge, between which its faces are seen
-GRAZING_RAD = np.deg2rad(25.0)  # between the laser's ray and a face: a flatter one sends hardly any light back
 SPREAD_MM = 12.0  # beside where the frames so far saw the target
-LINE_MM = 15.0  # to either side, that a plate's line is seen
 HAND_NOISE_MM, HAND_NOISE_DEG = 0.1, 0.02  # of hand poses of which nothing is known yet
 
 
@@ -103,6 +97,10 @@ class _Place:
     R_base_sensor: Array
     aim_mm: Array
     seen_mm: Array
+
+    def cut_by(self, T_base_sensor: Pose) -> AxisPoints:
+        """The nodes of what a view cuts; none where it cuts nothing."""
+        return nodes_of(self.target, T_base_sensor.inverse() @ self.T_base_target, self.seen_mm)
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,7 +173,7 @@ def next_views(
     taken = [f for f in frames if f.location in names and f.role == "calibrate"]
     pool = [_drawn(p, k, rng, tilt_deg, roll_deg, cell) for k, p in enumerate(given)]
     hands = [_hand(cell, f) for f in taken]
-    axes = [_seen(given[names.index(f.location)], T @ T_hand_sensor) for f, T in zip(taken, hands, strict=True)]
+    axes = [given[names.index(f.location)].cut_by(T @ T_hand_sensor) for f, T in zip(taken, hands, strict=True)]
     keep = [i for i, a in enumerate(axes) if len(a)]
     problem = _Problem(cell, T_hand_sensor, given, model, hand_noise)
     base = problem.tells(
@@ -383,7 +381,7 @@ def _drawn(place: _Place, k: int, rng: np.random.Generator, tilt: float, roll: f
         seen[:, 0] = rng.uniform(-BESIDE, BESIDE, POOL) * place.target.diameters_mm[which] / 2
     R = place.R_base_sensor @ turn
     T = Pose(R, aim - (R @ seen[..., None])[..., 0])
-    axes = [_seen(place, T[i]) for i in range(POOL)]
+    axes = [place.cut_by(T[i]) for i in range(POOL)]
     polygon = _field(cell)
     good = [
         i for i, a in enumerate(axes)
@@ -393,71 +391,3 @@ def _drawn(place: _Place, k: int, rng: np.random.Generator, tilt: float, roll: f
     tilts = np.rad2deg(np.linalg.norm(about, axis=1))[index]
     room = np.full(len(good), np.nan)
     return _Views(k, T[index], tilts, np.rad2deg(spin)[index], tuple(axes[i] for i in good), None, room)
-
-
-def _seen(place: _Place, T_base_sensor: Pose) -> AxisPoints:
-    """The nodes of what a view cuts; none where it cuts nothing."""
-    T = T_base_sensor.inverse() @ place.T_base_target
-    target = place.target
-    if isinstance(target, Sphere):
-        nodes, labels = _arc(T.t, target.diameter_mm / 2, target.features[0])
-    elif isinstance(target, Balls):
-        parts = [
-            _arc(c, d / 2, n)
-            for n, c, d in zip(target.names, T @ target.centres_mm, target.diameters_mm, strict=True)
-        ]  # fmt: skip
-        nodes, labels = [p for part in parts for p in part[0]], [n for part in parts for n in part[1]]
-    elif isinstance(target, Plane):
-        nodes, labels = _line(T, place.seen_mm), [target.features[0]] * 2
-    elif isinstance(target, Edge | Wedge):
-        nodes, labels = _ridge(T, target)
-    else:
-        raise InputError(f"views of a {target.kind} can not be proposed")
-    yz = np.array(nodes).reshape(-1, 2)
-    n = len(yz)
-    labels = labels if n else []
-    cov = np.broadcast_to(NODE_MM**2 * np.eye(2), (n, 2, 2))
-    return AxisPoints(tuple(labels), np.full(n, -1, dtype=np.intp), yz, cov, ("",) * n)
-
-
-def _arc(centre: Array, radius: float, name: str) -> tuple[list[Array], list[str]]:
-    if abs(centre[0]) > radius * np.sqrt(1 - LEAST_SECTION**2):
-        return [], []
-    section = float(np.sqrt(radius**2 - centre[0] ** 2))
-    middle = np.arctan2(-centre[1], -centre[2])  # towards {P}'s origin
-    angles = middle + np.array([-ARC_RAD, 0.0, ARC_RAD])
-    return [centre[1:] + section * np.array([np.sin(a), np.cos(a)]) for a in angles], [name] * 3
-
-
-def _line(T: Pose, seen: Array) -> list[Array]:
-    n = T.R[:, 2]
-    if abs(n[2]) < np.sin(GRAZING_RAD):
-        return []
-    y = seen[1] + np.array([-LINE_MM, LINE_MM])
-    return [np.array([v, (n @ T.t - n[1] * v) / n[2]]) for v in y]
-
-
-def _ridge(T: Pose, target: Edge | Wedge) -> tuple[list[Array], list[str]]:
-    along = T.R[:, 0]
-    if abs(along[0]) < 0.1:
-        return [], []
-    ridge = (T.t - along * (T.t[0] / along[0]))[1:]
-    if isinstance(target, Edge):
-        return [ridge], ["edge"]
-    nodes, labels = [], []
-    down = -T.R[:, 2]
-    ray = np.array([0.0, *ridge]) / max(float(np.linalg.norm(ridge)), 1e-9)
-    lit = T.R @ target.normals.T
-    facing = -ray @ lit
-    if np.min(np.abs(facing)) < np.sin(GRAZING_RAD) or facing[0] * facing[1] < 0:  # from outside, or both from inside
-        return [], []
-    for name, own in zip(target.features, target.normals, strict=True):
-        n = T.R @ own
-        line = np.array([n[2], -n[1]])
-        line = line / max(float(np.linalg.norm(line)), 1e-9)
-        away = T.R @ np.cross(own, [1.0, 0.0, 0.0])
-        away = away if away @ down > 0 else -away
-        line = line * (1.0 if line @ away[1:] >= 0 else -1.0)
-        nodes += [ridge + s * line for s in FACE_MM]
-        labels += [name] * 2
-    return nodes, labels

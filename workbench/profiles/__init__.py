@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from workbench.profiles.checked import CheckedProfile, checked_profile
     from workbench.profiles.conversion import convert
     from workbench.profiles.files import READERS, WRITERS, read_scan_lines, write_scan_lines
+    from workbench.profiles.formats.keyence_lj_x import fitting_unit
     from workbench.profiles.of_frames import FrameProfiles, frame_profiles
     from workbench.profiles.source import open_source
 
@@ -22,6 +23,7 @@ __all__ = [
     "Told",
     "checked_profile",
     "convert",
+    "fitting_unit",
     "frame_profiles",
     "open_source",
     "read_scan_lines",
@@ -43,6 +45,7 @@ __getattr__ = lazy_names(
             "read_scan_lines",
             "write_scan_lines",
         ),
+        "workbench.profiles.formats.keyence_lj_x": ("fitting_unit",),
         "workbench.profiles.of_frames": (
             "FrameProfiles",
             "frame_profiles",

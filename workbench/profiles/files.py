@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -37,12 +38,12 @@ _FORMATS: tuple[ModuleType, ...] = (
 )  # fmt: skip
 _MARK = 1e30  # the limits of float and double are marks of missing points
 _FARTHEST_MM = 1e5
+_LONGEST_HEADER = 200  # characters that a sentence can repeat
 Reader = Callable[[Source, Told], tuple[ScanLine, ...]]
 READERS: dict[str, Reader] = {m.NAME: m.read for m in _FORMATS}
 WRITERS: dict[str, Callable[[Sequence[ScanLine], Told], bytes]] = {
-    m.NAME: m.write
-    for m in (csv_points, gocator, keyence_csv, ply, npy_points, keyence_lj_x, opencv_yaml, xyz)
-}  # fmt: skip
+    m.NAME: m.write for m in _FORMATS if hasattr(m, "write")
+}
 
 
 def recognise(source: Source) -> str:
@@ -51,10 +52,28 @@ def recognise(source: Source) -> str:
         if module.recognises(source):
             return str(module.NAME)
     hint = " (an array of other numbers than a profile's)" if source.data.startswith(b"\x93NUMPY") else ""
+    head = _header(source)
+    if head:
+        raise InputError(
+            f"{source.path}: its first line, {head}, names no columns that are known: a csv of points needs a header "
+            "with y_mm (or x_mm, which is the same here) and z_mm; a maker's own format is named by --format or "
+            f"[profile] format, one of {', '.join(sorted(READERS))}"
+        )
     raise InputError(
         f"{source.path}: is in no profile format that is recognised{hint}; name it by --format or [profile] format, "
         f"one of {', '.join(sorted(READERS))}"
     )
+
+
+def _header(source: Source) -> str:
+    """The first line of a text of several columns, where its cells are words; "" else."""
+    if source.is_binary:
+        return ""
+    first = next((line.strip() for line in source.head.splitlines() if line.strip()), "")
+    cells = [c for c in re.split(r"[,;\t]", first) if c.strip()]
+    if len(cells) < 2 or len(first) > _LONGEST_HEADER or not all(c.strip().strip('"')[:1].isalpha() for c in cells):
+        return ""
+    return f'"{first}"'
 
 
 def read_scan_lines(path: Path, told: Told | None = None) -> tuple[ScanLine, ...]:

@@ -22,7 +22,13 @@ def print_calibration(console: Console, result: CalibrationResult, complaints: d
     console.print(_scp_table(result))
     _print_nominal(console, result)
     if result.T_hand_sensor is not None:
-        _print_conventions(console, result.T_hand_sensor)
+        apart = result.nominal_apart
+        if apart is None:
+            _print_conventions(console, result.T_hand_sensor, "The same pose as makers write it")
+        else:
+            _print_conventions(
+                console, apart.T_hand_sensor, "The pose for a controller with its nominal table, as makers write it"
+            )
     console.print(_location_table(result))
     _print_points(console, result)
     _print_left_out(console, result, complaints or {})
@@ -68,8 +74,8 @@ def _scp_rows(table: Table, what: str, unit: str, design: object, solved: object
 
 def _print_nominal(console: Console, result: CalibrationResult) -> None:
     """The SCP that goes with the nominal table, where that is another."""
-    nominal = result.nominal
-    if nominal is None or not np.any(result.robot_delta):
+    nominal = result.nominal_apart
+    if nominal is None:
         return
     rotation, translation = nominal.T_hand_sensor.fixed_xyz_deg, nominal.T_hand_sensor.t
     sigma = printed_sigmas(nominal.T_hand_sensor, nominal.covariance)
@@ -79,9 +85,9 @@ def _print_nominal(console: Console, result: CalibrationResult) -> None:
     )
 
 
-def _print_conventions(console: Console, pose: Pose) -> None:
-    """The SCP in every maker's numbers, each with its formula, one line a maker."""
-    console.print(Text("The same pose as makers write it"))
+def _print_conventions(console: Console, pose: Pose, heading: str) -> None:
+    """A pose in every maker's numbers, each with its formula, one line a maker."""
+    console.print(Text(heading))
     for name, convention in CONVENTIONS.items():
         numbers = ", ".join(f"{_short(label)} {value:.7g}" for label, value in express(pose, name).items())
         unit = "mm" if convention.length_mm == 1 else "m"

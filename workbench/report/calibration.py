@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from calib import CalibrationResult
+from calib import CalibrationResult, printed_sigmas
 from geometry import CONVENTIONS, Frame, Surface, clean, express, target_at
 from workbench.cell import Observed
 from workbench.files import Cell, Settings, read_image, settings_text, write_text
@@ -101,11 +101,13 @@ def _in_three_dimensions(given: ReportInput) -> dict[str, Any]:
 
 def _content(given: ReportInput) -> dict[str, Any]:
     result, cell = given.result, given.cell
+    rows = scp_rows(result)
     return {
         "title": cell.name or cell.folder.resolve().name,
         "result": result,
         "banner": BANNER.get(result.verdict.code, "bad"),
-        "scp": scp_rows(result),
+        "scp": rows,
+        "two_tables": bool(np.isfinite(rows[0]["nominal"])),
         "matrix": _matrix_text(result),
         "conventions": _conventions(result),
         "picture": None if given.picture is None else jpeg(given.picture[..., ::-1]),
@@ -123,7 +125,7 @@ def _content(given: ReportInput) -> dict[str, Any]:
 
 
 def scp_rows(result: CalibrationResult) -> list[dict[str, Any]]:
-    """The six numbers with design, σ and 95 % interval.
+    """The six numbers with design, σ and 95 % interval, and those that go with the robot's nominal table.
 
     Parameters
     ----------
@@ -133,7 +135,8 @@ def scp_rows(result: CalibrationResult) -> list[dict[str, Any]]:
     Returns
     -------
     list of dict
-        name, unit, design, solved, sigma, low and high; NaN where there is none.
+        name, unit, design, solved, sigma, low, high, nominal and nominal_sigma; NaN where there is none. Nominal is
+        there only where the solved pose goes with another table.
 
     """
     pose, design = result.T_hand_sensor, result.T_hand_sensor_design
@@ -143,20 +146,26 @@ def scp_rows(result: CalibrationResult) -> list[dict[str, Any]]:
         ("rotation", "°", nothing if design is None else design.fixed_xyz_deg, angles, result.sigma_rotation_deg),
         ("translation", "mm", nothing if design is None else design.t, place, result.sigma_translation_mm),
     )
+    nominal = result.nominal_apart
+    by_nominal = (
+        (nothing, nothing) if nominal is None else (nominal.T_hand_sensor.fixed_xyz_deg, nominal.T_hand_sensor.t)
+    )
+    sigma_nominal = (nothing, nothing) if nominal is None else printed_sigmas(nominal.T_hand_sensor, nominal.covariance)
     rows = []
-    for what, unit, d, s, sigma in parts:
+    for k, (what, unit, d, s, sigma) in enumerate(parts):
         spread = nothing if sigma is None else sigma
         for i, axis in enumerate(AXES):
             half = QUANTILE_95 * spread[i]
             row = {"name": f"{what} {axis}", "unit": unit, "design": float(d[i]) + 0.0, "solved": float(s[i])}
-            rows.append(row | {"sigma": float(spread[i]), "low": float(s[i] - half), "high": float(s[i] + half)})
+            row |= {"sigma": float(spread[i]), "low": float(s[i] - half), "high": float(s[i] + half)}
+            rows.append(row | {"nominal": float(by_nominal[k][i]), "nominal_sigma": float(sigma_nominal[k][i])})
     return rows
 
 
 def _conventions(result: CalibrationResult) -> list[dict[str, Any]]:
     if result.T_hand_sensor is None:
         return []
-    pose = result.T_hand_sensor
+    pose = result.T_hand_sensor if result.nominal_apart is None else result.nominal_apart.T_hand_sensor
     return [{"maker": c.maker, "formula": c.formula, "numbers": express(pose, key)} for key, c in CONVENTIONS.items()]
 
 

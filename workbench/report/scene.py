@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib import CalibrationResult
-from geometry import Frame, Pose, Surface, Target, require_arm, target_at
-from jig_cad import Jig, Sphere
+from geometry import Frame, Pose, Target, require_arm, target_at
+from jig_cad import Balls, Jig, Plane, Sphere
 from workbench.cell import field_of_view_of
 from workbench.files import Cell
 
@@ -108,10 +108,13 @@ def _lines(target: Target, T: Pose) -> Array:
         lines = np.stack([target.anchors_mm[target.start_index], target.anchors_mm[target.end_index]], axis=1)
     elif isinstance(target, Sphere):
         lines = _circles(target.diameter_mm / 2)
-    elif isinstance(target, Surface) and target.kind == "plane":
+    elif isinstance(target, Balls):
+        around = [_circles(d / 2) + c for c, d in zip(target.centres_mm, target.diameters_mm.tolist(), strict=True)]
+        lines = np.concatenate(around)
+    elif isinstance(target, Plane):
         corners = PLATE_MM * np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], dtype=float)
         lines = np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
-    else:
+    else:  # an edge, a ridge, an axis
         lines = EDGE_MM * np.array([[(-1.0, 0.0, 0.0), (1.0, 0.0, 0.0)]])
     return (T @ lines.reshape(-1, 3)).reshape(-1, 2, 3)
 

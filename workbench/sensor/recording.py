@@ -187,6 +187,11 @@ def _view(file: ViewFiles, board: Board, image: Image, lit: Image, found: BoardC
             return bare, [*said, text]
     off = None if single else image
     peaks = stripe_on_board(lit, off, board, found)
+    if single and not len(peaks):
+        said.append(
+            f"{file.name}: no stripe stands out from the print in a single picture: take two of every pose, with the "
+            "laser off and on"
+        )
     if off is not None and second_stripe(lit, off, board, found, peaks) > SECOND_SHARE:
         said.append(
             f"{file.name}: a second stripe stands beside the one that is used (the laser's reflection?): the brighter "
@@ -215,7 +220,7 @@ def _moved(lit: Image, board: Board, found: BoardCorners) -> float | None:
     if isinstance(again, NoBoard):
         return None
     distance = np.linalg.norm(again.uv_px[:, None] - found.uv_px[None], axis=-1)
-    nearest = distance.min(axis=1)
+    nearest = min((distance.min(axis=i) for i in (0, 1)), key=np.median)  # one of them may show a part only
     sigma = np.sqrt(np.median(np.trace(found.covariance_px2, axis1=1, axis2=2)))
     shift = float(np.median(nearest))
     return shift if shift > MOVED_PX + 5 * sigma else None

@@ -9,7 +9,7 @@ recorded and emulated, G the step's own gain.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -35,7 +35,7 @@ from workbench.twin.keys import (
     start_values,
     within,
 )
-from workbench.twin.seen import NAMES, Image, ImageSeen, see, smooth
+from workbench.twin.seen import NAMES, Image, ImageSeen, Look, see, smooth, usual_width_px
 
 Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
@@ -51,10 +51,10 @@ STEP, LINEAR_STEP = 0.4, 0.5  # of a key's logarithm, of a linear key, for its d
 FLOOR = 0.01  # σ that no figure is taken to be better than: the surface that stands for the recorded one is not it
 SHARES = (1.0, 0.5, 0.25)  # of the first step
 POWERS = (1.0, 0.5, 2.0, 0.25, 4.0, 0.1, 10.0, 0.03, 30.0)  # of the file's, tried in turn
-MIN_PARTS = 0.7  # of the recorded stripes: so many must be found in the emulated images
+MIN_POINTS = 0.7  # of the recorded stripes': so many must be found in the emulated images
 MIN_INSIDE = 0.5  # part of the points that must lie in the laser's fan
 MAX_IMAGES = 12
-MAX_CLIPPED = 0.5  # part of the points: what is left of such stripes is their dim ends alone
+MAX_CLIPPED = 0.5  # part of the points: beyond, what is left of the stripes is their dim ends alone
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +62,8 @@ class Twin:
     """A sensor as its images show it.
 
     sensor, config: with the fitted keys. keys: the same with σ. recorded, emulated: what extraction sees, image by
-    image. chi2_per_dof: of the figures.
+    image. chi2_per_dof: of the figures. clipped: whether most points have saturated pixels, so that width and flanks
+    tell the light, not height.
     """
 
     sensor: Sensor
@@ -72,6 +73,7 @@ class Twin:
     emulated: tuple[ImageSeen, ...]
     chi2_per_dof: float
     converged: bool
+    clipped: bool
 
 
 def fit_twin(
@@ -102,8 +104,12 @@ def fit_twin(
     InputError
         Where no image shows a stripe, or the stripes do not lie in the laser's fan.
     """
-    every = [see(image, sensor, StripeConfig()) for _, image in images]
-    _check_clipped(every)
+    every = [see(image, sensor, StripeConfig(), Look()) for _, image in images]
+    look = Look(clipped_too=_clipped(every))
+    if look.clipped_too:
+        every = [see(image, sensor, StripeConfig(), look) for _, image in images]
+    own = replace(look, width_px=usual_width_px(every))
+    every = [see(image, sensor, StripeConfig(), own) for _, image in images]
     recorded = tuple(s for s in every if len(s.parts))[:MAX_IMAGES]
     if not recorded:
         raise InputError(
@@ -111,17 +117,17 @@ def fit_twin(
             f"with the laser on, of a smooth surface"
         )
     _check_fan(recorded, sensor)
-    emulate = _Emulation(sensor, config, tuple(_scene(s, sensor) for s in recorded), seed, progress)
+    emulate = _Emulation(sensor, config, tuple(_scene(s, sensor) for s in recorded), look, seed, progress)
     start = np.array([v if k.linear else np.log(v) for k, v in zip(KEYS, start_values(sensor, config), strict=True)])
     precision = TO_KEYS.T @ np.diag([k.prior**-2 for k in KEYS]) @ TO_KEYS
     asked = _Asked(*_means(recorded), precision, np.linalg.solve(TO_KEYS, start))
-    parts = MIN_PARTS * _count(recorded)
-    place = _begun(np.linalg.solve(TO_KEYS, _first(start, asked.figures)), emulate, asked, parts)
+    points = MIN_POINTS * _count(recorded)
+    place = _begun(np.linalg.solve(TO_KEYS, _first(start, asked.figures)), emulate, asked, points)
     converged, covariance = False, np.asarray(np.linalg.inv(precision))
     for _ in range(ITERATIONS):
         step = _Step.at(place, emulate, asked)
         covariance = step.covariance
-        moved, last = _nearer(place, step, emulate, asked, parts)
+        moved, last = _nearer(place, step, emulate, asked, points)
         converged = moved is None or bool(np.all(np.abs(last) < SETTLED * np.sqrt(np.diag(covariance))))
         place = moved or place
         if converged:
@@ -130,7 +136,7 @@ def fit_twin(
     chi2_per_dof = asked.misfit(place) / max(int(np.isfinite(asked.figures - place.figures).sum()) - len(KEYS), 1)
     # figures that differ by more than their scatter say how far the emulator is off: σ hold it too (Birge's ratio)
     keys = fitted(place.theta, covariance * max(1.0, chi2_per_dof))
-    return Twin(twin_sensor, twin_config, keys, recorded, place.seen, chi2_per_dof, converged)
+    return Twin(twin_sensor, twin_config, keys, recorded, place.seen, chi2_per_dof, converged, look.clipped_too)
 
 
 class _Emulation:
@@ -141,10 +147,12 @@ class _Emulation:
         sensor: Sensor,
         config: EmulatorConfig,
         scenes: tuple[tuple[Solid, ...], ...],
+        look: Look,
         seed: int,
         progress: Progress,
     ) -> None:
-        self._sensor, self._config, self._scenes, self._seed, self._progress = sensor, config, scenes, seed, progress
+        self._sensor, self._config, self._scenes, self.look = sensor, config, scenes, look
+        self._seed, self._progress = seed, progress
         self._done, self._total = 0, ITERATIONS * (len(KEYS) + 2) + 1
 
     def __call__(self, theta: Array) -> tuple[ImageSeen, ...]:
@@ -153,7 +161,7 @@ class _Emulation:
         out = []
         for k, solids in enumerate(self._scenes):
             image = render(Scene(sensor, solids=solids), config, np.random.default_rng([self._seed, k])).image
-            out.append(see(image, sensor, StripeConfig()))
+            out.append(see(image, sensor, StripeConfig(), self.look))
         self._done += 1
         self._progress(min(self._done, self._total), self._total)
         return tuple(out)
@@ -252,7 +260,7 @@ def _change(before: Sequence[ImageSeen], after: Sequence[ImageSeen]) -> tuple[Ar
 
 
 def _nearer(
-    place: _Place, step: _Step, emulate: _Emulation, asked: _Asked, parts: float
+    place: _Place, step: _Step, emulate: _Emulation, asked: _Asked, points: float
 ) -> tuple[_Place | None, Array]:
     """The first damped step that brings the figures nearer and where it leads, or none and the shortest one tried."""
     cost, last = asked.cost(place), np.zeros(len(KEYS))
@@ -260,30 +268,26 @@ def _nearer(
         last = step.damped(damping)
         theta = within(place.theta + np.clip(last, -LARGEST, LARGEST))
         seen = emulate(theta)
-        if _count(seen) >= parts and asked.cost(trial := _Place.of(theta, seen)) < cost:
+        if _count(seen) >= points and asked.cost(trial := _Place.of(theta, seen)) < cost:
             return trial, last
     return None, last
 
 
-def _begun(start: ArrayLike, emulate: _Emulation, asked: _Asked, parts: float) -> _Place:
+def _begun(start: ArrayLike, emulate: _Emulation, asked: _Asked, points: float) -> _Place:
     """Where the fit starts: with light that extraction sees, and what the first figures say outright."""
-    place = _Place.of(*_seen_at_all(rounded_keys(start), emulate, parts))
+    place = _Place.of(*_seen_at_all(rounded_keys(start), emulate, points))
     step = _first_step(asked.figures, place.figures)
     for share in SHARES:  # what is read off the figures may lead to where too few stripes are found
         theta = within(place.theta + share * step)
         seen = emulate(theta)
-        if _count(seen) >= parts:
+        if _count(seen) >= points:
             return _Place.of(theta, seen)
     return place
 
 
-def _check_clipped(every: Sequence[ImageSeen]) -> None:
-    clipped, clear = sum(s.clipped for s in every), sum(len(s.profile) for s in every)
-    if clipped > MAX_CLIPPED * (clipped + clear):
-        raise InputError(
-            f"{100 * clipped / (clipped + clear):.0f} % of the stripes' points have saturated pixels: a twin is told "
-            f"by the stripe's height and noise, so record with a shorter exposure, until few are"
-        )
+def _clipped(every: Sequence[ImageSeen]) -> bool:
+    """Whether most of the points found have saturated pixels."""
+    return sum(s.clipped for s in every) > MAX_CLIPPED * sum(s.found for s in every)
 
 
 def _check_fan(recorded: Sequence[ImageSeen], sensor: Sensor) -> None:
@@ -319,20 +323,20 @@ def _scene(seen: ImageSeen, sensor: Sensor) -> tuple[Solid, ...]:
 
 
 def _count(seen: Sequence[ImageSeen]) -> int:
-    """Parts of stripes that extraction finds."""
-    return sum(len(s.parts) for s in seen)
+    """Points of stripes that extraction finds."""
+    return sum(len(s.profile) for s in seen)
 
 
-def _seen_at_all(theta: Array, emulate: _Emulation, parts: float) -> tuple[Array, tuple[ImageSeen, ...]]:
-    """The start with power by which extraction finds most of the emulated stripes, neither lost nor clipped, and what
-    it sees there.
+def _seen_at_all(theta: Array, emulate: _Emulation, points: float) -> tuple[Array, tuple[ImageSeen, ...]]:
+    """The start with power by which extraction finds most of the emulated stripes, neither lost nor clipped unless
+    the recorded ones are, and what it sees there.
     """
     power = [k.name for k in KEYS].index("power_mw")
     for factor in POWERS:
         trial = theta.copy()
         trial[power] += np.log(factor)
         seen = emulate(trial)
-        if _count(seen) >= parts:
+        if _count(seen) >= points and (_clipped(seen) or not emulate.look.clipped_too):
             return trial, seen
     raise InputError(
         f"extraction finds no stripe in the emulated images of this sensor, at {POWERS[-2]:g} to {POWERS[-1]:g} times "
@@ -346,7 +350,7 @@ def _first_step(target: Array, figures: Array) -> Array:
     off = np.nan_to_num(target - figures)
     step[at["power_mw"]] = off[figure["height"]]
     step[at["contrast"]] = off[figure["line_rms"]]
-    step[at["blur_px"]] = off[figure["width"]]
+    step[at["blur_px"]] = off[figure["width" if np.isnan(target[figure["flank"]]) else "flank"]]
     step[at["read_noise_e"]] = off[figure["dark_noise"]] / 2
     room, own = (f[figure["room"]] - f[figure["black"]] for f in (target, figures))
     if room > 0 and own > 0:

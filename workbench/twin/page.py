@@ -85,6 +85,7 @@ def twin_object(twin: Twin) -> dict[str, Any]:
     return {
         "n_images": len(twin.recorded),
         "converged": twin.converged,
+        "clipped": twin.clipped,
         "chi2_per_dof": twin.chi2_per_dof,
         "keys": [
             {"table": k.table, "key": k.name, "value": k.value, "sigma": k.sigma, "told_by_images": k.told}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -9,7 +10,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from extraction import Profile, Reason, StripeConfig, extract_profile, flag_names
+from extraction import Profile, StripeConfig, extract_profile
+from extraction.stripe import SATURATED
 from geometry import Sensor
 
 Array = NDArray[np.float64]
@@ -24,10 +26,13 @@ ROOM_PX = (25, 45)  # from the stripe: the surface beside it in room light
 CLEAR_PX = 60  # from the stripe: no laser light
 DARKEST = 5.0  # percentile of blocks that stands for the black level
 BLOCK_PX = 32
+FLANK = (0.2, 0.6)  # of the stripe's height: pixels between are its flanks
+BREAK_WIDTHS = 3.0  # of the stripe: a run ends where neighbours lie farther apart
+LIKE_WIDTH = 2.0  # by which the widths of runs of one laser's stripe differ at most from the usual one
 
 NAMES = (
     "height", "width", "fan", "line_rms", "line_lag1", "line_lag2", "height_rms", "height_lag1", "height_lag2",
-    "width_rms", "noise_0", "noise_1", "noise_2", "noise_3", "room", "black", "dark_noise",
+    "width_rms", "noise_0", "noise_1", "noise_2", "noise_3", "room", "black", "dark_noise", "flank",
 )  # fmt: skip
 _LOG = {
     "height",
@@ -40,6 +45,7 @@ _LOG = {
     "noise_2",
     "noise_3",
     "dark_noise",
+    "flank",
 }
 
 
@@ -48,32 +54,72 @@ class ImageSeen:
     """What extraction sees of one image.
 
     image: grey levels. profile: its points, those in doubt left out. residual_px: of each point from the smooth line
-    (N,), NaN near ends. parts: figures (P, len(NAMES)) of its parts, NaN where a part can not tell. clipped: points
-    left out for saturated pixels.
+    (N,), NaN near ends. parts: figures (P, len(NAMES)) of its parts, NaN where a part can not tell. found: points of
+    the stripe, those in doubt too. clipped: those with saturated pixels.
     """
 
     image: Image
     profile: Profile
     residual_px: Array
     parts: Array
+    found: int
     clipped: int
 
 
-def see(image: Image, sensor: Sensor, config: StripeConfig) -> ImageSeen:
+@dataclass(frozen=True)
+class Look:
+    """Which points of a stripe are taken.
+
+    clipped_too: those with saturated pixels. width_px: usual width of the laser's stripe,
+    other ridges are left out; None where all are taken.
+    """
+
+    clipped_too: bool = False
+    width_px: float | None = None
+
+
+def see(image: Image, sensor: Sensor, config: StripeConfig, look: Look) -> ImageSeen:
     """Extract an image's stripe and take its figures."""
     profile = extract_profile(image, sensor, config)
-    clipped = sum(Reason.SATURATED in flag_names(int(f)).split("+") for f in profile.peaks.flag)
-    profile = profile[profile.peaks.flag == 0]
+    found, clipped = len(profile), int(np.sum((profile.peaks.flag & SATURATED) > 0))
+    wrong = profile.peaks.flag & np.uint8(0xFF - SATURATED if look.clipped_too else 0xFF)
+    profile = _like(profile[wrong == 0], look.width_px)
     peaks = profile.peaks
-    across = peaks.uv_px[:, 1] if _along_u(profile) else peaks.uv_px[:, 0]
+    across = _across(profile)
     line = smooth(peaks.section, across)
     residual = np.abs(peaks.normal[:, 1 if _along_u(profile) else 0]) * (across - line)
     count = max(1, min(PARTS, len(profile) // MIN_SECTIONS))
     bounds = np.linspace(0, len(profile), count + 1).astype(int)
     rows = [
-        _figures(image, sensor, profile, residual, slice(a, b)) for a, b in pairwise(bounds) if b - a >= MIN_SECTIONS
+        _figures(image, sensor, profile, residual, slice(a, b), look.clipped_too)
+        for a, b in pairwise(bounds)
+        if b - a >= MIN_SECTIONS
     ]
-    return ImageSeen(image, profile, residual, np.array(rows).reshape(-1, len(NAMES)), clipped)
+    return ImageSeen(image, profile, residual, np.array(rows).reshape(-1, len(NAMES)), found, clipped)
+
+
+def usual_width_px(every: Sequence[ImageSeen]) -> float | None:
+    """The width that half of the light in stripes lies below; None where there are none."""
+    width = np.concatenate([s.profile.peaks.width_px for s in every])
+    light = np.concatenate([s.profile.peaks.amplitude_dn for s in every])
+    if len(width) == 0:
+        return None
+    order = np.argsort(width, kind="stable")
+    total = np.add.accumulate(light[order])
+    return float(width[order][np.searchsorted(total, total[-1] / 2)])
+
+
+def _like(profile: Profile, width_px: float | None) -> Profile:
+    """The runs of a profile that are as wide as the laser's stripe: a lit rim or groove is a ridge, too."""
+    if width_px is None or len(profile) == 0:
+        return profile
+    far = np.abs(np.diff(_across(profile))) > BREAK_WIDTHS * width_px
+    ends = np.flatnonzero(far | (np.diff(profile.peaks.section) > SMOOTH_SECTIONS)) + 1
+    keep = np.zeros(len(profile), dtype=bool)
+    for a, b in pairwise([0, *ends, len(profile)]):
+        ratio = float(np.median(profile.peaks.width_px[a:b])) / width_px
+        keep[a:b] = 1 / LIKE_WIDTH <= ratio <= LIKE_WIDTH
+    return profile[keep]
 
 
 def gaps(seen: ImageSeen) -> int:
@@ -106,7 +152,11 @@ def _along_u(profile: Profile) -> bool:
     return len(profile) == 0 or bool(np.median(np.abs(profile.peaks.normal[:, 1])) > np.sqrt(0.5))
 
 
-def _figures(image: Image, sensor: Sensor, profile: Profile, residual: Array, here: slice) -> Array:
+def _across(profile: Profile) -> Array:
+    return profile.peaks.uv_px[:, 1] if _along_u(profile) else profile.peaks.uv_px[:, 0]
+
+
+def _figures(image: Image, sensor: Sensor, profile: Profile, residual: Array, here: slice, clipped_too: bool) -> Array:
     part, own = profile[np.arange(*here.indices(len(profile)))], residual[here]
     peaks, values = part.peaks, dict.fromkeys(NAMES, np.nan)
     values["height"], values["width"] = (float(np.median(v)) for v in (peaks.amplitude_dn, peaks.width_px))
@@ -122,6 +172,10 @@ def _figures(image: Image, sensor: Sensor, profile: Profile, residual: Array, he
     values["width_rms"] = _scatter(section, np.log(peaks.width_px) - smooth(section, np.log(peaks.width_px)))[0]
     values.update(_noise_of_levels(image, part))
     values.update(_surroundings(image, part))
+    if not clipped_too:
+        values["flank"] = np.nan  # what the width says, once more
+    elif np.median(peaks.amplitude_dn + peaks.background_dn) <= sensor.require_camera().saturation_dn:
+        values["height"] = np.nan  # so many pixels are clipped in a row that nothing tells it
     return np.array([np.log(max(values[n], 1e-9)) if n in _LOG else values[n] for n in NAMES])
 
 
@@ -141,7 +195,7 @@ def _scatter(section: NDArray[np.int32], residual: Array) -> tuple[float, float,
 
 
 def _noise_of_levels(image: Image, part: Profile) -> dict[str, float]:
-    """Variance of second differences along the stripe, over 6, in bins of mean light."""
+    """Variance of second differences along the stripe, over 6, in bins of mean light; width of both flanks [px]."""
     peaks = part.peaks
     grey = image if _along_u(part) else image.T
     along, across = (0, 1) if _along_u(part) else (1, 0)
@@ -158,6 +212,8 @@ def _noise_of_levels(image: Image, part: Profile) -> dict[str, float]:
     for k, (low, high) in enumerate(pairwise(LEVELS)):
         inside = (level >= low) & (level < high)
         out[f"noise_{k}"] = float(np.mean(second[inside])) if inside.sum() > MIN_SECTIONS else np.nan
+    flank = (level >= FLANK[0]) & (level < FLANK[1])
+    out["flank"] = float(flank.sum()) / len(level) if flank.sum() > MIN_SECTIONS else np.nan
     return out
 
 

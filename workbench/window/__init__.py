@@ -1,7 +1,8 @@
 """The process window: images, profiles and boards in the browser, measured by one recipe, calibrated and compared."""
 
-from importlib import import_module
 from typing import TYPE_CHECKING
+
+from geometry.lazy import lazy_names
 
 if TYPE_CHECKING:
     from workbench.window.calibrator import Search
@@ -11,15 +12,11 @@ if TYPE_CHECKING:
 __all__ = ["Opened", "Search", "open_session"]
 
 # the page is served before what measures is loaded
-_LAZY = {
-    "Opened": "workbench.window.session",
-    "Search": "workbench.window.calibrator",
-    "open_session": "workbench.window.opening",
-}
-
-
-def __getattr__(name: str) -> object:
-    """What measures, imported when first used."""
-    if name in _LAZY:
-        return getattr(import_module(_LAZY[name]), name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+__getattr__ = lazy_names(
+    __name__,
+    {
+        "workbench.window.calibrator": ("Search",),
+        "workbench.window.opening": ("open_session",),
+        "workbench.window.session": ("Opened",),
+    },
+)

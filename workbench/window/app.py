@@ -13,14 +13,16 @@ from pydantic import BaseModel
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
+from starlette.middleware import Middleware
 from starlette.requests import Request
 from starlette.responses import JSONResponse, PlainTextResponse, Response
 from starlette.routing import Route
+from starlette.types import ASGIApp, Receive, Scope, Send
 
 from extraction import Profile, image_to_sheet
 from geometry import InputError, PerceptronEmuError
-from workbench.files import Recipe, read_image, sensor_of_picture, write_text
-from workbench.opened import ImageRequest
+from workbench.files import Image, Recipe, read_image, sensor_of_picture, write_text
+from workbench.opened import ImageRequest, Stamp
 from workbench.report import scene_script
 from workbench.window import settings
 from workbench.window.calibrator import Calibrator
@@ -39,6 +41,7 @@ GRID_PX = 8  # between its nodes the page goes straight: less off than the hundr
 Answer = Callable[[Body], Response]
 MAX_TRIALS = 5000
 MAX_PATH = 4096
+OTHER_FOLDER = "Another folder was opened from another page of this window: load this page anew to see it."
 
 
 def make_app(session: Session) -> Starlette:
@@ -74,7 +77,26 @@ def make_app(session: Session) -> Starlette:
     }
     routes += [Route(f"/api/{n}", _action(a), methods=["POST"]) for n, a in actions.items()]
     handlers: Any = {HTTPException: _http_problem, Exception: _fault}
-    return Starlette(routes=routes, exception_handlers=handlers)
+    return Starlette(routes=routes, exception_handlers=handlers, middleware=[Middleware(_OfThisFolder, api=api)])
+
+
+class _OfThisFolder:
+    """Refuses a page that was made for another folder: its names would stand beside this one's pictures.
+
+    A page says so by a header or, where it asks for a picture, in the address; who says nothing is answered.
+    """
+
+    def __init__(self, app: ASGIApp, api: _Api) -> None:
+        self._app = app
+        self._api = api
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        request = Request(scope)
+        meant = request.headers.get("x-opened") or request.query_params.get("opened")
+        if meant and meant != self._api.session.id and not request.url.path.endswith("/api/session"):
+            await JSONResponse({"error": OTHER_FOLDER}, 421)(scope, receive, send)
+            return
+        await self._app(scope, receive, send)
 
 
 def _http_problem(_request: Request, error: HTTPException) -> Response:
@@ -152,29 +174,34 @@ class _Api:
             stamp, image = self.opened.pictures.stamped(index)
         except PerceptronEmuError as error:
             odd = self._odd(index)
-            return JSONResponse({"error": str(error)}, 410) if odd is None else odd
+            if odd is None:
+                return JSONResponse({"error": str(error)}, 410)
+            answer = _pixels(odd[1], "", str(odd[0]))
+            answer.headers["x-odd"] = "1"
+            return answer
         if isinstance(image, Profile):
             return JSONResponse({"error": "a profile has no image"}, 410)
         return _pixels(image, "", str(stamp))
 
-    def _odd(self, index: int) -> Response | None:
+    def _odd(self, index: int) -> tuple[Stamp, Image] | None:
         """The picture as it is, where it can be read as one at all."""
         path = self.opened.pictures.paths[index]
         try:
             stamp = self.opened.pictures.stamp(index)
-            image = read_image(path, sensor_of_picture(path), lossy=True)
+            return stamp, read_image(path, sensor_of_picture(path), lossy=True)
         except PerceptronEmuError:
             return None
-        answer = _pixels(image, "", str(stamp))
-        answer.headers["x-odd"] = "1"
-        return answer
 
     def thumbnail(self, request: Request) -> Response:
         """A small PNG of one image, spots made visible."""
+        index = self._known(request.path_params["index"])
         try:
-            _, content = self.opened.pictures.stamped(self._known(request.path_params["index"]))
+            _, content = self.opened.pictures.stamped(index)
         except PerceptronEmuError as error:
-            return JSONResponse({"error": str(error)}, 410)
+            odd = self._odd(index)
+            if odd is None:
+                return JSONResponse({"error": str(error)}, 410)
+            return Response(thumbnail(odd[1], float(np.iinfo(odd[1].dtype).max)), media_type="image/png")
         if isinstance(content, Profile):
             return Response(profile_thumbnail(content), media_type="image/png")
         full_scale = self.opened.engine.sensor.require_camera().full_scale_dn

@@ -16,6 +16,7 @@ def overview(session: Session) -> dict[str, Any]:
     sensor, engine = opened.engine.sensor, opened.engine
     camera, outline = sensor.camera, field_of_view_of(sensor) if opened.plane_known else None
     return {
+        "opened": session.id,
         "title": opened.title,
         "folder": str(opened.pictures.root),
         "images": session.images(),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import secrets
 import threading
 import time
 from collections import OrderedDict
@@ -61,6 +62,7 @@ class Session:
     """The opened folder and its recent answers; safe to use from several threads."""
 
     opened: Opened
+    id: str = field(default_factory=lambda: secrets.token_hex(8))  # tells pages of this folder from those of another
     _lock: threading.Lock = field(default_factory=threading.Lock)
     _kept: OrderedDict[_Key, ImageAnswer] = field(default_factory=OrderedDict)
     _one_at_a_time: threading.Lock = field(default_factory=threading.Lock)
@@ -158,4 +160,6 @@ class Session:
         """The outcome and its comparison with truth for the page."""
         compared = self.comparison(outcome)
         truth = comparison_json(compared) if compared else None
-        return as_json(outcome, self.opened.engine.strings) | {"truth": truth}
+        pictures = self.opened.pictures
+        remarks = [] if outcome.error or isinstance(pictures, ProfileRecords) else pictures.remarks(outcome.index)
+        return as_json(outcome, self.opened.engine.strings) | {"truth": truth, "remarks": remarks}

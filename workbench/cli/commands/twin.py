@@ -34,6 +34,11 @@ def command(
     with progress_bar("fitting", 1) as progress:
         twin = fit_twin(images, model, emulator, seed, progress)
     write_twin(twin, out, report)
+    if twin.clipped:
+        say_remark(
+            f"{folder}: most points of the stripes have saturated pixels, so width and flanks alone tell power, waist "
+            f"and blur; record with a shorter exposure for a twin that knows more"
+        )
     answer = twin_object(twin)
     if as_json:
         say_on_stdout(json_text(answer))

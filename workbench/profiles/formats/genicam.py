@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 
 NAME = "genicam"
 _SETTINGS = ("scale", "offset", "invaliddataflag", "invaliddatavalue")
+_MANY = 10  # whole numbers: so many millimetres are never all whole
 _TRUE = ("1", "true", "yes", "on")
 
 
@@ -115,13 +116,26 @@ def _setting(text: str, where: str) -> float:
     return 0.0 if text.casefold() in ("false", "no", "off") else cell_value(text, where)
 
 
-def _metric(raw: Array, axis: str, settings: dict[tuple[str, str], float], source: Source) -> Array:
-    def of(name: str, default: float) -> float:
-        return settings.get((axis, name), settings.get(("", name), default))
+def _are_counts(values: Array) -> bool:
+    """Whether numbers are a chip's counts: whole ones, many and not all alike. Millimetres never are."""
+    return len(values) >= _MANY and bool(np.all(values == np.round(values))) and bool(np.ptp(values) > 0)
 
+
+def _metric(raw: Array, axis: str, settings: dict[tuple[str, str], float], source: Source) -> Array:
+    def of(setting: str, default: float) -> float:
+        return settings.get((axis, setting), settings.get(("", setting), default))
+
+    name = f"Coordinate{axis.upper()}"
+    there = raw[np.isfinite(raw)]
+    if (axis, "scale") not in settings and ("", "scale") not in settings and _are_counts(there):
+        raise InputError(
+            f"{source.path}: {name} holds whole numbers, such as {there[len(there) // 2]:.0f}, and nothing says how "
+            f"many mm a count is: add Scan3dCoordinateScale[{name}] and Scan3dCoordinateOffset[{name}] as the camera "
+            "told them, in a .npy as fields of its records, in a csv as lines before the header"
+        )
     scale, offset = of("scale", 1.0), of("offset", 0.0)
     if not np.isfinite(scale) or scale == 0 or not np.isfinite(offset):
-        raise InputError(f"{source.path}: scale {scale:g} and offset {offset:g} of Coordinate{axis.upper()} can not be")
+        raise InputError(f"{source.path}: scale {scale:g} and offset {offset:g} of {name} can not be")
     mark = of("invaliddatavalue", float("nan"))
     flagged = of("invaliddataflag", 1.0 if np.isfinite(mark) else 0.0) > 0
     missing = (raw == mark) if flagged and np.isfinite(mark) else np.zeros(raw.shape, dtype=bool)

@@ -13,10 +13,11 @@ from workbench.profiles.source import Source
 
 NAME = "wenglor"
 _FEWEST = 2
+_COLUMNS = 4
 
 
 def recognises(source: Source) -> bool:
-    """By a header of x, z, intensity and a width."""
+    """By a header of x, z, intensity and a width, or by four columns of numbers that look so."""
     if source.is_binary:
         return False
     try:
@@ -24,7 +25,25 @@ def recognises(source: Source) -> bool:
     except InputError:
         return False
     words = [_word(c) for c in cells.rows[0]]
-    return words[:2] == ["x", "z"] and any("width" in w for w in words)
+    if words[:2] == ["x", "z"] and any("width" in w for w in words):
+        return True
+    return is_numeric(cells, 20) and all(len(row) == _COLUMNS for row in cells.rows) and _looks_so(source)
+
+
+def _looks_so(source: Source) -> bool:
+    """Whether four columns without a header are these: dark points are 0 throughout, x of the others goes one way."""
+    try:
+        rows = cells_of(source.text, source.path).numbers()
+    except InputError:
+        return False
+    if any(len(row) != _COLUMNS for row in rows):
+        return False
+    numbers = np.array(rows)
+    dark = np.all(numbers == 0, axis=1)
+    lit = numbers[~dark]
+    step = np.diff(lit[:, 0])
+    one_way = len(step) > 0 and bool(np.all(step > 0) or np.all(step < 0))
+    return bool(np.any(dark)) and one_way and bool(np.all(lit[:, 2:] >= 0))
 
 
 def read(source: Source, told: Told) -> tuple[ScanLine, ...]:

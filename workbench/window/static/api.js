@@ -1,5 +1,6 @@
 // Talking to the server. Every answer about parameters carries their hash; the callers drop those that are stale.
 
+import { state } from "./state.js";
 import { t } from "./words.js";
 
 export class Refused extends Error {
@@ -14,20 +15,26 @@ async function failure(response) {
   const text = await response.text();
   try {
     const body = JSON.parse(text);
-    return new Refused(body.error || text, body.problems, response.status);
+    return new Refused(t(body.error || text), body.problems, response.status);
   } catch {
     return new Refused(text || response.statusText, {}, response.status);
   }
 }
 
-async function fetched(path, options) {
+// Every question says which opened folder it means: another page may have opened another one meanwhile.
+async function fetched(path, options = {}) {
   try {
-    return await fetch(path, options);
+    return await fetch(path, { ...options, headers: { ...options.headers, ...(state.session ? { "x-opened": state.session.opened } : {}) } });
   } catch (error) {
     if (error.name === "AbortError") throw error;
     throw new Refused(t("The program does not answer any more: start it again"));
   }
 }
+
+// Whether nothing that is asked will be answered: the program is gone, started anew, or has another folder open.
+export const isLost = (error) => error instanceof Refused && [0, 403, 421].includes(error.status);
+
+export const thumbnailOf = (index, stamp = "") => `api/thumbnail/${index}?opened=${state.session.opened}&${stamp}`;
 
 export async function content(path) {
   const response = await fetched("api/" + path);

@@ -88,7 +88,7 @@ function openFrame(number_) {
 
 function verdict(r) {
   return el("div", { class: `verdict ${kindOf(r.verdict.code)}`, id: "verdict" }, el("b", {}, words(r.verdict.code)), el("p", {}, r.verdict.text),
-    el("p", {}, t`method ${word(r.method)}, model ${r.model}` + (r.chi2_per_dof === null ? "" : t`, χ² per degree of freedom ${number(r.chi2_per_dof, 2)}`)));
+    el("p", {}, t`method ${word(r.method)}, model ${r.model}` + (r.model_asked && r.model_asked !== r.model ? t` (asked: ${r.model_asked})` : "") + (r.chi2_per_dof === null ? "" : t`, χ² per degree of freedom ${number(r.chi2_per_dof, 2)}`)));
 }
 
 const cells = (list, tag = "td") => list.map((x) => el(tag, {}, x));
@@ -105,20 +105,27 @@ function choices() {
 }
 
 function table(r) {
-  return headed(["", "design", "solved", "σ", "95 % interval", "change"], r.table.map((row) => {
+  const both = r.table.some((row) => row.nominal !== null); // another pose goes with the robot's nominal table
+  const names = ["", "design", "solved", "σ", "95 % interval", "change", ...(both ? ["with the nominal table"] : [])];
+  const shown_ = headed(names, r.table.map((row) => {
     const d = row.unit === "°" ? 4 : 3, unit = row.unit === "°" ? "°" : " mm";
     const [what, axis] = row.name.split(" ");
     return el("tr", {}, cells([`${t(what)} ${axis}`, number(row.design, d), row.solved === null ? "–" : number(row.solved, d) + unit, number(row.sigma, d),
-      row.low === null ? t("withheld") : `${number(row.low, d)} … ${number(row.high, d)}`, row.solved === null || row.design === null ? "–" : number(row.solved - row.design, d)]));
+      row.low === null ? t("withheld") : `${number(row.low, d)} … ${number(row.high, d)}`, row.solved === null || row.design === null ? "–" : number(row.solved - row.design, d),
+      ...(both ? [`${number(row.nominal, d)} ± ${number(row.nominal_sigma, d)}`] : [])]));
   }));
+  return [shown_, both ? el("p", { class: "soft", id: "which-table" }, t("Where the controller keeps its nominal table, the last column is the one to enter (T_hand_sensor_nominal); solved goes with the estimated table.")) : null];
 }
 
+// Digits to a tenth of a micrometre and a ten-thousandth of a degree: metres, quaternions and radians want more of them.
+const finest = (label) => (/ \/ (mm|°|deg)$/.test(label) ? 4 : 7);
+
 function conventions(r) {
-  const names = Object.keys(r.conventions ?? {});
+  const apart = r.table.some((row) => row.nominal !== null), shown_ = (apart ? r.conventions_nominal : r.conventions) ?? {}, names = Object.keys(shown_);
   if (!names.length) return null;
-  return el("details", { class: "conventions" }, el("summary", {}, t("In controllers' conventions")),
+  return el("details", { class: "conventions" }, el("summary", {}, apart ? t("For a controller with its nominal table, in makers' conventions") : t("In controllers' conventions")),
     headed(["maker", "numbers"], names.map((n) => el("tr", {}, el("td", { title: r.convention_formulas[n] }, n.toUpperCase()),
-      el("td", { class: "left numbers" }, Object.entries(r.conventions[n]).map(([k, v]) => el("span", {}, `${k.split(" / ")[0]} ${number(v, 4)}${k.includes(" / ") ? ` ${k.split(" / ")[1]}` : ""}`)))))));
+      el("td", { class: "left numbers" }, Object.entries(shown_[n]).map(([k, v]) => el("span", {}, `${k.split(" / ")[0]} ${number(v, finest(k))}${k.includes(" / ") ? ` ${k.split(" / ")[1]}` : ""}`)))))));
 }
 
 function locations(r) {

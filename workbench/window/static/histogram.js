@@ -18,9 +18,11 @@ function count(image, top) {
   return image.histogram;
 }
 
+// None where the picture can not be measured: the last one's would be another's.
 export function drawHistogram(image) {
   const canvas = $("histogram");
   if (!canvas || !canvas.clientWidth) return;
+  if (!image) { const { context, width, height } = fitCanvas(canvas); context.clearRect(0, 0, width, height); return; }
   const top = state.session.sensor.saturation, { bins, clipped } = count(image, top);
   const { context, width, height } = fitCanvas(canvas), high = Math.log1p(Math.max(...bins));
   context.clearRect(0, 0, width, height);

@@ -17,7 +17,8 @@ export function drawProfile(image, u, v, angle, names, saturation, spot = null) 
     context.fillStyle = style("--quiet");
     context.font = "12px system-ui, sans-serif";
     context.textAlign = "center";
-    context.fillText(state.session.has_images ? t("Point at the picture to see grey levels along and across") : t("Profiles hold no grey levels"), width / 2, height / 2);
+    const said = state.session.has_images ? t("Point at the picture to see grey levels along and across") : t("Profiles hold no grey levels");
+    wrapped(context, said, width - 12).forEach((line, i, all) => context.fillText(line, width / 2, height / 2 + 15 * (i - (all.length - 1) / 2)));
     return;
   }
   const curves = [0, Math.PI / 2].map((turn) => curve(image, u, v, angle + turn));
@@ -102,6 +103,17 @@ function mark(context, x, y, text) {
   context.fillText(text, x(-REACH) + 4, y + 11);
 }
 
+// Words in lines that are no wider than there is room.
+function wrapped(context, text, width) {
+  const lines = [""];
+  for (const one of text.split(" ")) {
+    const longer = `${lines.at(-1)} ${one}`.trim();
+    if (lines.at(-1) && context.measureText(longer).width > width) lines.push(one);
+    else lines[lines.length - 1] = longer;
+  }
+  return lines;
+}
+
 const fact = (name, value) => el("div", {}, el("dt", {}, name), el("dd", {}, value));
 
 const fullWidth = (sigma) => (sigma === null ? t("not measured") : `${number(2.355 * sigma, 2)} px`);
@@ -152,9 +164,11 @@ const FLAGS = [[1, "saturated"], [2, "shape"], [4, "edge"], [8, "ambiguous"]];
 
 export function showNothing(answer) {
   if (!answer) { clear($("inspector")); return; }
+  if (answer.error) { clear($("inspector"), el("h2", {}, t("This image")), el("p", {}, t("not measured"))); return; }
   const s = answer.stripe, facts = [];
   if (s) {
-    facts.push(fact(t("points"), s.n), ...Object.entries(s.flags).map(([k, n]) => fact(word(k), n)), ...Object.entries(s.refused).map(([k, n]) => fact(t`refused: ${word(k.replaceAll("_", " "))}`, n)));
+    if (s.n || !answer.board?.u.length) facts.push(fact(t("points"), s.n)); // a picture of the board alone has no stripe to look for
+    facts.push( ...Object.entries(s.flags).map(([k, n]) => fact(word(k), n)), ...Object.entries(s.refused).map(([k, n]) => fact(t`refused: ${word(k.replaceAll("_", " "))}`, n)));
     if (answer.board?.u.length) facts.push(fact(t("corners"), answer.board.u.length));
   } else {
     const rejected = answer.candidates.filter((c) => c.reason);
@@ -169,5 +183,6 @@ export function showNothing(answer) {
     fact("rms", `${number(f.rms)} mm`), fact(t("bias y"), number(f.bias[0])), fact(t("bias z"), number(f.bias[1])), fact(t("scatter y"), number(f.scatter[0])), fact(t("scatter z"), number(f.scatter[1])));
   const said = [answer.reason && words(answer.reason), answer.feature?.text, answer.gap?.text, answer.gap?.flag && t`gap and flush doubtful: ${answer.gap.flag.split("+").map((k) => word(k.replaceAll("_", " "))).join(", ")}`].filter((x) => x);
   clear($("inspector"), el("h2", {}, state.session.has_images ? t("This image") : t("This profile")), said.map((x) => el("p", { class: "why" }, x)),
+    (answer.remarks ?? []).map((x) => el("p", {}, x)),
     clipped ? el("p", { class: "why" }, t`${clipped} px clipped: what is brighter than the camera can tell is measured worse. Halve the exposure.`) : null, el("dl", { class: "facts" }, facts));
 }

@@ -142,7 +142,7 @@ export function legend(show, hasTruth) {
   if (show.clipped) entries.push(["l-clip", words("clipped")]);
   if (show.accepted) entries.push(["l-good box", words("accepted")]);
   if (show.rejected) entries.push(["l-bad box", words("rejected (click: why)")]);
-  if (show.spots) entries.push(["l-spot", words("spot, 2 σ; dashed ring: flagged")]);
+  if (show.spots) entries.push(["l-spot", words("spot, ring: 2 σ of its light; dashed: in doubt")]);
   if (show.truth && hasTruth) entries.push(["l-true", words`truth, error × ${GAIN}`], ["l-false", words("missed or false")]);
   return entries;
 }

@@ -2,7 +2,7 @@
 
 import { $, clear, el } from "./dom.js";
 import { canRedo, canUndo, change, listen, read, redo, replace, settle, state, undo } from "./state.js";
-import { plain, t, typed, word } from "./words.js";
+import { decimal, plain, t, typed, word } from "./words.js";
 
 const SLIDER = 1000;
 const rows = new Map();
@@ -67,11 +67,24 @@ function textual(p, id) {
   return { value: box, slider: null, put: (v) => { box.value = typeof v === "string" ? v : v === null ? "" : JSON.stringify(v); } };
 }
 
+let numberRefused = () => {};
+export const onNumberRefused = (f) => { numberRefused = f; };
+
 // A field for numbers with the language's decimal sign; taken as it is typed where it is one.
 export function numberField(properties, take, done) {
   const box = el("input", { type: "text", class: "number", inputMode: "decimal", spellcheck: false, autocomplete: "off", ...properties });
+  let before = null, typing = false; // what it was when the typing began: half of what is no number is none either
+  box.addEventListener("beforeinput", () => { if (!typing) { before = typed(box.value); typing = true; } });
   box.addEventListener("input", () => { const x = typed(box.value); if (x !== null) take(x); });
-  box.addEventListener("change", () => done(typed(box.value)));
+  box.addEventListener("change", () => {
+    const x = typed(box.value), wrong = box.value.trim() !== "" && x === null ? box.value.trim() : "";
+    if (wrong && before !== null) take(before);
+    done(wrong ? before : x);
+    if (wrong) box.value = plain(before);
+    if (wrong) numberRefused(t`“${wrong.length > 20 ? `${wrong.slice(0, 20)}…` : wrong}” is no number here: type it as 1234${decimal()}5`);
+    else numberRefused("");
+    typing = false;
+  });
   return box;
 }
 

@@ -14,7 +14,7 @@ export function plotBox(session, answer) {
   const points = found.length > 1 ? found : session.sensor.field_of_view;
   if (!points.length) return [-100, 0, 100, 300];
   const ys = points.map((p) => p[0]), zs = points.map((p) => p[1]);
-  const pad = 0.12 * Math.max(Math.max(...zs) - Math.min(...zs), Math.max(...ys) - Math.min(...ys), 20);
+  const pad = 0.06 * Math.max(Math.max(...zs) - Math.min(...zs), Math.max(...ys) - Math.min(...ys), 20);
   return [Math.min(...ys) - pad, Math.min(...zs) - pad, Math.max(...ys) + pad, Math.max(...zs) + pad];
 }
 
@@ -44,13 +44,13 @@ function grid(context, view, width, height) {
     const x = view.toScreen(y, 0)[0];
     line(context, x, 0, x, height);
     context.textAlign = "center";
-    if (x > 16 && x < width - 16) context.fillText(number(y + 0, digits), x, height - 3); // whole or not at all
+    if (x > 46 && x < width - 16) context.fillText(number(y + 0, digits), x, height - 3); // whole or not at all
   }
   for (let z = Math.ceil(z0 / step) * step; z <= z1; z += step) {
     const y = view.toScreen(0, z)[1];
     line(context, 0, y, width, y);
     context.textAlign = "left";
-    if (y > 34) context.fillText(number(z + 0, digits), 4, y - 1); // above it the axis is named
+    if (y > 34 && y < height - 6) context.fillText(number(z + 0, digits), 4, y - 1); // above it the axis is named
   }
   context.textAlign = "right";
   context.fillText("y [mm] →", width - 6, height - 16);
@@ -133,8 +133,8 @@ function trueString(context, view, t) {
 }
 
 export function plotLegend(node, hasTruth, stripe) {
-  const spots = words`○ lit surface  • string axis  ellipse: σ × ${SIGMA_GAIN}` + (hasTruth ? `  ${words`+ truth, error × ${ERROR_GAIN}`}` : "");
-  clear(node, el("em", {}, stripe ? words`▪ point of the stripe  bar: σ × ${sigmaGain()}` : spots));
+  const spots = words`○ lit surface · • string axis · ellipse: σ × ${SIGMA_GAIN}` + (hasTruth ? ` · ${words`+ truth, error × ${ERROR_GAIN}`}` : "");
+  clear(node, el("em", {}, stripe ? words`▪ point of the stripe · bar: σ × ${sigmaGain()}` : spots));
 }
 
 export function hitPlot(view, answer, [a, b]) {

@@ -65,7 +65,7 @@ const puts = []; // of the tools' own controls
 export function showValues(answer, raw = answered?.rawOf) {
   answered = answer;
   answered.rawOf = raw;
-  if (raw) drawHistogram(raw);
+  drawHistogram(raw);
   for (const { lamp, brief, values, tool } of lamps.values()) {
     const own = (answer.values ?? []).filter((v) => v.tool === tool.id);
     const worst = own.some((v) => v.lamp === "bad") ? "bad" : own.some((v) => v.lamp === "good") ? "good" : "";
@@ -84,23 +84,27 @@ export function setLamp(lamp, state_) {
   lamp.setAttribute("aria-label", { good: t("within its tolerance"), bad: t("out of its tolerance") }[state_] ?? t("no tolerance"));
 }
 
+// Two digits of σ, and as many of the value: more would say what nobody knows.
+const digitsOf = (sigma, most) => (sigma > 0 ? Math.min(most, Math.max(0, 1 - Math.floor(Math.log10(sigma)))) : most);
+
 export const shown = (v) => {
   if (v.value === null) return "–";
-  const sigma = v.sigma === null || v.sigma === undefined ? "" : ` ± ${number(v.sigma, v.digits)}`;
-  return `${number(v.value, v.digits)}${sigma}${v.unit ? (v.unit === "°" ? "°" : ` ${v.unit}`) : ""}`;
+  const known = v.sigma !== null && v.sigma !== undefined, digits = known ? digitsOf(v.sigma, v.digits) : v.digits;
+  const sigma = known ? ` ± ${number(v.sigma, digits)}` : "";
+  return `${number(v.value, digits)}${sigma}${v.unit ? (v.unit === "°" ? "°" : ` ${v.unit}`) : ""}`;
 };
 
 const TITLES = {
-  clipped_px: "clipped", strings: "strings named", spots: "spots", sigma_mm: "σ", sigma_px: "σ", points: "points", flagged: "in doubt",
+  clipped_px: "clipped", strings: "strings named", spots: "spots", sigma_mm: "median σ", sigma_px: "median σ", points: "points", flagged: "in doubt",
   centre_y_mm: "centre y", centre_z_mm: "centre z", radius_mm: "radius", scatter_mm: "scatter", angle_deg: "angle", corner_y_mm: "corner y",
   corner_z_mm: "corner z", gap_mm: "gap", flush_mm: "flush", radius_left_mm: "radius left", radius_right_mm: "radius right",
   corners: "corners", corner_sigma_px: "σ of a corner", blur_px: "blur", contrast_dn: "contrast", left_out_rms_mm: "left out, rms",
 };
-export const titleOf = (key) => t(TITLES[key] ?? key);
+export const titleOf = (key, tool) => t(tool === "strings" && key === "sigma_mm" ? "largest σ" : TITLES[key] ?? key);
 
 export function valueRow(v) {
   const node = el("div", { class: "measured", data: { value: v.key } },
-    el("span", { class: "lamp", role: "img" }), el("span", { class: "word" }, titleOf(v.key)), el("output", {}), tolerance(v));
+    el("span", { class: "lamp", role: "img" }), el("span", { class: "word" }, titleOf(v.key, v.tool)), el("output", {}), tolerance(v));
   fill(node, v);
   return node;
 }
@@ -126,7 +130,7 @@ function tolerance(v) {
     button.setAttribute("aria-expanded", String(!fields.hidden));
     if (!fields.hidden) fields.querySelector("input").focus();
   } }, now ? rangeOf(now) : t("tolerance…"));
-  button.setAttribute("aria-label", t`Tolerance of ${titleOf(v.key)}`);
+  button.setAttribute("aria-label", t`Tolerance of ${titleOf(v.key, v.tool)}`);
   const take = (end, x) => {
     const next = { min: null, max: null, ...(read(key) ?? {}), [end]: x };
     const empty = next.min === null && next.max === null;
@@ -135,7 +139,7 @@ function tolerance(v) {
     button.textContent = empty ? t("tolerance…") : rangeOf(next);
   };
   const field = (end, title) => {
-    const box = numberField({ value: plain(now?.[end] ?? null), "aria-label": `${titleOf(v.key)} ${t(title)}`, placeholder: t(title) }, () => {}, (x) => take(end, x));
+    const box = numberField({ value: plain(now?.[end] ?? null), "aria-label": `${titleOf(v.key, v.tool)} ${t(title)}`, placeholder: t(title) }, () => {}, (x) => take(end, x));
     return box;
   };
   const fields = el("span", { class: "limits", hidden: true }, field("min", "least"), "…", field("max", "most"));

@@ -1,6 +1,6 @@
 // All images under the current parameters: contact sheet and table, before and after against the last saved set.
 
-import { hashOf, post } from "./api.js";
+import { hashOf, isLost, post, thumbnailOf } from "./api.js";
 import { $, clear, el } from "./dom.js";
 import { isFailed, offerFlags, onFilter, passes } from "./filter.js";
 import { scored } from "./history.js";
@@ -10,7 +10,7 @@ import { titleOf } from "./recipe.js";
 import { colourOfFlag } from "./stripe.js";
 import { WORDS, badgeText, entryOf, found, go, setBadge } from "./strip.js";
 import { onTab, selectTab } from "./tabs.js";
-import { refresh } from "./stage.js";
+import { found as foundAgain, lost, refresh } from "./stage.js";
 import { download } from "./export.js";
 import { feedTrend } from "./trend.js";
 import { number, t, words } from "./words.js";
@@ -39,11 +39,15 @@ async function poll() {
   busy = true;
   const config = text(), saved = state.savedText;
   try {
-    if (survey.text !== config) Object.assign(survey, { text: config, now: [], at: 0, statistics: null });
+    if (survey.text !== config) {
+      Object.assign(survey, { text: config, now: [], at: 0, statistics: null });
+      feedTrend(survey.now, survey.saved); // what other parameters gave is not of these
+    }
     if (survey.savedText !== saved) Object.assign(survey, { savedText: saved, saved: [], savedAt: 0, before: null });
     const answer = await post("survey", { config, saved, since: survey.at, since_saved: survey.savedAt });
     await take(answer, config, saved);
-  } catch { // wrong parameters or a lost server: the picture says so
+  } catch (error) { // of wrong parameters the picture says so
+    if (isLost(error)) lost(error.message);
     busy = false;
     poke(text() !== config ? 0 : 2000);
     return;
@@ -54,6 +58,7 @@ async function poll() {
 }
 
 async function take({ now, saved, epoch }, config, savedText) {
+  foundAgain();
   if (now.hash !== (await hashOf(config)) || saved.hash !== (await hashOf(savedText))) return; // stale: dropped
   if (config !== text()) return;
   if (epoch !== survey.epoch) { // the robot chain was solved meanwhile: everything is labelled anew
@@ -82,9 +87,8 @@ async function take({ now, saved, epoch }, config, savedText) {
 
 // The file of an image was written anew: its small pictures and, where it is shown, the large one are of the new one.
 function overwritten(row) {
-  const address = `api/thumbnail/${row.index}?${row.stamp}`;
   pictures.delete(row.index);
-  entryOf(row.index).querySelector("img").src = address;
+  entryOf(row.index).querySelector("img").src = thumbnailOf(row.index, row.stamp);
   if (row.index === state.index) refresh();
 }
 
@@ -109,7 +113,7 @@ function summary() {
   const counted = now.filter((r) => r.badge === "count" || (r.stripe && !r.error));
   if (counted.length) {
     const n = counted.reduce((sum, r) => sum + found(r), 0);
-    chip("", state.session.board ? t`${n} corners and points in ${counted.length} images` : counted[0].stripe ? t`${n} points in ${counted.length} images` : t`${n} spots in ${counted.length} images`);
+    chip("", state.session.board ? t`${n} corners and points in ${counted.length} images` : counted[0].stripe ? state.session.has_images ? t`${n} points in ${counted.length} images` : t`${n} points in ${counted.length} profiles` : t`${n} spots in ${counted.length} images`);
   }
   if (now.length < total) chip("", t`${now.length} of ${total} images`);
   if (count(now, "all")) chip("good", t`${count(now, "all")} all found`);
@@ -243,7 +247,7 @@ function drawCard(index) {
   let picture = pictures.get(row.index);
   if (!picture) {
     picture = new Image();
-    picture.src = `api/thumbnail/${row.index}?${row.stamp}`;
+    picture.src = thumbnailOf(row.index, row.stamp);
     pictures.set(row.index, picture);
     if (pictures.size > PICTURES) pictures.delete(pictures.keys().next().value);
   }
@@ -290,7 +294,7 @@ const COLUMNS = [
   { id: "bias_y", title: "bias y", truth: true, of: (r) => r.truth?.statistics.bias[0], digits: 4, neutral: true },
   { id: "bias_z", title: "bias z", truth: true, of: (r) => r.truth?.statistics.bias[1], digits: 4, neutral: true },
   { id: "ms", title: "ms", of: (r) => r.ms, digits: 0, neutral: true },
-  { id: "reason", title: "remark", left: true, of: (r) => r.error || words(r.reason) },
+  { id: "reason", title: "remark", left: true, of: (r) => r.error || [words(r.reason), ...(r.remarks ?? [])].filter((x) => x).join("; ") },
 ];
 
 const ROW_PX = 27, AROUND = 30; // height of a row, rows made beyond those in sight

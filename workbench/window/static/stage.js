@@ -1,14 +1,14 @@
 // Two panes, the camera's image and the laser plane: they ask for the answer to the newest parameters, keep the old picture
 // until it is there, drop what is stale, and share one cursor.
 
-import { Refused, hashOf, pixels, post } from "./api.js";
+import { Refused, hashOf, isLost, pixels, post } from "./api.js";
 import { $, clear, el, fitCanvas, style } from "./dom.js";
 import { exportPng, exportSvg } from "./export.js";
 import { drawProfile, showCandidate, showNothing, showPoint, showSpot } from "./inspector.js";
 import { buildLayers, looksFor, onLayers } from "./layers.js";
 import { buildMeasure, distance, drawMeasure, measure, onMeasure, place } from "./measure.js";
 import { drawOverlay, hit, legend } from "./overlay.js";
-import { problems } from "./params.js";
+import { onNumberRefused, problems } from "./params.js";
 import { draw, forget, keep, kept, paint, paintRange } from "./picture.js";
 import { loadPlane, toImage, toPlane } from "./plane.js";
 import { showValues } from "./recipe.js";
@@ -22,9 +22,12 @@ import { View } from "./view.js";
 import { decimal, t, words } from "./words.js";
 import { dragWipe, drawWipe, startWipe } from "./wipe.js";
 
+const PLANE_MARGINS = [30, 26, 26, 34]; // [px] for the names of the axes, their numbers and the legend
+const TOLD_MS = 6000; // for which it is told that what was typed is no number
+const LATE_MS = 400; // after which a picture that is still the last image's says so
 export const stage = { view: null, answer: null, layers: {} };
 const panes = {};
-let running = null, again = false, tick = 0, frame = 0, last = "image";
+let running = null, again = false, tick = 0, frame = 0, last = "image", late = 0, gone = false, told = { message: "", until: 0 };
 let cursor = null; // { pane, at: [x, y] on its screen, uv: [u, v] | null, yz: [y, z] | null }
 
 export function buildStage() {
@@ -34,6 +37,7 @@ export function buildStage() {
   panes.image = pane("image", $("canvas"), [-0.5, -0.5, session.sensor.width - 0.5, session.sensor.height - 0.5]);
   panes.plane = pane("plane", $("plane"), plotBox(session, null));
   panes.plane.limits = [0.2, 2e4];
+  panes.plane.margins = PLANE_MARGINS;
   panes.image.grab = (at, moved) => dragWipe(at, moved, $("canvas").clientWidth);
   stage.view = () => panes[last];
   stage.one = oneToOne;
@@ -45,6 +49,7 @@ export function buildStage() {
   if (!session.has_images) last = "plane";
   onRegion(redraw);
   startWipe(redraw);
+  onNumberRefused((message) => { told = { message, until: performance.now() + TOLD_MS }; if (message) say(message, true); });
   listen((what) => { if (what === "parameters") refresh(); });
   onLayers((id) => { if (stageOf(id)) refresh(); else redraw(); });
   onMeasure(redraw);
@@ -86,7 +91,31 @@ export function show() {
   mark();
   running?.abort();
   running = null;
+  clearTimeout(late);
+  late = setTimeout(() => {
+    if (running && stage.answer && stage.answer.index !== state.index) notice(t`Working on ${state.session.images[state.index].name}; the picture is still ${state.session.images[stage.answer.index].name}`, true);
+  }, LATE_MS);
   return refresh();
+}
+
+function notice(message, calm = false) {
+  $("notice").className = `notice ${calm ? "calm" : ""}`;
+  $("notice").hidden = !message;
+  $("notice").textContent = message;
+}
+
+// The program does not answer this page any more: what is shown is of before.
+export function lost(message) {
+  gone = true;
+  say(message, true);
+  notice(message);
+}
+
+// It answers again.
+export function found() {
+  if (!gone) return;
+  gone = false;
+  refresh();
 }
 
 // Ask anew; the time to the picture counts from here, whoever asked.
@@ -121,10 +150,11 @@ async function once(signal) {
     if (picture && !picture.odd && picture.stamp !== answer.stamp) { again = true; return; } // overwritten once more
     accept(answer, picture, Object.fromEntries(wantedStages.map((name, i) => [name, layers[i]])), asked);
   } catch (error) {
-    if (error.name === "AbortError") return;
+    if (error.name === "AbortError" || (!isLost(error) && config !== text())) return; // of parameters that are gone
     problems(error instanceof Refused ? error.problems ?? {} : {});
+    if (isLost(error)) { lost(error.message); return; }
     say(error.message, true);
-    if (!stage.answer) $("notice").textContent = error.message;
+    notice(stage.answer?.index === index ? "" : error.message); // what is shown is of another image, or nothing is
   }
 }
 
@@ -157,10 +187,10 @@ function accept(answer, raw, layers, asked) {
   showValues(answer, raw?.odd ? null : raw);
   problems({});
   setBadge(answer);
-  $("notice").className = "notice";
-  $("notice").hidden = !answer.error;
-  $("notice").textContent = answer.error;
-  say(words(answer.reason));
+  gone = false;
+  notice(answer.error);
+  if (told.message && performance.now() < told.until) say(told.message, true);
+  else say(words(answer.reason));
   paintNow();
   requestAnimationFrame(() => {
     const ms = performance.now() - asked;

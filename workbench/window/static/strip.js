@@ -1,5 +1,6 @@
 // The image strip: thumbnails with a badge each.
 
+import { thumbnailOf } from "./api.js";
 import { $, clear, el } from "./dom.js";
 import { filtering, onFilter, passes } from "./filter.js";
 import { state } from "./state.js";
@@ -59,13 +60,13 @@ export const entryOf = (index) => entries[index];
 let pictured = false;
 export function showThumbnails() {
   pictured = true;
-  entries.forEach((node, i) => { node.firstChild.src ||= `api/thumbnail/${i}`; });
+  entries.forEach((node, i) => { node.firstChild.src ||= thumbnailOf(i); });
 }
 
 const entry = (image, i) => el("button", {
     title: image.name, data: { index: i }, onclick: () => go(i), onkeydown: arrows, tabIndex: -1,
   },
-  el("img", { ...(pictured ? { src: `api/thumbnail/${i}` } : {}), alt: "", loading: "lazy", decoding: "async" }),
+  el("img", { ...(pictured ? { src: thumbnailOf(i) } : {}), alt: "", loading: "lazy", decoding: "async" }),
   el("span", { class: "badge", data: { badge: "" } }, "…"),
   el("span", { class: "name" }, el("b", {}, image.name.split("/").pop()), el("span", {}, image.location)));
 

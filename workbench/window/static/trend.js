@@ -14,7 +14,7 @@ const SPOTS = [
   { id: "rejected", title: "candidates rejected", of: (r) => r.candidates, digits: 0 },
   { id: "rms", title: "rms against the truth [mm]", truth: true, of: (r) => r.truth?.statistics.rms ?? null, digits: 4 },
   { id: "missed", title: "missed", truth: true, of: (r) => r.truth?.statistics.missed ?? null, digits: 0 },
-  { id: "sigma", title: "largest σ [mm]", of: (r) => worst(r, (s) => Math.sqrt(Math.max(s.cov[0] ?? 0, s.cov[3] ?? 0))), digits: 4 },
+  { id: "sigma", title: "largest σ [mm]", of: (r) => r.values.find((v) => v.key === "sigma_mm")?.value ?? null, digits: 4 },
   { id: "peak", title: "highest peak [DN]", of: (r) => worst(r, (s) => s.peak), digits: 0 },
   { id: "flagged", title: "spots in doubt", of: (r) => r.spots.filter((s) => s.flag).length, digits: 0 },
   { id: "ms", title: "detection [ms]", of: (r) => r.ms, digits: 0 },
@@ -39,6 +39,7 @@ export function buildTrend() {
 // The values that the rows have: of strings a fixed list, of stripes and boards what was measured.
 function offer() {
   const { session } = state, row = shown.now.find((r) => r && !r.error);
+  if (!row && there.length) return; // nothing is measured yet by these parameters: the values stay on offer
   const measured = (row?.stripe ? row.values : []).map((v) => ({
     id: v.key, title: titleOf(v.key) + (v.unit ? ` [${v.unit}]` : ""), digits: v.digits, of: (r) => r.values.find((x) => x.key === v.key)?.value ?? null, range: v.tool === "feature" || v.tool === "gapflush",
   }));

@@ -12,6 +12,7 @@ export class View {
     this.box = [0, 0, 1, 1];
     this.fitted = true;
     this.limits = [LOWEST, HIGHEST];
+    this.margins = [0, 0, 0, 0]; // left, top, right, bottom: for what is written there, of canvases with room for it
     canvas.addEventListener("wheel", (e) => this.wheel(e), { passive: false });
     canvas.addEventListener("pointerdown", (e) => this.down(e));
     canvas.addEventListener("pointermove", (e) => this.move(e));
@@ -29,9 +30,10 @@ export class View {
     const [x0, y0, x1, y1] = this.box;
     const w = this.canvas.clientWidth, h = this.canvas.clientHeight;
     if (!w || !h) return;
-    this.scale = Math.min(w / (x1 - x0), h / (y1 - y0)) * 0.99;
-    this.x = w / 2 - this.scale * (x0 + x1) / 2;
-    this.y = h / 2 - this.scale * (y0 + y1) / 2;
+    const [left, top, right, bottom] = this.margins.map((m, i) => Math.min(m, (i % 2 ? h : w) / 6));
+    this.scale = Math.min((w - left - right) / (x1 - x0), (h - top - bottom) / (y1 - y0)) * 0.99;
+    this.x = (left + w - right) / 2 - this.scale * (x0 + x1) / 2;
+    this.y = (top + h - bottom) / 2 - this.scale * (y0 + y1) / 2;
     this.fitted = true;
     this.changed();
   }

@@ -31,7 +31,7 @@ const counted = (list) => list.replace(/(\d)\.(\d)/g, "$1,$2").replace(/[a-z]+(_
 
 // A sentence that the program made: German where the table has it, else as it is.
 export function sentence(text) {
-  if (language !== "de") return text;
+  if (language !== "de") return text.replace(/(\d) ([a-z]+(?:_[a-z]+)+)/g, (_, n, code) => `${n} ${code.replaceAll("_", " ")}`);
   for (const [pattern, german] of patterns) {
     const found = text.match(pattern);
     if (found) return found.slice(1).reduce((said, value) => said.replace("{}", () => counted(value)), german);
@@ -49,10 +49,13 @@ export function number(x, digits = 3) {
   return x.toFixed(digits).replace("-", "−").replace(".", decimal());
 }
 
-// A number as somebody types it, with either decimal sign; null where it is none.
+// A number as somebody types it, with either decimal sign; null where it is none, or where the sign that is not the
+// language's stands before three digits: 1,000 may be a thousand or one.
 export function typed(text) {
-  const plain = text.trim().replace("−", "-").replace(",", ".");
-  return plain === "" || !Number.isFinite(Number(plain)) ? null : Number(plain);
+  const said = text.trim().replace("−", "-"), other = decimal() === "," ? "\\." : ",";
+  if (!/^[+-]?(\d+([.,]\d*)?|[.,]\d+)(e[+-]?\d+)?$/i.test(said) || new RegExp(`^[+-]?[1-9]\\d{0,2}${other}\\d{3}$`).test(said)) return null;
+  const value = Number(said.replace(",", "."));
+  return Number.isFinite(value) ? value : null;
 }
 
 // A number as a field shows it: every digit that it has.
