@@ -20,7 +20,7 @@ import numpy as np
 KEPT = Path(__file__).parent / "figures"
 SMALL = 1e-6  # numbers below it count by their size, others by their digits
 _asked: Counter[str] = Counter()  # how often a test has asked
-AGREE = 2e-5  # of a number's digits, in the mean of a part: far above rounding, far below what a change makes
+AGREE = 3e-4  # of a number's digits, in the mean of a part: three times what other processors' rounding makes of it
 
 
 def pinned(result: object) -> None:

@@ -57,7 +57,6 @@ def test_without_noise_it_is_found_to_the_last_digit() -> None:
     arm, jig = industrial_arm(), Jig.nominal()
     frames = _frames(np.random.default_rng(0), arm, arm, jig, noisy=False)
     result = calibrate(frames, jig, arm, default_sensor(), DESIGN, config=CalibConfig(model="scp"), mount="fixed")
-    pinned(result)
     assert result.T_hand_sensor is not None
     np.testing.assert_allclose(result.T_hand_sensor.matrix, TRUE.matrix, rtol=0, atol=ATOL_MM)
     for name, place in MOUNTED.items():
