@@ -19,7 +19,7 @@ from calib.sensor.result import SensorCalibration, SensorSolution, SensorVerdict
 from calib.sensor.shape import BoardShape, found_shape
 from calib.sensor.sheet_frame import SheetFrame, sheet_frame, to_sheet
 from calib.sensor.start import stand_alike, view_homographies
-from calib.sensor.stated import Answer, tangent_uncertainty, uncertainty_of_tilts
+from calib.sensor.stated import Answer, tangent_uncertainty, uncertainty_of_tilts, with_scale
 from calib.sensor.terms import BOARD, CAMERA, PLANE
 from calib.sensor.tilts import possible_tilts
 from calib.sensor.valley import settled
@@ -239,6 +239,10 @@ class _Attempt:
         if tilts is not None:
             terms = (*(t for t in bundle.terms if t not in TILT_NAMES), *TILT_NAMES)
             solution = replace(solution, uncertainty=uncertainty_of_tilts(answer, terms, tilts, yz))
+        shape = None if bundle.shape is None else found_shape(bundle.shape, result, of_all)
+        if shape is not None:
+            distance = 1 / float(np.linalg.norm(answer.plane))
+            solution = replace(solution, uncertainty=with_scale(solution.uncertainty, distance, shape.sigma_scale))
         depth, sigma = _depth_sigma(answer, solution.uncertainty, yz)
         whitened = bundle.corner_term.independent_rows(result.state).residual * bundle.corner_scale
         return (
@@ -258,7 +262,7 @@ class _Attempt:
                 depth_mm=depth,
                 tried=choice.tried,
                 tilts=tilts,
-                shape=None if bundle.shape is None else found_shape(bundle.shape, result, of_all),
+                shape=shape,
                 notes=tuple(self._second_stripes(choice)),
             )
             if len(whitened)

@@ -583,6 +583,18 @@ def test_a_print_that_is_not_where_it_is_stated_is_told_and_the_sensor_is_true()
     assert value < 2.5 * count
 
 
+def test_a_print_that_is_stretched_one_way_leaves_all_lengths_open():
+    """By 0.3 %, as a printer's feed does: which side is as stated no picture shows."""
+    place = observe_boards(synthetic_sensor(np.random.default_rng(1)), np.random.default_rng(1), 1)[0].corners.xy_mm
+    found, truth, _ = _shaped(PlateShape(offset_mm=np.c_[3e-3 * place[:, 0], np.zeros((54, 2))]))
+    assert found.shape is not None
+    along, across = found.shape.stretch
+    assert along - across == pytest.approx(3e-3, abs=1e-4)
+    assert found.shape.sigma_scale == pytest.approx(1.5e-3, abs=1e-4)
+    value, count = nees(found, truth)
+    assert value < 2.5 * count
+
+
 def test_a_flat_board_is_not_bent_and_parts_of_boards_have_no_names():
     found, _, views = _shaped(PlateShape())
     assert found.shape is None
