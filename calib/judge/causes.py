@@ -267,24 +267,37 @@ def _shift_words(first: int, everywhere: bool, step: int) -> str:
 
 
 def _one_name(v: ScrewViews) -> str:
-    """Whether frames under one location's name fall into groups that each move as one: several places, one name."""
+    """Whether frames under one location's name fall into groups that each move as one: several places, one name.
+
+    Where that is all that is wrong, the frames of every group and of every other location move alike.
+    """
     contrary = disagreement(v, stack_poses([f.at for f in v.frames])).min(axis=0) >= 1.0
+    group_of, words = np.full(len(v.names), -1), ""
     for name in dict.fromkeys(v.names):
-        left = [i for i, n in enumerate(v.names) if n == name]
-        total, groups = len(left), []
+        members = left = [i for i, n in enumerate(v.names) if n == name]
+        groups = []
         while len(left) >= _LEAST_GROUP:
             group = largest_group(v, contrary, left)
             if len(group) < _LEAST_GROUP:
                 break
             groups.append(group)
             left = [i for i in left if i not in group]
-        if len(groups) > 1 and sum(map(len, groups)) >= _GROUPED * total:
-            parts = "; ".join(numbers_of(v, g) for g in groups)
-            if left:
-                parts += f" ({numbers_of(v, left)} fit{'s' if len(left) == 1 else ''} none of them)"
-            only = len(set(v.names)) == 1
-            says = (
-                f"all lie in one location: the column says {name} throughout" if only else f"location {name} is several"
-            )
-            return f"{says}, but the target stood still only within each of these: {parts}; name each place"
-    return ""
+        if len(groups) < 2 or sum(map(len, groups)) < _GROUPED * len(members):
+            group_of[members] = group_of.max() + 1
+            continue
+        for group in groups:
+            group_of[group] = group_of.max() + 1
+        words = words or _several(v, name, groups, left)
+    first, second = group_of[v.pairs].T
+    within = (first == second) & (first >= 0)
+    return words if words and float(np.mean(~contrary[within])) > _FITS else ""
+
+
+def _several(v: ScrewViews, name: str, groups: list[list[int]], left: list[int]) -> str:
+    """That a location is several, and which frames belong together."""
+    parts = "; ".join(numbers_of(v, g) for g in groups)
+    if left:
+        parts += f" ({numbers_of(v, left)} fit{'s' if len(left) == 1 else ''} none of them)"
+    only = len(set(v.names)) == 1
+    says = f"all lie in one location: the column says {name} throughout" if only else f"location {name} is several"
+    return f"{says}, but the target stood still only within each of these: {parts}; name each place"

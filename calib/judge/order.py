@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.judge.screws import ADVANCE_MM, ANGLE_RAD, LEAST_TURN_RAD, ScrewViews, screw, share
+from calib.judge.screws import ADVANCE_MM, ANGLE_RAD, LEAST_TURN_RAD, ScrewViews, disagreement, screw, share
 from geometry import Frame, Pose, stack_poses
 from jig_cad import Jig
 
@@ -39,7 +39,7 @@ def reordered(v: ScrewViews, frames: tuple[Frame, ...], jig: Jig) -> str:
     mine = np.array([index[f.number] for f in v.frames], dtype=np.intp)
     hands = stack_poses([f.at for f in frames])
     given = share(v, hands[mine])
-    if given >= FITS - GAINED:
+    if _worst_place(v, hands[mine]) >= FITS - GAINED:  # rows of one place alone may be exchanged
         return ""
     alike = _alike(v, hands, jig)  # (V, V, F, F): images i and k with rows j and l
     rows_of_images = _partners(list(v.names), lambda i, k, j, n: bool(alike[i, k, j, n]), len(frames))
@@ -58,6 +58,13 @@ def reordered(v: ScrewViews, frames: tuple[Frame, ...], jig: Jig) -> str:
         f"{_words({int(mine[i]): j for i, j in found.items()}, frames)} (hand and jig move alike in "
         f"{np.mean(same):.0%} of the pairs of frames instead of {given:.0%} if each image has its own row)"
     )
+
+
+def _worst_place(v: ScrewViews, hands: Pose) -> float:
+    """Share of the pairs that agree at the place where fewest do."""
+    agree = disagreement(v, hands).min(axis=0) < 1.0
+    names = np.array(v.names)[v.pairs[:, 0]]
+    return min(float(np.mean(agree[names == name])) for name in dict.fromkeys(names.tolist()))
 
 
 def _alike(v: ScrewViews, hands: Pose, jig: Jig) -> Mask:

@@ -19,6 +19,7 @@ Array = NDArray[np.float64]
 # benchmarks/calib_degenerate.py: every spoilt set of its kinds is refused, none of the sound ones
 _SAME_MM, _SAME_DEG = 1.0, 0.1  # configurations nearer than this are one: some hundred times an arm's repeatability
 _MISFIT_TAIL = 1e-4  # of sound data are called a misfit by chance
+_AS_STATED = 1.5  # χ² per degree of freedom from which it is said that the noise is more than stated
 _LEVER_MM = 5.0  # over 300 mm of stand-off a degree: less turns positions by no more than their noise
 RIVAL_CHI2 = 12.0  # a likelihood ratio of 400: what is nearer is called ambiguous
 _GROSS_CHI2 = 30.0  # with all robot errors free within their priors; sound cells stay below 2
@@ -303,9 +304,15 @@ def _weak(f: Facts, config: CalibConfig) -> Verdict | None:
 
 
 def _ok_text(f: Facts, moved: Motion, config: CalibConfig) -> str:
+    larger = f.explained > misfit_limit(f.dof, _AS_STATED)
+    residuals = (
+        f"the residuals are {np.sqrt(f.explained):.1f} times what σ of points and joints say, and the σ given follow"
+        if larger
+        else "the residuals agree with the noise"
+    )
     text = (
         f"{moved.frames} frames at {f.locations} locations, rotations up to {moved.rotation_deg:.0f}°: "
-        f"the residuals agree with the noise (χ² {f.explained:.2f} per degree of freedom)"
+        f"{residuals} (χ² {f.explained:.2f} per degree of freedom)"
     )
     if f.chi2_per_dof <= misfit_limit(f.dof, config.misfit_chi2):
         return text

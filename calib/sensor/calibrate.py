@@ -19,7 +19,7 @@ from calib.sensor.result import SensorCalibration, SensorSolution, SensorVerdict
 from calib.sensor.shape import BoardShape, found_shape
 from calib.sensor.sheet_frame import SheetFrame, sheet_frame, to_sheet
 from calib.sensor.start import stand_alike, view_homographies
-from calib.sensor.stated import Answer, tangent_uncertainty, uncertainty_of_tilts
+from calib.sensor.stated import Answer, tangent_uncertainty, uncertainty_of_tilts, with_scale
 from calib.sensor.terms import BOARD, CAMERA, PLANE
 from calib.sensor.tilts import possible_tilts
 from calib.sensor.valley import settled
@@ -90,9 +90,18 @@ def calibrate_sensor(
     given = tuple(_centred(v, centre) for v in views)
     if len(given) < FEWEST_VIEWS:
         return SensorCalibration(too_few(len(given)), tuple(ViewResult(v.name, True, None) for v in views))
+    with np.errstate(over="ignore", invalid="ignore"):  # where few views show the stripe, left-out ones lie anywhere
+        return _calibrated(given, size_px, settings, centre)
+
+
+def _calibrated(
+    given: tuple[BoardView, ...], size_px: tuple[int, int], settings: SensorSettings, centre: Array
+) -> SensorCalibration:
+    """`calibrate_sensor` of views whose pixels count from the image's centre."""
+    every = tuple(ViewResult(v.name, True, None) for v in given)
     try:
         if stand_alike(view_homographies(given), size_px[0], ALIKE_RAD):
-            return SensorCalibration(boards_parallel(), tuple(ViewResult(v.name, True, None) for v in views))
+            return SensorCalibration(boards_parallel(), every)
         attempt = _Attempt.start(given, size_px, settings)
         while True:
             worst = attempt.worst()
@@ -101,7 +110,7 @@ def calibrate_sensor(
                 break
             attempt = attempt.without(*worst)
     except np.linalg.LinAlgError:  # the state went beyond all numbers
-        return SensorCalibration(no_camera(), tuple(ViewResult(v.name, True, None) for v in views))
+        return SensorCalibration(no_camera(), every)
     return attempt.with_mirrors().answer(centre, contradicted=worst is not None)
 
 
@@ -221,12 +230,19 @@ class _Attempt:
         solution = _solution(choice, answer, tangent_uncertainty(answer, bundle.terms, covariance), centre)
         between = common_error_px(bundle, result)
         verdict = judge(choice, solution, len(self.given), contradicted=contradicted, stripes_apart_px=between)
+        left_out_mm = choice.left_out.plane_rms_mm
+        if verdict.code == "plane_not_determined":  # nor is where the others expect a stripe
+            left_out_mm, results = float("nan"), {n: replace(r, left_out_mm=float("nan")) for n, r in results.items()}
         tilt_fits = verdict.is_answer and self.settings.max_terms >= LENGTH[TILT_NAMES[0]]
         tilts = possible_tilts(bundle, result, covariance) if tilt_fits else None
         yz = to_sheet(answer.camera, answer.frame, bundle.views.stripe.uv_px)
         if tilts is not None:
             terms = (*(t for t in bundle.terms if t not in TILT_NAMES), *TILT_NAMES)
             solution = replace(solution, uncertainty=uncertainty_of_tilts(answer, terms, tilts, yz))
+        shape = None if bundle.shape is None else found_shape(bundle.shape, result, of_all)
+        if shape is not None:
+            distance = 1 / float(np.linalg.norm(answer.plane))
+            solution = replace(solution, uncertainty=with_scale(solution.uncertainty, distance, shape.sigma_scale))
         depth, sigma = _depth_sigma(answer, solution.uncertainty, yz)
         whitened = bundle.corner_term.independent_rows(result.state).residual * bundle.corner_scale
         return (
@@ -237,7 +253,7 @@ class _Attempt:
                 reprojection_rms_px=float(np.sqrt(np.mean(np.sum(errors**2, axis=1)))),
                 plane_rms_mm=float(np.sqrt(np.mean(distances**2))),
                 left_out_px=choice.left_out.reprojection_rms_px,
-                left_out_mm=choice.left_out.plane_rms_mm,
+                left_out_mm=left_out_mm,
                 corner_scale=bundle.corner_scale,
                 stripe_scale=float(np.median(bundle.stripe_noise.scale)),
                 offset_px=bundle.stripe_noise.offset_px,
@@ -246,7 +262,7 @@ class _Attempt:
                 depth_mm=depth,
                 tried=choice.tried,
                 tilts=tilts,
-                shape=None if bundle.shape is None else found_shape(bundle.shape, result, of_all),
+                shape=shape,
                 notes=tuple(self._second_stripes(choice)),
             )
             if len(whitened)

@@ -128,6 +128,23 @@ class FoundShape:
     offset_mm: Array
     sigma_offset_mm: Array
 
+    @property
+    def stretch(self) -> Array:
+        """How much longer the print is along x and along y (2,) than stated, as a share."""
+        if not len(self.offset_mm):
+            return np.zeros(2)
+        about = self.corners_mm - self.corners_mm.mean(axis=0)
+        return np.asarray(np.sum(about * self.offset_mm[:, :2], axis=0) / np.sum(about**2, axis=0))
+
+    @property
+    def sigma_scale(self) -> float:
+        """Of all lengths, as a share: half of what columns and rows differ by, for no view tells which is as stated.
+
+        Of two independent stretches of one σ, the mean is off by half of what they differ by, root mean square.
+        """
+        along, across = self.stretch
+        return abs(float(along - across)) / 2
+
 
 def found_shape(shape: BoardShape, result: Result, covariance: Array) -> FoundShape | None:
     """The shape of a solution, with the covariance (C, C) of all its common unknowns; None of a board as stated."""

@@ -7,7 +7,7 @@ for another: their σ, by derivatives at the answer, are those of straight ways 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,6 +81,19 @@ def uncertainty_of_tilts(
         np.sqrt(np.diag(covariance)),
     )
     return SensorUncertainty(names, covariance, "calibrated", _moments(tilts.weight, straight, own))
+
+
+def with_scale(uncertainty: SensorUncertainty, plane_mm: float, sigma_scale: float) -> SensorUncertainty:
+    """The same where all lengths may be off by a share, as the board's are: the plane at ``plane_mm`` is, then."""
+    more = np.zeros_like(uncertainty.covariance)
+    i = uncertainty.parameters.index(PLANE_NAMES[-1])
+    more[i, i] = (plane_mm * sigma_scale) ** 2
+    tangent = uncertainty.tangent_covariance
+    return replace(
+        uncertainty,
+        covariance=uncertainty.covariance + more,
+        tangent_covariance=None if tangent is None else tangent + more,
+    )
 
 
 def parts_by_name(answer: Answer, terms: tuple[str, ...], tilts: PossibleTilts) -> tuple[Array, Array]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from extraction.config import StripeConfig
 from extraction.stripe.places import Places, StripeFacts
-from extraction.stripe.ridges import Pyramid, RidgeSearch, each_once, search, search_faint, together
+from extraction.stripe.ridges import Chain, Pyramid, RidgeSearch, each_once, search, search_faint, together
 from extraction.stripe.verdict import Stripe, StripeVerdict, judge
 from extraction.stripe.view import IntArray, StripeView, turn
 from geometry.compiled import kernel
@@ -24,6 +24,7 @@ SCALES = (2, 4, 8)  # pixels of the levels: Gaussian σ from half a pixel to six
 FAINT = 80.0  # significance of the best ridge, below which narrow rows are searched too
 CLEAR = 12.0  # contrast of a coarse ridge, and times the other direction's claim, from which nothing is in doubt
 WHOLE = 0.85  # of the columns that a ridge spans, over which columns must follow it too
+CLIMBS = 8  # stretches of a chain whose climb makes how far it goes across its sections
 COLUMNS_FIRST = 3.0  # times the light in ridges, that rows must show more than columns
 MOSTLY = 0.6  # of all places, from which a doubt is one of the whole image
 ALONE = 0.3  # of all stripes' light: a refused ridge with that much makes every point doubtful
@@ -82,8 +83,23 @@ def _direction(searches: list[RidgeSearch]) -> RidgeSearch:
     if not best.turned or not others:
         return best
     rows, columns = best.chains[0], others[0].chains[0]
-    seen = columns.length >= WHOLE * abs(float(rows.place[-1] - rows.place[0]))
+    seen = columns.length >= WHOLE * _climb(rows) and _lies_on(columns, rows)
     return others[0] if seen and COLUMNS_FIRST * _claim(others[0]) > _claim(best) else best
+
+
+def _climb(chain: Chain) -> float:
+    """How far a chain climbs along its sections, up and down [px]."""
+    every = chain.place[:: max(1, len(chain.place) // CLIMBS)]
+    return math.fsum(abs(float(x)) for x in np.diff(np.append(every, chain.place[-1])))
+
+
+def _lies_on(columns: Chain, rows: Chain) -> bool:
+    """Whether most nodes of a chain along columns lie on one along rows: another ridge says nothing of this one."""
+    line = np.interp(columns.place, rows.section, rows.place)
+    reach = float(columns.scale + rows.scale)
+    inside = (columns.place >= rows.section[0] - reach) & (columns.place <= rows.section[-1] + reach)
+    near = inside & (np.abs(line - columns.section) <= reach)
+    return 2 * int(np.count_nonzero(near)) >= len(near)
 
 
 def _turned(grey: NDArray[Any]) -> NDArray[Any]:

@@ -121,6 +121,16 @@ def test_rows_that_are_late_are_found_with_their_start(
     assert f"{where}each row is one late" in result.verdict.text
 
 
+@pytest.mark.parametrize("of", [{7 + i: 13 - i for i in range(7)}, {i: i - 1 for i in range(8, 14)}])
+def test_rows_exchanged_at_one_place_alone_are_found(
+    cell: SyntheticCell, observed: CellFrames, of: dict[int, int]
+) -> None:
+    result = calibrated(_with_readings(observed, of), cell.jig, cell.robot)
+    assert result.verdict.code == "frames_contradict"
+    assert not result.verdict.trustworthy
+    assert "are not each other's rows" in result.verdict.text
+
+
 def test_places_under_one_name_are_told_apart(cell: SyntheticCell, observed: CellFrames) -> None:
     one = tuple(replace(f, location="A", role="calibrate") for f in observed.frames)
     result = calibrated(replace(observed, frames=one), cell.jig, cell.robot)
@@ -144,3 +154,13 @@ def test_a_third_of_the_frames_may_be_lost(cell: SyntheticCell, observed: CellFr
 
     result = calibrated(replace(observed, frames=tuple(map(spoilt, observed.frames))), cell.jig, cell.robot)
     assert result.verdict.trustworthy
+
+
+def test_noise_that_is_larger_than_stated_is_said(cell: SyntheticCell, observed: CellFrames) -> None:
+    def surer(f: Frame) -> Frame:
+        assert f.axis is not None
+        return replace(f, axis=replace(f.axis, cov_yz_mm2=f.axis.cov_yz_mm2 / 2.2))
+
+    result = calibrated(replace(observed, frames=tuple(map(surer, observed.frames))), cell.jig, cell.robot)
+    assert result.verdict.code == "ok"
+    assert "and the σ given follow" in result.verdict.text

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calib.sensor import BoardView, SensorCalibration, SensorSettings, calibrate_sensor, fit_direct
+from calib.sensor import BoardView, SensorCalibration, SensorSettings, StripePoints, calibrate_sensor, fit_direct
 from calib.sensor.bundle import (
     TILT_NAMES,
     TILT_PLACES,
@@ -390,6 +390,24 @@ def test_without_stripes_the_plane_is_open():
     assert calibrate_sensor(views, SIZE).verdict.code == "plane_not_determined"
 
 
+def scattered(view: BoardView, rng: np.random.Generator, count: int = 13) -> BoardView:
+    """The view with points in place of its stripe that lie on no line, or none."""
+    uv = view.corners.uv_px.mean(axis=0) + rng.uniform(-60, 60, (count, 2))
+    normal = np.tile([0.0, 1.0], (count, 1))
+    return replace(view, stripe=StripePoints(uv, normal, np.full(count, 0.05)))
+
+
+@pytest.mark.parametrize("with_stripe", [0, 1])
+def test_points_on_no_line_leave_the_plane_open(with_stripe: int):
+    rng = np.random.default_rng(17)
+    views = observe_boards(synthetic_sensor(rng), rng, 5)
+    views[with_stripe:] = [scattered(v, rng) for v in views[with_stripe:]]
+    found = calibrate_sensor(views, SIZE, SHORT)
+    assert found.verdict.code == "plane_not_determined"
+    assert np.isnan(found.left_out_mm)
+    assert all(np.isnan(v.left_out_mm) for v in found.views)
+
+
 def test_a_direct_map_follows_the_bundle():
     found, _ = _solved(2, 0.0, count=8)
     plain, bent = fit_direct(found, "homography", SIZE), fit_direct(found, "polynomial", SIZE)
@@ -561,6 +579,18 @@ def test_a_print_that_is_not_where_it_is_stated_is_told_and_the_sensor_is_true()
     motions = np.concatenate([turns, scale], 2).reshape(162, 7)
     apart = apart.reshape(-1) - motions @ np.linalg.lstsq(motions, apart.reshape(-1), rcond=None)[0]
     assert np.sqrt(np.mean(apart**2)) < 0.01
+    value, count = nees(found, truth)
+    assert value < 2.5 * count
+
+
+def test_a_print_that_is_stretched_one_way_leaves_all_lengths_open():
+    """By 0.3 %, as a printer's feed does: which side is as stated no picture shows."""
+    place = observe_boards(synthetic_sensor(np.random.default_rng(1)), np.random.default_rng(1), 1)[0].corners.xy_mm
+    found, truth, _ = _shaped(PlateShape(offset_mm=np.c_[3e-3 * place[:, 0], np.zeros((54, 2))]))
+    assert found.shape is not None
+    along, across = found.shape.stretch
+    assert along - across == pytest.approx(3e-3, abs=1e-4)
+    assert found.shape.sigma_scale == pytest.approx(1.5e-3, abs=1e-4)
     value, count = nees(found, truth)
     assert value < 2.5 * count
 

@@ -296,6 +296,11 @@ def test_the_pose_for_the_nominal_table_stands_beside_the_solved_one(page: Page)
         assert f"{place:.3f} ± {sigma:.3f}".replace("-", "−") in rows
     assert "nominal table" in page.find("#which-table").text
     assert "(asked: auto)" in page.find("#verdict").text
+    written = page.js("return document.querySelector('#calibration .conventions').textContent").replace("−", "-")
+    for maker in ("kuka", "abb", "ros", "ur"):  # metres and quaternions with as many digits as they need
+        for label, value in result["conventions_nominal"][maker].items():
+            digits = 4 if label.endswith(("mm", "°", "deg")) else 7
+            assert f"{label.split(' / ')[0]} {value:.{digits}f}" in written
 
 
 def _saved(page: Page, what: str) -> str:

@@ -10,11 +10,12 @@ import pytest
 from calib.hands import placed
 from calib.synthetic.surfaces import ProfileNoise, observe_surface, surface_cell
 from calib.synthetic.telling_nothing import SPOILT, spoilt_cell
-from geometry import Surface
+from geometry import Sensor, Surface
+from geometry.sensor import ProfileOutput
 from jig_cad import Edge, Plane, Sphere, Wedge
 from tests.workbench.helpers import Cli
 from workbench.files import Cell, read_frames
-from workbench.plan import next_views, size_mm
+from workbench.plan import next_views, plan_limits, propose_on_surface, size_mm
 
 CURED = 0.3  # of the σ that one plane at three tilts leaves, after four more views
 
@@ -63,3 +64,28 @@ def test_a_plan_has_views_of_the_places_that_verify(cli: Cli, tmp_path: Path) ->
     rows = read_frames(out, 6)
     assert sorted(r.number for r in rows) == list(range(len(rows)))
     assert {r.location: r.role for r in rows} == {"A": "calibrate", "B": "calibrate", "C": "calibrate", "D": "verify"}
+
+
+def test_views_that_are_proposed_together_differ(tmp_path: Path) -> None:
+    """At one place, where the best view stays the best once it is chosen; and from those that are there."""
+    rng = np.random.default_rng(6)
+    made = surface_cell(Sphere(40.0), rng, (("A", "calibrate", 14),))
+    seen = observe_surface(made, rng, ProfileNoise(), 40, labelled=False)
+    cell = Cell(tmp_path, seen.sensor, made.target, made.robot, seen.frames, seen.design)
+    plan = next_views(cell, made.T_hand_sensor, dict(made.T_base_target), placed(seen.frames, made.robot), 12)
+    joints = [v.frame.joints_rad for v in plan.views] + [f.joints_rad for f in seen.frames]
+    hands = [made.robot.pose(q) for q in joints]
+    for i in range(len(plan.views)):
+        for other in (h for k, h in enumerate(hands) if k != i):
+            assert np.linalg.norm((hands[i].inverse() @ other).log() * ([1.0] * 3 + [300.0] * 3)) > 15.0
+
+
+def test_a_recorded_place_that_verifies_needs_no_field_of_view(tmp_path: Path) -> None:
+    """Its frames show where the sensor sees the target, as those of places that calibrate do."""
+    rng = np.random.default_rng(7)
+    made = surface_cell(Sphere(40.0), rng, (("A", "calibrate", 4), ("B", "calibrate", 4), ("C", "verify", 3)))
+    seen = observe_surface(made, rng, ProfileNoise(), 40, labelled=False)
+    sensor = Sensor(seen.sensor.sheet, profile=ProfileOutput(sigma_y_mm=0.03, sigma_z_mm=0.03))
+    cell = Cell(tmp_path, sensor, made.target, made.robot, seen.frames, made.T_hand_sensor, made.T_base_target)
+    proposal = propose_on_surface(cell, 1, "D", "scp", plan_limits(30.0, 90.0, 3.0), 0)
+    assert {r.location: r.role for r in proposal.rows}["C"] == "verify"

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from extraction import Profile, StripeConfig, extract_profile
 from geometry import Frame, InputError, NoAnswerError, Pose, Remark, Sensor, no_remark
 from geometry.sensor import ProfileOutput
-from workbench.cell import is_profile_file, scp_of
-from workbench.files import LOSSY_SUFFIXES, Cell, read_cell, read_image, read_result, read_sensor, read_table
+from workbench.cell import find_sensor, is_profile_file, scp_of
+from workbench.files import LOSSY_SUFFIXES, Cell, read_cell, read_image, read_result, read_table
 from workbench.profiles import Told, checked_profile, frame_profiles, read_scan_lines
 
 Array = NDArray[np.float64]
@@ -106,7 +106,7 @@ def read_recorded(what: ProfileRecording, remark: Remark = no_remark, progress: 
         raise InputError(f"--scp and --location belong to a cell dataset, and {what.paths[0]} is none")
     files = _files(what.paths)
     placed: list[PlacedProfile] = []
-    sensor = None if what.sensor is None else read_sensor(what.sensor)
+    sensor = None if what.sensor is None else find_sensor(str(what.sensor))
     image = next((p for p in files if not is_profile_file(p)), None)
     if image is not None:
         if sensor is None:

@@ -12,7 +12,8 @@ from pydantic import ValidationError
 from extraction import GapFlushConfig, Profile
 from geometry import InputError, Remark, no_remark, read_bytes
 from geometry.sensor import AUTO, ProfileOutput
-from workbench.files import LOSSY_SUFFIXES, SUFFIXES, Image, Settings, read_image, read_sensor
+from workbench.cell.presets import find_sensor
+from workbench.files import LOSSY_SUFFIXES, SUFFIXES, Image, Settings, read_image
 
 MAX_OWN_BYTES = 64 * 2**20  # a profile of ours has some kilobytes
 
@@ -49,7 +50,7 @@ def read_profile(source: ProfileSource, remark: Remark = no_remark) -> Profile:
         return _profile_of_file(source, remark)
     if source.sensor is None:
         raise InputError(f"{source.path} is an image, not a profile's file: it needs --sensor FILE")
-    sensor = read_sensor(source.sensor)
+    sensor = find_sensor(str(source.sensor))
     image = read_image(source.path, sensor, remark, lossy=True)
     off = None if source.laser_off is None else read_image(source.laser_off, sensor, remark, lossy=True)
     mask = None if source.mask is None else read_image(source.mask, sensor, lossy=True) > 0
@@ -72,7 +73,7 @@ def usable(image: Image, mask: NDArray[np.bool_] | None, settings: Settings) -> 
 
 def _profile_of_file(source: ProfileSource, remark: Remark) -> Profile:
     """A profile by its maker's file, with what a profile sensor's file says of it; our own CSV has the stripe's too."""
-    sensor = None if source.sensor is None else read_sensor(source.sensor)
+    sensor = None if source.sensor is None else find_sensor(str(source.sensor))
     output = ProfileOutput() if sensor is None or sensor.profile is None else sensor.profile
     from extraction import read_profile_csv
     from workbench.profiles import Told, checked_profile, read_scan_lines

@@ -134,7 +134,7 @@ def _measure(path: Path, sensor: Sensor | None, inputs: StripeInputs, remark: Re
     else:
         profile = extract_profile(image, sensor, config, off, mask)
         peaks = profile.peaks
-    reason = "" if len(peaks) else why_no_stripe(image, model, peaks)
+    reason = "" if len(peaks) else why_no_stripe(image, model, peaks, mask)
     return MeasuredStripe(path, image, peaks, profile, reason, piece_ends(image, peaks, off, mask))
 
 
@@ -152,8 +152,13 @@ def is_mosaic(image: Image) -> bool:
     return alone and levels[3] > MOSAIC_RATIO * max(levels[0], 1.0)
 
 
-def why_no_stripe(image: Image, sensor: Sensor, peaks: StripePeaks) -> str:
-    """Why there is no stripe: flooded, or what was seen and refused."""
+def why_no_stripe(image: Image, sensor: Sensor, peaks: StripePeaks, mask: NDArray[np.bool_] | None = None) -> str:
+    """Why there is no stripe: nothing of the image is looked at (mask), flooded, or what was seen and refused."""
+    if mask is not None and not mask.any():
+        size = f"{image.shape[1]} × {image.shape[0]}"
+        return (
+            f"no stripe: mask and region leave none of the image's {size} px; were they drawn for another image size?"
+        )
     full = sensor.require_camera().saturation_dn
     if (image >= full).mean() > 0.5:
         return f"no stripe: more than half of the image is saturated ({full}), lower the exposure"

@@ -15,6 +15,7 @@ Index = NDArray[np.intp]
 
 RANDOM_PLANS = 50  # their median, with which a plan is compared, is then known to a fifth of their spread: 1.25 σ / √50
 LEVER_MM = 300.0  # at which a rotation's error is weighed against a translation's: a sensor's usual stand-off
+DISTINCT_MM = 20.0  # two views of one place differ at least by this, rotations at the lever: equal ones tell the same
 _MAX_SWEEPS = 20
 _GAIN = 1e-6  # a smaller relative gain is rounding: of such views the first is taken
 

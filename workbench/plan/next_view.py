@@ -26,13 +26,14 @@ from geometry import (
     field_of_view,
     inside_polygon,
     inverse_kinematics,
+    log_so3,
     stack_poses,
     target_at,
 )
 from geometry.ties import first_least
 from jig_cad import Balls, Sphere
 from workbench.files import Cell
-from workbench.plan.choose import size_mm
+from workbench.plan.choose import DISTINCT_MM, LEVER_MM, size_mm
 from workbench.plan.clearance import (
     carrying,
     room_at_target_mm,
@@ -191,14 +192,19 @@ def next_views(
     before = scp_covariance(base, np.arange(len(base.location)))
     number = max((f.number for f in cell.frames), default=-1) + 1
     chosen: list[NextView] = []
+    fresh = [np.ones(len(v.axes), dtype=bool) for v in pool]
+    for i in keep:
+        k = names.index(taken[i].location)
+        fresh[k] &= _apart(pool[k].T_base_sensor, hands[i] @ T_hand_sensor)
     left = {k: count if each else count * len(given) for k in range(len(given))}
     for _ in range(count * (len(given) if each else 1)):
         trials = []
         for k, views in enumerate(pool):
-            if left[k] and len(views.axes):
+            if left[k] and np.any(fresh[k]):
                 together = base.followed_by(told[k])
                 old, new = np.arange(len(base.location)), len(base.location) + np.arange(len(views.axes))
                 sizes = size_mm(covariances_with(together, old, new), criterion)
+                sizes = np.where(fresh[k], sizes, np.inf)
                 best = first_least(np.log(sizes), _SAME)
                 trials.append((k, best, float(sizes[best])))
         if not trials:
@@ -207,6 +213,7 @@ def next_views(
         left[k] -= 1
         base = base.followed_by(told[k][np.array([i])])
         views = pool[k]
+        fresh[k] &= _apart(views.T_base_sensor, views.T_base_sensor[i])
         joints = None if views.joints_rad is None else views.joints_rad[i]
         hand = views.T_base_sensor[i] @ T_hand_sensor.inverse()
         hand = hand.inverse() if cell.mount == "fixed" else hand
@@ -225,6 +232,13 @@ def next_views(
         np.array([o[1] for o in others]).reshape(-1, 6, 6),
         len(every),
     )
+
+
+def _apart(views: Pose, one: Pose) -> NDArray[np.bool_]:
+    """Which views (N) differ from one: equal ones tell nothing new of what does not average out."""
+    off = one.inverse() @ views
+    turn = np.linalg.norm(log_so3(off.R), axis=-1)
+    return np.asarray(np.hypot(LEVER_MM * turn, np.linalg.norm(off.t, axis=-1)) > DISTINCT_MM)
 
 
 def _at_random(

@@ -50,7 +50,8 @@ def propose_on_surface(
     )
     plan = asked(places, taken, compared=RANDOM_PLANS)
     checked = {n: T for n, T in cell.T_base_jig.items() if n not in places}
-    checking = asked(checked, []).views if checked else ()
+    looked = [f for f in cell.frames if f.location in checked and f.reason is None]  # where from; none counts as taken
+    checking = asked(checked, looked).views if checked else ()
     views = [*plan.views, *(_to_verify(cell, v, len(plan.views)) for v in checking)]
     views = sorted(views, key=lambda v: list(cell.T_base_jig).index(v.frame.location))
     rows = tuple(v.frame for v in views)

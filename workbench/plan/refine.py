@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from calib.bundle import FrameInformation, covariances_with, scp_covariance
 from geometry import Pose, log_so3
 from geometry.ties import ascending
-from workbench.plan.choose import LEVER_MM, size_mm
+from workbench.plan.choose import DISTINCT_MM, LEVER_MM, size_mm
 from workbench.plan.view_space import ViewSpace
 from workbench.plan.views import ViewProblem, Views, near_views, unhidden
 
@@ -24,7 +24,6 @@ FIRST_STEP, SHRINK = 0.25, 0.75  # of the bounds' widths, as a σ; smaller in ev
 MOVED_SHARE = 0.6  # of a view's six parameters that a move changes
 LOOKS = 5  # how many of the best moves are looked at for occlusion
 GAIN = 1e-6  # a smaller relative gain is rounding
-DISTINCT_MM = 20.0  # two views of one place differ at least by this, rotations at the lever: equal ones tell the same
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,6 +28,8 @@ UNSEEN = (
     "mirrored pictures of a checkerboard can not be told from right ones: check that lettering reads the right way",
 )
 
+UNEQUAL = 2.5e-4  # of lengths by a board whose rows and columns differ, as a share: worth a word
+
 
 def answer_object(
     result: SensorCalibration, n_corners: int, lost: tuple[tuple[str, str], ...], remarks: tuple[str, ...]
@@ -133,7 +135,15 @@ def shape_note(shape: FoundShape | None) -> list[str]:
             f"the board's corners stand off their stated places by {x:.3f}, {y:.3f} and {z:.3f} mm (root mean square "
             "along its columns, its rows and across it)"
         )
-    return [f"{', and '.join(said)}: the bundle holds it, for left-out views are predicted better so, and every σ does"]
+    notes = [
+        f"{', and '.join(said)}: the bundle holds it, for left-out views are predicted better so, and every σ does"
+    ]
+    if shape.sigma_scale > UNEQUAL:
+        notes.append(
+            f"the board's columns and rows are {200 * shape.sigma_scale:.2f} % differently long: no picture "
+            "shows which is right, so σ hold half of it for every length; measure both with a caliper"
+        )
+    return notes
 
 
 def _by_depth(values: tuple[float, float, float] | None) -> dict[str, float] | None:

@@ -187,6 +187,11 @@ def _view(file: ViewFiles, board: Board, image: Image, lit: Image, found: BoardC
             return bare, [*said, text]
     off = None if single else image
     peaks = stripe_on_board(lit, off, board, found)
+    if single and not len(peaks):
+        said.append(
+            f"{file.name}: no stripe stands out from the print in a single picture: take two of every pose, with the "
+            "laser off and on"
+        )
     if off is not None and second_stripe(lit, off, board, found, peaks) > SECOND_SHARE:
         said.append(
             f"{file.name}: a second stripe stands beside the one that is used (the laser's reflection?): the brighter "

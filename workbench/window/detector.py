@@ -104,9 +104,9 @@ class Detector:
         mask = region_mask(recipe.region, content.shape)
         if not self.plane_known:
             peaks = detect_stripe(content, recipe.stripe, mask=mask)
-            return ProfileView(peaks, reason="" if len(peaks) else why_no_stripe(content, self.sensor, peaks))
+            return ProfileView(peaks, reason="" if len(peaks) else why_no_stripe(content, self.sensor, peaks, mask))
         profile = extract_profile(content, self.sensor, recipe.stripe, mask=mask)
-        reason = "" if len(profile) else why_no_stripe(content, self.sensor, profile.peaks)
+        reason = "" if len(profile) else why_no_stripe(content, self.sensor, profile.peaks, mask)
         found = measure(profile, recipe, field_of_view_of(self.sensor)) if len(profile) else MeasuredProfile()
         return ProfileView(profile.peaks, profile, found, reason)
 

@@ -166,28 +166,27 @@ def follow(nodes: RidgeNodes, scale: int, step: int, empty: Records) -> Ridges:
         falls[k] = falls[k] and score[k] > threshold and score[k] > _LEAST_SIGNIFICANCE * math.sqrt(count)
         if falls[k]:
             brightest = max(brightest, light[k])
-            kept, long = kept + 1, long + count
+            kept, long = kept + 3, long + count
     out = Ridges(np.empty(kept, empty.dtype), np.empty(long), np.empty(long), np.empty(long))
     ratio, some = np.empty(long), np.empty(long)
     kept, at = 0, 0
     for k in range(number):
         if falls[k] and light[k] >= _PART * brightest:
-            n = _write(nodes, order[start[k] : start[k + 1]], scale, step, out, at, ratio, some, out.chains[kept])
-            kept, at = kept + 1, at + n
+            own = order[start[k] : start[k + 1]]
+            a, b = _bright(nodes, own, some)
+            ends = (0, a, b, len(own))
+            for part in range(3):  # a dark tail, what is bright, and another
+                some_nodes = own[ends[part] : ends[part + 1]]
+                if part == 1 or _stands_out(nodes, some_nodes, threshold):
+                    n = _write(nodes, some_nodes, scale, step, out, at, ratio, out.chains[kept])
+                    kept, at = kept + 1, at + n
     return Ridges(out.chains[:kept], out.section[:at], out.place[:at], out.response[:at])
 
 
 @kernel
-def _write(
-    nodes: RidgeNodes, own: IntArray, scale: int, step: int, out: Ridges, at: int, ratio: Array, some: Array, row: Any
-) -> int:
-    """A chain of those nodes to its record and to the nodes from ``at`` on; returns how many those are.
-
-    Without the nodes at either end that are noise which the ridge was linked to.
-    """
-    section, place, response, _, _, noise, _ = nodes
-    _, sections, places, responses = out
-    n = len(own)
+def _bright(nodes: RidgeNodes, own: IntArray, some: Array) -> tuple[int, int]:
+    """The first of a chain's nodes, and the one after the last, that are no dark tail of it."""
+    response, n = nodes.response, len(own)
     for i in range(n):
         some[i] = response[own[i]]
     bright = kth_smallest(some[:n], n * 3 // 4)
@@ -196,9 +195,30 @@ def _write(
         a += 1
     while response[own[b - 1]] < _TAIL * bright:
         b -= 1
-    n, score, light, lowest, highest = b - a, 0.0, 0.0, np.inf, -np.inf
+    return a, b
+
+
+@kernel
+def _stands_out(nodes: RidgeNodes, own: IntArray, threshold: float) -> bool:
+    """Whether a chain's dark tail is a ridge by itself: a stripe goes on over a dark surface."""
+    total, near, far = 0.0, 0.0, 0.0
+    for j in own:
+        total += nodes.response[j] / nodes.noise[j]
+        near, far = near + nodes.near[j], far + nodes.far[j]
+    clear = total > threshold and total > max(_LEAST_SIGNIFICANCE * math.sqrt(len(own)), _NOISE_CONTRAST * len(own))
+    return clear and min(near, far) >= _FALLS * max(near, far)
+
+
+@kernel
+def _write(
+    nodes: RidgeNodes, own: IntArray, scale: int, step: int, out: Ridges, at: int, ratio: Array, row: Any
+) -> int:
+    """A chain of those nodes to its record and to the nodes from ``at`` on; returns how many those are."""
+    section, place, response, _, _, noise, _ = nodes
+    _, sections, places, responses = out
+    n, score, light, lowest, highest = len(own), 0.0, 0.0, np.inf, -np.inf
     for i in range(n):
-        j = own[a + i]
+        j = own[i]
         ratio[i] = response[j] / noise[j]
         score, light = score + ratio[i], light + response[j]
         along = (place[j] + 0.5) * scale - 0.5

@@ -27,6 +27,11 @@ MOST_LAGS = 7
 _LEAST_RATIO = 0.04  # of a variance, that scatter may take it down to
 _ROBUST = 3.5  # residuals beyond so many σ are edges of the profile
 _MOST = 3.0  # times the middle window's excess: more is an edge or a bend of the profile
+# a bend closer than the windows: how much less of the variance its cubics leave, of that of shorter ones how much at
+# most, and how much less the shortest ones leave
+BEND, SETTLED, CLEAR_BEND = 8.0, 2.5, 1000.0
+_BEND_REACH, _SKEW = 6, 1.1  # sections on either side, for a bend; 0.75 under even noise, 1.5 under shot noise alone
+_FEWEST_OF_CUBIC = 8  # points that a cubic is laid through
 WINDOWS_ABOUT = 2  # on either side, that say with a point's own what it scatters
 
 
@@ -66,10 +71,14 @@ def true_sigma(places: SigmaPlaces, fits: Records) -> float:
         n = positions_of(stripe, k, own)
         if n == 0:
             continue
-        at, centre, variance = np.empty(n, np.int64), np.empty(n), np.empty(n)
+        at, centre, variance, width = np.empty(n, np.int64), np.empty(n), np.empty(n), np.empty(n)
         for i in range(n):
             at[i], centre[i], variance[i] = section[own[i]], fits[own[i]].centre, fits[own[i]].variance
-        r = _residuals(at, centre)
+            width[i] = fits[own[i]].width
+        skew = _skewed(at, centre, width)
+        for i in range(n):
+            fits[own[i]].variance += skew[i]
+        r = _residuals(at, centre, variance)
         known = 0
         for i in range(n):
             known += r.share[i] > 0
@@ -82,7 +91,7 @@ def true_sigma(places: SigmaPlaces, fits: Records) -> float:
                 excess[i] = max(excess[i], 0.0)
             more = more or excess[i] > 0
             variance[i] += excess[i]
-            fits[own[i]].variance = max(variance[i], fits[own[i]].floor)
+            fits[own[i]].variance = max(variance[i] + skew[i], fits[own[i]].floor)
         weight = 0 if ghost[own[0]] else n
         total += weight
         lengths += weight * (_correlation(r, variance) if more else 0.0)
@@ -93,6 +102,30 @@ def true_sigma(places: SigmaPlaces, fits: Records) -> float:
         if short[stripe[i]]:
             fits[i].variance += max(middles / total, 0.0)
     return lengths / total
+
+
+@kernel
+def _skewed(section: NDArray[np.int64], place: Array, width: Array) -> Array:
+    """The square of what a bend moves each point (N,) along its section, where the stripe is steep.
+
+    Of a stripe of Gaussian σ s across its own normal a steep section sees one flank nearer the bend than the other:
+    the fit's centre is off by some κ s² sin² of the slope. Its sign hangs on how the light came to be that wide, so
+    it is no correction but an uncertainty.
+    """
+    n = len(section)
+    out = np.zeros(n)
+    for i in range(_BEND_REACH, n - _BEND_REACH):
+        a, b = i - _BEND_REACH, i + _BEND_REACH
+        if section[b] - section[a] > 2 * _BEND_REACH + 2 or abs(place[b] - place[a]) > STEP_PX * (b - a):
+            continue
+        slope = (place[b] - place[a]) / (section[b] - section[a])
+        bend = (place[b] - 2 * place[i] + place[a]) / _BEND_REACH**2
+        squared = slope * slope / (1 + slope * slope)
+        out[i] = (_SKEW * bend * width[i] ** 2 * squared * (1 - squared)) ** 2
+    for i in range(min(_BEND_REACH, n // 2)):  # the ends take what the points inside have
+        last = min(_BEND_REACH, n // 2)
+        out[i], out[n - 1 - i] = out[last], out[n - 1 - last]
+    return out
 
 
 @kernel
@@ -164,10 +197,11 @@ def _correlation(r: Residuals, variance: Array) -> float:
 
 
 @kernel
-def _residuals(section: NDArray[np.int64], place: Array) -> Residuals:
+def _residuals(section: NDArray[np.int64], place: Array, variance: Array) -> Residuals:
     """Each point less the line through the WINDOW of its piece that it is in, the stripe's course taken off before.
 
-    The course is a cubic over three windows: a ball's arc is none of the noise.
+    The course is a cubic over three windows; where a bend is closer than that, cubics over the window or parts of it:
+    a ball's arc is none of the noise. variance: by the pixels' noise (N,).
     """
     n = len(section)
     residual, share, after, window = np.zeros(n), np.zeros(n), np.zeros(n, np.int64), np.zeros(n, np.int64)
@@ -193,9 +227,55 @@ def _residuals(section: NDArray[np.int64], place: Array) -> Residuals:
             _less_line(section, flat, a, b, residual)
             for i in range(a, b):
                 share[i], after[i], window[i] = 1 - 2.0 / (b - a), b - 1 - i, number
+            _bent(section, place, variance, a, b, residual, share, after)
             number += 1
         start = stop
     return Residuals(residual, share, after, window)
+
+
+@kernel
+def _bent(
+    section: NDArray[np.int64], place: Array, variance: Array, a: int, b: int, residual: Array, share: Array,
+    after: NDArray[np.int64],
+) -> None:  # fmt: skip
+    """Where points a … b - 1 lie on a bend, their residuals about cubics over them, or over parts of them, instead.
+
+    A bend is believed where cubics over shorter parts leave about as much of it: a rough surface, whose every detail is
+    course to someone and noise to another, has no such length. Of speckle a closer course leaves most.
+    """
+    straight, own, tried = 0.0, 0.0, np.zeros(b)
+    for i in range(a, b):
+        straight, own = straight + residual[i] ** 2 / (b - a - 2), own + variance[i] / (b - a)
+    if straight <= BEND * own:
+        return
+    least, best = straight, 0
+    for parts in (4, 2, 1):
+        if (b - a) // parts < _FEWEST_OF_CUBIC:
+            continue
+        left = _about_cubics(section, place, a, b, parts, tried)
+        known = left <= SETTLED * least if parts < 4 else left * CLEAR_BEND <= straight
+        if known and left * BEND <= straight:
+            best = parts
+        least = min(least, left)
+    if best == 0:
+        return
+    _about_cubics(section, place, a, b, best, tried)
+    for k in range(best):
+        low, high = a + k * (b - a) // best, a + (k + 1) * (b - a) // best
+        for i in range(low, high):
+            residual[i], share[i], after[i] = tried[i], 1 - 4.0 / (high - low), high - 1 - i
+
+
+@kernel
+def _about_cubics(section: NDArray[np.int64], place: Array, a: int, b: int, parts: int, out: Array) -> float:
+    """Points a … b - 1 about a cubic through each of so many parts of them; the variance that is left."""
+    total = 0.0
+    for k in range(parts):
+        low, high = a + k * (b - a) // parts, a + (k + 1) * (b - a) // parts
+        _less_cubic(section, place, low, high, low, high, out)
+    for i in range(a, b):
+        total += out[i] ** 2
+    return total / (b - a - 4 * parts)
 
 
 @kernel

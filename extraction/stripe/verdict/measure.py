@@ -32,7 +32,9 @@ from geometry.compiled import kernel
 
 Array = NDArray[np.float64]
 
-DARK_MARGIN = 3  # sections between a lit piece and the dark one beside it
+DARK_MARGIN = 1  # sections between a lit piece and the dark one beside it
+DARK_END = 15  # sections of a ridge beyond its lit pieces, from which they are one of its dark ones
+DARK_HEIGHT = 2.0  # of the lit pieces' height, at most: what is clipped there and narrow here may be as high
 CLEAR, WALK_NODES = 8.0, 3  # contrast from which a ridge is followed to its ends; level sections inside, to begin
 PAIR_APART = 0.2  # of two peaks' distance, that it may differ between a ridge's halves
 PROFILE_STEP_PX = 0.5
@@ -43,7 +45,7 @@ _SHORTEST = 3  # sections of a piece
 
 class Piece(NamedTuple):
     """A stretch of a ridge's track, start … stop - 1 from its first section; what stands in its mean profile; whether
-    it lies dark between two lit ones.
+    it lies dark between two lit ones, or beyond them.
     """
 
     start: int
@@ -91,7 +93,7 @@ def measure(grey: NDArray[Any], chain: Chain, clip: float) -> tuple[Track, list[
         light_along(grey, track.first, track.place, track.width, half, light)
         lit = lit_pieces(light, start, stop)
     pieces = []
-    for k, (low, high) in enumerate(_ends(light, lit, rough).tolist()):
+    for k, (low, high) in enumerate(_ends(light, lit, start, stop, rough).tolist()):
         if high - low < _SHORTEST:
             continue
         shape = found
@@ -99,7 +101,7 @@ def measure(grey: NDArray[Any], chain: Chain, clip: float) -> tuple[Track, list[
             shape = profile_of(*middle(low, high))
             if shape.peaks == 2 and found.peaks == 1:
                 shape = one_bump(shape)
-        if shape.peaks:
+        if shape.peaks and (k < len(lit) or shape.height < DARK_HEIGHT * found.height):
             pieces.append(Piece(low, high, shape, k >= len(lit)))
     return track, pieces
 
@@ -116,7 +118,7 @@ def _measure_faint(
         width, height = bell_on_rough_ground(grey, track.first + start, track.place[start:stop], width)
     light = np.empty(len(track.place))
     light_on_rough_ground(grey, track.first, track.place, width, light)
-    low, high = _ends(light, np.array([[start, stop]], np.int64), True)[0].tolist()
+    low, high = _ends(light, np.array([[start, stop]], np.int64), start, stop, True)[0].tolist()
     if high - low < _SHORTEST:
         return track, []
     return track, [Piece(low, high, Bumps(1, 0.0, 0.0, width, height, 0.0), False)]
@@ -135,9 +137,9 @@ def middle(start: int, stop: int) -> tuple[int, int]:
 
 
 @kernel
-def _ends(light: Array, lit: NDArray[np.int64], rough: bool) -> NDArray[np.int64]:
-    """The lit stretches (P, 2) from end to end, then the dark ones between them."""
-    ends = np.empty((max(2 * len(lit) - 1, 0), 2), np.int64)
+def _ends(light: Array, lit: NDArray[np.int64], start: int, stop: int, rough: bool) -> NDArray[np.int64]:
+    """The lit stretches (P, 2) from end to end, then the dark ones between them and, to start … stop - 1, beyond."""
+    ends = np.empty((2 * len(lit) + 1, 2), np.int64)
     for k in range(len(lit)):
         low, high = lit_reach(light, lit[k, 0], lit[k, 1])
         low = max(lit[k - 1, 1] if k else 0, low)
@@ -152,7 +154,26 @@ def _ends(light: Array, lit: NDArray[np.int64], rough: bool) -> NDArray[np.int64
     for k in range(len(lit) - 1):
         ends[len(lit) + k, 0] = ends[k, 1] + DARK_MARGIN
         ends[len(lit) + k, 1] = ends[k + 1, 0] - DARK_MARGIN
-    return ends
+    number = max(2 * len(lit) - 1, 0)
+    if number == 0:
+        return ends[:0]
+    first, last = ends[0, 0] - DARK_MARGIN, ends[len(lit) - 1, 1] + DARK_MARGIN
+    if first - start >= DARK_END:
+        low, _ = lit_reach(light, start, first)
+        least = LEAST_END * median_of(light, start, first)
+        ends[number, 0] = low + likeliest_end(light[low:first], start - low, first - start, least, rough)
+        ends[number, 1] = first
+        number += 1
+    if stop - last >= DARK_END:
+        _, high = lit_reach(light, last, stop)
+        least = LEAST_END * median_of(light, last, stop)
+        backwards = np.empty(high - last)
+        for i in range(high - last):
+            backwards[i] = light[high - 1 - i]
+        ends[number, 0] = last
+        ends[number, 1] = high - likeliest_end(backwards, high - stop, stop - last, least, rough)
+        number += 1
+    return ends[:number]
 
 
 @kernel

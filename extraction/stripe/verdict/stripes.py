@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +29,13 @@ CROWD_PART = 0.15  # of the best's height times length, that such a ridge has at
 # of a short ridge's significance, from which refused ones are its like, and how many such make it one of the texture:
 # the best of a dozen chance ridges is 1.4 times the middle one, a piece of a stripe among them 2 to 4 times
 TEXTURE_LIKE, TEXTURE = 0.6, 6
-DARK_WIDTH = 1.0  # of the stripe's width, at most, where it is dark: less light is narrower; a border's glow is not
+# of the stripe's width, at most, where it is dark, and noise on it: a border's glow is wider; and of its width where it
+# is clipped, which is that of its foot
+DARK_WIDTH, DARK_CLIPPED = 1.15, 0.75
+# of the best ridge's width, and pixels beside, from which another is no stripe of the same laser out of focus, unless
+# it is brighter by that factor: clipped light is wide
+WIDER, WIDER_PX, BRIGHTER = 2.0, 1.0, 1.3
+FILLS = 0.6  # of the best ridge's height, that a short one in a gap of the stripe has, and of its own, that none has
 LEAST_JOINED, ASKED_JOINED = 3.0, 0.8  # contrast of a ridge that goes on where a stripe ends; of that asked elsewhere
 LIKE = 0.45  # of a ridge's light and height, from which another is its like
 GHOST_LIGHT = 0.2  # of a brighter ridge's height, from which a longer one is the stripe and the brighter its ghost
@@ -105,7 +111,7 @@ def judge(grey: NDArray[Any], chains: list[Chain], clip: float, max_width: float
                 flat.append(piece)
             else:
                 measured.append(piece)
-    measured = _each_once(sorted(measured, key=lambda s: (-round(s.light, 3), s.track.first)))
+    measured = _each_once(sorted(measured, key=lambda s: (s.dark, -round(s.light, 3), s.track.first)))
     measured = _ghosts(measured)
     best = next((s for s in measured if not (s.ghost or s.dark) and _stands_alone(s)), None)
     if best is None:
@@ -123,24 +129,53 @@ def judge(grey: NDArray[Any], chains: list[Chain], clip: float, max_width: float
         clear = s.chain.contrast >= best.chain.contrast and 2 * s.chain.significance >= best.chain.significance
         # what narrow rows alone show has another noise: beside a clear stripe its contrast says little
         alike = best.chain.narrow or not s.chain.narrow or s.chain.significance >= NARROW * best.chain.significance
-        return enough and alike and not s.dark and _stands_alone(s, CLEAR_ASPECT if clear else LEAST_ASPECT)
+        alike &= not s.dark and not _wider(s, best)
+        return enough and alike and _stands_alone(s, CLEAR_ASPECT if clear else LEAST_ASPECT)
 
-    texture = [s.chain.significance for s in waiting + flat if not bright(s)]
+    texture = [s for s in waiting + flat if not bright(s)]
     changed = True
     while changed:
         changed = False
         for s in list(waiting):
             joined = any(_continues(s, k) for k in kept if not k.ghost)
-            joined &= not s.dark or (s.bumps.peaks == 1 and s.bumps.width <= DARK_WIDTH * best.bumps.width)
-            alike = sum(k >= TEXTURE_LIKE * s.chain.significance for k in texture)
+            joined &= not _wider(s, best) and (not s.dark or _dark_part(s, kept))
+            alike = sum(
+                k.chain.significance >= TEXTURE_LIKE * s.chain.significance and not _wider(k, s) for k in texture
+            )
             if (joined and s.chain.contrast >= max(LEAST_JOINED, ASKED_JOINED * asked)) or (
-                bright(s) and alike < TEXTURE
+                alike < TEXTURE and (bright(s) or (s.chain.contrast >= asked and _fills(s, best, kept, waiting)))
             ):
                 kept.append(replace(s, joined=True) if joined else s)
                 waiting.remove(s)
                 changed = True
     refuse("weak_beside_the_stripe", len(waiting))
     return StripeVerdict(sorted(_rivalry(kept), key=lambda s: -s.light), waiting + flat, refused)
+
+
+def _wider(s: Stripe, best: Stripe) -> bool:
+    """Whether a ridge is far wider than the best one, and no brighter: a lit face, or a border's glow."""
+    return s.height <= BRIGHTER * best.height and s.bumps.width > WIDER * best.bumps.width + WIDER_PX
+
+
+def _fills(s: Stripe, best: Stripe, kept: list[Stripe], waiting: list[Stripe]) -> bool:
+    """Whether a short ridge, as high and as wide as the best, is the only one in a gap between pieces of the stripe."""
+    if s.dark or s.ghost or _wider(s, best) or _wider(best, s) or not _stands_alone(s, CLEAR_ASPECT):
+        return False
+    pieces, length = [k for k in kept if not k.ghost], len(s.track.place)
+    inside = any(k.track.stop <= s.track.first for k in pieces) and any(k.track.first >= s.track.stop for k in pieces)
+    if not inside or s.height < FILLS * best.height or any(_overlap(s, k) > 0.2 * length for k in pieces):
+        return False
+    return all(k is s or k.height < FILLS * s.height or _overlap(s, k) < 0.5 * length for k in waiting)
+
+
+def _dark_part(s: Stripe, kept: list[Stripe]) -> bool:
+    """Whether what is dark of a ridge shows by itself, as narrow as its lit pieces, and narrower than clipped ones."""
+    lit = [k for k in kept if k.chain is s.chain and not k.dark]
+    if not lit or s.bumps.peaks != 1:
+        return False
+    share = s.height / max(k.height for k in lit)
+    widest = max((DARK_WIDTH if k.bumps.flat > 0 else DARK_CLIPPED) * k.bumps.width for k in lit)
+    return share * s.chain.contrast >= LEAST_JOINED and s.bumps.width <= widest
 
 
 def _near_end(chain: Chain, k: Chain) -> bool:
@@ -167,7 +202,11 @@ def _crowding(best: Stripe, everything: list[Stripe]) -> float:
         s
         for s in everything
         if s is best
-        or (s.height >= LIKE * best.height and s.light >= CROWD_PART * best.light and not _goes_on(best, s))
+        or (
+            s.height >= LIKE * best.height
+            and s.light >= CROWD_PART * best.light
+            and not _goes_on(best, s, _ridge_of(s, everything))
+        )
     ]
     covered = np.zeros(max(s.track.stop for s in alike))
     for s in alike:
@@ -233,18 +272,40 @@ def _cut_to(s: Stripe, start: int, stop: int) -> Stripe:
 
 def _ghosts(stripes: list[Stripe]) -> list[Stripe]:
     """Ridges marked as ghost: they begin or end beside one that goes on."""
-    return [replace(b, ghost=True) if any(a is not b and _goes_on(a, b) for a in stripes) else b for b in stripes]
+    reach = [_ridge_of(b, stripes) for b in stripes]
+    return [
+        replace(b, ghost=True) if any(a is not b and _goes_on(a, b, r) for a in stripes) else b
+        for b, r in zip(stripes, reach, strict=True)
+    ]
 
 
-def _goes_on(a: Stripe, b: Stripe) -> bool:
-    """Whether ``a`` is a stripe that goes on where ``b`` beside it begins or ends."""
-    if len(a.track.place) <= len(b.track.place) or a.chain.contrast < _asked_contrast(b) or not _stands_alone(a):
+class _Ridge(NamedTuple):
+    """A ridge from end to end: sections first … stop - 1, how many of them its lit pieces hold, and their light."""
+
+    first: int
+    stop: int
+    sections: int
+    light: float
+
+
+def _ridge_of(s: Stripe, stripes: list[Stripe]) -> _Ridge:
+    """The ridge that a piece is of: a shadow cuts it, and a black square, but it goes on behind."""
+    own = [s] if s.dark else [k for k in stripes if k.chain is s.chain and not k.dark]
+    first, stop = min(k.track.first for k in own), max(k.track.stop for k in own)
+    return _Ridge(first, stop, sum(len(k.track.place) for k in own), sum(k.light for k in own))
+
+
+def _goes_on(a: Stripe, b: Stripe, ridge: _Ridge) -> bool:
+    """Whether ``a`` is a stripe that goes on where ``b`` beside it begins or ends. ridge: that b is of."""
+    if a.chain is b.chain or len(a.track.place) <= ridge.sections:
         return False
-    if a.height < GHOST_LIGHT * b.height or a.light < GHOST_TOTAL * b.light:
+    if a.chain.contrast < _asked_contrast(b) or not _stands_alone(a):
         return False
-    before, after = b.track.first - a.track.first, a.track.stop - b.track.stop
+    if a.height < GHOST_LIGHT * b.height or a.light < GHOST_TOTAL * ridge.light:
+        return False
+    before, after = ridge.first - a.track.first, a.track.stop - ridge.stop
     inside = _overlap(a, b) >= 0.8 * len(b.track.place)
-    return inside and max(before, after) >= max(GHOST_LONGER * len(b.track.place), 12)
+    return inside and max(before, after) >= max(GHOST_LONGER * ridge.sections, 12)
 
 
 def _continues(s: Stripe, k: Stripe) -> bool:

@@ -41,7 +41,7 @@ Uncertainty = Annotated[
     float | None, typer.Option(min=0, max=1e3, help="Expanded uncertainty (k = 2) of the diameter by the certificate.")
 ]
 Form = Annotated[float | None, typer.Option(min=0, max=1e3, help="The ball's own form deviation by its certificate.")]
-SensorFile = Annotated[Path | None, typer.Option(help="sensor.toml; needed for images.")]
+SensorFile = Annotated[Path | None, typer.Option(help="sensor.toml or preset; needed for images.")]
 Step = Annotated[
     float | None,
     typer.Option(min=-1e4, max=1e4, help="From profile to profile, along the normal of the laser sheet (x of {P})."),

@@ -19,7 +19,7 @@ def command(
     inputs: Annotated[
         list[Path], typer.Argument(metavar="DATASET|IMAGES", help="A cell dataset, or image files or their folder.")
     ],
-    sensor: Annotated[Path | None, typer.Option(help="sensor.toml; needed for bare images.")] = None,
+    sensor: Annotated[Path | None, typer.Option(help="sensor.toml or preset; needed for bare images.")] = None,
     jig: Annotated[Path | None, typer.Option(help="jig.toml; without it, bare images give unlabelled spots.")] = None,
     csv: Annotated[Path | None, typer.Option(help="File for the points; default: standard output.")] = None,
     overlay: Annotated[Path | None, typer.Option(help="Folder for pictures of what was detected.")] = None,

@@ -21,7 +21,7 @@ def command(
     profile: Annotated[
         Path, typer.Argument(metavar="PROFILE.csv|IMAGE", help="A profile (columns y_mm, z_mm, …), or an image.")
     ],
-    sensor: Annotated[Path | None, typer.Option(help="sensor.toml; needed for an image.")] = None,
+    sensor: Annotated[Path | None, typer.Option(help="sensor.toml or preset; needed for an image.")] = None,
     laser_off: Annotated[Path | None, typer.Option(help="The same view without laser, subtracted.")] = None,
     mask: Annotated[Path | None, typer.Option(help="Image that is 0 where pixels must not be used.")] = None,
     config: Annotated[

@@ -19,7 +19,9 @@ def command(
         list[Path],
         typer.Argument(metavar="IMAGE...", help="Stripe images, or folders of them: PNG, TIFF, BMP; also JPEG."),
     ],
-    sensor: Annotated[Path | None, typer.Option(help="sensor.toml of the images; without it points are in px.")] = None,
+    sensor: Annotated[
+        Path | None, typer.Option(help="sensor.toml or preset of the images; without it points are in px.")
+    ] = None,
     csv: Annotated[Path | None, typer.Option(help="File for the points; of several images a folder.")] = None,
     ply: Annotated[Path | None, typer.Option(help="File for the points as a PLY cloud; of several a folder.")] = None,
     overlay: Annotated[Path | None, typer.Option(help="PNG of the image with its points; of several a folder.")] = None,

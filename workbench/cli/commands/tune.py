@@ -24,7 +24,7 @@ def command(
         typer.Argument(metavar="DATASET|IMAGES", help="A cell dataset, image or profile files, or their folder."),
     ],
     sensor: Annotated[
-        Path | None, typer.Option(help="sensor.toml of bare images; without it they are looked at in px.")
+        Path | None, typer.Option(help="sensor.toml or preset of bare images; without it they are looked at in px.")
     ] = None,
     jig: Annotated[
         Path | None, typer.Option(help="jig.toml of bare images; without it their stripe is measured.")

@@ -117,12 +117,15 @@ function table(r) {
   return [shown_, both ? el("p", { class: "soft", id: "which-table" }, t("Where the controller keeps its nominal table, the last column is the one to enter (T_hand_sensor_nominal); solved goes with the estimated table.")) : null];
 }
 
+// Digits to a tenth of a micrometre and a ten-thousandth of a degree: metres, quaternions and radians want more of them.
+const finest = (label) => (/ \/ (mm|°|deg)$/.test(label) ? 4 : 7);
+
 function conventions(r) {
   const apart = r.table.some((row) => row.nominal !== null), shown_ = (apart ? r.conventions_nominal : r.conventions) ?? {}, names = Object.keys(shown_);
   if (!names.length) return null;
   return el("details", { class: "conventions" }, el("summary", {}, apart ? t("For a controller with its nominal table, in makers' conventions") : t("In controllers' conventions")),
     headed(["maker", "numbers"], names.map((n) => el("tr", {}, el("td", { title: r.convention_formulas[n] }, n.toUpperCase()),
-      el("td", { class: "left numbers" }, Object.entries(shown_[n]).map(([k, v]) => el("span", {}, `${k.split(" / ")[0]} ${number(v, 4)}${k.includes(" / ") ? ` ${k.split(" / ")[1]}` : ""}`)))))));
+      el("td", { class: "left numbers" }, Object.entries(shown_[n]).map(([k, v]) => el("span", {}, `${k.split(" / ")[0]} ${number(v, finest(k))}${k.includes(" / ") ? ` ${k.split(" / ")[1]}` : ""}`)))))));
 }
 
 function locations(r) {

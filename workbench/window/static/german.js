@@ -87,6 +87,7 @@ export const GERMAN_SENTENCES = {
   "pixels within it are saturated: a lower exposure would tell more": "Bildpunkte darin sind übersteuert: kürzere Belichtung sagte mehr",
   "no stripe: more than half of the image is saturated ({}), lower the exposure": "kein Streifen: mehr als die Hälfte des Bildes ist übersteuert ({}), kürzer belichten",
   "no stripe: ridges were seen and refused ({})": "kein Streifen: Grate wurden gesehen und verworfen ({})",
+  "no stripe: mask and region leave none of the image's {} px; were they drawn for another image size?": "kein Streifen: Maske und Bereich lassen nichts von den {} px des Bildes übrig; wurden sie für eine andere Bildgröße gezeichnet?",
   "no stripe in the image: see [stripe] direction, min_run, max_width_px": "kein Streifen im Bild: siehe [stripe] direction, min_run, max_width_px",
   "the profile holds no points": "das Profil hat keine Punkte",
   "no stripe on the board": "kein Streifen auf der Tafel",

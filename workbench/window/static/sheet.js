@@ -39,7 +39,10 @@ async function poll() {
   busy = true;
   const config = text(), saved = state.savedText;
   try {
-    if (survey.text !== config) Object.assign(survey, { text: config, now: [], at: 0, statistics: null });
+    if (survey.text !== config) {
+      Object.assign(survey, { text: config, now: [], at: 0, statistics: null });
+      feedTrend(survey.now, survey.saved); // what other parameters gave is not of these
+    }
     if (survey.savedText !== saved) Object.assign(survey, { savedText: saved, saved: [], savedAt: 0, before: null });
     const answer = await post("survey", { config, saved, since: survey.at, since_saved: survey.savedAt });
     await take(answer, config, saved);

@@ -39,6 +39,7 @@ export function buildTrend() {
 // The values that the rows have: of strings a fixed list, of stripes and boards what was measured.
 function offer() {
   const { session } = state, row = shown.now.find((r) => r && !r.error);
+  if (!row && there.length) return; // nothing is measured yet by these parameters: the values stay on offer
   const measured = (row?.stripe ? row.values : []).map((v) => ({
     id: v.key, title: titleOf(v.key) + (v.unit ? ` [${v.unit}]` : ""), digits: v.digits, of: (r) => r.values.find((x) => x.key === v.key)?.value ?? null, range: v.tool === "feature" || v.tool === "gapflush",
   }));
