@@ -242,6 +242,13 @@ def test_a_header_of_unknown_columns_is_repeated_with_what_would_be_right(tmp_pa
         read_scan_lines(path)
 
 
+def test_an_excel_workbook_is_called_so(tmp_path):
+    path = tmp_path / "p.csv"
+    path.write_bytes(b"PK\x03\x04" + bytes(range(256)) * 4)
+    with pytest.raises(InputError, match="is an Excel workbook or another archive, no profile: save the sheet as CSV"):
+        read_scan_lines(path)
+
+
 def test_opencv_yaml_as_filestorage_writes_it(tmp_path):
     cv2 = pytest.importorskip("cv2")
     path = tmp_path / "p.yml"

@@ -52,6 +52,8 @@ def recognise(source: Source) -> str:
         if module.recognises(source):
             return str(module.NAME)
     hint = " (an array of other numbers than a profile's)" if source.data.startswith(b"\x93NUMPY") else ""
+    if source.data.startswith(b"PK\x03\x04"):
+        raise InputError(f"{source.path}: is an Excel workbook or another archive, no profile: save the sheet as CSV")
     head = _header(source)
     if head:
         raise InputError(
