@@ -458,7 +458,7 @@ def main() -> None:
     if asked.emulated:
         beside_truth(asked.emulated)
     if len(asked.pictures) == 2 and asked.published is not None:
-        beside_published(*asked.pictures, asked.published)
+        beside_published(*asked.pictures, published=asked.published)
     elif len(asked.pictures) == 2:
         beside_peers(*asked.pictures)
 

@@ -174,7 +174,7 @@ def record_cell(variant: Variant, folder: Path) -> Cell:
     cell = Cell(
         folder=folder,
         sensor=sensor,
-        jig=jig,
+        target=jig,
         robot=robot,
         frames=(),
         T_hand_sensor_design=DESIGN_SCP,

@@ -22,7 +22,9 @@ BORDER_WIDTHS, BORDER_PX = (
     3.0,
     1.0,
 )  # distance from a border of squares, dots or markers: Gaussian σ of the stripe, and pixels
-ALIKE_SHARE = 0.5  # slope of laser-on over laser-off levels from which the room light is in both
+ALIKE_SHARE = (
+    0.3  # step of laser-on over laser-off levels from which the room light is in both: the laser itself makes 0.1
+)
 # of another stripe: its distance in Gaussian σ of the first, its light over the first's, and how straight it is
 SECOND_WIDTHS, SECOND_LIGHT, SECOND_STRAIGHT_PX = 6.0, 0.1, 8.0
 MIN_FIRST = 60  # points of the first that count at least: few points of another are none
@@ -143,11 +145,18 @@ def room_light_in_both(image: Image, laser_off: Image, board: Board, corners: Bo
 
 
 def _lit_alike(image: Image, laser_off: Image, mask: Mask) -> bool:
-    """By the slope of levels with over levels without, from the darker three quarters of the pixels."""
+    """By the step from what is darker to what is brighter than the middle of the levels without, in both pictures.
+
+    The middle of the range: where a small board stands before a dark room, most pixels are the room's.
+    """
     off, on = laser_off[mask].astype(float)[::7], image[mask].astype(float)[::7]
-    if len(off) < 100 or np.ptp(off) < 4:
+    if len(off) < 100:
         return True
-    dark, bright = off <= np.percentile(off, 30), off >= np.percentile(off, 60)
+    low, high = np.percentile(off, [1, 99])
+    if high - low < 4:
+        return True
+    bright = off > (low + high) / 2
+    dark = ~bright
     step_off = np.median(off[bright]) - np.median(off[dark])
     step_on = np.median(on[bright]) - np.median(on[dark])
     return bool(step_on > ALIKE_SHARE * step_off)
