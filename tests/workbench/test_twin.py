@@ -114,7 +114,7 @@ def test_clipped_stripes_are_told_by_their_flanks(monkeypatch: pytest.MonkeyPatc
 def test_a_lit_rim_is_no_stripe() -> None:
     rows, columns = np.mgrid[:320, :400].astype(float)
     stripe = 90 * np.exp(-((rows - 100 - 0.02 * columns) ** 2) / (2 * 1.6**2)) * (columns < 190)
-    rim = 40 * np.exp(-((rows - 250) ** 2) / (2 * 6.0**2)) * (columns > 210)
+    rim = 40 * np.exp(-((rows - 250) ** 2) / (2 * 3.6**2)) * (columns > 210)
     image = np.clip(np.random.default_rng(2).normal(stripe + rim + 12, 0.8) + 0.5, 0, 255).astype(np.uint8)
     every = see(image, small_sensor(), StripeConfig(), Look())
     assert np.any(every.profile.peaks.section > 210)
