@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-import tempfile
+import secrets
+from contextlib import suppress
 from pathlib import Path
 
 from geometry.errors import InputError
@@ -18,18 +19,18 @@ def write_bytes(path: str | os.PathLike[str], data: bytes) -> None:
         Where it can not be written; what stood there before still does.
 
     """
-    goal, part = Path(path), None
+    goal = Path(path)
+    part = goal.parent / f".{goal.name}.{secrets.token_hex(8)}.part"  # named first: no interrupt leaves it
     try:
-        handle, part = tempfile.mkstemp(dir=goal.parent, prefix=f".{goal.name}.", suffix=".part")
-        with os.fdopen(handle, "wb") as stream:
+        with part.open("xb") as stream:
             stream.write(data)
             stream.flush()
             os.fsync(stream.fileno())  # the name must never stand before the bytes do
-        Path(part).chmod(0o644)
-        Path(part).replace(goal)
+        part.chmod(0o644)
+        part.replace(goal)
     except BaseException as error:
-        if part is not None:
-            Path(part).unlink(missing_ok=True)
+        with suppress(OSError):
+            part.unlink(missing_ok=True)
         if isinstance(error, OSError):
             raise InputError(f"{goal}: can not be written ({error.strerror or error})") from None
         raise

@@ -32,3 +32,23 @@ def test_a_failed_write_leaves_what_stood_there_and_nothing_beside(tmp_path: Pat
     assert path.read_text() == "old"
     with pytest.raises(InputError, match="can not be written"):
         write_bytes(tmp_path / "missing" / "b.toml", b"new")
+
+
+def test_an_interrupt_right_after_the_file_is_made_leaves_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    made = Path.open
+
+    def interrupted(self: Path, mode: str) -> object:
+        made(self, mode).close()
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Path, "open", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        write_bytes(tmp_path / "a.toml", b"new")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_is_no_file_is_a_sentence(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("here")
+    for goal in (tmp_path / "file" / "a.toml", tmp_path, Path("/")):
+        with pytest.raises(InputError, match="can not be written"):
+            write_bytes(goal, b"new")
