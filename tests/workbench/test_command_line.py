@@ -197,6 +197,24 @@ def run(arguments):
 main.run = run
 main.main()
 """
+SWALLOWED_BY_PYDANTIC = """
+import os, signal
+import pydantic
+from workbench.cli import main
+class Own:
+    @classmethod
+    def __get_pydantic_core_schema__(cls, source, handler):
+        os.kill(os.getpid(), signal.SIGINT)
+        return handler.generate_schema(str)
+def run(arguments):
+    try:
+        pydantic.create_model("Model", own=(Own, ...))
+    except BaseException:
+        pass
+    return 0
+main.run = run
+main.main()
+"""
 IN_A_DESTRUCTOR = """
 import os, signal
 from workbench.cli import main
@@ -223,9 +241,12 @@ main.main()
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals are sent in another way there")
-@pytest.mark.parametrize(("script", "code"), [(SWALLOWED_BY_LLVM, 130), (IN_A_DESTRUCTOR, 130), (TAKEN_DOWN, 0)])
+@pytest.mark.parametrize(
+    ("script", "code"),
+    [(SWALLOWED_BY_LLVM, 130), (SWALLOWED_BY_PYDANTIC, 130), (IN_A_DESTRUCTOR, 130), (TAKEN_DOWN, 0)],
+)
 def test_interrupts_are_neither_lost_nor_too_late(script: str, code: int) -> None:
-    """In what is called back from LLVM, or in a destructor, nothing can be raised; when all is written, Ctrl-C changes
+    """In what LLVM or pydantic calls back, or in a destructor, nothing can be raised; when all is written it changes
     nothing.
     """
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)

@@ -13,8 +13,9 @@ from types import FrameType
 
 from workbench.cli.exit_codes import INTERRUPTED
 
-# where a KeyboardInterrupt is lost: in modules being imported, and in what LLVM calls back while kernels are loaded
-LOST = ("importlib._bootstrap", f"{os.sep}llvmlite{os.sep}")
+# where a KeyboardInterrupt is lost, or becomes another error: in modules being imported, in what LLVM calls back while
+# kernels are loaded, and while models' validators are built, on import or at their first use
+LOST = ("importlib._bootstrap", f"{os.sep}llvmlite{os.sep}", f"{os.sep}pydantic{os.sep}_internal{os.sep}")
 # objects that come to be between two searches for unreachable ones. Of Python's 700, modules being imported cause
 # hundreds of searches that find nothing, a fifth of a second
 NEW_OBJECTS = 100_000
