@@ -122,12 +122,6 @@ def left_out(bundle: SensorBundle, result: Result) -> LeftOutViews:
     return LeftOutViews(*table.T)
 
 
-def stacked_rows(bundle: SensorBundle, result: Result) -> WhiteRows:
-    """The rows of all terms at a solution, one below the other."""
-    every = rows_by_term(bundle, result)
-    return WhiteRows(*(np.concatenate([getattr(r, name) for r in every]) for name in WhiteRows.__dataclass_fields__))
-
-
 @dataclass(frozen=True, eq=False)
 class WhiteRows:
     """Whitened rows by the free common unknowns (R, C) and the pose (R, 6), residuals (R,), and whose view each is."""

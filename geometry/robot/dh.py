@@ -232,10 +232,12 @@ class DhRobot:
             return self.corrected(values).link_poses(joints_rad)
         q = np.asarray(joints_rad, dtype=float)
         key = q.shape, q.tobytes()
-        if key not in self._last:  # a step of a fit asks for the hand and for what moves it at the same readings
-            self._last.clear()
-            self._last[key] = self._chain(q)
-        return self._last[key]
+        known = self._last.get(key)  # a step of a fit asks for the hand and for what moves it at the same readings
+        if known is None:
+            known = self._chain(q)
+            self._last.clear()  # of another thread's readings, too: each returns its own
+            self._last[key] = known
+        return known
 
     def _chain(self, joints_rad: Array) -> Pose:
         links = self._links(self.joint_angles(joints_rad))
