@@ -57,6 +57,7 @@ _NEAR_PX, _NEAR_WIDTHS = 1.5, 1.2  # from its stripe's track, that a section's f
 _NO_PEAK, _SEEN = 0.1, 2.0  # the latter: amplitude over its σ, from which there is one
 _WIDTH_ERROR = 0.12  # relative, of the width expected from neighbouring sections; it steadies faint sections only
 _TAIL_WIDTH_ERROR = 1.0
+_MOST_LOST = 0.5  # of a stripe's sections, to brighter ones
 _GROUND_ROUNDS, _STEEP_GROUND = 2, 0.1  # of fits and the ground that they leave: on a steep one, whose slope times σ
 # is so much of the amplitude, the first fits are off by a third of σ
 _ABOUT_END = 20  # points inside an end, whose σ beside the pixels' own its tail takes
@@ -212,6 +213,8 @@ def _localise(found: Found, config: StripeConfig, tails: bool) -> StripePeaks:
     )
     chosen = select(config, found.stripes, places, fits["centre"].copy(), fits["amplitude"].copy())
     if len(chosen) < len(places):
+        if config.select == "stripe":
+            _doubt_rests(places.stripe, places.stripe[chosen], places.doubt)
         fits, places, by_pixels = fits[chosen], places.take(chosen), by_pixels[chosen]
         ground = ground.take(chosen)
     peaks = _peaks(view, places, fits, config, length, refused)
@@ -393,6 +396,16 @@ def _doubt_gappy(seen: Mask, stripe: NDArray[np.int32], doubt: Mask) -> None:
         doubt[i], gappy = doubt[i] or own, gappy + own
     if gappy > 0.5 * len(stripe):
         doubt[:] = True
+
+
+def _doubt_rests(stripe: NDArray[np.int32], chosen: NDArray[np.int32], doubt: Mask) -> None:
+    """Doubt what is left of a stripe that lost most of its points (N,) to brighter ones: glare, or a mirror image.
+
+    chosen: the stripe of each point that is given (M,).
+    """
+    total = np.bincount(stripe)
+    kept = np.bincount(chosen, minlength=len(total))
+    doubt[(kept < (1 - _MOST_LOST) * total)[stripe]] = True
 
 
 def _peaks(
