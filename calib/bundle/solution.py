@@ -196,10 +196,13 @@ def solve_problem(bundle: Bundle, candidates: Sequence[Pose], T_hand_sensor: Pos
 
 def answered(bundle: Bundle, explained: Explained, rival: float, config: CalibConfig) -> Solution:
     """The solution of the model asked for, and that of the nominal robot, with the noise and outliers found."""
-    applied = estimated_parameters(bundle.hands, config.model)
+    uncertain = bundle.unknowns.block("robot").sigma > 0
+    applied = estimated_parameters(bundle.hands, config.model) & uncertain
     robust, weighed, every = explained.robust, explained.weighed, explained.every
     sensor = estimates_sensor(config.model) or not np.any(bundle.unknowns.block("sensor").sigma > 0)
-    model = every if np.all(applied) and sensor else _fit_model(weighed.bundle, every, applied, sensor=sensor)
+    model = (
+        every if np.all(applied | ~uncertain) and sensor else _fit_model(weighed.bundle, every, applied, sensor=sensor)
+    )
     none = np.zeros_like(applied)
     nominal = _fit_model(weighed.bundle, every, none) if np.any(applied) or estimates_sensor(config.model) else model
     dof = explained.kept.degrees_of_freedom

@@ -15,7 +15,7 @@ from calib.judge.identifiability import weak_directions
 from calib.judge.suspects import FILE_BLOCK, SuspectTrial
 from calib.judge.verdict import Contradiction, Facts
 from calib.result import Culprit, Estimate, Nominal, Pull
-from geometry import Frame, Surface, Target
+from geometry import Frame, Robot, Surface, Target
 
 Array = NDArray[np.float64]
 
@@ -72,6 +72,7 @@ def _with_finding(estimate: Estimate, finding: Finding, config: CalibConfig) -> 
         covariance=joint[:6, :6] + floor,
         nominal=Nominal(solution.alone.state.pose("scp"), alone[:6, :6] + floor),
         joint_covariance=joint,
+        whole_robot=_whole_robot(finding),
         errors=errors,
         sensor_delta=known.parameters(solution.result.state.vector("sensor")) if known and estimated else {},
         pulls=tuple(_pull(t) for t in pulls),
@@ -79,6 +80,14 @@ def _with_finding(estimate: Estimate, finding: Finding, config: CalibConfig) -> 
         prior_cost=finding.prior_cost,
         prior_expected=finding.prior_expected,
     )
+
+
+def _whole_robot(finding: Finding) -> Robot | None:
+    """The answer's robot with everything of it that could be wrong among its parameters."""
+    hands, solved = finding.evidence.bundle.hands, finding.solution.parameters
+    if hands.poses_only:
+        return None
+    return hands.robot.corrected(np.concatenate([solved, np.zeros(len(hands.sigma) - len(solved))]))
 
 
 def _joint(finding: Finding, total: Array, result: Result, config: CalibConfig) -> Array:

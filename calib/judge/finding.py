@@ -35,6 +35,7 @@ from calib.judge.suspects import (
     evidence_of,
     grown,
     suspected_bundle,
+    without_scales,
 )
 from calib.judge.verdict import REST_SLACK, misfit_limit
 from geometry import Pose, Sensor
@@ -271,7 +272,7 @@ def _relaxed(bundle: Bundle, evidence: LinearEvidence, trial: SuspectTrial, conf
     if not _estimated(suspect, bundle, config) and suspect.parameter != UNCERTAINTY:
         wide = np.maximum(np.abs(trial.size), sigma[suspect.block][suspect.index])
     sigma[suspect.block][suspect.index] = wide
-    wider = bundle.knowing(**sigma)
+    wider = without_scales(bundle.knowing(**sigma))
     if suspect.parameter != UNCERTAINTY or config.noise == "given":
         return wider
     return wider.with_noise(1.0, AT_FIRST**2 * wider.hand_noise)  # of the readings: at most; the residuals tell
