@@ -32,6 +32,9 @@ _RIVAL_ITERATIONS = 100  # mirrored starts may lie far from the answer that they
 # of joints that follow from hand poses an error of the table is each frame's own, and gates by the file's σ lose frames
 _OWN_LOST = 0.2  # share of the points lost by them from which gates so much wider are tried; a bad frame loses 0.05
 _OWN_WIDER = 30.0
+_MILLIMETRES = 1e4  # times the variance of points on surfaces, of some 0.01 mm: their σ are then a millimetre
+_STRANGER_ITERATIONS = 30
+_STRANGER_TIMES = 4.0  # by which the fit without any other frame is worse: one that is not alone is no stranger
 _OTHER_MM = 5.0  # poses of the target that are farther apart are different answers: mirrors stand 45 mm apart
 
 
@@ -258,6 +261,10 @@ def _robust(
     posed = not any(isinstance(t.target, Surface) for t in bundle.terms)  # one curve tells no pose of a surface
     stray = strays(bundle, start, own) if posed else None
     robust = solve_robust(every, near or start, config.outlier_chi2, config.max_outlier_share, stray)
+    if near is None and not posed and np.mean(robust.left_out[bundle.present]) > config.max_outlier_share:
+        alone = _stranger(every, start)
+        less = None if alone is None else solve_robust(every, alone[1], config.outlier_chi2, strays=alone[0])
+        robust = less if less is not None and _score(less) < _score(robust) else robust
     if near is not None or not _doubtful(robust):
         return robust, own
     nominal = bundle.hands.pose(start.vector("robot"))
@@ -267,6 +274,32 @@ def _robust(
     start, again = chain_start(bundle, other, candidates)
     second = solve_robust(every, start, config.outlier_chi2, config.max_outlier_share)
     return (second, again) if _score(second) < _score(robust) else (robust, own)
+
+
+def _stranger(every: Bundle, start: State) -> tuple[Mask, State] | None:
+    """The frame (F,) on a surface without which all others fit to the millimetre, and their fit; None where none is.
+
+    Its points gate nothing where the frame itself has drawn the fit away from all.
+    """
+    wide = every.with_noise(_MILLIMETRES, every.hand_noise)
+    costs, states = list[float](), list[State]()
+    for i in range(len(every.location)):
+        less = wide.without(_one_frame(every, i)[:, None] & every.present)
+        try:
+            found = solve_bundle(less, start, max_iterations=_STRANGER_ITERATIONS)
+        except np.linalg.LinAlgError:
+            return None
+        costs.append(found.cost if found.converged else np.inf)
+        states.append(found.state)
+    best, next_best = np.sort(costs)[:2] if len(costs) > 1 else (np.inf, np.inf)
+    if not np.isfinite(best) or next_best < _STRANGER_TIMES * best:
+        return None
+    k = int(np.argmin(costs))
+    return _one_frame(every, k), states[k]
+
+
+def _one_frame(bundle: Bundle, index: int) -> Mask:
+    return np.arange(len(bundle.location)) == index
 
 
 def _fit_model(bundle: Bundle, every: Result, applied: Mask, *, sensor: bool = False) -> Result:

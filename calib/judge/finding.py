@@ -27,6 +27,7 @@ from calib.bundle import (
     explain,
 )
 from calib.config import CalibConfig
+from calib.judge.afar import blurred, followed, lost_on_surfaces
 from calib.judge.suspects import (
     MORE_COMPONENTS,
     LinearEvidence,
@@ -105,8 +106,13 @@ def find(
     solution: Solution,
     sensor: Sensor | None,
     config: CalibConfig,
+    begin: Pose | None = None,
 ) -> Finding:
-    """Try what could be wrong and keep what explains the data, or nothing."""
+    """Try what could be wrong and keep what explains the data, or nothing; ``begin``: the SCP before all solving."""
+    if lost_on_surfaces(solution, config):
+        found_afar = _from_afar(bundle, candidates, solution, sensor, config, begin or solution.T_hand_sensor)
+        if found_afar is not None:
+            return found_afar
     first = evidence_of(solution, sensor)
     trials = first.trials()
     gain, culprit, found = config.pull_limit**2, None, None
@@ -135,6 +141,38 @@ def find(
     return _uncertain(every, candidates, one, config, sensor) or one
 
 
+def _from_afar(
+    bundle: Bundle,
+    candidates: Sequence[Pose],
+    solution: Solution,
+    sensor: Sensor | None,
+    config: CalibConfig,
+    begin: Pose,
+) -> Finding | None:
+    """The suspect that brings the points back which were left out, else [uncertainty]; None where neither does."""
+    every, last, best, first = suspected_bundle(bundle, sensor), None, None, None
+    for at in blurred(bundle, candidates, solution, sensor, begin):
+        last = at
+        for tried in followed(at, candidates, begin, config, lambda e, t: _relaxed(every, e, t, config)):
+            if best is None or _misfit(tried.explained) < _misfit(best.explained):
+                best, first = tried, at.evidence
+        if best is not None and _fits(best.explained, config):
+            break
+    one = None
+    if best is not None and first is not None:
+        one = _finding(best.trial, answered(best.relaxed, best.explained, solution.rival, config), first, sensor)
+        one = one if one.culprit is not None and abs(one.culprit.pull) > config.pull_limit else None
+    if last is None or (one is not None and not _doubtful(one, config)):
+        return one
+    whole = _finding(None, last.solution, last.evidence, sensor)
+    return _uncertain(every, candidates, whole, config, sensor, BEYOND_CHI2) or one
+
+
+def _misfit(explained: Explained) -> float:
+    """What is left unexplained, points that were left out included."""
+    return explained.cost + LEFT_OUT * float(explained.robust.left_out[explained.kept.present].sum())
+
+
 def _doubtful(finding: Finding, config: CalibConfig) -> bool:
     """Whether no σ can be given."""
     solution = finding.solution
@@ -160,11 +198,16 @@ class WiderRobot:
 
 
 def _uncertain(
-    every: Bundle, candidates: Sequence[Pose], one: Finding, config: CalibConfig, sensor: Sensor | None
+    every: Bundle,
+    candidates: Sequence[Pose],
+    one: Finding,
+    config: CalibConfig,
+    sensor: Sensor | None,
+    most_chi2: float = MOST_CHI2,
 ) -> Finding | None:
     """[uncertainty] as a whole, where that explains the data and does it better than one number or none."""
     before = one.solution
-    if not before.every.converged or before.explained > MOST_CHI2:
+    if not before.every.converged or before.explained > most_chi2:
         return None
     stated = replace(one.evidence, variance=every.unknowns.sigma**2)
     start = _wider(every, candidates, before, stated, AT_FIRST, config, sensor)
