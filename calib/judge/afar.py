@@ -1,4 +1,4 @@
-"""Surfaces whose points all seem outlying: many exact points gate at microns, and one wrong number moves millimetres.
+"""Frames whose points mostly seem outlying: exact points gate at hundredths, and one wrong number moves millimetres.
 
 The points' noise is taken for larger by so much that everything fits about, a suspect is tried there, where the problem
 is as good as linear, and followed down to the noise that is stated.
@@ -14,7 +14,7 @@ import numpy as np
 from calib.bundle import Bundle, Explained, Solution, chain_start, explain, solve_bundle
 from calib.config import CalibConfig
 from calib.judge.suspects import LinearEvidence, SuspectTrial, evidence_of, grown
-from geometry import Pose, Sensor, State, Surface
+from geometry import Pose, Sensor, State
 
 TIMES = (1e4, 1e2, 1.0)  # the points' variance: 100 times their σ are millimetres, what a wrong number moves them by
 MOST_CHI2 = 1e3  # by the largest of these, beyond which the rows of frames are wrong, and no number of the files
@@ -40,9 +40,9 @@ class FromAfar:
     explained: Explained
 
 
-def lost_on_surfaces(solution: Solution, config: CalibConfig) -> bool:
-    """Whether so much was left out of frames on surfaces that the rest tells nothing."""
-    if any(not isinstance(t.target, Surface) for t in solution.bundle.terms) or solution.bundle.hands.inferred:
+def lost_too_many(solution: Solution, config: CalibConfig) -> bool:
+    """Whether so much was left out that the rest tells nothing of the files."""
+    if solution.bundle.hands.inferred:
         return False
     gone = (solution.outlier | solution.frame_outlier[:, None])[solution.bundle.present]
     return not solution.every.converged or float(gone.mean()) > config.max_outlier_share

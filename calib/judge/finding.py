@@ -27,7 +27,7 @@ from calib.bundle import (
     explain,
 )
 from calib.config import CalibConfig
-from calib.judge.afar import blurred, followed, lost_on_surfaces
+from calib.judge.afar import blurred, followed, lost_too_many
 from calib.judge.suspects import (
     MORE_COMPONENTS,
     LinearEvidence,
@@ -57,6 +57,7 @@ EVIDENCE = 4.0  # by which that must be better than one number alone: a likeliho
 WRONG = 0.02  # odds that a number of the files is wrong, before anything is seen: one of some 45 in every other cell
 LIKELY = -2 * float(np.log(WRONG))  # cost saved by which something wrong is likelier than nothing
 COVERED = 3.0  # σ within which the answer lies by whatever the data can not tell from the culprit, likely or not
+DOUBTED = 0.005  # a hypothesis at least so probable is covered so, too: of many cells it is true in some
 POSSIBLE = 1e-4  # a hypothesis less probable than this widens nothing
 UNCERTAINTY, SCATTERED = "[uncertainty]", "[uncertainty] joint_sigma_deg"
 LEFT_OUT = 25.0  # cost of a point that is left out: the gate that it failed
@@ -109,7 +110,7 @@ def find(
     begin: Pose | None = None,
 ) -> Finding:
     """Try what could be wrong and keep what explains the data, or nothing; ``begin``: the SCP before all solving."""
-    if lost_on_surfaces(solution, config):
+    if lost_too_many(solution, config):
         found_afar = _from_afar(bundle, candidates, solution, sensor, config, begin or solution.T_hand_sensor)
         if found_afar is not None:
             return found_afar
@@ -390,7 +391,8 @@ def widened(finding: Finding, estimated: Mask, total: Array) -> Array:
     for trial, posterior in hypotheses:
         if trial is None and finding.culprit is None:
             continue
-        probability = max(posterior, 1 / COVERED**2) if trial in finding.alike else posterior
+        cover = trial in finding.alike or posterior > DOUBTED
+        probability = max(posterior, 1 / COVERED**2) if cover else posterior
         if trial is not None and trial.suspect.parameter == SCATTERED:
             continue
         whole = trial is not None and trial.suspect.parameter == UNCERTAINTY
