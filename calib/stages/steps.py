@@ -66,10 +66,14 @@ def _agreeing_run(prepared: Prepared, given: tuple[Frame, ...]) -> int:
 
 
 def _moved(frames: tuple[Frame, ...], by: int) -> tuple[Frame, ...]:
-    """The rows with the profile of the row that stands ``by`` rows after them (before them where negative)."""
+    """The rows with the profile of the row that stands ``by`` rows after them (before them where negative).
+
+    Less those whose profile was of another location: whether the place is the row's or the profile's is not known.
+    """
     rows = frames[: len(frames) - by] if by > 0 else frames[-by:]
     seen = frames[by:] if by > 0 else frames[: len(frames) + by]
     return tuple(
         replace(row, axis=f.axis, points=f.points, n_points=f.n_points, reason=f.reason, labels_given=f.labels_given)
         for row, f in zip(rows, seen, strict=True)
+        if row.location == f.location
     )
