@@ -121,7 +121,8 @@ def observe(cell: SurfaceCell, given: tuple[Frame, ...], files: Recorded, true_j
     chain = cell.built.pose(true_joints) @ cell.T_hand_sensor
     yz, base = [], []
     for i in unused:
-        points = section_points(cell.target, chain[i].inverse() @ cell.T_base_target[cell.location[i]], PREDICTED)[0]
+        seen = section_points(cell.target, chain[i].inverse() @ cell.T_base_target[cell.location[i]], POINTS)[0]
+        points = seen[np.linspace(0, len(seen) - 1, PREDICTED).astype(int)]
         yz.append(points)
         base.append(chain[i] @ np.column_stack([np.zeros(len(points)), points]))
     return Observed(frames, files.joints[unused], np.array(yz) * files.scale, np.array(base))
