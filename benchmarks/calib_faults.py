@@ -474,7 +474,7 @@ def _sound(kind: str) -> bool:
 
 def _cell(r: dict[str, object]) -> tuple[str, int, str]:
     """What the sound cell has in common with a faulty one: target, seed, model."""
-    return r["kind"].rpartition(" ")[0], r["seed"], r["model"]
+    return str(r["kind"]).rpartition(" ")[0], r["seed"], r["model"]
 
 
 Run = Callable[[int, str, tuple[str, ...]], list[dict[str, object]]]

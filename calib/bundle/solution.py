@@ -299,7 +299,7 @@ def _stranger(every: Bundle, start: State) -> tuple[Mask, State] | None:
 
 
 def _one_frame(bundle: Bundle, index: int) -> Mask:
-    return np.arange(len(bundle.location)) == index
+    return np.asarray(np.arange(len(bundle.location)) == index)
 
 
 def _fit_model(bundle: Bundle, every: Result, applied: Mask, *, sensor: bool = False) -> Result:

@@ -64,10 +64,8 @@ def blurred(
         if not result.converged or (times == TIMES[0] and chi2 > MOST_CHI2):
             return
         state = result.state
-        none = np.zeros_like(solution.outlier)
-        whole = replace(
-            solution, bundle=wide, every=result, outlier=none, frame_outlier=none.any(axis=1), explained=chi2
-        )
+        points, frames = np.zeros_like(solution.outlier), np.zeros_like(solution.frame_outlier)
+        whole = replace(solution, bundle=wide, every=result, outlier=points, frame_outlier=frames, explained=chi2)
         evidence = evidence_of(whole, sensor)
         seen = sorted((t for t in evidence.trials() if t.seen), key=lambda t: -t.gain)
         yield Blurred(whole, evidence, tuple(seen), times)
