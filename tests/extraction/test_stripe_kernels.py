@@ -29,6 +29,8 @@ def test_order_statistics_are_those_of_sorting(kind: str) -> None:
         k = int(rng.integers(0, n))
         assert kth_smallest(values.copy(), k) == np.sort(values)[k]
         assert median(values.copy()) == np.median(values)
+    assert kth_smallest(np.empty(0), 0) == 0.0
+    assert median(np.empty(0)) == 0.0
 
 
 def test_the_exponential_needs_no_library() -> None:
