@@ -27,7 +27,7 @@ from calib.bundle import (
     explain,
 )
 from calib.config import CalibConfig
-from calib.judge.afar import coarse_solutions, followed, lost_too_many
+from calib.judge.afar import Coarse, coarse_solutions, followed, lost_too_many
 from calib.judge.suspects import (
     MORE_COMPONENTS,
     LinearEvidence,
@@ -110,10 +110,20 @@ def find(
     begin: Pose | None = None,
 ) -> Finding:
     """Try what could be wrong and keep what explains the data, or nothing; ``begin``: the SCP before all solving."""
+    start = begin or solution.T_hand_sensor
     if lost_too_many(solution, config):
-        found_afar = _from_afar(bundle, candidates, solution, sensor, config, begin or solution.T_hand_sensor)
-        if found_afar is not None:
-            return found_afar
+        afar = _from_afar(bundle, candidates, solution, sensor, config, start)
+        return afar or _from_nearby(bundle, candidates, solution, sensor, config)
+    found = _from_nearby(bundle, candidates, solution, sensor, config)
+    if not _doubtful(found, config) or solution.bundle.hands.inferred:
+        return found
+    return _one_from_afar(bundle, candidates, solution, sensor, config, start)[0] or found
+
+
+def _from_nearby(
+    bundle: Bundle, candidates: Sequence[Pose], solution: Solution, sensor: Sensor | None, config: CalibConfig
+) -> Finding:
+    """What could be wrong where the solution tells the likeliest suspects."""
     first = evidence_of(solution, sensor)
     trials = first.trials()
     gain, culprit, found = config.pull_limit**2, None, None
@@ -151,6 +161,24 @@ def _from_afar(
     begin: Pose,
 ) -> Finding | None:
     """The suspect that brings the points back which were left out, else [uncertainty]; None where neither does."""
+    one, last = _one_from_afar(bundle, candidates, solution, sensor, config, begin)
+    if one is not None or last is None:
+        return one
+    whole = _finding(None, last.solution, last.evidence, sensor)
+    every = suspected_bundle(bundle, sensor)
+    wider = _uncertain(every, candidates, whole, config, sensor, BEYOND_CHI2)
+    return wider if wider is not None and wider.solution.result.converged else None
+
+
+def _one_from_afar(
+    bundle: Bundle,
+    candidates: Sequence[Pose],
+    solution: Solution,
+    sensor: Sensor | None,
+    config: CalibConfig,
+    begin: Pose,
+) -> tuple[Finding | None, Coarse | None]:
+    """The suspect that explains the data, followed down from coarse noise, if any; and the last solution tried."""
     every, last, best, first = suspected_bundle(bundle, sensor), None, None, None
     for at in coarse_solutions(bundle, candidates, solution, sensor, begin):
         last = at
@@ -159,17 +187,11 @@ def _from_afar(
                 best, first = tried, at.evidence
         if best is not None and _fits(best.explained, config):
             break
-    one = None
-    if best is not None and first is not None:
-        one = _finding(best.trial, answered(best.relaxed, best.explained, solution.rival, config), first, sensor)
-        one = one if one.culprit is not None and abs(one.culprit.pull) > config.pull_limit else None
-    if one is not None and one.solution.result.converged and not _doubtful(one, config):
-        return one
-    if last is None:
-        return None
-    whole = _finding(None, last.solution, last.evidence, sensor)
-    wider = _uncertain(every, candidates, whole, config, sensor, BEYOND_CHI2)
-    return wider if wider is not None and wider.solution.result.converged else None
+    if best is None or first is None:
+        return None, last
+    one = _finding(best.trial, answered(best.relaxed, best.explained, solution.rival, config), first, sensor)
+    named = one.culprit is not None and abs(one.culprit.pull) > config.pull_limit
+    return (one if named and one.solution.result.converged and not _doubtful(one, config) else None), last
 
 
 def _misfit(explained: Explained) -> float:
