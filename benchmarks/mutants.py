@@ -64,7 +64,14 @@ def main() -> int:
         sound, output = _run(sorted(t for t in tests.seconds if "::" in t)[:20], tests, folder)
         if sound != TestOutcome.SURVIVED:
             raise RuntimeError(f"the tests fail without any mutant\n{output}")
-        pending = sorted(session.pending_work_items, key=lambda item: item.job_id)
+        pending = sorted(
+            session.pending_work_items,
+            key=lambda item: (
+                str(item.mutations[0].module_path),
+                item.mutations[0].operator_name,
+                item.mutations[0].occurrence,
+            ),
+        )
         random.Random(seed).shuffle(pending)  # noqa: S311 - ended before all are met, those met are of all packages
         for item in pending:
             _met(item, session, tests, folder)
@@ -130,6 +137,7 @@ class Coverage:
 
         self.out = out
         self.seconds: Counter[str] = Counter()
+        self.failed: set[str] = set()
         self.coverage = coverage.Coverage(data_file=None, source=list(PACKAGES), config_file=False)
         self.coverage.start()
 
@@ -142,6 +150,8 @@ class Coverage:
         node = _name(report.nodeid)  # type: ignore[attr-defined]
         whole = report.when != "call"  # type: ignore[attr-defined]
         self.seconds[node.split("::")[0] if whole else node] += report.duration  # type: ignore[attr-defined]
+        if report.failed:  # type: ignore[attr-defined]
+            self.failed.add(node)
 
     def pytest_runtest_setup(self, item: object) -> None:
         """From here on lines are the file's."""
@@ -152,12 +162,12 @@ class Coverage:
         self.coverage.switch_context(_name(item.nodeid))  # type: ignore[attr-defined]
 
     def pytest_sessionfinish(self) -> None:
-        """Write the maps: of a file of tests its tests, of every line the numbers of those that meet it."""
+        """Write the maps: of a file its tests that pass, of every line the numbers of those that meet it."""
         self.coverage.stop()
         data = self.coverage.get_data()
         by_line = {str(Path(f).relative_to(Path.cwd())): data.contexts_by_lineno(f) for f in data.measured_files()}
         for test_file in self.files:
-            names = sorted(name for name in self.seconds if name.split("::")[0] == test_file)
+            names = sorted(n for n in {*self.seconds} - self.failed if n.split("::")[0] == test_file)
             number = {name: i for i, name in enumerate(names)}
             lines = {
                 file: {
