@@ -262,9 +262,7 @@ def _robust(
     stray = strays(bundle, start, own) if posed else None
     robust = solve_robust(every, near or start, config.outlier_chi2, config.max_outlier_share, stray)
     if near is None and not posed and np.mean(robust.left_out[bundle.present]) > config.max_outlier_share:
-        alone = _stranger(every, start)
-        less = None if alone is None else solve_robust(every, alone[1], config.outlier_chi2, strays=alone[0])
-        robust = less if less is not None and _score(less) < _score(robust) else robust
+        robust = _without_stranger(every, start, config) or robust
     if near is not None or not _doubtful(robust):
         return robust, own
     nominal = bundle.hands.pose(start.vector("robot"))
@@ -276,11 +274,18 @@ def _robust(
     return (second, again) if _score(second) < _score(robust) else (robust, own)
 
 
-def _stranger(every: Bundle, start: State) -> tuple[Mask, State] | None:
-    """The frame (F,) on a surface without which all others fit to the millimetre, and their fit; None where none is.
+def _without_stranger(every: Bundle, start: State, config: CalibConfig) -> RobustResult | None:
+    """What the frames on surfaces tell without one that has drawn the fit away from all; None where that is not it."""
+    alone = _stranger(every, start)
+    if alone is None:
+        return None
+    less = solve_robust(every, alone[1], config.outlier_chi2, config.max_outlier_share, alone[0])
+    few = float(np.mean(less.left_out[every.present])) <= config.max_outlier_share
+    return less if few and less.result.converged else None
 
-    Its points gate nothing where the frame itself has drawn the fit away from all.
-    """
+
+def _stranger(every: Bundle, start: State) -> tuple[Mask, State] | None:
+    """The frame (F,) on a surface without which all others fit to the millimetre, and their fit; None where none is."""
     wide = every.with_noise(_MILLIMETRES, every.hand_noise)
     costs, states = list[float](), list[State]()
     for i in range(len(every.location)):

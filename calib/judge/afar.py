@@ -22,7 +22,7 @@ TRIED = 3  # suspects at each noise
 
 
 @dataclass(frozen=True, eq=False)
-class Blurred:
+class Coarse:
     """All points solved by a larger noise of theirs, nothing left out, and the suspects there, the largest first."""
 
     solution: Solution
@@ -48,9 +48,9 @@ def lost_too_many(solution: Solution, config: CalibConfig) -> bool:
     return not solution.every.converged or float(gone.mean()) > config.max_outlier_share
 
 
-def blurred(
+def coarse_solutions(
     bundle: Bundle, candidates: Sequence[Pose], solution: Solution, sensor: Sensor | None, begin: Pose
-) -> Iterator[Blurred]:
+) -> Iterator[Coarse]:
     """The problem by ever smaller noise, each from where the one before came to, until one settles nowhere."""
     every = bundle.estimating(np.ones(len(bundle.estimated), dtype=bool), sensor=True)
     state, _ = chain_start(every, begin, candidates)
@@ -68,11 +68,11 @@ def blurred(
         whole = replace(solution, bundle=wide, every=result, outlier=points, frame_outlier=frames, explained=chi2)
         evidence = evidence_of(whole, sensor)
         seen = sorted((t for t in evidence.trials() if t.seen), key=lambda t: -t.gain)
-        yield Blurred(whole, evidence, tuple(seen), times)
+        yield Coarse(whole, evidence, tuple(seen), times)
 
 
 def followed(
-    at: Blurred,
+    at: Coarse,
     candidates: Sequence[Pose],
     begin: Pose,
     config: CalibConfig,
@@ -92,7 +92,7 @@ def followed(
             yield FromAfar(trial, relaxed, explained)
 
 
-def _down(relaxed: Bundle, at: Blurred) -> State | None:
+def _down(relaxed: Bundle, at: Coarse) -> State | None:
     """The state of a relaxed problem by ever smaller noise, from that of the problem itself."""
     every = relaxed.estimating(np.ones(len(relaxed.estimated), dtype=bool), sensor=True)
     state = grown(every, at.solution.every.state)

@@ -27,7 +27,7 @@ from calib.bundle import (
     explain,
 )
 from calib.config import CalibConfig
-from calib.judge.afar import blurred, followed, lost_too_many
+from calib.judge.afar import coarse_solutions, followed, lost_too_many
 from calib.judge.suspects import (
     MORE_COMPONENTS,
     LinearEvidence,
@@ -57,7 +57,7 @@ EVIDENCE = 4.0  # by which that must be better than one number alone: a likeliho
 WRONG = 0.02  # odds that a number of the files is wrong, before anything is seen: one of some 45 in every other cell
 LIKELY = -2 * float(np.log(WRONG))  # cost saved by which something wrong is likelier than nothing
 COVERED = 3.0  # σ within which the answer lies by whatever the data can not tell from the culprit, likely or not
-DOUBTED = 0.005  # a hypothesis at least so probable is covered so, too: of many cells it is true in some
+DOUBTED = 0.005  # a number hardly seen that is wrong with this probability is covered so, too: in some cells it is
 POSSIBLE = 1e-4  # a hypothesis less probable than this widens nothing
 UNCERTAINTY, SCATTERED = "[uncertainty]", "[uncertainty] joint_sigma_deg"
 LEFT_OUT = 25.0  # cost of a point that is left out: the gate that it failed
@@ -152,7 +152,7 @@ def _from_afar(
 ) -> Finding | None:
     """The suspect that brings the points back which were left out, else [uncertainty]; None where neither does."""
     every, last, best, first = suspected_bundle(bundle, sensor), None, None, None
-    for at in blurred(bundle, candidates, solution, sensor, begin):
+    for at in coarse_solutions(bundle, candidates, solution, sensor, begin):
         last = at
         for tried in followed(at, candidates, begin, config, lambda e, t: _relaxed(every, e, t, config)):
             if best is None or _misfit(tried.explained) < _misfit(best.explained):
@@ -163,10 +163,13 @@ def _from_afar(
     if best is not None and first is not None:
         one = _finding(best.trial, answered(best.relaxed, best.explained, solution.rival, config), first, sensor)
         one = one if one.culprit is not None and abs(one.culprit.pull) > config.pull_limit else None
-    if last is None or (one is not None and not _doubtful(one, config)):
+    if one is not None and one.solution.result.converged and not _doubtful(one, config):
         return one
+    if last is None:
+        return None
     whole = _finding(None, last.solution, last.evidence, sensor)
-    return _uncertain(every, candidates, whole, config, sensor, BEYOND_CHI2) or one
+    wider = _uncertain(every, candidates, whole, config, sensor, BEYOND_CHI2)
+    return wider if wider is not None and wider.solution.result.converged else None
 
 
 def _misfit(explained: Explained) -> float:
@@ -391,7 +394,7 @@ def widened(finding: Finding, estimated: Mask, total: Array) -> Array:
     for trial, posterior in hypotheses:
         if trial is None and finding.culprit is None:
             continue
-        cover = trial in finding.alike or posterior > DOUBTED
+        cover = trial in finding.alike or (posterior > DOUBTED and trial is not None and trial.hardly_seen)
         probability = max(posterior, 1 / COVERED**2) if cover else posterior
         if trial is not None and trial.suspect.parameter == SCATTERED:
             continue

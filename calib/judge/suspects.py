@@ -39,6 +39,7 @@ GROSS_ANCHOR_MM = 0.5
 GROSS_SIZE_MM = {"side_mm": 1.0, "height_mm": 1.0, "string_diameter_mm": 0.3}
 GROSSER = 6.0  # times these: 12 mm, 3°, 6 mm of a jig, 1.8 mm of a string; what was linearised is not what is there
 SEEN = 1.0  # pull that an error of gross size makes at least, if its number can be suspected from the data at all
+HARDLY = 0.1  # of its gross size that the data leave of a number they hardly see
 MORE_COMPONENTS = 4.0  # gain that chance gives for each component beyond the first, at the tail that matters
 SAME_CHI2 = 9.0  # suspects whose gains are this near are told apart by nothing: a likelihood ratio of 90
 FILE_BLOCK = {"robot": "robot", "shape": "jig", "sensor": "sensor"}  # blocks by the file that states them
@@ -97,6 +98,11 @@ class SuspectTrial:
     def gross(self) -> bool:
         """Whether it is off by much more than a number that is wrong usually is."""
         return bool(np.any(np.abs(self.size) > GROSSER * self.suspect.gross))
+
+    @property
+    def hardly_seen(self) -> bool:
+        """Whether an error of gross size can pass for chance: it pulls by a few σ."""
+        return bool(np.any(self.sigma > HARDLY * self.suspect.gross))
 
     @property
     def gain(self) -> float:
