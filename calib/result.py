@@ -209,7 +209,8 @@ class Estimate:
     nominal : Nominal or None
         What goes with the nominal robot.
     joint_covariance : ndarray (6 + P + K, 6 + P + K) or None
-        Of SCP, ``whole_robot`` and the sensor's ``errors`` together.
+        Of SCP, ``whole_robot`` and the sensor's ``errors`` together, for predictions: it covers what is wrong with a
+        small probability and hardly seen, too.
     whole_robot : Robot or None
         ``robot`` with what its file takes for exact among its parameters (P); None where they are the same.
     errors : SensorErrors or None

@@ -381,10 +381,11 @@ def _priors(evidence: LinearEvidence) -> tuple[float, float]:
     return float(np.sum(found.z[known] ** 2 / V)), float(np.sum(1 - np.diag(found.covariance)[known] / V))
 
 
-def widened(finding: Finding, estimated: Mask, total: Array) -> Array:
+def widened(finding: Finding, estimated: Mask, total: Array, doubted: bool = False) -> Array:
     """Covariance (C, C) of all common unknowns with what could be wrong beside what was allowed for.
 
     estimated (C,): what the answer estimates; the rest it leaves at rest. total (C, C): with the priors allowed.
+    doubted: whether numbers that the data hardly see are covered, too, where they are wrong with a small probability.
     """
     hypotheses = finding.hypotheses()
     ev, allowed = finding.evidence, finding.allowed
@@ -394,7 +395,8 @@ def widened(finding: Finding, estimated: Mask, total: Array) -> Array:
     for trial, posterior in hypotheses:
         if trial is None and finding.culprit is None:
             continue
-        cover = trial in finding.alike or (posterior > DOUBTED and trial is not None and trial.hardly_seen)
+        doubt = doubted and posterior > DOUBTED and trial is not None and trial.hardly_seen
+        cover = trial in finding.alike or doubt
         probability = max(posterior, 1 / COVERED**2) if cover else posterior
         if trial is not None and trial.suspect.parameter == SCATTERED:
             continue
