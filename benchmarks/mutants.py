@@ -258,8 +258,8 @@ class Tests:
         for name in names:
             if name not in seen:
                 for file, line in self.uses[name]:
-                    functions, _ = _around(self.trees[file], line)
-                    if functions:
+                    functions, top = _around(self.trees[file], line)
+                    if functions or isinstance(top, (ast.Assign, ast.AnnAssign)):  # a constant made of a constant
                         found |= self.of(file, line, seen | {*names})
         return found
 
