@@ -1,5 +1,6 @@
 """Is a wrong number in a file ever passed in silence? Some fifty kinds of fault on cells of five arms, four models.
 
+Balls, planes and wedges: benchmarks/calib_faults_surfaces.py.
 Run: python benchmarks/calib_faults.py [--cells N] [--seed FIRST] [--models scp,full,…] [--kinds REGEX] [--store FILE].
 One line of JSON a run goes to FILE, and what stands there already is not done again; the table is of all that stands
 there. Points are made by OpenCV's projection of the strings' true crossings, not by calib's own code: pixels with
@@ -22,6 +23,7 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
+from zlib import crc32
 
 import cv2
 import numpy as np
@@ -85,6 +87,15 @@ def _encoder(joint: int) -> Fault:
     def fault(world: World, files: Files, rng: np.random.Generator) -> tuple[World, Files]:
         joints = files.joints.copy()
         joints[:, joint] += np.deg2rad(rng.choice([-1, 1]) * rng.uniform(0.1, 1.0))
+        return world, replace(files, joints=joints)
+
+    return fault
+
+
+def _gear(joint: int) -> Fault:
+    def fault(world: World, files: Files, rng: np.random.Generator) -> tuple[World, Files]:
+        joints = files.joints.copy()
+        joints[:, joint] *= 1 + rng.choice([-1, 1]) * rng.uniform(1e-3, 5e-3)
         return world, replace(files, joints=joints)
 
     return fault
@@ -178,6 +189,7 @@ GROUPS = {"theta": "theta", "d": "d", "a": "a", "alpha": "alpha"}
 KINDS: dict[str, tuple[Fault, str]] = {SOUND: (lambda w, f, rng: (w, f), "")}
 KINDS |= {f"{g}{i + 1}": (_row(g, i), f"{g}{i + 1}") for g in GROUPS for i in range(6)}
 KINDS |= {f"encoder{i + 1}": (_encoder(i), f"theta{i + 1}") for i in range(6)}
+KINDS |= {f"gear{i + 1}": (_gear(i), f"reading_scale{i + 1}") for i in range(6)}
 KINDS |= {
     "focal": (_sensor(lambda c, s: replace(c, fx_px=c.fx_px * (1 + s), fy_px=c.fy_px * (1 + s)), 3e-3, 1e-2), "focal"),
     "cx": (_sensor(lambda c, s: replace(c, cx_px=c.cx_px + s), 5.0, 5.0), "cx_px"),
@@ -370,7 +382,7 @@ def run(seed: int, kind: str, models: tuple[str, ...]) -> list[dict[str, object]
     """One cell with one fault by all models."""
     world, files, true_joints = world_of(seed)
     truly = files.locations
-    rng = np.random.default_rng([seed, sorted(KINDS).index(kind)])
+    rng = np.random.default_rng([seed, crc32(kind.encode())])
     world, bad = KINDS[kind][0](world, files, rng)
     seen = observe(world, bad, true_joints, truly, seed)
     effect = None
@@ -412,15 +424,15 @@ def _rate(hits: list[bool]) -> str:
     return f"{sum(hits)} of {len(hits)}" + (f" ({np.mean(hits):.1%})" if hits else "")
 
 
-def table(rows: list[dict[str, object]]) -> Iterator[str]:
-    """The required rates, and a line a kind."""
+def table(rows: list[dict[str, object]], culprits: dict[str, str]) -> Iterator[str]:
+    """The required rates, and a line a kind; ``culprits``: what is to be named by kind, "" where nothing is."""
     models = list(dict.fromkeys(r["model"] for r in rows))
     answered = [r for r in rows if r["exit"] == 0]
     beyond = [r for r in answered if r.get("error_mm") is not None and r["error_mm"] > FAILS_AT * r["sigma_mm"]]
     yield f"{len(rows)} runs, crashes {sum(r['exit'] == 70 for r in rows)} (reach 0)"
     yield f"answered with an error beyond {FAILS_AT:g} σ: {_rate([r in beyond for r in answered])} (reach 0)"
     for m in models:
-        sound = [r for r in rows if r["kind"] == SOUND and r["model"] == m]
+        sound = [r for r in rows if _sound(r["kind"]) and r["model"] == m]
         values = [r["nees"] for r in sound if r.get("nees") is not None]
         wrongly = _rate([r["code"] != "ok" for r in sound])
         mean, spread = np.mean(values) if values else np.nan, np.sqrt(12 / max(len(values), 1))
@@ -428,65 +440,72 @@ def table(rows: list[dict[str, object]]) -> Iterator[str]:
             f"{m}: sound cells refused, misfit or flagged {wrongly} (reach 1 %); "
             f"mean NEES {mean:.2f} ± {spread:.2f} (reach 5.6 … 6.4)"
         )
-    sigma = {
-        (r["seed"], r["model"]): r["sigma_mm"] for r in rows if r["kind"] == SOUND and r.get("sigma_mm") is not None
-    }
-    faulty = [r for r in rows if r["kind"] != SOUND]
-    small = [
-        r for r in faulty
-        if r["effect_mm"] is not None and r["effect_mm"] < EFFECT * sigma.get((r["seed"], r["model"]), 0.0)
-    ]  # fmt: skip
+    sigma = {_cell(r): r["sigma_mm"] for r in rows if _sound(r["kind"]) and r.get("sigma_mm") is not None}
+    faulty = [r for r in rows if not _sound(r["kind"])]
+    small = [r for r in faulty if r["effect_mm"] is not None and r["effect_mm"] < EFFECT * sigma.get(_cell(r), 0.0)]
     yield f"faults of an effect below {EFFECT:g} σ refused: {_rate([r['exit'] == 3 for r in small])} (reach 5 %)"
-    flagged = [r for r in faulty if r["code"] not in ("ok", "CRASH") and KINDS[r["kind"]][1]]
-    yield f"the culprit rightly named: {_rate([named(r) for r in flagged])} (reach 90 %)"
-    yield f"{'kind':14s} {'model':12s} ok flag exit3 beyond named  error/σ: median, largest"
+    flagged = [r for r in faulty if r["code"] not in ("ok", "CRASH") and culprits[r["kind"]]]
+    yield f"the culprit rightly named: {_rate([named(r, culprits) for r in flagged])} (reach 90 %)"
+    yield f"{'kind':16s} {'model':12s} ok flag exit3 beyond named  error/σ: median, largest"
     for kind in dict.fromkeys(r["kind"] for r in rows):
         for m in models:
             here = [r for r in rows if r["kind"] == kind and r["model"] == m]
             ratio = [r["error_mm"] / r["sigma_mm"] for r in here if r["exit"] == 0 and r.get("sigma_mm")]
             flags = [r for r in here if r["code"] != "ok"]
             yield (
-                f"{kind:14s} {m:12s} {sum(r['code'] == 'ok' for r in here):2d} "
+                f"{kind:16s} {m:12s} {sum(r['code'] == 'ok' for r in here):2d} "
                 f"{sum(r['exit'] == 0 and r['code'] != 'ok' for r in here):4d} {sum(r['exit'] == 3 for r in here):5d} "
-                f"{sum(r in beyond for r in here):6d} {sum(named(r) for r in flags):3d}/{len(flags):<3d} "
+                f"{sum(r in beyond for r in here):6d} {sum(named(r, culprits) for r in flags):3d}/{len(flags):<3d} "
                 + (f"{np.median(ratio):6.2f} {max(ratio):6.2f}" if ratio else "     –")
             )
 
 
-def named(r: dict[str, object]) -> bool:
+def named(r: dict[str, object], culprits: dict[str, str]) -> bool:
     """Whether the culprit, or one that can not be told from it, is the one."""
-    wanted = KINDS[r["kind"]][1]
+    wanted = culprits[r["kind"]]
     if wanted == "frames":
         return r["code"] == "frames_contradict" or "frame" in str(r["text"])
     return any(wanted in name for group in r.get("culprit", [])[:1] for name in group)
 
 
-def main() -> None:
-    """Run what is missing, print the table."""
+def _sound(kind: str) -> bool:
+    return kind.rpartition(" ")[2] == SOUND
+
+
+def _cell(r: dict[str, object]) -> tuple[str, int, str]:
+    """What the sound cell has in common with a faulty one: target, seed, model."""
+    return str(r["kind"]).rpartition(" ")[0], r["seed"], r["model"]
+
+
+Run = Callable[[int, str, tuple[str, ...]], list[dict[str, object]]]
+
+
+def asked(run: Run, culprits: dict[str, str], models: tuple[str, ...], store: str) -> None:
+    """What the command line asks for: run what is missing of all kinds, print the table."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--cells", type=int, default=40)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--models", default=",".join(MODELS))
+    parser.add_argument("--models", default=",".join(models))
     parser.add_argument("--kinds", default=".*")
-    parser.add_argument("--store", type=Path, default=Path("calib_faults.jsonl"))
+    parser.add_argument("--store", type=Path, default=Path(store))
     parser.add_argument("--workers", type=int, default=os.cpu_count())
-    asked = parser.parse_args()
-    models = tuple(asked.models.split(","))
-    rows = [json.loads(line) for line in asked.store.read_text().splitlines()] if asked.store.exists() else []
+    given = parser.parse_args()
+    models = tuple(given.models.split(","))
+    rows = [json.loads(line) for line in given.store.read_text().splitlines()] if given.store.exists() else []
     done = {(r["seed"], r["kind"], r["model"]) for r in rows}
-    kinds = [k for k in KINDS if re.fullmatch(asked.kinds, k)]
+    kinds = [k for k in culprits if re.fullmatch(given.kinds, k)]
     jobs = []
-    for seed in range(asked.seed, asked.seed + asked.cells):
+    for seed in range(given.seed, given.seed + given.cells):
         for kind in kinds:
             missing = tuple(m for m in models if (seed, kind, m) not in done)
             jobs += [(seed, kind, missing)] if missing else []
-    with ProcessPoolExecutor(asked.workers) as pool, asked.store.open("a") as store:
+    with ProcessPoolExecutor(given.workers) as pool, given.store.open("a") as lines:
         for found in pool.map(run, *zip(*jobs, strict=True)) if jobs else ():
             rows += found
-            store.writelines(json.dumps(r) + "\n" for r in found)
-            store.flush()
-    print("\n".join(table(rows)))
+            lines.writelines(json.dumps(r) + "\n" for r in found)
+            lines.flush()
+    print("\n".join(table(rows, culprits)))
 
 
 if __name__ == "__main__":
-    main()
+    asked(run, {kind: culprit for kind, (_, culprit) in KINDS.items()}, MODELS, "calib_faults.jsonl")

@@ -4,8 +4,9 @@ Sets: openlmd/etna (BSD), two of them, a stripe beside a checkerboard, clipped; 
 faint stripe in room light, JPEG; Jesus89/3DScanScience (CC BY-SA 4.0), a bust and a pattern with their laser-off
 frames. Each method's points are cut into runs of 40 sections that follow each other; a line is taken off each run.
 "residual" is the median over runs of the root mean square that is left, "over σ" the same of residuals divided by the
-points' stated σ; "even" the same of even sections, their line fitted to odd ones alone. Others' points are taken in
-the sections that we found. Run: python benchmarks/extraction_real_stripes.py FOLDER   (RIDGE_PYTHON=… names an
+points' stated σ; "about a cubic" the same where a cubic is taken off in the line's place; "even" that of even sections,
+their line fitted to odd ones alone. Others' points are taken in the sections that we found.
+Run: python benchmarks/extraction_real_stripes.py FOLDER   (RIDGE_PYTHON=… names an
 interpreter with ridge-detector)
 """
 
@@ -106,6 +107,12 @@ def runs(peaks: StripePeaks) -> list[np.ndarray]:
     return out
 
 
+def bent(section: np.ndarray, place: np.ndarray) -> np.ndarray:
+    """What a cubic leaves, freed of what it takes."""
+    x = (section - section.mean()) / len(section)
+    return (place - np.polyval(np.polyfit(x, place, 3), x)) * np.sqrt(len(x) / (len(x) - 4))
+
+
 def residual(section: np.ndarray, place: np.ndarray, fitted: slice, judged: slice) -> np.ndarray:
     """What a line through some points leaves in others, freed of what the line takes."""
     x = section - section.mean()
@@ -128,7 +135,7 @@ def main() -> None:
         others["ridge-detector (Steger)"] = ridge_detector
     for name, (folder, pattern, channel) in SETS.items():
         table: dict[str, list[float]] = {}
-        scaled, even, points, flagged = [], [], 0, 0
+        scaled, curved, even, points, flagged = [], [], [], 0, 0
         files = sorted((real / folder).glob(pattern))
         for number, file in enumerate(files):
             image = read(file, channel)
@@ -145,6 +152,7 @@ def main() -> None:
                 r = residual(section[run], place[run], whole, whole)
                 table.setdefault("perceptron-emu", []).append(float(np.sqrt(np.mean(r**2))))
                 scaled.append(float(np.sqrt(np.mean((r / peaks.sigma_px[run]) ** 2))))
+                curved.append(float(np.sqrt(np.mean((bent(section[run], place[run]) / peaks.sigma_px[run]) ** 2))))
                 e = residual(section[run], place[run], slice(1, None, 2), slice(0, None, 2))
                 even.append(float(np.sqrt(np.mean((e / peaks.sigma_px[run][::2]) ** 2))))
             for label, method in others.items():
@@ -157,6 +165,7 @@ def main() -> None:
                         table.setdefault(label, []).append(float(np.sqrt(np.mean(r**2))))
         print(f"\n{name}: {len(files)} images, {points} points, {flagged} flagged")
         print(f"  residual over σ {np.median(scaled):.2f}, of even sections about odd ones' line {np.median(even):.2f}")
+        print(f"  about a cubic {np.median(curved):.2f}")
         for label, values in table.items():
             print(f"  {label:26s} residual {np.median(values):.3f} px over {len(values)} runs")
 

@@ -209,7 +209,10 @@ class Estimate:
     nominal : Nominal or None
         What goes with the nominal robot.
     joint_covariance : ndarray (6 + P + K, 6 + P + K) or None
-        Of SCP, robot and the sensor's ``errors`` together.
+        Of SCP, ``whole_robot`` and the sensor's ``errors`` together, for predictions: it covers what is wrong with a
+        small probability and hardly seen, too.
+    whole_robot : Robot or None
+        ``robot`` with what its file takes for exact among its parameters (P); None where they are the same.
     errors : SensorErrors or None
         The sensor's own errors (K,).
     sensor_delta : dict of str to float
@@ -244,6 +247,7 @@ class Estimate:
     notes: tuple[str, ...] = ()
     nominal: Nominal | None = None
     joint_covariance: Array | None = None
+    whole_robot: Robot | None = None
     errors: SensorErrors | None = None
     sensor_delta: dict[str, float] = field(default_factory=dict)
     pulls: tuple[Pull, ...] = ()
@@ -261,7 +265,7 @@ class Estimate:
         """Motions (F, M, 3, 6 + P + K) [mm] of these by SCP, robot and sensor, as ``joint_covariance`` has them."""
         if self.robot is None or self.joint_covariance is None:
             raise InputError("what is predicted of points elsewhere needs joint readings and a robot's table")
-        return prediction_jacobian(self.T_hand_sensor, self.robot, self.errors, joints_rad, yz_mm)
+        return prediction_jacobian(self.T_hand_sensor, self.whole_robot or self.robot, self.errors, joints_rad, yz_mm)
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,12 +12,14 @@ from geometry.compiled import kernel
 
 @kernel
 def kth_smallest(values: NDArray[Any], k: int) -> float:
-    """The k-th smallest, counted from 0, of finite values (N,), which are left in another order.
+    """The k-th smallest, counted from 0, of finite values (N,), which are left in another order; 0 of none.
 
     Partitions move without branching on a comparison; equal values are set aside together, so that a flat image takes
     no longer than a rough one.
     """
     low, high = 0, len(values)
+    if high == 0:
+        return 0.0
     while True:
         a, b, c = values[low], values[(low + high) // 2], values[high - 1]
         pivot = max(min(a, b), min(max(a, b), c))

@@ -16,7 +16,7 @@ PANELS = {
     "wall": Pose.from_fixed_xyz_deg((0.0, 0.0, 90.0), (0.0, 0.0, 310.0)),
     "floor": Pose.from_fixed_xyz_deg((0.0, 60.0, 0.0), (0.0, 0.0, 330.0)),
 }
-STRIPES = ("clipped_below_full_scale", "pair_1.5", "dashes", "on_blotches", "scratched_metal")
+STRIPES = ("lamp", "clipped_below_full_scale", "pair_1.5", "dashes", "on_blotches", "scratched_metal")
 
 
 def main() -> None:

@@ -18,6 +18,7 @@ from geometry import (
     Block,
     InputError,
     Pose,
+    Robot,
     SheetPoints,
     State,
     Target,
@@ -185,6 +186,18 @@ class Bundle:
         blocks = tuple(sensor if b.name == "sensor" else b for b in self.unknowns.blocks)
         terms = tuple(replace(t, errors=errors) for t in self.terms)
         return replace(self, terms=terms, unknowns=Unknowns(blocks))
+
+    def of_robot(self, robot: Robot) -> Bundle:
+        """The problem with another description of its robot, nothing of it estimated."""
+
+        def known(hands: Hands) -> Hands:
+            return replace(hands, robot=robot, _last={})
+
+        hands = known(self.hands)
+        block = Block.vector("robot", hands.sigma, free=False, labels=hands.labels)
+        blocks = tuple(block if b.name == "robot" else b for b in self.unknowns.blocks)
+        terms = tuple(replace(t, hands=known(t.hands)) for t in self.terms)
+        return replace(self, terms=terms, unknowns=Unknowns(blocks), hands=hands)
 
     def with_noise(self, point_scale: float, hand_noise: Array) -> Bundle:
         """The problem with the points' covariances times ``point_scale`` and hand poses of covariance (F, 6, 6)."""

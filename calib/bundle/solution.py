@@ -32,6 +32,9 @@ _RIVAL_ITERATIONS = 100  # mirrored starts may lie far from the answer that they
 # of joints that follow from hand poses an error of the table is each frame's own, and gates by the file's σ lose frames
 _OWN_LOST = 0.2  # share of the points lost by them from which gates so much wider are tried; a bad frame loses 0.05
 _OWN_WIDER = 30.0
+_MILLIMETRES = 1e4  # times the variance of points on surfaces, of some 0.01 mm: their σ are then a millimetre
+_STRANGER_ITERATIONS = 20  # without it the others come to the millimetre, with it they stay far away
+_STRANGER_TIMES = 4.0  # by which the fit without any other frame is worse: one that is not alone is no stranger
 _OTHER_MM = 5.0  # poses of the target that are farther apart are different answers: mirrors stand 45 mm apart
 
 
@@ -196,10 +199,13 @@ def solve_problem(bundle: Bundle, candidates: Sequence[Pose], T_hand_sensor: Pos
 
 def answered(bundle: Bundle, explained: Explained, rival: float, config: CalibConfig) -> Solution:
     """The solution of the model asked for, and that of the nominal robot, with the noise and outliers found."""
-    applied = estimated_parameters(bundle.hands, config.model)
+    uncertain = bundle.unknowns.block("robot").sigma > 0
+    applied = estimated_parameters(bundle.hands, config.model) & uncertain
     robust, weighed, every = explained.robust, explained.weighed, explained.every
     sensor = estimates_sensor(config.model) or not np.any(bundle.unknowns.block("sensor").sigma > 0)
-    model = every if np.all(applied) and sensor else _fit_model(weighed.bundle, every, applied, sensor=sensor)
+    model = (
+        every if np.all(applied | ~uncertain) and sensor else _fit_model(weighed.bundle, every, applied, sensor=sensor)
+    )
     none = np.zeros_like(applied)
     nominal = _fit_model(weighed.bundle, every, none) if np.any(applied) or estimates_sensor(config.model) else model
     dof = explained.kept.degrees_of_freedom
@@ -255,6 +261,8 @@ def _robust(
     posed = not any(isinstance(t.target, Surface) for t in bundle.terms)  # one curve tells no pose of a surface
     stray = strays(bundle, start, own) if posed else None
     robust = solve_robust(every, near or start, config.outlier_chi2, config.max_outlier_share, stray)
+    if near is None and not posed and np.mean(robust.left_out[bundle.present]) > config.max_outlier_share:
+        robust = _without_stranger(every, start, config) or robust
     if near is not None or not _doubtful(robust):
         return robust, own
     nominal = bundle.hands.pose(start.vector("robot"))
@@ -264,6 +272,39 @@ def _robust(
     start, again = chain_start(bundle, other, candidates)
     second = solve_robust(every, start, config.outlier_chi2, config.max_outlier_share)
     return (second, again) if _score(second) < _score(robust) else (robust, own)
+
+
+def _without_stranger(every: Bundle, start: State, config: CalibConfig) -> RobustResult | None:
+    """What the frames on surfaces tell without one that has drawn the fit away from all; None where that is not it."""
+    alone = _stranger(every, start)
+    if alone is None:
+        return None
+    less = solve_robust(every, alone[1], config.outlier_chi2, config.max_outlier_share, alone[0])
+    few = float(np.mean(less.left_out[every.present])) <= config.max_outlier_share
+    return less if few and less.result.converged else None
+
+
+def _stranger(every: Bundle, start: State) -> tuple[Mask, State] | None:
+    """The frame (F,) on a surface without which all others fit to the millimetre, and their fit; None where none is."""
+    wide = every.with_noise(_MILLIMETRES, every.hand_noise)
+    costs, states = list[float](), list[State]()
+    for i in range(len(every.location)):
+        less = wide.without(_one_frame(every, i)[:, None] & every.present)
+        try:
+            found = solve_bundle(less, start, max_iterations=_STRANGER_ITERATIONS)
+        except np.linalg.LinAlgError:
+            return None
+        costs.append(found.cost)
+        states.append(found.state)
+    best, next_best = np.sort(costs)[:2] if len(costs) > 1 else (np.inf, np.inf)
+    if next_best < _STRANGER_TIMES * best:
+        return None
+    k = int(np.argmin(costs))
+    return _one_frame(every, k), states[k]
+
+
+def _one_frame(bundle: Bundle, index: int) -> Mask:
+    return np.asarray(np.arange(len(bundle.location)) == index)
 
 
 def _fit_model(bundle: Bundle, every: Result, applied: Mask, *, sensor: bool = False) -> Result:

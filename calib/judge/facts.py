@@ -15,7 +15,7 @@ from calib.judge.identifiability import weak_directions
 from calib.judge.suspects import FILE_BLOCK, SuspectTrial
 from calib.judge.verdict import Contradiction, Facts
 from calib.result import Culprit, Estimate, Nominal, Pull
-from geometry import Frame, Surface, Target
+from geometry import Frame, Robot, Surface, Target
 
 Array = NDArray[np.float64]
 
@@ -58,8 +58,8 @@ def bundle_estimate(
 def _with_finding(estimate: Estimate, finding: Finding, config: CalibConfig) -> Estimate:
     """The estimate with what is said of its priors, and with covariances that allow for what may be wrong."""
     solution, floor = finding.solution, _floor(finding.solution, config)
-    joint = _joint(finding, solution.covariance.total, solution.result, config)
-    alone = _joint(finding, covariance(solution.alone).total, solution.alone, config)
+    mine = _joint(finding, solution.covariance.total, solution.result)
+    alone = _joint(finding, covariance(solution.alone).total, solution.alone)
     errors = finding.evidence.bundle.errors
     pulls = sorted((t for t in finding.trials if t.seen), key=lambda t: -t.gain)[:LARGEST_PULLS]
     larger = _larger_errors(solution)
@@ -69,9 +69,10 @@ def _with_finding(estimate: Estimate, finding: Finding, config: CalibConfig) -> 
     estimated = known is not None and bool(np.any(sensor.free))
     return replace(
         estimate,
-        covariance=joint[:6, :6] + floor,
+        covariance=mine[:6, :6] + floor,
         nominal=Nominal(solution.alone.state.pose("scp"), alone[:6, :6] + floor),
-        joint_covariance=joint,
+        joint_covariance=_joint(finding, solution.covariance.total, solution.result, doubted=True),
+        whole_robot=_whole_robot(finding),
         errors=errors,
         sensor_delta=known.parameters(solution.result.state.vector("sensor")) if known and estimated else {},
         pulls=tuple(_pull(t) for t in pulls),
@@ -81,7 +82,15 @@ def _with_finding(estimate: Estimate, finding: Finding, config: CalibConfig) -> 
     )
 
 
-def _joint(finding: Finding, total: Array, result: Result, config: CalibConfig) -> Array:
+def _whole_robot(finding: Finding) -> Robot | None:
+    """The answer's robot with everything of it that could be wrong among its parameters."""
+    hands, solved = finding.evidence.bundle.hands, finding.solution.parameters
+    if hands.poses_only:
+        return None
+    return hands.robot.corrected(np.concatenate([solved, np.zeros(len(hands.sigma) - len(solved))]))
+
+
+def _joint(finding: Finding, total: Array, result: Result, *, doubted: bool = False) -> Array:
     """Covariance of SCP, robot and sensor together, with what may be wrong."""
     mine, all_of = result.unknowns, finding.evidence.bundle.unknowns
     place = np.concatenate([all_of.indices(b.name)[: b.size] for b in mine.common])
@@ -89,7 +98,7 @@ def _joint(finding: Finding, total: Array, result: Result, config: CalibConfig) 
     embedded[np.ix_(place, place)] = total
     free = np.zeros(all_of.size, dtype=bool)
     free[place] = mine.free
-    every = widened(finding, free, embedded)
+    every = widened(finding, free, embedded, doubted)
     kept = np.concatenate([all_of.indices(name) for name in ("scp", "robot", "sensor")])
     return np.asarray(every[np.ix_(kept, kept)])
 

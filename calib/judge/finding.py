@@ -27,6 +27,7 @@ from calib.bundle import (
     explain,
 )
 from calib.config import CalibConfig
+from calib.judge.afar import coarse_solutions, followed, lost_too_many
 from calib.judge.suspects import (
     MORE_COMPONENTS,
     LinearEvidence,
@@ -35,6 +36,7 @@ from calib.judge.suspects import (
     evidence_of,
     grown,
     suspected_bundle,
+    without_scales,
 )
 from calib.judge.verdict import REST_SLACK, misfit_limit
 from geometry import Pose, Sensor
@@ -55,6 +57,7 @@ EVIDENCE = 4.0  # by which that must be better than one number alone: a likeliho
 WRONG = 0.02  # odds that a number of the files is wrong, before anything is seen: one of some 45 in every other cell
 LIKELY = -2 * float(np.log(WRONG))  # cost saved by which something wrong is likelier than nothing
 COVERED = 3.0  # σ within which the answer lies by whatever the data can not tell from the culprit, likely or not
+DOUBTED = 0.005  # a number hardly seen that is wrong with this probability is covered so, too: in some cells it is
 POSSIBLE = 1e-4  # a hypothesis less probable than this widens nothing
 UNCERTAINTY, SCATTERED = "[uncertainty]", "[uncertainty] joint_sigma_deg"
 LEFT_OUT = 25.0  # cost of a point that is left out: the gate that it failed
@@ -104,8 +107,13 @@ def find(
     solution: Solution,
     sensor: Sensor | None,
     config: CalibConfig,
+    begin: Pose | None = None,
 ) -> Finding:
-    """Try what could be wrong and keep what explains the data, or nothing."""
+    """Try what could be wrong and keep what explains the data, or nothing; ``begin``: the SCP before all solving."""
+    if lost_too_many(solution, config):
+        found_afar = _from_afar(bundle, candidates, solution, sensor, config, begin or solution.T_hand_sensor)
+        if found_afar is not None:
+            return found_afar
     first = evidence_of(solution, sensor)
     trials = first.trials()
     gain, culprit, found = config.pull_limit**2, None, None
@@ -134,6 +142,41 @@ def find(
     return _uncertain(every, candidates, one, config, sensor) or one
 
 
+def _from_afar(
+    bundle: Bundle,
+    candidates: Sequence[Pose],
+    solution: Solution,
+    sensor: Sensor | None,
+    config: CalibConfig,
+    begin: Pose,
+) -> Finding | None:
+    """The suspect that brings the points back which were left out, else [uncertainty]; None where neither does."""
+    every, last, best, first = suspected_bundle(bundle, sensor), None, None, None
+    for at in coarse_solutions(bundle, candidates, solution, sensor, begin):
+        last = at
+        for tried in followed(at, candidates, begin, config, lambda e, t: _relaxed(every, e, t, config)):
+            if best is None or _misfit(tried.explained) < _misfit(best.explained):
+                best, first = tried, at.evidence
+        if best is not None and _fits(best.explained, config):
+            break
+    one = None
+    if best is not None and first is not None:
+        one = _finding(best.trial, answered(best.relaxed, best.explained, solution.rival, config), first, sensor)
+        one = one if one.culprit is not None and abs(one.culprit.pull) > config.pull_limit else None
+    if one is not None and one.solution.result.converged and not _doubtful(one, config):
+        return one
+    if last is None:
+        return None
+    whole = _finding(None, last.solution, last.evidence, sensor)
+    wider = _uncertain(every, candidates, whole, config, sensor, BEYOND_CHI2)
+    return wider if wider is not None and wider.solution.result.converged else None
+
+
+def _misfit(explained: Explained) -> float:
+    """What is left unexplained, points that were left out included."""
+    return explained.cost + LEFT_OUT * float(explained.robust.left_out[explained.kept.present].sum())
+
+
 def _doubtful(finding: Finding, config: CalibConfig) -> bool:
     """Whether no σ can be given."""
     solution = finding.solution
@@ -159,11 +202,16 @@ class WiderRobot:
 
 
 def _uncertain(
-    every: Bundle, candidates: Sequence[Pose], one: Finding, config: CalibConfig, sensor: Sensor | None
+    every: Bundle,
+    candidates: Sequence[Pose],
+    one: Finding,
+    config: CalibConfig,
+    sensor: Sensor | None,
+    most_chi2: float = MOST_CHI2,
 ) -> Finding | None:
     """[uncertainty] as a whole, where that explains the data and does it better than one number or none."""
     before = one.solution
-    if not before.every.converged or before.explained > MOST_CHI2:
+    if not before.every.converged or before.explained > most_chi2:
         return None
     stated = replace(one.evidence, variance=every.unknowns.sigma**2)
     start = _wider(every, candidates, before, stated, AT_FIRST, config, sensor)
@@ -271,7 +319,7 @@ def _relaxed(bundle: Bundle, evidence: LinearEvidence, trial: SuspectTrial, conf
     if not _estimated(suspect, bundle, config) and suspect.parameter != UNCERTAINTY:
         wide = np.maximum(np.abs(trial.size), sigma[suspect.block][suspect.index])
     sigma[suspect.block][suspect.index] = wide
-    wider = bundle.knowing(**sigma)
+    wider = without_scales(bundle.knowing(**sigma))
     if suspect.parameter != UNCERTAINTY or config.noise == "given":
         return wider
     return wider.with_noise(1.0, AT_FIRST**2 * wider.hand_noise)  # of the readings: at most; the residuals tell
@@ -333,10 +381,11 @@ def _priors(evidence: LinearEvidence) -> tuple[float, float]:
     return float(np.sum(found.z[known] ** 2 / V)), float(np.sum(1 - np.diag(found.covariance)[known] / V))
 
 
-def widened(finding: Finding, estimated: Mask, total: Array) -> Array:
+def widened(finding: Finding, estimated: Mask, total: Array, doubted: bool = False) -> Array:
     """Covariance (C, C) of all common unknowns with what could be wrong beside what was allowed for.
 
     estimated (C,): what the answer estimates; the rest it leaves at rest. total (C, C): with the priors allowed.
+    doubted: whether numbers that the data hardly see are covered, too, where they are wrong with a small probability.
     """
     hypotheses = finding.hypotheses()
     ev, allowed = finding.evidence, finding.allowed
@@ -346,7 +395,9 @@ def widened(finding: Finding, estimated: Mask, total: Array) -> Array:
     for trial, posterior in hypotheses:
         if trial is None and finding.culprit is None:
             continue
-        probability = max(posterior, 1 / COVERED**2) if trial in finding.alike else posterior
+        doubt = doubted and posterior > DOUBTED and trial is not None and trial.hardly_seen
+        cover = trial in finding.alike or doubt
+        probability = max(posterior, 1 / COVERED**2) if cover else posterior
         if trial is not None and trial.suspect.parameter == SCATTERED:
             continue
         whole = trial is not None and trial.suspect.parameter == UNCERTAINTY

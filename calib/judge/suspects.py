@@ -24,7 +24,7 @@ from calib.bundle import Bundle, Solution
 from calib.engine import departure, reduced, reduced_gradient, total_normal
 from calib.sensor_errors import SensorErrors
 from geometry import Sensor, State, require_arm
-from geometry.robot import is_arm
+from geometry.robot import READING_SCALE, is_arm, with_reading_scales, without_reading_scales
 from geometry.sensor import AGAINST
 from jig_cad import SIZES, Jig, SizedJig
 
@@ -33,11 +33,13 @@ Index = NDArray[np.intp]
 
 # how far off a number that is wrong usually is: makers' tables and typing errors, encoders that lost their zero
 GROSS = {"theta": np.deg2rad(0.5), "d": 2.0, "a": 2.0, "alpha": np.deg2rad(0.5), "beta": np.deg2rad(0.5)}
+GROSS |= {READING_SCALE: 5e-3}  # a gear of one tooth in two hundred more
 GROSS_TIMES = 10.0  # a prior's σ, for kinds of parameters that are not listed
 GROSS_ANCHOR_MM = 0.5
 GROSS_SIZE_MM = {"side_mm": 1.0, "height_mm": 1.0, "string_diameter_mm": 0.3}
 GROSSER = 6.0  # times these: 12 mm, 3°, 6 mm of a jig, 1.8 mm of a string; what was linearised is not what is there
 SEEN = 1.0  # pull that an error of gross size makes at least, if its number can be suspected from the data at all
+HARDLY = 0.1  # of its gross size that the data leave of a number they hardly see
 MORE_COMPONENTS = 4.0  # gain that chance gives for each component beyond the first, at the tail that matters
 SAME_CHI2 = 9.0  # suspects whose gains are this near are told apart by nothing: a likelihood ratio of 90
 FILE_BLOCK = {"robot": "robot", "shape": "jig", "sensor": "sensor"}  # blocks by the file that states them
@@ -96,6 +98,11 @@ class SuspectTrial:
     def gross(self) -> bool:
         """Whether it is off by much more than a number that is wrong usually is."""
         return bool(np.any(np.abs(self.size) > GROSSER * self.suspect.gross))
+
+    @property
+    def hardly_seen(self) -> bool:
+        """Whether an error of gross size can pass for chance: it pulls by a few σ."""
+        return bool(np.any(self.sigma > HARDLY * self.suspect.gross))
 
     @property
     def gain(self) -> float:
@@ -228,21 +235,42 @@ def evidence_of(solution: Solution, sensor: Sensor | None) -> LinearEvidence:
 
 
 def grown(bundle: Bundle, state: State) -> State:
-    """The state with what the problem of suspects knows more of shapes and sensor at rest."""
-    more = {n: np.zeros(bundle.unknowns.block(n).size) for n in (*bundle.shape_blocks, "sensor")}
+    """The state with what the problem knows more of robot, shapes and sensor at rest, less what it does not know."""
+    more = {n: np.zeros(bundle.unknowns.block(n).size) for n in ("robot", *bundle.shape_blocks, "sensor")}
     for name, value in more.items():
-        old = state.vector(name)
+        old = state.vector(name)[: len(value)]
         value[: len(old)] = old
     return State({**state.values, **more})
 
 
 def suspected_bundle(bundle: Bundle, sensor: Sensor | None) -> Bundle:
-    """The bundle with unknowns for what its files take for exact: sizes of a jig, parameters of the sensor."""
+    """The bundle with unknowns for what its files take for exact: scales of readings, a jig's sizes, the sensor's."""
     jig = bundle.target if len(bundle.terms) == 1 else None
     out = bundle.of_target(SizedJig(jig)) if isinstance(jig, Jig) else bundle
     if sensor is not None and (out.errors is None or not out.errors.complete):
         out = out.of_sensor(SensorErrors.suspected(sensor, bundle.errors))
+    if is_arm(out.hands.robot) and not out.hands.inferred:
+        out = with_scales(out)
     return out.estimating(np.ones(len(out.estimated), dtype=bool), sensor=True)
+
+
+def with_scales(bundle: Bundle) -> Bundle:
+    """The bundle with the scale of each joint's readings among its unknowns, exact where it was not known."""
+    robot = with_reading_scales(bundle.hands.robot)
+    if robot is bundle.hands.robot:
+        return bundle
+    sigma, scales = bundle.unknowns.block("robot").sigma, np.zeros(robot.n_joints)
+    return bundle.of_robot(robot).knowing(robot=np.concatenate([sigma, scales]))
+
+
+def without_scales(bundle: Bundle) -> Bundle:
+    """The bundle as it was before, where the scale of no reading is uncertain."""
+    robot, sigma = bundle.hands.robot, bundle.unknowns.block("robot").sigma
+    plain = without_reading_scales(robot)
+    n = len(plain.parameters)
+    if plain is robot or np.any(sigma[n:]):
+        return bundle
+    return bundle.of_robot(plain).knowing(robot=sigma[:n])
 
 
 def suspects_of(bundle: Bundle) -> tuple[Suspect, ...]:
@@ -252,9 +280,9 @@ def suspects_of(bundle: Bundle) -> tuple[Suspect, ...]:
 
 def _of_robot(bundle: Bundle) -> Iterator[Suspect]:
     for i, p in enumerate(bundle.hands.robot.parameters):
-        if p.sigma > 0:
+        if p.sigma > 0 or p.group == READING_SCALE:
             gross = max(float(GROSS.get(p.group, GROSS_TIMES * p.sigma)), 3 * p.sigma)
-            unit, per = _file_unit(p.unit)
+            unit, per = ("%", 100.0) if p.group == READING_SCALE else _file_unit(p.unit)
             yield Suspect("robot", p.name, p.joint, unit, per, np.array([i]), np.array([gross]))
 
 

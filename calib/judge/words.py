@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from calib.result import Culprit, Pull
+from geometry.robot import READING_SCALE
 
 _KEYS = {"theta": "theta_offset_deg", "d": "d_mm", "a": "a_mm", "alpha": "alpha_deg", "beta": "beta_deg"}
 _SHOWN = 4  # of what can not be told from it
@@ -40,6 +41,8 @@ def place_of(pull: Pull) -> str:
     """Where a number stands: "a of joint 2 (a_mm of robot.toml)"."""
     if pull.block == "robot" and pull.parameter.startswith("readings"):
         return f"the {pull.parameter}, which it turns together: the zero of its encoder, or its column in frames.csv"
+    if pull.block == "robot" and pull.parameter.startswith(READING_SCALE):
+        return f"the scale of joint {pull.row}'s readings (its gear, or the unit of its column in frames.csv)"
     if pull.block == "robot":
         name = pull.parameter.rstrip("0123456789")
         key = f"{_KEYS[name]} of robot.toml" if name in _KEYS else "robot.toml"

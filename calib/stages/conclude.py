@@ -85,10 +85,12 @@ def _remarks(setup: Setup, labelled: tuple[Frame, ...], result: CalibrationResul
 def _left_out_notes(setup: Setup, labelled: tuple[Frame, ...], result: CalibrationResult) -> tuple[str, ...]:
     """What whole frames that the answer does without have against them."""
     gone = {f.number for f in result.frames if f.reason in ("outlier", "not_labelled") and f.role == "calibrate"}
-    if not gone or not result.verdict.trustworthy or not isinstance(setup.target, Jig):
+    if not gone or not result.verdict.trustworthy:
         return ()
-    posed = with_own_poses(labelled, setup.target, setup.sensor, setup.config)
-    words = strangers(posed, setup.target, gone) or _unlike_the_rest(result)
+    words = ""
+    if isinstance(setup.target, Jig):
+        words = strangers(with_own_poses(labelled, setup.target, setup.sensor, setup.config), setup.target, gone)
+    words = words or _unlike_the_rest(result)
     return (f"{words}. The answer does without {'it' if len(gone) == 1 else 'them'}",) if words else ()
 
 

@@ -52,7 +52,7 @@ def try_suspects(setup: Setup, labelled: tuple[Frame, ...], solved: Solved) -> S
         return solved
     used, config = solved.used, setup.config
     bundle = make_bundle(used, setup.target, setup.robot, config, setup.sensor, setup.evidence)
-    finding = find(bundle, [f.candidates for f in used], solved.solution, setup.sensor, config)
+    finding = find(bundle, [f.candidates for f in used], solved.solution, setup.sensor, config, setup.design)
     refused = tuple(f for f in labelled if f.role == "calibrate" and f.reason == "not_labelled" and len(f.axis))
     facts = bundle_facts(finding.solution, used, refused, finding)
     estimate = _whole(bundle_estimate(finding.solution, used, config, finding), used, labelled)

@@ -207,6 +207,15 @@ def _lit_board(rng: np.random.Generator) -> StripePicture:
     )
 
 
+def _lamp(rng: np.random.Generator) -> StripePicture:
+    """A stripe in the light of a lamp that falls off across it, here and there as steeply as over some widths."""
+    u, v = np.arange(640), np.arange(230)[:, None]
+    centre = 110 + rng.uniform(-10, 10) + 4 * np.sin(u / 90) + rng.uniform(-0.02, 0.02) * u
+    away = np.hypot((u - rng.uniform(150, 490)) / 2, v - rng.choice([60, 170]))
+    mean = 10 + 100 * np.exp(-0.5 * (away / rng.uniform(35, 50)) ** 2) + _bell(230, centre, 2.2, 70)
+    return StripePicture(_seen(mean, rng), centre, False, 0.6)
+
+
 KINDS: dict[str, Callable[[np.random.Generator], StripePicture]] = {
     "narrow_region": _narrow_region,
     "clipped_on_metal": _clipped_on_metal,
@@ -220,6 +229,7 @@ KINDS: dict[str, Callable[[np.random.Generator], StripePicture]] = {
     "white_core": _white_core,
     "steep": _steep,
     "arc": _arc,
+    "lamp": _lamp,
     "pair_1.2": _pair(1.2),
     "pair_1.5": _pair(1.5),
     "pair_2.0": _pair(2.0),

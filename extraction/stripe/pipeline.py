@@ -21,6 +21,7 @@ from extraction.stripe.sections import (
     SECTION,
     STEP_PX,
     FitLimits,
+    Ground,
     Records,
     SectionPlaces,
     SectionPoints,
@@ -29,6 +30,9 @@ from extraction.stripe.sections import (
     fit_faint,
     fit_pairs,
     fit_sections,
+    ground_slopes,
+    learn_ground,
+    level_ground,
     localise_along_normal,
     tails_kept,
     true_sigma,
@@ -53,6 +57,9 @@ _NEAR_PX, _NEAR_WIDTHS = 1.5, 1.2  # from its stripe's track, that a section's f
 _NO_PEAK, _SEEN = 0.1, 2.0  # the latter: amplitude over its σ, from which there is one
 _WIDTH_ERROR = 0.12  # relative, of the width expected from neighbouring sections; it steadies faint sections only
 _TAIL_WIDTH_ERROR = 1.0
+_MOST_LOST = 0.5  # of a stripe's sections, to brighter ones
+_GROUND_ROUNDS, _STEEP_GROUND = 2, 0.1  # of fits and the ground that they leave: on a steep one, whose slope times σ
+# is so much of the amplitude, the first fits are off by a third of σ
 _ABOUT_END = 20  # points inside an end, whose σ beside the pixels' own its tail takes
 
 
@@ -182,8 +189,8 @@ def _detect(
 def _localise(found: Found, config: StripeConfig, tails: bool) -> StripePeaks:
     """The stripes that were found, section by section; tails: and what lies beyond their ends."""
     view, places = found.view, found.places
-    noise, widths = _look_ahead(view, places, config)
-    fits = _fit(view, places, widths, _WIDTH_ERROR, noise, config)
+    noise, widths, ground = _look_ahead(view, places, config)
+    fits = _fit(view, places, widths, _WIDTH_ERROR, ground, noise, config)
     fits = fit_pairs(view, places, fits, noise, config)
     fits = fit_faint(view, places, fits, config.min_snr)
     near = _near(fits, places.centre_px, places.width_px, config.min_width_px, config.max_width_px)
@@ -194,7 +201,7 @@ def _localise(found: Found, config: StripeConfig, tails: bool) -> StripePeaks:
     if len(good) < len(places):
         refused["no_fit"] = len(places) - len(good)
         fits = fits[good]
-        places = places.take(good)
+        places, ground = places.take(good), ground.take(good)
     told = (config.read_noise_dn, config.gain_dn_per_e, config.speckle_contrast) != (None,) * 3
     if not told and len(fits) >= _SETTLED:
         scale = _settle(fits, places.ghost, _USUAL)
@@ -206,31 +213,40 @@ def _localise(found: Found, config: StripeConfig, tails: bool) -> StripePeaks:
     )
     chosen = select(config, found.stripes, places, fits["centre"].copy(), fits["amplitude"].copy())
     if len(chosen) < len(places):
+        if config.select == "stripe":
+            _doubt_rests(places.stripe, places.stripe[chosen], places.doubt)
         fits, places, by_pixels = fits[chosen], places.take(chosen), by_pixels[chosen]
+        ground = ground.take(chosen)
     peaks = _peaks(view, places, fits, config, length, refused)
-    beyond = _tails(view, places, fits, peaks.piece, by_pixels, noise, config) if tails and len(peaks) else None
+    beyond, ground_beyond = None, ground
+    if tails and len(peaks):
+        beyond, ground_beyond = _tails(view, places, fits, ground, peaks.piece, by_pixels, noise, config)
     if not config.along_normal:
         return peaks if beyond is None else replace(peaks, tails=beyond)
     if beyond is None:
-        return localise_along_normal(view, peaks, noise, config)
+        return localise_along_normal(view, peaks, ground, noise, config)
     whole = peaks.joined(beyond)
     order = np.argsort(whole.section, kind="stable")
-    whole = localise_along_normal(view, whole[order], noise, config)
+    whole = localise_along_normal(view, whole[order], ground.joined(ground_beyond).take(order), noise, config)
     return replace(whole[order < len(peaks)], tails=whole[order >= len(peaks)])
 
 
 def _tails(
-    view: StripeView, places: Places, fits: Records, piece: NDArray[np.int32], by_pixels: Array, noise: PixelNoise,
-    config: StripeConfig,
-) -> StripePeaks:  # fmt: skip
-    """Beyond the ends of the pieces: the sections that still hold light. by_pixels: variances (N,) by noise alone."""
+    view: StripeView, places: Places, fits: Records, ground: Ground, piece: NDArray[np.int32], by_pixels: Array,
+    noise: PixelNoise, config: StripeConfig,
+) -> tuple[StripePeaks, Ground]:  # fmt: skip
+    """Beyond the ends of the pieces: the sections that still hold light, and the ground there, which is the end's.
+
+    by_pixels: variances (N,) by noise alone.
+    """
     light = fits["amplitude"] * fits["width"]
     points = SectionPoints(places.section, fits["centre"].copy(), fits["width"].copy(), light, piece)
     found = walk_tails(view.grey, points, math.sqrt(max(noise.floor, QUANTISATION_VARIANCE)))
     n, rows = len(found.section), np.full(len(found.section), view.grey.shape[0], np.int32)
     table = np.zeros(n, SECTION)
     limits = FitLimits(view.clip_dn, config.min_width_px, config.max_width_px)
-    asked = SectionPlaces(found.section, found.centre, np.zeros(n, np.int32), rows, found.width)
+    beyond = ground.take(found.end).about(found.centre)
+    asked = SectionPlaces(found.section, found.centre, np.zeros(n, np.int32), rows, found.width, beyond)
     fit_sections(view.pixels, asked, _TAIL_WIDTH_ERROR, limits, noise, table)
     kept = tails_kept(found, table, config.min_snr, config.min_amplitude_dn)
     table, end = table[kept], found.end[kept]
@@ -242,21 +258,43 @@ def _tails(
     rows, low, minus = rows[: len(end)], np.zeros(len(end), np.int32), np.full(len(end), -1, np.int32)
     facts = places.stripe[end], minus, places.faint[end], places.ghost[end], places.doubt[end]
     there = Places(found.section[kept], found.centre[kept], low, rows, found.width[kept], *facts)
-    return replace(_peaks(view, there, table, config, 0.0, {}), piece=piece[end])
+    return replace(_peaks(view, there, table, config, 0.0, {}), piece=piece[end]), beyond.take(np.flatnonzero(kept))
 
 
-def _look_ahead(view: StripeView, places: Places, config: StripeConfig) -> tuple[PixelNoise, Array]:
-    """The frame's noise, and the width to be expected at each place, from every n-th of them."""
+def _look_ahead(view: StripeView, places: Places, config: StripeConfig) -> tuple[PixelNoise, Array, Ground]:
+    """The frame's noise, and the width and ground to be expected at each place, from every n-th of them."""
     usable = (places.partner < 0) & ~places.ghost
     alone = np.flatnonzero(usable if usable.any() else places.partner < 0)
-    sample = places.take(alone[:: max(1, len(alone) // _SAMPLE)])
+    chosen = alone[:: max(1, len(alone) // _SAMPLE)]
+    sample, ground = places.take(chosen), level_ground()
     first = PixelNoise(1.0, 0.0, view.black_dn, 0.0)  # equal weights
-    fits = _fit(view, sample, sample.width_px, np.inf, first, config)
+    fits = _fit(view, sample, sample.width_px, np.inf, ground, first, config)
     good = _near(fits, sample.centre_px, sample.width_px, config.min_width_px, config.max_width_px)
-    noise = estimate_noise(view, sample.section[good], fits[good], config, _DARK_DN2)
+    if ground_slopes(view.pixels, sample.section[good], sample.stripe[good], fits[good], view.clip_dn):
+        ground = _ground(view, places, first, config)
+        fits = _fit(view, sample, sample.width_px, np.inf, ground.take(chosen), first, config)
+        good = _near(fits, sample.centre_px, sample.width_px, config.min_width_px, config.max_width_px)
+    noise = estimate_noise(
+        view, sample.section[good], fits[good], ground.take(chosen).take(np.flatnonzero(good)), config, _DARK_DN2
+    )
     widths = places.width_px.copy()
     _expect(sample.section[good], sample.stripe[good], fits[good], places.section, places.stripe, widths)
-    return noise, widths
+    return noise, widths, ground
+
+
+def _ground(view: StripeView, places: Places, noise: PixelNoise, config: StripeConfig) -> Ground:
+    """The ground under all places (N,), that slopes somewhere."""
+    n, rows, ground = len(places), (places.low, places.high), level_ground()
+    for _ in range(_GROUND_ROUNDS):
+        fits = _fit(view, places, places.width_px, np.inf, ground, noise, config)
+        good = _near(fits, places.centre_px, places.width_px, config.min_width_px, config.max_width_px)
+        good &= (places.partner < 0) & (fits["dof"] > 0)
+        ground = Ground(places.centre_px.copy(), np.ones(n), np.zeros(n), np.zeros(n), np.zeros(n))
+        learn_ground(view.pixels, places.section, places.stripe, rows, fits, good, view.clip_dn, ground)
+        pull = np.abs(ground.slope[good]) * fits["width"][good] / fits["amplitude"][good]  # a third of the shift over σ
+        if not np.any(pull > _STEEP_GROUND):
+            break
+    return ground
 
 
 @kernel
@@ -316,11 +354,12 @@ def _settle(fits: Records, ghost: Mask, most: float) -> float:
 
 
 def _fit(
-    view: StripeView, places: Places, widths: Array, width_error: float, noise: PixelNoise, config: StripeConfig
-) -> Records:
+    view: StripeView, places: Places, widths: Array, width_error: float, ground: Ground, noise: PixelNoise,
+    config: StripeConfig,
+) -> Records:  # fmt: skip
     """The fits of all places (N,), records of SECTION; widths (N,): expected, with that relative error."""
     table = np.zeros(len(places), SECTION)
-    asked = SectionPlaces(places.section, places.centre_px, places.low, places.high, widths)
+    asked = SectionPlaces(places.section, places.centre_px, places.low, places.high, widths, ground)
     limits = FitLimits(view.clip_dn, config.min_width_px, config.max_width_px)
     fit_sections(view.pixels, asked, width_error, limits, noise, table)
     return table
@@ -357,6 +396,16 @@ def _doubt_gappy(seen: Mask, stripe: NDArray[np.int32], doubt: Mask) -> None:
         doubt[i], gappy = doubt[i] or own, gappy + own
     if gappy > 0.5 * len(stripe):
         doubt[:] = True
+
+
+def _doubt_rests(stripe: NDArray[np.int32], chosen: NDArray[np.int32], doubt: Mask) -> None:
+    """Doubt what is left of a stripe that lost most of its points (N,) to brighter ones: glare, or a mirror image.
+
+    chosen: the stripe of each point that is given (M,).
+    """
+    total = np.bincount(stripe)
+    kept = np.bincount(chosen, minlength=len(total))
+    doubt[(kept < (1 - _MOST_LOST) * total)[stripe]] = True
 
 
 def _peaks(

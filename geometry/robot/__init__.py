@@ -29,6 +29,7 @@ from geometry.robot.inverted import Inverted, arm_of, is_arm
 from geometry.robot.joint_deviation import JointDeviation
 from geometry.robot.model import Arm, Robot, require_arm, with_beta_prior
 from geometry.robot.parameter import Parameter
+from geometry.robot.scaled_readings import READING_SCALE, ScaledReadings, with_reading_scales, without_reading_scales
 from geometry.robot.table import draw_errors, table
 from geometry.robot.urdf_chain import ChainJoint, corrected_origins, robot_from_chain
 
@@ -38,6 +39,7 @@ __all__ = [
     "DH_ROWS",
     "GRAVITY",
     "GROUP",
+    "READING_SCALE",
     "TYPICAL_SIGMA",
     "Arm",
     "ChainJoint",
@@ -54,6 +56,7 @@ __all__ = [
     "Parameter",
     "Robot",
     "RobotUncertainty",
+    "ScaledReadings",
     "all_solutions",
     "arm_of",
     "assumed_compliance",
@@ -73,4 +76,6 @@ __all__ = [
     "torque_by_joints",
     "with_beta_prior",
     "with_compliance_prior",
+    "with_reading_scales",
+    "without_reading_scales",
 ]

@@ -44,7 +44,7 @@ class JointDeviation(AroundRobot, ABC):
     @property
     @abstractmethod
     def own_parameters(self) -> tuple[Parameter, ...]:
-        """The K parameters that the error adds to the robot's, all with σ above 0."""
+        """The K parameters that the error adds to the robot's; σ above 0 where derivatives are numerical."""
 
     @abstractmethod
     def deviation(self, joints_rad: Array, values: Array) -> Array:

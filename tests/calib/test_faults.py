@@ -165,6 +165,35 @@ def test_uncertainty_stated_ten_times_too_small_is_named_and_sigma_hold(numbers:
     assert nees(made.T_hand_sensor, result.T_hand_sensor, result.covariance) < NEES_LIMIT
 
 
+@pytest.mark.parametrize("joint", [2, 4])
+def test_gear_of_another_ratio_is_named_and_what_is_predicted_holds(joint: int) -> None:
+    """The scale of one joint's readings, estimated with the answer; its σ of predictions counts it."""
+    rng = np.random.default_rng(12)
+    cell = random_cell(rng, CALIBRATE_ONLY)
+    made = made_cell(cell, rng, Noise())
+    observed = observe(cell, made, rng, Noise())
+    more = np.ones(6)
+    more[joint - 1] = 1.004
+    read = [replace(f, joints_rad=q * more) for f in observed.frames if (q := f.joints_rad) is not None]
+    result = calibrated(replace(observed, frames=tuple(read)), cell.jig, cell.robot, CalibConfig())
+    assert result.verdict.code == "priors_contradict"
+    (culprit,) = result.culprit
+    assert (culprit.parameter, culprit.row, culprit.unit) == (f"reading_scale{joint}", joint, "%")
+    assert abs(culprit.size + 0.4) < 0.1
+    assert f"the scale of joint {joint}'s readings" in result.verdict.text
+    assert result.trusted is not None
+    assert result.robot is not None
+    assert nees(made.T_hand_sensor, result.trusted.T_hand_sensor, result.trusted.covariance) < NEES_LIMIT
+    q = cell.joints_rad[:1] * more
+    sheet = np.array([[[0.0, 290.0]]])
+    covariance = result.trusted.predicted_covariance(q, sheet)[0, 0]
+    point = np.array([0.0, 0.0, 290.0])
+    predicted = (result.robot.pose(q[0]) @ result.trusted.T_hand_sensor) @ point
+    true = (made.robot.pose(cell.joints_rad[0]) @ made.T_hand_sensor) @ point
+    error = predicted - true  # a turn about joint 1 and a shift along it have their priors
+    assert float(error @ np.linalg.solve(covariance, error)) < NEES_LIMIT
+
+
 def test_encoder_that_turns_two_axes_is_named_as_one_number() -> None:
     """As where a parallelogram couples joints 2 and 3: the reading's zero is one number, two rows of the table move."""
     rng = np.random.default_rng(12)

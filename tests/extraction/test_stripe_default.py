@@ -52,6 +52,25 @@ def test_where_there_is_no_stripe_nothing_is_given_unflagged(kind, seed):
     assert not np.any(peaks.flag == 0)
 
 
+@pytest.mark.parametrize("along_normal", [False, True])
+def test_a_lamps_slope_under_the_stripe_moves_no_point(along_normal):
+    """Its light falls off across the stripe by up to a seventh of the stripe's height over its σ: σ hold all the same.
+
+    Light that falls off within one width of the stripe no test here asks for.
+    """
+    errors, sigma = [], []
+    for seed in range(4):
+        picture = draw("lamp", np.random.default_rng(seed))
+        peaks, _, place = measured(picture, along_normal=along_normal)
+        true = np.interp(peaks.uv_px[:, 0], np.arange(len(picture.truth)), picture.truth)
+        errors.append(place - true)
+        sigma.append(peaks.sigma_px)
+    scaled = np.concatenate(errors) / np.concatenate(sigma)
+    assert abs(np.mean(scaled)) < 0.15
+    assert 0.9 < np.sqrt(np.mean(scaled**2)) < 1.1
+    assert max(abs(float(np.convolve(e, np.ones(40) / 40, "valid").max())) for e in errors) < 0.03
+
+
 @pytest.mark.parametrize("kind", ["dashes", "on_blotches", "arc"])
 def test_ends_are_where_the_stripe_ends(kind):
     """The first and last section of every piece, exact in nine of ten and within three in all."""

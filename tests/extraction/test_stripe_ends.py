@@ -66,6 +66,16 @@ def test_ends_of_a_stripe_at_the_pictures_border():
     assert abs(ends.end_px - 330.7) < 0.06
 
 
+@pytest.mark.parametrize("row", [-1.0, 0.0, 1.0, 1.5, 1.75, 2.5])
+def test_no_section_is_lost_at_the_pictures_border(row):
+    """On whichever of its four sides."""
+    image = drawn(np.random.default_rng(3), [(90.4, 330.7)], 110, row=row)
+    for turned in (image, image[::-1], image.T, image.T[:, ::-1]):
+        peaks = detect_stripe(np.ascontiguousarray(turned))
+        assert len(np.unique(peaks.piece)) == 1
+        assert len(peaks) == 240
+
+
 def test_sections_that_are_rows_and_a_laser_off_image():
     off = np.full(SHAPE, 20, np.uint8)
     image = drawn(np.random.default_rng(2), [(90.4, 330.7)], 110) + np.uint8(20)

@@ -9,6 +9,7 @@ from extraction.order import kth_smallest, median
 from extraction.stripe.sections.climb import exponential
 from extraction.stripe.sections.faint import _say_enough_alone
 from extraction.stripe.sections.fit import SECTION, SectionPlaces, fit_sections
+from extraction.stripe.sections.ground import level_ground
 from extraction.stripe.sections.model import FitLimits
 from extraction.stripe.view import Pixels
 from tests.pinned import pinned
@@ -29,6 +30,8 @@ def test_order_statistics_are_those_of_sorting(kind: str) -> None:
         k = int(rng.integers(0, n))
         assert kth_smallest(values.copy(), k) == np.sort(values)[k]
         assert median(values.copy()) == np.median(values)
+    assert kth_smallest(np.empty(0), 0) == 0.0
+    assert median(np.empty(0)) == 0.0
 
 
 def test_the_exponential_needs_no_library() -> None:
@@ -48,7 +51,9 @@ def test_a_fit_does_not_depend_on_those_beside_it() -> None:
 
     def fits(chosen: np.ndarray) -> np.ndarray:
         whole = np.zeros(len(chosen), np.int32)
-        places = SectionPlaces(chosen.astype(np.int32), centre[chosen], whole, whole + 90, np.full(len(chosen), 2.0))
+        places = SectionPlaces(
+            chosen.astype(np.int32), centre[chosen], whole, whole + 90, np.full(len(chosen), 2.0), level_ground()
+        )
         table = np.zeros(len(chosen), SECTION)
         fit_sections(pixels, places, np.inf, FitLimits(255.0, 0.45, 14.0), PixelNoise(1.0, 0.0, 0.0, 0.0), table)
         return table

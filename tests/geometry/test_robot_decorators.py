@@ -27,6 +27,7 @@ from geometry import (
     table,
     with_beta_prior,
 )
+from geometry.robot import ScaledReadings, with_reading_scales, without_reading_scales
 from tests.geometry.strategies import random_robot, six_axis_arm
 from tests.pinned import pinned
 
@@ -80,6 +81,8 @@ ROBOTS: dict[str, Callable[[], Robot]] = {
     "eccentric": lambda: Eccentric(arm()),
     "eccentric, compliant": lambda: Eccentric(Compliant(arm(), LOAD, SIGMA_PER_NM), 5),
     "compliant, eccentric": lambda: Compliant(Eccentric(arm()), LOAD, SIGMA_PER_NM),
+    "scaled": lambda: ScaledReadings(arm(), 1e-3),
+    "inverted, scaled": lambda: Inverted(ScaledReadings(Compliant(arm(), LOAD, SIGMA_PER_NM), 1e-3)),
     "corrected": lambda: Corrected(Eccentric(arm()), draw_errors(Eccentric(arm()), np.random.default_rng(8))),
     "compliant, corrected": lambda: Compliant(
         Corrected(arm(), draw_errors(arm(), np.random.default_rng(8))), LOAD, 1e-6
@@ -249,3 +252,19 @@ def test_a_table_is_changed_by_the_names_of_its_rows() -> None:
     assert robot.d[3] == 1143.5
     with pytest.raises(InputError, match="not delta"):
         robot.with_changes(delta=np.zeros(6))
+
+
+@pytest.mark.parametrize("plain", [arm(), Inverted(arm()), Compliant(arm(), LOAD, SIGMA_PER_NM)])
+def test_scales_of_readings_come_and_go(plain: Robot) -> None:
+    """An arm seen from its hand stays one; a scale of 1 % turns each joint by 1 % of its reading."""
+    q, _ = _drawn(plain)
+    scaled = with_reading_scales(plain)
+    assert with_reading_scales(scaled) is scaled
+    assert type(without_reading_scales(scaled)) is type(plain)
+    assert without_reading_scales(plain) is plain
+    assert isinstance(scaled, Inverted) == isinstance(plain, Inverted)
+    assert [p.sigma for p in scaled.parameters[len(plain.parameters) :]] == [0.0] * plain.n_joints
+    values = np.zeros(len(scaled.parameters))
+    values[-plain.n_joints :] = [0.01, 0.0, 0.0, 0.0, -0.01, 0.0]
+    turned = q * (1 + values[-plain.n_joints :])
+    np.testing.assert_allclose(scaled.pose(q, values).matrix, plain.pose(turned).matrix, rtol=0, atol=ATOL_POSE)

@@ -40,7 +40,7 @@ def _beside_the_table(result: CalibrationResult) -> str:
     if not rest:
         return ""
     lines = ["# The answer holds more than this table, which without it is not the robot that was solved:"]
-    lines += [f"# {p.name} {v:+.6g} {p.unit}" for p, v in rest]
+    lines += [f"# {p.name} {v:+.6g} {p.unit}".rstrip() for p, v in rest]
     return "\n".join(lines) + "\n"
 
 

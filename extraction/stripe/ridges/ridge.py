@@ -263,6 +263,22 @@ def _candidates(
 
 
 @kernel
+def _beside_the_border(level: Level, r: int, c: int) -> tuple[Any, Any, Any]:
+    """Sums of rows r, r + 1 at the image's border, and of the pairs a row before and after, less the inner flank's.
+
+    Beyond the border there is as much as on that flank: the last row, repeated, would be the stripe, and push it out.
+    """
+    last = level.shape[0] - 1
+    near, far = _flanks(level, r, c)
+    ground = np.float32(0.5) * (far if r == 0 else near)
+    before = level[r - 1, c] - ground if r > 0 else np.float32(0.0)
+    first = level[r, c] - ground
+    second = level[r + 1, c] - ground if r + 1 <= last else np.float32(0.0)
+    after = level[r + 2, c] - ground if r + 2 <= last else np.float32(0.0)
+    return before + first, first + second, second + after
+
+
+@kernel
 def _peaks(level: Level, table: NoiseTable, threshold: float, section: IntArray, values: Level, first: IntArray) -> int:
     """Local maxima above the threshold, row by row; counts per section in first[1:]; returns their number.
 
@@ -303,8 +319,10 @@ def _peaks(level: Level, table: NoiseTable, threshold: float, section: IntArray,
                     peak = peak and ring[(r - k) % _RING, c] < here and ring[(r + k) % _RING, c] <= here
                 if not peak:
                     continue
-                up, down = (above[c] if r > 0 else here), (below[c] if r + 1 < rows else here)
-                bend = 2 * here - up - down
+                up, middle, down = above[c], here, below[c]
+                if r == 0 or r + 2 >= rows:
+                    up, middle, down = _beside_the_border(level, r, c)
+                bend = 2 * middle - up - down
                 shift = 0.5 * (down - up) / bend if bend > 0 else 0.0
                 centre = 0.5 * (level[r, c] + level[min(r + 1, rows - 1), c])
                 section[n] = c

@@ -2,6 +2,7 @@
 
 from extraction.stripe.sections.faint import NEIGHBOURS, fit_faint
 from extraction.stripe.sections.fit import SECTION, SectionPlaces, fit_sections
+from extraction.stripe.sections.ground import Ground, ground_slopes, learn_ground, level_ground
 from extraction.stripe.sections.model import FitLimits, Records
 from extraction.stripe.sections.noise import estimate_noise
 from extraction.stripe.sections.normal import localise_along_normal
@@ -14,6 +15,7 @@ __all__ = [
     "SECTION",
     "STEP_PX",
     "FitLimits",
+    "Ground",
     "Records",
     "SectionPlaces",
     "SectionPoints",
@@ -22,6 +24,9 @@ __all__ = [
     "fit_faint",
     "fit_pairs",
     "fit_sections",
+    "ground_slopes",
+    "learn_ground",
+    "level_ground",
     "localise_along_normal",
     "tails_kept",
     "true_sigma",

@@ -22,6 +22,7 @@ from extraction.stripe.sections.climb import (
     peak_at,
     step,
 )
+from extraction.stripe.sections.ground import Ground, ground_at
 from extraction.stripe.sections.model import FEWEST_PIXELS, Array, FitLimits, Mask, Peak, Records, centre_variance
 from extraction.stripe.sections.plateau import PLATEAU_PIXELS, between_flanks
 from extraction.stripe.view import IntArray, Pixels
@@ -44,13 +45,16 @@ SECTION = np.dtype(
 
 
 class SectionPlaces(NamedTuple):
-    """What is to be fitted (N,): section, middle of the search, rows low … high - 1 that are its own; expected σ."""
+    """What is to be fitted (N,): section, middle of the search, rows low … high - 1 that are its own; expected σ; what
+    ground is taken off.
+    """
 
     section: IntArray
     centre: Array
     low: IntArray
     high: IntArray
     width: Array
+    ground: Ground
 
 
 @kernel
@@ -86,8 +90,8 @@ def fit_sections(
 
 @kernel
 def _fit_sections(pixels: Pixels, places: SectionPlaces, task: FitTask, table: Records, window: Records) -> None:
-    (grey, left_out), (section, start, low, high, expected) = pixels, places  # taken out once: each costs a count of
-    lane, total = lanes(task.widest, False), len(section)  # references
+    (grey, left_out), (section, start, low, high, expected, ground) = pixels, places  # taken out once: each costs a
+    lane, total = lanes(task.widest, False), len(section)  # count of references
     state, use, scratch = lane.state, lane.use, np.empty(2 * task.widest + 1)
     n, following, reach = 0, 0, 0
     while n > 0 or following < total:
@@ -100,8 +104,8 @@ def _fit_sections(pixels: Pixels, places: SectionPlaces, task: FitTask, table: R
             while True:
                 if going:
                     i = window[k].place
-                    going = _look(grey, left_out, section[i], low[i], high[i], start[i], expected[i], task, lane, k,
-                                  scratch, window[k], table[i])  # fmt: skip
+                    going = _look(grey, left_out, section[i], low[i], high[i], start[i], expected[i], ground, i, task,
+                                  lane, k, scratch, window[k], table[i])  # fmt: skip
                 if going or following == total:
                     break
                 window[k].place, window[k].tried, going = following, 0, True
@@ -133,8 +137,8 @@ def _copy(source: Any, target: Any) -> None:
 
 @kernel
 def _look(
-    grey: NDArray[Any], left_out: Mask, section: int, low: int, high: int, start: float, expected: float, task: FitTask,
-    lane: Lanes, k: int, scratch: Array, window: Any, row: Any,
+    grey: NDArray[Any], left_out: Mask, section: int, low: int, high: int, start: float, expected: float,
+    ground: Ground, i: int, task: FitTask, lane: Lanes, k: int, scratch: Array, window: Any, row: Any,
 ) -> bool:  # fmt: skip
     """Give lane k the pixels of its window and a start; False where there is nothing to climb."""
     y, use, clip = lane.y, lane.use, task.limits.clip
@@ -162,6 +166,10 @@ def _look(
             row.centre += lo
             row.low, row.high, row.dof = lo, hi, 0.0
             return False
+        if len(ground.origin):
+            for j in range(hi - lo):
+                scratch[j] -= ground_at(ground, i, float(lo + j))
+                y[at + j, k] = scratch[j]
         guess = _guess(scratch, hi - lo, start - lo, expected)
         begin(lane, k, Peak(guess.centre + lo - centre, guess.amplitude, guess.width, guess.background),
               lo - centre, hi - 1 - centre, expected, 1.0 / (expected * task.width_error) ** 2)  # fmt: skip

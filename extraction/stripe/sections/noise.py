@@ -12,6 +12,7 @@ from extraction.linalg import Symmetric4, Vector4, cholesky, factor4, solve, sol
 from extraction.noise import QUANTISATION_VARIANCE, PixelNoise
 from extraction.order import kth_smallest
 from extraction.stripe.sections.fit import peak_of
+from extraction.stripe.sections.ground import Ground, ground_at
 from extraction.stripe.sections.model import SINGULAR, Records, slopes
 from extraction.stripe.view import Pixels, StripeView
 from geometry.compiled import kernel
@@ -26,18 +27,19 @@ _MISFIT = 4.0  # a section whose χ² is that many times the median is no Gaussi
 
 
 def estimate_noise(
-    view: StripeView, section: NDArray[np.int32], fits: Records, config: StripeConfig, dark_dn2: float
+    view: StripeView, section: NDArray[np.int32], fits: Records, ground: Ground, config: StripeConfig, dark_dn2: float
 ) -> PixelNoise:
     """Variance model of the frame by weighted least squares on the fits' squared residuals.
 
-    fits: records of SECTION, all converged (M,), fitted with equal weights. What the config states is taken,
-    the rest is estimated; without enough sections ``dark_dn2`` stands for the dark noise. Clipped plateaus say nothing.
+    fits: records of SECTION, all converged (M,), fitted with equal weights; ground: that was taken off. What the config
+    states is taken, the rest is estimated; without enough sections ``dark_dn2`` stands for the dark noise. Clipped
+    plateaus say nothing.
     """
     known = (config.read_noise_dn, config.gain_dn_per_e, config.speckle_contrast)
     variances = [np.nan if k is None else float(k) ** power for k, power in zip(known, (2, 1, 2), strict=True)]
     variances[0] += QUANTISATION_VARIANCE
     if None in known and np.count_nonzero(fits["dof"] > 0) >= _FEWEST:
-        bins = _binned(_residuals(view.pixels, section, fits, view.clip_dn, view.black_dn))
+        bins = _binned(_residuals(view.pixels, section, fits, ground, view.clip_dn, view.black_dn))
         variances = _variances(bins, np.array(variances)).tolist()
     elif known[0] is None:
         variances[0] = dark_dn2
@@ -46,7 +48,9 @@ def estimate_noise(
 
 
 @kernel
-def _residuals(pixels: Pixels, section: NDArray[np.int32], fits: Records, clip: float, black: float) -> Array:
+def _residuals(
+    pixels: Pixels, section: NDArray[np.int32], fits: Records, ground: Ground, clip: float, black: float
+) -> Array:
     """Per fitted pixel (P, 5): signal; what unit variances of the three terms leave in the residual; its square.
 
     Of sections that are a Gaussian peak. The residual of a fit with equal weights is (1 - H) of the noise, H the hat
@@ -71,6 +75,7 @@ def _residuals(pixels: Pixels, section: NDArray[np.int32], fits: Records, clip: 
         for row in range(fits[i].low, fits[i].high):
             y = float(grey[row, section[i]])
             if y < clip and (left_out.size == 0 or not left_out[row, section[i]]):
+                y -= ground_at(ground, i, float(row)) if len(ground.origin) else 0.0
                 mean, j = slopes(peak, row)
                 signal, light = mean - peak.background, mean - black
                 slope[n, 0], slope[n, 1], slope[n, 2], slope[n, 3] = j

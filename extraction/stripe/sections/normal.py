@@ -25,6 +25,7 @@ from extraction.stripe.sections.climb import (
     peak_at,
     step,
 )
+from extraction.stripe.sections.ground import Ground, ground_at
 from extraction.stripe.sections.model import FEWEST_PIXELS, FitLimits, Peak, Records, centre_variance
 from extraction.stripe.view import Pixels, StripeView
 from geometry.compiled import kernel
@@ -39,7 +40,7 @@ HALF_BAND_PX = 0.5  # a pixel belongs to the normal that passes its centre this 
 
 
 class NormalPlaces(NamedTuple):
-    """Points (N,): place across and along the sections, slope, and what the section's fit found."""
+    """Points (N,): place across and along the sections, slope, what the section's fit found, and the ground there."""
 
     across: Array
     along: Array
@@ -47,6 +48,7 @@ class NormalPlaces(NamedTuple):
     amplitude: Array
     width: Array
     background: Array
+    ground: Ground
 
 
 # the peak by distance along the normal [px, DN], variance of its centre [px²], χ² per degree of freedom
@@ -55,7 +57,9 @@ ALONG_NORMAL = np.dtype(
 )
 
 
-def localise_along_normal(view: StripeView, peaks: StripePeaks, noise: PixelNoise, config: StripeConfig) -> StripePeaks:
+def localise_along_normal(
+    view: StripeView, peaks: StripePeaks, ground: Ground, noise: PixelNoise, config: StripeConfig
+) -> StripePeaks:
     """The same points, each fitted over the pixels within half a pixel of its normal, at their own distances.
 
     No grey level is interpolated, so the noise stays independent. A point whose fit fails keeps its section's answer.
@@ -64,7 +68,8 @@ def localise_along_normal(view: StripeView, peaks: StripePeaks, noise: PixelNois
     own = peaks.uv_px - view.origin_px
     slope = _slopes(own[:, across], own[:, along])
     limits = FitLimits(view.clip_dn, config.min_width_px, config.max_width_px)
-    places = NormalPlaces(own[:, across], own[:, along], slope, peaks.amplitude_dn, peaks.width_px, peaks.background_dn)
+    seen = peaks.amplitude_dn, peaks.width_px, peaks.background_dn
+    places = NormalPlaces(own[:, across], own[:, along], slope, *seen, ground)
     answer = np.zeros(len(peaks), ALONG_NORMAL)
     _fit_normals(view.pixels, places, limits, noise, answer)
     good = answer["converged"]
@@ -104,7 +109,7 @@ def _slopes(across: Array, along: Array) -> Array:
 @kernel
 def _fit_normals(pixels: Pixels, places: NormalPlaces, limits: FitLimits, noise: PixelNoise, answer: Records) -> None:
     """Fit every point along its normal; fill the answer (N,) of ALONG_NORMAL, all zero before."""
-    across, along, slopes, amplitude, widths, background = places
+    across, along, slopes, amplitude, widths, background, ground = places
     lane, total, following, n = lanes(MOST_PIXELS // 2, True), len(answer), 0, 0
     state, own, filled = lane.state, np.zeros(LANES, np.int64), np.zeros(LANES, np.int64)
     while n > 0 or following < total:
@@ -119,7 +124,8 @@ def _fit_normals(pixels: Pixels, places: NormalPlaces, limits: FitLimits, noise:
             while not opened and following < total:
                 i, slope = following, slopes[following]
                 width = max(widths[i] / np.hypot(1.0, slope), limits.min_width)  # a section sees it wider by the secant
-                filled[k] = _collect(pixels, across[i], along[i], slope, 4 * width + 1, limits.clip, lane, k)
+                filled[k] = _collect(pixels, across[i], along[i], slope, 4 * width + 1, limits.clip, ground, i,
+                                     lane, k)  # fmt: skip
                 opened = filled[k] >= FEWEST_PIXELS
                 if opened:
                     start = Peak(0.0, amplitude[i], width, background[i])
@@ -156,8 +162,9 @@ def _report(lane: Lanes, k: int, pixels: int, limits: FitLimits, row: Any) -> No
 
 @kernel
 def _collect(
-    pixels: Pixels, across: float, along: float, slope: float, reach: float, clip: float, lane: Lanes, k: int
-) -> int:
+    pixels: Pixels, across: float, along: float, slope: float, reach: float, clip: float, ground: Ground, i: int,
+    lane: Lanes, k: int,
+) -> int:  # fmt: skip
     """Distances along the normal (signed) and grey levels of a band's pixels, to lane k; returns their number."""
     length, grey, left_out = np.hypot(1.0, slope), pixels.grey, pixels.left_out
     y, use, x = lane.y, lane.use, lane.x
@@ -175,5 +182,7 @@ def _collect(
             if inside and n < len(use) - 1 and usable:
                 row = middle + ((n + 1) // 2 if n % 2 else -(n // 2))  # about the middle: few rows are looked at
                 x[row, k], y[row, k], use[row, k] = normal, grey[r, c], 1.0
+                if len(ground.origin):  # it goes along with the stripe
+                    y[row, k] -= ground_at(ground, i, along + dr - slope * dc)
                 n += 1
     return n
