@@ -21,6 +21,7 @@ import hashlib
 import json
 import os
 import random
+import resource
 import shutil
 import signal
 import subprocess
@@ -36,8 +37,9 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ("geometry", "jig_cad", "extraction", "calib", "perceptron_emu")
 TESTED = (*PACKAGES, "workbench", "profiles", "compare", "accept")  # folders of tests that are mapped
 ENOUGH = 0.92
-PATIENCE_S = 90.0  # of tests a mutant, as they took when nothing was wrong
+PATIENCE_S = 90.0  # processor time of tests a mutant, as they took when nothing was wrong
 SLOWER = 6.0  # times what they took: beyond it a mutant has made something endless
+BUSY = 10  # times that, by the clock: beyond it something waits for ever
 EQUAL = ("ReplaceComparisonOperator_Is_Eq", "ReplaceComparisonOperator_IsNot_NotEq")
 FAILED = (1, 2, 4)  # pytest's exit codes where a test failed, or a mutant broke the imports of the tests
 BROKEN = 70  # what else ends a run of tests is a fault of this program
@@ -138,6 +140,7 @@ class Coverage:
         self.out = out
         self.seconds: Counter[str] = Counter()
         self.failed: set[str] = set()
+        self.used_s = _cpu_s()
         self.coverage = coverage.Coverage(data_file=None, source=list(PACKAGES), config_file=False)
         self.coverage.start()
 
@@ -146,10 +149,11 @@ class Coverage:
         self.files = [Path(a).as_posix() for a in session.config.args]  # type: ignore[attr-defined]
 
     def pytest_runtest_logreport(self, report: object) -> None:
-        """Sum up a test's time over its parameters; a fixture's is the file's."""
+        """Sum up a test's processor time over its parameters; a fixture's is the file's."""
+        before, self.used_s = self.used_s, _cpu_s()
         node = _name(report.nodeid)  # type: ignore[attr-defined]
         whole = report.when != "call"  # type: ignore[attr-defined]
-        self.seconds[node.split("::")[0] if whole else node] += report.duration  # type: ignore[attr-defined]
+        self.seconds[node.split("::")[0] if whole else node] += self.used_s - before
         if report.failed:  # type: ignore[attr-defined]
             self.failed.add(node)
 
@@ -194,6 +198,11 @@ def pytest_configure(config: object) -> None:
     phases = (hypothesis.Phase.explicit, hypothesis.Phase.generate)
     hypothesis.settings.register_profile("mutants", deadline=None, database=None, derandomize=True, phases=phases)
     hypothesis.settings.load_profile("mutants")
+
+
+def _cpu_s() -> float:
+    """Of this process and of those that it waited for: a busy machine makes no test dearer."""
+    return sum(os.times()[:4])
 
 
 def _name(node: str) -> str:
@@ -392,10 +401,11 @@ def _run(chosen: list[str], tests: Tests, folder: Path) -> tuple[object, str]:
     shutil.rmtree(kernels, ignore_errors=True)
     shutil.copytree(folder / "kernels", kernels, copy_function=os.link)
     out = folder / "output.txt"
+    most_s = 120 + int(SLOWER * sum(tests.seconds[t] for t in chosen))
     child = os.fork()
     if child == 0:
-        _in_the_fork(chosen, kernels, out)
-    limit = time.monotonic() + 120.0 + SLOWER * sum(tests.seconds[t] for t in chosen)
+        _in_the_fork(chosen, kernels, out, most_s)
+    limit = time.monotonic() + BUSY * most_s
     while True:
         ended, status = os.waitpid(child, os.WNOHANG)
         if ended:
@@ -412,10 +422,11 @@ def _run(chosen: list[str], tests: Tests, folder: Path) -> tuple[object, str]:
     return (TestOutcome.SURVIVED if code == 0 else TestOutcome.KILLED), text[-4000:]
 
 
-def _in_the_fork(chosen: list[str], kernels: Path, out: Path) -> None:
+def _in_the_fork(chosen: list[str], kernels: Path, out: Path, most_s: int) -> None:
     code = BROKEN
     try:
         os.setsid()
+        resource.setrlimit(resource.RLIMIT_CPU, (most_s, most_s))  # ends it by a signal
         descriptor = os.open(out, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
         os.dup2(descriptor, 1)
         os.dup2(descriptor, 2)
