@@ -42,6 +42,7 @@ SLOWER = 6.0  # times what they took: beyond it a mutant has made something endl
 BUSY = 10  # times that, by the clock: beyond it something waits for ever
 EQUAL = ("ReplaceComparisonOperator_Is_Eq", "ReplaceComparisonOperator_IsNot_NotEq")
 FAILED = (1, 2, 4)  # pytest's exit codes where a test failed, or a mutant broke the imports of the tests
+READING = "tests/workbench/test_nouns.py"  # reads the source of classes, of which it executes nothing
 BROKEN = 70  # what else ends a run of tests is a fault of this program
 MAP = "COVERED_LINES"  # environment: where the run of all tests writes its map
 
@@ -255,7 +256,7 @@ class Tests:
         if isinstance(top, (ast.Assign, ast.AnnAssign)):
             targets = top.targets if isinstance(top, ast.Assign) else [top.target]
             return self._of_names([n.id for t in targets for n in ast.walk(t) if isinstance(n, ast.Name)], seen)
-        return set().union(*self.lines.get(file, {}).values())
+        return {READING} | set().union(*self.lines.get(file, {}).values())
 
     def _nearest(self, file: str, inner: ast.FunctionDef | ast.AsyncFunctionDef, line: int) -> set[str]:
         """A line inside a statement of several lines: coverage knows its first."""
