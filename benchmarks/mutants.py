@@ -1,22 +1,27 @@
 """Tests that bite: random mutants of the packages, and the share of them that the default tests kill.
 
-Cosmic Ray makes the mutants and keeps the session (`cr-report build/mutants/session.sqlite` reads it); this chooses and
-runs the tests. A mutant is met by the tests that execute its line when nothing is wrong, the quickest first, and the
-first that fails ends it; compiled kernels, whose lines no coverage sees, are met by the tests of what calls them, and a
-line of a module or class by the tests of what uses its name. A mutant that needs more than `PATIENCE_S` of tests
-survives, as does one that no test executes: the share is a lower bound of what the whole suite kills.
-Left out are mutants that nobody could tell: in annotations, which are never evaluated, and `is` for `==`.
+Cosmic Ray makes the mutants and keeps the session (`cr-report build/mutants/session_300_1.sqlite` reads it); this
+chooses and runs the tests. A mutant is met by the tests that execute its line when nothing is wrong, those that hold
+figures and the quick before others, and the first that fails ends it; compiled kernels, whose lines no coverage sees,
+are met by the tests of what calls them, and a line of a module or class by the tests of what uses its name. A mutant
+that needs more than `PATIENCE_S` of tests survives, as does one that no test executes: the share is a lower bound of
+the whole suite's.
+Left out are mutants that nobody could tell: in annotations and under TYPE_CHECKING, which nothing evaluates, and `is`
+for `==`.
 All happens in a copy of the checkout, kernels' caches too, so that an end at any moment leaves nothing behind; run
-again with the same numbers it goes on where it ended.
+again with the same numbers it goes on where it ended, with the tests as they are then and the packages as they were:
+`build/mutants` goes away with packages that are no more.
 Run: python benchmarks/mutants.py [mutants, default 300] [seed, default 1]; the exit code is 1 below 92 %.
 """
 
 from __future__ import annotations
 
 import ast
+import hashlib
 import json
 import os
 import random
+import resource
 import shutil
 import signal
 import subprocess
@@ -30,12 +35,14 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ("geometry", "jig_cad", "extraction", "calib", "perceptron_emu")
-TESTED = (*PACKAGES, "workbench")  # folders of tests that are mapped
+TESTED = (*PACKAGES, "workbench", "profiles", "compare", "accept")  # folders of tests that are mapped
 ENOUGH = 0.92
-PATIENCE_S = 90.0  # of tests a mutant, as they took when nothing was wrong
+PATIENCE_S = 90.0  # processor time of tests a mutant, as they took when nothing was wrong
 SLOWER = 6.0  # times what they took: beyond it a mutant has made something endless
+BUSY = 10  # times that, by the clock: beyond it something waits for ever
 EQUAL = ("ReplaceComparisonOperator_Is_Eq", "ReplaceComparisonOperator_IsNot_NotEq")
 FAILED = (1, 2, 4)  # pytest's exit codes where a test failed, or a mutant broke the imports of the tests
+READING = "tests/workbench/test_nouns.py"  # reads the source of classes, of which it executes nothing
 BROKEN = 70  # what else ends a run of tests is a fault of this program
 MAP = "COVERED_LINES"  # environment: where the run of all tests writes its map
 
@@ -48,34 +55,50 @@ def main() -> int:
     _copied(tree)
     os.chdir(tree)
     os.environ.update(PYTHONPATH=str(tree), PYTHONDONTWRITEBYTECODE="1")
-    for name in TESTED:
-        if not _map(folder, name).exists():
-            _mapped(folder, name)
-    tests = Tests.read([_map(folder, name) for name in TESTED], tree)
+    maps = _mapped(folder)
+    tests = Tests.read(maps, tree)
     from cosmic_ray.work_db import WorkDB, use_db
     from cosmic_ray.work_item import TestOutcome
 
-    with use_db(str(folder / "session.sqlite"), WorkDB.Mode.create) as session:
+    with use_db(str(folder / f"session_{count}_{seed}.sqlite"), WorkDB.Mode.create) as session:
         if not session.num_work_items:
             _drawn(session, count, seed)
         _preloaded()
         sound, output = _run(sorted(t for t in tests.seconds if "::" in t)[:20], tests, folder)
         if sound != TestOutcome.SURVIVED:
             raise RuntimeError(f"the tests fail without any mutant\n{output}")
-        for item in list(session.pending_work_items):
+        pending = sorted(
+            session.pending_work_items,
+            key=lambda item: (
+                str(item.mutations[0].module_path),
+                item.mutations[0].operator_name,
+                item.mutations[0].occurrence,
+            ),
+        )
+        random.Random(seed).shuffle(pending)  # noqa: S311 - ended before all are met, those met are of all packages
+        for item in pending:
             _met(item, session, tests, folder)
         return _told(session)
 
 
 def _copied(tree: Path) -> None:
-    """What git knows of the checkout, its bytecode, and the kernels that are compiled already."""
-    if (tree.parent / "kernels").exists():
-        return
-    words = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
+    """What git knows of the checkout, its bytecode, and the kernels that are compiled; later the tests alone."""
+    again = (tree.parent / "kernels").exists()
+    words = [
+        "git",
+        "ls-files",
+        "-z",
+        "--cached",
+        "--others",
+        "--exclude-standard",
+        *(["tests", "benchmarks/mutants.py"] if again else []),
+    ]
     listed = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=True)  # noqa: S603
     for name in filter(None, listed.stdout.split("\0")):
         (tree / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy2(ROOT / name, tree / name)
+    if again:
+        return
     subprocess.run([sys.executable, "-m", "compileall", "-q", *PACKAGES, "workbench", "tests"], cwd=tree, check=True)  # noqa: S603
     from numba.core.caching import UserProvidedCacheLocator
 
@@ -87,15 +110,26 @@ def _copied(tree: Path) -> None:
         shutil.copy2(file, place / file.name)
 
 
-def _map(folder: Path, name: str) -> Path:
-    return folder / f"lines_of_{name}.json"
+def _mapped(folder: Path) -> list[Path]:
+    """Maps of all files of tests: which lines each test executes and how long it takes; of changed ones anew."""
+    maps = folder / "lines"
+    maps.mkdir(exist_ok=True)
+    kept = []
+    env = {**os.environ, MAP: str(maps), "NUMBA_CACHE_DIR": str(folder / "kernels")}
+    for name in TESTED:
+        of = {str(file): _map(maps, file) for file in sorted(Path("tests", name).glob("test_*.py"))}
+        left = [file for file, path in of.items() if not path.exists()]
+        if left:
+            words = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", "benchmarks.mutants"]
+            subprocess.run([*words, *left], env=env, check=True)  # noqa: S603
+        kept += of.values()
+    return kept
 
 
-def _mapped(folder: Path, name: str) -> None:
-    """Run a folder of the default tests once and keep which lines each executes and how long it takes."""
-    env = {**os.environ, MAP: str(_map(folder, name)), "NUMBA_CACHE_DIR": str(folder / "kernels")}
-    words = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", "benchmarks.mutants"]
-    subprocess.run([*words, f"tests/{name}"], env=env, check=True)  # noqa: S603
+def _map(maps: Path, file: str | Path) -> Path:
+    """Where the map of a file of tests is kept, by its name and what it holds."""
+    text = Path(file).read_bytes()
+    return maps / f"{str(file).replace(os.sep, '.')}.{hashlib.sha256(text).hexdigest()[:12]}.json"
 
 
 class Coverage:
@@ -106,14 +140,23 @@ class Coverage:
 
         self.out = out
         self.seconds: Counter[str] = Counter()
+        self.failed: set[str] = set()
+        self.used_s = _cpu_s()
         self.coverage = coverage.Coverage(data_file=None, source=list(PACKAGES), config_file=False)
         self.coverage.start()
 
+    def pytest_sessionstart(self, session: object) -> None:
+        """The files that were asked for: also one all of whose tests are not of the default gets a map."""
+        self.files = [Path(a).as_posix() for a in session.config.args]  # type: ignore[attr-defined]
+
     def pytest_runtest_logreport(self, report: object) -> None:
-        """Sum up a test's time over its parameters; a fixture's is the file's."""
+        """Sum up a test's processor time over its parameters; a fixture's is the file's."""
+        before, self.used_s = self.used_s, _cpu_s()
         node = _name(report.nodeid)  # type: ignore[attr-defined]
         whole = report.when != "call"  # type: ignore[attr-defined]
-        self.seconds[node.split("::")[0] if whole else node] += report.duration  # type: ignore[attr-defined]
+        self.seconds[node.split("::")[0] if whole else node] += self.used_s - before
+        if report.failed:  # type: ignore[attr-defined]
+            self.failed.add(node)
 
     def pytest_runtest_setup(self, item: object) -> None:
         """From here on lines are the file's."""
@@ -124,19 +167,26 @@ class Coverage:
         self.coverage.switch_context(_name(item.nodeid))  # type: ignore[attr-defined]
 
     def pytest_sessionfinish(self) -> None:
-        """Write the map: of every file its lines, of every line the numbers of its tests."""
+        """Write the maps: of a file its tests that pass, of every line the numbers of those that meet it."""
         self.coverage.stop()
         data = self.coverage.get_data()
-        names = sorted(self.seconds)
-        number = {name: i for i, name in enumerate(names)}
-        lines = {}
-        for file in data.measured_files():
-            by_line = data.contexts_by_lineno(file)
-            lines[str(Path(file).relative_to(Path.cwd()))] = {
-                str(n): sorted({number[c] for c in contexts if c in number}) for n, contexts in by_line.items()
+        by_line = {str(Path(f).relative_to(Path.cwd())): data.contexts_by_lineno(f) for f in data.measured_files()}
+        for test_file in self.files:
+            names = sorted(n for n in {*self.seconds} - self.failed if n.split("::")[0] == test_file)
+            number = {name: i for i, name in enumerate(names)}
+            lines = {
+                file: {
+                    str(n): met
+                    for n, contexts in of.items()
+                    if (met := sorted({number[c] for c in contexts if c in number}))
+                }
+                for file, of in by_line.items()
             }
-        shown = {"tests": [[n, round(self.seconds[n], 3)] for n in names], "lines": lines}
-        self.out.write_text(json.dumps(shown))
+            shown = {
+                "tests": [[n, round(self.seconds[n], 3)] for n in names],
+                "lines": {f: of for f, of in lines.items() if of},
+            }
+            _map(self.out, test_file).write_text(json.dumps(shown))
 
 
 def pytest_configure(config: object) -> None:
@@ -151,6 +201,11 @@ def pytest_configure(config: object) -> None:
     hypothesis.settings.load_profile("mutants")
 
 
+def _cpu_s() -> float:
+    """Of this process and of those that it waited for: a busy machine makes no test dearer."""
+    return sum(os.times()[:4])
+
+
 def _name(node: str) -> str:
     return node.split("[", maxsplit=1)[0]
 
@@ -162,6 +217,7 @@ class Tests:
     seconds: dict[str, float]
     lines: dict[str, dict[int, set[str]]]  # file → line → tests
     trees: dict[str, ast.Module]
+    holding: set[str]  # tests whose figures are kept
     uses: dict[str, set[tuple[str, int]]] = field(default_factory=lambda: defaultdict(set))  # name → (file, line)
 
     @classmethod
@@ -178,7 +234,7 @@ class Tests:
                     here.setdefault(int(n), set()).update(kept["tests"][i][0] for i in of)
         files = [f for p in PACKAGES for f in sorted((tree / p).rglob("*.py"))]
         trees = {str(f.relative_to(tree)): ast.parse(f.read_text()) for f in files}
-        tests = cls(seconds, lines, trees)
+        tests = cls(seconds, lines, trees, _holding(tree / "tests"))
         for file, module in trees.items():
             for node in ast.walk(module):
                 name = {ast.Name: "id", ast.Attribute: "attr", ast.keyword: "arg"}.get(type(node))
@@ -200,7 +256,7 @@ class Tests:
         if isinstance(top, (ast.Assign, ast.AnnAssign)):
             targets = top.targets if isinstance(top, ast.Assign) else [top.target]
             return self._of_names([n.id for t in targets for n in ast.walk(t) if isinstance(n, ast.Name)], seen)
-        return set().union(*self.lines.get(file, {}).values())
+        return {READING} | set().union(*self.lines.get(file, {}).values())
 
     def _nearest(self, file: str, inner: ast.FunctionDef | ast.AsyncFunctionDef, line: int) -> set[str]:
         """A line inside a statement of several lines: coverage knows its first."""
@@ -212,18 +268,24 @@ class Tests:
         for name in names:
             if name not in seen:
                 for file, line in self.uses[name]:
-                    functions, _ = _around(self.trees[file], line)
-                    if functions:
+                    functions, top = _around(self.trees[file], line)
+                    if functions or isinstance(top, (ast.Assign, ast.AnnAssign)):  # a constant made of a constant
                         found |= self.of(file, line, seen | {*names})
         return found
 
     def ordered(self, tests: set[str], package: str) -> list[str]:
-        """The package's own before others, quick before slow; where fixtures do the work, all tests of their file."""
+        """The package's own first, what holds figures, what is quick; of fixtures that work all their file's."""
         whole = {t for t in tests if "::" not in t}
         alone = {t for t in tests if t.split("::")[0] not in whole}
         spread = {t for t in self.seconds if "::" in t and t.split("::")[0] in whole}
         both = {t: self.seconds[t] + 0.3 * self.seconds.get(t.split("::")[0], 0.0) for t in alone | spread}
-        quick = sorted(both, key=lambda t: (both[t] * (1 if t.startswith(f"tests/{package}/") else 3), t))
+
+        def late(test: str) -> float:
+            return (
+                both[test] * (1 if test.startswith(f"tests/{package}/") else 3) * (0.2 if test in self.holding else 1)
+            )
+
+        quick = sorted(both, key=lambda t: (late(t), t))
         taken, total = [], 0.0
         for test in quick:
             total += both[test]
@@ -231,6 +293,16 @@ class Tests:
                 break
             taken.append(test)
         return taken
+
+
+def _holding(folder: Path) -> set[str]:
+    """Tests that `tests/pinned.py` keeps figures of: they fail where any figure of a result is another."""
+    found = set()
+    for package in TESTED:
+        for file in (folder / "figures").glob(f"{package}_*.json"):
+            of = f"tests/{package}/test_{file.stem.removeprefix(f'{package}_')}.py"
+            found |= {_name(f"{of}::{test.split(' ')[0]}") for test in json.loads(file.read_text())}
+    return found
 
 
 def _around(module: ast.Module, line: int) -> tuple[list[ast.FunctionDef | ast.AsyncFunctionDef], ast.stmt | None]:
@@ -262,26 +334,27 @@ def _drawn(session: object, count: int, seed: int) -> None:
     files = [f for p in PACKAGES for f in sorted(Path(p).rglob("*.py"))]
     drawn = Counter(rng.choices(files, [len(f.read_text().splitlines()) for f in files], k=count))
     for file in sorted(drawn):
-        annotations = _annotated(ast.parse(file.read_text()))
-        fair = [item for item in _all_work_items([file], {}) if _can_be_told(item.mutations[0], annotations)]
+        unread = _unread(ast.parse(file.read_text()))
+        fair = [item for item in _all_work_items([file], {}) if _can_be_told(item.mutations[0], unread)]
         fair.sort(key=lambda item: (item.mutations[0].operator_name, item.mutations[0].occurrence))
         session.add_work_items(rng.sample(fair, min(drawn[file], len(fair))))  # type: ignore[attr-defined]
 
 
-def _annotated(module: ast.Module) -> list[tuple[tuple[int, int], tuple[int, int]]]:
-    """Where annotations stand, from and to."""
-    found = []
+def _unread(module: ast.Module) -> list[tuple[tuple[int, int], tuple[int, int]]]:
+    """Where annotations stand and what a type checker alone reads, from and to."""
+    parts: list[ast.AST | None] = []
     for node in ast.walk(module):
-        parts = (getattr(node, "annotation", None), getattr(node, "returns", None))
-        found += [((p.lineno, p.col_offset), (p.end_lineno or 0, p.end_col_offset or 0)) for p in parts if p]
-    return found
+        parts += [getattr(node, "annotation", None), getattr(node, "returns", None)]
+        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
+            parts += [node.test, *node.body]
+    return [((p.lineno, p.col_offset), (p.end_lineno or 0, p.end_col_offset or 0)) for p in parts if p]  # type: ignore[attr-defined]
 
 
-def _can_be_told(mutation: object, annotations: list[tuple[tuple[int, int], tuple[int, int]]]) -> bool:
+def _can_be_told(mutation: object, unread: list[tuple[tuple[int, int], tuple[int, int]]]) -> bool:
     at = tuple(mutation.start_pos)  # type: ignore[attr-defined]
     if any(str(mutation.operator_name).endswith(name) for name in EQUAL):  # type: ignore[attr-defined]
         return False
-    return not any(start <= at < end for start, end in annotations)
+    return not any(start <= at < end for start, end in unread)
 
 
 def _preloaded() -> None:
@@ -329,10 +402,11 @@ def _run(chosen: list[str], tests: Tests, folder: Path) -> tuple[object, str]:
     shutil.rmtree(kernels, ignore_errors=True)
     shutil.copytree(folder / "kernels", kernels, copy_function=os.link)
     out = folder / "output.txt"
+    most_s = 120 + int(SLOWER * sum(tests.seconds[t] for t in chosen))
     child = os.fork()
     if child == 0:
-        _in_the_fork(chosen, kernels, out)
-    limit = time.monotonic() + 120.0 + SLOWER * sum(tests.seconds[t] for t in chosen)
+        _in_the_fork(chosen, kernels, out, most_s)
+    limit = time.monotonic() + BUSY * most_s
     while True:
         ended, status = os.waitpid(child, os.WNOHANG)
         if ended:
@@ -349,10 +423,11 @@ def _run(chosen: list[str], tests: Tests, folder: Path) -> tuple[object, str]:
     return (TestOutcome.SURVIVED if code == 0 else TestOutcome.KILLED), text[-4000:]
 
 
-def _in_the_fork(chosen: list[str], kernels: Path, out: Path) -> None:
+def _in_the_fork(chosen: list[str], kernels: Path, out: Path, most_s: int) -> None:
     code = BROKEN
     try:
         os.setsid()
+        resource.setrlimit(resource.RLIMIT_CPU, (most_s, most_s))  # ends it by a signal
         descriptor = os.open(out, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
         os.dup2(descriptor, 1)
         os.dup2(descriptor, 2)

@@ -13,6 +13,7 @@ from calib.printed import nees
 from calib.synthetic.cell import CellFrames, Noise, SyntheticCell, calibrated, made_cell, observe, random_cell
 from geometry import InputError, Pose
 from jig_cad import Jig
+from tests.pinned import pinned
 
 NEES_LIMIT = 30.0  # a sound covariance exceeds it in 4 of 100,000 runs
 ATOL_MM = 1e-9
@@ -123,8 +124,9 @@ def test_hand_poses_in_place_of_joints(cell: SyntheticCell, made: SyntheticCell,
     assert result.covariance is not None
     assert nees(made.T_hand_sensor, result.T_hand_sensor, result.covariance) < NEES_LIMIT
     assert 0.005 < result.estimate.noise["hand_sigma_mm"] < 0.5  # joints of 0.003° at two metres
-    with pytest.raises(InputError, match="joint readings"):
+    with pytest.raises(InputError, match="joint readings") as refused:
         calibrated(poses, cell.jig, None, CalibConfig(model="full"))
+    pinned(str(refused.value))
 
 
 def test_paper_method_answers_with_its_own_sigma(

@@ -11,6 +11,7 @@ from calib.pose.weakness import scaled_condition
 from calib.synthetic.views import random_pose
 from geometry import AxisPoints, InputError, Pose, stack_poses
 from jig_cad import Jig
+from tests.pinned import pinned
 
 ATOL_MM, ATOL_RAD = 1e-8, 1e-9
 SIDE_MM, HEIGHT_MM = 115.0, 90.0
@@ -75,8 +76,9 @@ def test_noise_near_a_perpendicular_view_leaves_no_angle():
 def test_a_jig_that_is_no_pillar_is_refused_in_words():
     anchors = {"P": (0.0, 0.0, 0.0), "Q": (90.0, 0.0, 0.0), "R": (0.0, 60.0, 0.0)}
     fan = Jig.of_lines(anchors, {"1": ("P", "Q"), "2": ("P", "R")})
-    with pytest.raises(InputError, match="the paper's closed form"):
+    with pytest.raises(InputError, match="the paper's closed form") as refused:
         closed_form_strings(fan)
+    pinned(str(refused.value))
 
 
 def test_rotations_are_rotations():

@@ -11,6 +11,7 @@ from calib import CalibConfig
 from calib.synthetic.cell import Layout, Noise, calibrated, made_cell, observe, random_cell
 from geometry import Compliance, Compliant, InputError, Pose, assumed_compliance, compliant_part, with_compliance_prior
 from geometry.robot import GRAVITY
+from tests.pinned import pinned
 
 LOAD = Compliance()
 LAYOUT = Layout(places=(("A", "calibrate", 9), ("B", "calibrate", 9), ("C", "calibrate", 9), ("D", "verify", 6)))
@@ -80,8 +81,9 @@ def test_one_place_of_the_arm_tells_no_compliance() -> None:
 
 def test_an_exact_compliance_is_not_estimated() -> None:
     cell, _ = _cell(6)
-    with pytest.raises(InputError, match="is exact"):
+    with pytest.raises(InputError, match="is exact") as refused:
         with_compliance_prior(Compliant(cell.robot, LOAD, 0.0))
+    pinned(str(refused.value))
     uncertain = with_compliance_prior(cell.robot)
     assert sum(p.group == "compliance" for p in uncertain.parameters) == 6
     assert with_compliance_prior(uncertain) is uncertain

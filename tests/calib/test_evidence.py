@@ -263,13 +263,18 @@ def test_what_can_not_be_used_is_refused() -> None:
     observed = observe(cell, cell, rng, Noise(robot=False, anchors=False))
     poses = tuple(replace(f, joints_rad=None, T_base_hand=cell.robot.pose(f.joints_rad)) for f in observed.frames)
     seen = _tracked(rng, cell.robot)
-    with pytest.raises(InputError, match="needs the robot's table"):
+    with pytest.raises(InputError, match="needs the robot's table") as refused:
         calibrate(poses, cell.jig, None, observed.sensor, observed.design, evidence=[seen])
-    with pytest.raises(InputError, match="4 or more are needed"):
+    pinned(str(refused.value))
+    with pytest.raises(InputError, match="4 or more are needed") as refused:
         TrackedPoint("few", np.zeros((2, 6)), np.zeros((2, 3)))
-    with pytest.raises(InputError, match="two or more are needed"):
+    pinned(str(refused.value))
+    with pytest.raises(InputError, match="two or more are needed") as refused:
         SeatedTool(np.zeros((3, 6)), np.array([0, 0, 1]), ("one", "two"))
-    with pytest.raises(InputError, match="tells nothing"):
+    pinned(str(refused.value))
+    with pytest.raises(InputError, match="tells nothing") as refused:
         DistanceBetween("A", "A", 100.0)
-    with pytest.raises(InputError, match="must be positive"):
+    pinned(str(refused.value))
+    with pytest.raises(InputError, match="must be positive") as refused:
         DistanceBetween("A", "B", -100.0)
+    pinned(str(refused.value))

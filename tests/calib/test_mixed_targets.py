@@ -47,5 +47,6 @@ def test_one_term_or_two_give_one_answer() -> None:
 def test_a_location_without_a_target_is_said() -> None:
     cell = random_cell(np.random.default_rng(3))
     seen = observe(cell, cell, np.random.default_rng(4), Noise())
-    with pytest.raises(InputError, match="location B has no target"):
+    with pytest.raises(InputError, match="location B has no target") as refused:
         calibrate(seen.frames, {"A": cell.jig}, cell.robot, seen.sensor, cell.design)
+    pinned(str(refused.value))

@@ -52,5 +52,6 @@ def test_another_mounting_is_as_far_off_as_the_papers() -> None:
 
 
 def test_a_jig_that_the_sensor_can_not_hold_is_said() -> None:
-    with pytest.raises(NoAnswerError, match="field of view"):
+    with pytest.raises(NoAnswerError, match="field of view") as refused:
         paper_ensemble(np.random.default_rng(2), 1, {}, setting=PaperSetting(jig=Jig.nominal(side_mm=400.0)))
+    pinned(str(refused.value))

@@ -9,6 +9,7 @@ from pydantic import BaseModel, ValidationError
 
 from extraction import ExtractionConfig, GapFlushConfig, Reason, Seen, StripeConfig, explain
 from extraction.reasons import MEANINGS
+from tests.pinned import pinned
 
 CONFIGS = (ExtractionConfig, StripeConfig, GapFlushConfig)
 SEEN = Seen(height_dn=12.0, noise_dn=1.5, length_px=30.0, width_px=9.0, mm_per_px=0.15, score=0.01)
@@ -33,8 +34,9 @@ def test_no_setting_is_infinite_or_no_number(model: type[BaseModel], value: floa
         table: object = value
         for name in reversed(path):
             table = {name: table}
-        with pytest.raises(ValidationError):
+        with pytest.raises(ValidationError) as refused:
             model.model_validate(table)
+        pinned(str(refused.value))
 
 
 @pytest.mark.parametrize("reason", Reason)
@@ -60,5 +62,6 @@ def test_the_sentence_holds_the_limit_that_decided() -> None:
 
 def test_every_reason_has_a_meaning_and_no_other_word_one() -> None:
     assert set(MEANINGS) == set(Reason)
-    with pytest.raises(ValueError, match="no_reason"):
+    with pytest.raises(ValueError, match="no_reason") as refused:
         explain("no_reason", SEEN, ExtractionConfig())
+    pinned(str(refused.value))

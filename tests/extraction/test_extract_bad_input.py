@@ -9,6 +9,7 @@ import pytest
 from extraction import ExtractionConfig, extract, extract_stages
 from geometry import InputError, PerceptronEmuError
 from tests.extraction.spots import camera, make_sensor, mean_frame, some_spots
+from tests.pinned import pinned
 
 SENSOR = make_sensor()
 MOST_MORE_KB = 100_000
@@ -36,13 +37,15 @@ def test_unusable_images_are_refused_in_one_sentence(image, words):
 
 def test_a_huge_image_is_refused_before_anything_is_computed():
     image = np.lib.stride_tricks.as_strided(np.zeros(1, np.uint8), (60_000, 60_000), (0, 0))
-    with pytest.raises(InputError, match="at most"):
+    with pytest.raises(InputError, match="at most") as refused:
         extract(image, make_sensor(60_000, 60_000, fx_px=90_000.0, fy_px=90_000.0))
+    pinned(str(refused.value))
 
 
 def test_eight_bit_image_for_a_deeper_sensor_is_refused():
-    with pytest.raises(InputError, match="8 bits"):
+    with pytest.raises(InputError, match="8 bits") as refused:
         extract(np.zeros((512, 640), np.uint8), make_sensor(bit_depth=12))
+    pinned(str(refused.value))
 
 
 @pytest.mark.parametrize(

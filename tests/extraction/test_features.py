@@ -269,10 +269,12 @@ def test_circles_and_lines_are_exact_through_their_fewest_points():
 
 def test_unknown_kinds_and_impossible_diameters_are_refused():
     some = profile(np.zeros((20, 2)))
-    with pytest.raises(InputError, match="sphere"):
+    with pytest.raises(InputError, match="sphere") as refused:
         find_target_points(some, "spher")
-    with pytest.raises(InputError, match="diameter"):
+    pinned(str(refused.value))
+    with pytest.raises(InputError, match="diameter") as refused:
         find_target_points(some, "sphere", (-1.0,))
+    pinned(str(refused.value))
     assert find_target_points(some, "sphere", (40.0,)).reason == "no_target"
 
 

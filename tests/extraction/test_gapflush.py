@@ -181,15 +181,17 @@ def test_short_arc_is_told_and_its_sigma_is_wide():
     ],
 )
 def test_no_gap_is_refused_in_a_sentence(yz, message):
-    with pytest.raises(NoAnswerError, match=message):
+    with pytest.raises(NoAnswerError, match=message) as refused:
         measure_gap_flush(as_profile(yz))
+    pinned(str(refused.value))
 
 
 def test_nan_is_refused():
     yz = panels()
     yz[5, 1] = np.nan
-    with pytest.raises(InputError, match="not finite"):
+    with pytest.raises(InputError, match="not finite") as refused:
         measure_gap_flush(as_profile(yz))
+    pinned(str(refused.value))
 
 
 def test_random_profiles_raise_nothing_but_our_errors():
@@ -275,8 +277,9 @@ def test_sigma_of_every_definition_is_that_of_the_scatter():
 
 def test_a_feeler_that_reaches_no_bend_has_no_gap():
     config = GapFlushConfig(definition="gauge", gauge_depth_mm=0.5, gauge_offset_mm=2.0)
-    with pytest.raises(NoAnswerError, match="feeler does not reach"):
+    with pytest.raises(NoAnswerError, match="feeler does not reach") as refused:
         measure_gap_flush(as_profile(panels(flush=-2.0)), config)
+    pinned(str(refused.value))
 
 
 def test_a_master_takes_out_what_both_share():
@@ -288,13 +291,15 @@ def test_a_master_takes_out_what_both_share():
     assert found.sigma_gap_mm == pytest.approx(together, rel=1e-9)
     other = measure_gap_flush(as_profile(panels()), GapFlushConfig(definition="edge"))
     pinned(other)
-    with pytest.raises(InputError, match='measured by "edge"'):
+    with pytest.raises(InputError, match='measured by "edge"') as refused:
         g.against(other, (3, 0))
+    pinned(str(refused.value))
 
 
 @pytest.mark.parametrize(
     "wrong", [{"definition": "gauge"}, {"definition": "fixed_radius"}, {"fixed_radius_mm": (0, 1)}]
 )
 def test_definitions_that_are_not_told_are_refused(wrong):
-    with pytest.raises(ValueError, match=r"fixed_radius_mm|gauge_depth_mm"):
+    with pytest.raises(ValueError, match=r"fixed_radius_mm|gauge_depth_mm") as refused:
         GapFlushConfig(**wrong)
+    pinned(str(refused.value))

@@ -126,8 +126,9 @@ def test_fast_method_is_near_the_bound_and_says_so():
     ],
 )
 def test_bad_stacks_are_refused(images, variance, words):
-    with pytest.raises(InputError, match=words):
+    with pytest.raises(InputError, match=words) as refused:
         fit_stack(images, variance)
+    pinned(str(refused.value))
 
 
 def test_blank_and_noise_windows_end_without_a_trustworthy_spot():

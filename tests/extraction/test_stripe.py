@@ -230,8 +230,9 @@ def test_step_edge_is_no_stripe():
     ],
 )
 def test_bad_input_is_one_sentence(image, extra, message):
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(InputError, match=message) as refused:
         detect_stripe(image, **extra)
+    pinned(str(refused.value))
 
 
 def sensor(**changes) -> Sensor:
@@ -272,8 +273,9 @@ def test_depth_direction_follows_the_camera():
 
 
 def test_image_must_fit_the_sensor():
-    with pytest.raises(InputError, match="400 × 300"):
+    with pytest.raises(InputError, match="400 × 300") as refused:
         extract_profile(np.zeros((400, 300), np.uint8), sensor())
+    pinned(str(refused.value))
 
 
 def test_plateau_lies_midway_between_its_flanks():

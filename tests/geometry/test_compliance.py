@@ -9,6 +9,7 @@ from calib.synthetic.cell import industrial_arm
 from geometry import InputError
 from geometry.robot import GRAVITY, Compliance, deflection, torque, torque_by_joints
 from tests.geometry.strategies import random_robot
+from tests.pinned import pinned
 
 ATOL_RAD = 1e-9
 NONE = (0.0,) * 6
@@ -35,8 +36,9 @@ def test_no_weight_no_deflection_and_other_arms_are_refused() -> None:
     robot, q = industrial_arm(), np.zeros((1, 6))
     still = deflection(robot, q, Compliance(mass_kg=NONE, payload_kg=0.0))
     np.testing.assert_allclose(still, 0.0, rtol=0, atol=ATOL_RAD)
-    with pytest.raises(InputError, match="stiffness has 1 values for a robot of 6"):
+    with pytest.raises(InputError, match="stiffness has 1 values for a robot of 6") as refused:
         deflection(robot, q, Compliance(stiffness=(1.0,)))
+    pinned(str(refused.value))
 
 
 @pytest.mark.parametrize("convention", ["standard", "modified"])

@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from geometry import InputError, Pose
 from geometry.robot.conventions import CONVENTIONS, express, interpret
 from tests.geometry.strategies import poses
+from tests.pinned import pinned
 
 ATOL_ROTATION = 3e-9  # within 1e-9 of the gimbal lock the turn about X is set to 0
 ATOL_MM = 1e-8
@@ -60,14 +61,18 @@ def test_round_trips_at_the_gimbal_lock(convention: str, y_deg: float) -> None:
 
 
 def test_what_can_not_be_a_pose_is_refused() -> None:
-    with pytest.raises(InputError, match='did you mean "kuka"'):
+    with pytest.raises(InputError, match='did you mean "kuka"') as refused:
         express(POSE, "kukka")
-    with pytest.raises(InputError, match=r"ABB takes 7 finite numbers: x / mm"):
+    pinned(str(refused.value))
+    with pytest.raises(InputError, match=r"ABB takes 7 finite numbers: x / mm") as refused:
         interpret([0, 0, 0, 0, 0, 0], "abb")
-    with pytest.raises(InputError, match="length 2"):
+    pinned(str(refused.value))
+    with pytest.raises(InputError, match="length 2") as refused:
         interpret([0, 0, 0, 2, 0, 0, 0], "abb")
-    with pytest.raises(InputError, match="finite"):
+    pinned(str(refused.value))
+    with pytest.raises(InputError, match="finite") as refused:
         interpret([0, 0, 0, np.nan, 0, 0], "kuka")
+    pinned(str(refused.value))
 
 
 Reader = Callable[[NDArray[np.float64]], NDArray[np.float64]]

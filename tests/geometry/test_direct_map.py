@@ -11,6 +11,7 @@ import pytest
 from extraction.sheet import image_to_sheet
 from geometry import Camera, InputError, Pose, Sensor, Sheet
 from geometry.sensor import DirectMap, SensorUncertainty, calibration_covariance
+from tests.pinned import pinned
 
 SIZE = (640, 480)
 H = np.array([[0.1, 0.01, -30.0], [-0.02, 0.12, 250.0], [1e-5, 2e-4, 1.0]])
@@ -81,10 +82,12 @@ def test_what_it_leaves_of_its_camera_is_in_the_sensors_own_sigma() -> None:
     ],
 )
 def test_what_is_no_map_is_refused(fields: dict[str, object], words: str) -> None:
-    with pytest.raises(InputError, match=words):
+    with pytest.raises(InputError, match=words) as refused:
         DirectMap(**fields)
+    pinned(str(refused.value))
 
 
 def test_a_map_needs_an_image() -> None:
-    with pytest.raises(InputError, match="needs \\[image\\] and \\[camera\\]"):
+    with pytest.raises(InputError, match="needs \\[image\\] and \\[camera\\]") as refused:
         Sensor(Sheet(), direct=DirectMap(H))
+    pinned(str(refused.value))

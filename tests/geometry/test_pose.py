@@ -18,6 +18,7 @@ from geometry import (
     stack_poses,
 )
 from tests.geometry.strategies import SEEDS, poses, rotation_vectors, tangents
+from tests.pinned import pinned
 
 ATOL_MM = 1e-8  # rounding of some metres through a few products, and near π of the logarithm's own slope
 ATOL_ROTATION = 1e-13
@@ -172,8 +173,9 @@ def test_skew_is_the_cross_product() -> None:
     ],
 )
 def test_matrices_that_are_no_pose_are_refused(matrix: np.ndarray, message: str) -> None:
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(InputError, match=message) as refused:
         Pose.from_matrix(matrix)
+    pinned(str(refused.value))
 
 
 def test_matrices_of_five_decimals_are_made_orthogonal() -> None:
@@ -184,11 +186,14 @@ def test_matrices_of_five_decimals_are_made_orthogonal() -> None:
 
 
 def test_misuse_is_an_error() -> None:
-    with pytest.raises(InputError, match="quaternion"):
+    with pytest.raises(InputError, match="quaternion") as refused:
         Pose.from_quaternion_wxyz([0.0, 0, 0, 0], [0.0, 0, 0])
+    pinned(str(refused.value))
     with pytest.raises(TypeError):
         np.eye(3) @ Pose.identity()
-    with pytest.raises(TypeError, match="single pose"):
+    with pytest.raises(TypeError, match="single pose") as refused:
         len(Pose.identity())
-    with pytest.raises(TypeError, match="single pose"):
+    pinned(str(refused.value))
+    with pytest.raises(TypeError, match="single pose") as refused:
         Pose.identity()[0]
+    pinned(str(refused.value))

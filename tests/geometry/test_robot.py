@@ -10,6 +10,7 @@ from pytransform3d import transformations as pt
 
 from geometry import DH_ROWS, DhRobot, InputError, Pose
 from tests.geometry.strategies import SEEDS, random_robot, six_axis_arm
+from tests.pinned import pinned
 
 ATOL_MM = 1e-9
 CONVENTIONS = st.sampled_from(["standard", "modified"])
@@ -129,11 +130,13 @@ def test_limits_are_inclusive() -> None:
     ],
 )
 def test_tables_that_are_no_arm_are_refused(change: dict[str, object], message: str) -> None:
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(InputError, match=message) as refused:
         replace(six_axis_arm(), **change)  # type: ignore[arg-type]
+    pinned(str(refused.value))
 
 
 @pytest.mark.parametrize("readings", [np.zeros(5), np.zeros((2, 7)), 0.0])
 def test_a_wrong_number_of_readings_is_refused(readings: object) -> None:
-    with pytest.raises(InputError, match="for a robot of 6 joints"):
+    with pytest.raises(InputError, match="for a robot of 6 joints") as refused:
         six_axis_arm().pose(readings)  # type: ignore[arg-type]
+    pinned(str(refused.value))

@@ -23,6 +23,7 @@ from geometry import (
 from geometry.sensor import Optics, ProfileOutput, SensorUncertainty, project
 from geometry.sensor.field_of_view import MAX_DISTANCE_MM
 from tests.geometry.strategies import SEEDS, line_sensor
+from tests.pinned import pinned
 
 LENSES = {
     "none": (),
@@ -72,8 +73,9 @@ def test_the_corners_of_the_field_are_the_corners_of_the_image(lens: str) -> Non
 def test_a_margin_takes_its_strip_off() -> None:
     u, v = by_opencv(sensor := line_sensor(fan_rad=2.0), field_of_view(sensor, margin_px=20.0)).T
     np.testing.assert_allclose([u.min(), u.max(), v.min(), v.max()], [19.5, 1259.5, 19.5, 1003.5], rtol=0, atol=1e-8)
-    with pytest.raises(InputError, match="margin_px"):
+    with pytest.raises(InputError, match="margin_px") as refused:
         field_of_view(sensor, margin_px=600.0)
+    pinned(str(refused.value))
 
 
 def test_a_view_open_to_the_horizon_is_closed() -> None:
@@ -118,21 +120,24 @@ def test_a_lens_that_folds_back_ends_the_view_at_the_fold() -> None:
     ],
 )
 def test_numbers_that_are_no_sensor_are_refused(change: dict[str, object], message: str) -> None:
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(InputError, match=message) as refused:
         line_sensor(**change)
+    pinned(str(refused.value))
 
 
 @pytest.mark.parametrize("angle_deg", [0.0, 20.0, 60.0])
 def test_a_camera_that_looks_away_from_the_sheet_is_refused(angle_deg: float) -> None:
     good = line_sensor()
     away = Pose.from_fixed_xyz_deg([0, 40 + angle_deg, 0], [0, 0, 0]).R @ good.camera.T_sensor_camera.R
-    with pytest.raises(InputError, match=r"turn \[camera\.pose\]"):
+    with pytest.raises(InputError, match=r"turn \[camera\.pose\]") as refused:
         good.with_camera(T_sensor_camera=Pose(away, good.camera.T_sensor_camera.t))
+    pinned(str(refused.value))
 
 
 def test_a_fan_that_the_camera_does_not_see_is_refused() -> None:
-    with pytest.raises(InputError, match="sees nothing"):
+    with pytest.raises(InputError, match="sees nothing") as refused:
         field_of_view(line_sensor(origin_mm=np.array([0.0, 2000.0, 0.0]), fan_rad=0.1))
+    pinned(str(refused.value))
 
 
 FIELD = np.array([[-40.0, 150.0], [40.0, 150.0], [60.0, 300.0], [-60.0, 300.0]])
@@ -143,12 +148,15 @@ def test_a_profile_sensor_has_a_field_of_view_and_no_camera() -> None:
     sensor = Sensor(Sheet(), profile=ProfileOutput(field_of_view_mm=FIELD), name="profiler")
     np.testing.assert_array_equal(field_of_view(sensor, margin_px=20.0), FIELD)
     for ask in (sensor.require_camera, lambda: sensor.with_camera(bit_depth=8)):
-        with pytest.raises(InputError, match='"profiler" has no camera'):
+        with pytest.raises(InputError, match='"profiler" has no camera') as refused:
             ask()
-    with pytest.raises(InputError, match="field_of_view_mm"):
+        pinned(str(refused.value))
+    with pytest.raises(InputError, match="field_of_view_mm") as refused:
         field_of_view(Sensor(Sheet(), profile=ProfileOutput()))
-    with pytest.raises(InputError, match="no camera"):
+    pinned(str(refused.value))
+    with pytest.raises(InputError, match="no camera") as refused:
         field_of_view(Sensor(Sheet()))
+    pinned(str(refused.value))
 
 
 def test_points_must_lie_open_to_emitter_and_camera() -> None:
@@ -160,13 +168,15 @@ def test_points_must_lie_open_to_emitter_and_camera() -> None:
 def test_a_profile_sensor_states_its_noise() -> None:
     stated = ProfileOutput(sigma_y_mm=0.02, sigma_z_mm=0.01)
     np.testing.assert_allclose(stated.require_covariance(), np.diag([4e-4, 1e-4]), rtol=0, atol=1e-18)
-    with pytest.raises(InputError, match="sigma_z_mm"):
+    with pytest.raises(InputError, match="sigma_z_mm") as refused:
         ProfileOutput(sigma_y_mm=0.02).require_covariance()
+    pinned(str(refused.value))
 
 
 def test_a_sensor_gives_images_or_profiles() -> None:
-    with pytest.raises(InputError, match="not both"):
+    with pytest.raises(InputError, match="not both") as refused:
         replace(line_sensor(), profile=ProfileOutput())
+    pinned(str(refused.value))
 
 
 @pytest.mark.parametrize(
@@ -185,8 +195,9 @@ def test_a_sensor_gives_images_or_profiles() -> None:
     ],
 )
 def test_numbers_that_are_no_profile_sensor_are_refused(values: dict[str, object], message: str) -> None:
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(InputError, match=message) as refused:
         ProfileOutput(**values)  # type: ignore[arg-type]
+    pinned(str(refused.value))
 
 
 def test_counts_of_a_profile_sensor_are_taken_to_their_ends() -> None:
@@ -198,8 +209,9 @@ def test_standard_deviations_by_name_are_a_diagonal_covariance() -> None:
     np.testing.assert_allclose(uncertainty.covariance, np.diag([4.0, 1e-6]), rtol=0, atol=1e-18)
     assert uncertainty.sigma == pytest.approx({"fx_px": 2.0, "scale_y": 1e-3}, rel=1e-12)
     assert SensorUncertainty.from_sigma({}, "data sheet").covariance.shape == (0, 0)
-    with pytest.raises(InputError, match="fx_px is a camera's"):
+    with pytest.raises(InputError, match="fx_px is a camera's") as refused:
         Sensor(Sheet(), profile=ProfileOutput(), uncertainty=uncertainty)
+    pinned(str(refused.value))
 
 
 @pytest.mark.parametrize(
@@ -215,29 +227,36 @@ def test_standard_deviations_by_name_are_a_diagonal_covariance() -> None:
     ],
 )
 def test_what_is_no_covariance_is_refused(parameters: tuple[str, ...], covariance: object, message: str) -> None:
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(InputError, match=message) as refused:
         SensorUncertainty(parameters, np.array(covariance))
-    with pytest.raises(InputError, match="source"):
+    pinned(str(refused.value))
+    with pytest.raises(InputError, match="source") as refused:
         SensorUncertainty((), np.zeros((0, 0)), "hearsay")
-    with pytest.raises(InputError, match="fx_px = -1"):
+    pinned(str(refused.value))
+    with pytest.raises(InputError, match="fx_px = -1") as refused:
         SensorUncertainty.from_sigma({"fx_px": -1.0})
+    pinned(str(refused.value))
 
 
 def test_optics_that_are_no_numbers_are_refused() -> None:
-    with pytest.raises(InputError, match="f_number"):
+    with pytest.raises(InputError, match="f_number") as refused:
         Optics(f_number=np.inf)
-    with pytest.raises(InputError, match="wavelength_nm"):
+    pinned(str(refused.value))
+    with pytest.raises(InputError, match="wavelength_nm") as refused:
         Optics(wavelength_nm=-660.0)
+    pinned(str(refused.value))
 
 
 def test_saturation_is_the_full_scale_unless_stated() -> None:
     assert line_sensor(bit_depth=12).require_camera().saturation_dn == 4095
     assert line_sensor(bit_depth=12, stated_saturation_dn=4000).require_camera().saturation_dn == 4000
     for change in ({"stated_saturation_dn": 256}, {"stated_saturation_dn": 9, "black_level": 10.0}):
-        with pytest.raises(InputError, match="saturation_dn"):
+        with pytest.raises(InputError, match="saturation_dn") as refused:
             line_sensor(**change)
-    with pytest.raises(InputError, match="channel"):
+        pinned(str(refused.value))
+    with pytest.raises(InputError, match="channel") as refused:
         line_sensor(channel="rot")
+    pinned(str(refused.value))
 
 
 @pytest.mark.parametrize("lens", LENSES)
@@ -274,11 +293,13 @@ def test_lines_parallel_to_the_plane_do_not_cross_it() -> None:
 
 def test_points_of_unequal_columns_are_refused() -> None:
     assert len(SurfacePoints.empty()) == len(AxisPoints.empty()) == 0
-    with pytest.raises(InputError, match="2 points need"):
+    with pytest.raises(InputError, match="2 points need") as refused:
         replace(SurfacePoints.empty(), score=np.ones(2))
+    pinned(str(refused.value))
     for flag in ((), ("", "")):
-        with pytest.raises(InputError, match=f"{len(flag)} flags for 1 points"):
+        with pytest.raises(InputError, match=f"{len(flag)} flags for 1 points") as refused:
             AxisPoints(("A",), np.zeros(1, dtype=np.intp), np.zeros((1, 2)), np.zeros((1, 2, 2)), flag)
+        pinned(str(refused.value))
 
 
 def test_suggestions_come_only_where_something_is_near() -> None:
@@ -291,5 +312,6 @@ def test_counts_of_a_profile_end_where_six_digits_do(name: str) -> None:
     for value in (1, 999_999):
         assert getattr(ProfileOutput(**{name: value}), name) == value
     for value in (-1, 0, 1_000_000, 5_000_000):
-        with pytest.raises(InputError, match=rf"\[profile\] {name} = {value}: must be 1 … 999999"):
+        with pytest.raises(InputError, match=rf"\[profile\] {name} = {value}: must be 1 … 999999") as refused:
             ProfileOutput(**{name: value})
+        pinned(str(refused.value))

@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from geometry import InputError, toml_value, write_bytes
+from tests.pinned import pinned
 
 values = st.recursive(
     st.booleans() | st.integers(-(2**63), 2**63 - 1) | st.floats(allow_nan=False) | st.text(),
@@ -30,8 +31,9 @@ def test_a_failed_write_leaves_what_stood_there_and_nothing_beside(tmp_path: Pat
         write_bytes(path, "no bytes")  # type: ignore[arg-type]
     assert [p.name for p in tmp_path.iterdir()] == ["a.toml"]
     assert path.read_text() == "old"
-    with pytest.raises(InputError, match="can not be written"):
+    with pytest.raises(InputError, match="can not be written") as refused:
         write_bytes(tmp_path / "missing" / "b.toml", b"new")
+    pinned(str(refused.value).replace(str(tmp_path), ""))
 
 
 def test_an_interrupt_right_after_the_file_is_made_leaves_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -50,5 +52,6 @@ def test_an_interrupt_right_after_the_file_is_made_leaves_none(tmp_path: Path, m
 def test_what_is_no_file_is_a_sentence(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("here")
     for goal in (tmp_path / "file" / "a.toml", tmp_path, Path("/")):
-        with pytest.raises(InputError, match="can not be written"):
+        with pytest.raises(InputError, match="can not be written") as refused:
             write_bytes(goal, b"new")
+        pinned(str(refused.value).replace(str(tmp_path), ""))

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from geometry import InputError
 from jig_cad import STRINGS, Jig, jig_from_table, jig_text, read_jig, sample_tolerance, write_jig
 from jig_cad.jig import FORBIDDEN
+from tests.pinned import pinned
 from workbench.files import read_jig_file
 
 PAPER = "side_mm = 100.0\nheight_mm = 100\nstring_diameter_mm = 0.3\ntolerance_mm = 0.1\n"
@@ -46,8 +47,9 @@ def test_unused_anchors_need_no_measuring() -> None:
     anchors = {"Ab": [0.1, 0, 0], "At": [100.0, 0.02, 0]}
     jig = jig_from_table({**SIZES, "strings": ["A"], "anchors_mm": anchors})
     np.testing.assert_array_equal(jig.starts, [[0.1, 0, 0]])
-    with pytest.raises(InputError, match="lacks Bb"):
+    with pytest.raises(InputError, match="lacks Bb") as refused:
         jig_from_table({**SIZES, "anchors_mm": anchors})
+    pinned(str(refused.value))
 
 
 NAME = st.text("".join(c for c in map(chr, range(33, 127)) if c not in FORBIDDEN), min_size=1, max_size=12)
@@ -170,10 +172,13 @@ def test_faults_name_the_file_and_the_key(tmp_path: Path, text: str, message: st
 
 
 def test_files_that_can_not_be_read_or_written(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="no such file"):
+    with pytest.raises(InputError, match="no such file") as refused:
         read_jig(tmp_path / "none.toml")
+    pinned(str(refused.value).replace(str(tmp_path), ""))
     (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(InputError, match="UTF-8"):
+    with pytest.raises(InputError, match="UTF-8") as refused:
         read_jig(tmp_path / "binary.toml")
-    with pytest.raises(InputError, match="can not be written"):
+    pinned(str(refused.value).replace(str(tmp_path), ""))
+    with pytest.raises(InputError, match="can not be written") as refused:
         write_jig(Jig.nominal(), tmp_path / "no folder" / "jig.toml")
+    pinned(str(refused.value).replace(str(tmp_path), ""))

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from geometry import InputError, Pose, exp_so3
 from jig_cad import ANCHORS, DEFAULT_STRINGS, STRINGS, Jig, nominal_anchors, sample_tolerance
+from tests.pinned import pinned
 
 ATOL_MM = 1e-12
 SIX = tuple(STRINGS)
@@ -142,8 +143,9 @@ def test_sizes_of_lines_are_their_extents() -> None:
     assert jig.height_mm == 90
     np.testing.assert_allclose(jig.side_mm, np.hypot(5, 60), rtol=0, atol=ATOL_MM)
     assert jig.pillar is None
-    with pytest.raises(InputError, match="the paper's method needs a triangular pillar"):
+    with pytest.raises(InputError, match="the paper's method needs a triangular pillar") as refused:
         jig.require_pillar("the paper's method")
+    pinned(str(refused.value))
 
 
 def test_sampled_tolerance_is_uniform_in_y_and_z_alone() -> None:
@@ -175,8 +177,9 @@ def test_sampled_tolerance_is_uniform_in_y_and_z_alone() -> None:
     ],
 )
 def test_numbers_that_are_no_pillar_are_refused(change: dict[str, object], message: str) -> None:
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(InputError, match=message) as refused:
         Jig.nominal(**change)  # type: ignore[arg-type]
+    pinned(str(refused.value))
 
 
 @pytest.mark.parametrize(
@@ -192,8 +195,9 @@ def test_numbers_that_are_no_pillar_are_refused(change: dict[str, object], messa
     ],
 )
 def test_numbers_that_are_no_jig_are_refused(change: dict[str, object], message: str) -> None:
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(InputError, match=message) as refused:
         replace(Jig.nominal(), **change)  # type: ignore[arg-type]
+    pinned(str(refused.value))
 
 
 LINES: dict[str, Sequence[float]] = {"a": (0, 0, 0), "b": (100, 0, 0), "c": (0, 50, 0), "d": (90, 60, 10)}
@@ -220,5 +224,6 @@ LINES: dict[str, Sequence[float]] = {"a": (0, 0, 0), "b": (100, 0, 0), "c": (0, 
 def test_lines_that_are_no_jig_are_refused(
     anchors: dict[str, Sequence[float]], strings: dict[str, tuple[str, str]], message: str
 ) -> None:
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(InputError, match=message) as refused:
         Jig.of_lines(anchors, strings)
+    pinned(str(refused.value))

@@ -134,15 +134,18 @@ def test_ghosts_have_their_own_label() -> None:
 
 @pytest.mark.parametrize("values", [(0.6, 0.5, 0.2), (1.0, 0.1, 0.2)])
 def test_materials_that_send_back_more_light_than_they_get_are_refused(values: tuple[float, float, float]) -> None:
-    with pytest.raises(InputError, match="more light than"):
+    with pytest.raises(InputError, match="more light than") as refused:
         Material(*values)
+    pinned(str(refused.value))
 
 
 def test_surfaces_that_keep_no_light_and_mirrors_that_face_the_laser_are_refused() -> None:
     _, twice = configs()
     white = panel(60, 40, Pose.from_fixed_xyz_deg([0, 0, 90.0], [0, 0, 300.0]), Material(1.0), "white")
-    with pytest.raises(InputError, match="bounce without end"):
+    with pytest.raises(InputError, match="bounce without end") as refused:
         mean_electrons(Scene(make_sensor(), solids=(white,)), twice)
+    pinned(str(refused.value))
     facing = panel(10, 40, Pose.from_fixed_xyz_deg([0, 0, 90.0], [0, 0, 300.0]), Material(0.0, 0.9, 0.02), "mirror")
-    with pytest.raises(InputError, match="throws the laser back"):
+    with pytest.raises(InputError, match="throws the laser back") as refused:
         mean_electrons(Scene(make_sensor(), solids=(facing,)), twice)
+    pinned(str(refused.value))

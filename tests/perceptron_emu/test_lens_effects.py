@@ -7,6 +7,7 @@ from geometry import InputError, Pose, Sensor
 from perceptron_emu import EmulatorConfig, Material, Scene, mean_electrons, panel, render
 from perceptron_emu.lens import focal_length_mm
 from perceptron_emu.light.subsurface import line_spread, spread_mm
+from tests.pinned import pinned
 
 from .conftest import make_sensor
 
@@ -64,8 +65,9 @@ def rows_a_mm(sensor: Sensor, along: np.ndarray) -> float:
 def test_scatter_keeps_the_light_and_leaves_gloss_alone() -> None:
     solid, deep = (plate(Material(0.5, scatter_mm=s)) for s in (0.0, 0.2))
     assert stripe(deep, config()).sum() == pytest.approx(stripe(solid, config()).sum(), rel=2e-3)
-    with pytest.raises(InputError, match="scatter_mm"):
+    with pytest.raises(InputError, match="scatter_mm") as refused:
         Material(0.5, scatter_mm=9.0)
+    pinned(str(refused.value))
 
 
 def test_veiling_glare_is_the_index_of_iso_9358() -> None:
@@ -93,8 +95,9 @@ def test_blur_grows_towards_the_corner() -> None:
         (m, before), (_, after) = moments(flat[:, u].astype(float)), moments(curved[:, u].astype(float))
         distance2 = ((u - 639.5) ** 2 + (m - 511.5) ** 2) / half**2
         assert after - before == pytest.approx((9 - 0.81) * distance2**2, abs=0.01)
-    with pytest.raises(InputError, match="blur_corner_px"):
+    with pytest.raises(InputError, match="blur_corner_px") as refused:
         render(scene, config(optics={"blur_corner_px": 0.5}))
+    pinned(str(refused.value))
 
 
 def test_an_edge_close_to_the_lens_dims_by_degrees() -> None:

@@ -10,6 +10,7 @@ from perceptron_emu import EmulatorConfig, Scene, panel, project, render
 from perceptron_emu.gl import CellView, GlView, cell_picture, depth_and_identity, gl_problem, gl_world
 from perceptron_emu.gl.world import back_project
 from tests.perceptron_emu.conftest import jig_before, make_sensor
+from tests.pinned import pinned
 
 CLEAN = EmulatorConfig.model_validate(
     {"ambient": {"enabled": False}, "noise": {"enabled": False, "full_well_e": 1e6}, "speckle": {"enabled": False}}
@@ -89,5 +90,6 @@ def test_the_same_cell_gives_the_same_picture() -> None:
 
 
 def test_an_unknown_renderer_is_an_input_error() -> None:
-    with pytest.raises(InputError, match="povray"):
+    with pytest.raises(InputError, match="povray") as refused:
         render(jig_before(make_sensor()), renderer="povray")  # type: ignore[arg-type]
+    pinned(str(refused.value))

@@ -13,6 +13,7 @@ from geometry import InputError, Sensor
 from perceptron_emu import EmulatorConfig, Material, check_optics, read_scene, render
 from perceptron_emu.mesh_file import read_mesh
 from tests.perceptron_emu.conftest import jig_before
+from tests.pinned import pinned
 
 JIG = "side_mm = 100.0\nheight_mm = 100.0\nstring_diameter_mm = 0.3\ntolerance_mm = 0.1\n"
 PLACE = '[jig]\nfile = "jig.toml"\nrotation_deg = [5, 15, 3]\ntranslation_mm = [-45, 0, 300]\n'
@@ -78,8 +79,9 @@ BAD = {
 @pytest.mark.parametrize("case", BAD)
 def test_bad_scenes_are_named(folder: Path, sensor: Sensor, case: str) -> None:
     text, message = BAD[case]
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(InputError, match=message) as refused:
         read_scene(write(folder, text), sensor)
+    pinned(str(refused.value))
 
 
 def test_open_and_empty_meshes_are_named(folder: Path, sensor: Sensor) -> None:
@@ -88,8 +90,9 @@ def test_open_and_empty_meshes_are_named(folder: Path, sensor: Sensor) -> None:
     (folder / "empty.stl").write_text("solid nothing\nendsolid nothing\n")
     (folder / "broken.ply").write_bytes(b"\x00\x01\x02")
     for name, message in (("open.stl", "not watertight \\(3 open"), ("empty.stl", "empty"), ("broken.ply", "broken")):
-        with pytest.raises(InputError, match=message):
+        with pytest.raises(InputError, match=message) as refused:
             read_scene(write(folder, f'[[mesh]]\nfile = "{name}"\ntranslation_mm = [0, 0, 300]\n'), sensor)
+        pinned(str(refused.value))
     text = '[[mesh]]\nfile = "open.stl"\nopen = true\ntranslation_mm = [0, 0, 300]\n'
     assert read_scene(write(folder, text), sensor).solids
 
@@ -103,14 +106,16 @@ def test_open_and_empty_meshes_are_named(folder: Path, sensor: Sensor) -> None:
     ],
 )
 def test_impossible_optics_are_named(sensor: Sensor, optics: dict[str, object], message: str) -> None:
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(InputError, match=message) as refused:
         check_optics(sensor, EmulatorConfig.model_validate({"optics": optics}))
+    pinned(str(refused.value))
 
 
 def test_render_refuses_impossible_optics(sensor: Sensor) -> None:
     blocked = EmulatorConfig.model_validate({"optics": {"filter_centre_nm": 450.0}})
-    with pytest.raises(InputError, match="blocks the laser"):
+    with pytest.raises(InputError, match="blocks the laser") as refused:
         render(jig_before(sensor), blocked)
+    pinned(str(refused.value))
 
 
 def test_default_optics_are_possible(sensor: Sensor) -> None:
@@ -137,8 +142,9 @@ def test_bad_configuration_names_table_and_key(tables: dict[str, object], where:
 @pytest.mark.parametrize("key", ["diffuse", "specular", "roughness"])
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), -0.1, 1.1])
 def test_impossible_materials_are_named(key: str, value: float) -> None:
-    with pytest.raises(InputError, match=f"material {key}"):
+    with pytest.raises(InputError, match=f"material {key}") as refused:
         Material(**{key: value})
+    pinned(str(refused.value))
 
 
 TETRA = "v 0 0 0\nv 60 0 0\nv 0 60 0\nv 0 0 60\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n"
@@ -176,5 +182,6 @@ def test_a_cut_binary_stl_is_named(tmp_path: Path) -> None:
     trimesh.creation.box((40, 30, 20)).export(path)
     assert len(read_mesh(path).faces) == 12
     path.write_bytes(path.read_bytes()[:-60])
-    with pytest.raises(InputError, match="announces 12 triangles and has room for 10"):
+    with pytest.raises(InputError, match="announces 12 triangles and has room for 10") as refused:
         read_mesh(path)
+    pinned(str(refused.value).replace(str(tmp_path), ""))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,8 @@ import pytest
 from geometry import Camera, Pose, Sensor, Sheet
 from perceptron_emu import EmulatorConfig, Scene
 from tests.workbench.helpers import Cli
+from tests.workbench.test_twin import small_sensor
+from workbench.files import sensor_text
 from workbench.validate import figures
 from workbench.validate.bound import DETECTABLE_SNR, best_snr, position_bound_px
 from workbench.validate.measure import MeasuredFrames
@@ -126,3 +129,21 @@ def test_a_string_that_no_detector_sees_is_not_asked_for() -> None:
     assert told["detection_rate"] == 0.5
     assert told["too_faint"] == 2
     assert 8 < DETECTABLE_SNR < 9  # Φ⁻¹(1 - 1e-7) + Φ⁻¹(0.999)
+
+
+def test_validate_tells_of_a_twins_strings_and_stripes(cli: Cli, tmp_path: Path) -> None:
+    twin, out = tmp_path / "twin.toml", tmp_path / "v"
+    emulator = EmulatorConfig.model_validate({"speckle": {"contrast": 0.3}})
+    twin.write_text(sensor_text(small_sensor(), emulator), encoding="utf-8")
+    limits = tmp_path / "limits.toml"
+    limits.write_text("min_stripe_found_rate = 0.7\nmax_stripe_scatter_mm = 0.001\n", encoding="utf-8")
+    result = cli("validate", "--twin", twin, "--frames", 2, "--out", out, "--thresholds", limits)
+    assert result.code == 1
+    assert "max_stripe_scatter_mm = 0.001 not held" in result.err
+    assert "min_stripe_found_rate" not in result.err
+    assert "On a matte plate" in result.out
+    assert "On a matte plate" in (out / "report.html").read_text(encoding="utf-8")
+    figures = json.loads((out / "result.json").read_text(encoding="utf-8"))["figures"]
+    assert figures["stripe_wrong_rate"] == 0
+    assert abs(figures["stripe_bias_mm"]) < figures["stripe_scatter_mm"] < 0.5
+    assert 0.5 < figures["stripe_sigma_ratio"] < 2

@@ -2,13 +2,14 @@
 
 from workbench.validate.page import WORDS, write_pages
 from workbench.validate.run import validate_dataset, validate_drawn
-from workbench.validate.summary import Thresholds, failures, figures, read_thresholds
+from workbench.validate.summary import Thresholds, failures, figures, in_words, read_thresholds
 
 __all__ = [
     "WORDS",
     "Thresholds",
     "failures",
     "figures",
+    "in_words",
     "read_thresholds",
     "validate_dataset",
     "validate_drawn",

@@ -28,12 +28,14 @@ Progress = Callable[[int, int], None]
 class MeasuredFrames:
     """All frames. strings: a row for each string; counts: a row for each frame.
 
-    by_drawn_sensors: rows of strings that sensors with errors of their own saw, read by the file's numbers.
+    by_drawn_sensors: rows of strings that sensors with errors of their own saw, read by the file's numbers. stripe:
+    figures of the stripe on plates, by name, where it was looked at.
     """
 
     strings: list[dict[str, Any]]
     counts: list[dict[str, Any]]
     by_drawn_sensors: list[dict[str, Any]] = field(default_factory=list)
+    stripe: dict[str, float | None] = field(default_factory=dict)
 
 
 def measure_drawn_sensors(frames: Sequence[Drawn], settings: Settings, progress: Progress) -> list[dict[str, Any]]:

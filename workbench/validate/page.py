@@ -14,7 +14,7 @@ from workbench.report import Origin, render_page, svg
 from workbench.validate.drawing import CLUTTER, FACTORS
 from workbench.validate.measure import MeasuredFrames
 from workbench.validate.plots import bias_map, curve_plot, pull_plot
-from workbench.validate.summary import Failure, Thresholds, curve
+from workbench.validate.summary import Failure, Thresholds, curve, in_words
 
 WORDS = {
     "frames": "frames",
@@ -39,6 +39,12 @@ WORDS = {
     "sensor_rms_y_mm": "their root mean square error, y [mm]",
     "sensor_rms_z_mm": "their root mean square error, z [mm]",
     "sensor_sigma_ratio": "claimed, the sensor's own part in it, over empirical σ (1 is honest)",
+    "stripe_points": "points of the stripe on matte plates",
+    "stripe_found_rate": "sections of the stripe that have a point",
+    "stripe_wrong_rate": "points that are not the plate's",
+    "stripe_bias_mm": "bias of the stripe, along the plate's normal [mm]",
+    "stripe_scatter_mm": "scatter of a point about the plate [mm]",
+    "stripe_sigma_ratio": "claimed over empirical σ of a point (1 is honest)",
 }
 UNITS = {
     "exposure_ms": "exposure time [ms]",
@@ -66,6 +72,7 @@ def write_pages(
     limits = {k: v for k, v in thresholds.model_dump(exclude={"name"}).items() if v is not None}
     content = {
         "figures": [{"words": WORDS[k], "key": k, "value": v} for k, v in result.items()],
+        "words": in_words(result),
         "limits": limits,
         "values": result,
         "failed": {f.key for f in failed},

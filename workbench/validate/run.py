@@ -28,6 +28,7 @@ from workbench.report import jpeg, overlay
 from workbench.validate.dataset import measure_dataset
 from workbench.validate.drawing import Drawn, draw_frames, with_drawn_sensors
 from workbench.validate.measure import MeasuredFrames, label_drawn, measure_drawn, measure_drawn_sensors
+from workbench.validate.stripes import stripe_figures
 
 WORST = 4  # frames that are shown
 
@@ -41,7 +42,14 @@ class Validation:
 
 
 def validate_drawn(
-    sensor: str, jig: str, frames: int, seed: int, settings: Settings, progress: Progress, sensors: int | None = None
+    sensor: str,
+    jig: str,
+    frames: int,
+    seed: int,
+    settings: Settings,
+    progress: Progress,
+    sensors: int | None = None,
+    stripe: bool = False,
 ) -> Validation:
     """Hold extraction against the truth of frames that are rendered for it.
 
@@ -60,6 +68,8 @@ def validate_drawn(
     sensors
         So many sensors are drawn from the uncertainty that the sensor's file states, a frame by each; where None,
         DRAWN_SENSORS, and none of a file that states none.
+    stripe
+        Whether the stripe on matte plates is looked at, too.
 
     Returns
     -------
@@ -85,6 +95,9 @@ def validate_drawn(
     measured = measure_drawn(drawn, settings, lambda done, _: progress(done, total))
     rows = measure_drawn_sensors(others, settings, lambda done, _: progress(len(drawn) + done, total))
     measured = replace(measured, by_drawn_sensors=rows)
+    if stripe:
+        found = stripe_figures(seen_by, find_emulator(sensor), settings.stripe, seed)
+        measured = replace(measured, stripe=found)
     worst = [_drawn_picture(drawn[number], why, settings) for number, why in _worst(measured)]
     return Validation(measured, worst)
 

@@ -18,6 +18,7 @@ ERRORS = (
 )  # fmt: skip
 OF_SENSORS = ("sensor_bias_y_mm", "sensor_bias_z_mm", "sensor_rms_y_mm", "sensor_rms_z_mm", "sensor_sigma_ratio")
 BINS = 5  # points of a curve
+HONEST = 0.1  # claimed over empirical σ differs from 1 by less: a validation of usual length tells no more
 MIN_IN_BIN = 10  # strings; a scatter of fewer is known to worse than a quarter of itself
 
 
@@ -42,6 +43,12 @@ class Thresholds(FileSection):
     max_sensor_rms_z_mm: NotNegative | None = None
     min_sensor_sigma_ratio: NotNegative | None = None
     max_sensor_sigma_ratio: NotNegative | None = None
+    min_stripe_found_rate: NotNegative | None = None
+    max_stripe_wrong_rate: NotNegative | None = None
+    max_stripe_bias_mm: NotNegative | None = None
+    max_stripe_scatter_mm: NotNegative | None = None
+    min_stripe_sigma_ratio: NotNegative | None = None
+    max_stripe_sigma_ratio: NotNegative | None = None
 
 
 @dataclass(frozen=True)
@@ -66,7 +73,7 @@ def figures(measured: MeasuredFrames) -> dict[str, float | None]:
 
     sigma_ratio: claimed over empirical, 1 is honest. bound_ratio: error over the camera's bound, speckle not in it.
     sensor_…: of sensors that were drawn from the file's uncertainty, their own part in the claimed σ; absent where none
-    was drawn.
+    was drawn. stripe_…: of the stripe on plates; absent where it was not looked at.
     """
     counts = [c for c in measured.counts if c["nominal"]]
     strings = [s for s in measured.strings if s["nominal"] and s["visible"]]
@@ -83,7 +90,39 @@ def figures(measured: MeasuredFrames) -> dict[str, float | None]:
         "flagged_rate": _share(len(found) - len(good), len(found)),
         **_errors(good),
         **_of_sensors(measured.by_drawn_sensors),
+        **measured.stripe,
     }
+
+
+def in_words(result: dict[str, float | None]) -> str:
+    """What the figures say of extraction, in two sentences or three."""
+    found, scatter_y, scatter_z = (result.get(k) for k in ("detection_rate", "scatter_y_mm", "scatter_z_mm"))
+    if found is None:
+        return "No string was visible: nothing can be said of spots."
+    wrong = (result["false_rate"] or 0.0) + (result["mislabel_rate"] or 0.0)
+    said = f"Of the strings bright enough {100 * found:.1f} % are found, " + (
+        f"{100 * wrong:.2g} % of the labelled points are wrong." if wrong else "no labelled point is wrong."
+    )
+    if scatter_y is not None and scatter_z is not None:
+        honest = _honest(result["sigma_ratio"])
+        said += f" A string's axis is measured to {scatter_y:.2g} mm in y and {scatter_z:.2g} mm in z; {honest}."
+    scatter, bias = result.get("stripe_scatter_mm"), result.get("stripe_bias_mm")
+    if scatter is not None and bias is not None:
+        share, honest = 100 * (result["stripe_found_rate"] or 0.0), _honest(result["stripe_sigma_ratio"])
+        said += (
+            f" On a matte plate {share:.1f} % of the stripe's sections have a point, which scatters by "
+            f"{scatter:.2g} mm about a plate that lies {abs(bias):.1g} mm off; {honest}."
+        )
+    elif "stripe_points" in result:
+        said += " On a matte plate extraction finds too little of the stripe for any figure."
+    return said
+
+
+def _honest(ratio: float | None) -> str:
+    if ratio is None:
+        return "nothing tells whether σ hold"
+    off = abs(ratio - 1)
+    return "σ hold" if off < HONEST else f"σ are stated {100 * off:.0f} % too {'small' if ratio < 1 else 'large'}"
 
 
 def _of_sensors(rows: Sequence[dict[str, Any]]) -> dict[str, float | None]:

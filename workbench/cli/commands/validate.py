@@ -58,6 +58,7 @@ def command(
         Thresholds,
         failures,
         figures,
+        in_words,
         read_thresholds,
         validate_dataset,
         validate_drawn,
@@ -78,7 +79,9 @@ def command(
         if dataset is not None:
             validation = validate_dataset(dataset, settings, progress)
         else:
-            validation = validate_drawn(sensor, jig, frames, seed, settings, progress, draw_sensor)
+            validation = validate_drawn(
+                sensor, jig, frames, seed, settings, progress, draw_sensor, stripe=twin is not None
+            )
     result = figures(validation.measured)
     failed = failures(result, limits)
     about = _origin(dataset, settings_text(settings), None if thresholds is None else not failed)
@@ -87,6 +90,7 @@ def command(
         say_on_stdout((out / "result.json").read_text(encoding="utf-8").rstrip("\n"))
     else:
         _show(result, WORDS)
+        standard_output().print(in_words(result), soft_wrap=True, markup=False)
         standard_error().print(f"{out / 'report.html'} written", markup=False)
     for failure in failed:
         shown = "none" if failure.value is None else f"{failure.value:.5g}"
@@ -124,7 +128,7 @@ def _show(result: dict[str, float | None], words: dict[str, str]) -> None:
     for key, value in result.items():
         if value is None:
             shown = "–"
-        elif key in ("frames", "points", "too_faint", "sensors"):
+        elif key in ("frames", "points", "too_faint", "sensors", "stripe_points"):
             shown = f"{value:.0f}"
         else:
             shown = f"{100 * value:.2f} %" if key.endswith("_rate") else f"{value:.4f}"
