@@ -125,7 +125,7 @@ class CalibConfig(BaseModel):
     pull_limit: float = Field(
         4.0,
         gt=0,
-        description="σ of a pull from which a number of the files is contradicted: among the some 45 pulls of a sound "
+        description="σ of a pull from which a number of the files is contradicted: among the some 50 pulls of a sound "
         "cell one is beyond it by chance in 0.3 %",
     )
     min_rotation_deg: float = Field(3.0, gt=0, description="rotation between frames of a location that is too small")
