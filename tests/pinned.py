@@ -22,7 +22,9 @@ import numpy as np
 KEPT = Path(__file__).parent / "figures"
 SMALL = 1e-6  # numbers below it count by their size, others by their digits
 _NUMBER = re.compile(r"[-−]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
-_FOLDER = re.compile(r"[^\s\"']*/pytest-of-[^/]+/pytest-\d+/[^/\s\"']+")  # a test's own, of another name every time
+_FOLDER = re.compile(
+    r"[^\s\"']*/pytest-of-[^/]+/pytest-\d+/(?:popen-gw\d+/)?[^/\s\"']+"
+)  # a test's own, of another name every time
 _asked: Counter[str] = Counter()  # how often a test has asked
 AGREE = 3e-4  # of a number's digits, in the mean of a part: three times what other processors' rounding makes of it
 

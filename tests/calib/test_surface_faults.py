@@ -65,7 +65,7 @@ def test_reading_of_a_ball_that_is_off_is_named(
     assert nees(cell.T_hand_sensor, result.T_hand_sensor, result.covariance) < NEES_LIMIT
 
 
-@pytest.mark.parametrize("fault", ["location", "joint"])
+@pytest.mark.parametrize("fault", ["location", pytest.param("joint", marks=pytest.mark.slow)])
 def test_row_of_a_ball_that_is_not_its_profiles_is_left_out_and_named(fault: str) -> None:
     cell, frames = _cell(5)
     bad = list(frames)
@@ -84,6 +84,7 @@ def test_row_of_a_ball_that_is_not_its_profiles_is_left_out_and_named(fault: str
     assert nees(cell.T_hand_sensor, result.T_hand_sensor, result.covariance) < NEES_LIMIT
 
 
+@pytest.mark.slow
 def test_rows_of_a_ball_that_are_late_from_one_frame_on_are_named() -> None:
     cell, frames = _cell(6, 5)
     late = [replace(f, joints_rad=frames[i - 1].joints_rad) if i >= 9 else f for i, f in enumerate(frames)]

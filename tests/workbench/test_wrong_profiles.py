@@ -200,7 +200,7 @@ def _one_pose_lost(frame: int) -> Callable[[Path], None]:
 @pytest.mark.parametrize(
     ("change", "named"),
     [
-        pytest.param(_wider(1.1), "had to be left out", id="wide"),
+        pytest.param(_wider(1.1), "had to be left out", id="wide", marks=pytest.mark.slow),
         pytest.param(_wider(0.9), "scale_y of sensor.toml: changed by +0.1", id="narrow", marks=pytest.mark.slow),
         pytest.param(_one_pose_lost(4), "out of step", id="early", marks=pytest.mark.slow),
         pytest.param(_one_pose_lost(18), "from frame 18 on profiles and poses are out of step", id="late"),
