@@ -87,8 +87,8 @@ KINDS |= {f"encoder{i + 1}": (encoder(i), f"theta{i + 1}") for i in range(6)}
 KINDS |= {f"gear{i + 1}": (gear(i), f"reading_scale{i + 1}") for i in range(6)}
 KINDS |= {
     "diameter": (_diameter, ""),
-    "scale_y": (_scaled(0), "scale_y"),
-    "scale_z": (_scaled(1), "scale_z"),
+    "scale_y": (_scaled(0), ""),  # a camera's file, as here, has no such number: its plane is accused
+    "scale_z": (_scaled(1), ""),
     "late": (_late, "frames"),
     "one_joint": (_one_joint, ""),
     "one_location": (_one_location, ""),
