@@ -72,7 +72,8 @@ class Files:
 Fault = Callable[[World, Files, np.random.Generator], tuple[World, Files]]
 
 
-def _row(group: str, joint: int) -> Fault:
+def row(group: str, joint: int) -> Fault:
+    """A row of the robot's table 1 to 3 mm or 0.2 to 0.5 degrees off."""
     low, high = (1.0, 3.0) if group in "da" else np.deg2rad([0.2, 0.5])
 
     def fault(world: World, files: Files, rng: np.random.Generator) -> tuple[World, Files]:
@@ -83,7 +84,9 @@ def _row(group: str, joint: int) -> Fault:
     return fault
 
 
-def _encoder(joint: int) -> Fault:
+def encoder(joint: int) -> Fault:
+    """A joint that lost its zero."""
+
     def fault(world: World, files: Files, rng: np.random.Generator) -> tuple[World, Files]:
         joints = files.joints.copy()
         joints[:, joint] += np.deg2rad(rng.choice([-1, 1]) * rng.uniform(0.1, 1.0))
@@ -92,7 +95,9 @@ def _encoder(joint: int) -> Fault:
     return fault
 
 
-def _gear(joint: int) -> Fault:
+def gear(joint: int) -> Fault:
+    """A joint whose readings are scaled."""
+
     def fault(world: World, files: Files, rng: np.random.Generator) -> tuple[World, Files]:
         joints = files.joints.copy()
         joints[:, joint] *= 1 + rng.choice([-1, 1]) * rng.uniform(1e-3, 5e-3)
@@ -146,7 +151,8 @@ def _string(world: World, files: Files, rng: np.random.Generator) -> tuple[World
     return world, replace(files, jig=replace(files.jig, string_diameter_mm=files.jig.string_diameter_mm + 0.2))
 
 
-def _late(world: World, files: Files, rng: np.random.Generator) -> tuple[World, Files]:
+def late(world: World, files: Files, rng: np.random.Generator) -> tuple[World, Files]:
+    """Readings one row late from the middle on."""
     first = len(files.joints) // 2
     joints = files.joints.copy()
     joints[first:] = files.joints[first - 1 : -1]
@@ -157,15 +163,22 @@ def _copies(world: World, files: Files, rng: np.random.Generator) -> tuple[World
     return world, replace(files, copies=3)
 
 
-def _one_joint(world: World, files: Files, rng: np.random.Generator) -> tuple[World, Files]:
+def calibrating(files: Files) -> int:
+    """How many frames calibrate; they come first."""
+    return sum(n in "ABC" for n in files.locations)
+
+
+def one_joint(world: World, files: Files, rng: np.random.Generator) -> tuple[World, Files]:
+    """One reading of one frame a degree off."""
     joints = files.joints.copy()
-    joints[rng.integers(21), rng.integers(6)] += np.deg2rad(1.0)
+    joints[rng.integers(calibrating(files)), rng.integers(6)] += np.deg2rad(1.0)
     return world, replace(files, joints=joints)
 
 
-def _one_location(world: World, files: Files, rng: np.random.Generator) -> tuple[World, Files]:
+def one_location(world: World, files: Files, rng: np.random.Generator) -> tuple[World, Files]:
+    """One frame under another place's name."""
     names = list(files.locations)
-    i = int(rng.integers(21))
+    i = int(rng.integers(calibrating(files)))
     names[i] = {"A": "B", "B": "C", "C": "A"}[names[i]]
     return world, replace(files, locations=tuple(names))
 
@@ -175,7 +188,8 @@ def _all_one(world: World, files: Files, rng: np.random.Generator) -> tuple[Worl
     return world, replace(files, locations=names)
 
 
-def _too_sure(world: World, files: Files, rng: np.random.Generator) -> tuple[World, Files]:
+def too_sure(world: World, files: Files, rng: np.random.Generator) -> tuple[World, Files]:
+    """[uncertainty] of the robot ten times too small."""
     u = files.robot.uncertainty
     ten = {
         k: getattr(u, k) / 10
@@ -187,9 +201,9 @@ def _too_sure(world: World, files: Files, rng: np.random.Generator) -> tuple[Wor
 SOUND = "sound"
 GROUPS = {"theta": "theta", "d": "d", "a": "a", "alpha": "alpha"}
 KINDS: dict[str, tuple[Fault, str]] = {SOUND: (lambda w, f, rng: (w, f), "")}
-KINDS |= {f"{g}{i + 1}": (_row(g, i), f"{g}{i + 1}") for g in GROUPS for i in range(6)}
-KINDS |= {f"encoder{i + 1}": (_encoder(i), f"theta{i + 1}") for i in range(6)}
-KINDS |= {f"gear{i + 1}": (_gear(i), f"reading_scale{i + 1}") for i in range(6)}
+KINDS |= {f"{g}{i + 1}": (row(g, i), f"{g}{i + 1}") for g in GROUPS for i in range(6)}
+KINDS |= {f"encoder{i + 1}": (encoder(i), f"theta{i + 1}") for i in range(6)}
+KINDS |= {f"gear{i + 1}": (gear(i), f"reading_scale{i + 1}") for i in range(6)}
 KINDS |= {
     "focal": (_sensor(lambda c, s: replace(c, fx_px=c.fx_px * (1 + s), fy_px=c.fy_px * (1 + s)), 3e-3, 1e-2), "focal"),
     "cx": (_sensor(lambda c, s: replace(c, cx_px=c.cx_px + s), 5.0, 5.0), "cx_px"),
@@ -201,12 +215,12 @@ KINDS |= {
     "jig_height": (_jig("height_mm", 1.0), "height_mm"),
     "string": (_string, ""),
     "anchor": (_anchor, "anchor"),
-    "late": (_late, "frames"),
+    "late": (late, "frames"),
     "copies": (_copies, ""),
-    "one_joint": (_one_joint, ""),
-    "one_location": (_one_location, ""),
+    "one_joint": (one_joint, ""),
+    "one_location": (one_location, ""),
     "all_one": (_all_one, "frames"),
-    "too_sure": (_too_sure, "uncertainty"),
+    "too_sure": (too_sure, "uncertainty"),
 }
 
 

@@ -14,11 +14,23 @@ from functools import lru_cache
 from zlib import crc32
 
 import numpy as np
-from calib_faults import GROUPS, JOINT_RAD, SOUND, Observed, asked, error_and_sigma, open_directions, predicted
-from calib_faults import _encoder as encoder
-from calib_faults import _gear as gear
-from calib_faults import _row as row
-from calib_faults import _too_sure as too_sure
+from calib_faults import (
+    GROUPS,
+    JOINT_RAD,
+    SOUND,
+    Observed,
+    asked,
+    encoder,
+    error_and_sigma,
+    gear,
+    late,
+    one_joint,
+    one_location,
+    open_directions,
+    predicted,
+    row,
+    too_sure,
+)
 
 from calib import CalibConfig, CalibrationResult, calibrate
 from calib.printed import nees
@@ -62,25 +74,6 @@ def _scaled(axis: int) -> Fault:
     return fault
 
 
-def _late(world: None, files: Recorded, rng: np.random.Generator) -> tuple[None, Recorded]:
-    joints = files.joints.copy()
-    joints[len(joints) // 2 :] = files.joints[len(joints) // 2 - 1 : -1]
-    return world, replace(files, joints=joints)
-
-
-def _one_joint(world: None, files: Recorded, rng: np.random.Generator) -> tuple[None, Recorded]:
-    joints = files.joints.copy()
-    joints[rng.integers(27), rng.integers(6)] += np.deg2rad(1.0)
-    return world, replace(files, joints=joints)
-
-
-def _one_location(world: None, files: Recorded, rng: np.random.Generator) -> tuple[None, Recorded]:
-    names = list(files.locations)
-    i = int(rng.integers(27))
-    names[i] = {"A": "B", "B": "C", "C": "A"}[names[i]]
-    return world, replace(files, locations=tuple(names))
-
-
 KINDS: dict[str, tuple[Fault, str]] = {SOUND: (lambda w, f, rng: (w, f), "")}
 KINDS |= {f"{g}{i + 1}": (row(g, i), f"{g}{i + 1}") for g in GROUPS for i in range(1, 5)}
 KINDS |= {f"encoder{i + 1}": (encoder(i), f"theta{i + 1}") for i in range(6)}
@@ -89,9 +82,9 @@ KINDS |= {
     "diameter": (_diameter, ""),
     "scale_y": (_scaled(0), ""),  # a camera's file, as here, has no such number: its plane is accused
     "scale_z": (_scaled(1), ""),
-    "late": (_late, "frames"),
-    "one_joint": (_one_joint, ""),
-    "one_location": (_one_location, ""),
+    "late": (late, "frames"),
+    "one_joint": (one_joint, ""),
+    "one_location": (one_location, ""),
     "too_sure": (too_sure, "uncertainty"),
 }
 

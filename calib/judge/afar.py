@@ -6,7 +6,7 @@ is as good as linear, and followed down to the noise that is stated.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,7 +18,7 @@ from geometry import Pose, Sensor, State
 
 TIMES = (1e4, 1e2, 1.0)  # the points' variance: 100 times their σ are millimetres, what a wrong number moves them by
 MOST_CHI2 = 1e3  # by the largest of these, beyond which the rows of frames are wrong, and no number of the files
-TRIED = 3  # suspects at each noise
+FOLLOWED = 3  # suspects at each noise
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,15 +72,10 @@ def coarse_solutions(
 
 
 def followed(
-    at: Coarse,
-    candidates: Sequence[Pose],
-    begin: Pose,
-    config: CalibConfig,
-    relax: Callable[[LinearEvidence, SuspectTrial], Bundle],
+    at: Coarse, relaxed_by_trial: Iterable[Bundle], candidates: Sequence[Pose], begin: Pose, config: CalibConfig
 ) -> Iterator[FromAfar]:
-    """What the likeliest suspects at one noise explain at that which is stated."""
-    for trial in at.trials[:TRIED]:
-        relaxed = relax(at.evidence, trial)
+    """What the likeliest suspects at one noise explain at that which is stated, each by the problem relaxed for it."""
+    for trial, relaxed in zip(at.trials, relaxed_by_trial, strict=False):
         near = _down(relaxed, at)
         if near is None:
             continue
@@ -88,7 +83,7 @@ def followed(
             explained = explain(relaxed, candidates, begin, config, near)
         except np.linalg.LinAlgError:
             continue
-        if explained.every.converged and lost_share(explained) <= config.max_outlier_share:
+        if explained.every.converged and _lost_share(explained) <= config.max_outlier_share:
             yield FromAfar(trial, relaxed, explained)
 
 
@@ -107,6 +102,6 @@ def _down(relaxed: Bundle, at: Coarse) -> State | None:
     return state
 
 
-def lost_share(explained: Explained) -> float:
+def _lost_share(explained: Explained) -> float:
     """Share of the points that were left out."""
     return float(np.mean(explained.robust.left_out[explained.kept.present]))

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +28,7 @@ from calib.bundle import (
     explain,
 )
 from calib.config import CalibConfig
-from calib.judge.afar import Coarse, coarse_solutions, followed, lost_too_many
+from calib.judge.afar import FOLLOWED, Coarse, coarse_solutions, followed, lost_too_many
 from calib.judge.suspects import (
     MORE_COMPONENTS,
     LinearEvidence,
@@ -110,24 +111,38 @@ def find(
     begin: Pose | None = None,
 ) -> Finding:
     """Try what could be wrong and keep what explains the data, or nothing; ``begin``: the SCP before all solving."""
-    start = begin or solution.T_hand_sensor
+    case = _Case(bundle, candidates, solution, sensor, config, begin or solution.T_hand_sensor)
     if lost_too_many(solution, config):
-        afar = _from_afar(bundle, candidates, solution, sensor, config, start)
-        return afar or _from_nearby(bundle, candidates, solution, sensor, config)
-    found = _from_nearby(bundle, candidates, solution, sensor, config)
+        return _from_afar(case) or _from_nearby(case)
+    found = _from_nearby(case)
     if not _doubtful(found, config) or solution.bundle.hands.inferred:
         return found
-    return _one_from_afar(bundle, candidates, solution, sensor, config, start)[0] or found
+    return _one_from_afar(case)[0] or found
 
 
-def _from_nearby(
-    bundle: Bundle, candidates: Sequence[Pose], solution: Solution, sensor: Sensor | None, config: CalibConfig
-) -> Finding:
+@dataclass(frozen=True, eq=False)
+class _Case:
+    """A solution that is judged: the problem as stated, the frames' poses, and the SCP before all solving."""
+
+    bundle: Bundle
+    candidates: Sequence[Pose]
+    solution: Solution
+    sensor: Sensor | None
+    config: CalibConfig
+    begin: Pose
+
+    @cached_property
+    def every(self) -> Bundle:
+        """The problem with everything that could be wrong among its unknowns."""
+        return suspected_bundle(self.bundle, self.sensor)
+
+
+def _from_nearby(case: _Case) -> Finding:
     """What could be wrong where the solution tells the likeliest suspects."""
+    candidates, solution, sensor, config, every = case.candidates, case.solution, case.sensor, case.config, case.every
     first = evidence_of(solution, sensor)
     trials = first.trials()
     gain, culprit, found = config.pull_limit**2, None, None
-    every = suspected_bundle(bundle, sensor)
     for k, trial in enumerate(_tried(first, trials, solution.explained) if _worth_while(solution, trials) else ()):
         if k >= TRIED and found is not None and _fits(found[1], config):
             break
@@ -152,44 +167,31 @@ def _from_nearby(
     return _uncertain(every, candidates, one, config, sensor) or one
 
 
-def _from_afar(
-    bundle: Bundle,
-    candidates: Sequence[Pose],
-    solution: Solution,
-    sensor: Sensor | None,
-    config: CalibConfig,
-    begin: Pose,
-) -> Finding | None:
+def _from_afar(case: _Case) -> Finding | None:
     """The suspect that brings the points back which were left out, else [uncertainty]; None where neither does."""
-    one, last = _one_from_afar(bundle, candidates, solution, sensor, config, begin)
+    one, last = _one_from_afar(case)
     if one is not None or last is None:
         return one
-    whole = _finding(None, last.solution, last.evidence, sensor)
-    every = suspected_bundle(bundle, sensor)
-    wider = _uncertain(every, candidates, whole, config, sensor, BEYOND_CHI2)
+    whole = _finding(None, last.solution, last.evidence, case.sensor)
+    wider = _uncertain(case.every, case.candidates, whole, case.config, case.sensor, BEYOND_CHI2)
     return wider if wider is not None and wider.solution.result.converged else None
 
 
-def _one_from_afar(
-    bundle: Bundle,
-    candidates: Sequence[Pose],
-    solution: Solution,
-    sensor: Sensor | None,
-    config: CalibConfig,
-    begin: Pose,
-) -> tuple[Finding | None, Coarse | None]:
+def _one_from_afar(case: _Case) -> tuple[Finding | None, Coarse | None]:
     """The suspect that explains the data, followed down from coarse noise, if any; and the last solution tried."""
-    every, last, best, first = suspected_bundle(bundle, sensor), None, None, None
-    for at in coarse_solutions(bundle, candidates, solution, sensor, begin):
+    solution, config, last, best, first = case.solution, case.config, None, None, None
+    for at in coarse_solutions(case.bundle, case.candidates, solution, case.sensor, case.begin):
         last = at
-        for tried in followed(at, candidates, begin, config, lambda e, t: _relaxed(every, e, t, config)):
+        relaxed = (_relaxed(case.every, at.evidence, t, config) for t in at.trials[:FOLLOWED])
+        for tried in followed(at, relaxed, case.candidates, case.begin, config):
             if best is None or _misfit(tried.explained) < _misfit(best.explained):
                 best, first = tried, at.evidence
         if best is not None and _fits(best.explained, config):
             break
     if best is None or first is None:
         return None, last
-    one = _finding(best.trial, answered(best.relaxed, best.explained, solution.rival, config), first, sensor)
+    answer = answered(best.relaxed, best.explained, solution.rival, config)
+    one = _finding(best.trial, answer, first, case.sensor)
     named = one.culprit is not None and abs(one.culprit.pull) > config.pull_limit
     return (one if named and one.solution.result.converged and not _doubtful(one, config) else None), last
 
