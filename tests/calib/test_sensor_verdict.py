@@ -18,7 +18,7 @@ GOOD: dict[str, Any] = {
 
 
 def _verdict(**changed: Any) -> Any:
-    """Of calibrations that are as good as they say: two turns of the plane, of which one counts for 3/5, one for 4/5."""
+    """Of calibrations that are as good as they say: the plane's two turns are its 3/5 and 4/5."""
     g = SimpleNamespace(**GOOD | changed)
     views = [SimpleNamespace(soft=k < g.soft) for k in range(g.views)]
     residual = np.full((50, 2), g.corner_px / np.sqrt(2))
