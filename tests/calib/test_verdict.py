@@ -204,8 +204,8 @@ def test_the_weakest_direction_in_words(covariance: np.ndarray, words: str) -> N
         (
             Culprit("robot", "theta4", 4, -0.5, "deg", -5.0, ("a", "b", "c", "d", "e")),
             "the data contradict theta of joint 4 (theta_offset_deg of robot.toml, or the readings of joint 4): "
-            "changed by -0.5° it would fit (a pull of 5.0 σ, where sound data give 4 at most); the data can not tell this from "
-            "a, b, c, d",
+            "changed by -0.5° it would fit (a pull of 5.0 σ, where sound data give 4 at most); the data can not "
+            "tell this from a, b, c, d",
         ),
         (
             Culprit("jig", "anchor 3 of the jig", None, -0.512, "mm", 7.0),
