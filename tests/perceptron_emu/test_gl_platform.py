@@ -12,6 +12,8 @@ import pytest
 from geometry import MissingDependencyError
 from perceptron_emu.gl import context
 
+RENDERER = context._renderer  # with its cache
+
 
 @pytest.fixture(autouse=True)
 def anew(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -65,8 +67,12 @@ def test_without_either_library_the_remedy_is_said(monkeypatch: pytest.MonkeyPat
 
 def test_a_platform_that_draws_to_screens_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PYOPENGL_PLATFORM", "glx")
-    with pytest.raises(MissingDependencyError, match='PYOPENGL_PLATFORM = "glx": off-screen .* needs "egl" or "osm'):
+    with pytest.raises(MissingDependencyError, match=r'PYOPENGL_PLATFORM = "glx": off-screen .* needs "egl" or "osm'):
         context.load_pyrender()
+
+
+def test_a_process_has_one_renderer() -> None:
+    assert RENDERER.cache_parameters()["maxsize"] == 1
 
 
 def test_a_driver_that_fails_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
