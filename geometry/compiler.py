@@ -14,7 +14,7 @@ import logging
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from enum import Enum
 from pathlib import Path
 from types import ModuleType
@@ -38,7 +38,9 @@ def _without(name: str) -> Iterator[None]:
             sys.modules.pop(name, None)
 
 
-with _without("coverage"):  # numba would tell it of compiled lines: 40 modules in every process, where it is installed
+# numba would tell coverage of compiled lines, which is 40 modules in every process where it is installed, and has what
+# reads a file of its settings, which hardly anybody keeps
+with _without("coverage"), nullcontext() if Path(".numba_config.yaml").exists() else _without("yaml"):
     import numba
     from numba.core.caching import FunctionCache, InTreeCacheLocator, UserProvidedCacheLocator, UserWideCacheLocator
     from numba.core.registry import CPUDispatcher
@@ -78,6 +80,10 @@ class _KernelCache(FunctionCache):
     """numba's cache, which loads what was kept without setting up the compiler: that costs every process 0.4 CPU-s."""
 
     def __init__(self, function: Callable[..., object]) -> None:
+        if numba.version_info.short <= _NEWEST_TRIED:
+            from geometry.linked import KeptKernel
+
+            self._impl_class: Any = KeptKernel
         begin: Any = super().__init__
         begin(function)
 

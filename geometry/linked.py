@@ -6,14 +6,17 @@ was tried with.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import Any, cast
 
+from llvmlite import binding
 from numba._dynfunc import make_function
 from numba.core import types
+from numba.core.caching import CompileResultCacheImpl
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
+from numba.core.environment import Environment, lookup_environment
 from numba.core.registry import CPUDispatcher
 
 
@@ -30,7 +33,7 @@ class LinkingDispatcher(CPUDispatcher):
 
     @cached_property
     def _inside(self) -> Any:
-        dispatcher, options = cast("Any", CPUDispatcher), self.targetoptions | {"no_cpython_wrapper": True}
+        dispatcher, options = cast("Any", _InsideDispatcher), self.targetoptions | {"no_cpython_wrapper": True}
         return dispatcher(self.py_func, self.locals, options, _InsideCompiler)
 
     @property
@@ -39,15 +42,67 @@ class LinkingDispatcher(CPUDispatcher):
         return types.Dispatcher(self._inside)
 
 
+class _InsideDispatcher(CPUDispatcher):
+    """A kernel within others: compiled for an integer once, where numba compiles it for every number that is written
+    in a call.
+    """
+
+    def get_call_template(self, args: Sequence[Any], kws: Any) -> Any:
+        find: Any = super().get_call_template
+        plain: Any = types.unliteral
+        return find([plain(a) for a in args], {name: plain(a) for name, a in kws.items()})
+
+
 class _OutsideCompiler(Compiler):
     """numba's, and hands the code that was linked the environments that its exceptions are made in."""
 
     def compile_extra(self, func: Callable[..., object]) -> Any:
+        library: Any = _OutsideLibrary
+        self.state.library = library(self.state.targetctx.codegen(), func.__qualname__)
+        self.state.library.enable_object_caching()
         compile_extra: Any = super().compile_extra
         found = compile_extra(func)
         for environment in found._find_referenced_environments():
             found.library.codegen.set_env(environment.env_name, environment)
         return found
+
+
+class _OutsideLibrary(JITCodeLibrary):
+    """Code that Python calls, and nothing is linked with: machine code is all that is kept of it."""
+
+    def _get_module_for_linking(self) -> Any:
+        return binding.parse_assembly("")
+
+
+class KeptKernel(CompileResultCacheImpl):
+    """What is kept of a kernel; read without importing the parts of numba that it was compiled from."""
+
+    def reduce(self, cres: Any) -> Any:
+        """To what is pickled."""
+        *rest, environments = cres._reduce()
+        return (*rest, [(e.globals["__name__"], e.consts, e.env_name) for e in environments])
+
+    def rebuild(self, target_context: Any, payload: Any) -> Any:
+        """From what was pickled."""
+        library, description, *rest, environments = payload
+        # the engine takes no symbol for there that it was not told of; numba tells it those of the code for linking
+        defined = target_context.codegen()._engine._defined_symbols
+        defined |= {description.llvm_func_name, description.llvm_cpython_wrapper_name}
+        rebuild: Any = super().rebuild
+        kept = [_environment(*parts) for parts in environments]
+        return rebuild(target_context, (library, description, *rest, kept))
+
+
+def _environment(module: str, constants: list[object], name: str) -> Any:
+    """What linked code makes its exceptions of: constants; the module's name is enough of what else numba has there."""
+    look: Any = lookup_environment
+    found = look(name)
+    if found is None:
+        found = Environment({"__name__": module})
+        found.consts[:] = constants
+        found.env_name = name
+        Environment._memo[name] = found
+    return found
 
 
 class _InsideCompiler(Compiler):

@@ -123,11 +123,12 @@ def flat_topped(windows: Windows, place: Records, spots: Records, out: Mask) -> 
 
 
 @kernel
-def fit_two(window: Window, one: Spot, near: NearPeak, law: PixelNoise) -> tuple[bool, TwoSpots]:
+def fit_two(cut: Window, one: Spot, near: NearPeak, law: PixelNoise) -> tuple[bool, TwoSpots]:
     """The better joint fit from two starts, and whether it stands: one spot does not explain the window as well.
 
     one: the single fit, seen from this window.
     """
+    window = Window(cut.grey[:, :], cut.use[:, :])  # of the kind that other fits are compiled for
     rows, columns = window.grey.shape
     single = fit_window(window, one, FLAT, law, STEPS)
     base = single.spot if single.converged else one

@@ -43,6 +43,18 @@ def answer(state: State) -> float:
 def below(x):
     return scaled(x)
 """
+ROOMS = """
+import numpy as np
+from geometry.compiled import kernel
+
+@kernel
+def rooms():
+    return room_for(2) + room_for(3)
+
+@kernel
+def room_for(n):
+    return np.ones(n).sum()
+"""
 PROGRAM = "from room.whole import State, answer; print(answer(State(1.0, 3.0)), *answer.stats.cache_hits.values())"
 
 
@@ -102,6 +114,21 @@ def test_callees_are_compiled_within_their_callers_alone(room: Path) -> None:
     assert run(room, program)[0] == "too large 1000000000.0"
     assert [file.name.split("-")[0] for file in room.rglob("*.nbi")] == ["whole.answer"]
     assert run(room, program)[0] == "too large 1000000000.0 1"
+
+
+def test_a_callee_is_compiled_once_for_all_written_numbers(room: Path) -> None:
+    """A compilation for each of them would be numba's way."""
+    (room / "parts.py").write_text(ROOMS)
+    said, _ = run(room, "from room.parts import rooms, room_for; print(rooms(), len(room_for._inside.overloads))")
+    assert said == "5.0 1"
+
+
+def test_kept_code_loads_without_what_it_was_compiled_from(room: Path) -> None:
+    """Arrays are made by kernels of numba's own, which it would import again."""
+    (room / "parts.py").write_text(ROOMS)
+    program = "import sys; from room.parts import rooms; print(rooms(), 'numba.np.arrayobj' in sys.modules)"
+    assert run(room, program)[0] == "5.0 True"
+    assert run(room, program)[0] == "5.0 False"
 
 
 def test_a_newer_numba_compiles_them_its_own_way(room: Path) -> None:
