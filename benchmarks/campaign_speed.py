@@ -7,6 +7,8 @@ give. Efficiency is the rate of two workers over that of one, and the same by CP
 "Parent" is all that the parent process computes (hand out, store, log, merge) over what the workers compute, and
 "resume" is opening and merging the finished run again.
 Run: python benchmarks/campaign_speed.py [complete trials, default 24] [rounds, default 3]
+or: python benchmarks/campaign_speed.py stages: processor time of the stages of complete trials in this process, the
+least of eight, which other programs on the machine lengthen least.
 """
 
 from __future__ import annotations
@@ -18,12 +20,18 @@ import tempfile
 import time
 from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 
+import workbench.campaign.trial.trial as trial_stages
 from workbench.campaign import Plan, end_warm_server, run_campaign
+from workbench.campaign.trial.emulated import know_plans
+from workbench.campaign.work.shard import plans_to_send, run_one
+from workbench.campaign.work.worker import one_thread
 
 SHARD = {"calibrate": 2, "extract": 16}
+STAGED = 8  # trials whose stages are measured
 PER_COMPLETE = 16  # extraction trials for each complete one
 
 
@@ -80,8 +88,23 @@ def another_worker(run: str) -> float:
     return min((measured(plan(run, few), 2).cpu_s - measured(plan(run, few), 1).cpu_s) * few for _ in range(4))
 
 
+def stages() -> None:
+    """Print the least processor time of each stage of a complete trial, in this process."""
+    trial_stages.time = SimpleNamespace(perf_counter=time.process_time)
+    chosen = plan("calibrate", STAGED + 1)
+    one_thread()
+    know_plans(plans_to_send(chosen))
+    rows = [dict(run_one(chosen, trial).timings) for trial in range(STAGED + 1)][1:]  # the first loads kernels
+    for name in rows[0]:
+        print(f"{name.removesuffix('_s'):10s} {1000 * min(row[name] for row in rows):6.0f} CPU-ms")
+    print(f"{'all':10s} {1000 * min(sum(row.values()) for row in rows):6.0f} CPU-ms")
+
+
 def main() -> None:
     """Print a few lines for each kind of run."""
+    if sys.argv[1:] == ["stages"]:
+        stages()
+        return
     trials = int(sys.argv[1]) if len(sys.argv) > 1 else 24
     rounds = int(sys.argv[2]) if len(sys.argv) > 2 else 3
     for run, count in (("calibrate", trials), ("extract", PER_COMPLETE * trials)):
