@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 
 from extraction.config import MAX_GRAIN_PX
 from extraction.spots.error.influence import CLASSES, DISTANCES2, LAGS
-from extraction.spots.fit import window_of
 from extraction.spots.frame import Fits
 from extraction.spots.noise import PRIOR_CONTRAST
 from geometry import Camera, Sensor
@@ -256,15 +255,15 @@ class _BrightPixels:
 def _bright(fits: Fits, k: int, model_error: float) -> _BrightPixels | None:
     """Those of spot k; None where its light is nowhere."""
     place, spot, noise = fits.place[k], fits.spot[k], fits.noise[k]
-    window = window_of(fits.windows, k, place)
-    grey, use = window.grey, window.use
-    columns, rows = np.meshgrid(np.arange(grey.shape[1]), np.arange(grey.shape[0]))
-    x, y = columns - spot["u"], rows - spot["v"]
+    here = (k, slice(place["rows"]), slice(place["columns"]))
+    grey, use = fits.windows.grey[here], fits.windows.use[here]
+    x, y = np.arange(grey.shape[1]) - spot["u"], np.arange(grey.shape[0])[:, None] - spot["v"]
     bell = np.asarray(np.exp(-0.5 * (spot["a"] * x * x + 2.0 * spot["h"] * x * y + spot["c"] * y * y)))
     level = float(np.sort(bell[use])[-MANY]) if np.count_nonzero(use) >= MANY else 0.0
     chosen = use & (bell >= min(max(level, FAINT), BRIGHT))
-    many = np.count_nonzero(chosen) >= MANY
-    x, y, bell, i, j = x[chosen], y[chosen], bell[chosen], columns[chosen], rows[chosen]
+    j, i = np.nonzero(chosen)
+    many = len(i) >= MANY
+    x, y, bell = x[i], y[j, 0], bell[chosen]
     signal = spot["height"] * bell
     mean = signal + spot["level"] + spot["slope_u"] * i + spot["slope_v"] * j
     own = (model_error * spot["height"]) ** 2
