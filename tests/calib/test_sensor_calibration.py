@@ -469,6 +469,21 @@ def test_a_stripe_that_bends_the_plane_of_few_views_is_left_out_by_name(count: i
         assert said == pytest.approx(abs(px), rel=0.06)
 
 
+def test_a_view_of_another_board_is_left_out_by_its_corners():
+    """Its columns stand 2 % farther apart than its rows: no distance or tilt that others share makes it so."""
+    rng = np.random.default_rng(12)
+    views = list(observe_boards(synthetic_sensor(rng), rng, 9))
+    uv = views[3].corners.uv_px
+    stretched = uv.mean(axis=0) + (uv - uv.mean(axis=0)) * np.array([1.02, 1.0])
+    views[3] = replace(views[3], corners=replace(views[3].corners, uv_px=stretched))
+    found = calibrate_sensor(views, SIZE, SHORT)
+    assert {v.name for v in found.views if not v.used} == {views[3].name}
+    (reason,) = (v.reason for v in found.views if not v.used)
+    off_px = float(re.fullmatch(r"its corners are (\S+) px off where the other views expect them", reason).group(1))
+    assert 0.1 < off_px < 0.5  # the board's tilt takes most of it up
+    assert found.verdict.code == "ok"
+
+
 def test_three_stripes_that_contradict_one_another_give_no_answer():
     """None can be told from the others: two stripes always lie on some plane."""
     rng = np.random.default_rng([8, 1, 3])
