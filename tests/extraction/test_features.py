@@ -344,7 +344,8 @@ def test_a_second_arc_is_a_rival_by_its_points_and_its_width(radius, share, riva
 def test_what_is_said_of_a_radius_stated_for_a_diameter():
     found = find_target_points(exact(bow((0.0, 200.0), 20.0, 60.0)), "sphere", (20.0,))
     assert found.text == (
-        "none of the 241 points lie on an arc of radius 2 … 10 mm, but 241 on one of 20 mm: is the diameter stated right?"
+        "none of the 241 points lie on an arc of radius 2 … 10 mm, but 241 on one of 20 mm: is the diameter stated "
+        "right?"
     )
 
 
