@@ -29,17 +29,17 @@ PLACES = {
 Frames = tuple[Frame, ...]
 
 
-def _frames(counts: Sequence[int] = (6, 6), seed: int = 1) -> Frames:
+def frames_of(counts: Sequence[int] = (6, 6), seed: int = 1) -> Frames:
     """Frames at some places, of readings drawn so that the hand turns by tens of degrees."""
     rng, out = np.random.default_rng(seed), []
     for name, count in zip(PLACES, counts, strict=False):
         for _ in range(count):
             q = np.array([0.1, -0.4, 0.5, 0.2, 0.9, 0.3]) + rng.uniform(-0.5, 0.5, 6)
-            out.append(_seen(Frame(number=len(out), location=name, role="calibrate", joints_rad=q), ARM.pose(q)))
+            out.append(seen(Frame(number=len(out), location=name, role="calibrate", joints_rad=q), ARM.pose(q)))
     return tuple(out)
 
 
-def _seen(f: Frame, hand: Pose, location: str | None = None) -> Frame:
+def seen(f: Frame, hand: Pose, location: str | None = None) -> Frame:
     """The frame with the jig's pose as seen from that hand, the jig at the place of its name or another's."""
     jig = (hand @ X).inverse() @ PLACES[location or f.location]
     return replace(f, hand=hand, candidates=stack_poses([jig]), labels_given=True)
@@ -57,7 +57,7 @@ def _with_rows(frames: Frames, order: Sequence[int]) -> Frames:
 
 
 def test_sound_frames_name_nothing() -> None:
-    frames = _frames((6, 6, 6))
+    frames = frames_of((6, 6, 6))
     assert _cause(frames) == _cause(frames, lost=False) == culprit(frames, JIG, ARM) == ""
     assert strangers(frames, JIG, {3, 7}) == ""
 
@@ -76,7 +76,7 @@ def test_sound_frames_name_nothing() -> None:
 )  # fmt: skip
 def test_rows_that_are_late(start: int, step: int, words: str) -> None:
     """A reading too many comes from nowhere: of poses of its own; one too few makes those after it early."""
-    frames = _frames((7, 7))
+    frames = frames_of((7, 7))
     stray = [ARM.pose(np.array([0.3, -0.2, 0.4, -0.5, 1.0 + 0.3 * k, -0.6])) for k in range(2)]
     hands = [f.at for f in frames]
     given = (
@@ -93,7 +93,7 @@ def test_rows_that_are_late(start: int, step: int, words: str) -> None:
 
 
 def test_rows_that_are_exchanged() -> None:
-    frames = _frames((8, 8))
+    frames = frames_of((8, 8))
     n = len(frames)
     back = _cause(_with_rows(frames, range(n)[::-1]))
     assert "in different orders: one of them stands the other way round, last first (hand and jig move" in back
@@ -111,18 +111,18 @@ def test_rows_that_are_exchanged() -> None:
 
 def test_one_name_for_two_places() -> None:
     """Each with three frames or more, which move as one; of two no group is made."""
-    frames = _frames((5, 4))
+    frames = frames_of((5, 4))
     alone = tuple(replace(f, location="A") for f in frames)
     assert _cause(alone).startswith(
         "all lie in one location: the column says A throughout, but the target stood still only within each of these: "
         "frames 0, 1, 2, 3, 4; frames 5, 6, 7, 8"
     )
-    more = _frames((5, 4, 5))
+    more = frames_of((5, 4, 5))
     mixed = tuple(replace(f, location="A") if f.location == "B" else f for f in more)
     assert _cause(mixed).startswith(
         "location A is several, but the target stood still only within each of these: frames"
     )
-    few = tuple(replace(f, location="A") if f.location == "B" else f for f in _frames((6, 2)))
+    few = tuple(replace(f, location="A") if f.location == "B" else f for f in frames_of((6, 2)))
     assert "is several" not in _cause(few)
 
 
@@ -130,8 +130,8 @@ def test_one_name_for_two_places() -> None:
     ("times", "unit"), [(1e-3, "metres"), (1 / 25.4, "inches"), (0.1, "centimetres"), (1e3, "micrometres")]
 )
 def test_hand_poses_in_another_unit(times: float, unit: str) -> None:
-    hands = [Pose(f.at.R, times * f.at.t) for f in _frames()]
-    frames = tuple(replace(f, hand=h, T_base_hand=h, joints_rad=None) for f, h in zip(_frames(), hands, strict=True))
+    hands = [Pose(f.at.R, times * f.at.t) for f in frames_of()]
+    frames = tuple(replace(f, hand=h, T_base_hand=h, joints_rad=None) for f, h in zip(frames_of(), hands, strict=True))
     assert _cause(frames) == (
         "hand and jig move alike in 100% of the pairs of frames instead of 0% if x_mm, y_mm, z_mm of frames.csv hold "
         f"{unit}: give millimetres"
@@ -157,7 +157,7 @@ def test_hand_poses_in_another_unit(times: float, unit: str) -> None:
     ],
 )
 def test_a_drawing_turned(turn_deg: list[float], words: str) -> None:
-    said = _cause(_frames(), X @ Pose(exp_so3(np.deg2rad(turn_deg)), np.zeros(3)))
+    said = _cause(frames_of(), X @ Pose(exp_so3(np.deg2rad(turn_deg)), np.zeros(3)))
     assert said.startswith("[scp_initial] of cell.toml is not where the sensor is: the motions of hand and jig agree")
     assert "rotation_deg is about [10, 80, -30] and translation_mm about [60, -20, 150]; " in said
     assert words in said
@@ -165,13 +165,13 @@ def test_a_drawing_turned(turn_deg: list[float], words: str) -> None:
 
 def test_a_drawing_shifted() -> None:
     def moved(mm: float) -> str:
-        return _cause(_frames(), Pose(X.R, X.t + np.array([mm, 0, 0])))
+        return _cause(frames_of(), Pose(X.R, X.t + np.array([mm, 0, 0])))
 
     assert moved(59.9) == ""
     assert moved(60.1).endswith("about [60, -20, 150]; it is 60 mm off")
-    assert _cause(_frames(), X @ Pose(exp_so3(np.deg2rad([11.9, 0, 0])), np.zeros(3))) == ""
-    assert _cause(_frames(), None) == ""
-    assert _cause(_frames(), Pose(X.R, X.t + 500.0), lost=False) == ""
+    assert _cause(frames_of(), X @ Pose(exp_so3(np.deg2rad([11.9, 0, 0])), np.zeros(3))) == ""
+    assert _cause(frames_of(), None) == ""
+    assert _cause(frames_of(), Pose(X.R, X.t + 500.0), lost=False) == ""
 
 
 ROUND = np.array([1.0, 1, 1, -1, 1, 1])
@@ -179,7 +179,7 @@ ROUND = np.array([1.0, 1, 1, -1, 1, 1])
 
 def _wrong(change: Callable[[np.ndarray], np.ndarray]) -> str:
     """The cause named where the file's readings are changed ones of the true ones."""
-    frames = _frames()
+    frames = frames_of()
     read = [change(f.joints_rad) for f in frames if f.joints_rad is not None]
     return _cause(tuple(replace(f, joints_rad=q, hand=ARM.pose(q)) for f, q in zip(frames, read, strict=True)))
 
@@ -201,27 +201,27 @@ def _with_table(**change: tuple[int, float]) -> str:
     off = np.zeros(6)
     off[joint] = by
     arm = ARM.with_changes(**{row: off})
-    frames = tuple(replace(f, hand=arm.pose(f.joints_rad)) for f in _frames() if f.joints_rad is not None)
+    frames = tuple(replace(f, hand=arm.pose(f.joints_rad)) for f in frames_of() if f.joints_rad is not None)
     return cause_of(frames, JIG, arm, SENSOR, X, CONFIG)
 
 
 def test_frames_that_move_as_none_of_their_location() -> None:
-    frames = list(_frames((7, 7)))
-    frames[2] = _seen(frames[2], frames[2].at, "C")
+    frames = list(frames_of((7, 7)))
+    frames[2] = seen(frames[2], frames[2].at, "C")
     assert culprit(tuple(frames), JIG, ARM) == (
         "frame 2 does not move as the other frames of location A does: check its location, joint readings and image"
     )
     assert strangers(tuple(frames), JIG, {2}) == culprit(tuple(frames), JIG, ARM)
     assert strangers(tuple(frames), JIG, {3}) == ""
-    named = list(_frames((7, 7)))
+    named = list(frames_of((7, 7)))
     named[2], named[4] = replace(named[2], location="B"), replace(named[4], location="B")
     assert culprit(tuple(named), JIG, ARM) == (
         "frames 2, 4 do not move as the other frames of location B do but as those of location A: their location is "
         "misnamed"
     )
-    moved = list(_frames((7, 7)))
+    moved = list(frames_of((7, 7)))
     for k in (4, 5, 6):
-        moved[k] = _seen(moved[k], moved[k].at, "C")
+        moved[k] = seen(moved[k], moved[k].at, "C")
     assert culprit(tuple(moved), JIG, ARM) == (
         "frames 4, 5, 6 do not move as the other frames of location A do but as one another: the jig was moved, or two "
         "locations bear one name"
@@ -230,7 +230,7 @@ def test_frames_that_move_as_none_of_their_location() -> None:
 
 def test_frames_whose_labels_are_those_of_the_turned_jig() -> None:
     turn = JIG.symmetries[0].pose
-    frames = list(_frames((5, 5)))
+    frames = list(frames_of((5, 5)))
     for k in (1, 7, 8):
         frames[k] = replace(frames[k], candidates=frames[k].candidates @ turn)
     said = culprit(tuple(frames), JIG, ARM)
@@ -241,7 +241,7 @@ def test_frames_whose_labels_are_those_of_the_turned_jig() -> None:
 
 
 def test_too_few_or_too_many_say_nothing() -> None:
-    spoilt = _with_rows(_frames((3, 3)), [3, 4, 5, 0, 1, 2])
+    spoilt = _with_rows(frames_of((3, 3)), [3, 4, 5, 0, 1, 2])
     assert culprit(spoilt[:3], JIG, ARM) == ""
-    many = _frames((61, 60))
+    many = frames_of((61, 60))
     assert _cause(_with_rows(many, [*range(1, len(many)), 0])) == ""
