@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from calib.surface.views import degenerate, general_advice
+from calib.synthetic.cell import TRUTH
+from calib.synthetic.telling_nothing import SPOILT, spoilt_cell
 from geometry import AxisPoints, Frame, Pose, Surface
 from jig_cad import Edge, Jig, Plane, Sphere, Wedge
 
@@ -162,3 +164,17 @@ def test_advice_where_nothing_has_a_name() -> None:
         "the tilts of the sensor against the plane are not in general pos"
     )
     assert general_advice({"A": BALL}, frames).startswith("add poses turned by 20° or more about two axes")
+
+
+@pytest.mark.parametrize("name", SPOILT)
+def test_every_kind_of_views_that_tells_too_little_has_its_name(name: str) -> None:
+    """Of an arm as built, of which the table as given is known; few views, noise apart."""
+    spoilt = SPOILT[name]
+    cell = spoilt_cell(spoilt, np.random.default_rng(2), count=5 if spoilt.places > 1 else 10, most_places=2)
+    frames = tuple(
+        Frame(number=k, location=n, role="calibrate", hand=cell.robot.pose(q))
+        for k, (n, q) in enumerate(zip(cell.location, cell.joints_rad, strict=True))
+    )
+    found = degenerate(frames, spoilt.target, TRUTH, cell.T_base_target)
+    assert found is not None
+    assert any(words in found.text for words in spoilt.words)
