@@ -323,13 +323,13 @@ def test_an_arc_at_both_sides_of_each_limit(radius, half_deg, diameters, found):
 @pytest.mark.parametrize(("radius", "share", "rival"), [(20.0, 0.45, True), (20.0, 0.35, False), (5.9, 0.6, False)])
 def test_a_second_arc_is_a_rival_by_its_points_and_its_width(radius, share, rival):
     """Two fifths of the first's points, three tenths of the ball's radius."""
-    first = bow((3.0, 200.0), 20.0, 60.0)
+    first = bow((0.0, 200.0), 20.0, 60.0)
     step = 120.0 / (share * len(first))
     second = bow((70.0, 200.0), radius, 60.0, step)
     found = find_target_points(exact(first, second), "sphere", (40.0,))
     assert (found.reason is not None) == rival
     if rival:
-        assert "two balls are in view, at (y, z) = (3.0, 200.0) and (70.0, 200.0) mm" in found.text
+        assert "two balls are in view, at (y, z) = (0.0, 200.0) and (70.0, 200.0) mm" in found.text
         assert found.rivals == 1
         near = find_target_points(
             exact(first, second), "sphere", (40.0,), expected_mm=np.array([[75.9, 208.0]]), within_mm=10.0
