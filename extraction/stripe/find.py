@@ -68,7 +68,7 @@ def find(view: StripeView, config: StripeConfig) -> Found:
     above = np.maximum(grey, np.ceil(level).astype(grey.dtype))
     for smeared in (1, SMEARED):
         other = _above(view, above, config, smeared)
-        if other.across_dn <= STANDS_OUT * float(np.median(level)):
+        if other.across_dn <= STANDS_OUT * max(float(np.median(level)), 0.0):
             continue
         lit = _lit(other.view.grey, _turned(level) if other.view.turned != view.turned else level, other.places)
         if _sure(other.places, lit) > MORE_ABOVE * _sure(found.places):
