@@ -34,6 +34,7 @@ from extraction.stripe.sections import (
     learn_ground,
     level_ground,
     localise_along_normal,
+    off_course,
     tails_kept,
     true_sigma,
     walk_tails,
@@ -193,7 +194,13 @@ def _localise(found: Found, config: StripeConfig, tails: bool) -> StripePeaks:
     fits = fit_pairs(view, places, fits, noise, config)
     fits = fit_faint(view, places, fits, config.min_snr)
     near = _near(fits, places.centre_px, places.width_px, config.min_width_px, config.max_width_px)
-    _doubt_gappy(near & (fits["snr"] >= _SEEN), places.stripe, places.doubt)
+    lit = np.ones(len(places), np.bool_) if found.lit is None else found.lit
+    _doubt_gappy((near & (fits["snr"] >= _SEEN)) | ~lit, places.stripe, places.doubt)
+    if found.lit is not None and len(places):
+        course = np.array([s.course for s in found.stripes], np.int32)[places.stripe]
+        away = off_course(places.section, course, fits, near & lit)
+        places.doubt[away | ~lit] = True
+        near &= lit | ~away
     high = (fits["amplitude"] >= config.min_amplitude_dn) & (fits["snr"] >= config.min_snr)
     good = np.flatnonzero(near & high & np.isfinite(fits["variance"]))
     refused = dict(found.refused)
