@@ -60,9 +60,8 @@ def test_what_lost_frames_have_in_common(lost: Lost, words: str) -> None:
 
 
 def test_all_of_one_place() -> None:
-    assert "; all lie in one location, B. In" in _said(
-        _frames(dict.fromkeys((4, 5, 6, 7, 9), "outlier"), "AAAABBBBBBAA")
-    )
+    five = dict.fromkeys((4, 5, 6, 7, 9), "outlier")
+    assert "; all lie in one location, B. In" in _said(_frames(five, "AAAABBBBBBAA"))
     assert "location" not in _said(_frames(five, "A" * 12))
 
 
