@@ -37,11 +37,12 @@ Array = NDArray[np.float64]
 
 ITERATIONS = 8
 DAMPING = (0.0, 0.1, 1.0, 10.0)  # of a step, of the normal matrix's diagonal, until the figures come nearer
-SETTLED = 0.2  # of σ: a step below ends the fit
+SETTLED, WITHIN = 0.2, 1.0  # σ: a step below is the last one of one draw, of several
 STEP, LINEAR_STEP = 0.4, 0.5  # of a key's logarithm, of a linear key, for its derivative
 RENEWED = np.array([5.0 if k.linear else STEP for k in KEYS])  # so far from where they were taken derivatives hold
 DRAWS, LAST_STEPS = 4, 3  # of emulated images that the last steps are taken on
-FLOOR = 0.01  # σ that no figure is taken to be better than: the surface that stands for the recorded one is not it
+# σ² that no figure is taken to be better than: the surface that stands for the recorded one is not it, darkness is
+FLOOR = np.diag([1e-3**2 if n in ("black", "dark_noise", "room_noise") else 0.01**2 for n in NAMES])
 SHARES = (1.0, 0.5, 0.25)  # of the first step
 POWERS = (1.0, 0.5, 2.0, 0.25, 4.0, 0.1, 10.0, 0.03, 30.0)  # of the file's, tried in turn
 MIN_POINTS = 0.7  # of the recorded stripes': so many must be found in the emulated images
@@ -163,7 +164,7 @@ class _Place:
     @property
     def variance(self) -> Array:
         """Of the figures' differences, (K,)."""
-        return np.asarray(np.diag(self.apart.covariance) + FLOOR**2)
+        return np.diag(self.apart.covariance + FLOOR)
 
     @property
     def misfit(self) -> float:
@@ -190,16 +191,16 @@ class _Step:
         right = slope.T @ (weight * np.nan_to_num(place.apart.mean)) + asked.precision @ (asked.before - place.theta)
         gain = np.linalg.solve(normal, slope.T * weight)
         rest = np.linalg.solve(normal, asked.precision)
-        own = gain @ (place.apart.covariance + FLOOR**2 * np.eye(len(NAMES))) @ gain.T
+        own = gain @ (place.apart.covariance + FLOOR) @ gain.T
         return cls(normal, right, own, rest @ np.linalg.inv(asked.precision) @ rest.T, float(np.trace(gain @ slope)))
 
     def damped(self, damping: float) -> Array:
         """The step."""
         return np.asarray(np.linalg.solve(self.normal + damping * np.diag(np.diag(self.normal)), self.right))
 
-    def small(self, step: Array) -> bool:
-        """Whether a step is within what the keys are known to."""
-        return bool(np.all(np.abs(step) < SETTLED * np.sqrt(np.diag(self.by_images + self.by_prior))))
+    def in_sigmas(self, step: Array) -> float:
+        """Of a step, root mean square over the coordinates."""
+        return float(np.sqrt(step @ np.linalg.solve(self.by_images + self.by_prior, step) / len(step)))
 
 
 def _descended(place: _Place, emulate: Emulation, asked: _Asked) -> tuple[_Place, Array]:
@@ -210,29 +211,29 @@ def _descended(place: _Place, emulate: Emulation, asked: _Asked) -> tuple[_Place
         moved, last = _nearer(place, step, emulate, asked)
         place = moved or place
         old = bool(np.any(np.abs(place.theta - at) > RENEWED))
-        if not old and (moved is None or step.small(last)):
+        if not old and (moved is None or step.in_sigmas(last) < SETTLED):
             break
         if old:
             slope, at = _slope(place, emulate), place.theta
     return place, slope
 
 
-def _settled(
-    place: _Place, slope: Array, emulate: Emulation, asked: _Asked
-) -> tuple[_Place, _Step, bool]:
-    """The last steps, on the mean of draws."""
+def _settled(place: _Place, slope: Array, emulate: Emulation, asked: _Asked) -> tuple[_Place, _Step, bool]:
+    """The last steps, on the mean of draws: what these scatter themselves may be dearer."""
     place = asked.place(place.theta, *(emulate(place.theta, k) for k in range(DRAWS)))
+    step, settled = _Step.at(place, slope, asked), False
     for _ in range(LAST_STEPS):
-        step = _Step.at(place, slope, asked)
         last = step.damped(0.0)
-        if step.small(last):
-            return place, step, True
         theta = within(place.theta + np.clip(last, -LARGEST, LARGEST))
         trial = asked.place(theta, *(emulate(theta, k) for k in range(DRAWS)))
-        if not asked.enough(trial.seen) or asked.cost(trial, place.variance) > asked.cost(place, place.variance):
-            return place, step, False
-        place = trial
-    return place, _Step.at(place, slope, asked), False
+        dearer = asked.cost(trial, place.variance) - asked.cost(place, place.variance)
+        if not asked.enough(trial.seen) or dearer > len(NAMES) / DRAWS:
+            break
+        settled = step.in_sigmas(last) < WITHIN
+        place, step = trial, _Step.at(trial, slope, asked)
+        if settled:
+            break
+    return place, step, settled
 
 
 def _slope(place: _Place, emulate: Emulation) -> Array:

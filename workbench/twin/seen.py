@@ -33,11 +33,12 @@ LIKE_WIDTH = 2.0  # by which the widths of runs of one laser's stripe differ at 
 
 NAMES = (
     "height", "width", "fan", "line_rms", "line_lag1", "line_lag2", "height_rms", "height_lag1", "height_lag2",
-    "width_rms", "noise_0", "noise_1", "noise_2", "noise_3", "room", "black", "dark_noise", "flank",
+    "width_rms", "noise_0", "noise_1", "noise_2", "noise_3", "room", "room_noise", "black",
+    "dark_noise", "flank",
 )  # fmt: skip
 _LOG = {
-    "height", "width", "line_rms", "height_rms", "width_rms", "noise_0", "noise_1", "noise_2", "noise_3", "dark_noise",
-    "flank",
+    "height", "width", "line_rms", "height_rms", "width_rms", "noise_0", "noise_1", "noise_2", "noise_3", "room_noise",
+    "dark_noise", "flank",
 }  # fmt: skip
 
 
@@ -255,11 +256,13 @@ class _Surroundings:
         parts, out = len(bounds) - 1, []
         for k, (a, b) in enumerate(pairwise(bounds)):
             grey, distance = ((m if along_u else m.T)[:, a:b] for m in (self.image, self.distance))
-            beside = grey[(distance > ROOM_PX[0]) & (distance < ROOM_PX[1])]
-            values = {}
-            if len(beside):  # a median of whole grey levels is whole: the mean about it is not
-                middle = float(np.median(beside))
-                values["room"] = float(np.mean(np.clip(beside, middle - 3, middle + 3)))
+            there, values = (distance > ROOM_PX[0]) & (distance < ROOM_PX[1]), {}
+            if there.any():  # a median of whole grey levels is whole: the mean about it is not
+                middle = float(np.median(grey[there]))
+                values["room"] = float(np.mean(np.clip(grey[there], middle - 3, middle + 3)))
+            second = np.diff(grey.astype(float), 2, axis=1)[there[:, 1:-1]]
+            if len(second) > MIN_SECTIONS:
+                values["room_noise"] = float((second**2).mean()) / 6
             dark = self.dark[k::parts]
             if len(dark):
                 variance = float((np.diff(dark, 2, axis=2) ** 2).mean()) / 6
