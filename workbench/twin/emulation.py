@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,7 +56,8 @@ class Emulation:
         progress: Progress,
         total: int,
     ) -> None:
-        self._sensor, self._config, self._seen_by, self.look = sensor, config, seen_by, look
+        self._sensor, self._config, self._seen_by = sensor, config, seen_by
+        self.look = replace(look, doubted_too=True)  # of an emulated ridge it is known whose it is
         self._surfaces = [(_surface(s), s.bounds) for s in recorded]
         self._seed, self._progress = seed, progress
         self._done, self._total = 0, total

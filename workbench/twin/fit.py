@@ -195,8 +195,9 @@ class _Step:
         return cls(normal, right, own, rest @ np.linalg.inv(asked.precision) @ rest.T, float(np.trace(gain @ slope)))
 
     def damped(self, damping: float) -> Array:
-        """The step."""
-        return np.asarray(np.linalg.solve(self.normal + damping * np.diag(np.diag(self.normal)), self.right))
+        """The step, as far as derivatives may be believed."""
+        step = np.linalg.solve(self.normal + damping * np.diag(np.diag(self.normal)), self.right)
+        return np.asarray(step * min(1.0, float(np.min(LARGEST / np.maximum(np.abs(step), 1e-12)))))
 
     def in_sigmas(self, step: Array) -> float:
         """Of a step, root mean square over the coordinates."""
@@ -224,7 +225,7 @@ def _settled(place: _Place, slope: Array, emulate: Emulation, asked: _Asked) -> 
     step, settled = _Step.at(place, slope, asked), False
     for _ in range(LAST_STEPS):
         last = step.damped(0.0)
-        theta = within(place.theta + np.clip(last, -LARGEST, LARGEST))
+        theta = within(place.theta + last)
         trial = asked.place(theta, *(emulate(theta, k) for k in range(DRAWS)))
         dearer = asked.cost(trial, place.variance) - asked.cost(place, place.variance)
         if not asked.enough(trial.seen) or dearer > len(NAMES) / DRAWS:
@@ -260,7 +261,7 @@ def _nearer(place: _Place, step: _Step, emulate: Emulation, asked: _Asked) -> tu
     cost, last = asked.cost(place, place.variance), np.zeros(len(KEYS))
     for damping in DAMPING:
         last = step.damped(damping)
-        theta = within(place.theta + np.clip(last, -LARGEST, LARGEST))
+        theta = within(place.theta + last)
         trial = asked.place(theta, emulate(theta))
         if asked.enough(trial.seen) and asked.cost(trial, place.variance) < cost:
             return trial, last

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from extraction import Profile, StripeConfig, extract_profile
-from extraction.stripe import SATURATED
+from extraction.stripe import AMBIGUOUS, SATURATED
 from geometry import Sensor
 from workbench.twin.rounding import unrounded
 
@@ -65,12 +65,18 @@ class ImageSeen:
 class Look:
     """Which points of a stripe are taken.
 
-    clipped_too: those with saturated pixels. width_px: usual width of the laser's stripe,
-    other ridges are left out; None where all are taken.
+    clipped_too: those with saturated pixels. doubted_too: those of ridges that another like them makes doubtful.
+    width_px: usual width of the laser's stripe, other ridges are left out; None where all are taken.
     """
 
     clipped_too: bool = False
+    doubted_too: bool = False
     width_px: float | None = None
+
+    def wrong(self) -> np.uint8:
+        """Flags of points that are left out."""
+        taken = SATURATED * self.clipped_too + AMBIGUOUS * self.doubted_too
+        return np.uint8(0xFF - taken)
 
 
 def see(
@@ -79,9 +85,8 @@ def see(
     """Extract an image's stripe and take the figures of its parts: of equal shares of its points, or between bounds."""
     profile = extract_profile(image, sensor, config)
     found, clipped = len(profile), int(np.sum((profile.peaks.flag & SATURATED) > 0))
-    wrong = profile.peaks.flag & np.uint8(0xFF - SATURATED if look.clipped_too else 0xFF)
     surroundings = _Surroundings.of(image, profile)
-    profile = _like(profile[wrong == 0], look.width_px)
+    profile = _like(profile[(profile.peaks.flag & look.wrong()) == 0], look.width_px)
     peaks = profile.peaks
     across = _across(profile)
     line = smooth(peaks.section, across)
