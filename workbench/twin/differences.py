@@ -17,7 +17,7 @@ UNKNOWN = 0.05  # σ of a figure where single parts tell no scatter
 
 @dataclass(frozen=True, eq=False)
 class Difference:
-    """Means (K,) of recorded less emulated figures over all parts, NaN where none tells, and their covariance (K, K)."""
+    """Means (K,) of recorded less emulated figures over all parts, NaN where none tells; their covariance (K, K)."""
 
     mean: Array
     covariance: Array

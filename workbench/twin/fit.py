@@ -40,7 +40,7 @@ DAMPING = (0.0, 0.1, 1.0, 10.0)  # of a step, of the normal matrix's diagonal, u
 SETTLED, WITHIN = 0.2, 1.0  # σ: a step below is the last one of one draw, of several
 STEP, LINEAR_STEP = 0.4, 0.5  # of a key's logarithm, of a linear key, for its derivative
 RENEWED = np.array([5.0 if k.linear else STEP for k in KEYS])  # so far from where they were taken derivatives hold
-DRAWS, LAST_STEPS = 4, 3  # of emulated images that the last steps are taken on
+DRAWS, LAST_STEPS = 4, 4  # of emulated images that the last steps are taken on
 # σ² that no figure is taken to be better than: the surface that stands for the recorded one is not it, darkness is
 FLOOR = np.diag([1e-3**2 if n in ("black", "dark_noise", "room_noise") else 0.01**2 for n in NAMES])
 SHARES = (1.0, 0.5, 0.25)  # of the first step
@@ -105,10 +105,12 @@ def fit_twin(
             f"with the laser on, of a smooth surface"
         )
     _check_fan(recorded, sensor)
-    total = ITERATIONS * (len(KEYS) + 2) + DRAWS * LAST_STEPS + 1
+    total = ITERATIONS * (len(KEYS) + 2) + DRAWS * (LAST_STEPS + 1) + 1
     emulate = Emulation(sensor, config, seen_by, recorded, look, seed, progress, total)
     start = np.array([v if k.linear else np.log(v) for k, v in zip(KEYS, start_values(sensor, config), strict=True)])
-    asked = _Asked(recorded, TO_KEYS.T @ np.diag([k.prior**-2 for k in KEYS]) @ TO_KEYS, np.linalg.solve(TO_KEYS, start))
+    asked = _Asked(
+        recorded, TO_KEYS.T @ np.diag([k.prior**-2 for k in KEYS]) @ TO_KEYS, np.linalg.solve(TO_KEYS, start)
+    )
     start[[k.name for k in KEYS].index("black_level")] = seen_by.require_camera().black_level
     place, slope = _descended(_begun(np.linalg.solve(TO_KEYS, start), emulate, asked), emulate, asked)
     place, step, converged = _settled(place, slope, emulate, asked)
@@ -220,17 +222,16 @@ def _descended(place: _Place, emulate: Emulation, asked: _Asked) -> tuple[_Place
 
 
 def _settled(place: _Place, slope: Array, emulate: Emulation, asked: _Asked) -> tuple[_Place, _Step, bool]:
-    """The last steps, on the mean of draws: what these scatter themselves may be dearer."""
+    """The last steps, on the mean of draws: by chance another pattern is dearer, cost only ends what strays."""
     place = asked.place(place.theta, *(emulate(place.theta, k) for k in range(DRAWS)))
     step, settled = _Step.at(place, slope, asked), False
     for _ in range(LAST_STEPS):
-        last = step.damped(0.0)
-        theta = within(place.theta + last)
+        theta = within(place.theta + step.damped(0.0))
         trial = asked.place(theta, *(emulate(theta, k) for k in range(DRAWS)))
-        dearer = asked.cost(trial, place.variance) - asked.cost(place, place.variance)
-        if not asked.enough(trial.seen) or dearer > len(NAMES) / DRAWS:
+        before, after = (asked.cost(p, place.variance) for p in (place, trial))
+        if not asked.enough(trial.seen) or after > 2 * max(before, len(NAMES)):
             break
-        settled = step.in_sigmas(last) < WITHIN
+        settled = step.in_sigmas(theta - place.theta) < WITHIN
         place, step = trial, _Step.at(trial, slope, asked)
         if settled:
             break
@@ -253,6 +254,7 @@ def _slope(place: _Place, emulate: Emulation) -> Array:
         moved, variance = change(emulate(place.theta - step) if both else here, emulate(place.theta + step))
         sure = np.clip(1 - variance / np.maximum(moved**2, 1e-300), 0, 1)
         slope[:, k] = sure * moved / (step[k] * (2 if both else 1))
+    slope[NAMES.index("fan"), [k.name != "edge_fraction" for k in KEYS]] = 0.0
     return slope
 
 

@@ -234,7 +234,7 @@ class _Surroundings:
     """Where no laser light is: grey levels, distance from the stripe [px], the darkest blocks."""
 
     image: Image
-    distance: NDArray[np.float32]
+    distance: Array
     dark: Array
 
     @classmethod
@@ -242,7 +242,7 @@ class _Surroundings:
         mask = np.ones(image.shape, np.uint8)
         at = profile.peaks.uv_px.round().astype(int)
         mask[np.clip(at[:, 1], 0, image.shape[0] - 1), np.clip(at[:, 0], 0, image.shape[1] - 1)] = 0
-        distance = cv2.distanceTransform(mask, cv2.DIST_L2, 3)
+        distance = cv2.distanceTransform(mask, cv2.DIST_L2, 3).astype(float)
         height, width = (n // BLOCK_PX * BLOCK_PX for n in image.shape)
         shape = height // BLOCK_PX, BLOCK_PX, width // BLOCK_PX, BLOCK_PX
         blocks = image[:height, :width].reshape(shape).swapaxes(1, 2).reshape(-1, BLOCK_PX, BLOCK_PX).astype(float)
