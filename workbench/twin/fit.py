@@ -40,9 +40,11 @@ DAMPING = (0.0, 0.1, 1.0, 10.0)  # of a step, of the normal matrix's diagonal, u
 SETTLED, WITHIN = 0.2, 1.0  # σ: a step below is the last one of one draw, of several
 STEP, LINEAR_STEP = 0.4, 0.5  # of a key's logarithm, of a linear key, for its derivative
 RENEWED = np.array([5.0 if k.linear else STEP for k in KEYS])  # so far from where they were taken derivatives hold
-DRAWS, LAST_STEPS = 4, 4  # of emulated images that the last steps are taken on
+DRAWS, LAST_STEPS = 4, 5  # of emulated images that the last steps are taken on
+DRAWN = ((0,), (0, 1, 2))  # draws that a derivative is taken of, where patterns stay the same and where they do not
 # σ² that no figure is taken to be better than: the surface that stands for the recorded one is not it, darkness is
 FLOOR = np.diag([1e-3**2 if n in ("black", "dark_noise", "room_noise") else 0.01**2 for n in NAMES])
+CHANCE = 2.0  # σ of a change, below which it is none
 SHARES = (1.0, 0.5, 0.25)  # of the first step
 POWERS = (1.0, 0.5, 2.0, 0.25, 4.0, 0.1, 10.0, 0.03, 30.0)  # of the file's, tried in turn
 MIN_POINTS = 0.7  # of the recorded stripes': so many must be found in the emulated images
@@ -105,7 +107,7 @@ def fit_twin(
             f"with the laser on, of a smooth surface"
         )
     _check_fan(recorded, sensor)
-    total = ITERATIONS * (len(KEYS) + 2) + DRAWS * (LAST_STEPS + 1) + 1
+    total = ITERATIONS * (len(KEYS) + 6) + DRAWS * (LAST_STEPS + 1) + 1
     emulate = Emulation(sensor, config, seen_by, recorded, look, seed, progress, total)
     start = np.array([v if k.linear else np.log(v) for k, v in zip(KEYS, start_values(sensor, config), strict=True)])
     asked = _Asked(
@@ -202,8 +204,8 @@ class _Step:
         return np.asarray(step * min(1.0, float(np.min(LARGEST / np.maximum(np.abs(step), 1e-12)))))
 
     def in_sigmas(self, step: Array) -> float:
-        """Of a step, root mean square over the coordinates."""
-        return float(np.sqrt(step @ np.linalg.solve(self.by_images + self.by_prior, step) / len(step)))
+        """The largest of a step's coordinates."""
+        return float(np.max(np.abs(step) / np.sqrt(np.diag(self.by_images + self.by_prior))))
 
 
 def _descended(place: _Place, emulate: Emulation, asked: _Asked) -> tuple[_Place, Array]:
@@ -239,7 +241,7 @@ def _settled(place: _Place, slope: Array, emulate: Emulation, asked: _Asked) -> 
 
 
 def _slope(place: _Place, emulate: Emulation) -> Array:
-    """Derivative of the figures by the coordinates, (figures, keys), by an emulation each, of the grain by two.
+    """Derivative of the figures by the coordinates, (figures, keys), by an emulation each, of the grain by several.
 
     Another grain is another pattern of speckle: of a change what its own scatter from part to part explains is left
     out (the positive part of James & Stein's estimator), or chance would pass for what the images tell.
@@ -251,8 +253,11 @@ def _slope(place: _Place, emulate: Emulation) -> Array:
         if not np.allclose(within(place.theta + step), place.theta + step):
             step = -step
         both = key.pattern and bool(np.allclose(within(place.theta - step), place.theta - step))
-        moved, variance = change(emulate(place.theta - step) if both else here, emulate(place.theta + step))
-        sure = np.clip(1 - variance / np.maximum(moved**2, 1e-300), 0, 1)
+        moved, variance = change(
+            [s for d in DRAWN[both] for s in (emulate(place.theta - step, d) if both else here)],
+            [s for d in DRAWN[both] for s in emulate(place.theta + step, d)],
+        )
+        sure = np.clip(1 - CHANCE**2 * variance / np.maximum(moved**2, 1e-300), 0, 1)
         slope[:, k] = sure * moved / (step[k] * (2 if both else 1))
     slope[NAMES.index("fan"), [k.name != "edge_fraction" for k in KEYS]] = 0.0
     return slope

@@ -38,7 +38,7 @@ KEYS = (
     Key("laser", "waist_um", 0.4, 20.0, 2000.0),
     Key("laser", "edge_fraction", 0.5, 0.05, 1.0),
     Key("optics", "blur_px", 0.5, 0.21, 8.0),
-    Key("optics", "f_number", 0.5, 1.0, 32.0, pattern=True),
+    Key("optics", "f_number", 0.7, 1.0, 32.0, pattern=True),
     Key("speckle", "contrast", 0.7, 0.01, 1.0),
     Key("noise", "gain_dn_per_e", 1.0, 1e-4, 10.0),
     Key("noise", "read_noise_e", 1.0, 0.3, 500.0),
