@@ -13,6 +13,7 @@ from workbench.twin.seen import NAMES, ImageSeen
 Array = NDArray[np.float64]
 
 UNKNOWN = 0.05  # σ of a figure where single parts tell no scatter
+EXPECTED = 12  # degrees of freedom that the scatter of an emulated part from draw to draw counts for
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,24 +27,43 @@ class Difference:
 def difference(recorded: Sequence[ImageSeen], draws: Sequence[Sequence[ImageSeen]]) -> Difference:
     """Recorded less emulated, of which there may be several draws.
 
-    Part by part: what a surface does to both is in neither the mean nor the scatter. Images that differ by more than
-    their parts' scatter explains (room light, a wall behind) have a variance of their own, that of random effects.
+    Part by part: what a surface does to both is in neither the mean nor the scatter. Where there are draws, their
+    scatter is what the parts' is expected to be, and counts beside it: a variance of few parts is small by chance, and
+    would then have most of the weight. Images that differ by more than their parts' scatter explains (room light, a
+    wall behind) have a variance of their own, that of random effects.
 
     References
     ----------
     DerSimonian & Laird, "Meta-analysis in clinical trials", Controlled Clinical Trials 7 (1986).
     """
-    apart = [r.parts - _mean_of([d[k].parts for d in draws]) for k, r in enumerate(recorded)]
-    rows = np.concatenate(apart)
-    count = np.isfinite(rows).sum(0)
-    inside = [a - mean_of_rows(a) for a in apart]
-    freedom = count - sum((np.isfinite(a).any(0)).astype(int) for a in apart)
-    left = np.nan_to_num(np.concatenate(inside)) / np.sqrt(np.maximum(freedom, 1))
-    scatter = left.T @ left
+    emulated = [_mean_of([d[k].parts for d in draws]) for k in range(len(recorded))]
+    apart = [r.parts - e for r, e in zip(recorded, emulated, strict=True)]
+    count = np.isfinite(np.concatenate(apart)).sum(0)
+    scatter, freedom = _scatter(
+        [a - mean_of_rows(a) for a in apart], [np.isfinite(a).any(0).astype(int) for a in apart]
+    )
+    if len(draws) > 1:
+        left = [d[k].parts - e for d in draws for k, e in enumerate(emulated)]
+        drawn, ways = _scatter(left, [np.isfinite(e).sum(0) for e in emulated])
+        share = np.where(ways > 0, EXPECTED / (EXPECTED + freedom), 0.0)
+        mixed = np.sqrt(np.outer(share, share)) * drawn * (1 + 1 / len(draws))
+        scatter = np.sqrt(np.outer(1 - share, 1 - share)) * scatter + mixed
+        freedom = freedom + EXPECTED * (ways > 0)
     alone = freedom < 1
-    scatter[alone, alone] = UNKNOWN**2 * np.maximum(count[alone], 1)
+    scatter[alone, alone] = UNKNOWN**2
     own = scatter / np.sqrt(np.outer(np.maximum(count, 1), np.maximum(count, 1)))
-    return Difference(mean_of_rows(rows), own + np.diag(_between(apart, np.diag(scatter))))
+    mean = mean_of_rows(np.concatenate(apart))
+    return Difference(mean, own + np.diag(_between(apart, np.diag(scatter))))
+
+
+def _scatter(left: Sequence[Array], means: Sequence[NDArray[np.int64]]) -> tuple[Array, Array]:
+    """Covariance of the rows that are left (K, K), and their degrees of freedom (K,), when so many means were taken
+    off.
+    """
+    rows = np.concatenate(left)
+    freedom = np.isfinite(rows).sum(0) - np.sum(means, 0)
+    scaled = np.nan_to_num(rows) / np.sqrt(np.maximum(freedom, 1))
+    return np.asarray(scaled.T @ scaled), freedom
 
 
 def _between(apart: Sequence[Array], variance: Array) -> Array:

@@ -38,8 +38,10 @@ Array = NDArray[np.float64]
 ITERATIONS = 8
 DAMPING = (0.0, 0.1, 1.0, 10.0)  # of a step, of the normal matrix's diagonal, until the figures come nearer
 SETTLED, WITHIN = 0.2, 1.0  # σ: a step below is the last one of one draw, of several
-STEP, LINEAR_STEP = 0.4, 0.5  # of a key's logarithm, of a linear key, for its derivative
-RENEWED = np.array([5.0 if k.linear else STEP for k in KEYS])  # so far from where they were taken derivatives hold
+# for derivatives: of a logarithm, of a linear key, of one whose change is small beside another pattern's chance
+STEP, LINEAR_STEP, PATTERN_STEP = 0.4, 0.5, 0.6
+# so far from where they were taken derivatives hold
+RENEWED = np.array([5.0 if k.linear else STEP / 2 if k.pattern else STEP for k in KEYS])
 DRAWS, LAST_STEPS = 4, 5  # of emulated images that the last steps are taken on
 DRAWN = ((0,), (0, 1, 2))  # draws that a derivative is taken of, where patterns stay the same and where they do not
 # σ² that no figure is taken to be better than: the surface that stands for the recorded one is not it, darkness is
@@ -114,8 +116,9 @@ def fit_twin(
         recorded, TO_KEYS.T @ np.diag([k.prior**-2 for k in KEYS]) @ TO_KEYS, np.linalg.solve(TO_KEYS, start)
     )
     start[[k.name for k in KEYS].index("black_level")] = seen_by.require_camera().black_level
-    place, slope = _descended(_begun(np.linalg.solve(TO_KEYS, start), emulate, asked), emulate, asked)
-    place, step, converged = _settled(place, slope, emulate, asked)
+    slopes = _Slopes(emulate)
+    place = _descended(_begun(np.linalg.solve(TO_KEYS, start), emulate, asked), slopes, emulate, asked)
+    place, step, converged = _settled(place, slopes, emulate, asked)
     twin_sensor, twin_config = sensor_with(place.theta, sensor, config)
     chi2_per_dof = place.misfit / max(int(np.isfinite(place.apart.mean).sum()) - step.told, 1.0)
     # figures that differ by more than their scatter say how far the emulator is off: σ hold it too (Birge's ratio)
@@ -208,33 +211,47 @@ class _Step:
         return float(np.max(np.abs(step) / np.sqrt(np.diag(self.by_images + self.by_prior))))
 
 
-def _descended(place: _Place, emulate: Emulation, asked: _Asked) -> tuple[_Place, Array]:
-    """Down the cost of one draw, as far as it goes; the derivatives there."""
-    slope, at = _slope(place, emulate), place.theta
+class _Slopes:
+    """Derivatives of the figures, taken anew where those that there are hold no more."""
+
+    def __init__(self, emulate: Emulation) -> None:
+        self._emulate = emulate
+        self._at, self._slope = np.full(len(KEYS), np.inf), np.zeros((len(NAMES), len(KEYS)))
+
+    def hold(self, place: _Place) -> bool:
+        """Whether a place is near where they were taken."""
+        return bool(np.all(np.abs(place.theta - self._at) <= RENEWED))
+
+    def at(self, place: _Place) -> Array:
+        """Derivatives (figures, keys) about a place."""
+        if not self.hold(place):
+            self._at, self._slope = place.theta, _slope(place, self._emulate)
+        return self._slope
+
+
+def _descended(place: _Place, slopes: _Slopes, emulate: Emulation, asked: _Asked) -> _Place:
+    """Down the cost of one draw, as far as it goes."""
     for _ in range(ITERATIONS):
-        step = _Step.at(place, slope, asked)
+        step = _Step.at(place, slopes.at(place), asked)
         moved, last = _nearer(place, step, emulate, asked)
         place = moved or place
-        old = bool(np.any(np.abs(place.theta - at) > RENEWED))
-        if not old and (moved is None or step.in_sigmas(last) < SETTLED):
+        if moved is None or (slopes.hold(place) and step.in_sigmas(last) < SETTLED):
             break
-        if old:
-            slope, at = _slope(place, emulate), place.theta
-    return place, slope
+    return place
 
 
-def _settled(place: _Place, slope: Array, emulate: Emulation, asked: _Asked) -> tuple[_Place, _Step, bool]:
+def _settled(place: _Place, slopes: _Slopes, emulate: Emulation, asked: _Asked) -> tuple[_Place, _Step, bool]:
     """The last steps, on the mean of draws: by chance another pattern is dearer, cost only ends what strays."""
     place = asked.place(place.theta, *(emulate(place.theta, k) for k in range(DRAWS)))
-    step, settled = _Step.at(place, slope, asked), False
+    step, settled = _Step.at(place, slopes.at(place), asked), False
     for _ in range(LAST_STEPS):
         theta = within(place.theta + step.damped(0.0))
         trial = asked.place(theta, *(emulate(theta, k) for k in range(DRAWS)))
         before, after = (asked.cost(p, place.variance) for p in (place, trial))
         if not asked.enough(trial.seen) or after > 2 * max(before, len(NAMES)):
             break
-        settled = step.in_sigmas(theta - place.theta) < WITHIN
-        place, step = trial, _Step.at(trial, slope, asked)
+        settled = slopes.hold(trial) and step.in_sigmas(theta - place.theta) < WITHIN
+        place, step = trial, _Step.at(trial, slopes.at(trial), asked)
         if settled:
             break
     return place, step, settled
@@ -249,7 +266,7 @@ def _slope(place: _Place, emulate: Emulation) -> Array:
     slope, here = np.zeros((len(NAMES), len(KEYS))), emulate(place.theta)
     for k, key in enumerate(KEYS):
         step = np.zeros(len(KEYS))
-        step[k] = LINEAR_STEP if key.linear else STEP
+        step[k] = LINEAR_STEP if key.linear else PATTERN_STEP if key.pattern else STEP
         if not np.allclose(within(place.theta + step), place.theta + step):
             step = -step
         both = key.pattern and bool(np.allclose(within(place.theta - step), place.theta - step))
