@@ -17,14 +17,14 @@ EXPECTED = 12  # degrees of freedom that the scatter of an emulated part from dr
 
 
 @dataclass(frozen=True, eq=False)
-class Difference:
+class FigureDifference:
     """Means (K,) of recorded less emulated figures over all parts, NaN where none tells; their covariance (K, K)."""
 
     mean: Array
     covariance: Array
 
 
-def difference(recorded: Sequence[ImageSeen], draws: Sequence[Sequence[ImageSeen]]) -> Difference:
+def difference(recorded: Sequence[ImageSeen], draws: Sequence[Sequence[ImageSeen]]) -> FigureDifference:
     """Recorded less emulated, of which there may be several draws.
 
     Part by part: what a surface does to both is in neither the mean nor the scatter. Where there are draws, their
@@ -53,7 +53,7 @@ def difference(recorded: Sequence[ImageSeen], draws: Sequence[Sequence[ImageSeen
     scatter[alone, alone] = UNKNOWN**2
     own = scatter / np.sqrt(np.outer(np.maximum(count, 1), np.maximum(count, 1)))
     mean = mean_of_rows(np.concatenate(apart))
-    return Difference(mean, own + np.diag(_between(apart, np.diag(scatter))))
+    return FigureDifference(mean, own + np.diag(_between(apart, np.diag(scatter))))
 
 
 def _scatter(left: Sequence[Array], means: Sequence[NDArray[np.int64]]) -> tuple[Array, Array]:

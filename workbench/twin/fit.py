@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from extraction import StripeConfig
 from geometry import InputError, Sensor
 from perceptron_emu import EmulatorConfig
-from workbench.twin.differences import Difference, change, difference, figures
+from workbench.twin.differences import FigureDifference, change, difference, figures
 from workbench.twin.emulation import Emulation, Progress, seen_level
 from workbench.twin.keys import (
     KEYS,
@@ -166,7 +166,7 @@ class _Place:
 
     theta: Array
     seen: tuple[ImageSeen, ...]
-    apart: Difference
+    apart: FigureDifference
 
     @property
     def variance(self) -> Array:
