@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from extraction import StripeConfig
 from geometry import Pose, Sensor
 from perceptron_emu import EmulatorConfig, Material, Scene, Solid, profile_strip, render
-from workbench.twin.keys import sensor_with
+from workbench.twin.keys import rounded_keys, sensor_with
 from workbench.twin.seen import NAMES, ImageSeen, Look, see, smooth
 
 Array = NDArray[np.float64]
@@ -79,7 +79,7 @@ def seen_level(recorded: Sequence[ImageSeen]) -> float:
     """The black level that the recorded images show; 0 where no block of them is dark."""
     levels = np.concatenate([s.parts[:, NAMES.index("black")] for s in recorded])
     levels = levels[np.isfinite(levels)]
-    return max(float(levels.mean()), 0.0) if len(levels) else 0.0
+    return float(rounded_keys(max(float(levels.mean()), 0.0))) if len(levels) else 0.0
 
 
 def _surface(seen: ImageSeen) -> tuple[Solid, ...]:

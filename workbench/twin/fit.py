@@ -28,6 +28,7 @@ from workbench.twin.keys import (
     fitted,
     rounded_keys,
     sensor_with,
+    significant,
     start_values,
     within,
 )
@@ -120,7 +121,8 @@ def fit_twin(
     place = _descended(_begun(np.linalg.solve(TO_KEYS, start), emulate, asked), slopes, emulate, asked)
     place, step, converged = _settled(place, slopes, emulate, asked)
     twin_sensor, twin_config = sensor_with(place.theta, sensor, config)
-    chi2_per_dof = place.misfit / max(int(np.isfinite(place.apart.mean).sum()) - step.told, 1.0)
+    freedom = int(np.isfinite(place.apart.mean).sum()) - step.told
+    chi2_per_dof = significant(place.misfit / max(freedom, 1.0))
     # figures that differ by more than their scatter say how far the emulator is off: σ hold it too (Birge's ratio)
     keys = fitted(place.theta, step.by_images * max(1.0, chi2_per_dof) + step.by_prior)
     return Twin(twin_sensor, twin_config, keys, recorded, place.seen, chi2_per_dof, converged, look.clipped_too)
