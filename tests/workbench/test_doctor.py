@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 from tests.workbench.helpers import Cli, edit
@@ -57,6 +58,40 @@ def test_a_broken_file_hides_no_other(dataset: Path) -> None:
     assert "b_mm" in lines["robot.toml"][1]
     assert lines["jig.toml"][0] == "missing"
     assert lines["sensor.toml"][0] == "ok"
+
+
+def test_every_wrong_row_is_named_and_hides_no_other(dataset: Path) -> None:
+    path = dataset / "frames.csv"
+    header, *rows = path.read_text().splitlines()
+    cells = [row.split(",") for row in rows]
+    cells[1][4] = "about 12"
+    cells[4][0] = cells[3][0]
+    cells[7][2] = cells[7][2].lower()
+    cells[8][3] = "test"
+    path.write_text("\n".join([header, *map(",".join, cells)]) + "\n")
+    found = [f for f in examine_cell(dataset) if f.what == "frames.csv"]
+    assert [f.state for f in found] == ["broken"] * 4
+    for finding, words in zip(
+        found,
+        ('line 3, column j1_deg: "about 12"', 'line 10, column role: "test"', "line 6: frame 3 stands", "line 9: loc"),
+        strict=True,
+    ):
+        assert words in finding.detail
+    lines = _lines(dataset)
+    assert lines["frame 0"] == ("ok", "calibrate at A: images/000.png")
+    assert "frame 1" not in lines
+
+
+def test_as_json(cli: Cli, dataset: Path, tmp_path: Path) -> None:
+    """The same findings as one object, in the same order, with the same exit code."""
+    result = cli("doctor", dataset, "--json")
+    said = json.loads(result.out)
+    assert (result.code, said["usable"]) == (0, True)
+    assert [(f["state"], f["what"], f["detail"]) for f in said["findings"]] == [
+        (f.state, f.what, f.detail) for f in examine_cell(dataset)
+    ]
+    result = cli("doctor", tmp_path / "nothing", "--json")
+    assert (result.code, json.loads(result.out)["usable"]) == (2, False)
 
 
 def test_no_dataset_at_all(tmp_path: Path) -> None:

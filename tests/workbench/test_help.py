@@ -13,7 +13,7 @@ import pytest
 
 from workbench.cli.lazy import COMMANDS, load
 
-WITHOUT_JSON = {"convert", "datasheet", "doctor", "init", "render"}  # they write files, or words alone
+WITHOUT_JSON = {"convert", "datasheet", "init", "render"}  # they write files, or words alone
 PLACES = {"DATASET", "FOLDER", "RUN", "IMAGES", "PRESET", "IMAGE", "IN", "OUT", "PROFILES"}
 
 

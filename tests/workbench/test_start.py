@@ -5,6 +5,7 @@ Does not prove that it is quick: the time itself is the machine's.
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from importlib import import_module
@@ -21,10 +22,10 @@ FACES = (
 )  # fmt: skip
 NEVER = (
     "scipy.stats", "scipy.optimize", "scipy.linalg", "scipy.spatial", "scipy.ndimage", "skimage", "trimesh", "networkx",
-    "matplotlib", "numpy.f2py", "numpy.testing", "pyrender", "jinja2", "perceptron_emu.scene", "extraction.gapflush",
-    "extraction.board", "extraction.stripe.pipeline", "workbench.plan", "workbench.report.page",
+    "scipy.special", "matplotlib", "numpy.f2py", "numpy.testing", "pyrender", "jinja2", "perceptron_emu.scene",
+    "extraction.gapflush", "extraction.board", "extraction.stripe.pipeline", "workbench.plan", "workbench.report.page",
 )  # fmt: skip
-OF_PROFILES = (*NEVER, "numba", "cv2", "extraction.spots")
+OF_PROFILES = (*NEVER, "numpy.polynomial", "numba", "cv2", "extraction.spots")
 OF_IMAGES = (*NEVER, "workbench.profiles.files")
 
 
@@ -62,5 +63,21 @@ def test_special_functions_come_from_one_place() -> None:
     packages = ("geometry", "jig_cad", "extraction", "calib", "perceptron_emu", "workbench")
     files = [file for package in packages for file in (root / package).rglob("*.py")]
     assert [f.name for f in files if "scipy.special" in f.read_text().replace("`", "")] == ["special.py"]
-    code = "import geometry.special, numpy\nassert numpy.testing.assert_equal and numpy.f2py.__file__"
+    code = (
+        "import geometry.special as ours, numpy, scipy.special\nassert scipy.special.erf is ours.erf and numpy.testing"
+    )
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+@pytest.mark.parametrize(
+    ("said", "blas"), [({}, "1"), ({"OMP_NUM_THREADS": "2"}, "None"), ({"OPENBLAS_NUM_THREADS": "2"}, "2")]
+)
+def test_a_command_has_one_thread_of_linear_algebra(said: dict[str, str], blas: str) -> None:
+    """Unless the user says otherwise; told before numpy is imported, which looks but once."""
+    code = (
+        "import os, sys\nfrom workbench.cli import main\nassert 'numpy' not in sys.modules\n"
+        "main.run = lambda _: print(os.environ.get('OPENBLAS_NUM_THREADS')) or 0\nmain.main()"
+    )
+    clean = {k: v for k, v in os.environ.items() if k not in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")}
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env=clean | said)
+    assert done.stdout.split() == [blas]

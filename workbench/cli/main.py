@@ -19,6 +19,9 @@ LOST = ("importlib._bootstrap", f"{os.sep}llvmlite{os.sep}", f"{os.sep}pydantic{
 # objects that come to be between two searches for unreachable ones. Of Python's 700, modules being imported cause
 # hundreds of searches that find nothing, a fifth of a second
 NEW_OBJECTS = 100_000
+# linear algebra on one thread: matrices here are small, and a thread that waits for the next one takes its core all the
+# same (a calibration took twice the processor time)
+ONE_BLAS_THREAD = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 
 
 def run(arguments: Sequence[str]) -> int:
@@ -33,6 +36,9 @@ def main() -> None:
     signal.signal(signal.SIGINT, interrupted)
     sys.unraisablehook = _unraisable
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # looked for in all that is installed
+    if "OMP_NUM_THREADS" not in os.environ:  # which speaks for all of them
+        for name in ONE_BLAS_THREAD:
+            os.environ.setdefault(name, "1")
     gc.set_threshold(NEW_OBJECTS, *gc.get_threshold()[1:])
     code = 1  # of what is raised beyond `run`
     atexit.register(lambda: _leave(code))  # registered first, done last, once threads have ended

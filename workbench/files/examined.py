@@ -24,6 +24,7 @@ from workbench.files.truth_file import read_truth
 
 FEWEST_FRAMES = 6  # of role calibrate: below it hardly any set of views tells the SCP from the target's place
 MOST_STRANGERS = 5  # images without a row that are named one by one
+MOST_ROWS = 20  # wrong rows of a table that are named one by one
 
 T = TypeVar("T")
 State = Literal["ok", "missing", "doubtful", "broken"]
@@ -149,6 +150,7 @@ def _about_frames(
         yield FileFinding("missing", file.frames or "frames", "no table of frames: a row for each image is needed")
         return
     said: list[str] = []
+    wrong: list[InputError] = []
     try:
         frames = read_frames(
             folder / file.frames,
@@ -156,16 +158,18 @@ def _about_frames(
             may_be_empty=True,
             remark=said.append,
             poses=None if file.poses is None else controller_poses(file.poses),
+            wrong=wrong.append,
         )
     except InputError as error:
         yield FileFinding("broken", file.frames, str(error))
         return
     yield from (FileFinding("doubtful", file.frames, text) for text in said)
-    if not frames:
+    yield from _wrong_rows(file.frames, wrong)
+    if not frames and not wrong:
         yield FileFinding(
             "missing", file.frames, "holds a header and no rows yet: one for each image or profile is needed"
         )
-    else:
+    elif not wrong:
         yield FileFinding("ok", file.frames, f"{len(frames)} rows")
     points = folder / (file.points or "points.csv")
     from_points = points.exists() and not any(f.image and (folder / f.image).exists() for f in frames)
@@ -187,6 +191,13 @@ def _about_frames(
     yield from _strangers(folder, frames)
     if frames:
         yield from _counts(usable)
+
+
+def _wrong_rows(name: str, wrong: list[InputError]) -> Iterator[FileFinding]:
+    """Rows that can not be read, each by its line: all are mended in one go."""
+    yield from (FileFinding("broken", name, str(error)) for error in wrong[:MOST_ROWS])
+    if len(wrong) > MOST_ROWS:
+        yield FileFinding("broken", name, f"and {len(wrong) - MOST_ROWS} further rows that can not be used")
 
 
 def _frame(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import islice
 from pathlib import Path
 
@@ -16,6 +16,7 @@ from workbench.files.tables.poses_section import CONFIGURATION_COLUMNS, Controll
 from workbench.files.tables.table import Row, Table, read_table
 
 Array = NDArray[np.float64]
+Wrong = Callable[[InputError], None]  # told of a row that can not be used
 
 POSE_COLUMNS = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
 ROLES = ("calibrate", "verify")
@@ -36,6 +37,7 @@ def read_frames(
     may_be_empty: bool = False,
     remark: Remark = no_remark,
     poses: ControllerPoses | None = None,
+    wrong: Wrong | None = None,
 ) -> tuple[Frame, ...]:
     """The rows of frames.csv, joint readings in radians.
 
@@ -52,6 +54,8 @@ def read_frames(
         Told of columns that are ignored.
     poses
         How a controller gives the hand, in columns of its own; None: joints or T_base_hand.
+    wrong
+        Told of each row that can not be used, which is left out then; None: the first one is raised.
 
     Returns
     -------
@@ -75,13 +79,13 @@ def read_frames(
     if poses is None:
         _check_no_controllers_columns(table, remark)
     columns = _check_motion_columns(table, n_joints, POSE_COLUMNS if poses is None else poses.columns)
-    rows = tuple(_row(row, n_joints or 0, columns, poses) for row in islice(table.rows, MAX_FRAMES + 1))
+    told = _raised if wrong is None else wrong
+    rows = tuple(_rows(islice(table.rows, MAX_FRAMES + 1), n_joints or 0, columns, poses, told))
     if len(rows) > MAX_FRAMES:
         raise InputError(f"{path}: holds more than {MAX_FRAMES:,} frames, which no dataset needs")
     if not rows and not may_be_empty:
         raise InputError(f"{path}: holds a header but no frames")
-    _check_numbers(path, rows)
-    _check_locations(path, rows)
+    rows = _of_one_mind(path, rows, told)
     if rows and not columns:
         _check_degrees(path, rows)
     if poses is not None and columns:
@@ -143,6 +147,20 @@ def _check_motion_columns(table: Table, n_joints: int | None, pose_columns: Sequ
     return ()
 
 
+def _raised(error: InputError) -> None:
+    raise error
+
+
+def _rows(
+    rows: Iterable[Row], n_joints: int, columns: Sequence[str], poses: ControllerPoses | None, wrong: Wrong
+) -> Iterator[Frame]:
+    for row in rows:
+        try:
+            yield _row(row, n_joints, columns, poses)
+        except InputError as error:
+            wrong(error)
+
+
 def _row(row: Row, n_joints: int, columns: Sequence[str], poses: ControllerPoses | None) -> Frame:
     common = {
         "number": row.whole("frame"),
@@ -185,24 +203,27 @@ def _within(row: Row, column: str, limit: float) -> float:
     return value
 
 
-def _check_numbers(path: Path, rows: tuple[Frame, ...]) -> None:
-    seen: dict[int, int] = {}
-    for row in rows:
-        if row.number in seen:
-            raise InputError(f"{path}, line {row.line}: frame {row.number} stands already on line {seen[row.number]}")
-        seen[row.number] = row.line
+def _of_one_mind(path: Path, rows: tuple[Frame, ...], wrong: Wrong) -> tuple[Frame, ...]:
+    """Rows whose number no row before has, and whose location is spelt and used as there.
 
-
-def _check_locations(path: Path, rows: tuple[Frame, ...]) -> None:
-    """One spelling and one role a location: a location that solves can not verify."""
+    A location that solves can not verify.
+    """
+    seen: dict[int, Frame] = {}
     first: dict[str, Frame] = {}
     for row in rows:
-        before = first.setdefault(row.location.casefold(), row)
+        before = first.get(row.location.casefold(), row)
         where = f'{path}, line {row.line}: location "{row.location}"'
-        if before.location != row.location:
-            raise InputError(f'{where} is "{before.location}" on line {before.line}; one spelling is right')
-        if before.role != row.role:
-            raise InputError(f"{where} has role {row.role}, on line {before.line} {before.role}; one role is right")
+        if row.number in seen:
+            twice = f"frame {row.number} stands already on line {seen[row.number].line}"
+            wrong(InputError(f"{path}, line {row.line}: {twice}"))
+        elif before.location != row.location:
+            wrong(InputError(f'{where} is "{before.location}" on line {before.line}; one spelling is right'))
+        elif before.role != row.role:
+            wrong(InputError(f"{where} has role {row.role}, on line {before.line} {before.role}; one role is right"))
+        else:
+            seen[row.number] = row
+            first.setdefault(row.location.casefold(), row)
+    return tuple(seen.values())
 
 
 def names_profiles(path: Path) -> bool:
