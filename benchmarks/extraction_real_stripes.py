@@ -6,6 +6,9 @@ frames. Each method's points are cut into runs of 40 sections that follow each o
 "residual" is the median over runs of the root mean square that is left, "over σ" the same of residuals divided by the
 points' stated σ; "about a cubic" the same where a cubic is taken off in the line's place; "even" that of even sections,
 their line fitted to odd ones alone. Others' points are taken in the sections that we found.
+"by eye": of the sections of real_stripes_truth.txt, which says how it was read, those with a point within 3 px, flagged
+or not; "false": points without a flag further off, or where there is no stripe, over all points judged. Then pictures
+without a laser, of which every point without a flag is false.
 Run: python benchmarks/extraction_real_stripes.py FOLDER   (RIDGE_PYTHON=… names an
 interpreter with ridge-detector)
 """
@@ -33,6 +36,8 @@ SETS: dict[str, tuple[str, str, int | None]] = {  # folder, files, channel
     "bust": (BUST, "laser.png", 2),
     "pattern": (PATTERN, "laser-0-255-255-8.png", 2),
 }
+TRUTH, TOLERANCE_PX = Path(__file__).with_name("real_stripes_truth.txt"), 3.0
+SHORT = {"etna2": "etna, second set"}  # the truth's name of a set
 OFF = {"bust": "laser_background.png", "pattern": "laser-background-0-255-255-8.png"}
 Method = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
@@ -121,11 +126,73 @@ def residual(section: np.ndarray, place: np.ndarray, fitted: slice, judged: slic
     return left * (np.sqrt(len(x) / (len(x) - 2)) if fitted == judged else 1 / np.sqrt(1 + 4 / len(x)))
 
 
+def truths() -> list[tuple[str, str, np.ndarray]]:
+    """Set, file and, by section, the stripe's place by eye: NaN where nothing is said, infinite where there is none."""
+    out: list[tuple[str, str, np.ndarray]] = []
+    lines = [line for line in TRUTH.read_text().splitlines() if not line.startswith("#")]
+    text = "\n".join(lines).replace(",", "\n").replace("/", "\n/\n")
+    alone, last = False, -1
+    for line in text.splitlines():
+        words = line.split()
+        if not words:
+            continue
+        if "." in words[-1]:
+            out.append((SHORT.get(words[0], words[0]), words[1], np.full(2000, np.nan)))
+            alone, last = False, -1
+        elif words[0] == "/":
+            last = -1
+        elif words[0] == "none":
+            out[-1][2][int(words[1]) : int(words[2]) + 1], last = np.inf, -1
+        else:
+            alone |= words[0] == "alone"
+            section, place = (int(x) for x in words[-2:])
+            place_of = out[-1][2]
+            place_of[section] = place
+            if last >= 0 and not alone:
+                place_of[last : section + 1] = np.linspace(place_of[last], place, section - last + 1)
+            last = section
+    return out
+
+
+def by_eye(peaks: StripePeaks, stripes: list[np.ndarray]) -> np.ndarray:
+    """Sections of the truth, those right, points judged, and those false without a flag."""
+    place, section = peaks.uv_px[:, 0 if abs(peaks.normal[:1, 0]).sum() > 0.5 else 1], peaks.section
+    off = np.array([np.abs(place - truth[section]) for truth in stripes]).reshape(len(stripes), -1)
+    said = ~np.isnan(off).all(axis=0) if len(peaks) else np.zeros(0, bool)
+    near = (off <= TOLERANCE_PX).any(axis=0)
+    true = np.flatnonzero(np.isfinite(stripes).any(axis=0))
+    right = np.intersect1d(true, section[near])
+    return np.array([len(true), len(right), said.sum(), (said & ~near & (peaks.flag == 0)).sum()])
+
+
+def print_by_eye(real: Path) -> None:
+    """What is right by eye in each set, and the points given without a laser."""
+    sums: dict[str, np.ndarray] = {}
+    every = truths()
+    for name, file in dict.fromkeys((name, file) for name, file, _ in every):
+        folder, _, channel = SETS[name]
+        image = read(real / folder / file, channel)
+        off = read(real / folder / OFF[name], channel) if name in OFF else None
+        found = by_eye(detect_stripe(image, laser_off=off), [t for n, f, t in every if (n, f) == (name, file)])
+        sums[name] = sums.get(name, 0) + found
+        print(f"  {name} {file}: {found[1]} of {found[0]} sections, {found[3]} of {found[2]} points false")
+    for name, (sections, right, points, false) in sums.items():
+        print(f"{name:18s} by eye: right {100 * right / sections:.1f} %, false {100 * false / max(points, 1):.2f} %")
+    dark = [real / SETS[name][0] / off for name, off in OFF.items()]
+    dark += sorted((real / "ciclop/4.2. Camera calibration/captures").glob("*"))
+    given = [detect_stripe(read(file, channel)) for file in dark for channel in (0, 1, 2)]
+    some = sum(len(p) > 0 for p in given)
+    print(
+        f"without a laser: {len(given)} channels, points in {some}, {sum((p.flag == 0).sum() for p in given)} unflagged"
+    )
+
+
 def main() -> None:
     """Print a line per set and method."""
     real = Path(sys.argv[1] if len(sys.argv) > 1 else "real")
     if not real.is_dir():
         sys.exit(f"{real} is not there: name the folder of real images")
+    print_by_eye(real)
     others: dict[str, Method] = {
         "centre of mass": centre_of_mass,
         "log-parabola": log_parabola,

@@ -57,8 +57,8 @@ def _lines(result: CalibrationResult) -> Iterator[str]:
 
 def _numbers(values: np.ndarray, sigmas: np.ndarray | None) -> str:
     if sigmas is None:
-        return "   ".join(f"{v:.4f}" for v in values)
-    return "   ".join(f"{v:.4f} ± {s:.4f}" for v, s in zip(values, sigmas, strict=True))
+        return "   ".join(f"{v:z.4f}" for v in values)
+    return "   ".join(f"{v:z.4f} ± {s:.4f}" for v, s in zip(values, sigmas, strict=True))
 
 
 def _figure(value: float | None) -> str:

@@ -44,6 +44,41 @@ def kth_smallest(values: NDArray[Any], k: int) -> float:
 
 
 @kernel
+def kth_smallest_level(values: NDArray[np.float32], k: int) -> float:
+    """`kth_smallest` of float32, which stay as they are: by counting their bytes, the highest first.
+
+    Of some hundred it takes half as long.
+    """
+    n = len(values)
+    if n == 0:
+        return 0.0
+    bits, key, count = values.view(np.uint32), np.empty(n, np.uint32), np.empty(256, np.int64)
+    sign, eight = np.uint32(0x80000000), np.uint32(255)
+    for i in range(n):  # as numbers without a sign, that are in the same order
+        key[i] = ~bits[i] if bits[i] >= sign else bits[i] | sign
+    for byte in range(4):
+        shift = np.uint32(24 - 8 * byte)
+        for i in range(256):
+            count[i] = 0
+        for i in range(n):
+            count[(key[i] >> shift) & eight] += 1
+        wanted = 0
+        while k >= count[wanted]:
+            k -= count[wanted]
+            wanted += 1
+        left = 0
+        for i in range(n):
+            x = key[i]
+            key[left] = x
+            left += 1 if ((x >> shift) & eight) == wanted else 0
+        n = left
+        if n == 1:
+            break
+    key[0] = key[0] ^ sign if key[0] >= sign else ~key[0]
+    return float(key.view(np.float32)[0])
+
+
+@kernel
 def median(values: NDArray[Any]) -> float:
     """The median of finite values (N,), which are left in another order; 0 of none."""
     n = len(values)

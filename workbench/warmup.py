@@ -75,6 +75,7 @@ def measure_stripes() -> None:
         image = draw(kind, np.random.default_rng(3)).image
         for grey in (image, image.astype(np.uint16)):  # compiled for both: what is not of 8 bits is 32 bits wide inside
             detect_stripe(grey, StripeConfig(along_normal=True))
+    detect_stripe(draw("lit_board", np.random.default_rng(1)).image)  # full of other ridges
 
 
 def _pairs_of_spots(shape: tuple[int, int]) -> np.ndarray:

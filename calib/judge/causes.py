@@ -184,8 +184,8 @@ def _drawing(v: ScrewViews, jig: Jig, design: Pose | None) -> str:
     degrees, mm = X.fixed_xyz_deg, X.t
     says = (
         "[scp_initial] of cell.toml is not where the sensor is: the motions of hand and jig agree, and by them "
-        f"rotation_deg is about [{degrees[0]:.0f}, {degrees[1]:.0f}, {degrees[2]:.0f}] and translation_mm about "
-        f"[{mm[0]:.0f}, {mm[1]:.0f}, {mm[2]:.0f}]"
+        f"rotation_deg is about [{degrees[0]:z.0f}, {degrees[1]:z.0f}, {degrees[2]:z.0f}] and translation_mm about "
+        f"[{mm[0]:z.0f}, {mm[1]:z.0f}, {mm[2]:z.0f}]"
     )
     return f"{says}; {_turn_words(off[3:], angle)}" if angle >= _ELSEWHERE_DEG else f"{says}; it is {shift:.0f} mm off"
 

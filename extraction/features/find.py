@@ -151,7 +151,7 @@ def _sphere(search: FeatureSearch) -> TargetPoints:
     rivals = [a for a in arcs[1:] if _is_rival(search, a, arcs[0])]
     if rivals:
         first, second = (a.curve.centre_mm for a in (arcs[0], rivals[0]) if isinstance(a.curve, Circle))
-        where = f"at (y, z) = ({first[0]:.1f}, {first[1]:.1f}) and ({second[0]:.1f}, {second[1]:.1f}) mm"
+        where = f"at (y, z) = ({first[0]:z.1f}, {first[1]:z.1f}) and ({second[0]:z.1f}, {second[1]:z.1f}) mm"
         text = f"two balls are in view, {where}, and nothing tells which one is meant"
         return replace(search.none(text), rivals=len(rivals))
     return _points(search, [arcs[0]])

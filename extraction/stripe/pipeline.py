@@ -34,6 +34,7 @@ from extraction.stripe.sections import (
     learn_ground,
     level_ground,
     localise_along_normal,
+    off_course,
     tails_kept,
     true_sigma,
     walk_tails,
@@ -181,8 +182,7 @@ def _detect(
     clip_dn: float | None, black_dn: float, tails: bool = False,
 ) -> StripePeaks:  # fmt: skip
     """`detect_stripe`, with the sections beyond the ends where they are asked for."""
-    columns = config if config.direction == "rows" else config.model_copy(update={"direction": "columns"})
-    found = find(stripe_view(image, columns, laser_off, mask, clip_dn, black_dn), config)
+    found = find(stripe_view(image, config, laser_off, mask, clip_dn, black_dn), config)
     return _localise(found, config, tails)
 
 
@@ -194,7 +194,13 @@ def _localise(found: Found, config: StripeConfig, tails: bool) -> StripePeaks:
     fits = fit_pairs(view, places, fits, noise, config)
     fits = fit_faint(view, places, fits, config.min_snr)
     near = _near(fits, places.centre_px, places.width_px, config.min_width_px, config.max_width_px)
-    _doubt_gappy(near & (fits["snr"] >= _SEEN), places.stripe, places.doubt)
+    lit = np.ones(len(places), np.bool_) if found.lit is None else found.lit
+    _doubt_gappy((near & (fits["snr"] >= _SEEN)) | ~lit, places.stripe, places.doubt)
+    if found.lit is not None and len(places):
+        course = np.array([s.course for s in found.stripes], np.int32)[places.stripe]
+        away = off_course(places.section, course, fits, near & lit)
+        places.doubt[away | ~lit] = True
+        near &= lit | ~away
     high = (fits["amplitude"] >= config.min_amplitude_dn) & (fits["snr"] >= config.min_snr)
     good = np.flatnonzero(near & high & np.isfinite(fits["variance"]))
     refused = dict(found.refused)
@@ -413,29 +419,36 @@ def _peaks(
 ) -> StripePeaks:
     """The fits (N,) as points of the image. length: of the correlation, in sections. refused: ridges by reason."""
     section = places.section
-    chi2 = fits["chi2"] / np.maximum(fits["dof"], 1)
-    near_border = np.minimum(fits["centre"] - fits["low"], fits["high"] - 1 - fits["centre"])
-    flag = (
-        SATURATED * (fits["clipped"] > 0)
-        + SHAPE * (chi2 > config.max_chi2_per_dof)
-        + EDGE * (near_border < 1.5 * fits["width"])
-        + AMBIGUOUS * places.doubt
-    )
+    centre, sigma, chi2, flag = (np.empty(len(section), t) for t in (float, float, float, np.uint8))
+    _facts(fits, places.doubt, config.max_chi2_per_dof, centre, sigma, chi2, flag)
     zero = np.zeros(len(section))
     return StripePeaks(
         section=section + np.int32(view.first_section),
-        uv_px=view.uv_px(section.astype(float), fits["centre"]),
+        uv_px=view.uv_px(section, centre),
         normal=view.directions(zero, zero + 1),
-        sigma_px=np.sqrt(fits["variance"]),
+        sigma_px=sigma,
         amplitude_dn=fits["amplitude"].copy(),
         width_px=fits["width"].copy(),
         background_dn=fits["background"].copy(),
         chi2_per_dof=chi2,
-        flag=flag.astype(np.uint8),
-        piece=_pieces(section, places.stripe, fits["centre"].copy()),
+        flag=flag,
+        piece=_pieces(section, places.stripe, centre),
         correlation_sections=length,
         refused=refused,
     )
+
+
+@kernel
+def _facts(
+    fits: Records, doubt: Mask, most_chi2: float, centre: Array, sigma: Array, chi2: Array, flag: NDArray[np.uint8]
+) -> None:
+    """Centre, its σ, χ² per degree of freedom and flag of each fit (N,)."""
+    for i in range(len(fits)):
+        row = fits[i]
+        centre[i], sigma[i], chi2[i] = row.centre, math.sqrt(row.variance), row.chi2 / max(row.dof, 1.0)
+        clipped, misshapen = SATURATED * (row.clipped > 0), SHAPE * (chi2[i] > most_chi2)
+        cut = EDGE * (min(row.centre - row.low, row.high - 1 - row.centre) < 1.5 * row.width)
+        flag[i] = clipped + misshapen + cut + AMBIGUOUS * doubt[i]
 
 
 @kernel

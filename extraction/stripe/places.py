@@ -58,7 +58,10 @@ class Places:
 
 @dataclass(frozen=True, eq=False)
 class StripeFacts:
-    """What selection asks of a stripe: whether it is a ghost, and the number of the first of its pair, or its own."""
+    """What is asked of a stripe: whether it is a ghost; the number of the first of its pair, or its own; the number of
+    the course that it is a piece of.
+    """
 
     ghost: bool
     pair: int
+    course: int

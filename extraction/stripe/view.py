@@ -49,10 +49,12 @@ class StripeView:
         """What the kernels take."""
         return Pixels(self.grey, self.left_out)
 
-    def uv_px(self, section: Array, along: Array) -> Array:
+    def uv_px(self, section: Array | IntArray, along: Array) -> Array:
         """Image coordinates (N, 2) of places ``along`` sections."""
-        pair = (along, section) if self.turned else (section, along)
-        return np.column_stack(pair) + self.origin_px
+        out = np.empty((len(section), 2))
+        out[:, 1 if self.turned else 0], out[:, 0 if self.turned else 1] = section, along
+        out += self.origin_px
+        return out
 
     def directions(self, across: Array, along: Array) -> Array:
         """Image directions (N, 2) of vectors with these components across and along the sections."""

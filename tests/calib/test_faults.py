@@ -20,6 +20,7 @@ from calib.synthetic.cell import Noise, SyntheticCell, calibrated, made_cell, ob
 from calib.synthetic.problem import CALIBRATE_ONLY, problem_of, true_candidates
 from geometry import DhRobot, Frame, RobotUncertainty
 from jig_cad import Jig
+from tests.pinned import pinned
 
 NEES_LIMIT = 30.0  # a sound covariance exceeds it in 4 of 100,000 runs
 
@@ -44,6 +45,7 @@ def test_wrong_number_is_named_and_sigma_hold(name: str, model: str) -> None:
     observed = observe(cell, made, rng, Noise())
     robot, jig = FAULTS[name](cell)
     result = calibrated(observed, jig, robot, CalibConfig(model=model))
+    pinned(result)
     assert result.verdict.code == "priors_contradict"
     (culprit,) = result.culprit
     assert name in (culprit.parameter, *culprit.same_as)
@@ -61,6 +63,7 @@ def test_sound_cell_accuses_nobody_and_holds_both_answers() -> None:
     cell = random_cell(rng, CALIBRATE_ONLY)
     made = made_cell(cell, rng, Noise())
     result = calibrated(observe(cell, made, rng, Noise()), cell.jig, cell.robot)
+    pinned(result)
     assert (result.model, result.model_asked) == ("full", "auto")
     assert result.verdict.code == "ok"
     assert result.culprit == ()
@@ -95,6 +98,7 @@ def test_sensor_errors_by_its_file_widen_the_covariance() -> None:
     doubtful = replace(observed, sensor=replace(observed.sensor, uncertainty=stated))
     plain, wide = (calibrated(o, cell.jig, cell.robot) for o in (observed, doubtful))
     estimated = calibrated(doubtful, cell.jig, cell.robot, CalibConfig(model="full+sensor"))
+    pinned(estimated)
     assert plain.covariance is not None
     assert wide.covariance is not None
     assert estimated.covariance is not None
@@ -128,6 +132,7 @@ def test_a_string_that_is_not_as_thick_as_its_file_says_is_named(stated_mm: floa
     frames = tuple(thick(f, i) for i, f in enumerate(observed.frames))
     jig = replace(cell.jig, string_diameter_mm=stated_mm)
     result = calibrated(replace(observed, frames=frames), jig, cell.robot)
+    pinned(result)
     assert result.verdict.code == "priors_contradict"
     assert "string_diameter_mm of jig.toml" in result.verdict.text
     assert result.culprit[0].parameter == "string_diameter_mm"
@@ -156,6 +161,7 @@ def test_uncertainty_stated_ten_times_too_small_is_named_and_sigma_hold(numbers:
         stated = replace(stated, joint_sigma_rad=u.joint_sigma_rad / 10)
     robot = replace(cell.robot, uncertainty=stated)
     result = calibrated(observed, cell.jig, robot, CalibConfig())
+    pinned(result)
     assert result.verdict.code == "priors_contradict"
     (culprit,) = result.culprit
     assert culprit.parameter.endswith(named)
@@ -176,6 +182,7 @@ def test_gear_of_another_ratio_is_named_and_what_is_predicted_holds(joint: int) 
     more[joint - 1] = 1.004
     read = [replace(f, joints_rad=q * more) for f in observed.frames if (q := f.joints_rad) is not None]
     result = calibrated(replace(observed, frames=tuple(read)), cell.jig, cell.robot, CalibConfig())
+    pinned(result)
     assert result.verdict.code == "priors_contradict"
     (culprit,) = result.culprit
     assert (culprit.parameter, culprit.row, culprit.unit) == (f"reading_scale{joint}", joint, "%")
@@ -207,6 +214,7 @@ def test_encoder_that_turns_two_axes_is_named_as_one_number() -> None:
     off = float(np.deg2rad(0.6))
     read = [replace(f, joints_rad=q - off * np.eye(6)[1]) for f in observed.frames if (q := f.joints_rad) is not None]
     result = calibrated(replace(observed, frames=tuple(read)), cell.jig, cell.robot, CalibConfig())
+    pinned(result)
     (culprit,) = result.culprit
     assert culprit.parameter == "readings of joint 2 (theta2, theta3)"
     assert culprit.row == 2
@@ -228,7 +236,9 @@ def test_hand_poses_of_a_wrong_table_get_the_verdict_of_joints(row: str, named: 
     Ts = robot.pose(np.array([f.joints_rad for f in observed.frames]))
     posed = tuple(replace(f, joints_rad=None, T_base_hand=Ts[i]) for i, f in enumerate(observed.frames))
     joints = calibrated(observed, cell.jig, robot, CalibConfig())
+    pinned(joints)
     poses = calibrated(replace(observed, frames=posed), cell.jig, robot, CalibConfig())
+    pinned(poses)
     assert joints.verdict.code == poses.verdict.code == "priors_contradict"
     for result, name in ((joints, row), (poses, named)):
         (culprit,) = result.culprit

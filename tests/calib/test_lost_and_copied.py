@@ -10,6 +10,7 @@ import pytest
 from calib import CalibrationResult
 from calib.synthetic.cell import CellFrames, Noise, SyntheticCell, calibrated, made_cell, observe, random_cell
 from geometry import Frame
+from tests.pinned import pinned
 
 ATOL_MM = 1e-9
 
@@ -41,6 +42,7 @@ def test_the_order_of_frames_changes_no_digit(
     order = np.random.default_rng(7).permutation(len(observed.frames))
     shuffled = replace(observed, frames=tuple(observed.frames[i] for i in order))
     result = calibrated(shuffled, cell.jig, cell.robot)
+    pinned(result)
     assert np.array_equal(_translation(result), _translation(plain))
     assert result.verdict == plain.verdict
     assert result.locations.keys() == plain.locations.keys()
@@ -49,6 +51,7 @@ def test_the_order_of_frames_changes_no_digit(
 def test_copies_count_once_and_are_named(cell: SyntheticCell, observed: CellFrames, plain: CalibrationResult) -> None:
     twins = tuple(replace(f, number=100 * n + f.number) for n in (1, 2) for f in observed.frames[:20])
     result = calibrated(replace(observed, frames=observed.frames + twins), cell.jig, cell.robot)
+    pinned(result)
     assert np.array_equal(_translation(result), _translation(plain))
     assert result.chi2_per_dof == plain.chi2_per_dof
     assert result.locations["A"].max_deviation_mm == plain.locations["A"].max_deviation_mm
@@ -65,6 +68,7 @@ def test_one_frame_with_a_joint_a_degree_off_is_left_out_by_name(
     assert joints is not None
     frames[5] = replace(frames[5], joints_rad=joints + np.deg2rad(np.eye(6)[joint]))
     result = calibrated(replace(observed, frames=tuple(frames)), cell.jig, cell.robot)
+    pinned(result)
     assert result.verdict.trustworthy
     assert [f.number for f in result.frames if f.reason == "outlier"] == [frames[5].number]
     assert any(f"frame {frames[5].number} " in note and "The answer does without it" in note for note in result.notes)
@@ -78,6 +82,7 @@ def test_one_frame_with_a_joint_a_degree_off_is_left_out_by_name(
 def test_one_recording_with_two_readings_is_no_copy_but_named(cell: SyntheticCell, observed: CellFrames) -> None:
     other = replace(observed.frames[0], axis=observed.frames[3].axis)
     result = calibrated(replace(observed, frames=(other, *observed.frames[1:])), cell.jig, cell.robot)
+    pinned(result)
     assert not any(f.reason == "copy" for f in result.frames)
     assert any("0 = 3" in note and "different joint readings" in note for note in result.notes)
 
@@ -92,6 +97,7 @@ def test_a_frame_alone_has_no_figures_and_spoils_none(
         yz[1] += off_mm
         lonely = replace(first, location="E", axis=replace(first.axis, yz_mm=yz))
         result = calibrated(replace(observed, frames=(lonely, *observed.frames[1:])), cell.jig, cell.robot)
+        pinned(result)
         assert result.verdict.code == plain.verdict.code
         assert result.locations["E"].point_rms_mm.solved is None
         assert result.locations["E"].max_deviation_mm.design is None
@@ -114,6 +120,7 @@ def test_rows_that_are_late_are_found_with_their_start(
     last = len(observed.frames) - 1
     late = _with_readings(observed, {i: min(i + step, last) for i in range(start, last + 1) if i + step >= 0})
     result = calibrated(late, cell.jig, cell.robot)
+    pinned(result)
     assert result.verdict.code == "frames_contradict"
     assert not result.verdict.trustworthy
     assert result.T_hand_sensor is None
@@ -126,6 +133,7 @@ def test_rows_exchanged_at_one_place_alone_are_found(
     cell: SyntheticCell, observed: CellFrames, of: dict[int, int]
 ) -> None:
     result = calibrated(_with_readings(observed, of), cell.jig, cell.robot)
+    pinned(result)
     assert result.verdict.code == "frames_contradict"
     assert not result.verdict.trustworthy
     assert "are not each other's rows" in result.verdict.text
@@ -134,6 +142,7 @@ def test_rows_exchanged_at_one_place_alone_are_found(
 def test_places_under_one_name_are_told_apart(cell: SyntheticCell, observed: CellFrames) -> None:
     one = tuple(replace(f, location="A", role="calibrate") for f in observed.frames)
     result = calibrated(replace(observed, frames=one), cell.jig, cell.robot)
+    pinned(result)
     assert result.verdict.code == "frames_contradict"
     assert "the column says A throughout" in result.verdict.text
     assert "frames 7, 8, 9, 10, 11, 12, 13" in result.verdict.text
@@ -142,6 +151,7 @@ def test_places_under_one_name_are_told_apart(cell: SyntheticCell, observed: Cel
 def test_lost_frames_are_no_lack_of_poses(cell: SyntheticCell, observed: CellFrames) -> None:
     lost = tuple(replace(f, reason="image_unreadable") if i % 7 else f for i, f in enumerate(observed.frames))
     result = calibrated(replace(observed, frames=lost), cell.jig, cell.robot)
+    pinned(result)
     assert result.verdict.code == "frames_contradict"
     assert "images unreadable" in result.verdict.text
     few = replace(observed, frames=observed.frames[:2])
@@ -153,6 +163,7 @@ def test_a_third_of_the_frames_may_be_lost(cell: SyntheticCell, observed: CellFr
         return replace(f, reason="no_spots") if f.number % 3 == 0 and f.role == "calibrate" else f
 
     result = calibrated(replace(observed, frames=tuple(map(spoilt, observed.frames))), cell.jig, cell.robot)
+    pinned(result)
     assert result.verdict.trustworthy
 
 
@@ -162,5 +173,6 @@ def test_noise_that_is_larger_than_stated_is_said(cell: SyntheticCell, observed:
         return replace(f, axis=replace(f.axis, cov_yz_mm2=f.axis.cov_yz_mm2 / 2.2))
 
     result = calibrated(replace(observed, frames=tuple(map(surer, observed.frames))), cell.jig, cell.robot)
+    pinned(result)
     assert result.verdict.code == "ok"
     assert "and the σ given follow" in result.verdict.text

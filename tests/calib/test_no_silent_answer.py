@@ -15,6 +15,7 @@ from calib.result import Estimate, Verdict
 from calib.synthetic.cell import CellFrames, Layout, Noise, SyntheticCell, calibrated, made_cell, observe, random_cell
 from calib.synthetic.degenerate import constant_lever, mirror_frames
 from geometry import Pose
+from tests.pinned import pinned
 
 PAPER = CalibConfig(method="paper")
 FEW = Layout(places=(("A", "calibrate", 3), ("B", "calibrate", 3), ("C", "calibrate", 3)))
@@ -34,6 +35,7 @@ def test_paper_answers_that_are_trusted_are_within_their_sigma() -> None:
     for seed in range(25):
         cell, made, observed = _cell(seed)
         result = calibrated(observed, cell.jig, cell.robot, PAPER)
+        pinned(result)
         if result.verdict.trustworthy and result.T_hand_sensor is not None and result.covariance is not None:
             trusted += 1
             assert nees(made.T_hand_sensor, result.T_hand_sensor, result.covariance) < chi2.isf(TAIL, 6)
@@ -90,6 +92,7 @@ def test_wrong_given_jig_pose_is_named(wrong: Pose) -> None:
     right = {k: T for k, T in cell.T_base_jig.items() if k != "B"}
     given = {**right, "B": cell.T_base_jig["B"] @ wrong}
     result = calibrated(replace(observed, places=given), cell.jig, cell.robot)
+    pinned(result)
     plain = calibrated(observed, cell.jig, cell.robot)
     assert [n for n in result.notes if "T_base_jig" in n and "[locations.B]" in n]
     assert not [n for n in result.notes if "[locations.A]" in n or "[locations.C]" in n]

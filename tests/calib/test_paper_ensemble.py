@@ -10,8 +10,9 @@ import pytest
 from calib.synthetic import PaperSetting, industrial_arm, largest_deviations, paper_ensemble, random_cell
 from calib.synthetic.cell import axis_points
 from calib.synthetic.ensemble import ALL, NONE
-from geometry import NoAnswerError, Pose, inside_polygon
+from geometry import NoAnswerError, Pose, field_of_view, inside_polygon
 from jig_cad import Jig
+from tests.geometry.strategies import line_sensor
 from tests.pinned import pinned
 
 ATOL_RAD = 1e-12
@@ -55,3 +56,19 @@ def test_a_jig_that_the_sensor_can_not_hold_is_said() -> None:
     with pytest.raises(NoAnswerError, match="field of view") as refused:
         paper_ensemble(np.random.default_rng(2), 1, {}, setting=PaperSetting(jig=Jig.nominal(side_mm=400.0)))
     pinned(str(refused.value))
+
+
+def test_a_given_sensor_stands_about_the_middle_of_its_field() -> None:
+    """By seven hundredths of its distance to either side."""
+    setting = PaperSetting(sensor=line_sensor())
+    z = field_of_view(line_sensor())[:, 1]
+    middle = (z.min() + z.max()) / 2
+    np.testing.assert_allclose(setting.layout.standoff_mm, (0.93 * middle, 1.07 * middle), rtol=1e-12)
+    assert PaperSetting().layout.standoff_mm != setting.layout.standoff_mm
+
+
+def test_an_arm_of_half_the_size_has_its_places_half_as_far() -> None:
+    half = replace(industrial_arm(), a=industrial_arm().a / 2, d=industrial_arm().d / 2)
+    small, plain = PaperSetting(robot=half).layout, PaperSetting().layout
+    np.testing.assert_allclose(small.radius_mm, np.array(plain.radius_mm) / 2, rtol=1e-12)
+    np.testing.assert_allclose(small.height_mm, np.array(plain.height_mm) / 2, rtol=1e-12)

@@ -469,6 +469,21 @@ def test_a_stripe_that_bends_the_plane_of_few_views_is_left_out_by_name(count: i
         assert said == pytest.approx(abs(px), rel=0.06)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(("moved", "code"), [((0, 3, 5), "ok"), ((0, 3, 5, 7), "outliers")])
+def test_a_third_of_the_views_may_be_left_out_and_no_more(moved: tuple[int, ...], code: str):
+    rng = np.random.default_rng([8, 2])
+    views = observe_boards(synthetic_sensor(rng), rng, 9)
+    way = dict(zip((0, 3, 5, 7), (9.0, -8.0, 14.0, -17.0), strict=True))
+    found = calibrate_sensor([_moved(v, way[i]) if i in moved else v for i, v in enumerate(views)], SIZE, SHORT)
+    assert found.verdict.code == code
+    out = {v.name for v in found.views if not v.used}
+    if code == "ok":
+        assert out == {views[i].name for i in moved}
+    else:
+        assert "more of 9 views contradict the others than can be left out" in found.verdict.text
+
+
 def test_a_view_of_another_board_is_left_out_by_its_corners():
     """Its columns stand 2 % farther apart than its rows: no distance or tilt that others share makes it so."""
     rng = np.random.default_rng(12)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from extraction import Circle, Line, Profile, StripePeaks, find_target_points
+from extraction import Circle, FeatureConfig, Line, Profile, StripePeaks, find_target_points
 from extraction.features.shapes import Circles, Lines
 from geometry import InputError
 from tests.pinned import pinned
@@ -285,3 +285,130 @@ def test_a_radius_stated_for_a_diameter_is_told_by_the_larger_arc():
     assert "on one of 19 mm: is the diameter stated right?" in found.text
     table = profile(flat((-40.0, 240.0), (40.0, 240.0), rng))
     assert "stated right" not in find_target_points(table, "sphere", (20.0,)).text
+
+
+def exact(*parts):
+    """A profile of exact points: limits are met to the micrometre."""
+    return profile(np.concatenate([np.asarray(part, float) for part in parts]))
+
+
+def bow(centre, radius, half_deg, step_deg=0.5):
+    """An arc towards z = 0."""
+    t = np.deg2rad(np.arange(-half_deg, half_deg + step_deg / 2, step_deg))
+    return np.column_stack([centre[0] + radius * np.sin(t), centre[1] - radius * np.cos(t)])
+
+
+def stretch(start, end, pitch=PITCH_MM):
+    n = round(float(np.hypot(*np.subtract(end, start))) / pitch) + 1
+    return np.linspace(0.0, 1.0, n)[:, None] * np.subtract(end, start) + start
+
+
+@pytest.mark.parametrize(
+    ("radius", "half_deg", "diameters", "found"),
+    [
+        (20.0, 15.2, (40.0,), True), (20.0, 14.8, (40.0,), False),  # an arc of 30° at least
+        (4.1, 60.0, (40.0,), True), (3.9, 60.0, (40.0,), False),  # a fifth of the radius
+        (25.9, 60.0, (40.0,), True), (26.1, 60.0, (40.0,), False),  # 1.3 times
+        (499.0, 16.0, (None,), True), (501.0, 16.0, (None,), False),
+        (4.1, 60.0, (30.0, 40.0), True), (3.1, 60.0, (30.0, 40.0), True), (2.9, 60.0, (30.0, 40.0), False),
+        (25.9, 60.0, (30.0, 40.0), True), (26.1, 60.0, (30.0, 40.0), False),
+    ],
+)  # fmt: skip
+def test_an_arc_at_both_sides_of_each_limit(radius, half_deg, diameters, found):
+    kind = "sphere" if len(diameters) == 1 else "balls"
+    assert len(find_target_points(exact(bow((3.0, 700.0), radius, half_deg)), kind, diameters)) > 0 or not found
+    assert (find_target_points(exact(bow((3.0, 700.0), radius, half_deg)), kind, diameters).reason is None) == found
+
+
+@pytest.mark.parametrize(("radius", "share", "rival"), [(20.0, 0.45, True), (20.0, 0.35, False), (5.9, 0.6, False)])
+def test_a_second_arc_is_a_rival_by_its_points_and_its_width(radius, share, rival):
+    """Two fifths of the first's points, three tenths of the ball's radius."""
+    first = bow((0.0, 200.0), 20.0, 60.0)
+    step = 120.0 / (share * len(first))
+    second = bow((70.0, 200.0), radius, 60.0, step)
+    found = find_target_points(exact(first, second), "sphere", (40.0,))
+    assert (found.reason is not None) == rival
+    if rival:
+        assert "two balls are in view, at (y, z) = (0.0, 200.0) and (70.0, 200.0) mm" in found.text
+        assert found.rivals == 1
+        near = find_target_points(
+            exact(first, second), "sphere", (40.0,), expected_mm=np.array([[75.9, 208.0]]), within_mm=10.0
+        )
+        assert near.curves[0].centre_mm[0] == pytest.approx(70.0, abs=1e-6)
+        far = find_target_points(
+            exact(first, second), "sphere", (40.0,), expected_mm=np.array([[76.1, 208.0]]), within_mm=10.0
+        )
+        assert "within 10 mm of where it is expected" in far.text
+
+
+def test_what_is_said_of_a_radius_stated_for_a_diameter():
+    found = find_target_points(exact(bow((0.0, 200.0), 20.0, 60.0)), "sphere", (20.0,))
+    assert found.text == (
+        "none of the 241 points lie on an arc of radius 2 … 10 mm, but 241 on one of 20 mm: is the diameter stated "
+        "right?"
+    )
+
+
+@pytest.mark.parametrize(
+    ("length", "pitch", "found"), [(8.01, 0.2, True), (7.79, 0.2, False), (12.0, 1.0, True), (10.0, 1.0, False)]
+)
+def test_a_straight_stretch_has_a_least_length_and_points_enough(length, pitch, found):
+    """8 mm, and twelve points."""
+    points = exact(stretch((0.0, 200.0), (length, 200.0), pitch))
+    assert (find_target_points(points, "plane").reason is None) == found
+    if not found and pitch < 1:
+        assert "make a straight stretch of 8 mm or more" in find_target_points(points, "plane").text
+
+
+@pytest.mark.parametrize(("bend", "found"), [(0.0149, True), (0.0151, False)])
+def test_a_straight_stretch_bends_by_so_much_of_its_length(bend, found):
+    s = np.linspace(-20.0, 20.0, 201)
+    bent = np.column_stack([s, 200.0 + bend * 40.0 * (1 - (s / 20.0) ** 2)])
+    config = FeatureConfig(min_tolerance_mm=1.0)
+    got = find_target_points(exact(bent), "plane", config=config)
+    assert (got.reason is None) == found
+    if found:
+        assert abs(got.bend_mm) == pytest.approx(bend * 40.0, rel=1e-6)
+
+
+def test_two_straight_stretches_of_like_length_are_said():
+    long = stretch((-50.0, 200.0), (0.0, 200.0))
+    for length, rivals in ((22.0, 1), (18.0, 0)):
+        found = find_target_points(exact(long, stretch((5.0, 215.0), (5.0 + length, 220.0))), "plane")
+        assert found.rivals == rivals
+        assert ("two straight stretches are in view" in found.text) == bool(rivals)
+        assert found.reason is None
+
+
+@pytest.mark.parametrize(
+    ("turn_deg", "gap_mm", "found"),
+    [(10.2, 0.0, True), (9.8, 0.0, False), (60.0, 2.9, True), (60.0, 3.1, False)],
+)
+def test_two_faces_are_a_wedge_where_they_turn_enough_and_meet(turn_deg, gap_mm, found):
+    way = np.array([np.cos(np.deg2rad(turn_deg)), np.sin(np.deg2rad(turn_deg))])
+    ridge = np.array([0.0, 200.0])
+    left = stretch((-30.0, 200.0), (-gap_mm, 200.0))
+    right = stretch(ridge + gap_mm * way, ridge + 30.0 * way)
+    got = find_target_points(exact(left, right[gap_mm == 0 :]), "wedge")
+    assert (got.reason is None) == found
+    if found:
+        assert set(got.feature) == {0, 1}
+        assert got.yz_mm[got.feature == 0, 0].max() < 0 < got.yz_mm[got.feature == 1, 0].min()
+    else:
+        assert got.text == "2 straight stretches in view, and no two of them meet in a ridge" or turn_deg < 10
+
+
+def test_an_edge_lies_half_a_pitch_beyond_its_last_point():
+    """A plate 20 mm before a table: both ends jump; where it is expected one is taken, half a pitch outwards."""
+    plate = stretch((-25.0, 200.0), (25.0, 200.0), 0.5)
+    table = [stretch((-60.0, 220.0), (-25.5, 220.0), 0.5), stretch((25.5, 220.0), (60.0, 220.0), 0.5)]
+    both = find_target_points(exact(table[0], plate, table[1]), "edge")
+    np.testing.assert_allclose(both.yz_mm, [[-25.25, 200.0], [25.25, 200.0]], rtol=0, atol=1e-6)
+    assert "both ends of the straight stretch can be the edge, and where the field of view ends is not" in both.text
+    assert both.rivals == 1
+    one = find_target_points(exact(table[0], plate, table[1]), "edge", expected_mm=np.array([[20.0, 203.0]]))
+    np.testing.assert_allclose(one.yz_mm, [[25.25, 200.0]], rtol=0, atol=1e-6)
+    assert one.cov_yz_mm2[0, 0, 0] == pytest.approx(0.5**2 / 12, rel=1e-3)
+    assert (one.text, one.rivals) == ("", 0)
+    none = find_target_points(exact(table[0], plate, table[1]), "edge", expected_mm=np.array([[10.0, 203.0]]))
+    assert none.reason is not None

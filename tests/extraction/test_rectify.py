@@ -173,3 +173,15 @@ def test_any_camera_attitude_meets_the_sheet_at_x_zero():
         rays = np.column_stack([undistort(sensor, uv).xy, np.ones(len(uv))]) @ pose.R.T
         off = np.linalg.norm(np.cross(seen, rays), axis=1) / np.linalg.norm(rays, axis=1)
         assert np.nanmax(off) < 1e-8
+
+
+@pytest.mark.parametrize("name", ["none", "five"])
+def test_beyond_the_tables_nodes_the_exact_inversion_answers(name):
+    """On every side, one pixel within the last cell and one beyond it."""
+    sensor = make_sensor(DISTORTIONS[name])
+    columns, rows = (-30.0, -9.0, 640.0, 1287.0, 1289.0, 1310.0), (-30.0, -9.0, 1031.0, 1033.0, 1060.0)
+    uv = np.array([[u, v] for u in columns for v in rows])
+    read, jacobian = SheetTable.build(sensor).lookup(uv)
+    exact, slope = image_to_sheet(sensor, uv)
+    np.testing.assert_allclose(read, exact, atol=ATOL_TABLE_MM, rtol=0)
+    np.testing.assert_allclose(jacobian, slope, atol=1e-3, rtol=1e-3)

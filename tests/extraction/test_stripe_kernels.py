@@ -5,7 +5,7 @@ import pytest
 
 from extraction import detect_stripe
 from extraction.noise import PixelNoise
-from extraction.order import kth_smallest, median
+from extraction.order import kth_smallest, kth_smallest_level, median
 from extraction.stripe.sections.climb import exponential
 from extraction.stripe.sections.faint import _say_enough_alone
 from extraction.stripe.sections.fit import SECTION, SectionPlaces, fit_sections
@@ -30,7 +30,10 @@ def test_order_statistics_are_those_of_sorting(kind: str) -> None:
         k = int(rng.integers(0, n))
         assert kth_smallest(values.copy(), k) == np.sort(values)[k]
         assert median(values.copy()) == np.median(values)
+        levels = values.astype(np.float32)
+        assert kth_smallest_level(levels, k) == np.sort(levels)[k]
     assert kth_smallest(np.empty(0), 0) == 0.0
+    assert kth_smallest_level(np.empty(0, np.float32), 0) == 0.0
     assert median(np.empty(0)) == 0.0
 
 

@@ -89,3 +89,45 @@ def test_a_bend_is_no_noise(radius):
         error = (peaks.uv_px[:, 1] - truth[peaks.section]) / peaks.sigma_px
         wrong.append(error[np.isfinite(error)])
     assert 0.5 <= np.sqrt(np.mean(np.concatenate(wrong) ** 2)) <= 1.2
+
+
+def board(rows, columns, square, turn_deg, lit):
+    """Squares of 0 and 1 (rows, columns), turned; ``lit`` moves them."""
+    v, u = np.mgrid[:rows, :columns].astype(float)
+    c, s = np.cos(np.deg2rad(turn_deg)), np.sin(np.deg2rad(turn_deg))
+    return ((u * c + v * s + lit) // square + (v * c - u * s + 2 * lit) // square) % 2
+
+
+@pytest.mark.parametrize(("square", "least"), [(11, 0.45), (17, 0.4)])
+def test_a_stripe_across_small_lit_squares_stands_above_their_white(square, least):
+    """White half of it, where black gives the laser a tenth: those sections, and nothing else without a flag."""
+    rng = np.random.default_rng(7)
+    truth = 170 + 0.06 * np.arange(560)
+    albedo = 0.1 + 0.8 * board(340, 560, square, 8, 3.0)
+    light = albedo * (70 + bell(340, truth, 2.2, 150))
+    peaks = detect_stripe(seen(4 + cv2.GaussianBlur(light, (0, 0), 0.9), rng))
+    found, right = right_sections(peaks, truth, 2)
+    assert found >= least * 560
+    assert np.count_nonzero(~right & (peaks.flag == 0)) <= 0.02 * len(peaks)
+
+
+@pytest.mark.parametrize("square", [11, 17])
+def test_small_squares_without_a_laser_are_no_stripe(square):
+    rng = np.random.default_rng(8)
+    light = (0.1 + 0.8 * board(340, 560, square, 8, 3.0)) * np.linspace(60, 90, 560)
+    peaks = detect_stripe(seen(4 + cv2.GaussianBlur(light, (0, 0), 0.9), rng))
+    assert np.count_nonzero(peaks.flag == 0) == 0
+
+
+@pytest.mark.parametrize(("bar", "turn"), [(90, 0.2), (140, -0.1)])
+def test_bright_bars_across_the_picture_do_not_hide_a_stripe(bar, turn):
+    """Along their own direction they are faces, refused; the stripe lies along the other."""
+    rng = np.random.default_rng(9)
+    v, u = np.mgrid[:320, :560].astype(float)
+    bars = cv2.GaussianBlur(np.where((u + turn * v) % 95 < 20, float(bar), 0.0), (0, 0), 0.9)
+    truth = 150 + 0.05 * np.arange(560)
+    peaks = detect_stripe(seen(8 + bars + bell(320, truth, 2.0, 90), rng))
+    found, right = right_sections(peaks, truth, 2)
+    assert found >= 0.9 * 560
+    assert np.count_nonzero(~right & (peaks.flag == 0)) == 0
+    assert np.count_nonzero(detect_stripe(seen(8 + bars, rng)).flag == 0) == 0

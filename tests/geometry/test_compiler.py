@@ -14,7 +14,6 @@ import pytest
 
 from geometry import compiler
 from geometry.compiler import KernelCacheLocator, dispatcher
-from geometry.special import _unloaded
 
 Plain = Callable[[float], float]
 
@@ -115,13 +114,3 @@ def test_stale_files_of_a_kernel_go_and_those_of_others_stay(tmp_path: Path) -> 
     assert len(locator.get_disambiguator()) == 16
     assert locator.get_source_stamp().startswith(locator.get_disambiguator())
     assert locator.get_cache_path() == str(tmp_path / "kept")
-
-
-def test_tools_that_nobody_asked_for_are_hidden_only_within() -> None:
-    import numpy.testing
-
-    vars(np).pop("f2py", None)
-    with _unloaded("f2py", "testing"):
-        assert np.f2py is None  # type: ignore[attr-defined]
-        assert np.testing is numpy.testing
-    assert "f2py" not in vars(np)

@@ -227,3 +227,16 @@ def test_lines_that_are_no_jig_are_refused(
     with pytest.raises(InputError, match=message) as refused:
         Jig.of_lines(anchors, strings)
     pinned(str(refused.value))
+
+
+@pytest.mark.parametrize("way", [(1, 0, 0), (0, 1, 0), (0, 0, 1), (1, -5, -9), (0, 1, -9), (0.002, -1, 0)])
+@pytest.mark.parametrize("sense", [1.0, -1.0])
+def test_lines_run_in_the_sense_in_which_x_grows_or_else_y_or_z(way, sense):
+    unit = np.array(way) / np.linalg.norm(way)
+    side = np.linalg.svd(unit[None])[2][1:]
+    starts = [a * side[0] + b * side[1] for a, b in ((0, 0), (30, 0), (0, 30), (30, 30))]
+    ends = (("a", 0.0), ("b", sense))
+    anchors = {f"{end}{k}": tuple(p + e * 100.0 * unit) for k, p in enumerate(starts) for end, e in ends}
+    jig = Jig.of_lines(anchors, {f"line {k}": (f"a{k}", f"b{k}") for k in range(4)})
+    np.testing.assert_allclose(jig.axis, unit, atol=1e-9)
+    assert jig.height_mm > 0

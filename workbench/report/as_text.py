@@ -79,7 +79,7 @@ def _print_nominal(console: Console, result: CalibrationResult) -> None:
         return
     rotation, translation = nominal.T_hand_sensor.fixed_xyz_deg, nominal.T_hand_sensor.t
     sigma = printed_sigmas(nominal.T_hand_sensor, nominal.covariance)
-    numbers = [f"{a:.4f} ± {s:.4f}" for a, s in zip([*rotation, *translation], np.concatenate(sigma), strict=True)]
+    numbers = [f"{a:z.4f} ± {s:.4f}" for a, s in zip([*rotation, *translation], np.concatenate(sigma), strict=True)]
     console.print(
         f"with the robot's nominal table: {', '.join(numbers[:3])} °, {', '.join(numbers[3:])} mm", soft_wrap=True
     )
@@ -148,7 +148,7 @@ def _print_equal_weights(console: Console, result: CalibrationResult) -> None:
         return
     pose = alike.T_hand_sensor
     deg, mm = printed_sigmas(pose, alike.covariance)
-    angles = ", ".join(f"{a:.3f} ± {s:.2f}" for a, s in zip(pose.fixed_xyz_deg, deg, strict=True))
+    angles = ", ".join(f"{a:z.3f} ± {s:.2f}" for a, s in zip(pose.fixed_xyz_deg, deg, strict=True))
     lengths = ", ".join(f"{t:.2f} ± {s:.2f}" for t, s in zip(pose.t, mm, strict=True))
     console.print(
         f"with all points weighted alike: rotation {angles} °, translation {lengths} mm, points "

@@ -38,7 +38,7 @@ KEYS = (
     Key("laser", "waist_um", 0.4, 20.0, 2000.0),
     Key("laser", "edge_fraction", 0.5, 0.05, 1.0),
     Key("optics", "blur_px", 0.5, 0.21, 8.0),
-    Key("optics", "f_number", 0.5, 1.0, 32.0, pattern=True),
+    Key("optics", "f_number", 0.7, 1.0, 32.0, pattern=True),
     Key("speckle", "contrast", 0.7, 0.01, 1.0),
     Key("noise", "gain_dn_per_e", 1.0, 1e-4, 10.0),
     Key("noise", "read_noise_e", 1.0, 0.3, 500.0),
@@ -88,12 +88,12 @@ def sensor_with(theta: Array, sensor: Sensor, config: EmulatorConfig) -> tuple[S
     """Sensor and configuration at a place of the fit's own coordinates."""
     tables: dict[str, dict[str, float]] = {}
     for value, key in zip(TO_KEYS @ theta, KEYS, strict=True):
-        known = _significant(value if key.linear else np.exp(value))
+        known = significant(value if key.linear else np.exp(value))
         tables.setdefault(key.table, {})[key.name] = min(max(known, key.low), key.high)
     black = tables.pop("image")["black_level"]
     gain = tables["noise"]["gain_dn_per_e"]
     camera = sensor.require_camera()
-    tables["noise"]["full_well_e"] = _significant(max(1.03 * (camera.saturation_dn - black) / gain, 11.0))
+    tables["noise"]["full_well_e"] = significant(max(1.03 * (camera.saturation_dn - black) / gain, 11.0))
     updates = {
         name: type(getattr(config, name)).model_validate(getattr(config, name).model_dump(exclude_unset=True) | keys)
         for name, keys in tables.items()
@@ -101,7 +101,7 @@ def sensor_with(theta: Array, sensor: Sensor, config: EmulatorConfig) -> tuple[S
     return sensor.with_camera(black_level=black), config.model_copy(update=updates)
 
 
-def _significant(value: float) -> float:
+def significant(value: float) -> float:
     """Without a library function's last bits, which processors have otherwise."""
     return float(f"{value:.{DECIMALS}g}")
 
@@ -129,9 +129,9 @@ def fitted(theta: Array, covariance: Array) -> tuple[Fitted, ...]:
             Fitted(
                 key.table,
                 key.name,
-                _significant(value),
-                _significant(np.sqrt(own[k, k]) * scale),
-                _significant(told[k]),
+                significant(value),
+                significant(np.sqrt(own[k, k]) * scale),
+                significant(told[k]),
             )
         )
     return tuple(out)

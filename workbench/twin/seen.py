@@ -11,13 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from extraction import Profile, StripeConfig, extract_profile
-from extraction.stripe import SATURATED
+from extraction.stripe import AMBIGUOUS, SATURATED
 from geometry import Sensor
+from workbench.twin.rounding import unrounded
 
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8] | NDArray[np.uint16]
 
-PARTS = 4  # of each image's stripe: the scatter of their figures gives the σ of the means
+PARTS = 4  # of each image's stripe: the scatter of their differences gives the σ of the means
 MIN_SECTIONS = 60  # of a part
 SMOOTH_SECTIONS = 15  # half-width of the running parabola that stands for the smooth line
 LEVELS = (0.08, 0.2, 0.4, 0.6, 0.85)  # of the stripe's height: edges of bins of mean light
@@ -32,21 +33,13 @@ LIKE_WIDTH = 2.0  # by which the widths of runs of one laser's stripe differ at 
 
 NAMES = (
     "height", "width", "fan", "line_rms", "line_lag1", "line_lag2", "height_rms", "height_lag1", "height_lag2",
-    "width_rms", "noise_0", "noise_1", "noise_2", "noise_3", "room", "black", "dark_noise", "flank",
+    "width_rms", "noise_0", "noise_1", "noise_2", "noise_3", "room", "room_noise", "black",
+    "dark_noise", "flank",
 )  # fmt: skip
 _LOG = {
-    "height",
-    "width",
-    "line_rms",
-    "height_rms",
-    "width_rms",
-    "noise_0",
-    "noise_1",
-    "noise_2",
-    "noise_3",
-    "dark_noise",
-    "flank",
-}
+    "height", "width", "line_rms", "height_rms", "width_rms", "noise_0", "noise_1", "noise_2", "noise_3", "room_noise",
+    "dark_noise", "flank",
+}  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,13 +47,15 @@ class ImageSeen:
     """What extraction sees of one image.
 
     image: grey levels. profile: its points, those in doubt left out. residual_px: of each point from the smooth line
-    (N,), NaN near ends. parts: figures (P, len(NAMES)) of its parts, NaN where a part can not tell. found: points of
-    the stripe, those in doubt too. clipped: those with saturated pixels.
+    (N,), NaN near ends. bounds: sections (P + 1,) where its parts begin and the last one ends. parts: figures
+    (P, len(NAMES)) of them, NaN where a part can not tell. found: points of the stripe, those in doubt too. clipped:
+    those with saturated pixels.
     """
 
     image: Image
     profile: Profile
     residual_px: Array
+    bounds: NDArray[np.int64]
     parts: Array
     found: int
     clipped: int
@@ -70,32 +65,49 @@ class ImageSeen:
 class Look:
     """Which points of a stripe are taken.
 
-    clipped_too: those with saturated pixels. width_px: usual width of the laser's stripe,
-    other ridges are left out; None where all are taken.
+    clipped_too: those with saturated pixels. doubted_too: those of ridges that another like them makes doubtful.
+    width_px: usual width of the laser's stripe, other ridges are left out; None where all are taken.
     """
 
     clipped_too: bool = False
+    doubted_too: bool = False
     width_px: float | None = None
 
+    def wrong(self) -> np.uint8:
+        """Flags of points that are left out."""
+        taken = SATURATED * self.clipped_too + AMBIGUOUS * self.doubted_too
+        return np.uint8(0xFF - taken)
 
-def see(image: Image, sensor: Sensor, config: StripeConfig, look: Look) -> ImageSeen:
-    """Extract an image's stripe and take its figures."""
+
+def see(
+    image: Image, sensor: Sensor, config: StripeConfig, look: Look, bounds: NDArray[np.int64] | None = None
+) -> ImageSeen:
+    """Extract an image's stripe and take the figures of its parts: of equal shares of its points, or between bounds."""
     profile = extract_profile(image, sensor, config)
     found, clipped = len(profile), int(np.sum((profile.peaks.flag & SATURATED) > 0))
-    wrong = profile.peaks.flag & np.uint8(0xFF - SATURATED if look.clipped_too else 0xFF)
-    profile = _like(profile[wrong == 0], look.width_px)
+    surroundings = _Surroundings.of(image, profile)
+    profile = _like(profile[(profile.peaks.flag & look.wrong()) == 0], look.width_px)
     peaks = profile.peaks
     across = _across(profile)
     line = smooth(peaks.section, across)
     residual = np.abs(peaks.normal[:, 1 if _along_u(profile) else 0]) * (across - line)
-    count = max(1, min(PARTS, len(profile) // MIN_SECTIONS))
-    bounds = np.linspace(0, len(profile), count + 1).astype(int)
-    rows = [
-        _figures(image, sensor, profile, residual, slice(a, b), look.clipped_too)
-        for a, b in pairwise(bounds)
-        if b - a >= MIN_SECTIONS
-    ]
-    return ImageSeen(image, profile, residual, np.array(rows).reshape(-1, len(NAMES)), found, clipped)
+    bounds = _bounds(peaks.section) if bounds is None else bounds
+    light = surroundings.figures(bounds, _along_u(profile))
+    rows = np.full((len(bounds) - 1, len(NAMES)), np.nan)
+    for k, (a, b) in enumerate(pairwise(bounds)):
+        here = np.flatnonzero((peaks.section >= a) & (peaks.section < b))
+        if len(here) >= MIN_SECTIONS:
+            rows[k] = _figures(image, sensor, profile[here], residual[here], look.clipped_too, light[k])
+    return ImageSeen(image, profile, residual, bounds, rows, found, clipped)
+
+
+def _bounds(section: NDArray[np.int32]) -> NDArray[np.int64]:
+    """Sections where parts of equally many points begin, and behind the last; one alone where there are too few."""
+    if len(section) < MIN_SECTIONS:
+        return np.zeros(1, np.int64)
+    count = min(PARTS, len(section) // MIN_SECTIONS)
+    first = np.arange(count) * len(section) // count
+    return np.array([*section[first], section[-1] + 1], np.int64)
 
 
 def usual_width_px(every: Sequence[ImageSeen]) -> float | None:
@@ -156,22 +168,22 @@ def _across(profile: Profile) -> Array:
     return profile.peaks.uv_px[:, 1] if _along_u(profile) else profile.peaks.uv_px[:, 0]
 
 
-def _figures(image: Image, sensor: Sensor, profile: Profile, residual: Array, here: slice, clipped_too: bool) -> Array:
-    part, own = profile[np.arange(*here.indices(len(profile)))], residual[here]
-    peaks, values = part.peaks, dict.fromkeys(NAMES, np.nan)
+def _figures(
+    image: Image, sensor: Sensor, part: Profile, residual: Array, clipped_too: bool, light: dict[str, float]
+) -> Array:
+    peaks, values = part.peaks, dict.fromkeys(NAMES, np.nan) | light
     values["height"], values["width"] = (float(np.median(v)) for v in (peaks.amplitude_dn, peaks.width_px))
     angle = np.arctan2(part.yz_mm[:, 0] - sensor.sheet.origin_mm[1], part.yz_mm[:, 1] - sensor.sheet.origin_mm[2])
     off = np.abs(angle) / (sensor.sheet.fan_rad / 2)
     values["fan"] = float(np.mean(np.log(peaks.amplitude_dn) * (off - off.mean())) / max(np.var(off), 1e-6))
     section = peaks.section
-    values["line_rms"], values["line_lag1"], values["line_lag2"] = _scatter(section, own)
+    values["line_rms"], values["line_lag1"], values["line_lag2"] = _scatter(section, residual)
     height = np.log(np.maximum(peaks.amplitude_dn, 1e-3))
     values["height_rms"], values["height_lag1"], values["height_lag2"] = _scatter(
         section, height - smooth(section, height)
     )
     values["width_rms"] = _scatter(section, np.log(peaks.width_px) - smooth(section, np.log(peaks.width_px)))[0]
     values.update(_noise_of_levels(image, part))
-    values.update(_surroundings(image, part))
     if not clipped_too:
         values["flank"] = np.nan  # what the width says, once more
     elif np.median(peaks.amplitude_dn + peaks.background_dn) <= sensor.require_camera().saturation_dn:
@@ -217,25 +229,48 @@ def _noise_of_levels(image: Image, part: Profile) -> dict[str, float]:
     return out
 
 
-def _surroundings(image: Image, part: Profile) -> dict[str, float]:
-    """Room light beside the stripe, the black level and the noise where no laser light is."""
-    mask = np.ones(image.shape, np.uint8)
-    at = part.peaks.uv_px.round().astype(int)
-    mask[np.clip(at[:, 1], 0, image.shape[0] - 1), np.clip(at[:, 0], 0, image.shape[1] - 1)] = 0
-    distance = cv2.distanceTransform(mask, cv2.DIST_L2, 3)
-    beside = (distance > ROOM_PX[0]) & (distance < ROOM_PX[1])
-    room = np.nan
-    if beside.any():  # a median of whole grey levels is whole: the mean about it is not
-        middle = float(np.median(image[beside]))
-        room = float(np.mean(np.clip(image[beside], middle - 3, middle + 3)))
-    height, width = (n // BLOCK_PX * BLOCK_PX for n in image.shape)
-    shape = height // BLOCK_PX, BLOCK_PX, width // BLOCK_PX, BLOCK_PX
-    blocks = image[:height, :width].reshape(shape).swapaxes(1, 2).reshape(-1, BLOCK_PX, BLOCK_PX).astype(float)
-    clear = distance[:height, :width].reshape(shape).swapaxes(1, 2).reshape(-1, BLOCK_PX**2).min(1) > CLEAR_PX
-    blocks = blocks[clear]
-    if len(blocks) == 0:
-        return {"room": room}
-    means = blocks.mean((1, 2))
-    dark = blocks[means <= np.percentile(means, DARKEST)]
-    second = np.diff(dark, 2, axis=2) ** 2 / 6
-    return {"room": room, "black": float(dark.mean()), "dark_noise": float(second.mean())}
+@dataclass(frozen=True, eq=False)
+class _Surroundings:
+    """Where no laser light is: grey levels, distance from the stripe [px], the darkest blocks."""
+
+    image: Image
+    distance: Array
+    dark: Array
+
+    @classmethod
+    def of(cls, image: Image, profile: Profile) -> _Surroundings:
+        mask = np.ones(image.shape, np.uint8)
+        at = profile.peaks.uv_px.round().astype(int)
+        mask[np.clip(at[:, 1], 0, image.shape[0] - 1), np.clip(at[:, 0], 0, image.shape[1] - 1)] = 0
+        distance = cv2.distanceTransform(mask, cv2.DIST_L2, 3).astype(float)
+        height, width = (n // BLOCK_PX * BLOCK_PX for n in image.shape)
+        shape = height // BLOCK_PX, BLOCK_PX, width // BLOCK_PX, BLOCK_PX
+        blocks = image[:height, :width].reshape(shape).swapaxes(1, 2).reshape(-1, BLOCK_PX, BLOCK_PX).astype(float)
+        clear = distance[:height, :width].reshape(shape).swapaxes(1, 2).reshape(-1, BLOCK_PX**2).min(1) > CLEAR_PX
+        blocks = blocks[clear]
+        if len(blocks):
+            means = blocks.mean((1, 2))
+            blocks = blocks[means <= np.percentile(means, DARKEST)]
+        return cls(image, distance, blocks)
+
+    def figures(self, bounds: NDArray[np.int64], along_u: bool) -> list[dict[str, float]]:
+        """Room light beside each part, the black level and the noise of dark blocks, of which every part has its own.
+
+        Second differences tell noise, not the darkness's own slope.
+        """
+        parts, out = len(bounds) - 1, []
+        for k, (a, b) in enumerate(pairwise(bounds)):
+            grey, distance = ((m if along_u else m.T)[:, a:b] for m in (self.image, self.distance))
+            there, values = (distance > ROOM_PX[0]) & (distance < ROOM_PX[1]), {}
+            if there.any():  # a median of whole grey levels is whole: the mean about it is not
+                middle = float(np.median(grey[there]))
+                values["room"] = float(np.mean(np.clip(grey[there], middle - 3, middle + 3)))
+            second = np.diff(grey.astype(float), 2, axis=1)[there[:, 1:-1]]
+            if len(second) > MIN_SECTIONS:
+                values["room_noise"] = float((second**2).mean()) / 6
+            dark = self.dark[k::parts]
+            if len(dark):
+                variance = float((np.diff(dark, 2, axis=2) ** 2).mean()) / 6
+                values["black"], values["dark_noise"] = unrounded(float(dark.mean()), variance)
+            out.append(values)
+        return out

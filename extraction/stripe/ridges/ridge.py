@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from extraction.order import kth_smallest
+from extraction.order import kth_smallest_level
 from geometry.compiled import kernel
 
 Array = NDArray[np.float64]
@@ -175,23 +175,17 @@ def _noise(level: Level, least: float) -> NoiseTable:
     wide = max(columns - lag, 1)
     most = ((rows - 1) // step + 1) * ((wide - 1) // step + 1)
     sample, ground = np.empty((2, most), np.float32), np.empty(most, np.float32)
-    half, quarter = np.float32(0.5), np.float32(0.25)
-    n, dark, light = 0, np.inf, -np.inf
+    n = 0
     for r in range(0, rows, step):
-        below = min(r + 1, rows - 1)
-        for c in range((r // step) % step, wide, step):
-            near, far = _flanks(level, r, c)
-            there = min(c + lag, columns - 1)
-            near_there, far_there = _flanks(level, r, there)
-            value = half * (level[r, c] + level[below, c]) - quarter * (near + far)
-            sample[0, n], ground[n] = value, quarter * (near + far)
-            sample[1, n] = half * (level[r, there] + level[below, there]) - quarter * (near_there + far_there) - value
-            dark, light = min(dark, float(ground[n])), max(light, float(ground[n]))
-            n += 1
+        n += _sample_row(level, r, (r // step) % step, wide, step, lag, sample[0, n:], sample[1, n:], ground[n:])
+    dark, light = float(ground[0]), float(ground[0])
+    for i in range(n):
+        dark, light = min(dark, float(ground[i])), max(light, float(ground[i]))
     width = math.sqrt(max(light - dark, 1.0)) / _BINS
     start, bins, own = np.zeros(_BINS + 1, np.int64), np.empty(n, np.int64), np.empty((2, n), np.float32)
     for i in range(n):
         bins[i] = min(int(math.sqrt(ground[i] - dark) / width), _BINS - 1)
+    for i in range(n):  # in a loop of its own: the one above is made into vector instructions
         start[bins[i] + 1] += 1
     for k in range(_BINS):
         start[k + 1] += start[k]
@@ -207,7 +201,7 @@ def _noise(level: Level, least: float) -> NoiseTable:
             bulk = k
         if b - a < _FEWEST:
             continue
-        spread = _spread(own[0, a:b], kth_smallest(own[0, a:b], (b - a) // 2))
+        spread = _spread(own[0, a:b], kth_smallest_level(own[0, a:b], (b - a) // 2))
         sigma[k] = max(1.4826 * min(spread, _spread(own[1, a:b], 0.0) / math.sqrt(2)), least)
         for j in range(known + 1, k):  # bins between two known ones, or before the first
             t = (j - known) / (k - known)
@@ -231,6 +225,27 @@ def _noise(level: Level, least: float) -> NoiseTable:
     )
 
 
+@kernel(fastmath=True)
+def _sample_row(
+    level: Level, r: int, start: int, wide: int, step: int, lag: int, value: Level, change: Level, ground: Level
+) -> int:
+    """The response of every n-th pixel of a row, its change to the one ``lag`` sections on, and the flanks' mean there;
+    how many.
+    """
+    last, columns, n = level.shape[0] - 1, level.shape[1], 0
+    half, quarter = np.float32(0.5), np.float32(0.25)
+    a, b, d = level[max(r - FLANK, 0)], level[max(r + 1 - FLANK, 0)], level[min(r + FLANK, last)]
+    e, here, below = level[min(r + 1 + FLANK, last)], level[r], level[min(r + 1, last)]
+    for c in range(start, wide, step):
+        there = min(c + lag, columns - 1)
+        flanks, far = (a[c] + b[c]) + (d[c] + e[c]), (a[there] + b[there]) + (d[there] + e[there])
+        own = half * (here[c] + below[c]) - quarter * flanks
+        value[n], ground[n] = own, quarter * flanks
+        change[n] = half * (here[there] + below[there]) - quarter * far - own
+        n += 1
+    return n
+
+
 @kernel
 def _least(values: Array, start: int, stop: int) -> float:
     least = values[start]
@@ -244,7 +259,7 @@ def _spread(values: Level, middle: float) -> float:
     """The median distance from ``middle``; the values (N,) are overwritten."""
     for i in range(len(values)):
         values[i] = abs(values[i] - np.float32(middle))
-    return kth_smallest(values, len(values) // 2)
+    return kth_smallest_level(values, len(values) // 2)
 
 
 @kernel(fastmath=True)

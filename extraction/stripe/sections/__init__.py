@@ -3,6 +3,7 @@
 from extraction.stripe.sections.faint import NEIGHBOURS, fit_faint
 from extraction.stripe.sections.fit import SECTION, SectionPlaces, fit_sections
 from extraction.stripe.sections.ground import Ground, ground_slopes, learn_ground, level_ground
+from extraction.stripe.sections.held_to_course import off_course
 from extraction.stripe.sections.model import FitLimits, Records
 from extraction.stripe.sections.noise import estimate_noise
 from extraction.stripe.sections.normal import localise_along_normal
@@ -28,6 +29,7 @@ __all__ = [
     "learn_ground",
     "level_ground",
     "localise_along_normal",
+    "off_course",
     "tails_kept",
     "true_sigma",
     "walk_tails",

@@ -30,9 +30,9 @@ _FARTHEST = 700.0  # of an exponent
 
 # numbers of a lane, each of LANES in a row: the peak; its bounds; the expected width and that expectation's weight; of
 # the pixel that is taken: its place less the centre, the bell there, the factor to the next pixel's and that factor's;
-# the bell and the factors at the middle; F, the score and χ²
+# the bell and the factor at the pixel as far below the middle; F, the score and χ²
 _CENTRE, _AMPLITUDE, _WIDTH, _BACKGROUND, _LOW, _HIGH, _EXPECTED, _WEIGHT = range(8)
-_X, _BELL, _RATIO, _CURVE, _INVERSE, _MIDDLE, _BACK = range(8, 15)
+_X, _BELL, _RATIO, _CURVE, _INVERSE, _BELL_BELOW, _RATIO_BELOW = range(8, 15)
 _FISHER, _SCORE, _CHI2 = 15, 25, 29
 _ROWS = 30
 
@@ -137,14 +137,14 @@ def step(lane: Lanes, n: int, reach: int, limits: FitLimits, noise: PixelNoise) 
     if len(x):
         for row in range(middle - reach, middle + reach + 1):
             _bell_anywhere(numbers, x[row], n)
-            _add(numbers, y[row], use[row], 0.0, n, noise)
+            _add(numbers, y[row], use[row], n, noise)
     else:
         _bell_in_the_middle(numbers, n)
-        for row in range(middle, middle + reach + 1):
-            _add(numbers, y[row], use[row], 1.0, n, noise)
-        _bell_below_the_middle(numbers, n)
-        for row in range(middle - 1, middle - reach - 1, -1):
-            _add(numbers, y[row], use[row], -1.0, n, noise)
+        _add(numbers, y[middle], use[middle], n, noise)
+        _bells_beside_the_middle(numbers, n)
+        for away in range(1, reach + 1):
+            up, down = middle + away, middle - away
+            _add_two(numbers, y[up], use[up], y[down], use[down], 2.0 * away, n, noise)
     _climb(numbers, state, n, 0.5 * limits.min_width, 2.0 * limits.max_width)  # room beyond what is accepted
     for k in range(n):
         steps[k] += 1
@@ -171,26 +171,26 @@ def exponential(x: float) -> float:
 
 @kernel(fastmath=True)
 def _bell_in_the_middle(numbers: Array, n: int) -> None:
-    """The bell at the windows' middles and the factors of its recurrence, upwards."""
+    """The bell at the windows' middles and the factors of its recurrence, to either side."""
     for k in range(n):
         inverse, x = 1.0 / numbers[_WIDTH * LANES + k], -numbers[_CENTRE * LANES + k]
         curvature = inverse * inverse
-        bell = exponential(-0.5 * curvature * x * x)
         numbers[_INVERSE * LANES + k], numbers[_X * LANES + k] = inverse, x
-        numbers[_MIDDLE * LANES + k], numbers[_BELL * LANES + k] = bell, bell
+        numbers[_BELL * LANES + k] = exponential(-0.5 * curvature * x * x)
         numbers[_CURVE * LANES + k] = exponential(-curvature)
         numbers[_RATIO * LANES + k] = exponential(-curvature * (x + 0.5))
-        numbers[_BACK * LANES + k] = exponential(curvature * (x - 0.5))
+        numbers[_RATIO_BELOW * LANES + k] = exponential(curvature * (x - 0.5))
 
 
 @kernel(fastmath=True)
-def _bell_below_the_middle(numbers: Array, n: int) -> None:
-    """The same one pixel below the middle, downwards."""
+def _bells_beside_the_middle(numbers: Array, n: int) -> None:
+    """The same one pixel above the middle and one below."""
     for k in range(n):
-        back = numbers[_BACK * LANES + k]
-        numbers[_X * LANES + k] = -numbers[_CENTRE * LANES + k] - 1.0
-        numbers[_BELL * LANES + k] = numbers[_MIDDLE * LANES + k] * back
-        numbers[_RATIO * LANES + k] = back * numbers[_CURVE * LANES + k]
+        bell, curve = numbers[_BELL * LANES + k], numbers[_CURVE * LANES + k]
+        ratio, below = numbers[_RATIO * LANES + k], numbers[_RATIO_BELOW * LANES + k]
+        numbers[_X * LANES + k] += 1.0
+        numbers[_BELL * LANES + k], numbers[_BELL_BELOW * LANES + k] = bell * ratio, bell * below
+        numbers[_RATIO * LANES + k], numbers[_RATIO_BELOW * LANES + k] = ratio * curve, below * curve
 
 
 @kernel(fastmath=True)
@@ -200,19 +200,17 @@ def _bell_anywhere(numbers: Array, place: Array, n: int) -> None:
         inverse, x = 1.0 / numbers[_WIDTH * LANES + k], place[k] - numbers[_CENTRE * LANES + k]
         numbers[_INVERSE * LANES + k], numbers[_X * LANES + k] = inverse, x
         numbers[_BELL * LANES + k] = exponential(-0.5 * (x * inverse) * (x * inverse))
-        numbers[_RATIO * LANES + k], numbers[_CURVE * LANES + k] = 0.0, 0.0
 
 
 @kernel(fastmath=True)
-def _add(numbers: Array, y: Array, use: Array, ahead: float, n: int, noise: PixelNoise) -> None:
+def _add(numbers: Array, y: Array, use: Array, n: int, noise: PixelNoise) -> None:
     """A pixel of every lane to F = Σ w ∂μ ∂μᵀ, score Σ w r ∂μ and χ² = Σ w r², w = 1 / variance at the fitted mean.
 
-    By centre, amplitude, σ and background; then the bell goes on to the next pixel.
+    By centre, amplitude, σ and background.
     """
     floor, gain, dark, speckle2 = noise.floor + noise.model2, noise.gain, noise.dark, noise.speckle2
     for k in range(n):
         bell, inverse, x = numbers[_BELL * LANES + k], numbers[_INVERSE * LANES + k], numbers[_X * LANES + k]
-        ratio = numbers[_RATIO * LANES + k]
         t = x * inverse
         signal = numbers[_AMPLITUDE * LANES + k] * bell
         mean = signal + numbers[_BACKGROUND * LANES + k]
@@ -235,9 +233,49 @@ def _add(numbers: Array, y: Array, use: Array, ahead: float, n: int, noise: Pixe
         numbers[(_SCORE + 2) * LANES + k] += wr * j2
         numbers[(_SCORE + 3) * LANES + k] += wr
         numbers[_CHI2 * LANES + k] += wr * r
-        numbers[_X * LANES + k] = x + ahead
-        numbers[_BELL * LANES + k] = bell * ratio
-        numbers[_RATIO * LANES + k] = ratio * numbers[_CURVE * LANES + k]
+
+
+@kernel(fastmath=True)
+def _add_two(
+    numbers: Array, y: Array, use: Array, y_below: Array, use_below: Array, apart: float, n: int, noise: PixelNoise
+) -> None:
+    """The same of two pixels, as far above the windows' middles as below, ``apart``; then the bells go on to the next.
+
+    The sums lie in memory: two at a time halve what is read and written.
+    """
+    floor, gain, dark, speckle2 = noise.floor + noise.model2, noise.gain, noise.dark, noise.speckle2
+    for k in range(n):
+        inverse, x, curve = numbers[_INVERSE * LANES + k], numbers[_X * LANES + k], numbers[_CURVE * LANES + k]
+        amplitude, background = numbers[_AMPLITUDE * LANES + k], numbers[_BACKGROUND * LANES + k]
+        bell, below = numbers[_BELL * LANES + k], numbers[_BELL_BELOW * LANES + k]
+        ratio, ratio_below = numbers[_RATIO * LANES + k], numbers[_RATIO_BELOW * LANES + k]
+        t, s = x * inverse, (x - apart) * inverse
+        signal, other = amplitude * bell, amplitude * below
+        mean, mean_below = signal + background, other + background
+        w = use[k] / (floor + gain * max(mean - dark, 0.0) + speckle2 * signal * signal)
+        v = use_below[k] / (floor + gain * max(mean_below - dark, 0.0) + speckle2 * other * other)
+        j0, i0 = signal * t * inverse, other * s * inverse
+        j2, i2, r, q = j0 * t, i0 * s, y[k] - mean, y_below[k] - mean_below
+        w0, w1, w2, wr = w * j0, w * bell, w * j2, w * r
+        v0, v1, v2, vq = v * i0, v * below, v * i2, v * q
+        numbers[(_FISHER + 0) * LANES + k] += w0 * j0 + v0 * i0
+        numbers[(_FISHER + 1) * LANES + k] += w0 * bell + v0 * below
+        numbers[(_FISHER + 2) * LANES + k] += w0 * j2 + v0 * i2
+        numbers[(_FISHER + 3) * LANES + k] += w0 + v0
+        numbers[(_FISHER + 4) * LANES + k] += w1 * bell + v1 * below
+        numbers[(_FISHER + 5) * LANES + k] += w1 * j2 + v1 * i2
+        numbers[(_FISHER + 6) * LANES + k] += w1 + v1
+        numbers[(_FISHER + 7) * LANES + k] += w2 * j2 + v2 * i2
+        numbers[(_FISHER + 8) * LANES + k] += w2 + v2
+        numbers[(_FISHER + 9) * LANES + k] += w + v
+        numbers[(_SCORE + 0) * LANES + k] += wr * j0 + vq * i0
+        numbers[(_SCORE + 1) * LANES + k] += wr * bell + vq * below
+        numbers[(_SCORE + 2) * LANES + k] += wr * j2 + vq * i2
+        numbers[(_SCORE + 3) * LANES + k] += wr + vq
+        numbers[_CHI2 * LANES + k] += wr * r + vq * q
+        numbers[_X * LANES + k] = x + 1.0
+        numbers[_BELL * LANES + k], numbers[_BELL_BELOW * LANES + k] = bell * ratio, below * ratio_below
+        numbers[_RATIO * LANES + k], numbers[_RATIO_BELOW * LANES + k] = ratio * curve, ratio_below * curve
 
 
 @kernel

@@ -135,7 +135,7 @@ def _copy(source: Any, target: Any) -> None:
     target.low, target.high, target.filled = source.low, source.high, source.filled
 
 
-@kernel
+@kernel(inline=True)
 def _look(
     grey: NDArray[Any], left_out: Mask, section: int, low: int, high: int, start: float, expected: float,
     ground: Ground, i: int, task: FitTask, lane: Lanes, k: int, scratch: Array, window: Any, row: Any,
@@ -177,7 +177,7 @@ def _look(
     return False
 
 
-@kernel
+@kernel(inline=True)
 def _close(lane: Lanes, k: int, low: IntArray, high: IntArray, window: Any, row: Any) -> bool:
     """Write what lane k has found; whether it goes on in another window, as its width and centre are known now."""
     peak, centre, half = peak_at(lane, k), window.centre, window.half
@@ -202,7 +202,7 @@ def _half(width: float) -> int:
     return max(LEAST_HALF_PX, int(HALF_SIGMA * width + HALF_PX))
 
 
-@kernel
+@kernel(inline=True)
 def _guess(y: Array, n: int, start: float, width: float) -> Peak:
     """A start from the window's ends and its highest three pixels."""
     background = 0.25 * (y[0] + y[1] + y[n - 1] + y[n - 2])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from extraction.noise import QUANTISATION_VARIANCE, PixelNoise
 from extraction.order import kth_smallest
 from extraction.stripe.sections.fit import peak_of
 from extraction.stripe.sections.ground import Ground, ground_at
-from extraction.stripe.sections.model import SINGULAR, Records, slopes
+from extraction.stripe.sections.model import SINGULAR, Mask, Peak, Records, slopes
 from extraction.stripe.view import Pixels, StripeView
 from geometry.compiled import kernel
 
@@ -23,6 +24,8 @@ _BINS = 24  # of signal
 _FEWEST = 8  # sections that say something
 _ROUNDS = 4  # of reweighting; the weights need not be exact
 _SIGNIFICANT = 9.0  # of a likelihood ratio: three σ
+# of a section's pixels: derivatives of the mean (0 … 3), signal, bin, then what `_residuals` sums, the light among it
+_SIGNAL, _BIN, _LIGHT, _SQUARE, _COLUMNS = 4, 5, 7, 9, 10
 _MISFIT = 4.0  # a section whose χ² is that many times the median is no Gaussian peak and says nothing on noise
 
 
@@ -39,7 +42,7 @@ def estimate_noise(
     variances = [np.nan if k is None else float(k) ** power for k, power in zip(known, (2, 1, 2), strict=True)]
     variances[0] += QUANTISATION_VARIANCE
     if None in known and np.count_nonzero(fits["dof"] > 0) >= _FEWEST:
-        bins = _binned(_residuals(view.pixels, section, fits, ground, view.clip_dn, view.black_dn))
+        bins = _residuals(view.pixels, section, fits, ground, view.clip_dn, view.black_dn)
         variances = _variances(bins, np.array(variances)).tolist()
     elif known[0] is None:
         variances[0] = dark_dn2
@@ -51,88 +54,150 @@ def estimate_noise(
 def _residuals(
     pixels: Pixels, section: NDArray[np.int32], fits: Records, ground: Ground, clip: float, black: float
 ) -> Array:
-    """Per fitted pixel (P, 5): signal; what unit variances of the three terms leave in the residual; its square.
+    """In bins of the signal (B, 5), finer towards the dark: fitted pixels; sums of what unit variances of the three
+    terms leave in the residual, and of its square.
 
     Of sections that are a Gaussian peak. The residual of a fit with equal weights is (1 - H) of the noise, H the hat
     matrix: E r² = Σ (1 - H)² variance; with H = J F⁻¹ Jᵀ that is v (1 - 2 H) + xᵀ (Jᵀ V J) x for x = F⁻¹ j.
     """
-    (grey, left_out), most, longest, n = pixels, 0, 0, 0
-    ratio = np.empty(len(fits))
+    (grey, left_out), longest, n, largest = pixels, 0, 0, 1e-9
+    ratio, out = np.empty(len(fits)), np.zeros((_BINS, 5))
     for i in range(len(fits)):
         if fits[i].dof > 0:
-            rows = fits[i].high - fits[i].low
-            most, longest = most + rows, max(longest, rows)
+            longest = max(longest, fits[i].high - fits[i].low)
             ratio[n] = fits[i].chi2 / fits[i].dof
             n += 1
     worst = _MISFIT * kth_smallest(ratio[:n], n // 2)
-    out, count, slope = np.empty((most, 5)), 0, np.empty((longest, 4))
-    zero = Symmetric4(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    for i in range(len(fits)):
+        if fits[i].dof > 0 and fits[i].chi2 <= worst * fits[i].dof:
+            largest = max(largest, _largest_signal(grey, left_out, section[i], peak_of(fits[i]), fits[i], clip))
+    own, step = np.empty((_COLUMNS, longest)), math.sqrt(largest) / _BINS
     for i in range(len(fits)):
         if not (fits[i].dof > 0 and fits[i].chi2 <= worst * fits[i].dof):
             continue
-        peak, own, n = peak_of(fits[i]), out[count:], 0
-        fisher, shot, speckle = zero, zero, zero
+        peak, n = peak_of(fits[i]), 0
         for row in range(fits[i].low, fits[i].high):
             y = float(grey[row, section[i]])
             if y < clip and (left_out.size == 0 or not left_out[row, section[i]]):
                 y -= ground_at(ground, i, float(row)) if len(ground.origin) else 0.0
                 mean, j = slopes(peak, row)
-                signal, light = mean - peak.background, mean - black
-                slope[n, 0], slope[n, 1], slope[n, 2], slope[n, 3] = j
-                fisher = _add_square(fisher, j, 1.0)
-                shot, speckle = _add_square(shot, j, max(light, 0.0)), _add_square(speckle, j, signal * signal)
-                own[n, 0], own[n, 1], own[n, 2], own[n, 3] = signal, 1.0, max(light, 0.0), signal * signal
-                own[n, 4] = (y - mean) ** 2
+                own[0, n], own[1, n], own[2, n], own[3, n] = j
+                own[_SIGNAL, n], own[_LIGHT, n], own[_SQUARE, n] = mean - peak.background, mean - black, (y - mean) ** 2
                 n += 1
+        fisher, shot, speckle = _sums(own, n)
         definite, factor = factor4(fisher, SINGULAR)
         if not definite:
             continue
+        inverse = _inverse(factor)
+        _left(own, n, inverse, _between(inverse, shot), _between(inverse, speckle), step)
         for k in range(n):
-            j = Vector4(slope[k, 0], slope[k, 1], slope[k, 2], slope[k, 3])
-            x = solve4(factor, j)
-            hat = x.a0 * j.a0 + x.a1 * j.a1 + x.a2 * j.a2 + x.a3 * j.a3
-            own[k, 1] = 1.0 - hat
-            own[k, 2] = (1.0 - 2.0 * hat) * own[k, 2] + _form(shot, x)
-            own[k, 3] = (1.0 - 2.0 * hat) * own[k, 3] + _form(speckle, x)
-        count += n
-    return out[:count]
-
-
-@kernel
-def _binned(table: Array) -> Array:
-    """Pixels and sums of the other columns of ``table`` (P, 5) in bins of its first (B, 5), finer towards the dark."""
-    out, largest = np.zeros((_BINS, 5)), 1e-9
-    for i in range(len(table)):
-        largest = max(largest, table[i, 0])
-    for i in range(len(table)):
-        k = min(int(_BINS * math.sqrt(max(table[i, 0], 0.0) / largest)), _BINS - 1)
-        out[k, 0] += 1.0
-        for c in range(1, 5):
-            out[k, c] += table[i, c]
+            b = min(int(own[_BIN, k]), _BINS - 1)
+            out[b, 0] += 1.0
+            for c in range(4):
+                out[b, 1 + c] += own[_SQUARE - 3 + c, k]
     return out
 
 
+@kernel(inline=True)
+def _sums(own: Array, n: int) -> tuple[Symmetric4, Symmetric4, Symmetric4]:
+    """Sums of j jᵀ over n pixels, each with weight one, its light and its squared signal."""
+    f = g = h = Symmetric4(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    for k in range(n):
+        p = _square(Vector4(own[0, k], own[1, k], own[2, k], own[3, k]))
+        signal = own[_SIGNAL, k]
+        f, g, h = _add(f, p, 1.0), _add(g, p, max(own[_LIGHT, k], 0.0)), _add(h, p, signal * signal)
+    return f, g, h
+
+
+@kernel(fastmath=True)
+def _left(own: Array, n: int, inverse: Symmetric4, shot: Symmetric4, speckle: Symmetric4, step: float) -> None:
+    """What unit variances leave in n pixels' residuals, to the rows before the squares; and their bins."""
+    one, light, more = own[_SQUARE - 3], own[_LIGHT], own[_SQUARE - 1]
+    signal, bins, j0, j1, j2, j3 = own[_SIGNAL], own[_BIN], own[0], own[1], own[2], own[3]
+    for k in range(n):
+        p = _square(Vector4(j0[k], j1[k], j2[k], j3[k]))
+        hat, s = _product(inverse, p), max(signal[k], 0.0)
+        one[k] = 1.0 - hat
+        light[k] = (1.0 - 2.0 * hat) * max(light[k], 0.0) + _product(shot, p)
+        more[k] = (1.0 - 2.0 * hat) * (signal[k] * signal[k]) + _product(speckle, p)
+        bins[k] = math.sqrt(s) / step
+
+
+@kernel(inline=True)
+def _largest_signal(grey: NDArray[Any], left_out: Mask, section: int, peak: Peak, row: Any, clip: float) -> float:
+    """That of the fitted pixels, which is the one's nearest to the centre."""
+    nearest = np.inf
+    for r in range(row.low, row.high):
+        if float(grey[r, section]) < clip and (left_out.size == 0 or not left_out[r, section]):
+            nearest = min(nearest, abs(r - peak.centre))
+    t = nearest / peak.width
+    return float(peak.amplitude * math.exp(-0.5 * t * t))
+
+
 @kernel
-def _add_square(f: Symmetric4, j: Vector4, w: float) -> Symmetric4:
-    """F + w j jᵀ."""
-    a, b, c, d = w * j.a0, w * j.a1, w * j.a2, w * j.a3
+def _square(j: Vector4) -> Symmetric4:
+    """The matrix j jᵀ."""
     return Symmetric4(
-        f.a00 + a * j.a0, f.a01 + a * j.a1, f.a02 + a * j.a2, f.a03 + a * j.a3, f.a11 + b * j.a1,
-        f.a12 + b * j.a2, f.a13 + b * j.a3, f.a22 + c * j.a2, f.a23 + c * j.a3, f.a33 + d * j.a3,
+        j.a0 * j.a0, j.a0 * j.a1, j.a0 * j.a2, j.a0 * j.a3, j.a1 * j.a1,
+        j.a1 * j.a2, j.a1 * j.a3, j.a2 * j.a2, j.a2 * j.a3, j.a3 * j.a3,
     )  # fmt: skip
 
 
 @kernel
-def _form(f: Symmetric4, x: Vector4) -> float:
-    """The form xᵀ F x."""
-    a = f.a00 * x.a0 + 2.0 * (f.a01 * x.a1 + f.a02 * x.a2 + f.a03 * x.a3)
-    b = f.a11 * x.a1 + 2.0 * (f.a12 * x.a2 + f.a13 * x.a3)
-    return float(x.a0 * a + x.a1 * b + x.a2 * (f.a22 * x.a2 + 2.0 * f.a23 * x.a3) + x.a3 * f.a33 * x.a3)
+def _add(f: Symmetric4, p: Symmetric4, w: float) -> Symmetric4:
+    """F + w P."""
+    return Symmetric4(
+        f.a00 + w * p.a00, f.a01 + w * p.a01, f.a02 + w * p.a02, f.a03 + w * p.a03, f.a11 + w * p.a11,
+        f.a12 + w * p.a12, f.a13 + w * p.a13, f.a22 + w * p.a22, f.a23 + w * p.a23, f.a33 + w * p.a33,
+    )  # fmt: skip
+
+
+@kernel
+def _product(f: Symmetric4, p: Symmetric4) -> float:
+    """The sum of the products of all terms: jᵀ F j of p = j jᵀ."""
+    mixed = f.a01 * p.a01 + f.a02 * p.a02 + f.a03 * p.a03 + f.a12 * p.a12 + f.a13 * p.a13 + f.a23 * p.a23
+    return f.a00 * p.a00 + f.a11 * p.a11 + f.a22 * p.a22 + f.a33 * p.a33 + 2.0 * mixed
+
+
+@kernel
+def _inverse(factor: Symmetric4) -> Symmetric4:
+    a = solve4(factor, Vector4(1.0, 0.0, 0.0, 0.0))
+    b = solve4(factor, Vector4(0.0, 1.0, 0.0, 0.0))
+    c = solve4(factor, Vector4(0.0, 0.0, 1.0, 0.0))
+    d = solve4(factor, Vector4(0.0, 0.0, 0.0, 1.0))
+    return Symmetric4(a.a0, b.a0, c.a0, d.a0, b.a1, c.a1, d.a1, c.a2, d.a2, d.a3)
+
+
+@kernel
+def _between(f: Symmetric4, s: Symmetric4) -> Symmetric4:
+    """F S F."""
+    a, b = Vector4(f.a00, f.a01, f.a02, f.a03), Vector4(f.a01, f.a11, f.a12, f.a13)
+    c, d = Vector4(f.a02, f.a12, f.a22, f.a23), Vector4(f.a03, f.a13, f.a23, f.a33)
+    u, v, w, x = _times(s, a), _times(s, b), _times(s, c), _times(s, d)
+    return Symmetric4(
+        _dot(a, u), _dot(a, v), _dot(a, w), _dot(a, x), _dot(b, v),
+        _dot(b, w), _dot(b, x), _dot(c, w), _dot(c, x), _dot(d, x),
+    )  # fmt: skip
+
+
+@kernel
+def _times(s: Symmetric4, a: Vector4) -> Vector4:
+    return Vector4(
+        s.a00 * a.a0 + s.a01 * a.a1 + s.a02 * a.a2 + s.a03 * a.a3,
+        s.a01 * a.a0 + s.a11 * a.a1 + s.a12 * a.a2 + s.a13 * a.a3,
+        s.a02 * a.a0 + s.a12 * a.a1 + s.a22 * a.a2 + s.a23 * a.a3,
+        s.a03 * a.a0 + s.a13 * a.a1 + s.a23 * a.a2 + s.a33 * a.a3,
+    )
+
+
+@kernel
+def _dot(a: Vector4, b: Vector4) -> float:
+    return a.a0 * b.a0 + a.a1 * b.a1 + a.a2 * b.a2 + a.a3 * b.a3
 
 
 @kernel
 def _variances(bins: Array, stated: Array) -> Array:
-    """The three variances from the bins of `_binned`; NaN in ``stated`` (3,) asks for one.
+    """The three variances from the bins of `_residuals`; NaN in ``stated`` (3,) asks for one.
 
     Speckle only where it is significant: without it the flanks, where the position comes from, are weighted better.
     """

@@ -1,5 +1,5 @@
 """Which ridges are stripe: each measured along its track and judged against the others."""
 
-from extraction.stripe.verdict.stripes import Stripe, StripeVerdict, judge
+from extraction.stripe.verdict.stripes import Stripe, StripeVerdict, bridged, courses, judge
 
-__all__ = ["Stripe", "StripeVerdict", "judge"]
+__all__ = ["Stripe", "StripeVerdict", "bridged", "courses", "judge"]

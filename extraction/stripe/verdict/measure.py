@@ -37,7 +37,7 @@ DARK_END = 15  # sections of a ridge beyond its lit pieces, from which they are 
 DARK_HEIGHT = 2.0  # of the lit pieces' height, at most: what is clipped there and narrow here may be as high
 CLEAR, WALK_NODES = 8.0, 3  # contrast from which a ridge is followed to its ends; level sections inside, to begin
 PAIR_APART = 0.2  # of two peaks' distance, that it may differ between a ridge's halves
-PROFILE_STEP_PX = 0.5
+PROFILE_PARTS = 2  # places to a row of a mean profile
 PROFILE_SECTIONS = 96  # over which a ridge's mean profile is taken
 FAINT_WIDTH, FAINT_ROUNDS = 1.5, 2  # width of a faint ridge over its scale, to begin; course and width by turns
 _SHORTEST = 3  # sections of a piece
@@ -58,13 +58,13 @@ def measure(grey: NDArray[Any], chain: Chain, clip: float) -> tuple[Track, list[
     """The chain's track, wider ends and all, and its pieces; none where it has no peak. grey: sections are columns."""
     section, rough, reach = chain.section, chain.rough, float(FLANK * chain.scale)
     track = dense(section, chain.place, chain.step, chain.contrast, grey.shape[1])
-    n, profile = len(track.place), np.empty(2 * int(2.2 * reach / PROFILE_STEP_PX) + 1)
+    n, profile = len(track.place), np.empty(2 * int(2.2 * reach * PROFILE_PARTS) + 1)
     start, stop = max(int(section[0]) - track.first, 0), min(int(section[-1]) - track.first + 1, n)
     a, b = _brightest(section, chain.response, chain.step, track.first, start, stop)
 
     def profile_of(low: int, high: int) -> Bumps:
-        mean_profile(grey, track.first + low, track.place[low:high], PROFILE_STEP_PX, profile)
-        return bumps(profile, PROFILE_STEP_PX, reach, clip)
+        mean_profile(grey, track.first + low, track.place[low:high], PROFILE_PARTS, profile)
+        return bumps(profile, 1 / PROFILE_PARTS, reach, clip)
 
     found = profile_of(a, b)
     if found.peaks == 2:

@@ -323,6 +323,36 @@ def _continues(s: Stripe, k: Stripe) -> bool:
     return False
 
 
+def courses(stripes: list[Stripe]) -> list[int]:
+    """A number for each stripe, the same for pieces each of which goes on on the line of another."""
+    out = list(range(len(stripes)))
+    for i, s in enumerate(stripes):
+        for j in range(i):
+            if out[i] != out[j] and not (s.ghost or stripes[j].ghost) and _continues(s, stripes[j]):
+                out = [min(out[i], out[j]) if k in (out[i], out[j]) else k for k in out]
+    return out
+
+
+def bridged(stripes: list[Stripe]) -> list[Stripe]:
+    """The stripes, each piece with the gap before the next one of its course, straight across."""
+    number = courses(stripes)
+    out = []
+    for s, course in zip(stripes, number, strict=True):
+        others = [
+            k.track for k, c in zip(stripes, number, strict=True) if c == course and k.track.first >= s.track.stop
+        ]
+        after = min(others, key=lambda t: t.first, default=None)
+        if s.ghost or after is None or not 0 < after.first - s.track.stop <= JOIN_GAP:
+            out.append(s)
+            continue
+        n = after.first - s.track.stop
+        gap = np.linspace(s.track.place[-1], after.place[0], n + 2)[1:-1]
+        place = np.concatenate([s.track.place, gap])
+        width = np.concatenate([s.track.width, np.full(n, s.track.width[-1])])
+        out.append(replace(s, track=Track(s.track.first, place, width)))
+    return out
+
+
 def _rivalry(kept: list[Stripe]) -> list[Stripe]:
     """Stripes of like light beside each other, marked."""
     return [replace(s, rivals=True) if s.bumps.peaks == 2 or _neighbours(s, kept) > 0 else s for s in kept]

@@ -190,7 +190,7 @@ def bell_on_rough_ground(grey: NDArray[Any], first: int, place: Array, expected:
     """
     reach = int(_GROUND_WIDTHS * expected + _GROUND_PX)
     profile, weights, tried = np.empty(2 * reach + 1), np.zeros(2 * reach + 1), np.zeros(_WIDTHS)
-    mean_profile(grey, first, place, 1.0, profile)
+    mean_profile(grey, first, place, 1, profile)
     best, height = 0, 0.0
     for k in range(_WIDTHS):
         share = _height_of_a_bell(expected * 2.0 ** (2.0 * k / (_WIDTHS - 1) - 1.0), weights)
@@ -245,25 +245,38 @@ def _correlate(grey: NDArray[Any], first: int, place: Array, weights: Array, out
 
 
 @kernel
-def mean_profile(grey: NDArray[Any], first: int, place: Array, step: float, out: Array) -> int:
-    """Mean grey levels at distances (k - len // 2) · step from the track, interpolated; returns the sections taken."""
+def mean_profile(grey: NDArray[Any], first: int, place: Array, parts: int, out: Array) -> int:
+    """Mean grey levels at distances (k - len // 2) / parts from the track, interpolated; returns the sections taken.
+
+    Beyond the border the last row is taken again. Every ``parts``-th distance lies alike between its rows: together
+    they are one row of vector instructions.
+    """
     rows, half = grey.shape[0], len(out) // 2
-    out[:] = 0.0
+    longest = (len(out) - 1) // parts + 1
+    column, sums = np.empty(longest + 2), np.zeros((parts, longest))
     n = 0
     for i in range(len(place)):
         c, s = place[i], first + i
         if c < 0 or c > rows - 1:
             continue
         n += 1
-        for k in range(len(out)):
-            x = min(max(c + (k - half) * step, 0.0), rows - 1.001)
-            r = int(x)
-            t = x - r
-            out[k] += (1 - t) * float(grey[r, s]) + t * float(grey[r + 1, s])
-    if n > 0:
-        for k in range(len(out)):
-            out[k] /= n
+        low = math.floor(c - half / parts)
+        for r in range(len(column)):
+            column[r] = float(grey[min(max(low + r, 0), rows - 1), s])
+        for part in range(parts):
+            x = c + (part - half) / parts
+            start = math.floor(x) - low
+            _add_between(column[start:], x - math.floor(x), sums[part])
+    for k in range(len(out)):
+        out[k] = sums[k % parts, k // parts] / max(n, 1)
     return n
+
+
+@kernel(fastmath=True)
+def _add_between(column: Array, share: float, out: Array) -> None:
+    """Add to ``out`` (n,) what lies that share of a row beyond each of ``column``."""
+    for k in range(min(len(out), len(column) - 1)):
+        out[k] += (1 - share) * column[k] + share * column[k + 1]
 
 
 class Bumps(NamedTuple):

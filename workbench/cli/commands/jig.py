@@ -165,6 +165,6 @@ def _show_jig(jig: Jig) -> None:
         strings.add_row(*map(escape, (label, *ends)), f"{length:.3f}")
     anchors = Table("anchor", "x", "y", "z", title="anchors in {J} \\[mm]", title_justify="left")
     for name, point in zip(jig.anchors, jig.anchors_mm, strict=True):
-        anchors.add_row(escape(name), *(f"{v:.3f}" for v in point))
+        anchors.add_row(escape(name), *(f"{v:z.3f}" for v in point))
     console.print(strings)
     console.print(anchors)

@@ -75,5 +75,5 @@ def _show(pose: FramePose) -> None:
     for c in pose.result.candidates[:SHOWN]:
         numbers = [*c.T_sensor_jig.t, *c.T_sensor_jig.fixed_xyz_deg]
         residual = f"{abs(c.residuals_mm).max():.4f}" if len(c.residuals_mm) else "–"
-        table.add_row(f"{c.likelihood:.4f}", f"{c.cost:.2f}", *(f"{v:.3f}" for v in numbers), residual)
+        table.add_row(f"{c.likelihood:.4f}", f"{c.cost:.2f}", *(f"{v:z.3f}" for v in numbers), residual)
     console.print(table)
