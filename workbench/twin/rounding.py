@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtr
+
+from geometry.special import ndtr
 
 Array = NDArray[np.float64]
 
