@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -36,4 +35,21 @@ def level_of_print(grey: NDArray[Any]) -> NDArray[np.float32]:
             noise = 1.4826 * np.median(np.abs(beside)) / np.sqrt(2) if beside.size else 0.0
             noise = max(float(noise), QUANTISATION_VARIANCE**0.5)
             level[i, j] = np.percentile(tile[::_EVERY, ::_EVERY], _WHITE) + _NOISE * noise
-    return np.asarray(cv2.resize(level, (columns, rows), interpolation=cv2.INTER_LINEAR))
+    return np.ascontiguousarray(_between(_between(level, rows).T, columns).T, np.float32)
+
+
+def means_along(grey: NDArray[Any], sections: int, axis: int) -> NDArray[Any]:
+    """Means of so many pixels along an axis, in whole grey levels; beyond the border its last pixel again."""
+    beyond = [(0, 0), (0, 0)]
+    beyond[axis] = (sections // 2, sections - sections // 2)
+    total = np.moveaxis(np.cumsum(np.pad(grey.astype(np.int64), beyond, mode="edge"), axis=axis), axis, 0)
+    means = (total[sections:] - total[:-sections] + sections // 2) // sections
+    return np.ascontiguousarray(np.moveaxis(means, 0, axis)).astype(grey.dtype)
+
+
+def _between(level: NDArray[Any], rows: int) -> NDArray[np.float64]:
+    """Rows (N, …) that are means of ``rows`` / N each, straight on between their middles (rows, …)."""
+    at = np.clip((np.arange(rows) + 0.5) * len(level) / rows - 0.5, 0, len(level) - 1)
+    low = np.minimum(at.astype(int), max(len(level) - 2, 0))
+    share = (at - low)[:, None]
+    return np.asarray((1 - share) * level[low] + share * level[np.minimum(low + 1, len(level) - 1)])

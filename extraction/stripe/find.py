@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from extraction.config import StripeConfig
-from extraction.stripe.above_print import level_of_print
+from extraction.stripe.above_print import level_of_print, means_along
 from extraction.stripe.places import Places, StripeFacts
 from extraction.stripe.ridges import Chain, Pyramid, RidgeSearch, each_once, search, search_faint, together
 from extraction.stripe.verdict import Stripe, StripeVerdict, bridged, courses, judge
@@ -83,10 +83,7 @@ def _above(view: StripeView, grey: NDArray[Any], config: StripeConfig, sections:
     """
     best = None
     for turned in (False,) if config.direction != "auto" else (False, True):
-        means = grey
-        if sections > 1:  # in the image's own kind of numbers, that kernels are compiled for
-            mean = cv2.blur(grey.astype(np.float32), (1, sections) if turned else (sections, 1))
-            means = np.asarray(np.rint(mean).astype(grey.dtype))
+        means = means_along(grey, sections, 0 if turned else 1) if sections > 1 else grey
         found = _judged(view, means, _search(Pyramid(means), _scales(config), (turned,)), config, bridge=True)
         best = found if best is None or found.across_dn > best.across_dn else best
     return best if best is not None else Found(view, Places(*_NO_PLACES), [], {})
