@@ -41,6 +41,7 @@ PATIENCE_S = 90.0  # processor time of tests a mutant, as they took when nothing
 SLOWER = 6.0  # times what they took: beyond it a mutant has made something endless
 BUSY = 10  # times that, by the clock: beyond it something waits for ever
 EQUAL = ("ReplaceComparisonOperator_Is_Eq", "ReplaceComparisonOperator_IsNot_NotEq")
+RAN = (0, 1, 5)  # pytest's exit codes where tests were run, or none was asked for
 FAILED = (1, 2, 4)  # pytest's exit codes where a test failed, or a mutant broke the imports of the tests
 READING = "tests/workbench/test_nouns.py"  # reads the source of classes, of which it executes nothing
 BROKEN = 70  # what else ends a run of tests is a fault of this program
@@ -166,9 +167,11 @@ class Coverage:
         """From here on lines are the test's."""
         self.coverage.switch_context(_name(item.nodeid))  # type: ignore[attr-defined]
 
-    def pytest_sessionfinish(self) -> None:
+    def pytest_sessionfinish(self, exitstatus: int) -> None:
         """Write the maps: of a file its tests that pass, of every line the numbers of those that meet it."""
         self.coverage.stop()
+        if exitstatus not in RAN:  # a file could not be imported, and no test of any was run
+            return
         data = self.coverage.get_data()
         by_line = {str(Path(f).relative_to(Path.cwd())): data.contexts_by_lineno(f) for f in data.measured_files()}
         for test_file in self.files:

@@ -111,6 +111,20 @@ def test_a_stripe_across_small_lit_squares_stands_above_their_white(square, leas
     assert np.count_nonzero(~right & (peaks.flag == 0)) <= 0.02 * len(peaks)
 
 
+@pytest.mark.parametrize("square", [11, 30])
+def test_a_lamp_that_is_brighter_in_the_laser_off_picture_hides_no_stripe(square):
+    """What is left of the print is below nothing then, square by square."""
+    rng = np.random.default_rng(10)
+    truth = 170 + 0.06 * np.arange(560)
+    lit = 70 * (0.1 + 0.8 * board(340, 560, square, 8, 3.0))
+    on = seen(20 + cv2.GaussianBlur(lit, (0, 0), 0.9) + bell(340, truth, 2.2, 60), rng)
+    off = seen(1.3 * (20 + cv2.GaussianBlur(lit, (0, 0), 0.9)), rng)
+    peaks = detect_stripe(on, laser_off=off)
+    found, right = right_sections(peaks, truth, 2)
+    assert found >= 0.85 * 560
+    assert np.count_nonzero(~right & (peaks.flag == 0)) == 0
+
+
 @pytest.mark.parametrize("square", [11, 17])
 def test_small_squares_without_a_laser_are_no_stripe(square):
     rng = np.random.default_rng(8)

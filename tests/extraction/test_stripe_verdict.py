@@ -126,6 +126,18 @@ def test_what_goes_on_in_line_is_joined(monkeypatch: pytest.MonkeyPatch) -> None
         assert len(judged(monkeypatch, ridge(**before), early).stripes) == 2
 
 
+@pytest.mark.parametrize("slope", [0.3, -0.3])
+def test_what_lies_on_the_line_of_one_of_two_pieces_alone_is_joined(
+    monkeypatch: pytest.MonkeyPatch, slope: float
+) -> None:
+    """Fifty sections on: the line of one passes the other, that of the other misses by 15 px, of which 12.5 are few."""
+    piece = {"first": 450, "length": 25, "height": 20.0, "contrast": 5.3}
+    on = 100.0 + slope * 450
+    assert len(judged(monkeypatch, ridge(slope=slope), ridge(at=on, **piece)).stripes) == 2
+    assert len(judged(monkeypatch, ridge(), ridge(at=100.0 + 51 * slope, slope=slope, **piece)).stripes) == 2
+    assert len(judged(monkeypatch, ridge(), ridge(at=100.0 + 51 * slope, **piece)).stripes) == 1
+
+
 def test_rivals_are_of_like_light_over_like_sections(monkeypatch: pytest.MonkeyPatch) -> None:
     def rivals(**other: Any) -> list[bool]:
         return [s.rivals for s in judged(monkeypatch, BEST, ridge(**{"at": 300.0, "length": 399} | other)).stripes]
