@@ -68,12 +68,19 @@ def test_every_wrong_row_is_named_and_hides_no_other(dataset: Path) -> None:
     cells[4][0] = cells[3][0]
     cells[7][2] = cells[7][2].lower()
     cells[8][3] = "test"
+    cells[9] += ["", "7"]
     path.write_text("\n".join([header, *map(",".join, cells)]) + "\n")
     found = [f for f in examine_cell(dataset) if f.what == "frames.csv"]
-    assert [f.state for f in found] == ["broken"] * 4
+    assert [f.state for f in found] == ["broken"] * 5
     for finding, words in zip(
         found,
-        ('line 3, column j1_deg: "about 12"', 'line 10, column role: "test"', "line 6: frame 3 stands", "line 9: loc"),
+        (
+            'line 3, column j1_deg: "about 12"',
+            'line 10, column role: "test"',
+            "line 11: ",
+            "line 6: frame 3 stands",
+            "line 9: loc",
+        ),
         strict=True,
     ):
         assert words in finding.detail

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import islice
 from pathlib import Path
 
@@ -13,10 +13,9 @@ from numpy.typing import NDArray
 from geometry import Frame, InputError, Pose, Remark, no_remark
 from workbench.files.tables.poses_section import ALL_COLUMNS as CONTROLLERS_COLUMNS
 from workbench.files.tables.poses_section import CONFIGURATION_COLUMNS, ControllerPoses, check_unit, configuration_of
-from workbench.files.tables.table import Row, Table, read_table
+from workbench.files.tables.table import Row, Table, Wrong, raised, read_table
 
 Array = NDArray[np.float64]
-Wrong = Callable[[InputError], None]  # told of a row that can not be used
 
 POSE_COLUMNS = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
 ROLES = ("calibrate", "verify")
@@ -79,8 +78,8 @@ def read_frames(
     if poses is None:
         _check_no_controllers_columns(table, remark)
     columns = _check_motion_columns(table, n_joints, POSE_COLUMNS if poses is None else poses.columns)
-    told = _raised if wrong is None else wrong
-    rows = tuple(_rows(islice(table.rows, MAX_FRAMES + 1), n_joints or 0, columns, poses, told))
+    told = raised if wrong is None else wrong
+    rows = tuple(_rows(islice(table.rows_telling(told), MAX_FRAMES + 1), n_joints or 0, columns, poses, told))
     if len(rows) > MAX_FRAMES:
         raise InputError(f"{path}: holds more than {MAX_FRAMES:,} frames, which no dataset needs")
     if not rows and not may_be_empty:
@@ -145,10 +144,6 @@ def _check_motion_columns(table: Table, n_joints: int | None, pose_columns: Sequ
     if set(joints) != wanted:
         raise InputError(f"{where}: {len(joints)} joint columns ({', '.join(joints)}) for a robot of {n_joints} joints")
     return ()
-
-
-def _raised(error: InputError) -> None:
-    raise error
 
 
 def _rows(

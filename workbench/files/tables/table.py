@@ -35,6 +35,14 @@ _PLAIN = 999.0  # what is smaller is no mark for a missing value
 _BEYOND = 1e37  # ± the largest numbers of float and double
 
 
+Wrong = Callable[[InputError], None]  # told of a row that can not be used
+
+
+def raised(error: InputError) -> None:
+    """Raise it: the ``Wrong`` of who can not go on."""
+    raise error
+
+
 @dataclass
 class _DecimalMark:
     """Which mark a file's numbers have, and the line that told."""
@@ -143,6 +151,10 @@ class Table:
     @property
     def rows(self) -> Iterator[Row]:
         """The rows, read anew each time."""
+        return self.rows_telling(raised)
+
+    def rows_telling(self, wrong: Wrong) -> Iterator[Row]:
+        """The same but those with more cells than columns, of which ``wrong`` is told."""
         decimal = _DecimalMark()
         keep = [(i, name) for i, name in enumerate(self.names) if name]
         n = len(self.names)
@@ -150,7 +162,8 @@ class Table:
             if line <= self.header_line or not any(cells):
                 continue
             if len(cells) > n and any(cells[n:]):
-                raise InputError(self._too_many(line, cells))
+                wrong(InputError(self._too_many(line, cells)))
+                continue
             cells.extend([""] * (n - len(cells)))  # Excel leaves out empty cells at a row's end
             yield Row(self.path, line, {name: cells[i] for i, name in keep}, decimal)
 
